@@ -189,7 +189,7 @@ def test_a_baseline_is_no_store_with_traces(contactlab: Run, store: Path) -> Non
     shutil.copytree(store, "other")
     code, _, err = contactlab("baseline", "update", str(store), "other")
     assert code == 2
-    assert err == "error: other is no baseline, so it is not replaced; name another folder\n"
+    assert err == "error: other is not a baseline, so it is not replaced; name another folder\n"
 
 
 @pytest.mark.long

@@ -183,20 +183,20 @@ def edit_tags(store: Path) -> None:
 @pytest.mark.parametrize(
     ("attack", "said"),
     [
-        (swap_traces, "its record has another run_id than the table"),
+        (swap_traces, "its record and the table differ in run_id"),
         (edited("label_reason", lambda _: "all is well"), "its label_reason is not what"),
-        (edited("label", lambda _: "chatter"), "its record has another label than the table"),
+        (edited("label", lambda _: "chatter"), "its record and the table differ in label"),
         (edited("penetration_max", lambda depth: depth / 2), "another metrics than the table"),
-        (edited("drop_height", lambda _: 0.05), "its record has another axes than the table"),
-        (edited("seed", lambda _: 9), "its record has another seed than the table"),
+        (edited("drop_height", lambda _: 0.05), "its record and the table differ in axes"),
+        (edited("seed", lambda _: 9), "its record and the table differ in seed"),
         (
             edited("settings", lambda all_: all_ | {"iterations": 7}),
-            "its record has another settings than the table",
+            "its record and the table differ in settings",
         ),
         (edited("trajectory_hash", lambda _: "0" * 32), "another trajectory_hash than the table"),
         (edited("initial_qpos", lambda qpos: [0.0] * len(qpos)), "another initial than the table"),
         (edited("provenance", lambda text: text.replace("3.11", "3.12")), "another provenance"),
-        (reverse_rows, "its runs, in their order, are not those of the plan's hash"),
+        (reverse_rows, "its runs, in their order, do not match the plan's hash"),
         (reverse_rows, "its runs are not in the order of their index"),
         (edited("cost_cpu_s", lambda spent: 2 * spent), "its cost is not what the rest"),
         (edited("cost_latency_budget_s", lambda _: 1e-3), "its cost is not what the rest"),
@@ -204,7 +204,7 @@ def edit_tags(store: Path) -> None:
         (edited("trace_bytes", lambda size: size + 1), "changed since it was written"),
         (
             edited("trace_messages", lambda text: text.replace(":1}", ":2}")),
-            "its messages by topic are not those of the table",
+            "its messages by topic do not match the table",
         ),
         (edit_shared("unitz", lambda _: 1), "another unitz than"),
         (in_manifest("finished", value="2020-01-01T00:00:00.000+00:00"), "another finished than"),
@@ -214,12 +214,12 @@ def edit_tags(store: Path) -> None:
         (edit_shared("severity", lambda order: order[1:-1]), "its severity is not the order"),
         (
             in_manifest("sweep", "plan_hash", value="0" * 32),
-            "its runs, in their order, are not those of the plan's hash",
+            "its runs, in their order, do not match the plan's hash",
         ),
         (edit_model, "its model is not the scene's"),
         (add_scene_file, "manifest.json does not name it"),
         (in_manifest("files", value={}), "manifest.json does not name it"),
-        (in_manifest("records", value="0" * 64), "its records are not those of the manifest's"),
+        (in_manifest("records", value="0" * 64), "its records do not match the manifest's"),
     ],
 )
 def test_a_bent_store_is_not_sound(bent: Path, attack: Attack, said: str) -> None:
@@ -239,11 +239,11 @@ def drop_traces(store: Path) -> None:
         (edited("seed", lambda _: 9), "the stored scene and settings give another id"),
         (edited("drop_height", lambda _: 0.05), "the stored scene and settings give another id"),
         (edited("settings", lambda all_: all_ | {"iterations": 7}), "iterations is 7, not "),
-        (edited("expected", lambda _: ["stable"]), "is not what the sweep expects"),
-        (edited("tolerances_met", lambda _: True), "tolerances_met is not what its metrics give"),
-        (edited("status_reason", lambda _: "all is well"), "its status_reason is not what the"),
+        (edited("expected", lambda _: ["stable"]), "contradicts the expectations of the sweep"),
+        (edited("tolerances_met", lambda _: True), "tolerances_met contradicts its metrics"),
+        (edited("status_reason", lambda _: "all is well"), "its stored verdict contradicts the"),
         (edit_model, "its files have the hash"),
-        (partial(exchange_runs, other=SEEDS), "plan_hash is not what the sweep"),
+        (partial(exchange_runs, other=SEEDS), "plan_hash contradicts the sweep"),
         (partial(exchange_runs, other=1), "its runs are not at their places in the plan"),
         (edited("index", lambda _: 1, 0), "not in the order of their index"),
         (edited("index", lambda _: 9, -1), "its runs are not at their places in the plan"),
@@ -251,10 +251,10 @@ def drop_traces(store: Path) -> None:
             edit_shared("severity", lambda order: order[::-1]),
             "severity is not the order of the labels",
         ),
-        (in_manifest("sweep", "resolved", "trace", value="none"), "resolved is not what the sweep"),
-        (in_manifest("sweep", "resolved", "zip", value=None), "resolved is not what the sweep's"),
+        (in_manifest("sweep", "resolved", "trace", value="none"), "resolved contradicts the sweep"),
+        (in_manifest("sweep", "resolved", "zip", value=None), "resolved contradicts the sweep's"),
         (in_manifest("sweep", "source", value="{version: 1"), "error["),
-        (in_manifest("sweep", "overrides", value=["--limit 7"]), "is not what the sweep's text"),
+        (in_manifest("sweep", "overrides", value=["--limit 7"]), "contradicts the sweep's text"),
     ],
 )
 def test_without_traces_the_engine_tells(bent: Path, attack: Attack, said: str) -> None:
@@ -289,14 +289,14 @@ def test_what_only_a_trace_holds_is_told_by_simulating_again(bent: Path) -> None
     edit_energy(bent)
     assert problems(bent) == []
     (found,) = simulated_problems(Store.open(bent), 100)
-    assert found.endswith("its trace is another")
+    assert found.endswith("its trace differs")
 
 
 @pytest.mark.parametrize(
     ("change", "why"),
     [
         ({"provenance": {"contactlab": "0.0"}}, "contactlab 0.0 wrote it"),
-        ({"sweep": {"resolved": {"include": {"file": "runs.csv"}}}}, "a file beside the sweep"),
+        ({"sweep": {"resolved": {"include": {"file": "runs.csv"}}}}, "a file next to the sweep"),
         ({"sweep": {"definitions": "0" * 64}}, "other definitions of metrics and labels"),
     ],
 )
@@ -462,11 +462,11 @@ def line_of(change: Callable[[dict[str, Any]], object]) -> Callable[[bytes], byt
         (lambda line: line.partition(b"\t")[0] + b"\n", "checksum"),
         (lambda _: sealed(b"5"), "is not a JSON object"),
         (lambda _: sealed(b"null"), "is not a JSON object"),
-        (lambda _: sealed(b"{}"), "is no row of a run: run_id: Field required"),
+        (lambda _: sealed(b"{}"), "is not a valid run record: run_id: Field required"),
         (lambda _: sealed(b"[" * 100_000), "is not JSON"),
         (
             line_of(lambda row: row.pop("label") and None),
-            "is no row of a run: label: Field required",
+            "is not a valid run record: label: Field required",
         ),
         (line_of(lambda row: row.update(index=0, run_id="0" * 16)), "which is not run 0 of the"),
         (line_of(lambda row: row.update(scene_hash="0" * 16)), "not of this sweep's"),

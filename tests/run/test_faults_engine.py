@@ -51,7 +51,7 @@ def sweep(command: Any, inject: Any, tmp_path: Path) -> Callable[..., tuple[int,
 FAULTS = {
     2: ("segfault", "crashed", "the worker was ended by SIGSEGV"),
     7: ("exit 0", "crashed", "the worker exited with code 0"),
-    11: ("memory", "crashed", "out of memory: the worker can have no more"),
+    11: ("memory", "crashed", "out of memory: the worker cannot get more"),
     16: ("hang", "timeout", HUNG),
 }
 

@@ -242,7 +242,7 @@ class After:
 
 @pytest.mark.night
 @pytest.mark.parametrize("workers", [0, pytest.param(1, marks=pytest.mark.night), 2])
-@pytest.mark.parametrize("label", ["held against references", "counted"])
+@pytest.mark.parametrize("label", ["compared with references", "counted"])
 @pytest.mark.usefixtures("_short_clocks")
 def test_a_pass_stops_and_goes_on(sweeper: Any, label: str, workers: int) -> None:
     sweeper.run(PASSES, "whole")

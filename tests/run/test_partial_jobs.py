@@ -78,7 +78,7 @@ def test_a_second_pass_may_be_cut_as_well(
     sweeper: Any, key: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """If it lasts, it is asked before all runs but one, and those that it left out go."""
-    monkeypatch.setattr(worker, "_GRACE", 0.0)
+    monkeypatch.setattr(worker, "_GRACE_SECONDS", 0.0)
     text = ONE_JOB.replace("ENGINE", "mujoco") + key
     whole = part_of_job(sweeper, text, 10**9)
     for yes in (0, 1, 4, 8, 9, 12, 15):

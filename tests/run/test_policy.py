@@ -359,7 +359,7 @@ def test_recorded_controls_drive_a_sweep_as_the_policy_did(folder: Path) -> None
 
 
 def test_other_engines_run_no_policy(folder: Path) -> None:
-    with pytest.raises(SceneError, match="the impulse engine runs no policies"):
+    with pytest.raises(SceneError, match="the impulse engine cannot run policies"):
         swept(folder, axes={"engine": ["impulse"]})
 
 

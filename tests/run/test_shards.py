@@ -163,24 +163,24 @@ def test_a_merge_that_died_as_it_ended_is_tidied_up(three: list[Path], tmp_path:
     target = tmp_path / "merged"
     digest = contactlab.merge(three, output=target).digest
     (target / "journal.jsonl").touch()
-    with pytest.raises(OutputError, match="holds a store already"):
+    with pytest.raises(OutputError, match="already holds a store"):
         contactlab.merge(three[:2], output=target, partial=True)
     assert contactlab.merge(three, output=target).digest == digest
     assert not verify(target)
-    with pytest.raises(OutputError, match="holds a store already"):
+    with pytest.raises(OutputError, match="already holds a store"):
         contactlab.merge(three, output=target)
 
 
 def test_gaps_are_named_and_can_be_filled(three: list[Path], tmp_path: Path) -> None:
     target = tmp_path / "merged"
-    with pytest.raises(StoreError, match=r"5 of 16 runs .* shard 2/3; run what is missing"):
+    with pytest.raises(StoreError, match=r"5 of 16 runs .* shard 2/3; run the missing ones"):
         contactlab.merge([three[2], three[0]], output=target)
     assert not target.exists()
     part = contactlab.merge([three[2], three[0], tmp_path / "no"], output=target, partial=True)
     assert part.manifest.runs == RUNS - 5
     assert not verify(target)
     assert not [*recomputed_problems(part)]
-    with pytest.raises(OutputError, match="holds a store already"):
+    with pytest.raises(OutputError, match="already holds a store"):
         contactlab.merge(three, output=target)
     assert swept(target).manifest.runs == RUNS
     assert not verify(target)
@@ -214,7 +214,7 @@ def test_overlaps_and_strangers_are_refused_by_name(three: list[Path], tmp_path:
         {**SWEEP, "duration": 0.03}, output=tmp_path / "other", workers=0, shard="1/3"
     )
     text = refusal([*three[1:], other.path])
-    assert f"{other.path} is of another sweep than {three[1]}: other duration" in text
+    assert f"{other.path} and {three[1]} are of different sweeps: they differ in duration" in text
     assert refusal([*three, three[0]]) == f"{three[0]} is named twice; name it once"
     trace = next((copy / "traces").rglob("*.mcap"))
     trace.write_bytes(trace.read_bytes()[:-1] + b"x")
@@ -297,7 +297,7 @@ def test_a_forged_unit_of_a_metric_is_found(merged: Store, tmp_path: Path) -> No
     found = [*recomputed_problems(Store.open(folder))]
     assert "runs.parquet: column penetration_max is in 'mm', not in 'm'" in found
     assert "runs.parquet: column drop_height is in 'mm', not in 'm'" in found
-    assert any(problem.endswith("more.xml: is no file of the scene") for problem in found)
+    assert any(problem.endswith("more.xml: is not a file of the scene") for problem in found)
 
 
 def test_a_sweep_of_which_no_run_is_valid_fails(

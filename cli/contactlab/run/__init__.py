@@ -1,1 +1,1 @@
-"""From a planned sweep to a store: jobs, workers, records, replays."""
+"""Jobs, workers, records and replays: from a planned sweep to a store."""

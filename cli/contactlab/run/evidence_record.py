@@ -1,4 +1,4 @@
-"""The evidence record of a run, and the provenance that it states."""
+"""The evidence record of a run, and its provenance."""
 
 import hashlib
 import math
@@ -41,10 +41,12 @@ from contactlab.store.mcap.trace_writer import TraceEncoder
 from contactlab.store.store_files import time_now
 from contactlab.store.table_layout import axes_as_written, row_entries, to_row
 
-Fields = dict[str, Any]  # of a record, by name
+Fields = dict[str, Any]  # fields of a record, by name
 _NONE = np.array(None)
-# What a record leaves out where it has nothing to say of it.
-_UNSAID = {name for name, field in EvidenceRecord.model_fields.items() if field.exclude_if}
+# Fields that a record omits if they are empty.
+_OMITTED_IF_EMPTY = {
+    name for name, field in EvidenceRecord.model_fields.items() if field.exclude_if
+}
 
 
 @cache
@@ -55,19 +57,19 @@ def definitions() -> str:
 
 
 class Common:
-    """Fields that the records of runs share which differ only in their seed.
+    """Fields shared by the records of runs that differ only in their seed.
 
     Attributes:
-        fields: of the record, by name.
-        expectations: what the sweep expects of the runs.
-        left_out: the effects that they have and do without.
+        fields: fields of the record, by name.
+        expectations: the expectations of the sweep for the runs.
+        left_out: the effects that the model has but the runs omit.
     """
 
     def __init__(self, task: Task, plan: PlannedModel) -> None:
         run, identity = plan.run, task.identity
         self._parts: dict[tuple[str, ...], list[bytes | list[str]]] = {}
         engine = engine_of(run)
-        # What its engine ignores is off.
+        # Effects that its engine ignores are off.
         off = {name: EffectState(False, why) for name, why in engine.ignored(run).items()}
         effects = {name: off.get(name, effect) for name, effect in plan.prepared.effects.items()}
         self.expectations = [
@@ -97,7 +99,7 @@ class Common:
 
     @cached_property
     def entries(self) -> Sequence[bytes]:
-        """The entries of a row, as JSON has them."""
+        """The entries of a row, as JSON."""
         return row_entries(self.fields)
 
     def record_json(self, own: Fields) -> bytes:
@@ -105,12 +107,14 @@ class Common:
         labels = [verdict._asdict() for verdict in own["labels"]]
         own = own | {"labels": labels, "initial": vars(own["initial"])}
         names = tuple(
-            name for name, value in own.items() if value is not None or name not in _UNSAID
+            name
+            for name, value in own.items()
+            if value is not None or name not in _OMITTED_IF_EMPTY
         )
         if names not in self._parts:
             self._parts[names] = self._record_parts(names)
         parts = self._parts[names]
-        # Here NaN, as in all records, is null.
+        # NaN is written as null, as in all records.
         texts = (
             to_json({name: own[name] for name in part}, inf_nan_mode="null")[1:-1]
             if isinstance(part, list)
@@ -120,7 +124,7 @@ class Common:
         return b"{%b}" % b",".join(texts)
 
     def _record_parts(self, own: Collection[str]) -> list[bytes | list[str]]:
-        """Return a record in its order: what is common as JSON, what is a run's own by name."""
+        """Return a record in its order: common fields as JSON, a run's own fields by name."""
         common = EvidenceRecord.model_construct(None, **self.fields)
         parts: list[bytes | list[str]] = []
         for is_own, names in groupby(EvidenceRecord.model_fields, own.__contains__):
@@ -132,7 +136,7 @@ class Common:
 
 
 def commons_of(task: Task, plans: Iterable[PlannedModel]) -> Iterator[Common]:
-    """Yield the common fields of each run; those next to each other may have the same."""
+    """Yield the common fields of each run; neighboring runs may share one object."""
     common: Common | None = None
     last: PlannedModel | None = None
     for plan in plans:
@@ -143,12 +147,12 @@ def commons_of(task: Task, plans: Iterable[PlannedModel]) -> Iterator[Common]:
 
 
 RunRow = tuple[Fields, Common]
-"""A run's row: the fields of its record that are its own, and those in common with others."""
+"""A run's row: the fields of its own, and the fields in common with others."""
 
 
 @dataclass(frozen=True)
 class MeasuredGroup:
-    """Runs that were measured together; their rows in trace and assessment by place in the job."""
+    """Runs that were measured together; `rows` maps indices in the job to rows of the arrays."""
 
     rows: Mapping[int, int]
     trace: Trace
@@ -156,7 +160,7 @@ class MeasuredGroup:
 
     @cached_property
     def metrics(self) -> list[dict[str, float | None]]:
-        """The metrics of each row, None where they do not apply."""
+        """The metrics of each row, None if they do not apply."""
         found = self.assessment.metrics
         columns = [
             np.where(np.isfinite(values), values, _NONE).tolist() for values in found.values()
@@ -178,9 +182,9 @@ class MeasuredGroup:
 
 @dataclass(frozen=True)
 class RunOutcome:
-    """All that one run produced: a row of its group, at a place in the rollout of its job.
+    """The results of one run: a row of its group, at an index in the rollout of its job.
 
-    The twin label is that of the same run from an initial state 1e-6 away, if the sweep asks for
+    The twin label is that of the same run from an initial state 1e-6 away, if the sweep requests
     it.
     """
 
@@ -199,14 +203,14 @@ class RunOutcome:
 
     @property
     def steps(self) -> int:
-        """Steps made."""
+        """Number of steps made."""
         return self.rollout.steps[self.place]
 
     @property
     def controls(self) -> RecordedControls | None:
         """Controls applied to it: those of its policy, or of its task.
 
-        None where that failed, and for scenes and files that say themselves what is applied.
+        None if that failed, and for scenes and files that define the controls themselves.
         """
         if self.rollout.controls:
             return self.rollout.controls[self.place]
@@ -216,16 +220,18 @@ class RunOutcome:
 
 
 def fields_of(task: Task, outcome: RunOutcome) -> Fields:
-    """Return the fields of a run's record that are its own, without cost and times of day."""
+    """Return the fields of a run's own in its record, without cost and times of day."""
     common, group, row, place = outcome.common, outcome.group, outcome.row, outcome.place
     labels, coverage = group.assessment.labels[row], group.assessment.coverage
     bodies = group.assessment.backward_error_body
     twin, error = outcome.twin_label, outcome.rollout.errors[place]
     invalid = () if error is None else (AppliedLabel("invalid", error, 0),)
-    status, reason = _status(outcome)
+    status, reason = _run_status(outcome)
     model = outcome.plan.prepared.model
     return {
-        **_fields(task, outcome.plan, common, group.metrics[row], (*invalid, *labels)),
+        **_common_outcome_fields(
+            task, outcome.plan, common, group.metrics[row], (*invalid, *labels)
+        ),
         "status": status,
         "status_reason": reason,
         "steps": outcome.steps,
@@ -239,14 +245,14 @@ def fields_of(task: Task, outcome: RunOutcome) -> Fields:
 
 
 def row_of_crash(task: Task, plan: PlannedModel, label: LabelEntry) -> RunRow:
-    """Return the row of a run whose worker died twice: `crashed` or `timeout`."""
+    """Return the row of a run with a worker that died twice: `crashed` or `timeout`."""
     common = Common(task, plan)
-    own = _fields(task, plan, common, dict.fromkeys(METRICS), (label,))
+    own = _common_outcome_fields(task, plan, common, dict.fromkeys(METRICS), (label,))
     own |= {"status": label.label, "status_reason": label.reason}
     return own | {"steps": 0, "warnings": {}, "effects_missed": {}}, common
 
 
-def _fields(
+def _common_outcome_fields(
     task: Task,
     plan: PlannedModel,
     common: Common,
@@ -259,7 +265,7 @@ def _fields(
         "run_id": run.run_id,
         "index": run.index,
         "seed": run.seed,
-        "initial": _initial(plan.start),
+        "initial": _initial_state(plan.start),
         "metrics": metrics,
         "label": names[0],
         "labels": labels,
@@ -271,36 +277,38 @@ def _fields(
 
 
 def journalled(rows: Sequence[RunRow]) -> list[Finished]:
-    """Return runs as they go to the journal: what the rows of all of them share is said once."""
+    """Return runs as journal entries: fields shared by all of their rows are written once."""
     entries = {common: common.entries for _, common in rows}
     shared = set.intersection(*map(set, entries.values())) if len(rows) > 1 else set[bytes]()
     rest = {
         common: [entry for entry in own if entry not in shared] for common, own in entries.items()
     }
-    said = b"{%b}" % b",".join(sorted(shared)) if shared else b""
+    shared_text = b"{%b}" % b",".join(sorted(shared)) if shared else b""
     finished: list[Finished] = []
     for own, common in rows:
         row = {name: value for name, value in to_row(own).items() if value is not None}
         text = b",".join([to_json(row)[:-1], *rest[common]]) + b"}"
-        finished.append(Finished(text, own["label"], own["status"], own["expectation_met"], said))
+        finished.append(
+            Finished(text, own["label"], own["status"], own["expectation_met"], shared_text)
+        )
     return finished
 
 
 def cost_and_times(task: Task, outcome: RunOutcome) -> Fields:
-    """Return fields of the record of a run that just ended: its cost and times of day."""
+    """Return the cost and times of day in the record of a run that just ended."""
     cpu, timestep = float(outcome.rollout.cost[outcome.place]), outcome.plan.run.timestep
     known = None if math.isnan(cpu) else (cpu, outcome.steps, timestep, task.sweep.latency_budget)
     return {"started": outcome.started, "finished": time_now(), "cost": known and Cost.of(*known)}
 
 
-def _initial(start: InitialStates) -> SimpleNamespace:
+def _initial_state(start: InitialStates) -> SimpleNamespace:
     applied = start.applied if start.applied.any() else start.applied[:, :0]
     parts = {"qpos": start.qpos, "qvel": start.qvel, "ctrl": start.ctrl, "applied": applied}
     return SimpleNamespace(**{name: tuple(part[0].tolist()) for name, part in parts.items()})
 
 
-def _status(outcome: RunOutcome) -> tuple[str, str | None]:
-    """Return how a run ended, and why if it ended early."""
+def _run_status(outcome: RunOutcome) -> tuple[str, str | None]:
+    """Return how a run ended, and the reason if it ended early."""
     if (error := outcome.rollout.errors[outcome.place]) is not None:
         return "error", error
     if outcome.steps == outcome.plan.run.steps:

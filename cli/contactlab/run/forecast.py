@@ -1,4 +1,4 @@
-"""Forecast of a sweep before it runs: runs, time, disk; and settings that look wrong."""
+"""Forecast of a sweep before it runs: number of runs, time, disk, and suspicious settings."""
 
 import time
 from collections.abc import Hashable, Iterator, Mapping
@@ -21,25 +21,25 @@ from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 
 # Above this product of step and natural frequency, contacts gain energy under the Euler family.
-_FASTEST = 0.8
-_SAMPLES = 12
+_MAX_STEP_RATE = 0.8
+_RUN_SAMPLES = 12
 _SAMPLE_STEPS = 200
 _MAX_CACHED = 1 << 12
-# Steps of a run in one that is checked: once more, and in windows by itself and by references.
-_CHECKED, _CHECKED_STEPS = 8, 2
-# Recording, metrics and traces take so many times what stepping takes, least and most.
-_OVERHEAD = (1.2, 2.5)
+# Steps for a checked run, in runs: a repetition, and windows of the run and of its references.
+_CHECK_REPETITIONS, _CHECKED_STEPS = 8, 2
+# Time with recording, metrics and traces over the time of stepping, least and most.
+_OVERHEAD_FACTORS = (1.2, 2.5)
 # Size of a trace, least and most, as a share of the recorded arrays.
-_COMPRESSED = {"messages": (0.1, 0.6), "compact": (0.03, 0.2)}
+_COMPRESSED_SHARES = {"messages": (0.1, 0.6), "compact": (0.03, 0.2)}
 
 
 @dataclass(frozen=True)
 class Forecast:
-    """The expected cost of a sweep of distinct runs, and warnings of settings that look wrong.
+    """The expected cost of a sweep of distinct runs, and warnings about suspicious settings.
 
-    Wall time [s] and size of the traces are estimated from below and above; of the time, some is
-    for references and errors, some for times and work, some at least for checks of all runs. The
-    size is told for every `trace_format` too, and is 0 where no trace is kept.
+    Wall time [s] and size of the traces are estimated from below and above. Parts of the time are
+    for references and errors, for times and work, and (at least) for checks of all runs. The size
+    is also given for every `trace_format`, and is 0 if no trace is kept.
     """
 
     runs: int
@@ -54,11 +54,11 @@ class Forecast:
 
 
 @dataclass
-class _Sums:
+class _RunSums:
     """Sums over the runs, and a sample of them.
 
-    So many are too fast: their timestep is too long for a contact; or clamped: so long that refsafe
-    changes its solref.
+    `fast` runs have a timestep too long for a contact; `clamped` ones so long that refsafe changes
+    their solref.
     """
 
     steps: int = 0
@@ -71,7 +71,7 @@ class _Sums:
 def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
     """Estimate the cost of a sweep from a few hundred steps of a few of its runs."""
     index = RunIndex(plan, scene)
-    sums, sweep, workers = _summed(index, scene), plan.sweep, max(1, workers)
+    sums, sweep, workers = _sum_runs(index, scene), plan.sweep, max(1, workers)
     per_step = [_step_cost(scene, resolved) for resolved in sums.sampled] or [0.0]
     least, likely, most = np.quantile(per_step, (0.25, 0.5, 0.75)).tolist()
     share = sums.steps / workers
@@ -85,37 +85,37 @@ def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
             accuracy = likely * steps / workers
         if sweep.timing:
             steps = [run.steps for run in resolved.values()]
-            # What is counted is run once more by the workers, before the clock runs.
+            # Workers run these once more to count work, before they are timed.
             timing = likely * share + timing_seconds(sweep.timing, steps, likely)
     checks = 0.0
     if sweep.checks == "all" and sums.sampled:
         alone = _check_cost(scene, sums.sampled[0])
-        checks = (alone * len(index) + _CHECKED * likely * sums.steps) / workers
+        checks = (alone * len(index) + _CHECK_REPETITIONS * likely * sums.steps) / workers
     passes = accuracy + timing
     fewest, all_kept = KeptTraces.of(sweep.trace).shares(len(index))
     sizes = {
         form: (sums.bytes * fewest * low, sums.bytes * all_kept * high)
-        for form, (low, high) in _COMPRESSED.items()
+        for form, (low, high) in _COMPRESSED_SHARES.items()
     }
     return Forecast(
         runs=len(index),
         steps=sums.steps,
         seconds=(
-            least * share * _OVERHEAD[0] + checks + passes,
-            (most * share + checks) * _OVERHEAD[1] + passes,
+            least * share * _OVERHEAD_FACTORS[0] + checks + passes,
+            (most * share + checks) * _OVERHEAD_FACTORS[1] + passes,
         ),
         accuracy_seconds=accuracy,
         timing_seconds=timing,
         checks_seconds=checks,
         bytes=sizes[sweep.trace_format],
         bytes_by_format=sizes,
-        warnings=tuple(_warnings(plan, len(index), sums)),
+        warnings=tuple(_forecast_warnings(plan, len(index), sums)),
     )
 
 
-def _summed(index: RunIndex, scene: Scene) -> _Sums:
-    sums, sizes = _Sums(), dict[Hashable, int]()
-    stride, runs = max(1, len(index) // _SAMPLES), 0
+def _sum_runs(index: RunIndex, scene: Scene) -> _RunSums:
+    sums, sizes = _RunSums(), dict[Hashable, int]()
+    stride, runs = max(1, len(index) // _RUN_SAMPLES), 0
     for run, count in index.rows():
         steps, solref = run.steps, run.settings.get("solref")
         sums.steps += count * steps
@@ -125,9 +125,11 @@ def _summed(index: RunIndex, scene: Scene) -> _Sums:
         sums.bytes += count * sizes[shape]
         if isinstance(solref, tuple):
             used = refsafe_solref(solref, run.timestep) if run.flags["refsafe"] else solref
-            sums.fast += count * (round(run.timestep * _frequency(used), 1) > _FASTEST)
+            sums.fast += count * (
+                round(run.timestep * _contact_frequency(used), 1) > _MAX_STEP_RATE
+            )
             sums.clamped += count * (used != solref)
-        # One for each multiple of the stride among the indices of the row's runs.
+        # One sample for each multiple of the stride among the indices of the row's runs.
         samples = -(-(runs + count) // stride) - -(-runs // stride)
         sums.sampled += [replace(run, seed=seed) for seed in range(samples)]
         runs += count
@@ -143,7 +145,7 @@ def _step_cost(scene: Scene, resolved: RunSpec) -> float:
 
 
 def _check_cost(scene: Scene, resolved: RunSpec) -> float:
-    """Return the CPU time that the check of a run takes beside its steps [s]."""
+    """Return the CPU time of the check of a run, besides its steps [s]."""
     if not isinstance(engine_of(resolved), ChecksRuns):
         return 0.0
     runs = PreparedRuns.of(scene, resolved)
@@ -152,23 +154,22 @@ def _check_cost(scene: Scene, resolved: RunSpec) -> float:
     return time.thread_time() - begin
 
 
-def _warnings(plan: Plan, runs: int, sums: _Sums) -> Iterator[str]:
+def _forecast_warnings(plan: Plan, runs: int, sums: _RunSums) -> Iterator[str]:
     yield from (warning.message for warning in plan.warnings)
     if plan.count > runs:
         yield f"{plan.count - runs:,} runs are equal to others and run only once"
     if sums.fast:
         yield (
             f"in {sums.fast:,} of {runs:,} runs the timestep is too long for the contacts: "
-            f"timestep / (timeconst * dampratio) is above {_FASTEST}, where contacts gain energy"
+            f"timestep / (timeconst * dampratio) is above {_MAX_STEP_RATE}, so contacts gain energy"
         )
     if sums.clamped:
         yield (
             f"in {sums.clamped:,} of {runs:,} runs refsafe raises the time constant of solref to "
-            "2 timesteps, so that the solref of the sweep is not the one in use"
+            "2 timesteps, so the solref of the sweep is not used"
         )
 
 
 @lru_cache(_MAX_CACHED)
-def _frequency(solref: tuple[float, ...]) -> float:
-    """Return the natural frequency of a contact [rad/s]."""
+def _contact_frequency(solref: tuple[float, ...]) -> float:
     return float(stiffness_damping(solref)[0]) ** 0.5

@@ -1,4 +1,4 @@
-"""Geoms without a name as a page or `show` speaks of them: by the body that they belong to."""
+"""Printed names of unnamed geoms on pages and in `show`: the name of their body."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -13,11 +13,11 @@ from contactlab.store.finished_store import Store
 
 
 def told_of_runs(store: Store, records: Mapping[int, EvidenceRecord]) -> dict[int, Told]:
-    """Return what replaces addresses in texts about each run, in its pairs and in reasons.
+    """Return the function that replaces geom addresses in texts about each run.
 
-    Addresses stay where the scene cannot be compiled; without any, nothing is.
+    Addresses stay if the scene cannot be compiled, and nothing is replaced without any.
     """
-    told: dict[int, Told] = dict.fromkeys(records, str)
+    replacements: dict[int, Told] = dict.fromkeys(records, str)
     unnamed = [
         place for place, record in records.items() if any("geom[" in name for name in record.pairs)
     ]
@@ -26,5 +26,5 @@ def told_of_runs(store: Store, records: Mapping[int, EvidenceRecord]) -> dict[in
             scene = stored_sweep_scene(store.manifest.sweep, store.scene_folder)
             for place in unnamed:
                 model = scene.base_of(resolve_record(scene, records[place])).model
-                told[place] = in_geom_words(model)
-    return told
+                replacements[place] = in_geom_words(model)
+    return replacements

@@ -1,4 +1,4 @@
-"""Shards of a sweep, joined into the store that one machine would have written."""
+"""Joins shards of a sweep into the store that one machine would have written."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
@@ -33,38 +33,38 @@ from contactlab.store.store_files import (
 )
 from contactlab.store.store_writer import Concluded, StoreWriter, open_writer
 
-_MOST_NAMED = 8
+_MAX_LISTED = 8
 
 
 def merge_stores(
     places: Sequence[Address], target: Address, *, may_lack: bool, fresh: bool = False
 ) -> str:
-    """Write the store of all runs of some shards, given in any order; return its gaps, if any.
+    """Write the store of all runs of some shards, given in any order. Return its gaps as text.
 
-    Where runs `may_lack`, the store has those that there are, and its sweep can fill it up. Raises
-    a StoreError that names the place which is unfinished, damaged, of another sweep, or has a run
-    that another one has, too; and one that names the gaps. An OutputError says that the target is
-    one of the shards, is not empty, or cannot be written.
+    With `may_lack`, the store has the existing runs, and its sweep can add the missing ones. Raises
+    a StoreError that names the store which is unfinished, damaged, of another sweep, or has a run
+    that another one has, too; or that names the gaps. An OutputError says that the target is one of
+    the shards, is not empty, or cannot be written.
     """
     if target in places:
         raise OutputError(f"{target} is one of the shards; name another place with -o")
-    stores, lacking = _opened(places, may_lack=may_lack)
-    _check_same(stores)
-    runs = _runs(stores)
-    identity = _identity(stores, runs)
-    gaps = _gaps(stores, runs, lacking) if identity.whole else ""
+    stores, lacking = _open_stores(places, may_lack=may_lack)
+    _check_same_sweep(stores)
+    runs = _count_runs(stores)
+    identity = _joined_identity(stores, runs)
+    gaps = _gaps_text(stores, runs, lacking) if identity.whole else ""
     if gaps and not may_lack:
-        raise StoreError(f"{gaps}; run what is missing, or add --partial to merge what there is")
+        raise StoreError(f"{gaps}; run the missing ones, or add --partial to merge without them")
     if not fresh and _is_merged(target, identity):
         return gaps
     first = stores[0]
     with open_writer(
         target,
         identity,
-        _Scene(first.path / SCENES / identity.scene_hash),
+        _StoredScene(first.path / SCENES / identity.scene_hash),
         fresh=fresh,
         beside={
-            folder.name: _Scene(folder)
+            folder.name: _StoredScene(folder)
             for folder in sorted((first.path / SCENES).iterdir())
             if folder.name != identity.scene_hash
         },
@@ -74,12 +74,12 @@ def merge_stores(
         to = backend_at(target, OutputError)
         for source in stores:
             _copy_files(source, to)
-        _publish(store, stores, identity)
+        _publish_store(store, stores, identity)
     return gaps
 
 
-def _opened(places: Sequence[Address], *, may_lack: bool) -> tuple[list[Store], list[str]]:
-    """Return the stores in the order of their first runs, and why others are left out."""
+def _open_stores(places: Sequence[Address], *, may_lack: bool) -> tuple[list[Store], list[str]]:
+    """Return the stores in the order of their first runs, and the reasons for omitted ones."""
     stores, lacking = list[Store](), list[str]()
     for place in places:
         try:
@@ -102,18 +102,20 @@ def _opened(places: Sequence[Address], *, may_lack: bool) -> tuple[list[Store], 
     return sorted(stores, key=lambda store: store.columns.numbers("index").values[0]), lacking
 
 
-def _check_same(stores: Sequence[Store]) -> None:
-    """Check that all are of one sweep, and of one grid."""
+def _check_same_sweep(stores: Sequence[Store]) -> None:
+    """Check that all stores are of one sweep, and of one grid."""
     first = stores[most_common([store.manifest.sweep for store in stores])]
     for other in stores:
         ours, theirs = first.manifest, other.manifest
         if parts := other_parts(theirs.sweep, ours.sweep):
             raise StoreError(
-                f"{other.address} is of another sweep than {first.address}: "
-                f"other {', '.join(parts)}"
+                f"{other.address} and {first.address} are of different sweeps: they differ in "
+                f"{', '.join(parts)}"
             )
         if _scene_files(ours) != _scene_files(theirs):
-            raise StoreError(f"{other.address} has other files of the scene than {first.address}")
+            raise StoreError(
+                f"{other.address} and {first.address} have different files of the scene"
+            )
 
 
 def _scene_files(manifest: StoreManifest) -> dict[str, str]:
@@ -121,8 +123,8 @@ def _scene_files(manifest: StoreManifest) -> dict[str, str]:
 
 
 @dataclass(frozen=True)
-class _Scene:
-    """See `CopyableFiles`."""
+class _StoredScene:
+    """Files of a scene in a store; see `CopyableFiles`."""
 
     source: Path
 
@@ -131,8 +133,8 @@ class _Scene:
         copytree(self.source, folder, dirs_exist_ok=True)
 
 
-def _runs(stores: Sequence[Store]) -> int:
-    """Return how many runs all have; a StoreError names one that two of them have."""
+def _count_runs(stores: Sequence[Store]) -> int:
+    """Return the total number of runs. Raises a StoreError with a run that two stores have."""
     places = [store.columns.numbers("index").values for store in stores]
     joined = np.concatenate(places)
     order = np.argsort(joined, kind="stable")
@@ -149,7 +151,7 @@ def _runs(stores: Sequence[Store]) -> int:
     return len(joined)
 
 
-def _identity(stores: Sequence[Store], runs: int) -> SweepIdentity:
+def _joined_identity(stores: Sequence[Store], runs: int) -> SweepIdentity:
     """Return the identity of all runs together: of the whole sweep, or of a part of it."""
     sweep = stores[0].manifest.sweep
     if (whole := sweep.whole) is None:
@@ -158,25 +160,25 @@ def _identity(stores: Sequence[Store], runs: int) -> SweepIdentity:
     return sweep.model_copy(update={"runs_asked": runs, "whole": grid})
 
 
-def _gaps(stores: Sequence[Store], runs: int, lacking: Sequence[str]) -> str:
-    """Return which runs of the grid no store has, by the shards that are missing if they tell."""
+def _gaps_text(stores: Sequence[Store], runs: int, lacking: Sequence[str]) -> str:
+    """Return text about the runs of the grid that no store has, by missing shards if known."""
     whole = stores[0].manifest.sweep.whole
     assert whole is not None
-    said = f"{whole.runs - runs:,} of {whole.runs:,} runs are in none of the stores"
+    text = f"{whole.runs - runs:,} of {whole.runs:,} runs are in none of the stores"
     held = [(shard_of(store.manifest.sweep) or "").partition("/") for store in stores]
     counts = {shards for _, _, shards in held}
     if len(counts) == 1 and (shards := counts.pop()):
         have = {int(number) for number, _, _ in held}
         missing = [number for number in range(1, int(shards) + 1) if number not in have]
-        named = ", ".join(f"{number}/{shards}" for number in missing[:_MOST_NAMED])
-        more = f" and {len(missing) - _MOST_NAMED:,} more" if len(missing) > _MOST_NAMED else ""
+        named = ", ".join(f"{number}/{shards}" for number in missing[:_MAX_LISTED])
+        more = f" and {len(missing) - _MAX_LISTED:,} more" if len(missing) > _MAX_LISTED else ""
         noun = "shard" if len(missing) == 1 else "shards"
-        said += f": {noun} {named}{more}" if missing else ""
-    return "; ".join([said, *lacking[:_MOST_NAMED]])
+        text += f": {noun} {named}{more}" if missing else ""
+    return "; ".join([text, *lacking[:_MAX_LISTED]])
 
 
 def _is_merged(target: Address, identity: SweepIdentity) -> bool:
-    """Return whether a merge of the same runs died here as it ended, once it is tidied up.
+    """Return whether an earlier merge of the same runs died at its end, after tidying it up.
 
     Raises an OutputError if another store is there.
     """
@@ -184,7 +186,7 @@ def _is_merged(target: Address, identity: SweepIdentity) -> bool:
     if (data := backend.read(MANIFEST)) is None:
         return False
     if not backend.leftovers() or parse_manifest(data, target).sweep != identity:
-        raise OutputError(f"{target} holds a store already; name another place, or add --fresh")
+        raise OutputError(f"{target} already holds a store; name another place, or add --fresh")
     with backend.write_session() as session:
         session.remove_temporaries()
         session.remove_journal()
@@ -208,38 +210,38 @@ def _copy_files(source: Store, target: Backend) -> None:
             target.put(name, path.read_bytes())
 
 
-def _publish(store: StoreWriter, stores: Sequence[Store], identity: SweepIdentity) -> None:
+def _publish_store(store: StoreWriter, stores: Sequence[Store], identity: SweepIdentity) -> None:
     manifests = [store.manifest for store in stores]
     times = min(each.started for each in manifests), max(each.finished for each in manifests)
     tables = {store.address: store.path / TABLE for store in stores}
     written = joined_provenance([each.provenance for each in manifests])
-    store.join(tables, written, times, _concluded(stores[0], identity))
+    store.join(tables, written, times, _conclusion(stores[0], identity))
 
 
-def _concluded(store: Store, identity: SweepIdentity) -> Concluded:
-    """Return what says what all runs tell together, once they are there."""
+def _conclusion(store: Store, identity: SweepIdentity) -> Concluded:
+    """Return the function that concludes over all runs together, once they are stored."""
     expected = any(expectation.get("mean") for expectation in identity.resolved["expect"])
     if not expected or identity.whole:
         return partial(concluded, None, ())
     if isinstance(identity.resolved.get("include"), dict):
         raise StoreError(
-            "the sweep expects means, and a file beside it names runs, which shards do not hold; "
-            "sweep it on one machine"
+            "the sweep expects means, and a file next to it names runs, which shards do not hold; "
+            "run the sweep on one machine"
         )
     scene = stored_sweep_scene(identity, store.scene_folder)
     return partial(concluded, plan_again(identity, scene), ())
 
 
 def joined_provenance(several: Sequence[Provenance]) -> Provenance:
-    """Return the versions and machines of several stores, each of them once."""
+    """Return the versions and machines of several stores, each once."""
     hosts = [each.host for each in several]
     named = ("cpu_model", "cpu_flags", "os")
-    host = Host(**_joined(hosts, named), cores=max(each.cores for each in hosts))
-    versions = _joined(several, ("contactlab", "python", "numpy"))
-    revisions = _joined(several, ("git_revision",))["git_revision"]
+    host = Host(**_joined_names(hosts, named), cores=max(each.cores for each in hosts))
+    versions = _joined_names(several, ("contactlab", "python", "numpy"))
+    revisions = _joined_names(several, ("git_revision",))["git_revision"]
     return Provenance(**versions, git_revision=revisions or None, host=host)
 
 
-def _joined(several: Iterable[object], names: Iterable[str]) -> Mapping[str, str]:
+def _joined_names(several: Iterable[object], names: Iterable[str]) -> Mapping[str, str]:
     found = {name: dict.fromkeys(filter(None, map(attrgetter(name), several))) for name in names}
     return {name: ", ".join(sorted(values)) for name, values in found.items()}

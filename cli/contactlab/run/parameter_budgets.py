@@ -1,4 +1,4 @@
-"""Budgets of a sampled sweep: what its axes are worth in the windows of one run, axis by axis."""
+"""Error budgets of a sampled sweep: the effect of its axes in the windows of one run."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -21,20 +21,21 @@ from contactlab.schema.evidence import ParameterBudget
 from contactlab.schema.sweep_schema import MOST_SENSITIVITIES, Sweep
 from contactlab.schema.vocabulary import Loguniform, Sampled
 
-_SETTINGS = Settings(check=False, energy=False, places=False, excess=False)
-# How a reference is computed is its own.
-_OF_REFERENCES = {
+_BUDGET_SETTINGS = Settings(check=False, energy=False, places=False, excess=False)
+# Settings that a reference chooses itself.
+_REFERENCE_FIELDS = {
     *("opt.timestep", "opt.integrator", "opt.solver", "opt.jacobian"),
     *("opt.iterations", "opt.tolerance", "opt.ls_iterations", "opt.ls_tolerance"),
 }
 
 
 def parameter_budgets(session: SweepSession) -> Iterator[ParameterBudget]:
-    """Yield a budget for each configuration and seed whose sensitivities are told.
+    """Yield a budget for each configuration and seed with reported sensitivities.
 
     Its run is in the middle of the ranges of the sampled axes, and a row for each axis changes the
     reference's model to that of either end; the larger counts. An axis that changes no number of
-    the model, as of the start or the drive, has no row. Other engines and policies have none.
+    the model, such as one of the start or the drive, has no row. Other engines and policies have no
+    budget.
     """
     sweep, found = session.task.sweep, set[object]()
     if sweep.sample is None or sweep.sample.method != "saltelli":
@@ -47,51 +48,53 @@ def parameter_budgets(session: SweepSession) -> Iterator[ParameterBudget]:
         if len(found) > MOST_SENSITIVITIES:
             return
         if run.engine == MODEL_ENGINE:
-            yield from _budget(session.scene, sweep, run, dict(shared))
+            yield from _budgets_of_run(session.scene, sweep, run, dict(shared))
 
 
-def _budget(
+def _budgets_of_run(
     scene: Scene, sweep: Sweep, run: RunSpec, shared: Mapping[str, object]
 ) -> Iterator[ParameterBudget]:
-    ranges = {name: _range(axis) for name, axis in sweep.axes.items() if isinstance(axis, Sampled)}
+    ranges = {
+        name: _axis_range(axis) for name, axis in sweep.axes.items() if isinstance(axis, Sampled)
+    }
     try:
-        middle = {name: _canonical(scene, name, values[1]) for name, values in ranges.items()}
-        own, resolved = _model(scene, {**shared, **middle}, run)
+        middle = {name: _canonical_value(scene, name, values[1]) for name, values in ranges.items()}
+        own, resolved = _prepared_model(scene, {**shared, **middle}, run)
         starts = scene.starts([resolved])
         rows = [
             Row(
                 name,
                 f"{name} at {low:g} and {high:g}",
                 "unknown",
-                tuple(_towards(own, model) for model in ends),
-                _always,
-                _always,
+                tuple(_change_towards(own, model) for model in ends),
+                _is_applicable,
+                _is_applicable,
                 priced=False,
             )
             for name, (low, _, high) in ranges.items()
-            if (ends := _ends(scene, {**shared, **middle}, name, (low, high), run, own))
+            if (ends := _end_models(scene, {**shared, **middle}, name, (low, high), run, own))
         ]
         motion = motion_of_run(own, starts, 0, resolved.steps)
-        phase = PhaseMeasure(motion, rows, _SETTINGS).budget()
+        phase = PhaseMeasure(motion, rows, _BUDGET_SETTINGS).budget()
     except (ContactlabError, ValueError):
-        return  # nothing moves that has mass, or no run may be in the middle
+        return  # no movable body has mass, or the middle is not a valid run
     rows = [
         {
             "axis": row.name,
             "low": ranges[row.name][0],
             "high": ranges[row.name][2],
-            "share": _finite(row.share),
+            "share": _finite_or_none(row.share),
             "body": phase.bodies[row.body],
         }
         for row in phase.rows
     ]
-    own_share = _finite(phase.run.share)
+    own_share = _finite_or_none(phase.run.share)
     found = {"shared": {**shared, "seed": run.seed}, "middle": middle}
     yield ParameterBudget.model_validate({**found, "run": own_share, "rows": rows})
 
 
-def _range(axis: Sampled) -> tuple[float, float, float]:
-    """Return where an axis begins, its middle, and where it ends."""
+def _axis_range(axis: Sampled) -> tuple[float, float, float]:
+    """Return the start, the middle and the end of an axis."""
     if isinstance(axis, Loguniform):
         low, high = axis.loguniform
         return low, math.sqrt(low * high), high
@@ -99,7 +102,7 @@ def _range(axis: Sampled) -> tuple[float, float, float]:
     return low, (low + high) / 2, high
 
 
-def _canonical(scene: Scene, name: str, value: float) -> object:
+def _canonical_value(scene: Scene, name: str, value: float) -> object:
     spec = scene.catalogue.find(name)
     assert spec is not None
     try:
@@ -108,14 +111,14 @@ def _canonical(scene: Scene, name: str, value: float) -> object:
         return spec.parse(round(value))
 
 
-def _model(
+def _prepared_model(
     scene: Scene, values: Mapping[str, object], run: RunSpec
 ) -> tuple[mujoco.MjModel, RunSpec]:
     resolved = scene.resolve(values, run.seed, run.duration)
     return scene.prepare(resolved, scene.starts([resolved])).model, resolved
 
 
-def _ends(
+def _end_models(
     scene: Scene,
     values: Mapping[str, object],
     name: str,
@@ -123,35 +126,36 @@ def _ends(
     run: RunSpec,
     own: mujoco.MjModel,
 ) -> list[mujoco.MjModel]:
-    """Return the models at both ends of an axis; none where no number or another layout differs."""
+    """Return the models at both ends of an axis; empty if no number differs, or the layout does."""
     try:
         models = [
-            _model(scene, {**values, name: _canonical(scene, name, end)}, run)[0] for end in ends
+            _prepared_model(scene, {**values, name: _canonical_value(scene, name, end)}, run)[0]
+            for end in ends
         ]
     except (ContactlabError, ValueError):
         return []
-    before = _numbers(own)
-    if any(_shapes(_numbers(model)) != _shapes(before) for model in models):
+    before = _model_numbers(own)
+    if any(_array_shapes(_model_numbers(model)) != _array_shapes(before) for model in models):
         return []
-    differ = any(_changed(before, _numbers(model)) for model in models)
+    differ = any(_changed_numbers(before, _model_numbers(model)) for model in models)
     return models if differ else []
 
 
-def _numbers(model: mujoco.MjModel) -> dict[str, np.ndarray]:
+def _model_numbers(model: mujoco.MjModel) -> dict[str, np.ndarray]:
     owners = {"": model, "opt.": model.opt}
     return {
         prefix + name: value
         for prefix, owner in owners.items()
         for name, value in fields_of(owner).items()
-        if value.dtype.kind in "fiub" and prefix + name not in _OF_REFERENCES
+        if value.dtype.kind in "fiub" and prefix + name not in _REFERENCE_FIELDS
     }
 
 
-def _shapes(numbers: Mapping[str, np.ndarray]) -> dict[str, tuple[int, ...]]:
+def _array_shapes(numbers: Mapping[str, np.ndarray]) -> dict[str, tuple[int, ...]]:
     return {name: value.shape for name, value in numbers.items()}
 
 
-def _changed(
+def _changed_numbers(
     before: Mapping[str, np.ndarray], after: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
     return {
@@ -161,9 +165,9 @@ def _changed(
     }
 
 
-def _towards(own: mujoco.MjModel, other: mujoco.MjModel) -> Change:
-    """Return what gives a model the numbers of another in which that differs from the run's own."""
-    fields = _changed(_numbers(own), _numbers(other))
+def _change_towards(own: mujoco.MjModel, other: mujoco.MjModel) -> Change:
+    """Return the change that gives a model the numbers of another that differ from the own."""
+    fields = _changed_numbers(_model_numbers(own), _model_numbers(other))
 
     def change(model: mujoco.MjModel, _own: mujoco.MjModel) -> None:
         for path, value in fields.items():
@@ -177,9 +181,9 @@ def _towards(own: mujoco.MjModel, other: mujoco.MjModel) -> Change:
     return change
 
 
-def _always(_model: mujoco.MjModel, _data: mujoco.MjData | None = None) -> bool:
+def _is_applicable(_prepared_model: mujoco.MjModel, _data: mujoco.MjData | None = None) -> bool:
     return True
 
 
-def _finite(share: float) -> float | None:
+def _finite_or_none(share: float) -> float | None:
     return share if math.isfinite(share) else None

@@ -1,4 +1,4 @@
-"""The passes over a sweep's runs once all are recorded: errors, work and times."""
+"""Passes over a sweep's runs after all are recorded: errors, work and times."""
 
 import math
 import sys
@@ -41,17 +41,17 @@ from contactlab.store.store_writer import StoreWriter
 from contactlab.store.table_layout import Column, as_ratios
 
 Row = Mapping[str, Any]
-_CLEAR = 1.25  # ratio of times beyond which no further round changes which is the shorter
+_CLEAR_TIME_RATIO = 1.25  # ratio of times beyond which further rounds do not change the order
 
 
-def _acts(run: RunSpec) -> bool:
-    """Return whether only what was recorded says what a policy did."""
+def _has_policy(run: RunSpec) -> bool:
+    """Return whether a policy acts in a run, so that its actions are only known from the record."""
     return isinstance(run.drive, PolicyDrive)
 
 
 @dataclass(frozen=True)
 class SweepSession:
-    """A sweep that is running, and what runs it."""
+    """A running sweep with its store, executor and callbacks."""
 
     task: Task
     scene: Scene
@@ -64,7 +64,7 @@ class SweepSession:
 
     @cached_property
     def outcomes(self) -> dict[str, Row]:
-        """Outcomes of rows that later passes need, by run id: no errors are in them yet."""
+        """Results of rows that later passes need, by run id, without errors."""
         tolerances = self.task.sweep.tolerances.keys() - set(ERRORS)
         names = ("status", "label", "controls", MODELLING, *tolerances)
         return {row["run_id"]: {name: row.get(name) for name in names} for row in self.store.rows()}
@@ -75,41 +75,43 @@ class SweepSession:
         return list(self.index.runs())
 
     def repeatable(self, able: Callable[[SimulationEngine], bool]) -> list[RunSpec]:
-        """Return the runs that completed and whose engine is able; no others are repeated."""
+        """Return the completed runs with an engine that is able; only these are repeated."""
         return [
-            replace(run, controls=row["controls"]) if _acts(run) else run
+            replace(run, controls=row["controls"]) if _has_policy(run) else run
             for run in self.planned
             if (row := self.outcomes[run.run_id])["status"] == "ok" and able(engine_of(run))
         ]
 
 
 def run_passes(session: SweepSession) -> tuple[dict[str, dict[str, Any]], Sequence[Column]]:
-    """Compute the errors, work and times that the sweep asks for, by run id and column.
+    """Compute the requested errors, work and times of the sweep, by run id and column.
 
-    What was noted before an interruption is not done again. Columns whose unit is not the usual one
-    are returned, too.
+    Results noted before an interruption are not computed again. Columns with an unusual unit are
+    returned, too.
     """
     values: dict[str, dict[str, Any]] = {}
     columns: Sequence[Column] = ()
     sweep = session.task.sweep
     if sweep.accuracy is not None:
-        errors = _accuracies(session, sweep.accuracy)
-        values = {run_id: _row(session, run_id, error) for run_id, error in errors.items()}
+        errors = _measure_errors(session, sweep.accuracy)
+        values = {run_id: _accuracy_row(session, run_id, error) for run_id, error in errors.items()}
         if any(error.error_kind == "invariants" for error in errors.values()):
             columns = as_ratios(name for name in Accuracy.model_fields if name.startswith("error_"))
     if sweep.timing is not None:
-        for run_id, timing in _timings(session, sweep.timing, values).items():
+        for run_id, timing in _measure_times(session, sweep.timing, values).items():
             values[run_id] = values.get(run_id, {}) | timing.model_dump()
     return values, columns
 
 
-def _accuracies(session: SweepSession, request: AccuracyRequest) -> dict[str, Accuracy]:
+def _measure_errors(session: SweepSession, request: AccuracyRequest) -> dict[str, Accuracy]:
     repeatable = session.repeatable(lambda engine: isinstance(engine, SolvesReferences))
     runs = {run.run_id: run for run in repeatable}
     controls = {run_id: run.controls for run_id, run in runs.items()}
     models = reference_models(session.scene, session.task.sweep, repeatable)
     grouped = families(models, session.scene, controls)
-    notes = _pooled(session, "errors", [tuple(map(runs.__getitem__, rows)) for rows in grouped])
+    notes = _pass_results(
+        session, "errors", [tuple(map(runs.__getitem__, rows)) for rows in grouped]
+    )
     return accuracies(request, session.scene, _by_id(session.planned), notes)
 
 
@@ -117,36 +119,36 @@ def _by_id(runs: Iterable[RunSpec]) -> dict[str, RunSpec]:
     return {run.run_id: run for run in runs}
 
 
-def _row(session: SweepSession, run_id: str, accuracy: Accuracy) -> dict[str, Any]:
+def _accuracy_row(session: SweepSession, run_id: str, accuracy: Accuracy) -> dict[str, Any]:
     """Return the columns of a run's accuracy, and whether it still meets every tolerance."""
     row = accuracy.model_dump()
     metrics = {**session.outcomes[run_id], **{name: row[name] for name in ERRORS}}
     return {**row, "tolerances_met": within_tolerances(session.task.sweep.tolerances, metrics)}
 
 
-def _timings(
+def _measure_times(
     session: SweepSession, request: TimingRequest, errors: Mapping[str, Row]
 ) -> dict[str, Timing]:
     able = session.repeatable(lambda engine: isinstance(engine, TimesSteps))
-    # Seeds share what a step costs, within what two rounds differ by; scenarios do not.
-    keys = {run.run_id: _key(run) if request.contenders else run.run_id for run in able}
+    # Seeds share the cost of a step, up to the noise between two rounds; scenarios do not.
+    keys = {run.run_id: _axes_key(run) if request.contenders else run.run_id for run in able}
     firsts = {keys[run.run_id]: run.run_id for run in reversed(able)}
     timed = set(firsts.values())
     runs = [run for run in able if run.run_id in timed]
     jobs = list(pack_jobs(runs, len(runs), session.scene, session.executor.workers))
-    work = _pooled(session, "work", jobs)
-    taken = _timed(session, request, runs, work, errors)
+    work = _pass_results(session, "work", jobs)
+    taken = _timed_runs(session, request, runs, work, errors)
     times = {run_id: taken[firsts[key]] for run_id, key in keys.items() if firsts[key] in taken}
     return timings(_by_id(session.planned), request, work, times)
 
 
-def _key(run: RunSpec, but: Collection[str] = ()) -> object:
-    """Return what runs share whose values are the same, but for those of some axes."""
+def _axes_key(run: RunSpec, but: Collection[str] = ()) -> object:
+    """Return the values of a run's axes without some axes, as a key."""
     return tuple(item for item in run.axes.items() if item[0] not in but)
 
 
-def _pooled(session: SweepSession, purpose: Purpose, jobs: Sequence[Job]) -> dict[str, Note]:
-    """Return what workers find in a pass, by run id; nothing of runs that crash a worker."""
+def _pass_results(session: SweepSession, purpose: Purpose, jobs: Sequence[Job]) -> dict[str, Note]:
+    """Return the results of workers in a pass, by run id; empty for runs that crash a worker."""
     done = noted(session.store.notes(), purpose)
     rest = [job for job in jobs if any(run.run_id not in done for run in job)]
     runs = sum(map(len, jobs))
@@ -160,14 +162,14 @@ def _pooled(session: SweepSession, purpose: Purpose, jobs: Sequence[Job]) -> dic
     return noted(session.store.notes(), purpose)
 
 
-def _timed(
+def _timed_runs(
     session: SweepSession,
     request: TimingRequest,
     planned: Sequence[RunSpec],
     work: Mapping[str, Note],
     errors: Mapping[str, Row],
 ) -> dict[str, Note]:
-    """Return the times of all runs, which are taken together or not at all."""
+    """Return the times of all runs, which are measured together or not at all."""
     times = noted(session.store.notes(), "times")
     planned = [run for run in planned if work.get(run.run_id)]
     runs, backend = _by_id(planned), backend_at(session.task.store, OutputError)
@@ -189,10 +191,10 @@ def _timed(
 
 
 class _Contenders:
-    """Which configurations may be recommended, as `contactlab.pareto` does, by the times so far.
+    """Selects configurations that may be recommended, like `contactlab.pareto`, from the times.
 
-    Those without a failed run and a missed tolerance; all, if there are none. One goes on unless
-    another is no less accurate, has no smaller a margin and is clearly faster.
+    They have no failed run and no missed tolerance; without any such, all count. One stays unless
+    another is no less accurate, has no smaller margin and is clearly faster.
     """
 
     def __init__(
@@ -203,16 +205,18 @@ class _Contenders:
         every, own = defaultdict[object, list[str]](list), defaultdict[object, list[str]](list)
         for planned, found in ((session.planned, every), (timed, own)):
             for run in planned:
-                found[_key(run, sweep.scenario)].append(run.run_id)
-        # Each with its error, and with the largest share of a tolerance that it uses.
+                found[_axes_key(run, sweep.scenario)].append(run.run_id)
+        # Each group with its error, and the largest share of a tolerance that it uses.
         known: list[tuple[Sequence[str], float, float]] = []
         for key, group in own.items():
             rows = [{**session.outcomes[run_id], **errors.get(run_id, {})} for run_id in every[key]]
             failed = math.inf if any(row["label"] != "stable" for row in rows) else 0.0
             used = [
-                _share(row.get(limited), limit) for limited, limit in limits.items() for row in rows
+                _share_of_limit(row.get(limited), limit)
+                for limited, limit in limits.items()
+                for row in rows
             ]
-            error = max(_share(row.get(name), 1.0) for row in rows)
+            error = max(_share_of_limit(row.get(name), 1.0) for row in rows)
             known.append((group, error, max([failed, *used])))
         self.groups: Groups = [group for group, *_ in known]
         self._known = [pace for pace in known if pace[2] <= 1] or known
@@ -224,12 +228,12 @@ class _Contenders:
             group
             for (group, error, used), cost in ranked
             if not any(
-                _CLEAR * least < cost and other <= error and part <= used
+                _CLEAR_TIME_RATIO * least < cost and other <= error and part <= used
                 for (_, other, part), least in ranked
             )
         ]
 
 
-def _share(value: float | None, limit: float) -> float:
-    """Return the part of a limit that a value takes, infinite if it could not be measured."""
+def _share_of_limit(value: float | None, limit: float) -> float:
+    """Return a value as a share of a limit, infinite if it could not be measured."""
     return math.inf if value is None else abs(value) / max(limit, sys.float_info.min)

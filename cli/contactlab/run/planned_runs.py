@@ -1,4 +1,4 @@
-"""From a plan to its distinct runs, to jobs, and to the models and initial states of a job."""
+"""Distinct runs of a plan, their jobs, and the models and initial states of a job."""
 
 import faulthandler
 import math
@@ -39,20 +39,20 @@ from contactlab.store.folder_backend import backend_at
 from contactlab.store.run_columns import hash_of_ids
 from contactlab.store.store_files import SCENES, Address
 
-# Most runs in a job; beyond the few, short runs are packed until their steps reach the last.
-MAX_RUNS, _FEW_RUNS, _SHORT_STEPS = 512, 32, 1 << 13
-# Steps of a job, times the square of the degrees of freedom: from the second on, what a job takes
-# by itself is small; below the first it is more than what an idle worker would save.
+# Most runs in a job; usual number of runs; short runs are packed up to this number of steps.
+MAX_RUNS, _USUAL_RUNS, _SHORT_STEPS = 512, 32, 1 << 13
+# Steps of a job, times the square of the degrees of freedom: above the second, the overhead of a
+# job is small; below the first it exceeds the time that an idle worker would save.
 LEAST_WORK, SMALL_WORK = 1 << 19, 1 << 22
-# Recorded states and sensors of a job; with temporary arrays a worker needs three times as much.
+# Bytes of states and sensors of a job; with temporary arrays a worker needs three times as much.
 JOB_BYTES = 64 << 20
 RUN_BYTES = 1 << 30
-# Compiled models of a worker; one with meshes may take tens of MiB.
+# Bytes of compiled models of a worker; one with meshes may take tens of MiB.
 MODEL_BYTES = 256 << 20
-_MAX_OPEN = 64
+_MAX_OPEN_JOBS = 64
 
 Key = tuple[object, ...]
-# Runs of a plan that are kept resolved: some kB each where each has settings of its own.
+# Runs of a plan that are kept resolved: some kB each if each has different settings.
 MAX_KEPT = 1 << 12
 # Initial states that are remembered as checked.
 _MOST_STARTS_CHECKED = 1 << 12
@@ -60,7 +60,7 @@ _MOST_STEPS_OF_A_RUN = 1e12
 
 
 def reference_models(scene: Scene, sweep: Sweep, runs: Iterable[RunSpec]) -> dict[str, RunSpec]:
-    """Return what runs are compared with, by run id: themselves, or the scene as written."""
+    """Return the runs to compare with, by run id: the runs themselves, or the scene as written."""
     asked = sweep.accuracy
     if asked is None or asked.against == "own":
         return {run.run_id: run for run in runs}
@@ -71,26 +71,26 @@ def reference_models(scene: Scene, sweep: Sweep, runs: Iterable[RunSpec]) -> dic
 class RunIndex:
     """The distinct runs of a plan, in its order; of equal runs, the first counts.
 
-    Each is resolved once if they are few. Of a large plan only the first run of each row is, and
-    its id is kept: rows that begin with equal runs are equal, since all have the same seeds. The
-    others are resolved, and have their ids, when they are handed out.
+    If they are few, each is resolved once. For a large plan only the first run of each row is
+    resolved, and its id is kept: rows that begin with equal runs are equal, because all have the
+    same seeds. The other runs are resolved, and get their ids, when they are requested.
     """
 
     def __init__(self, plan: Plan, scene: Scene) -> None:
         """Resolve every run.
 
         Raises a SceneError if the model's timestep is not positive, and the sweep sets no other; or
-        the times of a run's control or hold are inconsistent; a SweepFileError if a run would
+        if the times of a run's control or hold are inconsistent; a SweepFileError if a run would
         record more than 1 GiB.
         """
         self._plan, self._scene = plan, scene
-        # For each shape of runs, in order of appearance, the first of them.
+        # The first run of each shape, in order of appearance.
         self.firsts: dict[Hashable, RunSpec] = {}
         self._kept: list[RunSpec] | None = [] if plan.count <= MAX_KEPT else None
         rows = np.fromiter(self._checked_rows(), np.uint64)
-        new, seeds = _firsts(rows), _firsts(np.array(plan.sweep.seed_values))
+        new, seeds = _first_occurrences(rows), _first_occurrences(np.array(plan.sweep.seed_values))
         self.hash = hash_of_ids([rows[new]])
-        """A hash of the id of the first run of each row, which no part of the runs changes."""
+        """A hash of the first run id of each row; it is the same for every part of the runs."""
         self._distinct = np.outer(new, seeds).ravel()[: plan.count]
 
     def __len__(self) -> int:
@@ -99,20 +99,20 @@ class RunIndex:
 
     @cached_property
     def ids(self) -> NDArray[np.uint64]:
-        """(runs of the plan) the ids in order, those of equal runs too."""
+        """(runs of the plan) the ids in order, including those of equal runs."""
         if self._kept is not None:
             return np.array([int(run.run_id, 16) for run in self._kept], np.uint64)
-        rows = (ids for _, _, ids in self._identified())
+        rows = (ids for _, _, ids in self._identified_rows())
         return np.fromiter((int(run_id, 16) for ids in rows for run_id in ids), np.uint64)
 
     def only(self, wanted: NDArray[np.bool_]) -> "RunIndex":
-        """Return the index of some (runs of the plan) of them."""
+        """Return the index of the runs in a mask (runs of the plan)."""
         part = copy(self)
         part._distinct = self._distinct & wanted
         return part
 
     def shard(self, number: int, shards: int) -> "RunIndex":
-        """Return the index of every so many-th of the runs, from the given one on."""
+        """Return the index of every `shards`-th run, starting from `number`."""
         part = copy(self)
         places = np.flatnonzero(self._distinct)[number - 1 :: shards]
         part._distinct = np.zeros_like(self._distinct)
@@ -120,11 +120,11 @@ class RunIndex:
         return part
 
     def count(self, done: Collection[str]) -> int:
-        """Return how many of the runs are among those that are done."""
-        return len(self) - int(np.count_nonzero(self._left(done)))
+        """Return the number of runs that are done."""
+        return len(self) - int(np.count_nonzero(self._remaining_mask(done)))
 
     def has(self, run_id: str, index: int) -> bool:
-        """Return whether a run of this id is at this place of the plan."""
+        """Return whether the run at an index of the plan has this id."""
         return (
             index < len(self._distinct)
             and bool(self._distinct[index])
@@ -132,18 +132,18 @@ class RunIndex:
         )
 
     def has_all(self, ids: NDArray[np.uint64], places: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return (n,) whether runs of these ids are at these places of the plan."""
+        """Return (n,) whether the runs at these indices of the plan have these ids."""
         known = (places >= 0) & (places < len(self._distinct))
         within = np.where(known, places, 0)
         return known & self._distinct[within] & (self.ids[within] == ids)
 
     def runs(self, done: Collection[str] = ()) -> Iterator[RunSpec]:
         """Yield every run that is not done."""
-        left = self._left(done).tobytes()
+        left = self._remaining_mask(done).tobytes()
         if self._kept is not None:
             yield from (run for run in self._kept if left[run.index])
             return
-        for row, resolved, ids in self._identified(left):
+        for row, resolved, ids in self._identified_rows(left):
             for index, (seed, run_id) in enumerate(zip(row.seeds, ids, strict=True), row.first):
                 if left[index]:
                     yield resolved.planned(row.values, seed, run_id, index)
@@ -156,28 +156,28 @@ class RunIndex:
             if count:
                 yield self._scene.resolve(row.values, row.seeds[0], duration), int(count)
 
-    def _left(self, done: Collection[str]) -> NDArray[np.bool_]:
-        """Return (runs of the plan) which of the runs are not done."""
+    def _remaining_mask(self, done: Collection[str]) -> NDArray[np.bool_]:
+        """Return (runs of the plan) a mask of the runs that are not done."""
         if not done:
             return self._distinct
         made = np.fromiter((int(run_id, 16) for run_id in done), np.uint64, len(done))
         return self._distinct & ~np.isin(self.ids, made)
 
-    def _identified(
+    def _identified_rows(
         self, wanted: bytes | None = None
     ) -> Iterator[tuple[Row, RunSpec, Iterator[str]]]:
-        """Yield each row that has a wanted run, what its runs share, and the ids of those."""
+        """Yield each row with a wanted run, the common part of its runs, and their ids."""
         duration = self._plan.sweep.duration
         for row in self._plan.rows():
             if wanted is None or any(wanted[row.first : row.first + len(row.seeds)]):
                 yield row, *self._scene.identified(row.values, row.seeds, duration)
 
     def _checked_rows(self) -> Iterator[int]:
-        """Yield the id of each row's first run, which is checked; keep all runs if they are few."""
-        check = _Check(self._scene)
-        for row, resolved, ids in self._identified():
+        """Yield the id of each row's first run after checking it; keep all runs if they are few."""
+        check = _RunCheck(self._scene)
+        for row, resolved, ids in self._identified_rows():
             run = resolved.planned(row.values, row.seeds[0], next(ids), row.first)
-            shape = _shape(run)
+            shape = _run_shape(run)
             check(run, shape)
             self.firsts.setdefault(shape, run)
             if self._kept is not None:
@@ -187,21 +187,21 @@ class RunIndex:
             yield int(run.run_id, 16)
 
 
-def _firsts(values: NDArray[Any]) -> NDArray[np.bool_]:
-    """Return (n,) which values (n,) are the first of their kind."""
+def _first_occurrences(values: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return (n,) a mask of the first occurrence of each value (n,)."""
     first = np.zeros(len(values), bool)
     first[np.unique(values, return_index=True)[1]] = True
     return first
 
 
-def _shape(run: RunSpec) -> Hashable:
-    """Return what runs share that differ only in the values of settings and initial values."""
+def _run_shape(run: RunSpec) -> Hashable:
+    """Return the key of runs that differ only in the values of settings and initial values."""
     parts = tuple(run.axes), tuple(run.structure.values()), tuple(run.flags.values())
     return *parts, run.engine, run.drive, run.duration, run.changed, run.without
 
 
-class _Check:
-    """Checks the settings of runs before anything runs, of those that differ in their seed once."""
+class _RunCheck:
+    """Checks the settings of runs before anything runs, once for runs that differ only in seed."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
@@ -215,8 +215,8 @@ class _Check:
         engine = engine_of(run)
         if isinstance(run.drive, PolicyDrive) and not engine.runs_policies:
             raise SceneError(
-                f"the {engine.name} engine runs no policies; sweep with engine: mujoco, then drive "
-                "this engine by a file of the store's controls"
+                f"the {engine.name} engine cannot run policies; sweep with engine: mujoco, then "
+                "drive this engine by a file of the store's controls"
             )
         if not engine.accepts_every_run and (why := engine.refusal(self._scene, run)):
             raise SceneError(why)
@@ -233,7 +233,7 @@ class _Check:
                 self._checked.add(key)
 
     def _check_steps(self, run: RunSpec) -> None:
-        """Check that a run has steps, and that memory holds what it records."""
+        """Check that a run has steps, and that its recording fits into memory."""
         if not 0 < run.timestep < math.inf:
             raise SceneError(
                 f"{self._scene.source.model}: its timestep is {run.timestep:g} s; write a "
@@ -255,11 +255,9 @@ class _Check:
 def pack_jobs(runs: Iterable[RunSpec], count: int, scene: Scene, workers: int) -> Iterator[Job]:
     """Yield jobs, each bounded by `MAX_RUNS`, `JOB_BYTES` and `MODEL_BYTES`, or one run.
 
-    Where contacts take more memory than that, the worker makes the runs of a job in parts.
-
-    Runs, those that are not done yet, are consumed lazily, some hundred ahead of what is yielded.
-    Each worker gets several jobs, which become smaller towards the end, so that none has a large
-    one while the others have none.
+    If contacts take more memory than that, the worker makes the runs of a job in parts. Runs that
+    are not done yet are consumed lazily, some hundred ahead. Each worker gets several jobs, which
+    become smaller towards the end, so that no worker has a large one while the others are idle.
     """
     most, fair = count // (4 * max(1, workers)), -(-count // max(1, workers))
     shares = 2 * workers if workers > 1 else 1
@@ -277,7 +275,7 @@ def pack_jobs(runs: Iterable[RunSpec], count: int, scene: Scene, workers: int) -
             least = max(LEAST_WORK, min(SMALL_WORK, fair * work)) // work
             if isinstance(run.drive, PolicyDrive) or run.engine == LOOP_ENGINE:
                 short = least = 0
-            bound = min(MAX_RUNS, max(_FEW_RUNS, short), JOB_BYTES // size, _max_models(base))
+            bound = min(MAX_RUNS, max(_USUAL_RUNS, short), JOB_BYTES // size, _max_models(base))
             least = max(1, min(bound, least))
             bounds[key] = least, max(least, min(bound, most))
         group = waiting.setdefault(key, [])
@@ -285,13 +283,13 @@ def pack_jobs(runs: Iterable[RunSpec], count: int, scene: Scene, workers: int) -
         least, bound = bounds[key]
         if len(group) >= min(bound, max(least, (count - taken) // shares)):
             yield tuple(waiting.pop(key))
-        elif len(waiting) > _MAX_OPEN:
+        elif len(waiting) > _MAX_OPEN_JOBS:
             yield tuple(waiting.pop(next(iter(waiting))))
     yield from (tuple(group) for group in waiting.values())
 
 
 def _max_models(base: CompiledScene) -> int:
-    """Return how many models like this one a worker may hold; at least one."""
+    """Return the number of models like this one that a worker may hold; at least one."""
     return max(1, MODEL_BYTES // base.size)
 
 
@@ -299,7 +297,7 @@ def stored_sweep_scene(identity: SweepIdentity, folder: Path) -> Scene:
     """Return the scene of a store's sweep, with its drive, from the store's own files.
 
     The folder is the store's copy of the scene. Raises a SceneError if it does not compile with
-    this engine, or a file is not what it was.
+    this engine, or a file has changed.
     """
     source = stored_scene(folder, identity.scene_model, identity.scene)
     scene = Scene(source, ENGINES, read_control_table)
@@ -311,9 +309,9 @@ def stored_sweep_scene(identity: SweepIdentity, folder: Path) -> Scene:
 
 
 def local_scene(store: Address, folder: Path) -> Path:
-    """Return a local folder with a store's scene, fetched from object storage if need be.
+    """Return a local folder with a store's scene, fetched from object storage if necessary.
 
-    The given one is on the machine that runs the sweep; its name is the scene's hash.
+    `folder` is on the machine that runs the sweep; its name is the scene's hash.
     """
     if folder.is_dir():
         return folder
@@ -342,20 +340,20 @@ class Preparer:
         plans: list[PlannedModel] = []
         key, last = "", None
         for place, run in enumerate(job):
-            start = self._acted_on(run, starts.pick(place))
+            start = self._with_recorded_actions(run, starts.pick(place))
             if not run.is_sibling(last):
                 key, last = self.scene.model_key(run), run
-            plans.append(PlannedModel(run, self._prepared(key, run, start), start))
+            plans.append(PlannedModel(run, self._prepared_model(key, run, start), start))
         return plans
 
-    def _acted_on(self, run: RunSpec, start: InitialStates) -> InitialStates:
-        """Return how a run starts, with what its policy did where that is recorded."""
+    def _with_recorded_actions(self, run: RunSpec, start: InitialStates) -> InitialStates:
+        """Return the start of a run, with the recorded actions of its policy if there are any."""
         if run.controls is None:
             return start
         backend = backend_at(self.task.store, OutputError)
         return start.acted_on([read_controls(backend, run.controls)])
 
-    def _prepared(self, shared: str, run: RunSpec, start: InitialStates) -> PreparedModel:
+    def _prepared_model(self, shared: str, run: RunSpec, start: InitialStates) -> PreparedModel:
         base = self.scene.base_of(run)
         key = shared, is_straight(base.model, start)
         if key not in self._models:
@@ -368,10 +366,11 @@ class Preparer:
 
     @contextmanager
     def watchdog(self, times: float = 1) -> Generator[Watch]:
-        """Yield what starts the time limit of a run, which ends this process when it is exceeded.
+        """Yield the function that starts the time limit of a run, which ends this process.
 
-        It is so many times that of the sweep, and holds even where a run never returns to
-        Python: the process dies of SIGALRM, and its traceback is in the marker, else empty.
+        The limit is `times` the limit of the sweep, and holds even if a run never returns to
+        Python: the process dies of SIGALRM, and its traceback is in the marker, which is empty
+        otherwise.
         """
         if self._marker is None:
             yield no_limit
@@ -380,11 +379,11 @@ class Preparer:
             # A timer takes one system call; faulthandler's own starts a thread each time.
             faulthandler.register(signal.SIGALRM, file=file, all_threads=False, chain=True)
             try:
-                yield partial(_start_clock, times * self.task.sweep.timeout)
+                yield partial(_set_alarm, times * self.task.sweep.timeout)
             finally:
                 signal.setitimer(signal.ITIMER_REAL, 0)
                 faulthandler.unregister(signal.SIGALRM)
 
 
-def _start_clock(seconds: float) -> None:
+def _set_alarm(seconds: float) -> None:
     signal.setitimer(signal.ITIMER_REAL, seconds)

@@ -1,6 +1,6 @@
-"""Rows of a store, recomputed: what they are resolved to again, and how they are judged again.
+"""Recomputes rows of a store: their settings and ids, and their verdicts.
 
-Rows whose axes are equal are resolved once, whatever their seeds.
+Rows with equal axes are resolved once, whatever their seeds.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,29 +19,31 @@ from contactlab.store.alike_rows import AlikeRows
 from contactlab.store.finished_store import Store
 from contactlab.store.run_columns import chosen_rows
 
-_RESOLVED = ("run_id", "seed", "duration", "axis_names", "settings")
-_JUDGED = ("labels", "expected", "expectation_met", "expectation_reason", "tolerances_met")
+_RESOLVED_COLUMNS = ("run_id", "seed", "duration", "axis_names", "settings")
+_VERDICT_COLUMNS = ("labels", "expected", "expectation_met", "expectation_reason", "tolerances_met")
 
 
 def recomputed_rows(
     store: Store, scene: Scene, plan: Plan | None, chosen: NDArray[np.bool_] | None
 ) -> Iterator[str]:
-    """Yield where ids and settings of the runs chosen (runs,), or all, are not as resolved again.
+    """Yield differences of ids and settings of chosen runs (runs,), or all, from recomputed ones.
 
-    With a plan, yield too where they do not meet, or miss, what it expects of them as they say.
+    With a plan, also yield runs with a stored verdict that its expectations contradict.
     """
     columns = store.columns
-    judged = () if plan is None else (*_JUDGED, *_measured(plan, columns.schema.names))
-    names = dict.fromkeys((*_RESOLVED, *columns.axis_names, *judged))
+    judged = (
+        () if plan is None else (*_VERDICT_COLUMNS, *_verdict_inputs(plan, columns.schema.names))
+    )
+    names = dict.fromkeys((*_RESOLVED_COLUMNS, *columns.axis_names, *judged))
     for rows in chosen_rows(columns.batches([*names]), chosen):
         alike = AlikeRows(rows)
-        yield from _other_runs(alike, scene)
+        yield from _differing_runs(alike, scene)
         if plan is not None:
-            yield from _other_verdicts(alike, scene, plan)
+            yield from _differing_verdicts(alike, scene, plan)
 
 
-def _other_runs(alike: AlikeRows, scene: Scene) -> Iterator[str]:
-    """Yield which runs are resolved to other ids or settings."""
+def _differing_runs(alike: AlikeRows, scene: Scene) -> Iterator[str]:
+    """Yield the runs that resolve to other ids or settings."""
     differs = alike.differs("settings")
     seeds, durations = alike.values("seed"), alike.values("duration")
     for members in alike.members():
@@ -53,16 +55,19 @@ def _other_runs(alike: AlikeRows, scene: Scene) -> Iterator[str]:
         except ContactlabError as error:
             yield from (f"run {alike.ids[row]}: {error}" for row in members)
             continue
-        stored, again = _known(alike.value("settings", first)), _known(runs[0].values)
+        stored, again = (
+            _stored_settings(alike.value("settings", first)),
+            _stored_settings(runs[0].values),
+        )
         for row, run in zip(members, runs, strict=True):
             if run.run_id != alike.ids[row]:
                 yield another_id(alike.ids[row], run.run_id)
             else:
-                of_row = _known(alike.value("settings", row)) if differs[row] else stored
-                yield from _other_settings(alike.ids[row], of_row, again)
+                of_row = _stored_settings(alike.value("settings", row)) if differs[row] else stored
+                yield from _differing_settings(alike.ids[row], of_row, again)
 
 
-def _other_settings(
+def _differing_settings(
     run: str, stored: Mapping[str, object], again: Mapping[str, object]
 ) -> Iterator[str]:
     if stored != again:
@@ -71,8 +76,8 @@ def _other_settings(
                 yield f"run {run}: {name} is {stored.get(name)}, not {again.get(name)}"
 
 
-def _known(settings: Mapping[str, Any]) -> dict[str, object]:
-    """Return settings as the table has them, without those that are null."""
+def _stored_settings(settings: Mapping[str, Any]) -> dict[str, object]:
+    """Return settings as stored in the table, without nulls."""
     return {
         name: [*value] if isinstance(value, tuple) else value
         for name, value in settings.items()
@@ -80,34 +85,34 @@ def _known(settings: Mapping[str, Any]) -> dict[str, object]:
     }
 
 
-def _measured(plan: Plan, names: Sequence[str]) -> list[str]:
-    """Return the columns of numbers that the verdicts of a plan's runs are of."""
+def _verdict_inputs(plan: Plan, names: Sequence[str]) -> list[str]:
+    """Return the numeric columns that decide the verdicts of a plan's runs."""
     asked = {name for _, expectation in plan.expected for name in expectation.metrics}
     tolerances = plan.sweep.tolerances
     errors = Accuracy.model_fields if tolerances.keys() & Accuracy.model_fields.keys() else ()
     return [name for name in names if name in asked or name in tolerances or name in errors]
 
 
-def _other_verdicts(alike: AlikeRows, scene: Scene, plan: Plan) -> Iterator[str]:
-    """Yield which runs do not meet, or miss, what the sweep expects of them as they say."""
+def _differing_verdicts(alike: AlikeRows, scene: Scene, plan: Plan) -> Iterator[str]:
+    """Yield the runs with a stored verdict that the sweep's expectations contradict."""
     expected: list[list[Any]] = []
     for first in alike.firsts if plan.expected else ():
         values = canonical_values(scene, alike.axes(first))
         expected.append([each for match, each in plan.expected if match.holds(values)])
-    measured = alike.table(_measured(plan, alike.names))
-    verdicts = alike.table(_JUDGED)
+    measured = alike.table(_verdict_inputs(plan, alike.names))
+    verdicts = alike.table(_VERDICT_COLUMNS)
     for run, group, numbers, said in zip(alike.ids, alike.groups, measured, verdicts, strict=True):
         verdict = judge(expected[group] if expected else (), said["labels"], numbers)
         found = said["expected"] and tuple(said["expected"])
         if verdict != (found, said["expectation_met"], said["expectation_reason"]):
-            yield f"run {run}: what it says of expectations is not what the sweep expects"
-        within = within_tolerances(plan.sweep.tolerances, _known_errors(numbers))
+            yield f"run {run}: its stored verdict contradicts the expectations of the sweep"
+        within = within_tolerances(plan.sweep.tolerances, _without_missing_errors(numbers))
         if within != said["tolerances_met"]:
-            yield f"run {run}: tolerances_met is not what its metrics give"
+            yield f"run {run}: tolerances_met contradicts its metrics"
 
 
-def _known_errors(numbers: Mapping[str, float | None]) -> Mapping[str, float | None]:
-    """Return what was measured of a run, without its errors where it has none of them."""
+def _without_missing_errors(numbers: Mapping[str, float | None]) -> Mapping[str, float | None]:
+    """Return the measured values of a run, without errors if it has none of them."""
     errors = numbers.keys() & Accuracy.model_fields.keys()
     if any(numbers[name] is not None for name in errors):
         return numbers

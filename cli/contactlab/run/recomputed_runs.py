@@ -1,4 +1,4 @@
-"""Runs of a store, recomputed: all resolved again, and a sample simulated again."""
+"""Recomputes runs of a store: resolves all of them again, and simulates a sample again."""
 
 import random
 from collections.abc import Iterator
@@ -39,14 +39,14 @@ from contactlab.store.mcap.trace_reader import StoredTrace, read_trace
 from contactlab.store.run_columns import RunColumns
 from contactlab.store.store_files import IDENTITY, MANIFEST, SCENES, TABLE, is_slice, shard_of
 
-_OUTCOME = (
+_OUTCOME_COLUMNS = (
     *("status", "steps", "trajectory_hash"),
     *("label", "labels", "label_steps", "label_bodies", "knife_edge"),
 )
 
 
 def unresolved(store: Store) -> str | None:
-    """Return why run ids cannot be recomputed here; None if they can."""
+    """Return the reason why run ids cannot be recomputed here; None if they can."""
     identity, ours = store.manifest.sweep, engine()
     missing = {plugin.name for plugin in identity.plugins} - {
         plugin.name for plugin in loaded_plugins()
@@ -60,14 +60,14 @@ def unresolved(store: Store) -> str | None:
 
 
 def unplanned(store: Store) -> str | None:
-    """Return why the plan cannot be made again here; None if it can."""
+    """Return the reason why the plan cannot be made again here; None if it can."""
     identity, theirs = store.manifest.sweep, store.manifest.provenance.contactlab
     if not identity.source:
-        return "the plan: the runs are of a recorded loop, which had none"
+        return "the plan: the runs are of a recorded loop, which has no plan"
     if theirs != (ours := version("contactlab")):
         return f"the plan: contactlab {theirs} wrote it, and this is {ours}"
     if isinstance(identity.resolved.get("include"), dict):
-        return "the plan: a file beside the sweep names some of its runs"
+        return "the plan: a file next to the sweep names some of its runs"
     theirs, ours = (
         sorted(p.sha256 for p in plugins) for plugins in (identity.plugins, loaded_plugins())
     )
@@ -77,9 +77,9 @@ def unplanned(store: Store) -> str | None:
 
 
 def recomputed_problems(store: Store, chosen: NDArray[np.bool_] | None = None) -> Iterator[str]:
-    """Yield where scene, plan, run ids and settings are not what the stored files give.
+    """Yield contradictions between the stored scene, plan, ids and settings and recomputed ones.
 
-    Of settings and verdicts only those of chosen runs (runs,) can be looked at.
+    Settings and verdicts may be limited to chosen runs (runs,).
     """
     identity, plan = store.manifest.sweep, None
     try:
@@ -89,19 +89,19 @@ def recomputed_problems(store: Store, chosen: NDArray[np.bool_] | None = None) -
             return
         yield from _foreign_scene_files(store, scene)
         if unplanned(store) is None:
-            yield from _other_units(store, scene)
+            yield from _differing_units(store, scene)
             plan = plan_again(identity, scene)
-            yield from _other_plan(store, scene, plan)
+            yield from _differing_plan(store, scene, plan)
             of_all = None if is_slice(identity) else plan
             if tuple(unmet_means(of_all, store.columns)) != store.manifest.unmet_means:
-                yield f"{MANIFEST}: its unmet means are not what the sweep expects"
+                yield f"{MANIFEST}: its unmet means contradict the expectations of the sweep"
         yield from recomputed_rows(store, scene, plan, chosen)
     except ContactlabError as error:
         yield str(error).partition("\n")[0]
 
 
 def _foreign_scene_files(store: Store, scene: Scene) -> Iterator[str]:
-    """Yield which files the manifest names that neither the scene has nor its drive."""
+    """Yield the files in the manifest that belong neither to the scene nor to its drive."""
     content, drive = scene.source.content, scene.drive
     ours = {f"{scene.hash}/{file.as_posix()}" for file in (*content.files, *content.licences)}
     folders = {scene.hash} if drive.hash is None else {scene.hash, drive.hash}
@@ -109,11 +109,11 @@ def _foreign_scene_files(store: Store, scene: Scene) -> Iterator[str]:
         top, _, file = name.partition("/")
         folder = file.partition("/")[0]
         if top == SCENES and (folder not in folders or (folder == scene.hash and file not in ours)):
-            yield f"{name}: is no file of the scene"
+            yield f"{name}: is not a file of the scene"
 
 
-def _other_units(store: Store, scene: Scene) -> Iterator[str]:
-    """Yield which columns of axes and metrics have other units than those that are measured in."""
+def _differing_units(store: Store, scene: Scene) -> Iterator[str]:
+    """Yield the columns of axes and metrics with units other than the measured ones."""
     described = store.columns.described
     units = {name: metric.unit for name, metric in METRICS.items()}
     for name in store.columns.axis_names:
@@ -125,40 +125,40 @@ def _other_units(store: Store, scene: Scene) -> Iterator[str]:
             yield f"{TABLE}: column {name} is in '{found}', not in '{units[name]}'"
 
 
-def _other_plan(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
-    """Yield where the sweep's text and options, read again, give another sweep or plan."""
+def _differing_plan(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
+    """Yield differences of the sweep or plan read again from the sweep's text and options."""
     identity, columns = store.manifest.sweep, store.columns
     index = RunIndex(plan, scene)
     name, source, options = identity.name, identity.source, identity.overrides
     request = SweepRequest(plan, scene, name, source, options, store.address, workers=0)
     planned = identity_of(request, index)
     if is_slice(identity):
-        index, planned = _slice(store, plan, index, planned)
+        index, planned = _runs_of_slice(store, plan, index, planned)
     elif chosen := chosen_runs(plan, index):
         read = columns.batches(["run_id", *chosen.read_by])
         chosen.learn(row for rows in read for row in rows.to_pylist())
         if chosen.next().any():
-            yield f"{TABLE}: runs are missing that what came of the others asks for"
+            yield f"{TABLE}: runs are missing that the results of the others require"
         _, planned = chosen.part(index, planned)
     ours, stored = planned.model_dump(), identity.model_dump()
     for field in (key for key in ours if ours[key] != stored[key]):
-        yield f"{IDENTITY}: {field} is not what the sweep's text and options give"
+        yield f"{IDENTITY}: {field} contradicts the sweep's text and options"
     if columns.shared.get("severity") != list(LABELS):
         yield f"{TABLE}: its severity is not the order of the labels"
     if columns.shared.get("labels", {}) != added_labels():
         yield f"{TABLE}: its labels are not as the plug-ins declare them"
-    if not index.has_all(columns.ids(), _places(columns)).all():
+    if not index.has_all(columns.ids(), _plan_indices(columns)).all():
         yield f"{TABLE}: its runs are not at their places in the plan"
 
 
-def _places(columns: RunColumns) -> NDArray[np.int64]:
+def _plan_indices(columns: RunColumns) -> NDArray[np.int64]:
     return np.concatenate([numpy_array(rows["index"]) for rows in columns.batches(["index"])])
 
 
-def _slice(
+def _runs_of_slice(
     store: Store, plan: Plan, whole: RunIndex, planned: SweepIdentity
 ) -> tuple[RunIndex, SweepIdentity]:
-    """Return the runs of a shard, or of several that were merged, and their identity."""
+    """Return the runs of a shard, or of several merged ones, and their identity."""
     if shard := shard_of(store.manifest.sweep):
         return shard_of_sweep(parse_shard(shard), plan.sweep, whole, planned)
     part = whole.only(np.isin(whole.ids, store.columns.ids()))
@@ -166,7 +166,7 @@ def _slice(
 
 
 def plan_again(identity: SweepIdentity, scene: Scene) -> Plan:
-    """Return the plan that a stored sweep's text and options give."""
+    """Return the plan from a stored sweep's text and options."""
     sets, only, limit = (
         [
             override.removeprefix(option)
@@ -179,30 +179,33 @@ def plan_again(identity: SweepIdentity, scene: Scene) -> Plan:
     axes, find = scene.catalogue.names, partial(scene.catalogue.find, lenient=True)
     names = Vocabulary(axes, find, [*METRICS], [*LABELS], [*THRESHOLDS])
     with TemporaryDirectory() as folder:
-        # There it finds no files, whichever it names.
+        # The empty folder hides all files that the sweep may name.
         file = Path(folder) / "sweep.yaml"
         file.write_text(identity.source, encoding="utf-8")
         plan, _ = supported(read_sweep(file, lambda _: names, options).plan)
-    drive = (given := identity.resolved.get("drive")) and parse_drive(given)
+    drive = (drive_entry := identity.resolved.get("drive")) and parse_drive(drive_entry)
     return replace(plan, sweep=plan.sweep.model_copy(update={"drive": drive}))
 
 
 def simulated_problems(store: Store, count: int, *, allow_code: bool = False) -> Iterator[str]:
-    """Simulate, measure and label a random sample of the runs again; yield how they differ."""
+    """Simulate, measure and label a random sample of the runs again. Yield the differences."""
     identity, columns = store.manifest.sweep, store.columns
     scene = stored_sweep_scene(store.manifest.sweep, store.scene_folder)
-    names = [*_OUTCOME, *(name for name in identity.metric_versions if name in columns.measured)]
+    names = [
+        *_OUTCOME_COLUMNS,
+        *(name for name in identity.metric_versions if name in columns.measured),
+    ]
     with TemporaryDirectory() as folder:
-        worker = Worker(_task(store, Path(folder)), None)
+        worker = Worker(_simulation_task(store, Path(folder)), None)
         for row in sorted(random.sample(range(columns.runs), min(count, columns.runs))):
             stored = columns.row(row)
-            # The code of a loop is not here, but that of an environment is.
+            # The code of a loop is not available, but that of an environment is.
             played = bool(scene.source.environment)
             if stored["status"] not in {"ok", "stopped"} or (stored.get("loop") and not played):
                 continue
             record = store.record(stored["run_id"])
             if played or isinstance(record.drive, PolicyDrive):
-                # The code of a policy alone is not run: the controls that it gave are.
+                # The code of a policy is not run: its recorded controls are applied.
                 if not (result := replay(store, record.run_id, allow_code=allow_code)).equal:
                     yield f"run {record.run_id}: simulated again, its hash is {result.hash}"
                 continue
@@ -215,16 +218,16 @@ def simulated_problems(store: Store, count: int, *, allow_code: bool = False) ->
                 yield f"{before}{name} is {again.get(name)}, not {stored[name]}"
             if record.trace is not None and not store.manifest.traces_left_out:
                 new = read_trace(Path(folder) / again["trace_file"])
-                if _arrays(store.trace(record)) != _arrays(new):
-                    yield f"{before}its trace is another"
+                if _trace_bytes(store.trace(record)) != _trace_bytes(new):
+                    yield f"{before}its trace differs"
 
 
-def _arrays(trace: StoredTrace) -> list[bytes]:
+def _trace_bytes(trace: StoredTrace) -> list[bytes]:
     each = (value for part in (trace, *trace.pairs) for value in vars(part).values())
     return [value.tobytes() for value in each if isinstance(value, np.ndarray)]
 
 
-def _task(store: Store, folder: Path) -> Task:
+def _simulation_task(store: Store, folder: Path) -> Task:
     identity = store.manifest.sweep
     sweep = Sweep.model_validate(identity.resolved).model_copy(update={"trace": "all"})
     return Task(sweep, (), identity, folder, store.scene_folder, provenance(), loaded_plugins())

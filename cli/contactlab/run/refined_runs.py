@@ -25,10 +25,10 @@ from contactlab.schema.sweep_schema import Refine
 
 
 class RefinedRuns(ChosenRuns):
-    """Those in whose cells outcomes differ, and those that lie on no cell."""
+    """Runs in cells with differing outcomes, and runs that are in no cell."""
 
     def __init__(self, refine: Refine, plan: Plan, ids: NDArray[np.uint64]) -> None:
-        """Take the grid of a plan, and (runs) the ids of its runs in order."""
+        """Take the grid of a plan, and the ids (runs) of its runs in order."""
         side = side_of(refine.where, labels_with("required"))
         super().__init__(ids, side, read_by(refine.where))
         self._probe, self._codes = refine.probe, dict[object, int]()
@@ -38,37 +38,39 @@ class RefinedRuns(ChosenRuns):
         self._stride = stride
         runs = ((run.index, run.values, run.seed) for run in plan.runs())
         self._lattices = lattices(runs, self._axes)
-        apart = np.ones(len(ids), bool)
+        outside = np.ones(len(ids), bool)
         for lattice in self._lattices:
-            apart[lattice.places[lattice.places != UNKNOWN]] = False
-        self._apart: list[int] = np.flatnonzero(apart).tolist()
+            outside[lattice.places[lattice.places != UNKNOWN]] = False
+        self._apart: list[int] = np.flatnonzero(outside).tolist()
 
     def choose(self) -> Iterator[int]:
-        """Yield the places of the runs to make next.
+        """Yield the plan indices of the next runs.
 
-        The first are also those that lie on no cell, as baselines and runs that a file includes.
+        The first are also the runs in no cell, such as baselines and runs that a file includes.
         """
         yield from (place for place in self._apart if not self.is_known(place))
         for lattice in self._lattices:
-            points = next_points(self._seen(lattice), self._stride, self._probe, lattice.ranks)
+            points = next_points(
+                self._side_codes(lattice), self._stride, self._probe, lattice.ranks
+            )
             yield from lattice.places[points].tolist()
 
-    def _seen(self, lattice: Lattice) -> Codes:
-        """Return (n, ...) the sides of a lattice's points; one without a run has its own."""
-        codes = [self._code(place) for place in lattice.places.ravel().tolist()]
+    def _side_codes(self, lattice: Lattice) -> Codes:
+        """Return (n, ...) the sides of a lattice's points; those without a run have another one."""
+        codes = [self._side_code(place) for place in lattice.places.ravel().tolist()]
         return np.array(codes, np.int32).reshape(lattice.places.shape)
 
-    def _code(self, place: int) -> int:
+    def _side_code(self, place: int) -> int:
         if place != UNKNOWN and not self.is_known(place):
             return UNKNOWN
         side = "no run" if place == UNKNOWN else ("side", self.side_at(place))
         return self._codes.setdefault(side, len(self._codes))
 
     def whole(self, index: RunIndex) -> WholeGrid:
-        """Return the grid, with how much of it is inferred."""
+        """Return the grid, with the size of its inferred part."""
         points = probes = 0
         for lattice in self._lattices:
-            codes = self._seen(lattice)
+            codes = self._side_codes(lattice)
             inside = ~corners_of(halved(codes, self._stride).cells, codes.shape)
             points += int(inside.sum())
             probes += int((inside & (codes != UNKNOWN)).sum())

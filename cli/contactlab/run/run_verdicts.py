@@ -1,4 +1,4 @@
-"""Verdicts on a run's outcome: expectations, tolerances, and effects that it needed."""
+"""Verdicts on a run's results: expectations, tolerances, and effects that it needed."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from operator import itemgetter
@@ -30,12 +30,14 @@ if TYPE_CHECKING:
 def judge(
     expectations: Sequence[Expectation], labels: Sequence[str], metrics: Mapping[str, float | None]
 ) -> tuple[tuple[str, ...] | None, bool | None, str | None]:
-    """Return the labels of which one is expected, whether a run meets that, and why not.
+    """Return the expected labels (any of which may occur), whether a run meets them, and why not.
 
-    They are None if nothing is expected. A run's labels are worst first; without any it is stable.
+    They are None without expectations. A run's labels are worst first; without labels it is stable.
     """
     unmet = [
-        reason for expectation in expectations for reason in _unmet(expectation, labels, metrics)
+        reason
+        for expectation in expectations
+        for reason in _unmet_expectations(expectation, labels, metrics)
     ]
     expected = [label for expectation in expectations for label in expectation.label or ()]
     met = not unmet if expectations else None
@@ -45,10 +47,10 @@ def judge(
 def within_tolerances(
     tolerances: Mapping[str, float], metrics: Mapping[str, float | None]
 ) -> bool | None:
-    """Return whether every metric with a tolerance is within it; None if none of them is here.
+    """Return whether every metric with a tolerance is within it; None if none of them is present.
 
-    A metric that could not be measured is not within. Errors against a reference are judged apart
-    from the others, since a later pass computes them.
+    A metric that could not be measured is not within. Errors against a reference are judged
+    separately, because a later pass computes them.
     """
     measured = {name: metrics[name] for name in tolerances if name in metrics}
     if not measured:
@@ -58,7 +60,7 @@ def within_tolerances(
     )
 
 
-def _unmet(
+def _unmet_expectations(
     expectation: Expectation, labels: Sequence[str], metrics: Mapping[str, float | None]
 ) -> Iterator[str]:
     allowed = expectation.label
@@ -68,10 +70,10 @@ def _unmet(
     if broken and not broken & set(allowed or ()):
         yield f"expected {', '.join(expectation.must)}, found {', '.join(sorted(broken))}"
     for name, bounds in expectation.metrics.items():
-        yield from _outside(name, metrics[name], bounds)
+        yield from _outside_bounds(name, metrics[name], bounds)
 
 
-def _outside(name: str, value: float | None, bounds: Bounds) -> Iterator[str]:
+def _outside_bounds(name: str, value: float | None, bounds: Bounds) -> Iterator[str]:
     if value is None:
         yield f"expected {name}, which could not be measured"
     elif bounds.min is not None and value < bounds.min:
@@ -83,12 +85,12 @@ def _outside(name: str, value: float | None, bounds: Bounds) -> Iterator[str]:
 def concluded(
     plan: Plan | None, budgets: Sequence[ParameterBudget], table: "RunColumns"
 ) -> dict[str, object]:
-    """Return what the manifest of a plan's store says of all runs together."""
+    """Return the manifest entries about all runs of a plan's store together."""
     return {"unmet_means": tuple(unmet_means(plan, table)), "parameter_budgets": tuple(budgets)}
 
 
 def unmet_means(plan: Plan | None, table: "RunColumns") -> Iterator[str]:
-    """Yield which means over runs are not as a plan expects; none without one, as of a shard."""
+    """Yield the means over runs that violate a plan; empty without a plan, such as for a shard."""
     names = sorted({name for _, each in plan.expected for name in each.mean} if plan else ())
     if plan is None or not names:
         return
@@ -100,11 +102,13 @@ def unmet_means(plan: Plan | None, table: "RunColumns") -> Iterator[str]:
         for name, bounds in expectation.mean.items():
             values = [columns[name][row] for row in rows]
             mean = None if None in values or not rows else sum(values) / len(rows)
-            yield from _outside(f"a mean {name}", mean, bounds)
+            yield from _outside_bounds(f"a mean {name}", mean, bounds)
 
 
-_TURN = 0.1  # Slower motion is the rocking of soft contact
-_SLIDE_JOINT = 2  # as the engine numbers kinds of joints: free, ball, slide, hinge
+_MIN_ROTATION_SPEED = (
+    0.1  # smallest rotation that counts [rad/s]; slower is the rocking of soft contact
+)
+_SLIDE_JOINT = 2  # the engine's number of this kind of joint, of free, ball, slide, hinge
 
 
 def missing_effects(
@@ -112,56 +116,58 @@ def missing_effects(
 ) -> dict[str, str]:
     """Return the effects that the run needed although they were off, each with the evidence.
 
-    Only some effects are considered, those that the model has and that were turned off: friction
-    that would oppose motion in contacts, and limits that joints exceed. The trace is of a group.
+    Only some effects are considered, if the model has them and they were turned off: friction that
+    would oppose motion in contacts, and limits that joints exceed. The trace is that of a group.
     """
     pull = float(pull_of(model.opt.gravity[None], float(model.stat.meansize))[0])
-    seen = {name: _motion(trace, run, name, pull) for name in _MOTIONS if name in effects}
+    seen = {
+        name: _first_opposed_motion(trace, run, name, pull) for name in _MOTIONS if name in effects
+    }
     if "limit" in effects:
-        seen["limit"] = _limit(trace, run, model)
+        seen["limit"] = _first_exceeded_limit(trace, run, model)
     return {name: text for name, text in seen.items() if text is not None}
 
 
-def _motion(trace: Trace, run: int, name: str, pull: float) -> str | None:
+def _first_opposed_motion(trace: Trace, run: int, name: str, pull: float) -> str | None:
     """Return the first motion in a contact that a friction effect would oppose.
 
     `pull` is gravity [m/s^2].
     """
     word, unit, least, *_ = _MOTIONS[name]
     least *= pull if unit == "m/s" else 1
-    found: list[tuple[int, str, float]] = []
+    motions: list[tuple[int, str, float]] = []
     for pair in (monitored for monitored in trace.pairs if monitored.touched[run]):
-        speed = _speed(pair.slots[run], name)
+        speed = _opposed_speeds(pair.slots[run], name)
         steps = np.flatnonzero(speed > least)
-        found += [(step, pair.name, float(speed.max())) for step in steps[:1].tolist()]
-    if not found:
+        motions += [(step, pair.name, float(speed.max())) for step in steps[:1].tolist()]
+    if not motions:
         return None
-    step, pair_name, fastest = min(found, key=itemgetter(0))
+    step, pair_name, fastest = min(motions, key=itemgetter(0))
     return f"{pair_name} {word} from step {step}, at up to {fastest:.3g} {unit}"
 
 
-def _speed(slots: Floats, name: str) -> Floats:
-    """Return (N,) the fastest motion that an effect would oppose, in contacts that bear."""
+def _opposed_speeds(slots: Floats, name: str) -> Floats:
+    """Return (N,) the fastest motion that an effect would oppose, in contacts that carry force."""
     *_, velocity, parts = _MOTIONS[name]
     speeds = np.sqrt(squared_lengths(slots[..., velocity][..., parts]))
     return np.where(slots[..., FORCE.start] > 0, speeds, 0.0).max(axis=-1, initial=0.0)
 
 
-# What moves how, in which unit, from which speed on [rad/s, or s of a fall]: which velocities,
-# and which parts of them.
+# By effect: the verb, the unit, the smallest speed [rad/s, or s of a fall], and the velocities with
+# their components.
 _MOTIONS = {
     "tangential_friction": ("slides", "m/s", ENTER_SLIP, LINEAR_VELOCITY, slice(1, 3)),
-    "torsional_friction": ("spins", "rad/s", _TURN, ANGULAR_VELOCITY, slice(0, 1)),
-    "rolling_friction": ("rolls", "rad/s", _TURN, ANGULAR_VELOCITY, slice(1, 3)),
+    "torsional_friction": ("spins", "rad/s", _MIN_ROTATION_SPEED, ANGULAR_VELOCITY, slice(0, 1)),
+    "rolling_friction": ("rolls", "rad/s", _MIN_ROTATION_SPEED, ANGULAR_VELOCITY, slice(1, 3)),
 }
 
 
-def _limit(trace: Trace, run: int, model: mujoco.MjModel) -> str | None:
-    """Return which joint exceeds its limit first, and when."""
+def _first_exceeded_limit(trace: Trace, run: int, model: mujoco.MjModel) -> str | None:
+    """Return the first joint that exceeds its limit, and the step."""
     beyond: list[tuple[int, str]] = []
     for joint in np.flatnonzero(np.asarray(model.jnt_limited)).tolist():
         low, high = model.jnt_range[joint]
-        # Of joints with one coordinate: a ball joint's limit is on its angle.
+        # Only joints with one coordinate: a ball joint's limit is on its angle.
         if model.jnt_type[joint] >= _SLIDE_JOINT:
             place = trace.qpos[run, :, int(model.jnt_qposadr[joint])]
             steps = np.flatnonzero((place < low) | (place > high))

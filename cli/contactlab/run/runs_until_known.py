@@ -1,4 +1,4 @@
-"""The runs of a sweep that stops once a share of them is known well enough."""
+"""Runs of a sweep that stops when a share of them is known well enough."""
 
 from collections import defaultdict
 from collections.abc import Iterator
@@ -14,15 +14,15 @@ from contactlab.run.chosen_runs import ChosenRuns
 from contactlab.schema.sweep_schema import Until
 from contactlab.shares import anytime
 
-# Runs of each configuration before the first look, and by which share of them the others grow.
-_FIRST, _GROWTH = 16, 4
+# Runs of each configuration before the first check, and the divisor for later increases.
+_FIRST_RUNS, _GROWTH_DIVISOR = 16, 4
 
 
 class RunsUntilKnown(ChosenRuns):
     """The first runs of each configuration, in the order of the plan, until its share is known."""
 
     def __init__(self, until: Until, plan: Plan, ids: NDArray[np.uint64]) -> None:
-        """Take the draws of a plan, and (runs) the ids of its runs in order."""
+        """Take the draws of a plan, and the ids (runs) of its runs in order."""
         side = counted(until.share, labels_with("required"))
         super().__init__(ids, side, read_by(until.share))
         self._until = until
@@ -32,13 +32,13 @@ class RunsUntilKnown(ChosenRuns):
             self._places[configuration_of(run.values, drawn)].append(run.index)
 
     def choose(self) -> Iterator[int]:
-        """Yield the places of the runs to make next."""
+        """Yield the plan indices of the next runs."""
         for places in self._places.values():
-            yield from self._missing(places)
+            yield from self._next_runs(places)
 
-    def _missing(self, places: list[int]) -> list[int]:
+    def _next_runs(self, places: list[int]) -> list[int]:
         """Return the next runs of a configuration."""
-        count = min(_FIRST, len(places))
+        count = min(_FIRST_RUNS, len(places))
         while True:
             missing = [place for place in places[:count] if not self.is_known(place)]
             if missing or count == len(places):
@@ -47,4 +47,4 @@ class RunsUntilKnown(ChosenRuns):
             low, high = anytime(good, count, self._until.sure)
             if (high - low) / 2 <= self._until.half_width:
                 return []
-            count = min(len(places), count + max(_FIRST, count // _GROWTH))
+            count = min(len(places), count + max(_FIRST_RUNS, count // _GROWTH_DIVISOR))

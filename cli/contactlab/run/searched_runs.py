@@ -1,4 +1,4 @@
-"""The runs of a sweep that searches for the worst of a metric."""
+"""Runs of a sweep that searches for the worst value of a metric."""
 
 import math
 from collections import defaultdict
@@ -14,13 +14,13 @@ from contactlab.schema.sweep_schema import Search
 
 
 class SearchedRuns(ChosenRuns):
-    """Trials of each seed, and of all values of the axes that are not searched.
+    """Trials for each seed, and for each combination of axes that are not searched.
 
-    Rows that a file includes off the axes' values are no trials: they run as they are.
+    Rows that a file includes outside of the axes' values are not trials: they run unchanged.
     """
 
     def __init__(self, search: Search, plan: Plan, ids: NDArray[np.uint64]) -> None:
-        """Take the points of a plan, and (runs) the ids of its runs in order."""
+        """Take the points of a plan, and the ids (runs) of its runs in order."""
         metric = search.metric
         super().__init__(ids, lambda row: row.get(metric), (metric,))
         sign = -1.0 if search.maximise else 1.0
@@ -42,13 +42,13 @@ class SearchedRuns(ChosenRuns):
         ]
 
     def choose(self) -> Iterator[int]:
-        """Yield the places of the runs to make next."""
+        """Yield the plan indices of the next runs."""
         yield from (place for place in self._apart if not self.is_known(place))
         for places, trials in self._searches:
-            for trial in trials.next(self._measured(places)):
+            for trial in trials.next(self._measured_values(places)):
                 yield places[trial]
 
-    def _measured(self, places: list[int]) -> Mapping[int, float | None]:
+    def _measured_values(self, places: list[int]) -> Mapping[int, float | None]:
         found = dict[int, float | None]()
         for point, place in enumerate(places):
             if self.is_known(place):

@@ -1,4 +1,4 @@
-"""A shard: every so many-th run of a sweep, in a store of its own that can be merged."""
+"""Shards: every n-th run of a sweep, in a separate store that can be merged."""
 
 import re
 
@@ -7,14 +7,14 @@ from contactlab.run.planned_runs import RunIndex
 from contactlab.schema.evidence import SweepIdentity, WholeGrid
 from contactlab.schema.sweep_schema import Sweep
 
-_SHARD = re.compile(r"([0-9]{1,9})/([0-9]{1,9})")
-# What a run's part in depends on others, which a shard does not know.
-_OF_ALL_RUNS = ("refine", "until", "search", "accuracy", "timing")
+_SHARD_TEXT = re.compile(r"([0-9]{1,9})/([0-9]{1,9})")
+# Keys whose results depend on runs of other shards.
+_KEYS_OF_ALL_RUNS = ("refine", "until", "search", "accuracy", "timing")
 
 
 def parse_shard(text: str) -> tuple[int, int]:
-    """Return which shard of how many is meant, as by 3/64; a SweepFileError says what to write."""
-    found = _SHARD.fullmatch(text)
+    """Return number and count of shards from text such as 3/64. Raises a SweepFileError."""
+    found = _SHARD_TEXT.fullmatch(text)
     number, shards = map(int, found.groups()) if found else (0, 0)
     if not 1 <= number <= shards:
         raise SweepFileError(f"--shard {text}: write N/M, such as 3/64; N counts from 1 to M")
@@ -24,16 +24,16 @@ def parse_shard(text: str) -> tuple[int, int]:
 def shard_of_sweep(
     shard: tuple[int, int], sweep: Sweep, whole: RunIndex, identity: SweepIdentity
 ) -> tuple[RunIndex, SweepIdentity]:
-    """Return the runs of a shard, and the identity of a store of those.
+    """Return the runs of a shard, and the identity of a store of them.
 
-    Raises a SweepFileError if what the sweep asks for depends on all of its runs, or the shard has
-    none.
+    Raises a SweepFileError if the sweep has a key that depends on all of its runs, or the shard has
+    no runs.
     """
     number, shards = shard
-    if asked := [name for name in _OF_ALL_RUNS if getattr(sweep, name)]:
+    if keys := [name for name in _KEYS_OF_ALL_RUNS if getattr(sweep, name)]:
         raise SweepFileError(
-            f"a sweep with `{asked[0]}` has no shards: what it asks for depends on all runs; leave "
-            "out --shard, or take the key out and merge shards of the whole grid"
+            f"a sweep with `{keys[0]}` has no shards, because this key depends on all runs; "
+            "remove --shard, or remove the key and merge shards of the whole grid"
         )
     if number > len(whole):
         raise SweepFileError(
@@ -47,6 +47,6 @@ def shard_of_sweep(
 def part_of(
     whole: RunIndex, part: RunIndex, identity: SweepIdentity, shard: str | None = None
 ) -> SweepIdentity:
-    """Return the identity of a store of a part of a grid's runs, which may be a shard."""
+    """Return the identity of a store with a part of a grid's runs, which may be a shard."""
     own = {"runs_asked": len(part), "whole": WholeGrid(shard=shard, runs=len(whole))}
     return identity.model_copy(update=own)

@@ -1,8 +1,8 @@
-"""Stored runs, run again from their store alone: replayed bit for bit, or timed.
+"""Repeats stored runs from their store alone: replays them bit for bit, or times them.
 
-Runs are timed in processes that `contactlab compare --remeasure` talks to. Each line of such a
+Runs are timed in processes that `contactlab compare --remeasure` controls. Each line of such a
 process's input requests a run: {"run": id, "repeats": n}. Each line of its output answers:
-{"seconds": CPU time, "steps": made}, or {"error": why not}. The first line names the engine.
+{"seconds": CPU time, "steps": made}, or {"error": reason}. The first line names the engine.
 """
 
 import gc
@@ -38,7 +38,7 @@ from contactlab.store.verify_store import trace_damage
 
 @dataclass(frozen=True)
 class ReplayResult:
-    """A replay, compared with the stored run, of which it should equal every state bit for bit."""
+    """A replay, compared with the stored run, which it should reproduce bit for bit."""
 
     run_id: str
     equal: bool
@@ -49,7 +49,7 @@ class ReplayResult:
     step: int | None
     difference: float | None  # largest difference of a coordinate there [m, rad, m/s or rad/s]
     stored_engine: str
-    damage: str | None = None  # what is wrong with the stored trace, which the replay is not of
+    damage: str | None = None  # the damage of the stored trace; the replay does not use it
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class PreparedReplay:
 def prepare_replay(store: Store, run: str) -> PreparedReplay:
     """Return a stored run's model and initial state, made from the store's own files.
 
-    Errors are those of `stored_run`; and SceneError, if the stored scene does not compile here.
+    Raises the errors of `stored_run`, and a SceneError if the stored scene does not compile here.
     """
     record, scene, resolved = stored_run(store, run)
     runs = PreparedRuns.of(scene, resolved)
@@ -101,7 +101,7 @@ def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, RunSpec]:
 
 
 def resolve_record(scene: Scene, record: EvidenceRecord) -> RunSpec:
-    """Return all that decides a stored run; raise StoreError if that does not give its id."""
+    """Return everything that decides a stored run. Raises a StoreError if its id differs."""
     resolved = scene.resolve(canonical_values(scene, record.axes), record.seed, record.duration)
     if (run_id := scene.run_id(resolved)) != record.run_id:
         raise StoreError(another_id(record.run_id, run_id))
@@ -109,7 +109,7 @@ def resolve_record(scene: Scene, record: EvidenceRecord) -> RunSpec:
 
 
 def another_id(stored: str, again: str) -> str:
-    """Return that a run is resolved to another id than it is stored with."""
+    """Return the message that a run resolves to an id other than the stored one."""
     return (
         f"run {stored}: the stored scene and settings give another id, {again}; the store or this "
         "version's defaults changed"
@@ -117,14 +117,17 @@ def another_id(stored: str, again: str) -> str:
 
 
 def canonical_values(scene: Scene, axes: Mapping[str, object]) -> dict[str, object]:
-    """Return the axis values of a stored run; raise StoreError if the scene takes no such."""
-    return {name: _parsed(scene, name, value) for name, value in axes.items()}
+    """Return the axis values of a stored run.
+
+    Raises a StoreError if the scene does not accept them.
+    """
+    return {name: _parse_value(scene, name, value) for name, value in axes.items()}
 
 
 def replay(store: Store, run: str, *, allow_code: bool = False) -> ReplayResult:
-    """Simulate a stored run again; return whether it is equal, or where it first differs.
+    """Simulate a stored run again. Return whether it is equal, or where it first differs.
 
-    A SceneError says that it is an episode of an environment, whose code is not allowed.
+    A SceneError says that it is an episode of an environment with code that is not allowed.
     """
     silence_mujoco()
     start = prepare_replay(store, run)
@@ -144,7 +147,7 @@ def replay(store: Store, run: str, *, allow_code: bool = False) -> ReplayResult:
 def stored_start(
     record: EvidenceRecord, prepared: PreparedModel, again: InitialStates
 ) -> InitialStates:
-    """Return the stored state; controls and holds over time come from scene and settings."""
+    """Return the stored state; time-dependent controls and holds come from scene and settings."""
     initial = record.initial
     applied = initial.applied or (0.0,) * (6 * prepared.model.nbody)
     rows = (initial.qpos, initial.qvel, initial.ctrl, applied)
@@ -152,7 +155,7 @@ def stored_start(
     return again._replace(qpos=qpos, qvel=qvel, ctrl=ctrl, applied=forces)
 
 
-def _parsed(scene: Scene, name: str, value: object) -> object:
+def _parse_value(scene: Scene, name: str, value: object) -> object:
     spec = scene.catalogue.find(name)
     if spec is None:
         raise StoreError(f"the stored scene has no axis '{name}'")
@@ -179,7 +182,7 @@ def _first_difference(
     return first, float(np.abs(old[first] - new[first]).max())
 
 
-MAX_STEPS = 2_000  # steps that are timed from each of the places along a run
+MAX_STEPS = 2_000  # steps that are timed from each start state along a run
 
 
 def answers(store: Store, lines: Iterator[str]) -> Iterator[dict[str, Any]]:
@@ -198,7 +201,7 @@ def answers(store: Store, lines: Iterator[str]) -> Iterator[dict[str, Any]]:
         try:
             run = str(request["run"])
             if run not in prepared:
-                # One at a time: two processes time the same run, interleaved.
+                # Keep one run only: two processes time the same run, interleaved.
                 prepared = {run: timed_run(store, run)}
             engine, segments = prepared[run]
             seconds, steps = engine.time_segments(segments, MAX_STEPS, int(request["repeats"]))
@@ -208,7 +211,10 @@ def answers(store: Store, lines: Iterator[str]) -> Iterator[dict[str, Any]]:
 
 
 def timed_run(store: Store, run: str) -> tuple[TimesSteps, Segments]:
-    """Return a stored run's engine and segments, to be timed; a ContactlabError says why not."""
+    """Return a stored run's engine and segments for timing.
+
+    Raises a ContactlabError if impossible.
+    """
     record, scene, resolved = stored_run(store, run)
     engine = engine_of(resolved)
     if not isinstance(engine, TimesSteps):
@@ -236,26 +242,26 @@ def main(*fillers: Callable[[], None]) -> None:
 
 
 class TimingProcess:
-    """Times runs, stepped by MuJoCo of a version or by other engines; see `timing_process`."""
+    """Times runs, stepped by a version of MuJoCo or by other engines; see `timing_process`."""
 
     def __init__(self, python: Path, requests: IO[str], answers: IO[str]) -> None:
         self._python, self._requests, self._answers = python, requests, answers
-        greeting = self._answer()
+        greeting = self._read_answer()
         self.engine = str(greeting["engine"])
         self.timed_engines = frozenset(map(str, greeting["timed_engines"]))
 
     def time(self, run: str, repeats: int) -> tuple[float, float]:
-        """Return the CPU time of all steps that were made of a run, and of one of them [s]."""
+        """Return the CPU time of all steps that were made of a run, and of one step [s]."""
         with suppress(BrokenPipeError):
             self._requests.write(json.dumps({"run": run, "repeats": repeats}) + "\n")
             self._requests.flush()
-        answer = self._answer()
+        answer = self._read_answer()
         if "error" in answer:
             raise StoreError(f"{self._python} cannot time run {run}: {answer['error']}")
         seconds = float(answer["seconds"])
         return seconds, seconds / int(answer["steps"])
 
-    def _answer(self) -> dict[str, Any]:
+    def _read_answer(self) -> dict[str, Any]:
         try:
             return dict(json.loads(self._answers.readline()))
         except ValueError as error:
@@ -283,6 +289,6 @@ def timing_process(python: Path, store: Path) -> Generator[TimingProcess]:
     try:
         yield TimingProcess(python, process.stdin, process.stdout)
     finally:
-        # It has nothing to lose: it only answers.
+        # Killing it loses nothing: it only answers requests.
         process.kill()
         process.communicate()

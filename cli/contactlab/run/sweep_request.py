@@ -1,4 +1,4 @@
-"""From a sweep file to a request: its plan, its scene, and what may be named in it."""
+"""Reads a sweep file into a request: its plan, its scene, and the allowed names."""
 
 import math
 from collections.abc import Mapping
@@ -26,7 +26,7 @@ from contactlab.store.control_tables import read_control_table
 from contactlab.store.store_files import Address
 from contactlab.store.table_layout import RESERVED_COLUMNS
 
-_OF_ORACLES = ("oracle_error", "oracle_expected", "oracle_measured")
+_ORACLE_METRICS = ("oracle_error", "oracle_expected", "oracle_measured")
 _NO_ORACLE = "the scene has no oracle"
 
 
@@ -44,11 +44,11 @@ class SweepRequest:
     fresh: bool = False  # whether to replace an existing store
     # Why runs that only newer engines support are left out of the plan.
     left_out: tuple[str, ...] = ()
-    cluster: Executor | None = None  # what runs the jobs, if not worker processes of this machine
+    cluster: Executor | None = None  # executor of the jobs, if not this machine's workers
     retry_failed: bool = False
     repair: bool = False
-    shard: tuple[int, int] | None = None  # which slice of how many to run; all if None
-    allow_code: bool = False  # whether a policy may run, which is code; environments have run
+    shard: tuple[int, int] | None = None  # number and count of the shard to run; all if None
+    allow_code: bool = False  # whether code of a policy may run; that of environments already has
 
 
 def read_request(  # noqa: PLR0913 - one argument an option
@@ -66,8 +66,8 @@ def read_request(  # noqa: PLR0913 - one argument an option
     """Read a sweep: a file by its path or its text, or its content as data.
 
     Relative paths of scenes start in the folder. `drive` and `allow_code` are as in `SceneLoader`.
-    With `partly`, runs that only newer engines support are left out instead of refused. Raises a
-    SweepFileError if the file or the overrides have mistakes; all are listed.
+    With `partly`, runs that only newer engines support are omitted instead of refused. Raises a
+    SweepFileError that lists all mistakes of the file or the overrides.
     """
     options = overrides or Overrides()
     scenes = SceneLoader(folder, drive, allow_code=allow_code)
@@ -79,23 +79,23 @@ def read_request(  # noqa: PLR0913 - one argument an option
         scene=scene,
         name=name,
         source=read.text,
-        overrides=_given(options, drive),
+        overrides=_override_options(options, drive),
         store=store,
         workers=workers,
         left_out=reasons,
     )
 
 
-def _given(overrides: Overrides, drive: Drive | None) -> tuple[str, ...]:
-    given = [f"--set {assignment}" for assignment in overrides.assign]
-    given += [f"--only {condition}" for condition in overrides.only]
-    given += [] if overrides.limit is None else [f"--limit {overrides.limit}"]
-    given += [] if drive is None else [f"--drive {drive_text(drive)}"]
-    return tuple(given)
+def _override_options(overrides: Overrides, drive: Drive | None) -> tuple[str, ...]:
+    options = [f"--set {assignment}" for assignment in overrides.assign]
+    options += [f"--only {condition}" for condition in overrides.only]
+    options += [] if overrides.limit is None else [f"--limit {overrides.limit}"]
+    options += [] if drive is None else [f"--drive {drive_text(drive)}"]
+    return tuple(options)
 
 
 def supported(plan: Plan) -> tuple[Plan, tuple[str, ...]]:
-    """Return a plan without the rows that this engine does not support, and why, each once."""
+    """Return a plan without rows that this engine does not support, and the distinct reasons."""
     concerned = incomplete_axes().intersection(plan.grid.names)
     taken = ((name, value) for name in concerned for value in plan.grid.taken(name))
     if not any(starmap(why_unsupported, taken)):
@@ -111,26 +111,26 @@ def supported(plan: Plan) -> tuple[Plan, tuple[str, ...]]:
 
 @dataclass
 class SceneLoader:
-    """Opens the scene that a sweep names, once."""
+    """Opens the scene of a sweep once."""
 
-    # Where relative paths of scenes, and of files of drives, start: beside the sweep.
+    # Base of relative paths of scenes and of files of drives: the folder of the sweep.
     folder: Path | None
-    drive: Drive | None = None  # what drives runs, whatever sweep or scene say; of an option
-    drive_folder: Path = Path()  # where the files of `drive` start
+    drive: Drive | None = None  # drive of an option, which overrides sweep and scene
+    drive_folder: Path = Path()  # base of relative paths in `drive`
     allow_code: bool = False  # whether the code of environments may run
     _opened: dict[str, Scene] = field(default_factory=dict[str, Scene])
     _driven: dict[str, Scene] = field(default_factory=dict[str, Scene])
 
     def open(self, reference: str) -> Scene:
-        """Return the scene, driven as the option says, else as the scene itself does."""
+        """Return the scene with the drive of the option, or otherwise with its own."""
         if reference not in self._driven:
-            scene = self._undriven(reference)
-            # A model without a manifest says itself what moves it.
+            scene = self._open_undriven(reference)
+            # A model without a manifest decides its own drive.
             bare = "auto" if scene.source.manifest is None else None
             self._driven[reference] = scene.with_drive(self.drive or bare, self.drive_folder)
         return self._driven[reference]
 
-    def _undriven(self, reference: str) -> Scene:
+    def _open_undriven(self, reference: str) -> Scene:
         if reference not in self._opened:
             tables, allowed = read_control_table, self.allow_code
             scene = Scene.open(reference, self.folder, ENGINES, tables, allow_code=allowed)
@@ -145,21 +145,21 @@ class SceneLoader:
         return self.open(reference).with_drive(drive, self.folder or Path())
 
     def for_sweep(self, read: SweepFile) -> tuple[Scene, Plan]:
-        """Return the scene as a sweep has it, and the sweep's plan with the hash of its drive."""
+        """Return the scene of a sweep, and the sweep's plan with the hash of its drive."""
         sweep = read.sweep
         if sweep.drive is not None and self.drive is None:
-            scene = self._undriven(sweep.scene).with_drive(sweep.drive, self.folder or Path())
+            scene = self._open_undriven(sweep.scene).with_drive(sweep.drive, self.folder or Path())
         else:
             scene = self.open(sweep.scene)
-        # What a manifest says is in the scene's own copy.
-        own = self._undriven(sweep.scene).drive
+        # The manifest's drive is already in the scene's own copy.
+        own = self._open_undriven(sweep.scene).drive
         drive = None if scene.drive == own else scene.drive.drive
         located = read.plan.sweep.model_copy(update={"drive": drive})
         return scene.with_effects(effects_base(sweep.effects)), replace(read.plan, sweep=located)
 
     def vocabulary(self, reference: str, *, lenient: bool = False) -> Vocabulary:
-        """Return every name that a sweep of the scene may use, or also of newer versions."""
-        scene = self._undriven(reference)
+        """Return every name that a sweep of the scene may use; lenient, also of newer versions."""
+        scene = self._open_undriven(reference)
         axes, find = scene.catalogue.names, partial(scene.catalogue.find, lenient=lenient)
 
         def broken(text: str, duration: float | None) -> str | None:
@@ -174,19 +174,21 @@ class SceneLoader:
             [*LABELS],
             [*THRESHOLDS],
             units={name: entry.unit for name, entry in (*METRICS.items(), *THRESHOLDS.items())},
-            lacking={} if manifest and manifest.oracle else dict.fromkeys(_OF_ORACLES, _NO_ORACLE),
+            lacking={}
+            if manifest and manifest.oracle
+            else dict.fromkeys(_ORACLE_METRICS, _NO_ORACLE),
             asks=bool(manifest and manifest.must),
             mistake_in_requirement=broken,
         )
 
 
 def _check_names(scene: Scene) -> None:
-    """Check names of the scene's own against those of columns and of the tables of metrics."""
+    """Check the scene's own names against those of columns and of the tables of metrics."""
     clashes = set(scene.catalogue.names) & (RESERVED_COLUMNS | set(METRICS))
     if clashes:
         raise SceneError(
             f"scene '{scene.name}' offers axes named {', '.join(sorted(clashes))}, "
-            "which are columns of the table already; rename them in its manifest"
+            "which are already columns of the table; rename them in its manifest"
         )
     manifest = scene.source.manifest
     if manifest is None:
@@ -199,7 +201,7 @@ def _check_names(scene: Scene) -> None:
 
 
 def starter_sweep(reference: str, loader: SceneLoader) -> str:
-    """Return the text of a sweep file to start from: around a scene's own values, and small."""
+    """Return the text of a small sweep file to start from, around a scene's own values."""
     scene = loader.open(reference)
     base = scene.base({})
     step = base.settings["timestep"]

@@ -1,4 +1,4 @@
-"""Run a sweep into a store: plan, skip what is done, run the rest, publish."""
+"""Runs a sweep into a store: plan, skip finished runs, run the rest, publish."""
 
 import logging
 from collections.abc import Iterable, Iterator, Sequence
@@ -62,8 +62,8 @@ from contactlab.store.table_layout import (
     struct_column,
 )
 
-# Of a run by itself, where the second is taken to be its own fault; one more in its first job.
-_MOST_CRASHES = 2
+# Crashes of a run alone before it counts as the culprit; its first job may crash once more.
+_MAX_CRASHES_ALONE = 2
 _LOG = logging.getLogger(__name__)
 
 
@@ -73,18 +73,18 @@ def run_sweep(
     progress: ProgressCallback,
     stop: Stop | None = None,
 ) -> StoreManifest:
-    """Run what is not stored yet and publish the store.
+    """Run everything that is not stored yet and publish the store.
 
     Raises a SweepFileError if the sweep has no runs, or cannot be run; an OutputError if the store
     cannot be written; a StoreError if the store is of another sweep; a StoppedError if `stop` was
-    set; the same call goes on where it stopped.
+    set. The same call resumes a stopped sweep.
     """
     drive = request.scene.drive
     policy = allowed_policy(drive, allowed=request.allow_code)
     index = RunIndex(request.plan, request.scene)
     if not len(index):
         raise SweepFileError(f"sweep '{request.name}' has no runs; see `--plan`")
-    columns = _columns(request, index)
+    columns = _table_columns(request, index)
     identity = identity_of(request, index)
     if request.shard:
         index, identity = shard_of_sweep(request.shard, request.plan.sweep, index, identity)
@@ -124,14 +124,14 @@ def run_sweep(
         values, added = run_passes(session)
         columns += added
         shared = shared_fields(identity)
-        # What all runs tell together, a shard cannot know.
+        # A shard cannot conclude over all runs.
         plan, budgets = (None, ()) if request.shard else (request.plan, parameter_budgets(session))
-        told = partial(concluded, plan, [*budgets])
-        return store.finish(columns, shared, task.provenance, values, identity, told)
+        conclusion = partial(concluded, plan, [*budgets])
+        return store.finish(columns, shared, task.provenance, values, identity, conclusion)
 
 
 def shared_fields(identity: SweepIdentity) -> dict[str, object]:
-    """Return what the records of a store share."""
+    """Return the fields that the records of a store share."""
     added = added_labels()
     return {
         "schema_version": RECORD_VERSION,
@@ -144,7 +144,7 @@ def shared_fields(identity: SweepIdentity) -> dict[str, object]:
 
 
 def chosen_runs(plan: Plan, index: RunIndex) -> ChosenRuns | None:
-    """Return which runs of a plan to make, where that depends on what comes of others."""
+    """Return the chooser of a plan's runs, if the choice depends on earlier results."""
     sweep = plan.sweep
     if sweep.refining:
         return RefinedRuns(sweep.refining, plan, index.ids)
@@ -154,9 +154,9 @@ def chosen_runs(plan: Plan, index: RunIndex) -> ChosenRuns | None:
 
 
 def _run_chosen(session: SweepSession, chosen: ChosenRuns) -> tuple[SweepSession, SweepIdentity]:
-    """Make the runs that are chosen by what came of others, round by round.
+    """Make the runs that are chosen by earlier results, round by round.
 
-    Return the session of the runs that the store has then, and the identity of those.
+    Return the session with the runs in the store then, and their identity.
     """
     whole, store = session.index, session.store
     chosen.learn(store.rows())
@@ -169,7 +169,7 @@ def _run_chosen(session: SweepSession, chosen: ChosenRuns) -> tuple[SweepSession
     while (wanted := chosen.next()).any():
         index = whole.only(wanted)
         session.begin(stored + len(index), stored)
-        _run(replace(session, index=index, progress=learn))
+        _run_missing(replace(session, index=index, progress=learn))
         stored = 0
     index, identity = chosen.part(whole, store.identity)
     return replace(session, index=index), identity
@@ -177,10 +177,10 @@ def _run_chosen(session: SweepSession, chosen: ChosenRuns) -> tuple[SweepSession
 
 def _run_remaining(session: SweepSession) -> None:
     session.begin(len(session.index), session.index.count(session.store.done))
-    _run(session)
+    _run_missing(session)
 
 
-def _run(session: SweepSession) -> None:
+def _run_missing(session: SweepSession) -> None:
     """Make the runs that are not stored yet."""
     index, store, executor = session.index, session.store, session.executor
     done = index.count(store.done)
@@ -210,7 +210,7 @@ def identity_of(request: SweepRequest, index: RunIndex) -> SweepIdentity:
         source=request.source,
         overrides=request.overrides,
         runs_asked=len(index),
-        baseline=_baseline(request),
+        baseline=_baseline_id(request),
         lacking=dict(chain.from_iterable(lacking)),
         plan_hash=index.hash,
     )
@@ -218,17 +218,17 @@ def identity_of(request: SweepRequest, index: RunIndex) -> SweepIdentity:
         identity.model_dump_json()
     except PydanticSerializationError as error:
         raise SweepFileError(
-            "a name of the sweep, the scene or a file is no UTF-8 text; rename it, or set "
+            "a name of the sweep, the scene or a file is not UTF-8 text; rename it, or set "
             "LC_ALL=C.UTF-8"
         ) from error
     return identity
 
 
 def identity_fields(name: str, scene: Scene, sweep: Sweep) -> dict[str, Any]:
-    """Return what the identity of a store says of a sweep, a scene and this code."""
+    """Return the fields of a store's identity about a sweep, a scene and this code."""
     return {
         "name": name,
-        # Sweeps of versions that knew no drives stay the same.
+        # Keep the identity of sweeps from versions without drives.
         "resolved": sweep.model_dump(
             mode="json", exclude={"drive"} if sweep.drive is None else None
         ),
@@ -245,14 +245,14 @@ def identity_fields(name: str, scene: Scene, sweep: Sweep) -> dict[str, Any]:
     }
 
 
-def _baseline(request: SweepRequest) -> str | None:
+def _baseline_id(request: SweepRequest) -> str | None:
     scene, sweep = request.scene, request.plan.sweep
     for row in request.plan.grid.written[:1]:
         return scene.run_id(scene.resolve(row, sweep.seed_values[0], sweep.duration))
     return None
 
 
-def _columns(request: SweepRequest, index: RunIndex) -> list[Column]:
+def _table_columns(request: SweepRequest, index: RunIndex) -> list[Column]:
     """Return the columns of axes, typed by their values, of metrics, settings and effects."""
     firsts, own = index.firsts.values(), request.scene.source.environment
     names = dict.fromkeys(chain.from_iterable(run.axes for run in firsts))
@@ -286,17 +286,17 @@ def run_all_jobs(
 ) -> Iterator[list[Finished]]:
     """Yield the results of every job, once for each run.
 
-    The runs of a job that crashed are run again one by one. The culprit is the run that then times
-    out, or that crashes twice by itself: once may be chance, as when others need the memory. Raises
-    a StoppedError if `stop` was set; jobs that crashed are left for the next time.
+    The runs of a crashed job are run again one by one. The culprit is the run that then times out,
+    or that crashes twice alone: once may be chance, for example if other runs need the memory.
+    Raises a StoppedError if `stop` was set; crashed jobs are then left for the next time.
     """
     recorder: Worker | None = None
-    for crashes in range(_MOST_CRASHES + 1):
+    for crashes in range(_MAX_CRASHES_ALONE + 1):
         crashed: list[Job] = []
         for result in results_of(task, jobs, executor, stop):
             if not isinstance(result, Crashed):
                 yield result
-            elif crashes == _MOST_CRASHES or (crashes and result.timed_out):
+            elif crashes == _MAX_CRASHES_ALONE or (crashes and result.timed_out):
                 recorder = recorder or Worker(task, None)
                 yield [_record_crash(task, recorder, result)]
             else:

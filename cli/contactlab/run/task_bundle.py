@@ -1,4 +1,4 @@
-"""A task as it is sent to other machines, with the files that they cannot read."""
+"""A task for other machines, with the files that they cannot read."""
 
 import pickle
 import shutil
@@ -12,12 +12,12 @@ _SCENES, _PLUGINS = "scenes", "plugins"
 
 
 def pack_bundle(task: Task) -> bytes:
-    """Return a task as it is sent to nodes.
+    """Return a task as bytes for other nodes.
 
     Plug-in files are in the bundle. So are the files of the scene and of its drive if the store is
-    no folder, and has no copy of them that nodes could read.
+    not a folder, and has no copy of them that nodes could read.
     """
-    scenes = {} if isinstance(task.store, Path) else _read(task.scene_folder.parent)
+    scenes = {} if isinstance(task.store, Path) else _read_files(task.scene_folder.parent)
     files = {f"{_SCENES}/{name}": data for name, data in scenes.items()}
     files |= {f"{_PLUGINS}/{p.file.name}": p.file.read_bytes() for p in task.plugins if p.file}
     return pickle.dumps((task, files))
@@ -44,7 +44,7 @@ def unpack_bundle(bundle: bytes, folder: Path) -> Task:
     return replace(task, scene_folder=scene, plugins=plugins)
 
 
-def _read(folder: Path) -> dict[str, bytes]:
+def _read_files(folder: Path) -> dict[str, bytes]:
     return {
         path.relative_to(folder).as_posix(): path.read_bytes()
         for path in folder.rglob("*")

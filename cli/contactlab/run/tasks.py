@@ -1,4 +1,4 @@
-"""Tasks and jobs, what comes of them, and how to stop: all that workers and sweeps exchange.
+"""Tasks, jobs, their results, and stop requests: all data that workers and sweeps exchange.
 
 All data here can be pickled.
 """
@@ -23,7 +23,7 @@ from contactlab.store.store_files import Address
 
 
 class Stop:
-    """A request to stop: runs in flight end by themselves, and no more begin.
+    """A request to stop: runs in flight finish, and no more begin.
 
     It is watched while runs are in flight.
     """
@@ -31,7 +31,7 @@ class Stop:
     is_set = is_watched = False
 
     def set(self) -> None:
-        """Request to stop, from another thread or a signal handler too."""
+        """Request a stop; other threads and signal handlers may call it, too."""
         self.is_set = True
 
     @contextmanager
@@ -52,18 +52,18 @@ class Task:
     """Data that all jobs of a sweep share; sent to a worker once."""
 
     sweep: Sweep
-    # Conditions, each with what is expected of the runs that it selects.
+    # Conditions, each with the expectation of the runs that it selects.
     expected: tuple[tuple[Match, Expectation], ...]
     identity: SweepIdentity
     store: Address
     scene_folder: Path  # the store's copy of the scene, on the machine that runs the sweep
     provenance: Provenance  # versions and machine that write the records
-    plugins: tuple[Plugin, ...] = ()  # what workers load before their first job
-    # The code that acts in the runs, which the user allows; None without.
+    plugins: tuple[Plugin, ...] = ()  # plug-ins that workers load before their first job
+    # The policy code that acts in the runs, which the user allows; None without a policy.
     policy: LocatedDrive | None = None
-    environment: Any = None  # likewise, where it has the runs as its episodes
-    # What is done with the runs: they are recorded, compared with a reference, or their work is
-    # counted; times are taken by the process of the sweep itself.
+    environment: Any = None  # likewise, the environment with the runs as its episodes
+    # The purpose of the runs: record them, compare them with a reference, or count their work. The
+    # process of the sweep itself measures times.
     purpose: Purpose = "record"
     # Functions that fill the registry of a worker, as they filled that of the sweep's process.
     fillers: tuple[Callable[[], None], ...] = field(default_factory=registry_fillers)
@@ -73,9 +73,9 @@ Job = tuple[RunSpec, ...]
 
 
 class Finished(NamedTuple):
-    """The row of a finished run, whose trace is stored; its worst label; how it ended.
+    """The row of a finished run, whose trace is stored; its worst label; and its status.
 
-    The row is JSON, without what it shares with others of its job: that is JSON of its own.
+    The row is JSON without the fields shared with others of its job, which are separate JSON.
     """
 
     row: bytes
@@ -87,7 +87,7 @@ class Finished(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Crashed:
-    """A job whose worker process died, and how; its own watchdog may have ended it."""
+    """A job with a worker process that died, and the reason; its own watchdog may have ended it."""
 
     job: Job
     reason: str
@@ -98,29 +98,32 @@ Result = list[Finished] | Crashed
 
 
 class Executor(Protocol):
-    """Where jobs are run: this machine's worker processes, or a cluster."""
+    """Runs jobs on worker processes of this machine, or on a cluster."""
 
     @property
     def workers(self) -> int:
-        """How many jobs run at once; 0 if they run in this process."""
+        """Number of jobs that run at once; 0 if they run in this process."""
         ...
 
     def run(self, task: Task, jobs: Iterable[Job], stop: Stop) -> Iterator[Result]:
-        """Yield the results of jobs as they come, in any order.
+        """Yield the results of jobs as they finish, in any order.
 
-        Jobs are taken lazily, as workers become idle. Once `stop` is set, no more begin; those in
-        flight end, some with a part of their runs.
+        Jobs are consumed lazily, as workers become idle. Once `stop` is set, no more begin; those
+        in flight end, some with a part of their runs.
         """
         ...
 
 
-# Called with the number of runs and how many of them are done already; then with finished runs.
+# Called with the total number of runs and the number already done; then with finished runs.
 BeginCallback = Callable[[int, int], None]
 ProgressCallback = Callable[[Sequence[Finished]], None]
 
 
 def results_of(task: Task, jobs: Iterable[Job], executor: Executor, stop: Stop) -> Iterator[Result]:
-    """Yield the results of jobs as they come; then raise StoppedError if `stop` was set."""
+    """Yield the results of jobs as they finish.
+
+    Raises a StoppedError at the end if `stop` was set.
+    """
     with stop.watched():
         yield from executor.run(task, jobs, stop)
     if stop.is_set:
@@ -129,18 +132,18 @@ def results_of(task: Task, jobs: Iterable[Job], executor: Executor, stop: Stop) 
 
 _NOTE_LABELS: Mapping[Purpose, str] = {
     "record": "recorded",
-    "errors": "held against references",
+    "errors": "compared with references",
     "work": "counted",
     "times": "timed",
 }
 
 
 def note(purpose: Purpose, run_id: str, result: Note) -> Finished:
-    """Return what a pass found of a run, as a worker returns it."""
+    """Return a pass's result for a run, in the form that a worker returns."""
     row = json.dumps({"pass": purpose, "run_id": run_id, "found": result}).encode()
     return Finished(row=row, label=_NOTE_LABELS[purpose], status="ok", expectation_met=None)
 
 
 def noted(notes: Iterable[Note], purpose: Purpose) -> dict[str, Note]:
-    """Return what a pass found, by run id."""
+    """Return the results of a pass, by run id."""
     return {entry["run_id"]: entry["found"] for entry in notes if entry.get("pass") == purpose}

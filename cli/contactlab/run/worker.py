@@ -61,8 +61,9 @@ from contactlab.store.mcap.trace_reader import ACTIVATIONS
 from contactlab.store.store_files import TRACES, time_now
 
 Said = Mapping[str, object]  # fields of a record that its run does not decide
-_GRACE = 1.0  # how long a job's second pass may go on once the sweep should stop [s]
-_SECOND_PASS = 10  # times a run's time limit, as six times the steps to tighter tolerances may take
+_GRACE_SECONDS = 1.0  # time that a job's second pass may continue after a stop request [s]
+# Time limit of a second pass in limits of a run: it makes six times the steps, more accurately.
+_SECOND_PASS_LIMITS = 10
 
 
 def _without_momentum(trace: Trace, setup: Setup) -> Trace:
@@ -82,7 +83,7 @@ def _trace_name(run_id: str) -> str:
 
 
 class _AbandonedError(Exception):
-    """A pass over runs was abandoned, since the sweep should stop."""
+    """A pass over runs was abandoned, because the sweep should stop."""
 
 
 class Worker:
@@ -102,24 +103,24 @@ class Worker:
         self._buffers, self._twin_buffers = Buffers(JOB_BYTES), Buffers(JOB_BYTES)
         self._store = backend_at(task.store, OutputError)
         self._traces = KeptTraces.of(task.sweep.trace)
-        self._controls: set[str] = set()  # hashes of those that this process has stored
+        self._controls: set[str] = set()  # hashes of the controls that this process has stored
         self._policy = task.policy and load_policy(task.policy.found_in(self.scene.drive))
         self._player = task.environment and task.environment.player(self.scene, self._policy)
         source = self.scene.source
         self._model_xml = b"" if source.model.suffix == BINARY else source.model.read_bytes()
 
     def run(self, job: Job) -> list[Finished]:
-        """Do the task's purpose with the runs of a job, or with some of them if it should stop."""
+        """Perform the task's purpose on the runs of a job, or on some of them if it should stop."""
         if not self._proceed():
             return []
         if self._task.purpose == "record":
-            return self._play(job) if self._player else self._record(job)
+            return self._play_episodes(job) if self._player else self._record_job(job)
         with suppress(_AbandonedError):
-            return self._repeat(job)
+            return self._run_pass(job)
         return []
 
-    def _repeat(self, job: Job) -> list[Finished]:
-        """Return a note of each run of a job: of its work, or of the errors of a family."""
+    def _run_pass(self, job: Job) -> list[Finished]:
+        """Return a note for each run of a job: its work, or the errors of a family."""
         plans, request = self._preparer.plans(job), self._task.sweep.accuracy
         purpose = self._task.purpose
 
@@ -136,11 +137,11 @@ class Worker:
                 found = list(work_of_runs(self.scene, plans, watch))
         return [note(purpose, run.run_id, numbers) for run, numbers in zip(job, found, strict=True)]
 
-    def _record(self, job: Job) -> list[Finished]:
-        """Run a job of runs that share structure and step count; write their traces.
+    def _record_job(self, job: Job) -> list[Finished]:
+        """Run a job of runs that share structure and step count, and write their traces.
 
-        Those of a kind go through together, so that no run depends on those beside it, and as many
-        at a time as memory holds.
+        Runs of one kind are processed together, so that no run depends on its neighbors, and as
+        many at a time as fit into memory.
         """
         plans = self._preparer.plans(job)
         kinds = dict[Hashable, list[int]]()
@@ -156,10 +157,10 @@ class Worker:
         return journalled([rows[place] for place in sorted(rows)])
 
     def _record_alike(self, plans: Sequence[PlannedModel]) -> dict[int, RunRow]:
-        """Return those of the runs of one kind, the first at least, that were run, by place."""
+        """Return the rows of those runs of one kind that were run, at least the first, by index."""
         started = time_now()
         starts = InitialStates.joined([plan.start for plan in plans])
-        rollout, groups = self._measure(plans, starts, self._buffers, self._proceed)
+        rollout, groups = self._roll_out_and_measure(plans, starts, self._buffers, self._proceed)
         labels = self._twin_labels(plans[: len(rollout.steps)], starts)
         rows = dict[int, RunRow]()
         commons = list(commons_of(self._task, plans[: len(rollout.steps)]))
@@ -168,11 +169,11 @@ class Worker:
                 twin, common = labels.get(place), commons[place]
                 if twin is not None or not self._task.sweep.knife_edge:
                     found = RunOutcome(plans[place], common, group, rollout, place, started, twin)
-                    rows[place] = self._finish(found)
+                    rows[place] = self._finish_run(found)
         return rows
 
-    def _play(self, job: Job) -> list[Finished]:
-        """Have an environment play the episodes of a job, one after the other."""
+    def _play_episodes(self, job: Job) -> list[Finished]:
+        """Let an environment play the episodes of a job, one after the other."""
         finished: list[Finished] = []
         for plan in self._preparer.plans(job):
             if not finished or self._proceed():
@@ -182,25 +183,25 @@ class Worker:
                 finished.append(self.finish_loop(*episode))
         return finished
 
-    def _measure(
+    def _roll_out_and_measure(
         self,
         plans: Sequence[PlannedModel],
         starts: InitialStates,
         buffers: Buffers,
         proceed: Proceed,
     ) -> tuple[Rollout, Iterator[MeasuredGroup]]:
-        """Roll runs out, measure and label them; fewer of them if it should stop."""
+        """Roll out, measure and label runs; fewer of them if it should stop."""
         resolved = [plan.run for plan in plans]
         prepared = [plan.prepared for plan in plans]
         runs = PreparedRuns(self.scene, resolved, prepared, starts, resolved[0].steps, self._policy)
         engine = engine_of(resolved[0])
         with self._preparer.watchdog() as watch:
             rollout = engine.roll_out(runs, buffers, watch, proceed)
-        trace, setup = self._seen(runs, rollout)
+        trace, setup = self._trace_and_setup(runs, rollout)
         return rollout, self._measured_groups(runs, rollout, trace, setup)
 
-    def _seen(self, runs: PreparedRuns, rollout: Rollout) -> tuple[Trace, Setup]:
-        """Return what was recorded of runs, and what it is measured by."""
+    def _trace_and_setup(self, runs: PreparedRuns, rollout: Rollout) -> tuple[Trace, Setup]:
+        """Return the trace of runs, and the setup for its measurement."""
         done = len(rollout.steps)
         resolved, models = runs.resolved[:done], runs.models[:done]
         manifest, sweep = self.scene.source.manifest, self._task.sweep
@@ -215,30 +216,32 @@ class Worker:
     def finish_loop(
         self, plan: PlannedModel, rollout: Rollout, known: Said, started: str, said: Said
     ) -> Finished:
-        """Store a run of somebody's loop, given parts of its setup and fields of its record."""
+        """Store a run of a user's loop, from parts of its setup and fields of its record."""
         runs = PreparedRuns(self.scene, [plan.run], [plan.prepared], plan.start, plan.run.steps)
-        trace, setup = self._seen(runs, rollout)
+        trace, setup = self._trace_and_setup(runs, rollout)
         setup = replace(setup, **known)
-        if setup.hold:  # It is known only now how long the run lasts.
+        if setup.hold:  # The duration of the run is known only now.
             ends = np.minimum(setup.hold.stop, setup.duration)
             setup = replace(setup, hold=replace(setup.hold, stop=ends))
         (group,) = self._measured_groups(runs, rollout, trace, setup)
         common = Common(self._task, plan)
-        row = self._finish(RunOutcome(plan, common, group, rollout, 0, started, None), said)
+        row = self._finish_run(RunOutcome(plan, common, group, rollout, 0, started, None), said)
         return journalled([row])[0]
 
     def _measured_groups(
         self, runs: PreparedRuns, rollout: Rollout, trace: Trace, setup: Setup
     ) -> Iterator[MeasuredGroup]:
-        """Measure and label every run: complete ones together, those cut short one by one."""
+        """Measure and label every run: complete ones together, shortened ones one by one."""
         whole = [place for place, steps in enumerate(rollout.steps) if steps == trace.steps_asked]
         if whole:
-            yield from self._checked(whole, runs, rollout, trace.select(whole), setup.select(whole))
+            yield from self._checked_groups(
+                whole, runs, rollout, trace.select(whole), setup.select(whole)
+            )
         for place in sorted(set(range(trace.runs)) - set(whole)):
             cut, alone = trace.select([place], rollout.steps[place]), setup.select([place])
             yield MeasuredGroup({place: 0}, cut, assess(cut, alone))
 
-    def _checked(
+    def _checked_groups(
         self,
         whole: Sequence[int],
         runs: PreparedRuns,
@@ -261,7 +264,7 @@ class Worker:
             picked, chosen = trace.select(suspects), [whole[row] for row in suspects]
             controls = rollout.controls and [rollout.controls[row] for row in chosen]
             again = runs.rows(chosen).repeating(controls)
-            with self._preparer.watchdog(_SECOND_PASS) as start_clock:
+            with self._preparer.watchdog(_SECOND_PASS_LIMITS) as start_clock:
                 start_clock()
                 proceed = self._grace_period(start_clock)
                 checks = engine.check_runs(again, picked, proceed, backward_error)
@@ -271,12 +274,14 @@ class Worker:
             yield MeasuredGroup({whole[suspects[row]]: row for row in done}, checked, second)
 
     def _twin_labels(self, plans: Sequence[PlannedModel], starts: InitialStates) -> dict[int, str]:
-        """Return each run's label from an initial state 1e-6 away, if the sweep asks for it."""
+        """Return each run's label from an initial state 1e-6 away, if the sweep requests it."""
         if not self._task.sweep.knife_edge:
             return {}
         resolved = [plan.run for plan in plans]
         nudged = self.scene.nudged(starts.rows(range(len(plans))), resolved)
-        _, groups = self._measure(plans, nudged, self._twin_buffers, self._grace_period())
+        _, groups = self._roll_out_and_measure(
+            plans, nudged, self._twin_buffers, self._grace_period()
+        )
         return {
             place: group.assessment.labels[row][0].label
             for group in groups
@@ -284,8 +289,8 @@ class Worker:
         }
 
     def _grace_period(self, watch: Watch = no_limit) -> Proceed:
-        """Return what lets a second pass run on a little, each run of it with a new time limit."""
-        end = time.monotonic() + _GRACE
+        """Return the function that lets a second pass continue briefly, run by run."""
+        end = time.monotonic() + _GRACE_SECONDS
 
         def proceed() -> bool:
             watch()
@@ -299,7 +304,7 @@ class Worker:
         (plan,) = self._preparer.plans((run,))
         return journalled([row_of_crash(self._task, plan, label)])[0]
 
-    def _finish(self, outcome: RunOutcome, said: Said | None = None) -> RunRow:
+    def _finish_run(self, outcome: RunOutcome, said: Said | None = None) -> RunRow:
         plan, common = outcome.plan, outcome.common
         own = fields_of(self._task, outcome)
         for name, value in (said or {}).items():
@@ -312,12 +317,15 @@ class Worker:
 
     def _keeps_trace(self, run: RunSpec, label: str) -> bool:
         identity = self._task.identity
-        # Places are those in the whole grid, of a shard too.
+        # Indices are those in the whole grid, even for a shard.
         runs = identity.whole.runs if identity.whole else identity.runs_asked
         return self._traces.keeps(run.index, label, runs)
 
     def _write_controls(self, controls: RecordedControls, model: mujoco.MjModel) -> str:
-        """Store what was applied to a run, unless it is there; return its hash."""
+        """Store the controls applied to a run, unless they are stored already.
+
+        Return their hash.
+        """
         sha256 = controls.sha256
         if sha256 not in self._controls:
             names = input_names(model, controls.places)
@@ -326,9 +334,9 @@ class Worker:
         return sha256
 
     def _write_trace(self, own: Fields, common: Common, outcome: RunOutcome) -> TraceFile:
-        """Store a run's trace; its record has neither cost nor times of day, so that it repeats."""
+        """Store a run's trace; its record omits cost and times of day, so it is reproducible."""
         group, name = outcome.group, _trace_name(own["run_id"])
-        metadata = self._metadata(own, outcome.plan)
+        metadata = self._trace_metadata(own, outcome.plan)
         said = common.record_json(own), metadata, self._model_xml
         form = self._task.sweep.trace_format
         content, messages = group.encoder.encode(outcome.row, *said, form=form)
@@ -336,7 +344,7 @@ class Worker:
         sha256 = hashlib.sha256(content).hexdigest()
         return TraceFile(file=name, sha256=sha256, bytes=len(content), messages=dict(messages))
 
-    def _metadata(self, own: Fields, plan: PlannedModel) -> dict[str, str]:
+    def _trace_metadata(self, own: Fields, plan: PlannedModel) -> dict[str, str]:
         identity, engine = self._task.identity, engine_of(plan.run)
         return {
             "run_id": plan.run.run_id,

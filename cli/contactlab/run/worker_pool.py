@@ -1,8 +1,8 @@
-"""Runs jobs on worker processes, one job each; a worker that dies loses that job and no other.
+"""Runs jobs on worker processes, one job each; a worker that dies loses only its job.
 
-Each worker has a private pipe, whose end is the only sign of its death: a shared queue would
-break, or hang, with the process that holds its lock. Workers are forked from a server that has
-loaded what they need, and are out of reach of signals that are meant for the command.
+Each worker has a private pipe, and its end is the only sign of the worker's death: a shared queue
+would break, or hang, with the process that holds its lock. Workers are forked from a server that
+has loaded their modules, and signals to the command do not reach them.
 """
 
 import contextlib
@@ -26,18 +26,18 @@ from contactlab.run.fork_server import CONTEXT, STOP_SIGNALS, signals_blocked, s
 from contactlab.run.tasks import Crashed, Job, Result, Stop, Task
 from contactlab.run.worker import Worker
 
-# As the engine, zstandard and the operating system put it.
+# Messages of the engine, zstandard and the operating system.
 _NO_MEMORY = re.compile("(allocate|not enough|out of) memory", re.IGNORECASE)
 _MAX_TRACEBACK_LINES = 6
-_MOST_HALTED = 3
-_HALTED = "the worker was halted, as by SIGSTOP, and did not go on"
-# How long a request to stop may go unnoticed [s]: on a cluster it comes without a signal.
+_MAX_HALTED_CHECKS = 3
+_HALTED_REASON = "the worker was halted, as by SIGSTOP, and did not go on"
+# Largest delay until a stop request is noticed [s]: on a cluster it comes without a signal.
 _STOP_INTERVAL = 0.1
-_LOOKS = 20  # how often in a row workers may be silent for that long before they are looked at
+_SILENT_INTERVALS = 20  # number of such silent intervals before workers are checked
 
 
 def worker_count(requested: int | None) -> int:
-    """Return the number of worker processes: as requested, or one per core that may be used."""
+    """Return the number of worker processes: as requested, or one per available core."""
     if requested is not None:
         return requested
     if hasattr(os, "sched_getaffinity"):
@@ -52,7 +52,7 @@ class LocalPool:
     workers: int  # processes; 0 runs everything in this one, without protection from crashes
 
     def run(self, task: Task, jobs: Iterable[Job], stop: Stop) -> Iterator[Result]:
-        """Yield the results of jobs as they come; see `Executor`."""
+        """Yield the results of jobs as they finish; see `Executor`."""
         if self.workers == 0:
             worker = Worker(task, None, lambda: not stop.is_set)
             yield from map(worker.run, takewhile(lambda _: not stop.is_set, jobs))
@@ -65,7 +65,7 @@ class LocalPool:
 
 
 class WorkerPool:
-    """Worker processes of a task, which are started as they are needed and kept between jobs."""
+    """Worker processes of a task, which are started on demand and kept between jobs."""
 
     def __init__(self, task: Task, folder: Path, most: int) -> None:
         self._task = task
@@ -73,7 +73,7 @@ class WorkerPool:
         self._workers: dict[Path, WorkerHandle] = {}
 
     def run(self, jobs: Iterable[Job], stop: Stop) -> Iterator[Result]:
-        """Yield the results of jobs as they come; see `Executor`."""
+        """Yield the results of jobs as they finish; see `Executor`."""
         queue, silent = takewhile(lambda _: not stop.is_set, jobs), count(1)
         for marker, job in zip(self._markers, islice(queue, len(self._markers)), strict=False):
             self._send(marker, job)
@@ -81,7 +81,7 @@ class WorkerPool:
             if stop.is_set:
                 request_stop(busy)
             ready = wait([worker.pipe for worker in busy], _STOP_INTERVAL)
-            if not ready and next(silent) % _LOOKS == 0:
+            if not ready and next(silent) % _SILENT_INTERVALS == 0:
                 end_halted(busy)
             for worker in [candidate for candidate in busy if candidate.pipe in ready]:
                 result = receive_result(worker)
@@ -106,18 +106,18 @@ class WorkerPool:
 
 @dataclass
 class WorkerHandle:
-    """A worker process, whose pipe takes jobs and brings results."""
+    """A worker process with a pipe that takes jobs and returns results."""
 
     process: BaseProcess
     pipe: Connection
     marker: Path  # the file where the worker writes a traceback when a run times out
-    job: Job | None = None  # the job that it is on; None while it waits for one
+    job: Job | None = None  # its current job; None while it waits for one
     stop_requested: bool = False
-    halted: int = 0  # how often in a row it was seen halted, as by SIGSTOP
+    halted: int = 0  # number of checks in a row at which it was halted, as by SIGSTOP
 
 
 def start_worker(workers: dict[Path, WorkerHandle], task: Task, marker: Path, job: Job) -> None:
-    """Start a worker on a job, and add it to the others before a signal can come between."""
+    """Start a worker on a job, and add it to the others before a signal can intervene."""
     marker.unlink(missing_ok=True)
     environment = dict(os.environ)
     with signals_blocked():
@@ -131,14 +131,14 @@ def start_worker(workers: dict[Path, WorkerHandle], task: Task, marker: Path, jo
 
 
 def send_job(worker: WorkerHandle, job: Job | None) -> None:
-    """Send a worker a job, or None to stop it; one that has just died is noticed later."""
+    """Send a job to a worker, or None to stop it; a worker that has just died is noticed later."""
     worker.job = job or worker.job
     with contextlib.suppress(BrokenPipeError, ConnectionResetError):
         worker.pipe.send(job)
 
 
 def request_stop(workers: Iterable[WorkerHandle]) -> None:
-    """Ask workers to stop, each after the run that it is on."""
+    """Ask workers to stop, each after its current run."""
     for worker in workers:
         if not worker.stop_requested:
             worker.stop_requested = True
@@ -146,18 +146,18 @@ def request_stop(workers: Iterable[WorkerHandle]) -> None:
 
 
 def end_halted(workers: Iterable[WorkerHandle]) -> None:
-    """Kill workers that were seen halted for the third time: they may never answer.
+    """Kill workers that were halted at the third check in a row: they may never answer.
 
-    Whoever suspends the whole command, as Ctrl-Z does, suspends the one who looks as well.
+    Suspending the whole command, as by Ctrl-Z, also suspends the process that checks.
     """
-    for worker in [candidate for candidate in workers if candidate.halted < _MOST_HALTED]:
+    for worker in [candidate for candidate in workers if candidate.halted < _MAX_HALTED_CHECKS]:
         worker.halted = worker.halted + 1 if _is_halted(worker.process.pid) else 0
-        if worker.halted == _MOST_HALTED:
+        if worker.halted == _MAX_HALTED_CHECKS:
             worker.process.kill()
 
 
 def _is_halted(process: int | None) -> bool:
-    """Return whether a process is stopped by a signal, where the system says so."""
+    """Return whether a process is stopped by a signal, if the system tells."""
     try:
         status = Path(f"/proc/{process}/stat").read_text(encoding="utf-8", errors="replace")
     except OSError:
@@ -166,7 +166,7 @@ def _is_halted(process: int | None) -> bool:
 
 
 def receive_result(worker: WorkerHandle) -> Result:
-    """Return what a worker sends, or its job as crashed if it died; raise what the job raised."""
+    """Return a worker's result, or its job as crashed if it died. Raises the error of the job."""
     job, worker.job = worker.job, None
     assert job is not None
     try:
@@ -177,8 +177,8 @@ def receive_result(worker: WorkerHandle) -> Result:
         marker = worker.marker
         traceback = marker.read_text(encoding="utf-8") if marker.is_file() else ""
         timed_out = bool(traceback) or worker.process.exitcode == -signal.SIGALRM
-        halted = worker.halted >= _MOST_HALTED
-        reason = _HALTED if halted else _death(worker.process.exitcode, traceback)
+        halted = worker.halted >= _MAX_HALTED_CHECKS
+        reason = _HALTED_REASON if halted else _death_reason(worker.process.exitcode, traceback)
         return Crashed(job, reason, timed_out)
     if isinstance(received, Exception):
         raise received
@@ -195,7 +195,7 @@ def kill_workers(workers: Collection[WorkerHandle]) -> None:
             worker.process.join()
 
 
-def _death(exitcode: int | None, traceback: str) -> str:
+def _death_reason(exitcode: int | None, traceback: str) -> str:
     if traceback:
         return " / ".join(line.strip() for line in traceback.splitlines()[:_MAX_TRACEBACK_LINES])
     if exitcode is not None and exitcode < 0:
@@ -206,14 +206,14 @@ def _death(exitcode: int | None, traceback: str) -> str:
 def _serve_jobs(task: Task, pipe: Connection, marker: Path, environment: dict[str, str]) -> None:
     """Run jobs until the pipe closes or None arrives; a worker never outlives its parent.
 
-    The environment is that of the process that started this one; the fork server's is of the time
-    when it was started. The marker gets a traceback when a run times out.
+    The environment is that of the process that started this one, because the fork server's is from
+    its own start. The marker gets a traceback when a run times out.
     """
     os.environ.update(environment)
     signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
     _exit_with_parent()
     with contextlib.suppress(OSError):
-        # Where memory runs out, Linux should kill a worker, not the command.
+        # If memory runs out, Linux should kill a worker, not the command.
         Path("/proc/self/oom_score_adj").write_text("1000", encoding="utf-8")
     poll = select.poll()
     poll.register(pipe, select.POLLIN)
@@ -231,25 +231,25 @@ def _serve_jobs(task: Task, pipe: Connection, marker: Path, environment: dict[st
 def _run_job(worker: Worker, job: Job) -> Result | Exception:
     """Return a job's results, or the error that should end the sweep.
 
-    A job whose memory does not suffice has crashed: that may not happen again in another process
-    or with fewer runs at once.
+    A job that runs out of memory counts as crashed: it may succeed in another process or with fewer
+    runs at once.
     """
     try:
         return worker.run(job)
     except Exception as error:  # noqa: BLE001 - raised again in the process that sent the job
         if isinstance(error, MemoryError) or _NO_MEMORY.search(str(error)):
-            text = " / ".join(str(error).split("\n")) or "the worker can have no more"
+            text = " / ".join(str(error).split("\n")) or "the worker cannot get more"
             return Crashed(job, f"out of memory: {text}", timed_out=False)
         return error
 
 
 def _exit_with_parent() -> None:
-    """Have this process end as soon as its parent (not the fork server) has ended."""
+    """Make this process end as soon as its parent (not the fork server) has ended."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     pipe = parent.sentinel
     if hasattr(fcntl, "F_SETSIG"):
-        # By the kernel: Python itself gets no turn as long as C code holds its lock.
+        # The kernel ends it, because Python code cannot run while C code holds its lock.
         fcntl.fcntl(pipe, fcntl.F_SETOWN, os.getpid())
         fcntl.fcntl(pipe, fcntl.F_SETSIG, signal.SIGKILL)
         fcntl.fcntl(pipe, fcntl.F_SETFL, fcntl.fcntl(pipe, fcntl.F_GETFL) | os.O_ASYNC)
