@@ -193,5 +193,5 @@ def test_times_are_of_a_second_simulated_and_of_a_step(timestep: float) -> None:
     )
     segments: Any = SimpleNamespace(model=SimpleNamespace(opt=SimpleNamespace(timestep=timestep)))
     portion: Any = SimpleNamespace(most=5, repeats=3, single=1)
-    found = timing._clock(engine, segments, portion)  # pyright: ignore[reportPrivateUsage]
+    found = timing._measure_times(engine, segments, portion)  # pyright: ignore[reportPrivateUsage]
     assert found == pytest.approx((51e-6 / timestep, 51e-6, 100e-6))

@@ -311,8 +311,8 @@ def test_a_policy_that_cannot_be_made_says_so(cart: Scene) -> None:
 def test_a_rate_above_that_of_the_steps_is_refused(cart: Scene) -> None:
     rollout = flown(prepared(cart, drive(rate=501.0), Feedback, {}))
     assert rollout.errors[0] == (
-        "the policy is to act at 501 Hz, but steps of 0.002 s are 500 Hz; lower its rate, or the "
-        "timestep"
+        "the policy should act at 501 Hz, but steps of 0.002 s have a rate of 500 Hz; lower its "
+        "rate, or the timestep"
     )
 
 

@@ -190,9 +190,9 @@ def test_the_impulse_engine_refuses_external_forces(make_scene: Make) -> None:
     )
     scene = make_scene(model, "control: {ball.fx: {at: [0, 1], to: [0, 1]}}\n")
     run = scene.resolve({}, 0, None)
-    assert "no forces but gravity" in str(ImpulseEngine().refusal(scene, run))
+    assert "no forces except gravity" in str(ImpulseEngine().refusal(scene, run))
     runs = PreparedRuns.of(scene, run)
-    with pytest.raises(SceneError, match="no forces but gravity"):
+    with pytest.raises(SceneError, match="no forces except gravity"):
         ImpulseEngine().roll_out(runs, Buffers())
 
 

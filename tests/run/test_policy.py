@@ -322,7 +322,7 @@ def test_a_rate_above_that_of_the_steps_costs_those_runs_alone(folder: Path) -> 
     swept(folder, axes={"timestep": [0.004, 0.03]})
     good, bad = rows(folder)
     assert good["status"] == "ok"
-    assert "steps of 0.03 s are 33.3333 Hz" in bad["status_reason"]
+    assert "steps of 0.03 s have a rate of 33.3333 Hz" in bad["status_reason"]
 
 
 def test_what_no_drive_has_is_no_axis(folder: Path) -> None:

@@ -1,1 +1,1 @@
-"""Distance of runs from the limit of small timesteps, and their own cost."""
+"""Distance of runs from the limit of small timesteps, and the cost of single runs."""

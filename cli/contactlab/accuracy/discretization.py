@@ -1,4 +1,4 @@
-"""Errors: every run against its reference, which runs share by families."""
+"""Discretization errors: compares every run with its reference, which families of runs share."""
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -22,27 +22,27 @@ from contactlab.schema.evidence import Accuracy, ErrorKind, SolrefRule
 from contactlab.schema.sweep_schema import AccuracyRequest
 
 Note = Mapping[str, Any]
-"""Findings of a pass for one run, in JSON's types; empty where the run does not go through."""
+"""Results of a pass for one run, in JSON's types; empty if the run does not complete."""
 
-# Common times of a run and its reference, and restarts from the reference's states; fewer where
-# runs of many timesteps would have the reference keep too many states.
+# Common times of a run and its reference, and restarts from the reference's states; fewer if runs
+# of many timesteps would make the reference keep too many states.
 _SAMPLES, _MIN_SAMPLES = 256, 16
 _RESTARTS = 32
 _MOST_BYTES_OF_STATES = 32 << 20
 # A family is chaotic if a start 1e-8 away diverges by this share of the model's extent, and by this
 # share of the runs' median error or by this multiple of the reference's own error estimate.
-_EXTENT = 1e-3
-_ERROR = 0.1
-_ESTIMATE = 10.0
-_NOTHING: Note = {}
-_ERRORS = ("final", "mean", "peak", "estimate", "final_estimate", "mean_estimate")
+_EXTENT_SHARE = 1e-3
+_ERROR_SHARE = 0.1
+_ESTIMATE_MULTIPLE = 10.0
+_EMPTY_NOTE: Note = {}
+_ERROR_FIELDS = ("final", "mean", "peak", "estimate", "final_estimate", "mean_estimate")
 # RK4 evaluates the forces four times a step.
-_EVALUATIONS = 4
-_EQUAL = 1e-9
+_EVALUATIONS_PER_STEP = 4
+_EQUAL_RATIO = 1e-9
 
 
-class _Times(NamedTuple):
-    """When a run is restarted from its reference's state, if it is, and when compared [s]."""
+class _ComparisonTimes(NamedTuple):
+    """Times [s] at which a run is restarted from its reference's state, if any, and compared."""
 
     begins: Floats
     ends: Floats
@@ -53,9 +53,9 @@ def families(
     scene: Scene,
     controls: Mapping[str, str | None] = MappingProxyType({}),
 ) -> list[list[str]]:
-    """Return run ids grouped by what their reference is: their models but for numerics.
+    """Return run ids grouped by their reference, that is, by their models without numerics.
 
-    `controls` are hashes of what the policies of runs did, by id; a reference does the same.
+    `controls` are hashes of the actions of policies in runs, by id; a reference repeats them.
     """
     found: dict[tuple[str, str | None], list[str]] = {}
     for run_id, model in models.items():
@@ -67,17 +67,17 @@ def families(
 def reference_steps(
     refine: int, runs: Mapping[str, RunSpec], models: Mapping[str, RunSpec], scene: Scene
 ) -> float:
-    """Return how many force evaluations it takes to compare runs with references, of `models`."""
+    """Return the number of force evaluations to compare runs with references, of `models`."""
     return sum(
-        _steps([runs[run_id] for run_id in family], models[family[0]], refine)
+        _evaluation_count([runs[run_id] for run_id in family], models[family[0]], refine)
         for family in families(models, scene)
     )
 
 
-def _steps(family: list[RunSpec], model: RunSpec, refine: int) -> float:
+def _evaluation_count(family: list[RunSpec], model: RunSpec, refine: int) -> float:
     finest = max(run.duration / run.timestep for run in (*family, model))
     # The coarse solution, its perturbed copy, and the fine one with twice as many steps.
-    reference = 4 * refine * finest * _EVALUATIONS
+    reference = 4 * refine * finest * _EVALUATIONS_PER_STEP
     return reference + sum(run.steps for run in family)
 
 
@@ -88,15 +88,17 @@ def discretization_errors(
     request: AccuracyRequest,
     watch: Watch,
 ) -> list[Note]:
-    """Return a note for each run of a family: every kind of error that the sweep may choose.
+    """Return a note for each run of a family, with every kind of error that the sweep may choose.
 
     `model` is that of their reference; `watch` is called before steps, to start their time limit.
     """
     local = request.error == "local"
     timesteps = [run.run.timestep for run in family]
-    samples, shared = _samples(family), request.against == "written"
+    samples, shared = _sample_count(family), request.against == "written"
     times = [
-        _restarts(run, max(timesteps)) if local else _common(run, samples, to_the_end=shared)
+        _restart_times(run, max(timesteps))
+        if local
+        else _common_times(run, samples, to_the_end=shared)
         for run in family
     ]
     needed = np.unique(np.concatenate([part for family_times in times for part in family_times]))
@@ -104,7 +106,7 @@ def discretization_errors(
     reference = solved.reference(needed, min(*timesteps, model.timestep) / request.refine)
     if reference is None:
         return [{} for _ in family]
-    compare = _compare_locally if local else _compare
+    compare = _compare_locally if local else _compare_whole
     notes = [
         compare(reference, run, run_times) for run, run_times in zip(family, times, strict=True)
     ]
@@ -115,61 +117,67 @@ def discretization_errors(
     return [{**note, **found} for note in notes]
 
 
-def _samples(family: Sequence[PlannedModel]) -> int:
-    """Return at how many times of each run the reference may keep its state."""
+def _sample_count(family: Sequence[PlannedModel]) -> int:
+    """Return the number of times of each run for which the reference may keep its state."""
     model = family[0].prepared.model
     state = 8 * (1 + model.nq + model.nv + model.na)
     timesteps = len({run.run.timestep for run in family})
     return max(_MIN_SAMPLES, min(_SAMPLES, _MOST_BYTES_OF_STATES // (state * timesteps)))
 
 
-def _common(run: PlannedModel, samples: int, *, to_the_end: bool) -> _Times:
-    """Return times of a run's own steps or, up to the end, times that no timestep decides."""
+def _common_times(run: PlannedModel, samples: int, *, to_the_end: bool) -> _ComparisonTimes:
+    """Return times of a run's own steps or, with `to_the_end`, times without a timestep."""
     resolved = run.run
     if to_the_end:
-        return _Times(np.empty(0), np.linspace(0, resolved.duration, samples + 1)[1:])
-    return _Times(np.empty(0), resolved.timestep * _spread(1, resolved.steps, samples))
+        return _ComparisonTimes(np.empty(0), np.linspace(0, resolved.duration, samples + 1)[1:])
+    return _ComparisonTimes(
+        np.empty(0), resolved.timestep * _spread_numbers(1, resolved.steps, samples)
+    )
 
 
-def _restarts(run: PlannedModel, longest: float) -> _Times:
-    """Spread restarts over a run, each of as many steps as the family's longest timestep takes."""
+def _restart_times(run: PlannedModel, longest: float) -> _ComparisonTimes:
+    """Spread restarts over a run, each over the family's longest timestep."""
     total, timestep = run.run.steps, run.run.timestep
     steps = min(total, max(1, round(longest / timestep)))
-    begins = _spread(0, total - steps, _RESTARTS)
-    return _Times(timestep * begins, timestep * (begins + steps))
+    begins = _spread_numbers(0, total - steps, _RESTARTS)
+    return _ComparisonTimes(timestep * begins, timestep * (begins + steps))
 
 
-def _spread(first: int, last: int, most: int) -> Floats:
+def _spread_numbers(first: int, last: int, most: int) -> Floats:
     """Return whole numbers from first to last, evenly spread if there are too many."""
     numbers = np.linspace(first, last, min(last - first + 1, most), dtype=np.float64)
     return np.unique(numbers.round())
 
 
-def _compare(reference: ReferenceSolution, run: PlannedModel, times: _Times) -> Note:
+def _compare_whole(
+    reference: ReferenceSolution, run: PlannedModel, times: _ComparisonTimes
+) -> Note:
     """Compare a whole run with its reference, by trajectory and by invariants."""
     sampled = reference.family.integrate(run.prepared, times.ends, run.start)
     if sampled is None:
         return {}
     rows, coarse = reference.rows(times.ends), reference.coarse.sampled
     return {
-        "trajectory": _error(reference.distance(sampled, rows), reference.distance(coarse)),
-        "invariants": _error(reference.drift(sampled, rows), reference.drift(coarse)),
+        "trajectory": _error_summary(reference.distance(sampled, rows), reference.distance(coarse)),
+        "invariants": _error_summary(reference.drift(sampled, rows), reference.drift(coarse)),
         "velocity": reference.velocity(sampled, rows),
         "impacts": sampled.impacts,
     }
 
 
-def _compare_locally(reference: ReferenceSolution, run: PlannedModel, times: _Times) -> Note:
+def _compare_locally(
+    reference: ReferenceSolution, run: PlannedModel, times: _ComparisonTimes
+) -> Note:
     """Compare a run's model with its reference, restarted from many of the reference's states."""
     whole = reference.family.integrate(run.prepared, times.ends[-1:], run.start)
     error = reference.local_error(run.prepared, *times)
     own = reference.local_error(reference.coarse.prepared, *times)
     if whole is None or error is None or own is None:
         return {}
-    return {"local": _error(error, own), "impacts": whole.impacts}
+    return {"local": _error_summary(error, own), "impacts": whole.impacts}
 
 
-def _error(error: Discrepancy, own: Discrepancy) -> dict[str, float]:
+def _error_summary(error: Discrepancy, own: Discrepancy) -> dict[str, float]:
     own_errors = {"estimate": own.peak, "final_estimate": own.final, "mean_estimate": own.mean}
     return error._asdict() | own_errors
 
@@ -180,9 +188,11 @@ def _is_chaotic(
     errors = [note["trajectory"] for note in notes if note]
     if divergence is None or not errors:
         return None
-    hides_errors = divergence >= _ERROR * float(np.median([error["peak"] for error in errors]))
-    above_estimate = divergence >= _ESTIMATE * errors[0]["estimate"]
-    visible = divergence >= _EXTENT * float(reference.fine.prepared.model.stat.extent)
+    hides_errors = divergence >= _ERROR_SHARE * float(
+        np.median([error["peak"] for error in errors])
+    )
+    above_estimate = divergence >= _ESTIMATE_MULTIPLE * errors[0]["estimate"]
+    visible = divergence >= _EXTENT_SHARE * float(reference.fine.prepared.model.stat.extent)
     return visible and (hides_errors or above_estimate)
 
 
@@ -192,19 +202,19 @@ def accuracies(
     runs: Mapping[str, RunSpec],
     notes: Mapping[str, Note],
 ) -> dict[str, Accuracy]:
-    """Return the accuracy of every run, by run id, from what the pass found of most."""
-    kind = _kind(request, notes)
+    """Return the accuracy of every run, by run id, from the notes of the pass."""
+    kind = _error_kind(request, notes)
     rules = solref_rules(runs)
     found: dict[str, Accuracy] = {}
     for run_id, resolved in runs.items():
-        note = notes.get(run_id, _NOTHING)
-        error = note.get(kind, _NOTHING)
+        note = notes.get(run_id, _EMPTY_NOTE)
+        error = note.get(kind, _EMPTY_NOTE)
         prepared = scene.base_of(resolved).prepare(resolved.edits())
         solrefs = [pair.solref for pair in prepared.pairs.values()]
         found[run_id] = Accuracy(
-            **{f"error_{name}": error.get(name) for name in _ERRORS},
+            **{f"error_{name}": error.get(name) for name in _ERROR_FIELDS},
             error_velocity=note.get("velocity"),
-            error_energy=note.get("invariants", _NOTHING).get("mean"),
+            error_energy=note.get("invariants", _EMPTY_NOTE).get("mean"),
             error_kind=kind,
             chaotic=note.get("chaotic"),
             divergence=note.get("divergence"),
@@ -218,8 +228,8 @@ def accuracies(
     return found
 
 
-def _kind(request: AccuracyRequest, notes: Mapping[str, Note]) -> ErrorKind:
-    """Return one kind of error for all runs, as different kinds cannot be compared."""
+def _error_kind(request: AccuracyRequest, notes: Mapping[str, Note]) -> ErrorKind:
+    """Return one kind of error for all runs, because different kinds cannot be compared."""
     if request.error != "auto":
         return request.error
     known = [note["chaotic"] for note in notes.values() if note.get("chaotic") is not None]
@@ -227,10 +237,10 @@ def _kind(request: AccuracyRequest, notes: Mapping[str, Note]) -> ErrorKind:
 
 
 def solref_rules(runs: Mapping[str, RunSpec]) -> dict[str, SolrefRule | None]:
-    """Return how solref goes with the timestep among runs that are equal otherwise, by run id.
+    """Return how solref relates to the timestep among otherwise equal runs, by run id.
 
-    It is tied where the time constant is the same multiple of every timestep, else absolute; None
-    where the timestep does not vary.
+    It is tied if the time constant is the same multiple of every timestep, otherwise absolute; None
+    if the timestep does not vary.
     """
     groups: dict[str, list[str]] = {}
     for run_id, run in runs.items():
@@ -239,11 +249,11 @@ def solref_rules(runs: Mapping[str, RunSpec]) -> dict[str, SolrefRule | None]:
         groups.setdefault(repr(shared), []).append(run_id)
     found: dict[str, SolrefRule | None] = {}
     for run_ids in groups.values():
-        found |= dict.fromkeys(run_ids, _rule([runs[run_id] for run_id in run_ids]))
+        found |= dict.fromkeys(run_ids, _solref_rule([runs[run_id] for run_id in run_ids]))
     return found
 
 
-def _rule(runs: Sequence[RunSpec]) -> SolrefRule | None:
+def _solref_rule(runs: Sequence[RunSpec]) -> SolrefRule | None:
     if len({run.timestep for run in runs}) == 1:
         return None
     solrefs = [run.settings.get("solref") for run in runs]
@@ -252,4 +262,4 @@ def _rule(runs: Sequence[RunSpec]) -> SolrefRule | None:
         for run, solref in zip(runs, solrefs, strict=True)
     ]
     least, most = min(multiples), max(multiples)
-    return "tied" if least > 0 and most - least <= _EQUAL * most else "absolute"
+    return "tied" if least > 0 and most - least <= _EQUAL_RATIO * most else "absolute"

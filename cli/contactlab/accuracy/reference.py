@@ -1,13 +1,12 @@
-"""References of runs, and which settings only discretise a model and which are part of it.
+"""References of runs, and the distinction between settings that discretize a model and parts of it.
 
-Runs that differ only in settings that discretise converge to one limit as the timestep goes to 0,
+Runs that differ only in discretization settings converge to one limit as the timestep goes to 0,
 and so share a reference. All other settings change the limit: contact parameters (solref, solimp,
-friction, condim, margin, gap), cone and impratio, gravity and the like, and what the manifest sets.
-Of settings that look numerical, these are part of the model:
-
-- noslip_iterations, noslip_tolerance: the noslip pass removes slip that the contact model has; how
-  much remains depends on its iterations, at any timestep.
-- refsafe: without it solref is taken as written at any timestep; with it only where the timestep is
+friction, condim, margin, gap), cone and impratio, gravity and the like, and settings of the
+manifest. Of settings that look numerical, these are part of the model:
+- noslip_iterations, noslip_tolerance: the noslip pass removes slip that the contact model has; the
+  remaining slip depends on its iterations, at any timestep.
+- refsafe: without it solref is used as written at any timestep; with it only if the timestep is
   small enough, which is an error of the run, marked as `solref_clamped`.
 - multiccd, nativeccd, speculative, diagexact: these change the contacts or their impedances.
 """
@@ -52,9 +51,9 @@ class Discrepancy(NamedTuple):
 def distances(joints: Joints, first: Floats, second: Floats) -> Floats:
     """Return (T,) distances [m] between configurations (T, nq): the largest of any joint.
 
-    Slides and free positions count in metres. A hinge counts its angle times the length of its
-    degree of freedom. A rotation counts the angle of the one that leads from the first to the
-    second, the norm of the quaternion's logarithm, times that length.
+    Slides and free positions count in meters. A hinge counts its angle times the length of its
+    degree of freedom. A rotation counts the angle from the first to the second rotation, the norm
+    of the quaternion's logarithm, times that length.
     """
     scalars = list(joints.scalars)
     parts = [np.abs(first[:, scalars] - second[:, scalars]) * joints.lengths]
@@ -70,9 +69,9 @@ def distances(joints: Joints, first: Floats, second: Floats) -> Floats:
 def drifts(run: Invariants, reference: Invariants) -> Floats:
     """Return (T,) largest relative deviation of a run's energy and momenta from the reference's.
 
-    Energy is taken as a share of the reference's peak kinetic energy K, which counts as at least
-    what lifts everything by 1 % of a body; momentum as a share of sqrt(2 m K); angular momentum as
-    a share of its largest magnitude, which counts as at least 1 % of a body times sqrt(2 m K).
+    Energy is relative to the reference's peak kinetic energy K, which counts as at least the energy
+    to lift everything by 1 % of a body; momentum is relative to sqrt(2 m K); angular momentum is
+    relative to its largest magnitude, which counts as at least 1 % of a body times sqrt(2 m K).
     """
     scale = max(float(reference.kinetic.max()), reference.lift, float(np.finfo(float).tiny))
     parts = [np.abs(run.energy - reference.energy) / scale]
@@ -89,7 +88,7 @@ def drifts(run: Invariants, reference: Invariants) -> Floats:
 
 
 NUMERICS: Mapping[str, object] = {
-    "timestep": None,  # what goes to zero
+    "timestep": None,  # goes to zero in the limit
     "integrator": None,  # all are consistent: they differ by powers of the timestep
     # The constraint problem is convex: every converged solver gives the same answer.
     "solver": "Newton",
@@ -97,24 +96,24 @@ NUMERICS: Mapping[str, object] = {
     "tolerance": 1e-12,
     "ls_iterations": 50,
     "ls_tolerance": 0.01,
-    "warmstart": True,  # where the solver starts
+    "warmstart": True,  # the start of the solver
     "island": True,  # bodies that do not touch are solved separately
-    "jacobian": "auto",  # how the same matrix is stored
-    # How accurately the distance of convex shapes is computed.
+    "jacobian": "auto",  # the storage of the same matrix
+    # Accuracy of the distance of convex shapes.
     "ccd_iterations": 200,
     "ccd_tolerance": 1e-9,
-    "midphase": True,  # how distant pairs are skipped
+    "midphase": True,  # the method of skipping distant pairs
     "eulerdamp": True,  # damping evaluated at the end of a step or at its start
     "sleep": False,  # skips bodies at rest, which should not move anyway
 }
-"""Settings and flags that only discretise, and why the limit does not depend on them.
+"""Settings and flags that only discretize, and why the limit does not depend on them.
 
-The values are those of a reference; None where each reference chooses.
+The values are those of a reference; None if each reference chooses.
 """
 
 
 def with_reference_numerics(run: RunSpec, integrator: str, timestep: float) -> RunSpec:
-    """Return a run with the numerics of a reference, whose timestep [s] is given.
+    """Return a run with the numerics of a reference at a timestep [s].
 
     Runs that differ only in numerics give equal references.
     """
@@ -125,9 +124,9 @@ def with_reference_numerics(run: RunSpec, integrator: str, timestep: float) -> R
     return replace(run, settings=settings, flags=flags, changed=run.changed | written)
 
 
-# At equal timesteps RK4 is closest to the limit, by many orders of magnitude where the motion is
-# smooth; being explicit it may be unstable, and then the other one is used. It need not fail: what
-# parts by more than the model's size from itself at half the step is as good as unstable.
+# At equal timesteps RK4 is closest to the limit, by many orders of magnitude for smooth motion. As
+# an explicit method it may be unstable, and then the other one is used. It need not fail: a
+# solution that differs by more than the model's size at half the step counts as unstable.
 _INTEGRATORS = ("RK4", "implicitfast")
 
 Rows = NDArray[np.intp] | slice
@@ -135,7 +134,7 @@ Rows = NDArray[np.intp] | slice
 
 @dataclass(frozen=True)
 class PlannedModel:
-    """A run before it starts: its model, and its start (n = 1)."""
+    """A run before it starts: its model, and its start (n is 1)."""
 
     run: RunSpec
     prepared: PreparedModel
@@ -151,11 +150,11 @@ class Solution(NamedTuple):
 
 @dataclass(frozen=True)
 class Family:
-    """Runs that share a reference, and whose engine solves references."""
+    """Runs that share a reference, with an engine that solves references."""
 
     scene: Scene
     run: PlannedModel  # one of them
-    # What the reference has in common with all of them: its numerics do not matter.
+    # The common part of the reference and all of them; its numerics do not matter.
     model: RunSpec
     watch: Watch  # called before steps, to start their time limit
 
@@ -186,7 +185,7 @@ class Family:
         return sampled and Solution(prepared, sampled)
 
     def reference(self, times: Floats, timestep: float) -> "ReferenceSolution | None":
-        """Return the reference whose coarse solution has a timestep [s], or None if it has none."""
+        """Return the reference with a coarse timestep [s], or None if it has no solution."""
         found: list[ReferenceSolution] = []
         for integrator in _INTEGRATORS:
             fine = self.solve(integrator, timestep / 2, times)
@@ -204,10 +203,10 @@ class ReferenceSolution:
 
     family: Family
     integrator: str
-    timestep: float  # of the fine one [s]
-    times: Floats  # (T,) at which states are known [s]
-    fine: Solution  # the reference proper
-    coarse: Solution  # its distance from the fine one is the estimate of the reference's own error
+    timestep: float  # timestep of the fine solution [s]
+    times: Floats  # (T,) times of the states [s]
+    fine: Solution  # the reference itself
+    coarse: Solution  # its distance from the fine solution estimates the reference's own error
 
     @cached_property
     def joints(self) -> Joints:
@@ -228,15 +227,17 @@ class ReferenceSolution:
         return Discrepancy.of(distances(self.joints, sampled.qpos, self.fine.sampled.qpos[rows]))
 
     def velocity(self, sampled: SampledStates, rows: Rows) -> float:
-        """Return how far velocities are from the reference's at these rows, mean over time [m/s].
+        """Return the mean over time of the distance of velocities from the reference's [m/s].
 
-        At each time that of the degree of freedom that is off most, times its length.
+        At each time it is the largest difference of a degree of freedom, times its length.
         """
-        apart = np.abs(sampled.qvel - self.fine.sampled.qvel[rows])
-        return float((apart * self.fine.prepared.model.dof_length).max(axis=1, initial=0.0).mean())
+        difference = np.abs(sampled.qvel - self.fine.sampled.qvel[rows])
+        return float(
+            (difference * self.fine.prepared.model.dof_length).max(axis=1, initial=0.0).mean()
+        )
 
     def drift(self, sampled: SampledStates, rows: Rows = slice(None)) -> Discrepancy:
-        """Return how far energy and momenta are from the reference's at these rows, as ratios."""
+        """Return the relative deviation of energy and momenta from the reference at these rows."""
         expected, model = self.fine.sampled, self.fine.prepared.model
         free = self.family.scene.base_of(self.family.model).free
         both = (sampled.qpos, sampled.qvel), (expected.qpos[rows], expected.qvel[rows])
@@ -245,9 +246,9 @@ class ReferenceSolution:
     def local_error(
         self, prepared: PreparedModel, begins: Floats, ends: Floats
     ) -> Discrepancy | None:
-        """Return how far a model gets from the reference when restarted from its states [m].
+        """Return the distance of a model from the reference when restarted from its states [m].
 
-        It begins at K times [s], and is compared at as many ends [s]; None if a restart fails.
+        It begins at K times [s], and is compared at K ends [s]; None if a restart fails.
         """
         states = self.fine.sampled.states[self.rows(begins)]
         restarts = [
@@ -261,11 +262,11 @@ class ReferenceSolution:
         return Discrepancy.of(distances(self.joints, np.concatenate(qpos), expected))
 
     def divergence(self) -> float | None:
-        """Return how far a start perturbed by 1e-8 gets from the coarse solution [m].
+        """Return the distance of a start perturbed by 1e-8 from the coarse solution [m].
 
         It is solved at the timestep of the coarse solution, not at those of the runs: there any
-        perturbation may move an impact to another step, which changes what follows, though by less
-        than the runs' own errors.
+        perturbation may move an impact to another step, which changes the motion after it, though
+        by less than the runs' own errors.
         """
         run = self.family.run
         start = perturbed_copy(run.start, self.joints, run.run.seed)
@@ -279,10 +280,12 @@ class ReferenceSolution:
 def invariants(model: mujoco.MjModel, qpos: Floats, qvel: Floats, *, free: bool) -> Invariants:
     """Return energy and momenta of a passive model at T states (T, nq) and (T, nv).
 
-    Where nothing external acts on it, it is free, so that momenta are conserved as well.
+    If no external force acts on it, it is free, so momenta are conserved as well.
     """
     data = mujoco.MjData(model)
-    rows = np.array([_row(model, data, *state) for state in zip(qpos, qvel, strict=True)])
+    rows = np.array(
+        [_state_invariants(model, data, *state) for state in zip(qpos, qvel, strict=True)]
+    )
     mass = float(model.body_subtreemass[0])
     weight = mass * float(np.linalg.norm(model.opt.gravity)) * read_flag(model, "gravity")
     conserved, arm = free and not weight, HAIR * float(model.stat.meansize)
@@ -297,8 +300,10 @@ def invariants(model: mujoco.MjModel, qpos: Floats, qvel: Floats, *, free: bool)
     )
 
 
-def _row(model: mujoco.MjModel, data: mujoco.MjData, qpos: Floats, qvel: Floats) -> Floats:
-    """Return (8,) potential and kinetic energy, velocity of the centre of mass, ang. momentum."""
+def _state_invariants(
+    model: mujoco.MjModel, data: mujoco.MjData, qpos: Floats, qvel: Floats
+) -> Floats:
+    """Return (8,) potential and kinetic energy, velocity of the center of mass, ang. momentum."""
     data.qpos[:], data.qvel[:] = qpos, qvel
     mujoco.mj_fwdPosition(model, data)
     mujoco.mj_fwdVelocity(model, data)

@@ -1,4 +1,4 @@
-"""The timing pass: every run by itself, interleaved with the others, with nothing recorded."""
+"""The timing pass: every run alone, interleaved with the others, with nothing recorded."""
 
 import base64
 import gc
@@ -27,16 +27,16 @@ from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import Timing
 from contactlab.schema.sweep_schema import TimingRequest
 
-# CPU time of a run in a round, least and most, and of its single steps at most [s].
+# CPU time [s] of a run in a round, least and most, and most of its single steps.
 MIN_SECONDS, MAX_SECONDS, STEP_SECONDS = 0.02, 0.1, 0.02
 _MOST_REPEATS_OF_A_RUN = 50
 _MOST_SINGLE_STEPS = 1000
 _WARM_STEPS = 10
-_CLOCKED = ("time_min", "time_median", "step_p50", "step_p99", "compile_time")
+_TIME_FIELDS = ("time_min", "time_median", "step_p50", "step_p99", "compile_time")
 Groups = Sequence[Sequence[str]]
 Select = Callable[[Mapping[str, float]], Groups]
-"""Returns which groups of runs, by id, go on, given the CPU time per simulated time of each run."""
-_COUNTED = ("steps", "iterations", "contacts", "rows")
+"""Selects the groups of runs, by id, to continue, from the CPU time per simulated time of runs."""
+_WORK_FIELDS = ("steps", "iterations", "contacts", "rows")
 
 
 def work_of_runs(scene: Scene, runs: Sequence[PlannedModel], watch: Watch) -> Iterator[Note]:
@@ -60,19 +60,19 @@ def _timing_engine(run: RunSpec) -> TimesSteps:
     return engine
 
 
-def _work_of(note: Note) -> Work:
+def _decode_work(note: Note) -> Work:
     raw = np.frombuffer(base64.b64decode(note["states"]), dtype="<f8")
     states = raw.reshape(len(note["places"]), -1).astype(np.float64)
-    return Work(*(note[name] for name in _COUNTED), places=tuple(note["places"]), states=states)
+    return Work(*(note[name] for name in _WORK_FIELDS), places=tuple(note["places"]), states=states)
 
 
 def timing_seconds(request: TimingRequest, steps: Sequence[int], per_step: float) -> float:
-    """Return how long it takes to time runs of so many steps, one after the other [s]."""
+    """Return the time to measure runs with these numbers of steps, one after the other [s]."""
     seconds = [min(max(step * per_step, MIN_SECONDS), MAX_SECONDS) for step in steps]
     return request.rounds * (sum(seconds) + len(seconds) * STEP_SECONDS)
 
 
-class _Portion(NamedTuple):
+class _TimedPortion(NamedTuple):
     """Steps of each segment of a run that are timed in a round, repetitions, and single steps."""
 
     most: int
@@ -85,8 +85,8 @@ class InterleavedTimer:
     """Times runs of one scene in this process."""
 
     scene: Scene
-    rounds: int  # how often each is timed at most; within a round all take turns
-    # What policies did in runs, by id.
+    rounds: int  # most measurements of each run; within a round all take turns
+    # Recorded actions of policies in runs, by id.
     controls: Mapping[str, RecordedControls] = field(default_factory=dict[str, RecordedControls])
     _compiled: dict[str, tuple[mujoco.MjModel, float]] = field(
         default_factory=dict[str, tuple[mujoco.MjModel, float]]
@@ -102,24 +102,26 @@ class InterleavedTimer:
     ) -> Iterator[tuple[str, Note]]:
         """Yield each run's id and times, after all rounds.
 
-        The runs of a group share the time that is taken for one. After each round, from the median
-        time of each run so far, groups are selected for the next one. `advance` is called with the
-        number of turns that were taken, or that are left out.
+        The runs of a group share the time for one run. After each round, groups are selected for
+        the next one from the median time of each run so far. `advance` is called with the number of
+        finished or skipped turns.
         """
         silence_mujoco()
-        counted = {run_id: _work_of(work[run_id]) for run_id in runs}
+        counted = {run_id: _decode_work(work[run_id]) for run_id in runs}
         shares = {run_id: len(group) for group in groups for run_id in group}
         taken: dict[str, list[tuple[float, float, float]]] = {run_id: [] for run_id in shares}
 
         def timed(run_id: str) -> tuple[TimesSteps, Segments]:
             resolved = runs[run_id]
-            return _timing_engine(resolved), self._segments(run_id, resolved, counted[run_id])
+            return _timing_engine(resolved), self._timed_segments(run_id, resolved, counted[run_id])
 
         with _no_garbage_collection():
-            portions = {run_id: _portion(*timed(run_id), share) for run_id, share in shares.items()}
+            portions = {
+                run_id: _choose_portion(*timed(run_id), share) for run_id, share in shares.items()
+            }
             for later in reversed(range(self.rounds)):
                 for run_id in chain(*groups):
-                    taken[run_id].append(_clock(*timed(run_id), portions[run_id]))
+                    taken[run_id].append(_measure_times(*timed(run_id), portions[run_id]))
                     advance(1)
                 before = sum(map(len, groups))
                 groups = select(
@@ -129,19 +131,19 @@ class InterleavedTimer:
         for run_id, rounds in taken.items():
             times, p50, p99 = zip(*rounds, strict=True)
             medians = (median(samples) for samples in (times, p50, p99))
-            clocked = (min(times), *medians, self._model(runs[run_id])[1])
-            yield run_id, dict(zip(_CLOCKED, clocked, strict=True))
+            clocked = (min(times), *medians, self._compiled_model(runs[run_id])[1])
+            yield run_id, dict(zip(_TIME_FIELDS, clocked, strict=True))
 
-    def _segments(self, run_id: str, resolved: RunSpec, work: Work) -> Segments:
-        """Return what is timed of a run; made anew each time, so that memory does not grow."""
+    def _timed_segments(self, run_id: str, resolved: RunSpec, work: Work) -> Segments:
+        """Return the timed segments of a run; made again each time to limit memory."""
         start = self.scene.starts([resolved])
         if run_id in self.controls:
             start = start.acted_on([self.controls[run_id]])
-        model = self.scene.prepare(resolved, start, self._model(resolved)[0]).model
+        model = self.scene.prepare(resolved, start, self._compiled_model(resolved)[0]).model
         return Segments(model, start, work)
 
-    def _model(self, resolved: RunSpec) -> tuple[mujoco.MjModel, float]:
-        """Return a run's compiled structure, and the least CPU time that compiling it took [s]."""
+    def _compiled_model(self, resolved: RunSpec) -> tuple[mujoco.MjModel, float]:
+        """Return a run's compiled structure, and the least CPU time of compiling it [s]."""
         key = json.dumps([resolved.structure, sorted(resolved.without)])
         if key not in self._compiled:
             compiled = [_clocked_compile(self.scene, resolved) for _ in range(self.rounds)]
@@ -150,27 +152,31 @@ class InterleavedTimer:
 
 
 def _clocked_compile(scene: Scene, resolved: RunSpec) -> tuple[mujoco.MjModel, float]:
-    # MuJoCo compiles meshes on threads of its own, which a thread's clock does not see.
+    # MuJoCo compiles meshes on separate threads, which a thread's clock does not include.
     begin = time.process_time()
     compiled = scene.compile_without_sensors(resolved)
     return compiled, time.process_time() - begin
 
 
-def _clock(engine: TimesSteps, segments: Segments, portion: _Portion) -> tuple[float, float, float]:
+def _measure_times(
+    engine: TimesSteps, segments: Segments, portion: _TimedPortion
+) -> tuple[float, float, float]:
     """Return the CPU time per simulated time, and of a step [s]: median, 99th percentile."""
     seconds, steps = engine.time_segments(segments, portion.most, portion.repeats)
     p50, p99 = np.quantile(engine.time_steps(segments, portion.single), (0.5, 0.99)).tolist()
     return seconds / (steps * segments.model.opt.timestep), p50, p99
 
 
-def _portion(engine: TimesSteps, segments: Segments, runs: int) -> _Portion:
-    """Return what is timed of a run in a round, when so many share the time for one."""
+def _choose_portion(engine: TimesSteps, segments: Segments, runs: int) -> _TimedPortion:
+    """Return the timed portion of a run in a round, if `runs` runs share the time for one."""
     seconds, steps = engine.time_segments(segments, _WARM_STEPS, 1)
     cost = runs * max(seconds / steps, 1e-7)
     most = max(1, math.ceil(MAX_SECONDS / (cost * len(segments.work.places))))
     repeats = math.ceil(MIN_SECONDS / (cost * sum(segments.lengths(most))))
     single = min(_MOST_SINGLE_STEPS / runs, STEP_SECONDS / cost) / len(segments.work.places)
-    return _Portion(most, min(_MOST_REPEATS_OF_A_RUN, max(1, repeats)), max(1, math.ceil(single)))
+    return _TimedPortion(
+        most, min(_MOST_REPEATS_OF_A_RUN, max(1, repeats)), max(1, math.ceil(single))
+    )
 
 
 @contextmanager
@@ -189,7 +195,7 @@ def timings(
     work: Mapping[str, Note],
     times: Mapping[str, Note],
 ) -> dict[str, Timing]:
-    """Return times and work of every run as the table has them, by run id; null where missing."""
+    """Return times and work of every run for the table, by run id; null if missing."""
     settings = {
         "version": 1,
         "clock": "CPU time of one thread",
@@ -205,8 +211,8 @@ def timings(
         counted, clocked = work.get(run_id) or {}, times.get(run_id) or {}
         simulated = resolved.steps * resolved.timestep
         rates = {
-            f"work_{name}": counted[name] / simulated if counted else None for name in _COUNTED
+            f"work_{name}": counted[name] / simulated if counted else None for name in _WORK_FIELDS
         }
-        columns = {name: clocked.get(name) for name in _CLOCKED}
+        columns = {name: clocked.get(name) for name in _TIME_FIELDS}
         found[run_id] = Timing(**columns, **rates, timing_settings=settings_hash)
     return found

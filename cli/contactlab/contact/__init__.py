@@ -1,1 +1,1 @@
-"""The contact model in closed form, and the arrays that one rollout leaves."""
+"""The contact model in closed form, and the arrays of one rollout."""

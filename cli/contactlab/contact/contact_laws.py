@@ -16,10 +16,10 @@ from contactlab.contact.trace_arrays import Floats
 
 _BISECTIONS = 60
 IMPEDANCE_RANGE = (1e-4, 0.9999)
-"""Bounds that MuJoCo holds an impedance to."""
+"""Bounds to which MuJoCo clips an impedance."""
 _REFSAFE_STEPS = 2
 STABLE_STEP, RESOLVED_STEP = 0.8, 0.2
-"""Steps, over 1 / sqrt(K), up to which no impact gains energy, and restitution is nearly right."""
+"""Largest steps, times sqrt(K), without energy gain in impacts, and with accurate restitution."""
 
 
 def stiffness_damping(solref: ArrayLike) -> tuple[Floats, Floats]:
@@ -37,12 +37,12 @@ def stiffness_damping(solref: ArrayLike) -> tuple[Floats, Floats]:
 
 
 def refsafe_solref(solref: tuple[float, ...], timestep: float) -> tuple[float, ...]:
-    """Return a solref as refsafe has it: with a time constant [s] of at least two timesteps [s]."""
+    """Return a solref under refsafe: with a time constant [s] of at least two timesteps [s]."""
     return (max(solref[0], _REFSAFE_STEPS * timestep), solref[1]) if solref[0] > 0 else solref
 
 
 def largest_step(solref: tuple[float, ...]) -> float:
-    """Return the largest timestep [s] that resolves a solref: stable, and refsafe leaves it."""
+    """Return the largest timestep [s] that resolves a solref: stable, and unchanged by refsafe."""
     stable = STABLE_STEP / float(np.sqrt(stiffness_damping(solref)[0]))
     return min(stable, solref[0] / _REFSAFE_STEPS) if solref[0] > 0 else stable
 
@@ -73,18 +73,21 @@ def restitution_of(zeta: ArrayLike) -> Floats:
 
 
 def damping_ratio_of(restitution: ArrayLike) -> Floats:
-    """Return the zeta whose `restitution_of` is given; a ValueError unless each is in (0, 1]."""
+    """Return the zeta with a given `restitution_of`.
+
+    Raises a ValueError unless each is in (0, 1].
+    """
     wanted = np.asarray(restitution, dtype=np.float64)
     if not np.all((wanted > 0) & (wanted <= 1)):
         raise ValueError(f"restitution must be above 0 and at most 1, not {restitution}")
     # e < 1 / zeta^2 everywhere, so the root lies below 1 / sqrt(e).
-    return _bisected(
+    return _bisect(
         np.zeros_like(wanted), 1 / np.sqrt(wanted), lambda zeta: restitution_of(zeta) > wanted
     )
 
 
-def _bisected(low: Floats, high: Floats, is_below: Callable[[Floats], NDArray[np.bool_]]) -> Floats:
-    """Return where values between two bounds are no longer below what is sought."""
+def _bisect(low: Floats, high: Floats, is_below: Callable[[Floats], NDArray[np.bool_]]) -> Floats:
+    """Return the values between two bounds at which `is_below` becomes false."""
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2
         below = is_below(middle)
@@ -106,8 +109,8 @@ def rest_penetration(
     """Return the penetration [m] at which one contact carries `load` [N] at rest.
 
     It solves ``r = F A (1 - d(r)) dwidth^2 / (K d(r)^2)`` with A = 1/m1 + 1/m2 [1/kg] of the two
-    bodies. Exact for elliptic cones and frictionless contacts; pyramids soften it. What was found
-    is remembered, since many runs ask the same.
+    bodies. Exact for elliptic cones and frictionless contacts; pyramids soften it. Results are
+    cached, because many runs need the same.
     """
     given = [np.asarray(argument, np.float64) for argument in (load, inverse_mass, solref, solimp)]
     return _rest_penetration(*((argument.shape, argument.tobytes()) for argument in given)).copy()
@@ -127,19 +130,19 @@ def _rest_penetration(*given: tuple[tuple[int, ...], bytes]) -> Floats:
         d = curve(depth)
         return scale * (1 - d) / (d * d)
 
-    # d grows or falls with r, so that the right side lies between its values there and far below.
+    # d is monotonic in r, so the right side lies between its values at the surface and far below.
     surface, deep = carried(np.zeros_like(scale)), carried(np.full_like(scale, np.inf))
     low, high = np.minimum(surface, deep), np.maximum(surface, deep)
-    return _bisected(low, high, lambda depth: carried(depth) > depth)
+    return _bisect(low, high, lambda depth: carried(depth) > depth)
 
 
 def stiffness_at_rest(
     depth: ArrayLike, load: ArrayLike, inverse_mass: ArrayLike, solimp: ArrayLike
 ) -> Floats:
-    """Return the K [1/s^2] whose `rest_penetration` under a load [N] is a depth [m] above 0.
+    """Return the K [1/s^2] with a given `rest_penetration` [m] above 0 under a load [N].
 
-    Where the impedance d is constant, load / depth is ``K / (A (1 - d))`` whatever the load: a
-    linear spring.
+    If the impedance d is constant, load / depth is ``K / (A (1 - d))`` for every load: a linear
+    spring.
     """
     end = np.clip(np.asarray(solimp, dtype=np.float64)[..., 1], *IMPEDANCE_RANGE)
     d, weight = impedance(depth, solimp), np.asarray(load) * np.asarray(inverse_mass)
@@ -147,7 +150,7 @@ def stiffness_at_rest(
 
 
 def pyramid_softness(friction: float, condim: int, impratio: float) -> float:
-    """Return what a pyramidal cone multiplies the load by in the law of rest.
+    """Return the factor of a pyramidal cone on the load in the law of rest.
 
     The 2 (condim - 1) edges of the pyramid share the load:
     ``mu^2 (1 + mu^2) / ((condim - 1) impratio)``, and 1 without friction.
@@ -179,18 +182,18 @@ def resolve_impact(
     """Return the impulse (d,) of an impact on a point mass [N s]; zero if it moves away.
 
     An impulse J changes the velocity of a mass m by J / m at once. Along the unit normal n, away
-    from the surface, Newton's law of restitution demands ``v_n' = -e v_n``, so that
-    ``J_n = m (v_n' - v_n) = -(1 + e) m v_n``, which is positive for an approach, v_n < 0.
+    from the surface, Newton's law of restitution demands ``v_n' = -e v_n``, so that ``J_n = m (v_n'
+    - v_n) = -(1 + e) m v_n``, which is positive for an approach, v_n < 0.
 
-    Across it, the impulse that would end all sliding is ``-m v_t``. Friction can give at most
-    mu J_n (Coulomb's law, integrated over the impact while the slip keeps its direction). If that
-    is enough the mass sticks, ``J_t = -m v_t``; else it slides on, and the impulse lies on the
-    boundary of the cone, against the slip: ``J_t = -mu J_n v_t / |v_t|``. The two meet where
-    ``|v_t| = mu (1 + e) |v_n|``, a cone in velocity space. A point mass has no rotation, so
-    nothing reverses within the impact.
+    Across it, the impulse that would end all sliding is ``-m v_t``. Friction can give at most mu
+    J_n (Coulomb's law, integrated over the impact while the slip keeps its direction). If that is
+    enough the mass sticks, ``J_t = -m v_t``; otherwise it slides on, and the impulse lies on the
+    boundary of the cone, against the slip: ``J_t = -mu J_n v_t / |v_t|``. The two meet at ``|v_t| =
+    mu (1 + e) |v_n|``, a cone in velocity space. A point mass has no rotation, so nothing reverses
+    within the impact.
 
     Args:
-        mass: the point's [kg].
+        mass: the mass of the point [kg].
         velocity: (d,) before the impact [m/s].
         normal: (d,) away from the surface, of any length.
         restitution: in [0, 1].

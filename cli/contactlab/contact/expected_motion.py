@@ -1,4 +1,4 @@
-"""What bodies should do in a group of runs, and where runs have them."""
+"""Required motion of bodies in a group of runs, and their poses in runs."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -13,21 +13,21 @@ w x y z, of a body in the frame of another."""
 
 @dataclass(frozen=True)
 class ExpectedMotion:
-    """What a body should do in n runs; judged on its pose in the frame of a body or site."""
+    """Required motion of a body in n runs, judged by its pose in the frame of a body or site."""
 
-    name: str  # the words that say it
+    name: str  # the text of the requirement
     word: MotionWord
-    window: Floats  # (n, 2) from when to when [s]
-    limit: float  # [m], or [rad] where it is one of an angle
+    window: Floats  # (n, 2) start and end [s]
+    limit: float  # [m], or [rad] for an angle
     angular: bool
-    placing: tuple[Placing, ...]  # of each run; in the world's frame unless held or passing
+    placing: tuple[Placing, ...]  # for each run; in the world's frame unless held or passing
     up: Floats  # (n, 3) unit vector against gravity; along z without gravity [world]
     axis: Floats  # (n, 3) the same in the frame of the body in the model's default pose
-    reach: float  # how far the body reaches from its frame [m]
-    pairs: tuple[int, ...] = ()  # where a body is held: what it touches its holder with
+    reach: float  # reach of the body from its frame [m]
+    pairs: tuple[int, ...] = ()  # for a held body: the pairs between it and its holder
 
     def select(self, rows: list[int]) -> "ExpectedMotion":
-        """Return what some of the runs should do."""
+        """Return the requirement for some of the runs."""
         return replace(
             self,
             window=self.window[rows],

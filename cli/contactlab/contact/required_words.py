@@ -1,4 +1,4 @@
-"""The words of what has to hold: of motion, and of pairs in contact."""
+"""The words of requirements: of motion, and of pairs in contact."""
 
 from typing import Literal, get_args
 
@@ -6,4 +6,4 @@ MotionWord = Literal["held", "still", "upright", "passes", "stays"]
 ContactWord = Literal["sticks", "slides", "rolls", "apart", "presses", "shallow"]
 CONTACT_WORDS: tuple[ContactWord, ...] = get_args(ContactWord)
 End = Literal["first", "last"]
-"""The contact of a pair that a word is said of, where it is not each of them."""
+"""The contact of a pair that a requirement refers to, if not every contact."""

@@ -1,4 +1,4 @@
-"""Rotations as unit quaternions w, x, y, z, as MuJoCo keeps them; NumPy only.
+"""Rotations as unit quaternions w, x, y, z, as in MuJoCo; NumPy only.
 
 A body's quaternion turns vectors given along the body's axes into the world frame.
 """
@@ -12,7 +12,7 @@ def rotate(quaternion: Floats, vector: Floats) -> Floats:
     """Return vectors (..., 3) turned by quaternions (..., 4): body to world."""
     scalar, a, b, c = (quaternion[..., place] for place in range(4))
     x, y, z = (vector[..., place] for place in range(3))
-    # Cross products by components, since NumPy's takes three times as long.
+    # Cross products by components, because NumPy's takes three times as long.
     p, q, r = 2 * (b * z - c * y), 2 * (c * x - a * z), 2 * (a * y - b * x)
     turned = np.empty((*np.shape(scalar + x), 3))
     turned[..., 0] = x + scalar * p + (b * r - c * q)
@@ -47,7 +47,7 @@ def angles_between(first: Floats, second: Floats) -> Floats:
     """Return (T,) angles [rad], at most pi, between rotations (T, 4); q and -q are the same.
 
     The angle comes from both parts of conj(first) * second, so that neither tiny angles nor norms
-    that are not quite 1 cost digits.
+    slightly off 1 cost digits.
     """
     scalar, vector = first[:, 0], first[:, 1:]
     other_scalar, other = second[:, 0], second[:, 1:]
@@ -60,6 +60,6 @@ def rotation_from_x(vector: Floats) -> Floats:
     """Return (4,) a rotation that turns +x into the direction of a vector (3,)."""
     length = np.linalg.norm(vector)
     x, y, z = vector / length if length else (1.0, 0.0, 0.0)
-    # By way of the half angle; towards -x, after half a turn about z, as the first would vanish.
+    # Use the half angle; towards -x, after half a turn about z, because the first form vanishes.
     turn = np.array([1 + x, 0.0, -z, y] if x >= 0 else [y, z, 0.0, 1 - x])
     return turn / np.linalg.norm(turn)

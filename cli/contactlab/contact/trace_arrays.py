@@ -43,7 +43,7 @@ ACTUATORS, CONSTRAINTS, OTHERS = 0, 1, 2  # the last axis of `Trace.work`
 
 
 def hash_of_states(rows: Floats) -> str:
-    """Return the trajectory hash of a run: SHA-256 of its state rows' bytes, 32 hex digits of it.
+    """Return the trajectory hash of a run: 32 hex digits of the SHA-256 of its state rows' bytes.
 
     Rows (N + 1, 1 + nq + nv + na) are time, qpos, qvel and act of each state.
     """
@@ -51,7 +51,7 @@ def hash_of_states(rows: Floats) -> str:
 
 
 def squared_lengths(vectors: Floats) -> Floats:
-    """Return (...) squared lengths of vectors (..., k); sums along short axes take far longer."""
+    """Return (...) squared lengths of vectors (..., k); sums along short axes are far slower."""
     first, *others = (vectors[..., k] for k in range(vectors.shape[-1]))
     square = first * first
     for other in others:
@@ -60,18 +60,18 @@ def squared_lengths(vectors: Floats) -> Floats:
 
 
 def median(values: Floats) -> Floats:
-    """Return (...) medians of values (..., T) as `np.median` does, in a third of its time."""
+    """Return (...) medians of values (..., T) like `np.median`, in a third of its time."""
     count = values.shape[-1]
     if not count:
         return np.full(values.shape[:-1], np.nan)
     middle = slice((count - 1) // 2, count // 2 + 1)
     ranked = np.partition(values, sorted({middle.start, middle.stop - 1, count - 1}), axis=-1)
-    # Numbers that are none come last.
+    # NaN comes last.
     return np.where(np.isnan(ranked[..., -1]), np.nan, ranked[..., middle].mean(axis=-1))
 
 
 def sum_of_slots(values: Floats, axis: int) -> Floats:
-    """Return sums along slots, one after the other, so that empty ones change no bit."""
+    """Return sums along slots, one after the other, so that empty ones do not change any bit."""
     return values.cumsum(axis=axis).take(-1, axis=axis)
 
 
@@ -81,10 +81,10 @@ class PairTrace:
 
     name: str
     slots: Floats
-    """(n, N, S, 23) contact slots as MuJoCo's contact sensor lays them out: those that hold a
-    contact come first, the others are zero. Force and velocity are in the contact frame, normal
-    first; the normal points from the pair's first side to its second and is in the world frame, as
-    is the position.
+    """(n, N, S, 23) contact slots in the layout of MuJoCo's contact sensor: slots with a contact
+    come first, the others are zero. Force and velocity are in the contact frame, normal first; the
+    normal points from the pair's first side to its second and is in the world frame, like the
+    position.
     """
     friction: Floats  # (n, 5) effective coefficients (slide, slide, torsion, roll, roll)
 
@@ -100,17 +100,17 @@ class PairTrace:
 
     @property
     def touching(self) -> NDArray[np.bool_]:
-        """(n, N, S) whether a slot holds a contact."""
+        """(n, N, S) whether a slot contains a contact."""
         return self.slots[..., FOUND] > 0
 
 
 class Passage(NamedTuple):
-    """One geom passed through another, and was through after a step."""
+    """A passage of one geom through another, completed after a step."""
 
     mover: str
     wall: str
     step: int
-    bodies: tuple[str, ...] = ()  # of both, those that can move
+    bodies: tuple[str, ...] = ()  # the movable ones of both bodies
 
 
 @dataclass(frozen=True)
@@ -122,16 +122,16 @@ class HeldPose:
     """(n, N, 4) rotation of the holder's frame in the world, unit quaternion w x y z."""
 
 
-_BY_STATE = ("time", "qpos", "qvel")
-_ENERGIES = ("kinetic", "potential", "momentum", "angular_momentum")
-_COUNTS = ("contacts", "least_distance", "iterations", "iterations_most")
-_BY_STEP = (*_ENERGIES, *_COUNTS, "forces", "lengths", "work")
-_OF_WHOLE_RUN = ("control_ranges", "equality_loads", "equality_gaps", "creep", "given", "sleeper")
+_STATE_ARRAYS = ("time", "qpos", "qvel")
+_ENERGY_ARRAYS = ("kinetic", "potential", "momentum", "angular_momentum")
+_COUNT_ARRAYS = ("contacts", "least_distance", "iterations", "iterations_most")
+_STEP_ARRAYS = (*_ENERGY_ARRAYS, *_COUNT_ARRAYS, "forces", "lengths", "work")
+_RUN_ARRAYS = ("control_ranges", "equality_loads", "equality_gaps", "creep", "given", "sleeper")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Told:
-    """Outputs of an engine for n runs of N steps beside their states; None where unknown."""
+    """Outputs of an engine for n runs of N steps, besides their states; None if unknown."""
 
     control_ranges: Floats | None = None  # (n, nu, 2) least and greatest control of each actuator
     equality_loads: Floats | None = None
@@ -143,17 +143,17 @@ class Told:
     """(n, nv + ntendon) speed at the end of degrees of freedom and tendons that friction loss
     brakes with less than it could, under constant controls [m/s or rad/s]."""
     work: Floats | None = None
-    """(n, N, 3) work in each step [J] of actuators, of constraints, and of all else but gravity and
-    springs; NaN where not known."""
+    """(n, N, 3) work in each step [J] of actuators, of constraints, and of all other forces except
+    gravity and springs; NaN if unknown."""
     given: Floats | None = None
-    """(n, 4) the stretch of steps in which constraints gave most energy: the first, the last, what
-    they had stored before it [J], and all but contacts at the start [J]."""
+    """(n, 4) the stretch of steps in which constraints gave most energy: the first, the last, their
+    stored energy before it [J], and that of all except contacts at the start [J]."""
     sleeper: Floats | None = None
-    """(n, 4) of all that sleeps, what would have gone farthest in its sleep if it had been awake:
-    how far [m], as a share of its way then, its joint, and the step since when; NaN where nothing
+    """(n, 4) the sleeping body that would have moved farthest if it had been awake: the distance
+    [m], the same as a share of its path, its joint, and its first step asleep; NaN if nothing
     sleeps."""
     passages: tuple[tuple[Passage, ...], ...] = ()
-    """For each run, what passed through what; empty where nobody looked."""
+    """For each run, the passages of geoms through others; empty if they were not searched."""
 
 
 @dataclass(frozen=True)
@@ -161,24 +161,24 @@ class Trace(Told):
     """Trace of n runs over N steps."""
 
     timestep: Floats  # (n,) step length [s]
-    steps_asked: int  # steps requested; N is smaller where the engine stopped a run
+    steps_asked: int  # steps requested; N is smaller if the engine stopped a run
     time: Floats  # (n, N + 1) simulated time [s]
     qpos: Floats  # (n, N + 1, nq) configuration
     qvel: Floats  # (n, N + 1, nv) velocity
-    kinetic: Floats  # (n, N) kinetic energy [J]; NaN, like the next, where it was not recorded
+    kinetic: Floats  # (n, N) kinetic energy [J]; NaN, like the next, if it was not recorded
     potential: Floats  # (n, N) potential energy [J] of gravity and springs
     contacts: Integers  # (n, N) contacts in the whole model, monitored or not
-    least_distance: Floats  # (n, N) smallest signed distance of any contact [m]; 0 where none
+    least_distance: Floats  # (n, N) smallest signed distance of any contact [m]; 0 without contact
     iterations: Integers  # (n, N) solver iterations, summed over contact islands
     iterations_most: Integers  # (n, N) solver iterations of the busiest island
     momentum: Floats | None
-    """(n, N, 3) linear momentum [kg m/s], or None where the system is not free."""
+    """(n, N, 3) linear momentum [kg m/s], or None if the system is not free."""
     angular_momentum: Floats | None
-    """(n, N, 3) about the centre of mass [kg m^2/s], or None likewise."""
+    """(n, N, 3) about the center of mass [kg m^2/s], or None likewise."""
     pairs: tuple[PairTrace, ...]  # the monitored contact pairs
     warnings: tuple[dict[str, int], ...]  # for each run, engine warnings by name with their counts
     held: HeldPose | None = None
-    """Pose of the subject relative to its holder, or None where nothing should be held."""
+    """Pose of the subject relative to its holder, or None if nothing should be held."""
     forces: Floats | None = None
     """(n, N, nu) force of each actuator, or None if not recorded, like the next."""
     lengths: Floats | None = None  # (n, N, ntendon) length of each tendon
@@ -205,8 +205,8 @@ class Trace(Told):
         contiguous = range(runs[0], runs[-1] + 1)
         index = slice(runs[0], runs[-1] + 1) if list(runs) == list(contiguous) else list(runs)
         steps = self.steps if steps is None else steps
-        ends: dict[str, int | None] = dict.fromkeys(_OF_WHOLE_RUN)
-        ends |= dict.fromkeys(_BY_STATE, steps + 1) | dict.fromkeys(_BY_STEP, steps)
+        ends: dict[str, int | None] = dict.fromkeys(_RUN_ARRAYS)
+        ends |= dict.fromkeys(_STATE_ARRAYS, steps + 1) | dict.fromkeys(_STEP_ARRAYS, steps)
         arrays = {name: getattr(self, name) for name in ends}
         held = self.held
         return replace(
@@ -242,7 +242,7 @@ class PairSeries:
     usage: Floats
     """(n, N) share of the friction bound in use, in the cone's own norm; 1 means sliding."""
     slip: Floats  # (n, N) magnitude of the force-weighted tangential velocity [m/s]
-    distance: Floats  # (n, N) least signed distance [m]; 0 where nothing touches
+    distance: Floats  # (n, N) least signed distance [m]; 0 without contact
     mode: NDArray[np.int8]  # (n, N) NO_CONTACT, STICK or SLIDE, with hysteresis (see `measure`)
 
 
@@ -250,38 +250,36 @@ BY_RUN = ("residual", "jacobian", "overlap", "apart", "squeeze", "repeats")
 
 
 class BackwardError(NamedTuple):
-    """How far a run is from the motion of its own model, as a budget of errors defines it."""
+    """The numerical error of a run, as an error budget defines it."""
 
-    share: (
-        float  # phantom forces over real ones, on the worst body; infinite where the engine warned
-    )
-    body: str  # that body
-    time: float  # when the window begins in which it is farthest off [s]
+    share: float  # residual forces over real ones, on the worst body; infinite if the engine warned
+    body: str  # the worst body
+    time: float  # start of the window with its largest error [s]
     energy: float  # the share of energy that the run gains, or loses, and its model does not
-    energy_body: str  # whose kinetic energy the run changes most
-    energy_time: float  # when the window begins in which it does so most [s]
+    energy_body: str  # the body with the largest error of kinetic energy
+    energy_time: float  # start of the window with that error [s]
 
 
 @dataclass(frozen=True)
 class SelfChecks:
-    """Self-checks of n runs, of N steps; those that do not apply to a run are NaN."""
+    """Self-checks of n runs of N steps; checks that do not apply to a run are NaN."""
 
     residual: Floats
     """(n, N) disagreement of forces and accelerations, over the largest constraint force of the run
     [1]; 0 to rounding for a solver that converged."""
     jacobian: Floats
-    """(n, K) relative difference of the accelerations that a dense and a sparse constraint Jacobian
-    give, at sampled states [1]."""
+    """(n, K) relative difference of the accelerations from a dense and a sparse constraint
+    Jacobian, at sampled states [1]."""
     jacobian_steps: NDArray[np.intp]  # (K,) the steps of these states
     overlap: Floats  # (n, L) deepest geometric overlap of a monitored pair without a contact [m]
     apart: Floats
     """(n, L) largest excess of a pair's geometric distance over that of its contact [m]."""
     geometry_steps: NDArray[np.intp]  # (L,) the steps of these states
     squeeze: Floats
-    """(n, P) normal force of each pair once nothing but contacts has acted for a while after the
-    end: that of what overlaps between walls [N]."""
+    """(n, P) normal force of each pair after only contacts have acted for a while after the end: it
+    is due to overlap between walls [N]."""
     repeats: NDArray[np.bool_]  # (n,) whether a second rollout gave every state again, bit for bit
-    backward: tuple[BackwardError, ...] = ()  # of each run; empty where none was measured
+    backward: tuple[BackwardError, ...] = ()  # of each run; empty if none was measured
 
     @property
     def runs(self) -> int:
@@ -290,13 +288,13 @@ class SelfChecks:
 
     def first(self, runs: int) -> "SelfChecks":
         """Return the checks of the first of the runs."""
-        return self._of(slice(runs))
+        return self._select_runs(slice(runs))
 
     def only(self, run: int) -> "SelfChecks":
         """Return the checks of one of the runs."""
-        return self._of(slice(run, run + 1))
+        return self._select_runs(slice(run, run + 1))
 
-    def _of(self, runs: slice) -> "SelfChecks":
+    def _select_runs(self, runs: slice) -> "SelfChecks":
         arrays = {name: getattr(self, name)[runs] for name in BY_RUN}
         return replace(self, backward=self.backward[runs], **arrays)
 
@@ -306,8 +304,8 @@ class Invariants(NamedTuple):
 
     energy: Floats  # (T,) mechanical energy [J]
     kinetic: Floats  # (T,) the kinetic part of it [J]
-    momentum: Floats | None  # (T, 3) linear momentum [kg m/s], or None where the system is not free
-    angular_momentum: Floats | None  # (T, 3) about the centre of mass [kg m^2/s], or None likewise
+    momentum: Floats | None  # (T, 3) linear momentum [kg m/s], or None if the system is not free
+    angular_momentum: Floats | None  # (T, 3) about the center of mass [kg m^2/s], or None likewise
     mass: float  # total mass [kg]
     lift: float  # energy that lifts everything by `arm` [J]
     arm: float  # 1 % of the mean size of a body [m]
@@ -317,14 +315,14 @@ class Invariants(NamedTuple):
 class RecordedControls:
     """The controls of one run, and forces on bodies, each held until the next."""
 
-    times: Floats  # (K,) when they took effect [s], increasing from 0; the last is the run's end
-    levels: Floats  # (K, nu) the controls, or (K, P) those and forces
+    times: Floats  # (K,) start times [s], increasing from 0; the last is the run's end
+    levels: Floats  # (K, nu) the controls, or (K, P) the controls and forces
     # Their P indices among the inputs of `InitialStates`; empty for all controls and nothing else.
     places: tuple[int, ...] = ()
 
     @property
     def sha256(self) -> str:
-        """Hash of times and levels as float64 bytes: equal controls have the same one."""
+        """Hash of times and levels as float64 bytes; equal controls have the same hash."""
         digest = hashlib.sha256(f"{self.levels.shape}{self.places or ''}".encode())
         for part in (self.times, self.levels):
             digest.update(np.ascontiguousarray(part, np.float64).data)

@@ -1,7 +1,7 @@
 """Engines: from compiled models and start states to recorded trajectories.
 
 `ENGINES` has every engine by name; a module that is imported here, or a plug-in, declares its own.
-What must know an engine asks it: nothing compares names.
+Code that depends on properties of an engine asks the engine: no code compares names.
 """
 
 # The order of these imports is the order of engines in lists.
@@ -28,8 +28,8 @@ settle()
 
 
 def find_engine(name: str) -> SimulationEngine:
-    """Return the engine of this name; an EngineError if there is none here."""
-    known = f"; there are {', '.join(ENGINES)}; if a plug-in adds it, load that"
+    """Return the engine with this name. Raises an EngineError if there is none here."""
+    known = f"; there are {', '.join(ENGINES)}; if a plug-in adds it, load the plug-in"
     EngineError.unless_known(name, ENGINES, f"no engine '{name}'", known)
     return ENGINES[name]
 

@@ -1,16 +1,17 @@
-"""Engines in environments of their own: adapters, the processes that run them, arrays between.
+"""Engines in separate environments: adapters, the processes that run them, and arrays between.
 
-An adapter is a file of the folder `adapters` that knows nothing of contactlab. Its docstring says
-what computes; PACKAGE is what has the version, REQUIREMENTS what pip installs, with `{mujoco}` for
-this MuJoCo's version, and ENVIRONMENT the engine whose environment it shares, if it has none.
-`refusal(model)` is asked here, without the engine; `simulate(request, tick)` runs where it is: of n
-runs of N steps it returns the arrays `state` (n, N + 1, nq + nv + na), `sensors` (n, N,
-nsensordata), `cost` (n,) [s], and, if it has such, `iterations` of its solver (n, N), `contactfull`
-and `cnstrfull` (n,): that memory was short. If it has `forward(request, tick)`, that returns (n)
-quantities of the n starts, named as in MuJoCo's data; if `derivative`, the derivative of ends.
-DEVICES are the words that the request's `device` may be, which is else empty. IGNORED names
-settings and effects that an engine leaves out, and why. OWN_LAWS and CONTROLS_ERROR are an engine's
-`own_laws` and `controls_error`.
+An adapter is a file of the folder `adapters` that does not import contactlab. Its docstring names
+the engine. PACKAGE is the package with the version, REQUIREMENTS the packages for pip, with
+`{mujoco}` for this MuJoCo's version, and ENVIRONMENT the engine with the shared environment, if it
+has no separate one. `refusal(model)` is called here, without the engine; `simulate(request, tick)`
+runs in the environment: for n runs of N steps it returns the arrays `state`
+(n, N + 1, nq + nv + na), `sensors` (n, N, nsensordata), `cost` (n,) [s], and optionally
+`iterations` of its solver (n, N), and `contactfull` and `cnstrfull` (n,), which tell that memory
+was short. The optional `forward(request, tick)` returns (n) quantities of the n starts, named as in
+MuJoCo's data; the optional `derivative` the derivative of ends. DEVICES are the words that the
+request's `device` may have, which is empty otherwise. IGNORED names settings and effects that an
+engine ignores, with reasons. OWN_LAWS and CONTROLS_ERROR are an engine's `own_laws` and
+`controls_error`.
 """
 
 import os
@@ -49,11 +50,11 @@ from contactlab.scene.scene import Scene
 
 SERVER = ADAPTERS / "serve.py"
 """Script that runs adapters, with the code that they share."""
-_SETUP_LIMIT = 900.0  # until a first step is compiled and made [s]
+_SETUP_LIMIT_S = 900.0  # longest time for compiling and making the first step [s]
 
 
 def load_adapter(file: Path) -> Any:  # noqa: ANN401 - a module that is known by its path only
-    """Return an adapter, or what adapters share, as a module."""
+    """Return an adapter, or the code that adapters share, as a module."""
     spec = spec_from_file_location(f"contactlab_adapter_{file.stem}", file)
     assert spec is not None
     assert spec.loader is not None
@@ -74,7 +75,7 @@ class AdaptedEngine(SimulationEngine):
 
     @property
     def requirements(self) -> list[str]:
-        """Packages of its environment, as pip takes them."""
+        """Packages of its environment, in pip's form."""
         return [
             requirement.format(mujoco=mujoco.__version__)
             for requirement in self._adapter.REQUIREMENTS
@@ -82,7 +83,7 @@ class AdaptedEngine(SimulationEngine):
 
     @property
     def environment(self) -> Path:
-        """The folder of its environment, which may not be there."""
+        """The folder of its environment, which may not exist."""
         name = getattr(self._adapter, "ENVIRONMENT", self.name)
         return user_cache() / f"{name}-{short_hash(self.requirements)}"
 
@@ -92,7 +93,7 @@ class AdaptedEngine(SimulationEngine):
 
     @property
     def version(self) -> str:
-        """The version that is installed; empty if none is, or its Python is gone."""
+        """The installed version; empty if none is installed, or its Python is gone."""
         if not self._python.exists():
             return ""
         folders = [str(folder) for folder in self.environment.glob("lib/python*/site-packages")]
@@ -101,28 +102,28 @@ class AdaptedEngine(SimulationEngine):
 
     @property
     def size(self) -> int:
-        """What its environment takes on disk [bytes]; 0 if it is not here."""
+        """Disk space of its environment [bytes]; 0 if it is not installed."""
         files = self.environment.rglob("*")
         return sum(file.lstat().st_size for file in files if not file.is_dir())
 
     @property
     def absence(self) -> str:
-        """Why it is not here, and the command that adds it; empty if it is here."""
-        add = f"do so once with `contactlab engines add {self.name}`"
+        """Why it is not installed, and the command that adds it; empty if it is installed."""
+        add = f"install it once with `contactlab engines add {self.name}`"
         return "" if self.version else f"the {self.name} engine is not installed; {add}"
 
     def refusal(self, scene: Scene, run: RunSpec) -> str | None:
-        """Return why it cannot simulate a run: it is not here, or what the adapter says."""
+        """Return why it cannot simulate a run: it is not installed, or the adapter refuses."""
         return self.absence or self.refusal_anywhere(scene, run)
 
     def refusal_anywhere(self, scene: Scene, run: RunSpec) -> str | None:
-        """Return why it could not simulate a run if it were installed; None if it could."""
+        """Return why it could not simulate a run even if it were installed; None if it could."""
         if why := self._adapter.refusal(scene.base_of(run).prepare(run.edits()).model):
             return f"the {self.name} engine cannot simulate this: {why}"
         return super().refusal(scene, run)
 
     def ignored(self, run: RunSpec) -> Mapping[str, str]:  # noqa: ARG002 - of all runs alike
-        """Return settings and effects that it leaves out, and why, as the adapter says."""
+        """Return settings and effects that it ignores, with reasons, from the adapter."""
         return getattr(self._adapter, "IGNORED", {})
 
     def roll_out(
@@ -144,24 +145,26 @@ class AdaptedEngine(SimulationEngine):
             return replace(failed, errors=(answer,) * count, steps=(0,) * count)
         arrays.state[:, 1:, 1:] = answer["state"][:, 1:]
         timesteps = np.array([model.opt.timestep for model in runs.models])
-        # The clock of single precision would drift.
+        # A clock in single precision would drift.
         arrays.state[:, :, 0] = timesteps[:, None] * np.arange(runs.steps + 1)
         arrays.sensors[:] = answer["sensors"]
         arrays.iterations[:, :, 0] = answer.get("iterations", 0)
-        told = Rollout.completed(arrays, answer["cost"])
+        rollout = Rollout.completed(arrays, answer["cost"])
         full = {name: answer[name] for name in ("contactfull", "cnstrfull") if name in answer}
         warnings = [{name: 1 for name in full if full[name][run]} for run in range(count)]
-        return replace(told, warnings=tuple(warnings))
+        return replace(rollout, warnings=tuple(warnings))
 
     def on(self, device: str) -> "AdaptedEngine":
-        """Return the engine as it computes on a device; an EngineError says that it cannot."""
+        """Return the engine computing on a device. Raises an EngineError if it cannot."""
         devices = getattr(self._adapter, "DEVICES", ("cpu",))
-        EngineError.unless_known(device, devices, f"the {self.name} engine knows no '{device}'")
+        EngineError.unless_known(
+            device, devices, f"the {self.name} engine has no device '{device}'"
+        )
         return type(self)(self._file, device)
 
     @property
     def goes_forward(self) -> bool:
-        """Whether it tells what it computes of states before it steps."""
+        """Whether it reports quantities that it computes from states before a step."""
         return hasattr(self._adapter, "forward")
 
     def ask(
@@ -171,8 +174,8 @@ class AdaptedEngine(SimulationEngine):
         operation: str = "simulate",
         **more: float,
     ) -> dict[str, Any] | str:
-        """Return what the adapter's function answers of runs, or what went wrong."""
-        request = {"operation": operation, "device": self._device, **more, **_request(runs)}
+        """Return the answer of the adapter's function for runs, or an error message."""
+        request = {"operation": operation, "device": self._device, **more, **_encode_request(runs)}
         return self._process.ask(request, watch)
 
     @cached_property
@@ -184,29 +187,29 @@ class AdaptedEngine(SimulationEngine):
 
 
 class _EngineProcess:
-    """A process that simulates what it is asked; it ends with this one, or when it fails."""
+    """A process that answers requests; it ends with this one, or when it fails."""
 
     def __init__(self, name: str, command: Sequence[str]) -> None:
         self._name, self._command = name, command
         self._process: subprocess.Popen[bytes] | None = None
 
     def ask(self, request: Mapping[str, object], tick: Callable[[], None]) -> dict[str, Any] | str:
-        """Return the answer to a request, or what went wrong; calls back as work gets done."""
+        """Return the answer to a request, or an error message; call back as work gets done."""
         process = self._process or self._start()
         assert process.stdin is not None
         assert process.stdout is not None
         try:
             pickle.dump(request, process.stdin, protocol=5)
             process.stdin.flush()
-            if not select.select([process.stdout], [], [], _SETUP_LIMIT)[0]:
-                raise TimeoutError(f"no step was made within {_SETUP_LIMIT:g} s")
+            if not select.select([process.stdout], [], [], _SETUP_LIMIT_S)[0]:
+                raise TimeoutError(f"no step was made within {_SETUP_LIMIT_S:g} s")
             while (answer := pickle.load(process.stdout)) is None:  # noqa: S301 - from our process
                 tick()
         except (EOFError, OSError, pickle.UnpicklingError) as error:
             self._process = None
-            code = _end(process)
-            told = str(error) if isinstance(error, TimeoutError) else f"exit code {code}"
-            return f"the {self._name} process failed: {told}"
+            code = _end_process(process)
+            reason = str(error) if isinstance(error, TimeoutError) else f"exit code {code}"
+            return f"the {self._name} process failed: {reason}"
         return answer
 
     def _start(self) -> subprocess.Popen[bytes]:
@@ -218,12 +221,12 @@ class _EngineProcess:
             stderr=subprocess.DEVNULL,
             env={name: text for name, text in os.environ.items() if name != "PYTHONPATH"},
         )
-        weakref.finalize(self, _end, self._process)
+        weakref.finalize(self, _end_process, self._process)
         return self._process
 
 
-def _end(process: subprocess.Popen[bytes]) -> int:
-    """End a process, and return its exit code; of one that has ended already, that of its own."""
+def _end_process(process: subprocess.Popen[bytes]) -> int:
+    """End a process, and return its exit code."""
     for pipe in (process.stdin, process.stdout):
         with suppress(OSError):
             assert pipe is not None
@@ -234,8 +237,8 @@ def _end(process: subprocess.Popen[bytes]) -> int:
     return process.wait()
 
 
-def _request(runs: PreparedRuns) -> Mapping[str, object]:
-    """Return n runs of N steps as arrays: models as MuJoCo's binaries, starts, and what drives."""
+def _encode_request(runs: PreparedRuns) -> Mapping[str, object]:
+    """Return n runs of N steps as arrays: models as MuJoCo's binaries, starts, and inputs."""
     starts, places = runs.starts, runs.starts.driven
     steps = np.arange(runs.steps)
     width = sum(inputs.shape[1] for inputs in (starts.ctrl, starts.applied, starts.mocap))
@@ -244,9 +247,9 @@ def _request(runs: PreparedRuns) -> Mapping[str, object]:
         for run, model in enumerate(runs.models)
     ]
     arrays = ("qpos", "qvel", "ctrl", "applied", "act", "mocap")
-    # Of runs of one model it is written once.
+    # Runs of one model share one binary.
     binaries = {
-        id(model): _binary(model)
+        id(model): _model_binary(model)
         for model in {id(shared): shared for shared in runs.models}.values()
     }
     return {
@@ -257,7 +260,7 @@ def _request(runs: PreparedRuns) -> Mapping[str, object]:
     } | {name: getattr(starts, name) for name in arrays}
 
 
-def _binary(model: mujoco.MjModel) -> bytes:
+def _model_binary(model: mujoco.MjModel) -> bytes:
     buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, None, buffer)
     return buffer.tobytes()

@@ -1,11 +1,12 @@
 """Runs without contact sensors: a kernel in C, compiled on first use, steps and reads contacts.
 
 A contact sensor compares its pair with every contact of every step, and its slots are copied even
-where they are empty. `contact_kernel.c` looks up the pair of each contact instead and keeps what it
-finds, bit for bit what sensors do. It steps within MuJoCo's batch; a sensor callback, the other
-way in, makes MuJoCo compute accelerations of bodies in each step that nobody asked for.
+if they are empty. `contact_kernel.c` looks up the pair of each contact instead and keeps the
+result, bit for bit like sensors. It steps within MuJoCo's batch; the alternative, a sensor
+callback, makes MuJoCo compute unneeded accelerations of bodies in each step.
 
-Without a compiler, under policies, for what sleeps and with CONTACTLAB_KERNEL=off, sensors record.
+Without a compiler, under policies, for sleeping bodies and with CONTACTLAB_KERNEL=off, sensors
+record.
 """
 
 import ctypes
@@ -28,11 +29,11 @@ from contactlab.native import compiled, is_wanted
 from contactlab.scene.compile_model import PREFIX
 from contactlab.scene.mujoco_versions import VERSION, has_batch, library_file
 
-_SOURCE = Path(__file__).with_suffix(".c")
-_CHECKED_STEPS = 64  # after the first contact of a run that is compared with sensors
-_OFF = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
-_NO_CONTROL = np.empty((1, 0, 0))
-_POINTER, _INT = ctypes.c_void_p, ctypes.c_int
+_KERNEL_SOURCE = Path(__file__).with_suffix(".c")
+_CHECKED_STEPS = 64  # steps after the first contact of a run that are compared with sensors
+_SENSORS_OFF = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
+_EMPTY_CONTROL = np.empty((1, 0, 0))
+_POINTER_TYPE, _INT_TYPE = ctypes.c_void_p, ctypes.c_int
 
 
 class Kernel(ctypes.CDLL):
@@ -42,14 +43,20 @@ class Kernel(ctypes.CDLL):
 
     def __init__(self) -> None:
         super().__init__(str(compiled_kernel()))
-        self.open_recording.restype, self.record_run.restype = _POINTER, ctypes.c_char_p
-        self.open_recording.argtypes = _POINTER, *[_INT] * 4
-        self.record_run.argtypes = _POINTER, _POINTER
-        self.slot_bytes.restype, self.slot_bytes.argtypes = ctypes.c_size_t, (_POINTER, _INT)
-        self.find_slots.argtypes = _POINTER, _INT, _POINTER, _POINTER
-        self.close_recording.argtypes = self.end_loop.argtypes = (_POINTER,)
-        self.open_loop.restype, self.open_loop.argtypes = _POINTER, (_POINTER, *[_INT] * 5)
-        self.set_loop.argtypes, self.steps_of.argtypes = (_POINTER,) * 2, (_POINTER,)
+        self.open_recording.restype, self.record_run.restype = _POINTER_TYPE, ctypes.c_char_p
+        self.open_recording.argtypes = _POINTER_TYPE, *[_INT_TYPE] * 4
+        self.record_run.argtypes = _POINTER_TYPE, _POINTER_TYPE
+        self.slot_bytes.restype, self.slot_bytes.argtypes = (
+            ctypes.c_size_t,
+            (_POINTER_TYPE, _INT_TYPE),
+        )
+        self.find_slots.argtypes = _POINTER_TYPE, _INT_TYPE, _POINTER_TYPE, _POINTER_TYPE
+        self.close_recording.argtypes = self.end_loop.argtypes = (_POINTER_TYPE,)
+        self.open_loop.restype, self.open_loop.argtypes = (
+            _POINTER_TYPE,
+            (_POINTER_TYPE, *[_INT_TYPE] * 5),
+        )
+        self.set_loop.argtypes, self.steps_of.argtypes = (_POINTER_TYPE,) * 2, (_POINTER_TYPE,)
         for function in (
             self.look,
             self.start_step,
@@ -57,27 +64,30 @@ class Kernel(ctypes.CDLL):
             self.read_left,
             self.read_step,
         ):
-            function.argtypes = (_POINTER,) * 3
+            function.argtypes = (_POINTER_TYPE,) * 3
 
 
 def roll_out_by_kernel(
     runs: PreparedRuns, buffers: Buffers, watch: Watch, proceed: Proceed
 ) -> Rollout:
-    """Step runs as `roll_out` does, contacts from the kernel where there is one and it may.
+    """Step runs like `roll_out`, with contacts from the kernel if it is available and allowed.
 
-    The first run of a process that has contacts is compared with what sensors give.
+    The first run of a process that has contacts is compared with the result of sensors.
     """
     models, starts, steps = runs.models, runs.starts, runs.steps
     kernel = usable_kernel()
-    # What sleeps keeps its slots from before.
-    flags = (model.opt.enableflags & PERSISTENT | model.opt.disableflags & _OFF for model in models)
+    # Sleeping bodies keep their earlier slots.
+    flags = (
+        model.opt.enableflags & PERSISTENT | model.opt.disableflags & _SENSORS_OFF
+        for model in models
+    )
     if kernel is None or any(flags):
         return roll_out(models, starts, steps, buffers, watch, proceed)
     contacts = KernelStepper(kernel, runs)
     rollout = roll_out(models, starts, steps, buffers, watch, proceed, stepper=contacts)
     rollout = replace(rollout, slots=contacts.slots(len(rollout.steps)))
     try:
-        kernel.checked = kernel.checked or _agrees(runs, rollout)
+        kernel.checked = kernel.checked or _agrees_with_sensors(runs, rollout)
     except EngineError as error:
         kernel.failed = True
         warnings.warn(f"contacts are read by sensors from now on: {error}", stacklevel=2)
@@ -97,11 +107,11 @@ class KernelStepper(BatchStepper):
         self.warnings = np.zeros((len(self._models), int(mujoco.mjtWarning.mjNWARNING)), np.int32)
         begin = starts.qpos, starts.qvel, starts.ctrl, starts.applied, starts.act
         self._rows = [*map(np.ascontiguousarray, begin), self.warnings]
-        # Of the first run, and how far those of the next are; looked up once for all runs.
+        # Addresses for the first run, with the distance to those of the next; looked up once.
         self._addresses = [(row.ctypes.data, row.strides[0]) for row in self._rows]
         sizes = self._pairs, len(self._models), runs.steps
-        # A run's own model, since the scene's may have flags that a run turns off: what sleeps has
-        # no batch.
+        # Use a run's own model, because the scene's may have flags that a run turns off: sleeping
+        # models have no batch.
         self._handle = library.open_recording(self._models[0]._address, first, *sizes)
         if not self._handle:
             raise MemoryError
@@ -110,29 +120,29 @@ class KernelStepper(BatchStepper):
         self._library.close_recording(self._handle)
 
     def bytes_beside(self, runs: int) -> int:
-        """Return the memory [bytes] of the slots of so many runs, as wide as they are by now."""
+        """Return the memory [bytes] of the slots of `runs` runs at their current width."""
         return self._library.slot_bytes(self._handle, runs)
 
     def step(self, run: int, inputs: Mapping[str, Any], out: Mapping[Any, np.ndarray]) -> str:
-        """Make a run, and record it as a batch does; return what went wrong."""
-        control = np.ascontiguousarray(inputs.get("control", _NO_CONTROL))
+        """Make a run, and record it like a batch. Return the error, if any."""
+        control = np.ascontiguousarray(inputs.get("control", _EMPTY_CONTROL))
         *taken, warned = (first + run * stride for first, stride in self._addresses)
         arrays = control, out[STATE], out["sensordata"], out["solver_niter"], *map(out.get, FORCES)
         addresses = [0 if array is None else array.ctypes.data for array in arrays]
         numbers = warned, run, inputs.get("control_spec", 0), control.shape[2]
         task = np.array([self._models[run]._address, *taken, *addresses, *numbers])
-        said = self._library.record_run(self._handle, task.ctypes.data)
-        if said == b"out of memory":
+        error = self._library.record_run(self._handle, task.ctypes.data)
+        if error == b"out of memory":
             raise MemoryError
-        return said.decode() if said else ""
+        return error.decode() if error else ""
 
     def slots(self, runs: int) -> tuple[Floats, ...]:
-        """Return slots of each pair, as many as some step of these runs fills, but one at least."""
+        """Return slots of each pair, as many as any step of these runs fills, but at least one."""
         sizes = self._pairs, runs, self._steps
         return recorded_slots(self._library, self._handle, sizes, self)
 
 
-class _Memory:
+class _RecordingMemory:
     """Numbers in memory of a recording, which lives as long as they do."""
 
     def __init__(self, owner: object, address: int, shape: tuple[int, ...]) -> None:
@@ -145,9 +155,10 @@ class _Memory:
 def recorded_slots(
     library: Kernel, handle: int, sizes: tuple[int, int, int], owner: object
 ) -> tuple[Floats, ...]:
-    """Return the slots that a recording has, of so many pairs in so many runs of so many steps.
+    """Return the slots of a recording, of some pairs in some runs of some steps.
 
-    They are its memory, which its owner closes. Raises a MemoryError if there is too little.
+    They are views of its memory, which its owner closes. Raises a MemoryError if there is too
+    little.
     """
     pairs, runs, steps = sizes
     widths, addresses = np.zeros(pairs, np.int64), np.zeros(pairs, np.int64)
@@ -157,12 +168,12 @@ def recorded_slots(
     slots = [none] * pairs
     for pair in np.flatnonzero(widths).tolist():
         shape = runs, steps, int(widths[pair]), SLOT_WIDTH
-        slots[pair] = np.asarray(_Memory(owner, int(addresses[pair]), shape))
+        slots[pair] = np.asarray(_RecordingMemory(owner, int(addresses[pair]), shape))
     return tuple(slots)
 
 
-def _agrees(runs: PreparedRuns, rollout: Rollout) -> bool:
-    """Return whether there are contacts, and raise an EngineError if sensors see others."""
+def _agrees_with_sensors(runs: PreparedRuns, rollout: Rollout) -> bool:
+    """Return whether there are contacts. Raises an EngineError if sensors see others."""
     assert rollout.slots is not None
     layout = runs.base.layout
     touching = [slot[:, :, 0, FOUND] > 0 for slot in rollout.slots if slot.strides[0]]
@@ -182,14 +193,14 @@ def _agrees(runs: PreparedRuns, rollout: Rollout) -> bool:
 
 
 def usable_kernel() -> Kernel | None:
-    """Return the kernel, unless it is turned off, cannot be had, or failed in this process."""
+    """Return the kernel, unless it is turned off, unavailable, or failed in this process."""
     kernel = load_kernel() if is_wanted() else ""
     return None if isinstance(kernel, str) or kernel.failed else kernel
 
 
 @cache
 def load_kernel() -> Kernel | str:
-    """Return the kernel, compiled if it is not in the user's cache, or why it cannot be had."""
+    """Return the kernel, compiled if it is not in the user's cache, or why it is unavailable."""
     try:
         return Kernel() if has_batch() else ""
     except (CompilerError, OSError) as error:
@@ -197,13 +208,16 @@ def load_kernel() -> Kernel | str:
 
 
 def reason_for_sensors() -> str:
-    """Return why sensors record although a kernel could; empty if one does, or is turned off."""
+    """Return why sensors record instead of a kernel; empty if a kernel does, or is turned off."""
     kernel = load_kernel() if is_wanted() else ""
     return kernel if isinstance(kernel, str) else ""
 
 
 def compiled_kernel() -> Path:
-    """Return the kernel as a shared library; raise a CompilerError that says why there is none."""
+    """Return the kernel as a shared library.
+
+    Raises a CompilerError with the reason if impossible.
+    """
     library = library_file()
     headers = f"-I{library.parent / 'include'}"
-    return compiled(_SOURCE, headers, str(library), version=VERSION)
+    return compiled(_KERNEL_SOURCE, headers, str(library), version=VERSION)

@@ -1,9 +1,8 @@
-"""Engines: how runs reach one, and the arrays that it returns.
+"""Engines: the interface through which they receive runs and return arrays.
 
 An engine is one class in one file, derived from `SimulationEngine` and added to `ENGINES`. It must
-say its version and roll runs out. What else it can do it shows by having the methods of
-`ChecksRuns`, `SolvesReferences` or `TimesSteps`; what needs a method leaves runs of engines without
-it alone.
+provide its version and roll out runs. Further abilities are shown by the methods of `ChecksRuns`,
+`SolvesReferences` or `TimesSteps`; code that needs such a method skips runs of engines without it.
 """
 
 import math
@@ -35,11 +34,11 @@ from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 
-_ISLANDS = 20  # Contact islands of which MuJoCo keeps solver statistics: mjNISLAND
+_ISLAND_COUNT = 20  # number of contact islands with solver statistics in MuJoCo: mjNISLAND
 
 Watch = Callable[[], None]  # called before a run, or a block of its steps, to start its time limit
 
-Proceed = Callable[[], bool]  # asked between runs; False leaves out the rest of them
+Proceed = Callable[[], bool]  # called between runs; False skips the rest of them
 
 # Reading the metadata of a package takes milliseconds, and every record names the version.
 package_version = cache(version)
@@ -50,19 +49,19 @@ def no_limit() -> None:
 
 
 def proceed_always() -> bool:
-    """Leave out no run."""
+    """Continue with every run."""
     return True
 
 
 class RolloutArrays(NamedTuple):
-    """Where a rollout records; see `Rollout` for shapes."""
+    """Arrays that a rollout records into; see `Rollout` for shapes."""
 
     state: Floats
     sensors: Floats
     iterations: np.ndarray
 
     def rows(self, runs: slice) -> "RolloutArrays":
-        """Return those of some runs, which share memory with these."""
+        """Return the arrays of some runs, which share memory with these."""
         return RolloutArrays(*(array[runs] for array in self))
 
 
@@ -72,15 +71,17 @@ class Rollout(Told):
 
     Attributes:
         state: (n, N + 1, nstate) time, qpos, qvel, act; row k is the state before step k.
-        sensors: (n, N, nsensordata) laid out as the scene's `layout` says; row k belongs to step
-            k, which starts at the state of row k.
+        sensors: (n, N, nsensordata) in the scene's `layout`; row k belongs to step k, which starts
+            at
+            the state of row k.
         iterations: (n, N, islands) solver iterations.
         steps: steps that each run made.
-        cost: (n,) thread CPU time of the stepping [s]; NaN where it is not the engine's alone.
+        cost: (n,) thread CPU time of the stepping [s]; NaN if it includes more than the engine's.
         warnings: engine warnings of each run by name, with their counts.
         errors: the error of the engine or of the policy in each run, or None.
-        controls: what policies did in each run, None where one failed; empty without policies.
-        slots: (n, N, S, 23) contact slots of each monitored pair, S being as many as are filled; if
+        controls: controls of policies in each run, None if one failed; empty without policies.
+        slots: (n, N, S, 23) contact slots of each monitored pair, with S the number of filled ones;
+            if
             given, `sensors` begins with the count of all contacts.
     """
 
@@ -96,7 +97,7 @@ class Rollout(Told):
 
     @classmethod
     def completed(cls, arrays: RolloutArrays, cost: Floats) -> "Rollout":
-        """Return the first n runs that were recorded, completed without warnings at (n,) costs."""
+        """Return the first n recorded runs as completed without warnings, at (n,) costs."""
         count, steps = len(cost), arrays.sensors.shape[1]
         first = arrays.rows(slice(count))
         warnings = tuple(dict[str, int]() for _ in range(count))
@@ -104,9 +105,9 @@ class Rollout(Told):
 
 
 class Buffers:
-    """Memory for rollouts, kept between calls: fresh pages would cost a tenth of a small run.
+    """Memory for rollouts, kept between calls: new pages would cost a tenth of a small run.
 
-    Of more runs than are recorded into so many bytes, engines that can may take the first alone.
+    If runs need more than `most` bytes, engines that can do so record only the first ones.
     """
 
     def __init__(self, most: int = sys.maxsize) -> None:
@@ -116,12 +117,12 @@ class Buffers:
     def arrays(
         self, model: mujoco.MjModel, runs: int, steps: int, measured: int | None = None
     ) -> RolloutArrays:
-        """Return arrays for n runs of N steps, in which all sensors measure, or so many numbers."""
+        """Return arrays for n runs of N steps, for all sensors, or for `measured` numbers."""
         measured = model.nsensordata if measured is None else measured
         return RolloutArrays(
             state=self.take("state", runs, steps + 1, 1 + model.nq + model.nv + model.na),
             sensors=self.take("sensors", runs, steps, measured),
-            iterations=self.take("iterations", runs, steps, _ISLANDS, kind=np.int32),
+            iterations=self.take("iterations", runs, steps, _ISLAND_COUNT, kind=np.int32),
         )
 
     def take(self, name: str, *shape: int, kind: type[np.generic] = np.float64) -> NDArray[Any]:
@@ -133,12 +134,12 @@ class Buffers:
 
 
 class Policy(Protocol):
-    """Actor of a closed loop: made of a model once, for runs that go through together."""
+    """Actor of a closed loop, constructed once from a model, for runs that advance together."""
 
     def __call__(self, time: Floats, qpos: Floats, qvel: Floats, sensordata: Floats, /) -> object:
-        """Return (n, nu) controls, from times (n,) [s] and states (n, nq), (n, nv) as observed.
+        """Return (n, nu) controls, from times (n,) [s] and observed states (n, nq), (n, nv).
 
-        `sensordata` (n, ...) is what the model's own sensors measured in the last step.
+        `sensordata` (n, ...) are the values of the model's own sensors in the last step.
         """
         ...
 
@@ -147,10 +148,10 @@ PolicyClass = Callable[[mujoco.MjModel], Policy]
 
 
 def bytes_of_run(model: mujoco.MjModel, steps: int, measured: int | None = None) -> int:
-    """Return the memory [bytes] that one run of N steps records into; see `Buffers.arrays`."""
+    """Return the memory [bytes] into which one run of N steps is recorded; see `Buffers.arrays`."""
     measured = model.nsensordata if measured is None else measured
     width = 1 + model.nq + model.nv + model.na + measured
-    return 8 * width * (steps + 1) + 4 * _ISLANDS * steps
+    return 8 * width * (steps + 1) + 4 * _ISLAND_COUNT * steps
 
 
 @dataclass(frozen=True)
@@ -158,12 +159,12 @@ class PreparedRuns:
     """n runs of one structure and step count, ready to be simulated.
 
     Attributes:
-        scene: theirs, with the files that other engines may import.
+        scene: their scene, with the files that other engines may import.
         resolved: (n) their settings.
         prepared: (n) their models in MuJoCo.
-        starts: where they start, and what drives them.
-        steps: how many steps each makes.
-        policy: what acts in them; None where `starts` has all that drives them.
+        starts: their initial states and inputs.
+        steps: the number of steps of each.
+        policy: the policy that acts in them; None if `starts` has all of their inputs.
     """
 
     scene: Scene
@@ -182,7 +183,7 @@ class PreparedRuns:
 
     @property
     def base(self) -> CompiledScene:
-        """Their structure: the monitored pairs, and the layout of what is recorded."""
+        """Their structure: the monitored pairs, and the layout of the recording."""
         return self.scene.base_of(self.resolved[0])
 
     @property
@@ -200,7 +201,7 @@ class PreparedRuns:
         )
 
     def repeating(self, controls: Sequence[RecordedControls | None]) -> "PreparedRuns":
-        """Return the runs driven by what their policies did, if any did, without the policies."""
+        """Return the runs with the recorded controls of their policies, if any, as inputs."""
         acted = [control for control in controls if control is not None]
         return replace(self, starts=self.starts.acted_on(acted), policy=None) if acted else self
 
@@ -210,13 +211,16 @@ class SimulationEngine(ABC):
 
     Attributes:
         name: its value of the axis `engine`, and its name in records.
-        summary: what computes, in a few words, for the axis' description: "MuJoCo".
-        omits_unused_effects: whether effects of MuJoCo that provably change nothing may be left
-            out of its models; else all that a model has stays on.
-        accepts_every_run: whether it refuses nothing, so that runs need not be asked about.
-        runs_policies: whether it calls `PreparedRuns.policy`; what that did drives any engine.
-        own_laws: whether it has laws of motion of its own, so that closed forms try them; else
-            it computes MuJoCo's, or what another steps.
+        summary: its short description in the axis' description: "MuJoCo".
+        omits_unused_effects: whether effects of MuJoCo that provably change nothing may be left out
+            of
+            its models; otherwise all effects of a model stay on.
+        accepts_every_run: whether it refuses nothing, so that runs need not be checked.
+        runs_policies: whether it calls `PreparedRuns.policy`; the recorded controls drive any
+            engine.
+        own_laws: whether it has its own laws of motion, so that closed forms test them; otherwise
+            it
+            computes MuJoCo's, or those of another stepper.
         controls_error: whether it chooses its own steps, by `tolerance`, its accuracy.
     """
 
@@ -231,7 +235,7 @@ class SimulationEngine(ABC):
     @property
     @abstractmethod
     def version(self) -> str:
-        """The version of what computes the trajectories."""
+        """The version of the software that computes the trajectories."""
 
     @abstractmethod
     def roll_out(
@@ -241,57 +245,57 @@ class SimulationEngine(ABC):
         watch: Watch = no_limit,
         proceed: Proceed = proceed_always,
     ) -> Rollout:
-        """Simulate runs, and record into `buffers`, whose arrays the next call overwrites.
+        """Simulate runs, and record into `buffers`; the next call overwrites their arrays.
 
-        `watch` is called before each run, and `proceed` asked between runs: if it says no, only
-        the first ones are returned, as if `buffers` hold no more. A SceneError says that the
-        engine cannot simulate such runs; `refusal` should have said so.
+        `watch` is called before each run, and `proceed` between runs: if it returns False, only the
+        first ones are returned, as if `buffers` hold no more. A SceneError says that the engine
+        cannot simulate such runs; `refusal` should have reported it.
         """
 
     def least_bytes(self, base: CompiledScene, run: RunSpec) -> int:
-        """Return the memory [bytes] that a run is recorded into, at least.
+        """Return the memory [bytes] into which a run is recorded, at least.
 
-        By default it is all of it, since engines record into their buffers whatever they are given.
+        By default it is all of it, because engines record everything into their buffers.
         """
         return bytes_of_run(base.model, run.steps)
 
     def refusal(self, scene: Scene, run: RunSpec) -> str | None:  # noqa: ARG002 - as below
-        """Return why it cannot simulate a run, and what to do instead; None if it can.
+        """Return why it cannot simulate a run, and the alternative; None if it can.
 
-        Every run of a sweep is asked about before the first one starts. By default, runs are
-        refused whose sweep sets what the engine ignores.
+        Every run of a sweep is checked before the first one starts. By default, runs are refused if
+        their sweep sets an axis that the engine ignores.
         """
         ignored = self.ignored(run)
         for name in sorted(run.changed & ignored.keys()):
             return (
-                f"the {self.name} engine ignores {name}, which is set here: {ignored[name]}; leave "
-                f"{name} out"
+                f"the {self.name} engine ignores {name}, which is set here: {ignored[name]}; "
+                f"remove {name}"
             )
         return None
 
     def ignored(self, run: RunSpec) -> Mapping[str, str]:  # noqa: ARG002 - some look at it
-        """Return settings and effects of a run that it leaves out, and why; off in its records."""
+        """Return ignored settings and effects, with reasons; they are off in its records."""
         return {}
 
     def null_fields(self, *, driven: bool) -> dict[str, str]:  # noqa: ARG002 - as above
-        """Return what is null in its records, and why; runs are driven if their inputs change."""
+        """Return null fields of its records, with reasons; driven runs have changing inputs."""
         return {}
 
     def seconds_per_step(self, runs: PreparedRuns) -> float:
-        """Return about how long a step takes [s], by simulating some."""
+        """Return the approximate time of a step [s], by simulating some steps."""
         begin = time.thread_time()
         self.roll_out(runs, Buffers())
         return (time.thread_time() - begin) / (runs.steps * len(runs.prepared))
 
 
-# Returns the backward error of one of the runs, given its (N + 1, nstate) states, before each step
-# and after the last, with all that decides what follows.
+# Returns the backward error of one of the runs, from its complete (N + 1, nstate) states: those
+# before each step, and that after the last.
 Judge = Callable[[PreparedRuns, int, Floats], BackwardError]
 
 
 @runtime_checkable
 class ChecksRuns(Protocol):
-    """An engine that can go over its runs a second time, for what the arrays cannot show."""
+    """An engine that can simulate its runs a second time, for checks beyond the arrays."""
 
     def check_runs(
         self,
@@ -300,9 +304,9 @@ class ChecksRuns(Protocol):
         proceed: Proceed = proceed_always,
         judge: Judge | None = None,
     ) -> SelfChecks:
-        """Return the self-checks of runs that completed; of the first ones if told to stop.
+        """Return the self-checks of completed runs; of the first ones if told to stop.
 
-        With the backward error of each, if somebody judges that.
+        With a `judge`, they include the backward error of each.
         """
         ...
 
@@ -313,7 +317,7 @@ class SampledStates(NamedTuple):
     states: Floats  # (T, nstate) time, qpos, qvel, act
     qpos: Floats  # (T, nq)
     qvel: Floats  # (T, nv)
-    impacts: int  # how often the number of contacts changed from one step to the next
+    impacts: int  # number of steps after which the number of contacts changed
 
 
 @runtime_checkable
@@ -332,13 +336,13 @@ class SolvesReferences(Protocol):
     ) -> SampledStates | None:
         """Return one run's states at increasing times (T,) [s]; None if it does not complete.
 
-        They count since the run's own start. It starts at `begin` [s] in `state` (nstate,), if not
-        there; `watch` is called before each block of steps. The model has no automatic reset.
+        They count from the run's own start. It starts at `begin` [s] in `state` (nstate,), if
+        given; `watch` is called before each block of steps. The model has no automatic reset.
         """
         ...
 
 
-# Segments of a run that are timed: one state each is kept along it, its start among them.
+# Number of timed segments of a run: one state is kept for each, including its start.
 SEGMENTS = 8
 
 
@@ -350,42 +354,42 @@ class Work(NamedTuple):
     contacts: int  # in the whole model
     rows: int  # of constraints
     places: tuple[int, ...]  # (P,) steps before which states were kept
-    states: Floats  # (P, nstate) these states, all that decides what follows
+    states: Floats  # (P, nstate) these states, complete enough to continue
 
 
 @dataclass(frozen=True)
 class Segments:
-    """Parts of one run that are timed, each from a state that the run passes through."""
+    """Timed parts of one run, each from a state that the run passes through."""
 
     model: mujoco.MjModel  # without the sensors that record
-    start: InitialStates  # of the run, n being 1; what drives it
-    work: Work  # of the run, with the steps and states that segments begin with
+    start: InitialStates  # start and inputs of the run (n is 1)
+    work: Work  # work of the run, with the steps and states at which segments begin
 
     def lengths(self, most: int) -> list[int]:
-        """Return the steps of each segment: up to the next one, at most so many."""
+        """Return the steps of each segment: up to the next one, at most `most`."""
         places = [*self.work.places, self.work.steps]
         return [min(most, end - place) for place, end in pairwise(places)]
 
 
 @runtime_checkable
 class TimesSteps(Protocol):
-    """An engine whose steps can be timed by themselves, with nothing recorded."""
+    """An engine with steps that can be timed alone, with nothing recorded."""
 
     def count_work(
         self, model: mujoco.MjModel, start: InitialStates, steps: int, watch: Watch = no_limit
     ) -> Work | None:
-        """Simulate one run, untimed, and count; None if it does not complete."""
+        """Simulate one run, untimed, and count its work; None if it does not complete."""
         ...
 
     def time_segments(self, segments: Segments, most: int, repeats: int) -> tuple[float, int]:
-        """Return the CPU time of going through all segments repeatedly [s], and the steps made.
+        """Return the CPU time of stepping all segments repeatedly [s], and the number of steps.
 
-        Of each segment, as many steps as it has are made, up to `most`.
+        Each segment makes its steps, but at most `most`.
         """
         ...
 
     def time_steps(self, segments: Segments, most: int) -> Floats:
-        """Return the CPU time of single steps [s], less what reading the clock takes."""
+        """Return the CPU time of single steps [s], less the time of reading the clock."""
         ...
 
 
@@ -394,6 +398,6 @@ _Engine = TypeVar("_Engine", bound=SimulationEngine)
 
 
 def engine(kind: type[_Engine]) -> type[_Engine]:
-    """Declare an engine, a class that needs no argument; a PluginError if its name is taken."""
+    """Declare an engine, a class without arguments. Raises a PluginError if its name is taken."""
     ENGINES.add(kind())
     return kind

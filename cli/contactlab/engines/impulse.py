@@ -1,7 +1,7 @@
-"""The impulse engine: a point mass above a plane, in free flight but for impulses at the plane.
+"""The impulse engine: a point mass above a plane, in free flight except for impulses at the plane.
 
 A baseline without contact model for the same scenes: it fills the same arrays as MuJoCo, so that
-both are measured, labelled and compared alike. Flight is semi-implicit like MuJoCo's Euler; an
+both are measured, labeled and compared alike. Flight is semi-implicit like MuJoCo's Euler; an
 impact happens within its step, when the gap closes, and shows as a force of impulse / timestep in
 that step's row.
 """
@@ -44,9 +44,9 @@ from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 
-_FREE, _SLIDE = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_SLIDE)
-_PLANE, _SPHERE = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_SPHERE)
-_NEEDS = (
+_FREE_JOINT, _SLIDE_JOINT = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+_PLANE_TYPE, _SPHERE_TYPE = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_SPHERE)
+_REQUIREMENTS_TEXT = (
     "the impulse engine moves one sphere, on a free joint or on slides along orthogonal axes, "
     "against one plane; use such a scene, or engine: mujoco"
 )
@@ -60,7 +60,7 @@ class _PointMass:
     origin: Floats  # (3,) position of the sphere at zero coordinates
     mass: float
     radius: float
-    point: Floats  # (3,) of the plane
+    point: Floats  # (3,) a point of the plane
     frame: Floats  # (3, 3) normal of the plane, and two tangents
     gravity: Floats  # (3,)
     timestep: float
@@ -68,7 +68,7 @@ class _PointMass:
     friction: float
 
 
-class _Step(NamedTuple):
+class _StepState(NamedTuple):
     """Position [m] and velocity [m/s] at the end of a step, and the impulse within it [N s]."""
 
     position: Floats
@@ -93,7 +93,7 @@ class ImpulseEngine(SimulationEngine):
         base = scene.base_of(run)
         try:
             _require_gravity_alone(scene.starts([run]))
-            _point_mass(base, base.prepare(run.edits()))
+            _find_point_mass(base, base.prepare(run.edits()))
         except SceneError as error:
             return str(error)
         return None
@@ -116,52 +116,54 @@ class ImpulseEngine(SimulationEngine):
                 break
             watch()
             begin = time.thread_time()
-            ball = _point_mass(runs.base, runs.prepared[run])
-            _simulate(runs.base, ball, runs.starts.pick(run), arrays, run)
+            ball = _find_point_mass(runs.base, runs.prepared[run])
+            _simulate_run(runs.base, ball, runs.starts.pick(run), arrays, run)
             cost.append(time.thread_time() - begin)
         return Rollout.completed(arrays, np.array(cost))
 
 
 def _require_gravity_alone(starts: InitialStates) -> None:
     if starts.applied.any() or starts.driven.size:
-        raise SceneError("the impulse engine knows no forces but gravity; use engine: mujoco")
+        raise SceneError("the impulse engine has no forces except gravity; use engine: mujoco")
 
 
-def _simulate(
+def _simulate_run(
     base: CompiledScene, ball: _PointMass, start: InitialStates, arrays: RolloutArrays, run: int
 ) -> None:
     """Simulate one run and record it."""
     state, sensors = arrays.state[run], arrays.sensors[run]
     count, first = ball.axes.shape[1], 1 + base.model.nq
     position, velocity = ball.axes @ start.qpos[0, :count], ball.axes @ start.qvel[0, :count]
-    now = _Step(position, velocity, np.zeros(3))
+    now = _StepState(position, velocity, np.zeros(3))
     state[:, 1:first] = start.qpos[0]
     for step in range(len(state)):
         state[step, 0] = step * ball.timestep
         state[step, 1 : 1 + count] = ball.axes.T @ now.position
         state[step, first : first + count] = ball.axes.T @ now.velocity
         if step < len(sensors):
-            then = _step(ball, now)
-            _record(base, ball, sensors[step], now, then)
+            then = _make_step(ball, now)
+            _record_sensors(base, ball, sensors[step], now, then)
             now = then
 
 
-def _step(ball: _PointMass, now: _Step) -> _Step:
+def _make_step(ball: _PointMass, now: _StepState) -> _StepState:
     """Make one step; if the gap closes within it, the impulse acts at that moment."""
     timestep, position, normal = ball.timestep, now.position, ball.frame[0]
     velocity = now.velocity + timestep * ball.gravity
     gap = (ball.origin + position - ball.point) @ normal - ball.radius
     approach = velocity @ normal
     if approach >= 0 or gap + timestep * approach >= 0:
-        return _Step(position + timestep * velocity, velocity, np.zeros(3))
+        return _StepState(position + timestep * velocity, velocity, np.zeros(3))
     before = min(max(-gap / approach, 0.0), timestep)
     impulse = resolve_impact(ball.mass, velocity, normal, ball.restitution, ball.friction)
     after = velocity + impulse / ball.mass
     position = position + before * velocity + (timestep - before) * after
-    return _Step(position, after, impulse)
+    return _StepState(position, after, impulse)
 
 
-def _record(base: CompiledScene, ball: _PointMass, row: Floats, now: _Step, step: _Step) -> None:
+def _record_sensors(
+    base: CompiledScene, ball: _PointMass, row: Floats, now: _StepState, step: _StepState
+) -> None:
     """Fill a sensor row: the state before a step, and the impulse within it."""
     layout = base.layout
     if layout.kinetic is not None:
@@ -179,17 +181,17 @@ def _record(base: CompiledScene, ball: _PointMass, row: Floats, now: _Step, step
     slot[LINEAR_VELOCITY] = ball.frame @ now.velocity
 
 
-def _point_mass(base: CompiledScene, prepared: PreparedModel) -> _PointMass:
+def _find_point_mass(base: CompiledScene, prepared: PreparedModel) -> _PointMass:
     model = prepared.model
     geoms = [side[0] for side in base.pairs[0].geoms] if len(base.pairs) == 1 else []
     found = {int(model.geom_type[geom]): geom for geom in geoms}
-    if found.keys() != {_PLANE, _SPHERE} or base.pairs[0].bodies:
-        raise SceneError(_NEEDS)
-    plane, sphere = found[_PLANE], found[_SPHERE]
+    if found.keys() != {_PLANE_TYPE, _SPHERE_TYPE} or base.pairs[0].bodies:
+        raise SceneError(_REQUIREMENTS_TEXT)
+    plane, sphere = found[_PLANE_TYPE], found[_SPHERE_TYPE]
     data = mujoco.MjData(model)
     data.qpos[:] = 0
-    axes = _axes(model, int(model.geom_bodyid[sphere]))
-    if model.jnt_type[0] == _FREE:
+    axes = _velocity_axes(model, int(model.geom_bodyid[sphere]))
+    if model.jnt_type[0] == _FREE_JOINT:
         data.qpos[3] = 1
     mujoco.mj_kinematics(model, data)
     record = next(iter(prepared.pairs.values()))
@@ -210,13 +212,13 @@ def _point_mass(base: CompiledScene, prepared: PreparedModel) -> _PointMass:
     )
 
 
-def _axes(model: mujoco.MjModel, body: int) -> Floats:
-    """Return the velocity of the body for each unit velocity of its joints, the only ones."""
+def _velocity_axes(model: mujoco.MjModel, body: int) -> Floats:
+    """Return the body's velocity for each unit joint velocity; the model has no other joints."""
     if model.body_parentid[body] != 0 or (model.jnt_bodyid != body).any():
-        raise SceneError(_NEEDS)
+        raise SceneError(_REQUIREMENTS_TEXT)
     kinds, axes = set(model.jnt_type.tolist()), np.array(model.jnt_axis.T)
-    if kinds == {_FREE}:
+    if kinds == {_FREE_JOINT}:
         return np.eye(3)
-    if kinds != {_SLIDE} or not np.allclose(axes.T @ axes, np.eye(model.njnt), atol=1e-9):
-        raise SceneError(_NEEDS)
+    if kinds != {_SLIDE_JOINT} or not np.allclose(axes.T @ axes, np.eye(model.njnt), atol=1e-9):
+        raise SceneError(_REQUIREMENTS_TEXT)
     return axes

@@ -1,4 +1,4 @@
-"""MuJoCo's rollouts: n models of one structure, N steps each, in batches of one thread."""
+"""MuJoCo's rollouts: n models of one structure, N steps each, in batches on one thread."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -36,13 +36,13 @@ STATE = (
     | mujoco.mjtState.mjSTATE_QVEL
     | mujoco.mjtState.mjSTATE_ACT
 )
-_CONTROL = mujoco.mjtState.mjSTATE_CTRL.value
-_APPLIED = mujoco.mjtState.mjSTATE_XFRC_APPLIED.value
-_MOCAP = mujoco.mjtState.mjSTATE_MOCAP_POS.value | mujoco.mjtState.mjSTATE_MOCAP_QUAT.value
+_CONTROL_SPEC = mujoco.mjtState.mjSTATE_CTRL.value
+_APPLIED_SPEC = mujoco.mjtState.mjSTATE_XFRC_APPLIED.value
+_MOCAP_SPEC = mujoco.mjtState.mjSTATE_MOCAP_POS.value | mujoco.mjtState.mjSTATE_MOCAP_QUAT.value
 PERSISTENT = sum(
     int(getattr(mujoco.mjtEnableBit, name, 0)) for name in ("mjENBL_SLEEP", "mjENBL_IPC")
 )
-_COUNT = 1  # a warning's record is where it was last raised and how often
+_COUNT_INDEX = 1  # index of the count in a warning's record; the other entry is its last location
 
 
 def start_batch(models: Sequence[mujoco.MjModel], starts: InitialStates, threads: int = 1) -> Batch:
@@ -54,7 +54,7 @@ def start_batch(models: Sequence[mujoco.MjModel], starts: InitialStates, threads
     threads = threads if has_batch() else 1
     batch = Batch(models[0], len(models), threads, persistent=persistent)
     batch.set_models(list(models))
-    # A batch starts all runs as its first model does, down to places of mocap bodies and welds.
+    # A batch starts all runs like its first model, including mocap bodies and welds.
     batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE.value)
     batch.bind("qpos")[:] = starts.qpos
     batch.bind("qvel")[:] = starts.qvel
@@ -67,15 +67,15 @@ def start_batch(models: Sequence[mujoco.MjModel], starts: InitialStates, threads
 def driven(
     model: mujoco.MjModel, starts: InitialStates, run: int, steps: int, first: float = 0
 ) -> dict[str, Any]:
-    """Return a batch's arguments for inputs that change over time; none if none does."""
+    """Return a batch's arguments for time-dependent inputs; empty if all are constant."""
     places = starts.signals[run].places
     if not places.size:
         return {}
-    width, spec = model.nu, _CONTROL
+    width, spec = model.nu, _CONTROL_SPEC
     if places.max() >= width:
-        width, spec = width + 6 * model.nbody, spec | _APPLIED
+        width, spec = width + 6 * model.nbody, spec | _APPLIED_SPEC
     if places.max() >= width:
-        width, spec = width + 7 * model.nmocap, spec | _MOCAP
+        width, spec = width + 7 * model.nmocap, spec | _MOCAP_SPEC
     inputs = starts.inputs(run, model.opt.timestep, first + np.arange(steps), width)
     return {"control": inputs[None], "control_spec": spec}
 
@@ -83,7 +83,7 @@ def driven(
 def last_states(
     models: Sequence[mujoco.MjModel], starts: InitialStates, steps: int, threads: int = 1
 ) -> Floats:
-    """Return (n, nq + nv) where runs are after some steps, unrecorded; NaN where MuJoCo warned."""
+    """Return (n, nq + nv) the states of runs after some steps, unrecorded; NaN after a warning."""
     batch, count = start_batch(models, starts, threads), len(models)
     driving = [driven(model, starts, run, steps) for run, model in enumerate(models)]
     failed = np.zeros(count, bool)
@@ -98,7 +98,7 @@ def last_states(
         except SimulationError:
             failed |= [bool(batch.error(run)) for run in range(count)]
     ends = np.concatenate([batch.bind("qpos"), batch.bind("qvel")], axis=1)
-    ends[failed | batch.warning[:, :, _COUNT].any(axis=1)] = np.nan
+    ends[failed | batch.warning[:, :, _COUNT_INDEX].any(axis=1)] = np.nan
     return ends
 
 
@@ -106,21 +106,21 @@ class BatchStepper:
     """Steps runs by a batch, which records all sensors.
 
     Attributes:
-        width: how many numbers it records of what sensors measure.
-        warnings: (n, kinds) how often MuJoCo warned in each run.
+        width: the number of recorded sensor values.
+        warnings: (n, kinds) counts of MuJoCo's warnings in each run.
     """
 
     def __init__(self, models: Sequence[mujoco.MjModel], starts: InitialStates, steps: int) -> None:
         """Prepare runs of N steps."""
         self._batch, self._steps = start_batch(models, starts), steps
-        self.width, self.warnings = models[0].nsensordata, self._batch.warning[:, :, _COUNT]
+        self.width, self.warnings = models[0].nsensordata, self._batch.warning[:, :, _COUNT_INDEX]
 
     def bytes_beside(self, runs: int) -> int:  # noqa: ARG002 - of those that keep more
-        """Return the memory [bytes] of so many runs beside the arrays that it records into."""
+        """Return the memory [bytes] of `runs` runs besides the arrays that it records into."""
         return 0
 
     def step(self, run: int, inputs: Mapping[str, Any], out: Mapping[Any, np.ndarray]) -> str:
-        """Make a run with inputs as `driven` gives them; return an error, if any."""
+        """Make a run with inputs from `driven`. Return an error, if any."""
         try:
             self._batch.rollout(self._steps, record=list(out), ids=[run], out=dict(out), **inputs)
         except SimulationError:
@@ -138,7 +138,7 @@ def roll_out(
     *,
     stepper: BatchStepper | None = None,
 ) -> Rollout:
-    """Step every run by itself on this thread, as `SimulationEngine.roll_out` says.
+    """Step every run alone on this thread; see `SimulationEngine.roll_out`.
 
     Bit for bit equal to a loop over `mj_step`. The models are of one layout, without autoreset.
     """
@@ -174,28 +174,28 @@ def roll_out(
 
 
 class Recorder:
-    """Records of batches beside states, and their meaning.
+    """Records fields of batches besides states, and evaluates them.
 
     `fields` has arrays (rows, N, ...) by field of MjData, for runs that are recorded together.
     """
 
     def __init__(self, models: Sequence[mujoco.MjModel], steps: int, rows: int) -> None:
-        """Record runs of N steps, so many together."""
-        self._books = Books(models, steps, rows)
+        """Record runs of N steps, `rows` of them together."""
+        self._ledger = Books(models, steps, rows)
         self._passages = Passages(models[0], len(models))
-        self.fields = self._books.forces
+        self.fields = self._ledger.forces
 
     def enter(
         self, run: int, row: int, model: mujoco.MjModel, starts: InitialStates, states: Floats
     ) -> None:
-        """Take in a run that was recorded in a row; see `Books.enter`."""
+        """Evaluate a run that was recorded in a row; see `Books.enter`."""
         with np.errstate(all="ignore"):
-            self._books.enter(run, row, model, starts, states)
+            self._ledger.enter(run, row, model, starts, states)
             self._passages.enter(run, model, starts, states)
 
     def told(self, rollout: Rollout) -> Rollout:
-        """Return a rollout with what was told of its runs."""
-        count, books = len(rollout.cost), self._books
+        """Return a rollout with the evaluated results of its runs."""
+        count, books = len(rollout.cost), self._ledger
         rollout = replace(rollout, passages=tuple(self._passages.found[:count]))
         if books.work is None or books.given is None:
             return rollout
@@ -215,11 +215,11 @@ def recorded(
     errors: Sequence[str | None],
     controls: Sequence[RecordedControls | None] = (),
 ) -> Rollout:
-    """Return the first n runs that were recorded: cost (n,) [s], counts of warnings (n, kinds)."""
+    """Return the first n recorded runs, with cost (n,) [s] and counts of warnings (n, kinds)."""
     count = len(cost)
     for run in range(count):
         if errors[run]:
-            # Nothing of an earlier call stays in the rows that a failed run did not write.
+            # Clear data of an earlier call from the rows that a failed run did not write.
             arrays.state[run, 1:] = arrays.state[run, 0]
             arrays.sensors[run] = 0.0
             arrays.iterations[run] = 0
@@ -227,18 +227,18 @@ def recorded(
         *arrays.rows(slice(count)),
         steps=_valid_steps(arrays.state[:count, :, 0]),
         cost=cost,
-        warnings=tuple(map(_warnings, warnings)) if warnings.any() else ({},) * count,
+        warnings=tuple(map(_warnings_by_name, warnings)) if warnings.any() else ({},) * count,
         errors=tuple(errors[:count]),
         controls=tuple(controls),
     )
 
 
 def _valid_steps(clocks: Floats) -> tuple[int, ...]:
-    """Return (n) how many steps the clocks (n, N + 1) grew; a stopped run repeats its last one."""
+    """Return (n) how often the clocks (n, N + 1) grew; a stopped run repeats its last value."""
     return tuple((np.diff(clocks, append=-np.inf) <= 0).argmax(axis=1).tolist())
 
 
-def _warnings(counts: np.ndarray) -> dict[str, int]:
+def _warnings_by_name(counts: np.ndarray) -> dict[str, int]:
     return {
         mujoco.mjtWarning(kind).name.removeprefix("mjWARN_").lower(): int(counts[kind])
         for kind in np.flatnonzero(counts)

@@ -1,4 +1,4 @@
-"""MuJoCo as an engine: in native batches since 3.17, stepped from Python before."""
+"""MuJoCo as an engine: in native batches since 3.17, stepped from Python before that."""
 
 import time
 from dataclasses import replace
@@ -34,7 +34,7 @@ from contactlab.scene.scene import Scene
 from contactlab.schema.drive import PolicyDrive
 
 # Read before workers are forked.
-_VERSION = package_version("mujoco")
+_MUJOCO_VERSION = package_version("mujoco")
 
 
 class MujocoEngine(SimulationEngine):
@@ -49,7 +49,7 @@ class MujocoEngine(SimulationEngine):
     @property
     def version(self) -> str:
         """The version of MuJoCo."""
-        return _VERSION
+        return _MUJOCO_VERSION
 
     def roll_out(
         self,
@@ -58,7 +58,7 @@ class MujocoEngine(SimulationEngine):
         watch: Watch = no_limit,
         proceed: Proceed = proceed_always,
     ) -> Rollout:
-        """Simulate runs one after the other, or under policies together, which share their cost."""
+        """Simulate runs one after the other; under policies together, with shared cost."""
         roll_out = roll_out_by_kernel if runs.policy is None else fly
         rollout = with_loads(runs, roll_out(runs, buffers, watch, proceed))
         return self._with_cost(runs, rollout)
@@ -69,7 +69,7 @@ class MujocoEngine(SimulationEngine):
     def least_bytes(self, base: CompiledScene, run: RunSpec) -> int:
         """Return the memory [bytes] of a run without contacts, if no policy acts in it.
 
-        How many contacts there are is seen as runs are made, and no more are than memory holds.
+        The number of contacts is known only during the runs, and runs stop when memory is full.
         """
         if isinstance(run.drive, PolicyDrive):
             return super().least_bytes(base, run)
@@ -77,7 +77,7 @@ class MujocoEngine(SimulationEngine):
         return bytes_of_run(base.model, run.steps, measured)
 
     def seconds_per_step(self, runs: PreparedRuns) -> float:
-        """Return how long a step takes [s], without what a batch takes around its steps."""
+        """Return the time of a step [s], without the overhead of a batch."""
         return float(self.roll_out(runs, Buffers()).cost.mean()) / runs.steps
 
     check_runs = staticmethod(run_checks)
@@ -88,7 +88,7 @@ class MujocoEngine(SimulationEngine):
 
 
 class OlderMujocoEngine(MujocoEngine):
-    """MuJoCo before 3.17: the same bits, more slowly, and costs from stepping a second time."""
+    """MuJoCo before 3.17: the same bits, more slowly, with costs from a second simulation."""
 
     def _with_cost(self, runs: PreparedRuns, rollout: Rollout) -> Rollout:
         """Return a rollout with the cost of the same steps without Python between them."""
@@ -96,7 +96,7 @@ class OlderMujocoEngine(MujocoEngine):
         return replace(rollout, cost=np.array(cost))
 
     def seconds_per_step(self, runs: PreparedRuns) -> float:
-        """Return how long a step takes [s], with what Python takes for it."""
+        """Return the time of a step [s], including its Python overhead."""
         return SimulationEngine.seconds_per_step(self, runs)
 
     def null_fields(self, *, driven: bool) -> dict[str, str]:
@@ -104,8 +104,8 @@ class OlderMujocoEngine(MujocoEngine):
         if not driven:
             return {}
         return {
-            "cost": f"MuJoCo {mujoco.__version__} takes inputs that change from Python, whose time "
-            "would count; 3.17.0 takes them all at once"
+            "cost": f"MuJoCo {mujoco.__version__} gets changing inputs from Python, and its time "
+            "would count; 3.17.0 gets them all at once"
         }
 
 
@@ -113,7 +113,7 @@ engine(MujocoEngine if has_batch() else OlderMujocoEngine)
 
 
 def _native_cost(runs: PreparedRuns, run: int, steps: int) -> float:
-    """Return what a run's steps take without Python between them: made again, unrecorded [s]."""
+    """Return the time of a run's steps without Python between them, from a repetition [s]."""
     model, starts = runs.prepared[run].model, runs.starts
     if starts.signals[run].places.size or runs.policy is not None:
         return np.nan
@@ -126,12 +126,12 @@ def _native_cost(runs: PreparedRuns, run: int, steps: int) -> float:
     return time.thread_time() - begin
 
 
-_NOT_HERE = "a loop that is not in the store made the run, so it is not simulated again; render it"
+_MISSING_LOOP = "a loop that is not in the store made the run, so it cannot be repeated; render it"
 
 
 @engine
 class LoopEngine(SimulationEngine):
-    """Simulates nothing: what loops and environments do is read from MuJoCo's data meanwhile."""
+    """Simulates nothing: MuJoCo's data are read while a loop or an environment runs."""
 
     name = LOOP_ENGINE
     summary = "a loop, or an environment"
@@ -141,17 +141,17 @@ class LoopEngine(SimulationEngine):
     @property
     def version(self) -> str:
         """The version of MuJoCo, which loops step."""
-        return _VERSION
+        return _MUJOCO_VERSION
 
     def refusal(self, scene: Scene, run: RunSpec) -> str | None:
-        """Return why it runs nothing, or why an environment cannot."""
+        """Return why it runs nothing, or why an environment cannot run."""
         environment = scene.source.environment
-        return environment.refusal(run) if environment else _NOT_HERE
+        return environment.refusal(run) if environment else _MISSING_LOOP
 
     def seconds_per_step(self, runs: PreparedRuns) -> float:
-        """Return what MuJoCo alone takes for a step [s]."""
+        """Return the time of a step of MuJoCo alone [s]."""
         return runs.scene.source.environment.seconds_per_step(runs)
 
     def roll_out(self, *_: object, **__: object) -> Rollout:
         """Raise a SceneError."""
-        raise SceneError(_NOT_HERE)
+        raise SceneError(_MISSING_LOOP)

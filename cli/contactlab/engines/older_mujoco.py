@@ -1,8 +1,8 @@
 """MuJoCo before 3.17: batches as loops over `mj_step`, contact slots from the list of contacts.
 
-`StepLoop` has what contactlab uses of `mujoco.batch.Batch`: the same names, arrays and bits, but
-slower by what Python takes for each step. `ContactSlots` fills the sensors of versions before 3.16,
-bit for bit as contact sensors do since, with reduction `none` for pairs and `mindist` over all
+`StepLoop` has the part of `mujoco.batch.Batch` that contactlab uses: the same names, arrays and
+bits, but slower by Python's time for each step. `ContactSlots` fills the sensors of versions before
+3.16, bit for bit like later contact sensors, with reduction `none` for pairs and `mindist` over all
 contacts.
 """
 
@@ -41,20 +41,20 @@ else:
 
 
 _INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
-_WARNINGS = int(mujoco.mjtWarning.mjNWARNING)
-_COUNT = 1
-_USER = int(mujoco.mjtSensor.mjSENS_USER)
-_GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)
-_BODY = int(mujoco.mjtObj.mjOBJ_BODY)
+_WARNING_KINDS = int(mujoco.mjtWarning.mjNWARNING)
+_COUNT_INDEX = 1
+_USER_SENSOR = int(mujoco.mjtSensor.mjSENS_USER)
+_GEOM_OBJECT = int(mujoco.mjtObj.mjOBJ_GEOM)
+_BODY_OBJECT = int(mujoco.mjtObj.mjOBJ_BODY)
 _ASLEEP, _AWAKE = 0, 1
 _LAST_STAGE = int(mujoco.mjtStage.mjSTAGE_ACC)
-# What changes sign when a contact is seen from its other geom: normal, tangent, third components,
-# since the third axis stays, and the force is the opposite one.
-_FLIPPED = [11, 12, 13, 14, 15, 16, FORCE.stop - 1, TORQUE.stop - 1, 19, 22]
+# Entries that change sign when a contact is seen from its other geom: normal, tangent, and third
+# components, because the third axis stays, and the force is reversed.
+_FLIPPED_ENTRIES = [11, 12, 13, 14, 15, 16, FORCE.stop - 1, TORQUE.stop - 1, 19, 22]
 
 
 class StepLoop:
-    """Runs of one layout, stepped one by one; `state` (n, nstate) decides what follows."""
+    """Runs of one layout, stepped one by one; `state` (n, nstate) suffices to continue."""
 
     def __init__(
         self, model: mujoco.MjModel, nsim: int, nthread: int = 1, persistent: bool = False
@@ -66,11 +66,11 @@ class StepLoop:
         self._persistent = persistent
         self._errors = [""] * nsim
         self.state = np.zeros((nsim, mujoco.mj_stateSize(model, _INTEGRATION)))
-        # What was last warned of, and how often.
-        self.warning = np.zeros((nsim, _WARNINGS, 2), np.int32)
+        # The last location of each warning, and its count.
+        self.warning = np.zeros((nsim, _WARNING_KINDS, 2), np.int32)
 
     def set_models(self, models: Sequence[mujoco.MjModel]) -> None:
-        """Give each run a model of its own."""
+        """Give each run its own model."""
         self._models = list(models)
 
     def reset(self, stage: int) -> None:  # noqa: ARG002 - nothing is computed before a step
@@ -104,19 +104,19 @@ class StepLoop:
     ) -> dict[Any, np.ndarray]:
         """Make steps and record after each; a run that warns stops, and its last row is repeated.
 
-        A SimulationError if MuJoCo raised an error; those runs keep the state they had.
+        Raises a SimulationError if MuJoCo raised an error; those runs keep their previous state.
         """
         runs = list(range(len(self._models)) if ids is None else ids)
-        arrays = out or {item: self._array(item, len(runs), nstep) for item in record}
+        arrays = out or {item: self._empty_array(item, len(runs), nstep) for item in record}
         for place, run in enumerate(runs):
             rows = {item: array[place] for item, array in arrays.items()}
-            # Before 3.4, MuJoCo took rows alone that lie side by side and may be written.
+            # Before 3.4, MuJoCo accepted only contiguous, writable rows.
             inputs = (
                 None if control is None else (control_spec, np.array(control[place], order="C"))
             )
             self._errors[run] = ""
             try:
-                self._run(run, nstep, inputs, rows)
+                self._run_steps(run, nstep, inputs, rows)
             except mujoco.FatalError as error:
                 self._errors[run] = str(error)
         failed = [run for run in runs if self._errors[run]]
@@ -124,7 +124,7 @@ class StepLoop:
             raise SimulationError(np.array(failed), self._errors[failed[0]])
         return arrays
 
-    def _run(
+    def _run_steps(
         self, run: int, steps: int, inputs: tuple[int, Floats] | None, rows: dict[Any, np.ndarray]
     ) -> None:
         model, data = self._models[run], self._data.get(run) or mujoco.MjData(self._models[run])
@@ -136,15 +136,15 @@ class StepLoop:
         mujoco.set_mjcb_sensor(ContactSlots.of(model) if rows else None)
         try:
             if rows or inputs is not None:
-                _record(model, data, steps, inputs, rows)
+                _step_and_record(model, data, steps, inputs, rows)
             else:
                 mujoco.mj_step(model, data, nstep=steps)
         finally:
             mujoco.set_mjcb_sensor(None)
-        self.warning[run, :, _COUNT] += data.warning.number - before
+        self.warning[run, :, _COUNT_INDEX] += data.warning.number - before
         mujoco.mj_getState(model, data, self.state[run], _INTEGRATION)
 
-    def _array(self, item: int | str, runs: int, steps: int) -> np.ndarray:
+    def _empty_array(self, item: int | str, runs: int, steps: int) -> np.ndarray:
         model = self._models[0]
         if isinstance(item, int):
             return np.empty((runs, steps, mujoco.mj_stateSize(model, item)))
@@ -152,15 +152,15 @@ class StepLoop:
         return np.empty((runs, steps, *(own.shape or (1,))), own.dtype)
 
 
-def _record(
+def _step_and_record(
     model: mujoco.MjModel,
     data: mujoco.MjData,
     steps: int,
     inputs: tuple[int, Floats] | None,
     rows: dict[Any, np.ndarray],
 ) -> None:
-    """Step, and copy what is asked for into row k after step k."""
-    # A view, since reading the attribute takes longer than many a step.
+    """Step, and copy the requested items into row k after step k."""
+    # Keep a view, because reading the attribute takes longer than many steps.
     counts = data.warning.number
     before = counts.tobytes()
     states = [(item, array) for item, array in rows.items() if isinstance(item, int)]
@@ -180,7 +180,7 @@ def _record(
 
 
 class ContactSlots:
-    """Fills user sensors of one run, as MuJoCo's sensor callback: with the forces of a step."""
+    """Fills user sensors of one run, as MuJoCo's sensor callback, with the forces of a step."""
 
     def __init__(self, sensors: Sequence[int]) -> None:
         self._sensors = sensors
@@ -188,29 +188,33 @@ class ContactSlots:
 
     @classmethod
     def of(cls, model: mujoco.MjModel) -> "ContactSlots | None":
-        """Return what fills the user sensors of a model in place of contact sensors, if any."""
+        """Return the callback for user sensors in place of contact sensors, if a model has any."""
         sensors = [
             index
             for index in range(model.nsensor)
-            if model.sensor_type[index] == _USER and model.sensor(index).name.startswith(PREFIX)
+            if model.sensor_type[index] == _USER_SENSOR
+            and model.sensor(index).name.startswith(PREFIX)
         ]
         return cls(sensors) if sensors else None
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData, stage: int) -> None:
-        """Fill the sensors once everything that they measure is computed."""
+        """Fill the sensors after all of their inputs are computed."""
         if stage != _LAST_STAGE:
             return
         measured = measure_contacts(model, data) if data.ncon else None
         for sensor in self._sensors:
             begin = int(model.sensor_adr[sensor])
             row = data.sensordata[begin : begin + int(model.sensor_dim[sensor])]
-            if _sleeps(model, data, sensor):
-                # MuJoCo zeroes sensors that it leaves to a callback.
+            if _is_asleep(model, data, sensor):
+                # MuJoCo sets sensors with a callback to zero.
                 row[:] = self._last.get(sensor, 0.0)
                 continue
             row[:] = 0
-            if measured is not None and model.sensor_objtype[sensor] in (_GEOM, _BODY):
-                bodies = model.sensor_objtype[sensor] == _BODY
+            if measured is not None and model.sensor_objtype[sensor] in (
+                _GEOM_OBJECT,
+                _BODY_OBJECT,
+            ):
+                bodies = model.sensor_objtype[sensor] == _BODY_OBJECT
                 sides = model.sensor_objid[sensor], model.sensor_refid[sensor]
                 pair = np.array([bodies, *sides])
                 fill_pair(model, data, pair, measured, row.reshape(-1, SLOT_WIDTH))
@@ -222,30 +226,33 @@ class ContactSlots:
 def fill_pair(
     model: mujoco.MjModel, data: mujoco.MjData, pair: np.ndarray, measured: Floats, slots: Floats
 ) -> None:
-    """Fill a pair's slots with its first contacts, flipped where their geoms are the other way.
+    """Fill a pair's slots with its first contacts, flipped if their geoms are in reverse order.
 
-    The pair is whether its sides are bodies, and both.
+    The pair tells whether its sides are bodies, and names both.
     """
     sides = np.asarray(data.contact.geom)
     bodies, pair = pair[0], pair[1:]
     if bodies:
-        # A flex has no geom, and no body.
+        # A flex has neither geom nor body.
         sides = np.where(sides >= 0, model.geom_bodyid[sides], -1)
     flipped = (sides == pair[::-1]).all(axis=1)
     contacts = np.flatnonzero(flipped | (sides == pair).all(axis=1))
     kept = contacts[: len(slots)]
     rows = measured[kept]
     rows[:, FOUND] = len(contacts)
-    rows[np.ix_(flipped[kept], _FLIPPED)] *= -1.0
+    rows[np.ix_(flipped[kept], _FLIPPED_ENTRIES)] *= -1.0
     slots[: len(rows)] = rows
 
 
-def _sleeps(model: mujoco.MjModel, data: mujoco.MjData, sensor: int) -> bool:
-    """Say whether a pair is asleep: its contacts are not computed, and its slots stay."""
-    if not read_flag(model, "sleep") or model.sensor_objtype[sensor] not in (_GEOM, _BODY):
+def _is_asleep(model: mujoco.MjModel, data: mujoco.MjData, sensor: int) -> bool:
+    """Return whether a pair is asleep: its contacts are not computed, and its slots stay."""
+    if not read_flag(model, "sleep") or model.sensor_objtype[sensor] not in (
+        _GEOM_OBJECT,
+        _BODY_OBJECT,
+    ):
         return False
     pair = [int(model.sensor_objid[sensor]), int(model.sensor_refid[sensor])]
-    bodies = pair if model.sensor_objtype[sensor] == _BODY else model.geom_bodyid[pair]
+    bodies = pair if model.sensor_objtype[sensor] == _BODY_OBJECT else model.geom_bodyid[pair]
     states = data.body_awake[bodies]
     return not (states == _AWAKE).any() and bool((states == _ASLEEP).any())
 
@@ -260,13 +267,13 @@ def measure_contacts(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
     frame, point = contact.frame.reshape(-1, 3, 3), contact.pos
     slots[:, DISTANCE], slots[:, POSITION] = contact.dist, point
     slots[:, NORMAL], slots[:, TANGENT] = frame[:, 0], frame[:, 1]
-    before, after = (_velocity(model, data, side, point) for side in contact.geom.T)
-    slots[:, LINEAR_VELOCITY] = _in_frame(frame, after[0] - before[0])
-    slots[:, ANGULAR_VELOCITY] = _in_frame(frame, after[1] - before[1])
+    before, after = (_point_velocities(model, data, side, point) for side in contact.geom.T)
+    slots[:, LINEAR_VELOCITY] = _frame_components(frame, after[0] - before[0])
+    slots[:, ANGULAR_VELOCITY] = _frame_components(frame, after[1] - before[1])
     return slots
 
 
-def _velocity(
+def _point_velocities(
     model: mujoco.MjModel, data: mujoco.MjData, geoms: np.ndarray, points: Floats
 ) -> tuple[Floats, Floats]:
     """Return the velocities of points on the bodies of geoms, and their angular velocities."""
@@ -279,7 +286,7 @@ def _velocity(
     return spatial[:, 3:] - rotational, spatial[:, :3]
 
 
-def _in_frame(frame: Floats, vectors: Floats) -> Floats:
-    """Return vectors' components, summed in MuJoCo's order; a matrix product may fuse them."""
+def _frame_components(frame: Floats, vectors: Floats) -> Floats:
+    """Return vectors' components, summed in MuJoCo's order; matrix products may fuse operations."""
     x, y, z = (vectors[:, axis, None] for axis in range(3))
     return frame[:, :, 0] * x + frame[:, :, 1] * y + frame[:, :, 2] * z

@@ -1,9 +1,9 @@
-"""Passages of geoms through each other between steps, whether or not a step had a contact.
+"""Finds passages of geoms through each other between steps, whether or not a step had a contact.
 
-Seen from one geom, the centre of another moves along a line from step to step. Where a ray along it
-enters the geom and leaves it again, or gets under a surface, the other has passed through; so do
-vertices and edges of a rope, and a flex where the centre crosses its mid-surface. What turns far
-in a step is followed within it.
+Seen from one geom, the center of another moves along a line from step to step. If a ray along it
+enters the geom and leaves it again, or gets under a surface, the other geom has passed through. The
+same holds for vertices and edges of a rope, and for a flex whose mid-surface the center crosses. A
+geom that turns far in a step is followed within it.
 """
 
 from collections.abc import Iterator
@@ -21,57 +21,68 @@ from contactlab.scene.model_edits import read_flag
 from contactlab.scene.model_names import name_of
 from contactlab.scene.part_bodies import moving_bodies
 
-_SLOW = 0.5  # Share of the half thickness of two geoms by which a step must move them to matter
-_MOST_STEPS_OF_A_PASSAGE = 4  # Steps that a fast geom takes to pass through another, at most
-_MOST_PLACES_IN_A_STEP = 200  # Places within a step at which two geoms are looked at, at most
-_SOON, _APART = 0.1, 1.5  # By when [s] what passed a flex is how far off it, in half extents
-_THROUGH = 0.5  # How deep in each other those geoms are, in half extents of the thinner
-_MOST_PAIRS, _MOST_RAYS = 200, 500
-_PLANE, _HFIELD = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD)
-_MESH, _SPHERE = int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_SPHERE)
+_MIN_MOTION_SHARE = (
+    0.5  # smallest relevant motion in a step, as a share of the half thickness of two geoms
+)
+_MAX_PASSAGE_STEPS = 4  # largest number of steps of a fast geom to pass through another
+_MAX_INSTANTS_PER_STEP = 200  # largest number of instants checked within a step
+_CLEAR_SECONDS, _CLEAR_DISTANCE = (
+    0.1,
+    1.5,
+)  # time [s] until a geom is off a flex that it passed, in half extents
+_MIN_OVERLAP = 0.5  # smallest overlap of passing geoms, in half extents of the thinner
+_MAX_PAIRS, _MAX_RAYS = 200, 500
+_PLANE_TYPE, _HFIELD_TYPE = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD)
+_MESH_TYPE, _SPHERE_TYPE = int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_SPHERE)
 _TRANSLATIONS = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_SLIDE): 1}
-_FAR_ROUND = 1.0  # Angle [rad] beyond which the way of a point is no line
-_ROUNDING = 1e-9
-_UP, _ORIGIN, _AXES = np.array([0.0, 0.0, 1.0]), np.zeros(3), np.eye(3).ravel()
+_MAX_LINE_ANGLE_RAD = 1.0  # angle [rad] beyond which the path of a point is not nearly a line
+_RAY_ROUNDING = 1e-9
+_UP_AXIS, _ORIGIN, _AXES = np.array([0.0, 0.0, 1.0]), np.zeros(3), np.eye(3).ravel()
 
 
 class Passages:
-    """Passages of geoms through each other in runs of one structure, by the poses of bodies.
+    """Passages of geoms through each other in runs of one structure, from the poses of bodies.
 
     Attributes:
-        found: what passed through what in each run, in the order of steps.
+        found: the passages in each run, in the order of steps.
     """
 
     def __init__(self, model: mujoco.MjModel, runs: int) -> None:
-        """Look for passages in n runs; their geoms are those of one model."""
-        self._thinnest, self._lengths, self._reach, self._least = _reach_of_steps(model)
+        """Prepare the search in n runs; their geoms are those of one model."""
+        self._thinnest, self._motion_lengths, self._reach, self._least = _reach_of_steps(model)
         self.found = [tuple[Passage, ...]()] * runs
 
     def enter(self, run: int, model: mujoco.MjModel, starts: InitialStates, states: Floats) -> None:
-        """Look at a run that was just recorded, with its own model and (N + 1, nstate) states."""
+        """Search a run that was just recorded, with its own model and (N + 1, nstate) states."""
         if not np.isfinite(self._thinnest):
             return
         positions, velocities = 1 + model.nq, 1 + model.nq + model.nv
-        # Farther than this no point can move in a step: a bound that is found quickly.
+        # No point moves farther than this in a step; the bound is quick to compute.
         fastest = np.abs(states.T[positions:velocities].copy()).max(axis=1)
-        if model.nflex or fastest @ self._lengths * model.opt.timestep > _SLOW * self._thinnest:
+        if (
+            model.nflex
+            or fastest @ self._motion_lengths * model.opt.timestep
+            > _MIN_MOTION_SHARE * self._thinnest
+        ):
             acting = starts.inputs(run, model.opt.timestep, np.arange(len(states) - 1))
-            position, rotation, vertices = _poses(model, states[:-1, 1:positions], acting)
-            turned = _turns(rotation)
+            position, rotation, vertices = _body_poses(model, states[:-1, 1:positions], acting)
+            turned = _step_angles(rotation)
             shift = np.sqrt(squared_lengths(np.diff(position, axis=0)))
             moved = (shift + turned * self._reach)[:, model.geom_bodyid]
             pairs = self._fast_pairs(moved)
-            found = [*self._passages(model, pairs, position, rotation, turned)]
-            within = _Within(model, states[:, 1 : positions + model.nv], acting)
+            found = [*self._fast_passages(model, pairs, position, rotation, turned)]
+            within = _StepSearch(model, states[:, 1 : positions + model.nv], acting)
             for pair in pairs:
-                apart = np.subtract(*(_place(model, position, rotation, geom) for geom in pair))
+                apart = np.subtract(
+                    *(_point_positions(model, position, rotation, geom) for geom in pair)
+                )
                 found += within.passages(
                     pair, apart[:-1], moved[:, pair].sum(axis=1), least=float(self._least[pair])
                 )
-            found += _through_flexes(model, position, rotation, vertices)
+            found += _passages_through_flexes(model, position, rotation, vertices)
             self.found[run] = tuple(sorted(found, key=lambda passage: passage.step))
 
-    def _passages(
+    def _fast_passages(
         self,
         model: mujoco.MjModel,
         pairs: list[tuple[int, int]],
@@ -89,58 +100,58 @@ class Passages:
         turned = np.concatenate([none, turned.cumsum(axis=0).T], axis=1)
         for first, second in pairs:
             for mover, wall in ((first, second), (second, first)):
-                if model.geom_type[mover] in (_PLANE, _HFIELD):
+                if model.geom_type[mover] in (_PLANE_TYPE, _HFIELD_TYPE):
                     continue
-                shape = _Wall(model, wall, float(model.geom_rbound[mover]))
+                shape = _PassableGeom(model, wall, float(model.geom_rbound[mover]))
                 steps, least = list[int](), float(self._least[first, second])
-                for point in _along(model, mover):
-                    place = _place(model, position, rotation, mover, point)
-                    path = _seen(model, position, rotation, wall, place)
+                for point in _axis_points(model, mover):
+                    place = _point_positions(model, position, rotation, mover, point)
+                    path = _in_geom_frame(model, position, rotation, wall, place)
                     own = turned[model.geom_bodyid[mover]] * point.any()
                     turns = own + turned[model.geom_bodyid[wall]] * shape.turns
                     steps += _first_passage(path, least, shape, turns)
                 if steps:
-                    yield _passage(model, mover, wall, min(steps))
+                    yield _make_passage(model, mover, wall, min(steps))
                     break
 
     def _fast_pairs(self, moved: Floats) -> list[tuple[int, int]]:
         """Return pairs of geoms that can touch, and that a step may carry through each other."""
         most = moved.max(axis=0, initial=0)
-        return geom_pairs(most[:, None] + most > self._least)[:_MOST_PAIRS]
+        return geom_pairs(most[:, None] + most > self._least)[:_MAX_PAIRS]
 
 
-class _Within:
-    """Looks for geoms that pass through each other within one step of a run."""
+class _StepSearch:
+    """Searches for geoms that pass through each other within one step of a run."""
 
     def __init__(self, model: mujoco.MjModel, states: Floats, acting: Floats) -> None:
-        """Look at states (N + 1, nq + nv) and the inputs (N, ...) that act on each step."""
+        """Take states (N + 1, nq + nv) and the inputs (N, ...) of each step."""
         self._model, self._data = model, mujoco.MjData(model)
         self._states, self._acting = states, acting
 
     def passages(
         self, pair: tuple[int, int], apart: Floats, moved: Floats, *, least: float
     ) -> list[Passage]:
-        """Return the first passage of two geoms whose centres are `apart` (N - 1, 3) [m], if any.
+        """Return the first passage of two geoms with centers `apart` (N - 1, 3) [m], if any.
 
         Each step moves them by at most `moved` (N - 1,) [m]; less than `least` does not matter.
         """
         model = self._model
-        if np.isin(model.geom_type[[*pair]], (_PLANE, _HFIELD)).any():
+        if np.isin(model.geom_type[[*pair]], (_PLANE_TYPE, _HFIELD_TYPE)).any():
             return []
         bound = float(model.geom_rbound[[*pair]].sum())
         near = np.linalg.norm(apart, axis=1) < bound + moved
-        for step in np.flatnonzero(near & (moved > least))[:_MOST_RAYS].tolist():
+        for step in np.flatnonzero(near & (moved > least))[:_MAX_RAYS].tolist():
             if self._overlaps(pair, step, float(moved[step]), least):
-                return [_passage(model, *pair, step)]
+                return [_make_passage(model, *pair, step)]
         return []
 
     def _overlaps(self, pair: tuple[int, int], step: int, moved: float, least: float) -> bool:
-        """Return whether geoms apart before and after a step are half through each other in it."""
+        """Return whether geoms separated before and after a step half overlap within it."""
         model, data = self._model, self._data
         if model.nmocap:
             apply_inputs(model, data, self._acting[step])
         velocity = self._states[step + 1, model.nq :]
-        ahead = max(least / 2, moved / _MOST_PLACES_IN_A_STEP)
+        ahead = max(least / 2, moved / _MAX_INSTANTS_PER_STEP)
         share, deepest = 0.0, 0.0
         while share < 1:
             data.qpos[:] = self._states[step, : model.nq]
@@ -151,41 +162,45 @@ class _Within:
             deepest = max(deepest, -distance)
             share += max(distance, ahead) / moved
         data.qpos[:] = self._states[step + 1, : model.nq]
-        return deepest > _THROUGH * half_extents(model)[[*pair]].min() and self._distance(pair) > 0
+        return (
+            deepest > _MIN_OVERLAP * half_extents(model)[[*pair]].min() and self._distance(pair) > 0
+        )
 
     def _distance(self, pair: tuple[int, int]) -> float:
         mujoco.mj_kinematics(self._model, self._data)
         return mujoco.mj_geomDistance(self._model, self._data, *pair, 1e3, None)
 
 
-def _passage(model: mujoco.MjModel, mover: int, wall: int, step: int) -> Passage:
+def _make_passage(model: mujoco.MjModel, mover: int, wall: int, step: int) -> Passage:
     bodies = moving_bodies(model, model.geom_bodyid[[mover, wall]])
     return Passage(name_of(model, "geom", mover), name_of(model, "geom", wall), step, bodies)
 
 
 @lru_cache(maxsize=1)
 def _reach_of_steps(model: mujoco.MjModel) -> tuple[float, Floats, Floats, Floats]:
-    """Return the thinnest half extent, `_lengths`, `reaches`, and how far steps matter [m].
+    """Return the thinnest half extent, `_motion_lengths`, `reaches`, and the relevant motions [m].
 
-    The last is (ngeom, ngeom) by how much a step must move two geoms at least.
+    The last is (ngeom, ngeom) the smallest relevant motion of two geoms in a step.
     """
     meeting = np.triu(may_touch(model), 1)
     on = read_flag(model, "contact") and (meeting.any() or model.nflex)
-    half = _half_extents(model)
+    half = _colliding_half_extents(model)
     thinnest = float(half.min(initial=np.inf)) if on else np.inf
-    half[np.isin(model.geom_type, (_PLANE, _HFIELD))] = 0
-    least = _SLOW * (half[:, None] + half)
+    half[np.isin(model.geom_type, (_PLANE_TYPE, _HFIELD_TYPE))] = 0
+    least = _MIN_MOTION_SHARE * (half[:, None] + half)
     least[~meeting] = np.inf
-    return thinnest, _lengths(model), reaches(model), least
+    return thinnest, _motion_lengths(model), reaches(model), least
 
 
-def _turns(rotation: Floats) -> Floats:
-    """Return (N - 1, nbody) by which angle each step turns each body, at most [rad]."""
+def _step_angles(rotation: Floats) -> Floats:
+    """Return (N - 1, nbody) the largest angle by which each step turns each body [rad]."""
     cosine = np.abs((rotation[1:] * rotation[:-1]).sum(axis=2))
     return 2 * np.arccos(np.minimum(cosine, 1))
 
 
-def _poses(model: mujoco.MjModel, path: Floats, acting: Floats) -> tuple[Floats, Floats, Floats]:
+def _body_poses(
+    model: mujoco.MjModel, path: Floats, acting: Floats
+) -> tuple[Floats, Floats, Floats]:
     """Return (N, nbody, 3) and (N, nbody, 4) poses, and (N, nflexvert, 3) vertices of flexes."""
     data, steps = mujoco.MjData(model), len(path)
     position, rotation = np.empty((steps, model.nbody, 3)), np.empty((steps, model.nbody, 4))
@@ -201,52 +216,52 @@ def _poses(model: mujoco.MjModel, path: Floats, acting: Floats) -> tuple[Floats,
     return position, rotation, vertices
 
 
-def _through_flexes(
+def _passages_through_flexes(
     model: mujoco.MjModel, position: Floats, rotation: Floats, vertices: Floats
 ) -> Iterator[Passage]:
     """Yield the first passage of each geom through each surface of a flex; vertices (N, V, 3)."""
     meets = np.asarray(model.flex_contype)[:, None] & np.asarray(model.geom_conaffinity)
     meets |= np.asarray(model.flex_conaffinity)[:, None] & np.asarray(model.geom_contype)
-    endless = np.isin(model.geom_type, (_PLANE, _HFIELD))
+    endless = np.isin(model.geom_type, (_PLANE_TYPE, _HFIELD_TYPE))
     for flex, geom in np.argwhere((meets != 0) & ~endless).tolist():
         first = model.flex_vertadr[flex]
         own = model.flex_vertbodyid[first : first + model.flex_vertnum[flex]]
-        faces = _faces(model, flex)
+        faces = _flex_faces(model, flex)
         if model.geom_bodyid[geom] in own:
             continue
         name = mujoco.mj_id2name(model, int(mujoco.mjtObj.mjOBJ_FLEX), flex) or f"flex[{flex}]"
         thick = float(half_extents(model)[geom] + model.flex_radius[flex])
         if not len(faces):
-            wall, steps = _Wall(model, geom, float(model.flex_radius[flex])), list[int]()
-            for place in _of_rope(model, flex, vertices):
-                path = _seen(model, position, rotation, geom, place)
-                steps += _first_passage(path, _SLOW * thick, wall)
+            wall, steps = _PassableGeom(model, geom, float(model.flex_radius[flex])), list[int]()
+            for place in _rope_points(model, flex, vertices):
+                path = _in_geom_frame(model, position, rotation, geom, place)
+                steps += _first_passage(path, _MIN_MOTION_SHARE * thick, wall)
             if steps:
                 yield Passage(name, name_of(model, "geom", geom), min(steps))
             continue
         corners = vertices[:, first + faces]
-        centre = _place(model, position, rotation, geom)
+        centre = _point_positions(model, position, rotation, geom)
         seen = centre[:, None] - corners.mean(axis=2)
         step = _first_crossing(seen, corners - corners.mean(axis=2, keepdims=True))
         if step is None:
             continue
-        # What has only rolled over an edge still lies on it soon after.
-        soon = min(step + int(_SOON / model.opt.timestep), len(position) - 1)
+        # A geom that has only rolled over an edge still lies on it soon after.
+        soon = min(step + int(_CLEAR_SECONDS / model.opt.timestep), len(position) - 1)
         way = vertices[soon, first : first + len(own)] - centre[soon]
-        if np.linalg.norm(way, axis=1).min() > _APART * thick:
+        if np.linalg.norm(way, axis=1).min() > _CLEAR_DISTANCE * thick:
             yield Passage(name_of(model, "geom", geom), name, step)
 
 
-def _of_rope(model: mujoco.MjModel, flex: int, vertices: Floats) -> Iterator[Floats]:
-    """Yield (N, 3) where each vertex of a rope is, and the middle of each of its edges."""
+def _rope_points(model: mujoco.MjModel, flex: int, vertices: Floats) -> Iterator[Floats]:
+    """Yield (N, 3) the position of each vertex of a rope, and of the middle of each edge."""
     first, edges = model.flex_vertadr[flex], model.flex_edgeadr[flex]
     yield from np.moveaxis(vertices[:, first : first + model.flex_vertnum[flex]], 1, 0)
     for ends in model.flex_edge[edges : edges + model.flex_edgenum[flex]]:
         yield vertices[:, first + ends].mean(axis=1)
 
 
-def _faces(model: mujoco.MjModel, flex: int) -> NDArray[np.int32]:
-    """Return (F, 3) the vertices of a cloth's elements, or of a body's shell; ropes have none."""
+def _flex_faces(model: mujoco.MjModel, flex: int) -> NDArray[np.int32]:
+    """Return (F, 3) the vertices of a cloth's elements, or of a body's shell; empty for ropes."""
     kind = int(model.flex_dim[flex])
     if kind == 3:
         numbers, starts, data = model.flex_shellnum, model.flex_shelldataadr, model.flex_shell
@@ -259,7 +274,8 @@ def _faces(model: mujoco.MjModel, flex: int) -> NDArray[np.int32]:
 def _first_crossing(seen: Floats, corners: Floats) -> int | None:
     """Return the first step in which a point crosses a triangle; None if it never does.
 
-    The point `seen` (N, F, 3) and `corners` (N, F, 3, 3) are from the triangles' centres [m].
+    The point `seen` (N, F, 3) and `corners` (N, F, 3, 3) are relative to the triangles' centers
+    [m].
     """
     normal = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
     height = (seen * normal).sum(axis=2)
@@ -275,15 +291,15 @@ def _first_crossing(seen: Floats, corners: Floats) -> int | None:
     return None
 
 
-def _half_extents(model: mujoco.MjModel) -> Floats:
-    """Return (ngeom,) half the smallest extents [m]; infinite for geoms that nothing meets."""
+def _colliding_half_extents(model: mujoco.MjModel) -> Floats:
+    """Return (ngeom,) half the smallest extents [m]; infinite for geoms that cannot collide."""
     meets = (np.asarray(model.geom_contype) | np.asarray(model.geom_conaffinity)) != 0
     meets[[*model.pair_geom1, *model.pair_geom2]] = True
     return np.where(meets, half_extents(model), np.inf)
 
 
-def _lengths(model: mujoco.MjModel) -> Floats:
-    """Return (nv,) how far each degree of freedom moves a point at unit speed in 1 s [m]."""
+def _motion_lengths(model: mujoco.MjModel) -> Floats:
+    """Return (nv,) the distance that each coordinate at unit speed moves a point in 1 s [m]."""
     reach = reaches(model)
     for body in range(model.nbody - 1, 0, -1):
         joints = range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body])
@@ -297,89 +313,89 @@ def _lengths(model: mujoco.MjModel) -> Floats:
     return lengths
 
 
-def _along(model: mujoco.MjModel, geom: int) -> Floats:
-    """Return (K, 3) the centre of a geom, and the ends of the line about which it is all round."""
+def _axis_points(model: mujoco.MjModel, geom: int) -> Floats:
+    """Return (K, 3) the center of a geom, and the ends of its axis of symmetry."""
     half = model.geom_aabb[geom, 3:]
     end = (half.max() - half.min()) * (np.arange(3) == half.argmax())
-    primitive = int(model.geom_type[geom]) != _MESH
+    primitive = int(model.geom_type[geom]) != _MESH_TYPE
     return np.array([_ORIGIN, end, -end] if primitive and end.any() else [_ORIGIN])
 
 
-def _place(
+def _point_positions(
     model: mujoco.MjModel, position: Floats, rotation: Floats, geom: int, point: Floats = _ORIGIN
 ) -> Floats:
-    """Return (N, 3) where a point of a geom is, by default its centre."""
+    """Return (N, 3) the position of a point of a geom, by default its center."""
     body, own = int(model.geom_bodyid[geom]), rotate(model.geom_quat[geom], point)
     return position[:, body] + rotate(rotation[:, body], model.geom_pos[geom] + own)
 
 
-def _seen(
+def _in_geom_frame(
     model: mujoco.MjModel, position: Floats, rotation: Floats, wall: int, place: Floats
 ) -> Floats:
-    """Return (N, 3) where a place (N, 3) is in the frame of a geom, not turned of a sphere."""
+    """Return (N, 3) positions in the frame of a geom; the frame of a sphere is not rotated."""
     body = int(model.geom_bodyid[wall])
-    if model.geom_type[wall] == _SPHERE:
-        return place - _place(model, position, rotation, wall)
+    if model.geom_type[wall] == _SPHERE_TYPE:
+        return place - _point_positions(model, position, rotation, wall)
     seen = rotate_back(rotation[:, body], place - position[:, body])
     return rotate_back(model.geom_quat[wall], seen - model.geom_pos[wall])
 
 
 def _first_passage(
-    path: Floats, least: float, wall: "_Wall", turned: Floats | None = None
+    path: Floats, least: float, wall: "_PassableGeom", turned: Floats | None = None
 ) -> list[int]:
     """Return the first step after which a point has passed through a geom, if it ever does.
 
-    The path (N, 3) [m] is in the frame of the geom; steps shorter than `least` [m] do not count,
-    nor what turns by more than a radian: by `turned` (N,) since the start.
+    The path (N, 3) [m] is in the frame of the geom. Steps shorter than `least` [m] do not count,
+    nor those that turn by more than a radian: `turned` (N,) is the angle since the start.
     """
     squares = (np.diff(path, axis=0) ** 2).sum(axis=1)
     fast = squares > least**2
-    reach = wall.bound + _MOST_STEPS_OF_A_PASSAGE * np.sqrt(squares.max(initial=0))
+    reach = wall.bound + _MAX_PASSAGE_STEPS * np.sqrt(squares.max(initial=0))
     if not (fast & ((path[:-1] ** 2).sum(axis=1) < reach**2)).any():
         return []
-    for steps in range(1, 1 + _MOST_STEPS_OF_A_PASSAGE):
+    for steps in range(1, 1 + _MAX_PASSAGE_STEPS):
         begin, end = path[:-steps], path[steps:]
         moving = np.convolve(fast, np.ones(steps))[steps - 1 : len(fast)] > 0
         near = np.linalg.norm(begin, axis=1) < np.linalg.norm(end - begin, axis=1) + wall.bound
         if turned is not None:
-            near &= turned[steps:] - turned[:-steps] < _FAR_ROUND
-        for step in np.flatnonzero(moving & near)[:_MOST_RAYS].tolist():
+            near &= turned[steps:] - turned[:-steps] < _MAX_LINE_ANGLE_RAD
+        for step in np.flatnonzero(moving & near)[:_MAX_RAYS].tolist():
             if wall.passed(begin[step], end[step]):
                 return [step + steps - 1]
     return []
 
 
-class _Wall:
-    """A geom in its own frame, its reach `bound` [m], and the size of what may pass through."""
+class _PassableGeom:
+    """A geom in its own frame, its reach `bound` [m], and the size of the passing geom."""
 
     def __init__(self, model: mujoco.MjModel, geom: int, size: float) -> None:
         self._model, self._geom, self._size = model, geom, size
         self._kind = int(model.geom_type[geom])
-        self.turns = self._kind != _SPHERE
-        self.bound = np.inf if self._kind == _PLANE else float(model.geom_rbound[geom])
-        self._data = mujoco.MjData(model) if self._kind in (_MESH, _HFIELD) else None
+        self.turns = self._kind != _SPHERE_TYPE
+        self.bound = np.inf if self._kind == _PLANE_TYPE else float(model.geom_rbound[geom])
+        self._data = mujoco.MjData(model) if self._kind in (_MESH_TYPE, _HFIELD_TYPE) else None
         if self._data is not None:
             self._data.geom_xpos[geom], self._data.geom_xmat[geom] = 0, np.eye(3).ravel()
 
     def passed(self, begin: Floats, end: Floats) -> bool:
-        """Return whether the way between two points leads through it, or all beneath a surface."""
-        if self._kind == _PLANE:
+        """Return whether the path between points passes through it or ends beneath a surface."""
+        if self._kind == _PLANE_TYPE:
             return bool(begin[2] > 0 and end[2] < -self._size)
-        if self._kind == _HFIELD and self._under(begin) >= 0:
+        if self._kind == _HFIELD_TYPE and self._depth_below(begin) >= 0:
             return False
-        if self._kind == _HFIELD and self._under(end) > self._size:
+        if self._kind == _HFIELD_TYPE and self._depth_below(end) > self._size:
             return True
-        entered, left = self._ray(begin, end - begin), self._ray(end, begin - end)
-        return min(entered, left) >= 0 and entered + left < 1 - _ROUNDING
+        entered, left = self._ray_distance(begin, end - begin), self._ray_distance(end, begin - end)
+        return min(entered, left) >= 0 and entered + left < 1 - _RAY_ROUNDING
 
-    def _under(self, point: Floats) -> float:
-        """Return how far a point is beneath a height field [m]; negative if it is not."""
-        return self._ray(point, _UP)
+    def _depth_below(self, point: Floats) -> float:
+        """Return the depth of a point beneath a height field [m]; negative if it is above."""
+        return self._ray_distance(point, _UP_AXIS)
 
-    def _ray(self, begin: Floats, way: Floats) -> float:
-        """Return how much of a ray leads to it, beyond 1 if it ends before; -1 if none does."""
+    def _ray_distance(self, begin: Floats, way: Floats) -> float:
+        """Return the share of a ray up to the geom, above 1 if it ends before; -1 if it misses."""
         if self._data is None:
             size = self._model.geom_size[self._geom]
             return mujoco.mju_rayGeom(_ORIGIN, _AXES, size, begin, way, self._kind)
-        ray = mujoco.mj_rayMesh if self._kind == _MESH else mujoco.mj_rayHfield
+        ray = mujoco.mj_rayMesh if self._kind == _MESH_TYPE else mujoco.mj_rayHfield
         return ray(self._model, self._data, self._geom, begin, way)

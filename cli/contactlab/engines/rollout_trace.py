@@ -1,4 +1,4 @@
-"""From what an engine recorded to a Trace, and its hash."""
+"""Converts an engine's recording into a Trace, and computes its hash."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import fields
@@ -27,7 +27,7 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
     if rollout.slots is not None:
         layout = layout.from_contacts()
     velocity = 1 + model.nq
-    # MuJoCo gives as many islands as it could need; there is at most one a tree.
+    # MuJoCo returns the largest possible number of islands; there is at most one per tree.
     iterations = rollout.iterations[:, :, : max(1, model.ntree)]
     mass = np.array([compiled.model.body_subtreemass[0] for compiled in models])
     held = None
@@ -40,14 +40,14 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
         time=rollout.state[:, :, 0],
         qpos=rollout.state[:, :, 1:velocity],
         qvel=rollout.state[:, :, velocity : velocity + model.nv],
-        kinetic=_number(sensors, layout.kinetic),
-        potential=_number(sensors, layout.potential),
+        kinetic=_sensor_values(sensors, layout.kinetic),
+        potential=_sensor_values(sensors, layout.potential),
         contacts=sensors[:, :, layout.contacts].astype(np.int32),
         least_distance=sensors[:, :, layout.contacts + 1],
         iterations=iterations.sum(axis=2, dtype=np.int32),
         iterations_most=iterations.max(axis=2),
-        momentum=_vector(sensors, layout.momentum, mass[:, None, None]),
-        angular_momentum=_vector(sensors, layout.angular_momentum, np.ones((1, 1, 1))),
+        momentum=_sensor_vectors(sensors, layout.momentum, mass[:, None, None]),
+        angular_momentum=_sensor_vectors(sensors, layout.angular_momentum, np.ones((1, 1, 1))),
         pairs=tuple(_pair_traces(base, models, rollout)),
         warnings=rollout.warnings,
         held=held,
@@ -62,12 +62,12 @@ def trajectory_hash(rollout: Rollout, run: int) -> str:
     return hash_of_states(rollout.state[run, : rollout.steps[run] + 1])
 
 
-def _number(sensors: Floats, address: int | None) -> Floats:
-    """Return what a sensor measured, NaN if it is not there."""
+def _sensor_values(sensors: Floats, address: int | None) -> Floats:
+    """Return a sensor's values, NaN if the sensor does not exist."""
     return np.full(sensors.shape[:2], np.nan) if address is None else sensors[:, :, address]
 
 
-def _vector(sensors: Floats, address: int | None, factor: Floats) -> Floats | None:
+def _sensor_vectors(sensors: Floats, address: int | None, factor: Floats) -> Floats | None:
     return None if address is None else sensors[:, :, address : address + 3] * factor
 
 

@@ -1,4 +1,4 @@
-"""Loads of equalities, brakes that creep, and sleepers, from a few states of a run."""
+"""Loads of equalities, creep of brakes, and sleeping bodies, from a few states of a run."""
 
 import copy
 from collections.abc import Iterator
@@ -16,22 +16,22 @@ from contactlab.engines.mujoco_batch import STATE
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.scene.run_setup import equality_reach
 
-_STEPS_OF_SAMPLE = 250  # Steps for each sample, which takes as long as three or four of them
-_FEWEST_SAMPLES, _MOST_SAMPLES = 2, 16
-_WAKING = 100  # Steps by which it is seen whether what sleeps would have stayed
-_REST = 1e-3  # Share of a body's mean size within which it is at rest then
-_MOST_SLEEPS = 4  # that are looked at: those of what was fastest and slept longest
-_LOOKS = 16  # at how far what is awake has gone
-_NOSLIP = 10  # Iterations by which what friction holds does not creep
-_HELD = 0.9  # Share of its friction loss below which what brakes should stay where it is
-_KIND, _EQUALITY = mujoco.mjtConstraint, mujoco.mjtEq
-_BRAKES = _KIND.mjCNSTR_FRICTION_DOF, _KIND.mjCNSTR_FRICTION_TENDON
-_SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
-_TORQUE_SCALE = 10  # where eq_data has the factor by which a weld weighs its rotation
+_STEPS_PER_SAMPLE = 250  # steps per sample; a sample takes as long as three or four steps
+_MIN_SAMPLES, _MAX_SAMPLES = 2, 16
+_WAKING_STEPS = 100  # steps after which it shows whether a sleeping body would have stayed
+_REST_SHARE = 1e-3  # motion in that time within which it rests, as a share of a body's mean size
+_MAX_SLEEPS = 4  # number of sleeps that are checked: the fastest and longest ones
+_MOTION_CHECKS = 16  # number of instants at which the motion of the awake body is checked
+_NOSLIP_ITERATIONS = 10  # noslip iterations with which bodies held by friction do not creep
+_HELD_SHARE = 0.9  # share of its friction loss below which a brake should hold
+_CONSTRAINT_TYPES, _EQUALITY_TYPES = mujoco.mjtConstraint, mujoco.mjtEq
+_BRAKE_TYPES = _CONSTRAINT_TYPES.mjCNSTR_FRICTION_DOF, _CONSTRAINT_TYPES.mjCNSTR_FRICTION_TENDON
+_SLEEP_FLAG = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
+_TORQUE_SCALE_INDEX = 10  # index in eq_data of a weld's weight of rotation
 
 
 def with_loads(runs: PreparedRuns, rollout: Rollout) -> Rollout:
-    """Return a rollout with ranges of its controls, and what else a few states tell of it."""
+    """Return a rollout with ranges of its controls, and the results of a few states."""
     first, count = runs.prepared[0].model, len(rollout.steps)
     brakes = first.dof_frictionloss.any() or first.tendon_frictionloss.any()
     sampler = _Sampler(first) if first.neq or brakes else None
@@ -46,56 +46,56 @@ def with_loads(runs: PreparedRuns, rollout: Rollout) -> Rollout:
         elif first.nu:
             end = max(steps - 1, 0) * model.opt.timestep
             ranges[run] = runs.starts.control_ranges(run, end)
-        if sampler is None and not model.opt.enableflags & _SLEEP:
+        if sampler is None and not model.opt.enableflags & _SLEEP_FLAG:
             continue
         start = runs.starts.pick(run)
         start = start if controls is None else start.acted_on([controls])
-        if model.opt.enableflags & _SLEEP:
-            sleeper[run] = _sleeper(model, start, rollout.state[run, : steps + 1])
+        if model.opt.enableflags & _SLEEP_FLAG:
+            sleeper[run] = _worst_sleeper(model, start, rollout.state[run, : steps + 1])
         if sampler is not None and steps:
             found = sampler.sample(model, start, rollout.state[run, : steps + 1])
             loads[run], gaps[run], speeds = found
-            # What is driven may turn slowly in its bearings.
+            # A driven joint may turn slowly in its bearings.
             creep[run] = speeds * (ranges[run, :, 0] == ranges[run, :, 1]).all()
     rollout = replace(rollout, control_ranges=ranges, sleeper=sleeper, creep=creep)
     return replace(rollout, equality_loads=loads, equality_gaps=gaps)
 
 
-class _Sleep(NamedTuple):
-    """A tree's longest sleep: the step by which it begins, and how many steps it takes."""
+class _LongestSleep(NamedTuple):
+    """A tree's longest sleep: its first step, and its number of steps."""
 
     dofs: slice
     begin: int
     steps: int
 
 
-def _sleeper(model: mujoco.MjModel, start: InitialStates, states: Floats) -> Floats:
-    """Return (4,) the worst sleeper of a run, as `Trace` says: what sleeps does not move at all.
+def _worst_sleeper(model: mujoco.MjModel, start: InitialStates, states: Floats) -> Floats:
+    """Return (4,) the worst sleeper of a run, see `Trace`; sleeping bodies do not move at all.
 
-    From the step before it falls asleep the model goes on awake, and without the slip of
-    regularised friction: what that lets creep may as well sleep. Few steps tell of most sleepers
-    that they would have stayed, were they to go on as fast as by then.
+    From the step before it falls asleep the model continues awake, and without the slip of
+    regularized friction, because creep due to that slip may as well sleep. For most sleepers a few
+    steps show that they would have stayed, if they continue at their speed by then.
     """
     awake, worst = copy.copy(model), np.full(4, np.nan)
-    awake.opt.enableflags &= ~_SLEEP
+    awake.opt.enableflags &= ~_SLEEP_FLAG
     if not model.nflex:
-        awake.opt.noslip_iterations = max(_NOSLIP, model.opt.noslip_iterations)
+        awake.opt.noslip_iterations = max(_NOSLIP_ITERATIONS, model.opt.noslip_iterations)
     step, lengths = model.opt.timestep, np.asarray(model.dof_length)
     speeds = np.abs(states[:, 1 + model.nq : 1 + model.nq + model.nv]) * lengths
-    ways, rest = speeds.sum(axis=0) * step, _REST * model.stat.meansize
+    ways, rest = speeds.sum(axis=0) * step, _REST_SHARE * model.stat.meansize
 
-    def far(sleep: _Sleep) -> float:
-        """Return how far it would go at its last speed [m]."""
+    def estimated_distance(sleep: _LongestSleep) -> float:
+        """Return how far it would move at its last speed [m]."""
         if not sleep.begin:
             return np.inf
         return float(speeds[sleep.begin - 1, sleep.dofs].max()) * sleep.steps * step
 
-    for sleep in sorted(_sleeps(model, speeds), key=far)[-_MOST_SLEEPS:]:
-        few = min(_WAKING, sleep.steps)
-        gone, last = _gone(awake, start, states, (sleep.begin, few))
+    for sleep in sorted(_find_sleeps(model, speeds), key=estimated_distance)[-_MAX_SLEEPS:]:
+        few = min(_WAKING_STEPS, sleep.steps)
+        gone, last = _awake_motion(awake, start, states, (sleep.begin, few))
         gone += last * (sleep.steps - few) * step
         if gone[sleep.dofs].max() > rest:
-            gone, _ = _gone(awake, start, states, (sleep.begin, sleep.steps))
+            gone, _ = _awake_motion(awake, start, states, (sleep.begin, sleep.steps))
         most = gone[sleep.dofs].max()
         whole = most + ways[sleep.dofs].max()
         if whole > 0 and not most <= worst[0]:
@@ -104,7 +104,7 @@ def _sleeper(model: mujoco.MjModel, start: InitialStates, states: Floats) -> Flo
     return worst
 
 
-def _sleeps(model: mujoco.MjModel, speeds: Floats) -> Iterator[_Sleep]:
+def _find_sleeps(model: mujoco.MjModel, speeds: Floats) -> Iterator[_LongestSleep]:
     """Yield the longest sleep of each tree that stands still in more than one of (N + 1, nv)."""
     for first, count in zip(model.tree_dofadr, model.tree_dofnum, strict=True):
         dofs = slice(int(first), int(first + count))
@@ -112,26 +112,25 @@ def _sleeps(model: mujoco.MjModel, speeds: Floats) -> Iterator[_Sleep]:
         edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
         begins, ends = edges[::2], edges[1::2]
         lasts = ends - begins - 1
-        lasts[ends == len(still)] = np.maximum(lasts[ends == len(still)], _WAKING)
+        lasts[ends == len(still)] = np.maximum(lasts[ends == len(still)], _WAKING_STEPS)
         if lasts.max(initial=0) > 0:
             longest = int(lasts.argmax())
-            yield _Sleep(dofs, int(begins[longest]), int(lasts[longest]))
+            yield _LongestSleep(dofs, int(begins[longest]), int(lasts[longest]))
 
 
-def _gone(
+def _awake_motion(
     model: mujoco.MjModel, start: InitialStates, states: Floats, span: tuple[int, int]
 ) -> tuple[Floats, Floats]:
-    """Return how far a model goes at most in some steps (nv,) [m], and how fast last [m/s].
+    """Return the largest motion of a model in some steps (nv,) [m], and its last speeds [m/s].
 
-    `span` is the step of the run by which they begin, and how many there are; the run's last inputs
-    stay.
+    `span` is the first step in the run, and the number of steps; the run's last inputs are held.
     """
     (begin, steps), data = span, mujoco.MjData(model)
     first, last = max(begin - 1, 0), len(states) - 1
     mujoco.mj_setState(model, data, states[first], int(STATE))
     at = np.minimum(first + np.arange(begin + steps - first), last)
     gone, away, here = np.zeros(model.nv), np.empty(model.nv), np.array(data.qpos)
-    looks = np.ceil(np.linspace(0, len(at), _LOOKS + 1)[1:]).astype(int) - 1
+    looks = np.ceil(np.linspace(0, len(at), _MOTION_CHECKS + 1)[1:]).astype(int) - 1
     for place, inputs in enumerate(start.inputs(0, model.opt.timestep, at)):
         apply_inputs(model, data, inputs)
         mujoco.mj_step(model, data)
@@ -142,7 +141,7 @@ def _gone(
 
 
 class _Sampler:
-    """Looks at a few states of runs of one structure."""
+    """Evaluates a few states of runs of one structure."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._data = mujoco.MjData(model)
@@ -151,11 +150,12 @@ class _Sampler:
     def sample(
         self, model: mujoco.MjModel, start: InitialStates, states: Floats
     ) -> tuple[Floats, Floats, Floats]:
-        """Return largest forces of equalities (neq,), their violations, and what creeps.
+        """Return largest forces of equalities (neq,), their violations, and speeds of creep.
 
         Violations (neq, 2) are the largest beyond that at the start, and the median of the last
-        quarter beyond what its spring has left of that, (1 + t / T) exp(-t / T) of it. The speeds
-        (nv + ntendon,) are of what friction loss could hold, medians too.
+        quarter beyond the remainder of the initial one after relaxation, (1 + t / T) exp(-t / T) of
+        it. The speeds (nv + ntendon,) are medians of degrees of freedom that friction loss could
+        hold.
         """
         data, steps = self._data, np.append(0, sampled_steps(len(states) - 1))
         acting = start.inputs(0, model.opt.timestep, steps)
@@ -166,14 +166,14 @@ class _Sampler:
             mujoco.mj_setState(model, data, states[step], int(STATE))
             apply_inputs(model, data, inputs)
             mujoco.mj_forward(model, data)
-            rows = np.flatnonzero(data.efc_type == int(_KIND.mjCNSTR_EQUALITY))
+            rows = np.flatnonzero(data.efc_type == int(_CONSTRAINT_TYPES.mjCNSTR_EQUALITY))
             which = data.efc_id[rows]
             if sample:
                 np.maximum.at(loads, which, np.abs(data.efc_force[rows]))
-            np.add.at(gaps[sample], which, self._gaps(model, rows, which) ** 2)
-            for kind, first in zip(_BRAKES, (0, model.nv), strict=True):
+            np.add.at(gaps[sample], which, self._row_violations(model, rows, which) ** 2)
+            for kind, first in zip(_BRAKE_TYPES, (0, model.nv), strict=True):
                 held = data.efc_type == int(kind)
-                held &= np.abs(data.efc_force) < _HELD * data.efc_frictionloss
+                held &= np.abs(data.efc_force) < _HELD_SHARE * data.efc_frictionloss
                 creep[sample, first + data.efc_id[held]] = data.efc_vel[held]
         gaps = np.sqrt(gaps)
         late = steps >= min(0.75 * (len(states) - 1), steps[-1])
@@ -183,19 +183,19 @@ class _Sampler:
         gaps = np.stack([gaps.max(axis=0) - gaps[0], np.maximum(rest, 0)], axis=1)
         return loads, gaps, np.abs(np.median(creep[late], axis=0))
 
-    def _gaps(self, model: mujoco.MjModel, rows: np.ndarray, which: np.ndarray) -> Floats:
+    def _row_violations(self, model: mujoco.MjModel, rows: np.ndarray, which: np.ndarray) -> Floats:
         """Return each row's part of an equality's violation; welds move the smaller's far end."""
         kind, gaps = model.eq_type[which], self._data.efc_pos[rows].copy()
         part = np.arange(len(rows)) - np.searchsorted(which, which)
-        turned = (kind == int(_EQUALITY.mjEQ_WELD)) & (part >= 3)
-        scale = model.eq_data[which[turned], _TORQUE_SCALE]
+        turned = (kind == int(_EQUALITY_TYPES.mjEQ_WELD)) & (part >= 3)
+        scale = model.eq_data[which[turned], _TORQUE_SCALE_INDEX]
         gaps[turned] *= 2 * self._reach[which[turned]] / np.where(scale > 0, scale, np.inf)
-        flex = kind == int(_EQUALITY.mjEQ_FLEX)
+        flex = kind == int(_EQUALITY_TYPES.mjEQ_FLEX)
         gaps[flex] /= np.sqrt(np.bincount(which)[which[flex]])
         return gaps
 
 
 def sampled_steps(steps: int) -> np.ndarray:
-    """Return the steps of a run before which loads are taken: in the middle of equal parts."""
-    samples = max(_FEWEST_SAMPLES, min(_MOST_SAMPLES, steps // _STEPS_OF_SAMPLE))
+    """Return the steps of a run before which loads are sampled: in the middle of equal parts."""
+    samples = max(_MIN_SAMPLES, min(_MAX_SAMPLES, steps // _STEPS_PER_SAMPLE))
     return ((np.arange(samples) + 0.5) / samples * steps).astype(np.intp)

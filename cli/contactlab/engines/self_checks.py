@@ -1,4 +1,4 @@
-"""MuJoCo's second, untimed pass over runs, for what the recorded arrays cannot show."""
+"""MuJoCo's second, untimed pass over runs, for checks beyond the recorded arrays."""
 
 import copy
 from typing import Any
@@ -32,22 +32,24 @@ from contactlab.scene.run_setup import lighter_mass
 _JACOBIAN_SAMPLES = 16
 _GEOMETRY_SAMPLES = 128
 # Forces and accelerations below this share of the run's largest may be rounding.
-_LEAST_SHARE_OF_LARGEST = 1e-3
-_TIGHT = 1e-12
-_MOST_SOLVER_ITERATIONS = 1000
-_WHOLE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
-_DENSE = int(mujoco.mjtJacobian.mjJAC_DENSE)
-_SPARSE = int(mujoco.mjtJacobian.mjJAC_SPARSE)
+_MIN_SHARE_OF_LARGEST = 1e-3
+_SOLVER_TOLERANCE = 1e-12
+_MAX_SOLVER_ITERATIONS = 1000
+_WHOLE_STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+_DENSE_JACOBIAN = int(mujoco.mjtJacobian.mjJAC_DENSE)
+_SPARSE_JACOBIAN = int(mujoco.mjtJacobian.mjJAC_SPARSE)
 # Until 3.3.6 one flag was for springs and dampers.
-_SPRINGS = "SPRING" if hasattr(mujoco.mjtDisableBit, "mjDSBL_SPRING") else "PASSIVE"
-_BUT_CONTACTS = sum(
+_SPRING_FLAG = "SPRING" if hasattr(mujoco.mjtDisableBit, "mjDSBL_SPRING") else "PASSIVE"
+_ALL_EXCEPT_CONTACTS = sum(
     int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}"))
-    for flag in ("ACTUATION", "EQUALITY", "FRICTIONLOSS", "GRAVITY", "LIMIT", _SPRINGS)
+    for flag in ("ACTUATION", "EQUALITY", "FRICTIONLOSS", "GRAVITY", "LIMIT", _SPRING_FLAG)
 )
-_RELAXING = 200  # Steps in which what only loads press together parts
-_MOVES = 0.01  # Least mass of the lighter over that which a contact moves; 3 at the end of a rod
+_RELAXING_STEPS = 200  # steps after which bodies pressed only by loads have separated
+_MIN_MASS_RATIO = (
+    0.01  # smallest ratio of the lighter mass to the effective mass of a contact; 3 at a rod's end
+)
 _NATIVE_CCD = int(getattr(mujoco.mjtDisableBit, "mjDSBL_NATIVECCD", 0))
-_FIELDS = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_SDF))
+_FIELD_SHAPES = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_SDF))
 
 
 def run_checks(
@@ -56,20 +58,20 @@ def run_checks(
     proceed: Proceed = proceed_always,
     judge: Judge | None = None,
 ) -> SelfChecks:
-    """Return the self-checks of runs that completed, as `ChecksRuns.check_runs` says."""
-    jacobian_steps = _spread(trace.steps, _JACOBIAN_SAMPLES)
-    geometry_steps = _spread(trace.steps, _GEOMETRY_SAMPLES)
+    """Return the self-checks of completed runs; see `ChecksRuns.check_runs`."""
+    jacobian_steps = _spread_steps(trace.steps, _JACOBIAN_SAMPLES)
+    geometry_steps = _spread_steps(trace.steps, _GEOMETRY_SAMPLES)
     found, backward = list[tuple[Floats | float, ...]](), list[BackwardError]()
-    # All of a run before the next one, so that its time limit covers nothing else.
+    # Complete each run before the next one, so that its time limit covers nothing else.
     for run, model in enumerate(runs.models):
         if run and not proceed():
             break
-        states, again = _repeat(model, runs.starts.pick(run), trace.steps)
-        jacobian = _jacobian(model, trace, runs.starts, run, jacobian_steps)
-        geometry = _geometry(runs.base, model, trace, run, geometry_steps)
-        squeeze = _squeeze(runs.base, model, trace.qpos[run, -1])
-        repeats = _repeats(trace, run, states)
-        found.append((_residual(model, again), jacobian, *geometry, squeeze, repeats))
+        states, again = _roll_out_again(model, runs.starts.pick(run), trace.steps)
+        jacobian = _jacobian_difference(model, trace, runs.starts, run, jacobian_steps)
+        geometry = _distance_errors(runs.base, model, trace, run, geometry_steps)
+        squeeze = _squeeze_forces(runs.base, model, trace.qpos[run, -1])
+        repeats = _is_repeated(trace, run, states)
+        found.append((_dynamics_residual(model, again), jacobian, *geometry, squeeze, repeats))
         if judge is not None:
             backward.append(judge(runs, run, states))
     return SelfChecks(
@@ -80,11 +82,11 @@ def run_checks(
     )
 
 
-def _spread(steps: int, most: int) -> NDArray[np.intp]:
+def _spread_steps(steps: int, most: int) -> NDArray[np.intp]:
     return np.linspace(0, steps - 1, min(steps, most)).astype(np.intp)
 
 
-def _repeat(
+def _roll_out_again(
     model: mujoco.MjModel, start: InitialStates, steps: int
 ) -> tuple[Floats, dict[Any, Floats]]:
     """Roll a run out a second time.
@@ -99,7 +101,7 @@ def _repeat(
     states = np.empty((steps + 1, batch.state.shape[1]))
     states[0] = batch.state[0]
     found: dict[Any, Floats] = {
-        _WHOLE: states[None, 1:],
+        _WHOLE_STATE: states[None, 1:],
         "solver_fwdinv": np.empty((1, steps, 2)),
         "qfrc_constraint": np.empty((1, steps, model.nv)),
     }
@@ -114,32 +116,32 @@ def _without_sensors(model: mujoco.MjModel) -> mujoco.MjModel:
     return alone
 
 
-def _residual(model: mujoco.MjModel, again: dict[Any, Floats]) -> Floats:
-    """Return (N,) how far forward and inverse dynamics disagree, as a share of the forces.
+def _dynamics_residual(model: mujoco.MjModel, again: dict[Any, Floats]) -> Floats:
+    """Return (N,) the difference of forward and inverse dynamics, as a share of the forces.
 
-    NaN with noslip, which changes forces after the solver on purpose.
+    NaN with noslip, which intentionally changes forces after the solver.
     """
     gap = again["solver_fwdinv"][:, 1]
     if model.opt.noslip_iterations:
         return np.full(len(gap), np.nan)
     force = np.linalg.norm(again["qfrc_constraint"], axis=1)
     least = max(
-        _LEAST_SHARE_OF_LARGEST * force.max(initial=0),
-        _LEAST_SHARE_OF_LARGEST * np.linalg.norm(model.opt.gravity) * np.linalg.norm(model.dof_M0),
+        _MIN_SHARE_OF_LARGEST * force.max(initial=0),
+        _MIN_SHARE_OF_LARGEST * np.linalg.norm(model.opt.gravity) * np.linalg.norm(model.dof_M0),
     )
     return gap / np.maximum(force, max(least, np.finfo(float).tiny))
 
 
-def _jacobian(
+def _jacobian_difference(
     model: mujoco.MjModel, trace: Trace, starts: InitialStates, run: int, steps: NDArray[np.intp]
 ) -> Floats:
-    """Return (K,) how far accelerations with a dense and a sparse Jacobian differ, as ratios."""
+    """Return (K,) relative differences of accelerations with a dense and a sparse Jacobian."""
     acting = starts.inputs(run, model.opt.timestep, steps)
     found: list[Floats] = []
-    for kind in (_DENSE, _SPARSE):
+    for kind in (_DENSE_JACOBIAN, _SPARSE_JACOBIAN):
         solved = copy.copy(model)
-        solved.opt.jacobian, solved.opt.tolerance = kind, _TIGHT
-        solved.opt.iterations = _MOST_SOLVER_ITERATIONS
+        solved.opt.jacobian, solved.opt.tolerance = kind, _SOLVER_TOLERANCE
+        solved.opt.iterations = _MAX_SOLVER_ITERATIONS
         data, accelerations = mujoco.MjData(solved), np.empty((len(steps), 2, model.nv))
         for row, step, inputs in zip(accelerations, steps, acting, strict=True):
             apply_inputs(solved, data, inputs)
@@ -152,13 +154,11 @@ def _jacobian(
     dense, sparse = found
     size = np.abs(dense).max(axis=(1, 2), initial=0)
     # Near rest, or without gravity, an acceleration may be rounding alone.
-    scale = np.maximum(
-        size, max(_LEAST_SHARE_OF_LARGEST * size.max(initial=0), np.finfo(float).tiny)
-    )
+    scale = np.maximum(size, max(_MIN_SHARE_OF_LARGEST * size.max(initial=0), np.finfo(float).tiny))
     return np.abs(dense[:, 0] - sparse[:, 0]).max(axis=1, initial=0) / scale
 
 
-def _geometry(
+def _distance_errors(
     base: CompiledScene, model: mujoco.MjModel, trace: Trace, run: int, steps: NDArray[np.intp]
 ) -> tuple[Floats, Floats]:
     """Return (L,) overlaps without contact [m], and distances beyond those of contacts [m]."""
@@ -167,20 +167,20 @@ def _geometry(
     if not read_flag(model, "contact"):
         return overlap, apart
     speculative = read_flag(model, "speculative")
-    # Effects that are off where nothing needs them take the function that measures distances along.
+    # Effects that are left out as unused would also change the function that measures distances.
     model = copy.copy(model)
     model.opt.disableflags &= ~_NATIVE_CCD | base.model.opt.disableflags
     touch = may_touch(model)
     collided = (
         (colliding(touch, pair), made) for pair, made in zip(base.pairs, trace.pairs, strict=True)
     )
-    fields = np.flatnonzero(np.isin(model.geom_type, _FIELDS))
+    fields = np.flatnonzero(np.isin(model.geom_type, _FIELD_SHAPES))
     monitored = [geoms for geoms in collided if geoms[0] and not np.isin(geoms[0], fields).any()]
     for sample, step in enumerate(steps):
         data.qpos[:] = trace.qpos[run, step]
         mujoco.mj_kinematics(model, data)
         for geoms, recorded in monitored:
-            # A function that shares nothing with contacts.
+            # This function shares no code with contacts.
             distance = min(mujoco.mj_geomDistance(model, data, *geom, 1, None) for geom in geoms)
             slots = recorded.slots[run, step]
             touching = slots[:, 0] > 0
@@ -191,34 +191,34 @@ def _geometry(
     return overlap, apart
 
 
-def _squeeze(base: CompiledScene, model: mujoco.MjModel, qpos: Floats) -> Floats:
-    """Return (P,) what each monitored pair bears [N] once nothing but contact acts for a while.
+def _squeeze_forces(base: CompiledScene, model: mujoco.MjModel, qpos: Floats) -> Floats:
+    """Return (P,) the force of each monitored pair [N] after only contacts have acted for a while.
 
-    NaN where that could move nothing: contacts at a hinge press its bearing, and not their bodies.
+    NaN if the force could move nothing: contacts at a hinge press its bearing, not their bodies.
     """
     alone = copy.copy(model)
-    alone.opt.disableflags |= _BUT_CONTACTS
+    alone.opt.disableflags |= _ALL_EXCEPT_CONTACTS
     data = mujoco.MjData(alone)
     data.qpos[:] = qpos
-    mujoco.mj_step(alone, data, nstep=_RELAXING)
+    mujoco.mj_step(alone, data, nstep=_RELAXING_STEPS)
     slots = (
         data.sensordata[address : address + pair.slots * SLOT_WIDTH].reshape(-1, SLOT_WIDTH)
         for pair, address in zip(base.pairs, base.layout.pairs, strict=True)
     )
-    borne = np.array([slot[:, FORCE.start].sum() for slot in slots])
+    carried = np.array([slot[:, FORCE.start].sum() for slot in slots])
     owners = data.contact.geom[data.efc_id] if data.ncon else np.zeros((0, 2))
-    for index in np.flatnonzero(borne).tolist():
+    for index in np.flatnonzero(carried).tolist():
         pair, generalized, moved = base.pairs[index], np.zeros(model.nv), np.zeros((1, model.nv))
         own = np.isin(owners, [geom for side in pair.geoms for geom in side]).all(axis=1)
         mujoco.mj_mulJacTVec(alone, data, generalized, data.efc_force * own)
         mujoco.mj_solveM(alone, data, moved, generalized[None])
         mass = lighter_mass(model, pair)
-        if mass * float(moved[0] @ generalized) < _MOVES * borne[index] ** 2:
-            borne[index] = np.nan
-    return borne
+        if mass * float(moved[0] @ generalized) < _MIN_MASS_RATIO * carried[index] ** 2:
+            carried[index] = np.nan
+    return carried
 
 
-def _repeats(trace: Trace, run: int, states: Floats) -> bool:
+def _is_repeated(trace: Trace, run: int, states: Floats) -> bool:
     parts = trace.time[run][:, None], trace.qpos[run], trace.qvel[run]
     first = np.concatenate(parts, axis=1)[1:]
     return bool((first == states[1:, : first.shape[1]]).all())

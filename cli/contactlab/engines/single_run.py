@@ -1,4 +1,4 @@
-"""One run by itself, unrecorded: integrated for long, its work counted, its steps timed.
+"""One run alone, unrecorded: integrated over long times, its work counted, its steps timed.
 
 Few states are kept, so that memory does not grow with the steps.
 """
@@ -16,13 +16,13 @@ from contactlab.engines.older_mujoco import SimulationError
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 
 _BLOCK_BYTES = 4 << 20
-# A time within this fraction of a step of a step's end counts as that end.
-_SNAP = 1e-6
+# Times up to this fraction of a step from a step's end count as that end.
+_SNAP_STEPS = 1e-6
 _INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _CLOCK_SAMPLES = 200
 _WARM_STEPS = 10
 _BLOCK_STEPS = 1 << 14
-_FIELDS = ("solver_niter", "ncon", "nefc")
+_WORK_FIELDS = ("solver_niter", "ncon", "nefc")
 
 
 def integrate_to(
@@ -34,15 +34,15 @@ def integrate_to(
     state: Floats | None = None,
     watch: Watch = no_limit,
 ) -> SampledStates | None:
-    """Return a run's states at some times, as `SolvesReferences.integrate_to` says.
+    """Return a run's states at some times; see `SolvesReferences.integrate_to`.
 
     A time between two steps is reached by a shorter step from the one before, with the same
-    integrator: this adds no error of a lower order, as interpolation would.
+    integrator: unlike interpolation, this adds no error of a lower order.
     """
     timestep = float(model.opt.timestep)
     exact, first = (times - begin) / timestep, begin / timestep
-    steps = np.floor(exact + _SNAP).astype(np.intp)
-    rest = np.where(exact - steps > _SNAP, exact - steps, 0.0) * timestep
+    steps = np.floor(exact + _SNAP_STEPS).astype(np.intp)
+    rest = np.where(exact - steps > _SNAP_STEPS, exact - steps, 0.0) * timestep
     batch = start_batch([model], start)
     parts = [batch.bind(name) for name in ("time", "qpos", "qvel", "act")]
     speed, activation = 1 + model.nq, 1 + model.nq + model.nv
@@ -67,16 +67,16 @@ def integrate_to(
         states[wanted], last = rows[steps[wanted] - done - 1], rows[-1]
         found = np.concatenate([contacts, out["ncon"][0].ravel()])
         impacts, contacts = impacts + int(np.count_nonzero(np.diff(found))), found[-1:]
-    _go_on(model, start, states, first + steps, rest)
+    _step_remainders(model, start, states, first + steps, rest)
     if not np.isfinite(states).all():
         return None
     return SampledStates(states, states[:, 1:speed], states[:, speed:activation], impacts)
 
 
-def _go_on(
+def _step_remainders(
     model: mujoco.MjModel, start: InitialStates, states: Floats, steps: np.ndarray, rest: Floats
 ) -> None:
-    """Go on from (T, nstate) states after (T,) steps, in place, for what rests of another [s]."""
+    """Continue (T, nstate) states after (T,) steps, in place, for the rest of another step [s]."""
     short, data = copy.copy(model), mujoco.MjData(model)
     for place in np.flatnonzero(rest):
         short.opt.timestep = rest[place]
@@ -91,10 +91,10 @@ def _go_on(
 def count_work(
     model: mujoco.MjModel, start: InitialStates, steps: int, watch: Watch = no_limit
 ) -> Work | None:
-    """Simulate one run, untimed, and count, as `TimesSteps.count_work` says."""
+    """Simulate one run, untimed, and count its work; see `TimesSteps.count_work`."""
     batch = start_batch([model], start)
     places = np.unique(np.linspace(0, steps, SEGMENTS, endpoint=False).astype(int)).tolist()
-    counts = np.zeros(len(_FIELDS), np.int64)
+    counts = np.zeros(len(_WORK_FIELDS), np.int64)
     states: list[Floats] = []
     for begin, end in zip(places, [*places[1:], steps], strict=True):
         states.append(np.array(batch.state[0]))
@@ -103,23 +103,23 @@ def count_work(
             block = min(_BLOCK_STEPS, end - done)
             try:
                 inputs = driven(model, start, 0, block, done)
-                out = batch.rollout(block, record=list(_FIELDS), **inputs)
+                out = batch.rollout(block, record=list(_WORK_FIELDS), **inputs)
             except SimulationError:
                 return None
             if batch.warning.any():
                 return None
-            # MuJoCo gives as many islands as it could need; there is at most one a tree.
+            # MuJoCo returns the largest possible number of islands; there is at most one per tree.
             out["solver_niter"] = out["solver_niter"][..., : max(1, model.ntree)]
-            counts += [int(out[name].sum(dtype=np.int64)) for name in _FIELDS]
+            counts += [int(out[name].sum(dtype=np.int64)) for name in _WORK_FIELDS]
     iterations, contacts, rows = counts.tolist()
     return Work(steps, iterations, contacts, rows, tuple(places), np.array(states))
 
 
 def time_segments(segments: Segments, most: int, repeats: int) -> tuple[float, int]:
-    """Return the CPU time of stepping [s], and the steps, as `TimesSteps.time_segments` says."""
+    """Return the CPU time of stepping [s], and the steps; see `TimesSteps.time_segments`."""
     batch = start_batch([segments.model], segments.start)
     lengths = segments.lengths(most)
-    # The first steps pay for memory that was never touched.
+    # The first steps are slow, because they touch new memory.
     _time_segment(batch, segments, 0, min(_WARM_STEPS, lengths[0]))
     seconds = sum(
         _time_segment(batch, segments, place, steps)
@@ -130,7 +130,7 @@ def time_segments(segments: Segments, most: int, repeats: int) -> tuple[float, i
 
 
 def time_steps(segments: Segments, most: int) -> Floats:
-    """Return the CPU time of single steps [s], as `TimesSteps.time_steps` says."""
+    """Return the CPU time of single steps [s]; see `TimesSteps.time_steps`."""
     model, data = segments.model, mujoco.MjData(segments.model)
     clock = time.thread_time_ns
     own = np.median([-(clock() - clock()) for _ in range(_CLOCK_SAMPLES)])

@@ -1,8 +1,8 @@
-"""The work that forces do in each step: the books by which the energy of any model is judged.
+"""The work of forces in each step: the ledger for the energy balance of any model.
 
 A step changes the velocity from v to v', so a force F that acts in it does the work
 h F . (v + v') / 2: with a constant mass matrix that is exactly its part of the change of kinetic
-energy. Where the integrator is implicit in a force, the force at the end of the step counts.
+energy. If the integrator is implicit in a force, the force at the end of the step counts.
 """
 
 from collections.abc import Sequence
@@ -22,29 +22,29 @@ from contactlab.scene.run_setup import (
 )
 
 _RK4 = mujoco.mjtIntegrator.mjINT_RK4
-_FAST = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-_DISCRETE = getattr(mujoco.mjtIntegrator, "mjINT_DISCRETE", _FAST)
-_IMPLICIT = (mujoco.mjtIntegrator.mjINT_IMPLICIT, _FAST, _DISCRETE)
-_FIRST_OF_CONTACTS = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS)
+_IMPLICIT_FAST = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+_DISCRETE = getattr(mujoco.mjtIntegrator, "mjINT_DISCRETE", _IMPLICIT_FAST)
+_IMPLICIT = (mujoco.mjtIntegrator.mjINT_IMPLICIT, _IMPLICIT_FAST, _DISCRETE)
+_FIRST_CONTACT_TYPE = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS)
 _EULER_IS_EXPLICIT = int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
-_OF_ACTUATORS = ("actuator_velocity", "actuator_force")
-_FORCES_OF_OTHERS = ("qfrc_smooth", "qfrc_bias", "qfrc_spring", "qfrc_damper", "qfrc_fluid")
-FORCES = ("qfrc_constraint", "qfrc_actuator", *_OF_ACTUATORS, *_FORCES_OF_OTHERS)
+_ACTUATOR_FIELDS = ("actuator_velocity", "actuator_force")
+_OTHER_FORCE_FIELDS = ("qfrc_smooth", "qfrc_bias", "qfrc_spring", "qfrc_damper", "qfrc_fluid")
+FORCES = ("qfrc_constraint", "qfrc_actuator", *_ACTUATOR_FIELDS, *_OTHER_FORCE_FIELDS)
 """Forces that may be recorded, in the order of `find_forces` in contact_kernel.c."""
 
 
 class Books:
-    """The work in n runs of N steps, entered run by run: `work` and `given` as `Trace` says.
+    """The work in n runs of N steps, entered run by run: `work` and `given`, see `Trace`.
 
-    Where nothing but gravity, springs and contacts acts, energy alone says what happened; and RK4
-    keeps no forces but those of its last stage. Such runs have None. A batch records `forces`:
+    Both are None if only gravity, springs and contacts act, because energy alone is sufficient
+    then, and with RK4, which keeps only the forces of its last stage. A batch records `forces`:
     arrays (rows, N, ...) by field of MjData.
     """
 
     def __init__(self, models: Sequence[mujoco.MjModel], steps: int, rows: int) -> None:
-        """Open the books of runs of one structure, of which so many are recorded together."""
-        model, fields = models[0], _fields(models)
-        widths = {name: model.nu if name in _OF_ACTUATORS else model.nv for name in fields}
+        """Open the ledger of runs of one structure, with `rows` of them recorded together."""
+        model, fields = models[0], _recorded_fields(models)
+        widths = {name: model.nu if name in _ACTUATOR_FIELDS else model.nv for name in fields}
         self.forces = {name: np.empty((rows, steps, width)) for name, width in widths.items()}
         self.work = np.full((len(models), steps, 3), np.nan) if fields else None
         self.given = np.zeros((len(models), 4)) if fields else None
@@ -53,39 +53,41 @@ class Books:
     def enter(
         self, run: int, row: int, model: mujoco.MjModel, starts: InitialStates, states: Floats
     ) -> None:
-        """Enter a run whose forces are in a row, with its states (N + 1, nstate)."""
+        """Enter a run with forces in a row, and with its states (N + 1, nstate)."""
         if self.work is None or self.given is None or self._data is None:
             return
         velocity = states[:, 1 + model.nq : 1 + model.nq + model.nv]
         forces = {name: rows[row] for name, rows in self.forces.items()}
-        self.work[run] = _work(model, velocity, forces)
+        self.work[run] = _step_work(model, velocity, forces)
         places = starts.signals[run].places
         pushed = starts.applied[run].any() or (places >= model.nu).any()
         if pushed or model.nflex or model.nplugin or _couples_branches(model):
             self.work[run, :, OTHERS] = np.nan
         moved = (places >= model.nu + 6 * model.nbody).any()
-        if moved or _conveys(model):
+        if moved or _contacts_do_work(model):
             self.given[run] = np.nan
             return
         acts = forces["qfrc_constraint"].any(axis=1)
         given = np.concatenate(([0.0], np.cumsum(self.work[run, :, CONSTRAINTS])))
         held, free = _largest_rise(given, acts | True), _largest_rise(given, ~acts)
         inputs = starts.inputs(run, model.opt.timestep, np.array([held[0], 0]))
-        # Where nothing is constrained, nothing is stored; who is driven may store at any time.
-        stored, at_start, most = 0.0, 0.0, _rise(given, free) * (not acts[free[0]])
-        if _rise(given, held) > max(most, 0):
-            stored, _ = self._stored(model, states[held[0]], inputs[0])
+        # Without constraints, no energy is stored; driven models may store energy at any time.
+        stored, at_start, most = 0.0, 0.0, _stretch_rise(given, free) * (not acts[free[0]])
+        if _stretch_rise(given, held) > max(most, 0):
+            stored, _ = self._stored_energy(model, states[held[0]], inputs[0])
         if acts[0] and is_passive(model):
-            _, at_start = self._stored(model, states[0], inputs[1])
-        # What begins where nothing is stored leaves less to doubt.
-        more = 2 * most >= _rise(given, held) - stored
+            _, at_start = self._stored_energy(model, states[0], inputs[1])
+        # A stretch that begins without stored energy is less uncertain.
+        more = 2 * most >= _stretch_rise(given, held) - stored
         self.given[run] = *(free if more else held), 0 if more else stored, at_start
 
-    def _stored(self, model: mujoco.MjModel, state: Floats, inputs: Floats) -> tuple[float, float]:
-        """Return the most energy that constraints, and all but contacts, can have stored [J].
+    def _stored_energy(
+        self, model: mujoco.MjModel, state: Floats, inputs: Floats
+    ) -> tuple[float, float]:
+        """Return the most energy that constraints, and all except contacts, can have stored [J].
 
         At rest a constraint is a spring that does not soften: it has stored at most half of its
-        force times violation, and what it carries beside at most that force times violation
+        force times violation, and for additional carried force at most that force times violation
         (MuJoCo's documentation, Computation > Constraint model).
         """
         data = self._data
@@ -100,10 +102,10 @@ class Books:
             _forces_at_rest(model, data, controls) for controls in (others, 0 * others)
         )
         energies = violation * (sprung / 2 + np.maximum(carried - sprung, 0))
-        return float(energies.sum()), float(energies[data.efc_type < _FIRST_OF_CONTACTS].sum())
+        return float(energies.sum()), float(energies[data.efc_type < _FIRST_CONTACT_TYPE].sum())
 
 
-def _fields(models: Sequence[mujoco.MjModel]) -> list[str]:
+def _recorded_fields(models: Sequence[mujoco.MjModel]) -> list[str]:
     models = [*{id(model): model for model in models}.values()]
     if any(model.opt.integrator == _RK4 for model in models) or all(map(is_conservative, models)):
         return []
@@ -111,61 +113,61 @@ def _fields(models: Sequence[mujoco.MjModel]) -> list[str]:
     if models[0].nu:
         fields.append("qfrc_actuator")
         if any(model.opt.integrator in _IMPLICIT for model in models):
-            fields += _OF_ACTUATORS
+            fields += _ACTUATOR_FIELDS
     if any(map(has_others, models)):
-        fields += _FORCES_OF_OTHERS
+        fields += _OTHER_FORCE_FIELDS
     return fields
 
 
-def _conveys(model: mujoco.MjModel) -> bool:
-    """Return whether contacts may do work that surfaces or adhesion put into them."""
+def _contacts_do_work(model: mujoco.MjModel) -> bool:
+    """Return whether contacts may do work of moving surfaces or adhesion."""
     adheres = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_BODY).any()
     return has_moving_surfaces(model) or bool(adheres)
 
 
 def _couples_branches(model: mujoco.MjModel) -> bool:
-    """Return whether velocity feedback between branches is left out, as implicitfast does."""
-    if model.opt.integrator not in {_FAST, _DISCRETE}:
+    """Return whether velocity feedback between branches is omitted, as by implicitfast."""
+    if model.opt.integrator not in {_IMPLICIT_FAST, _DISCRETE}:
         return False
     feeds = model.actuator_biasprm[:, 2] != 0
     return bool((feeds & ~np.isin(model.actuator_trntype, AT_JOINT)).any())
 
 
-def _work(model: mujoco.MjModel, velocity: Floats, forces: dict[str, Floats]) -> Floats:
+def _step_work(model: mujoco.MjModel, velocity: Floats, forces: dict[str, Floats]) -> Floats:
     """Return (N, 3) the work in each step; velocity (N + 1, nv)."""
     step = model.opt.timestep * (velocity[1:] + velocity[:-1]) / 2
     work = np.zeros((len(step), 3))
-    work[:, CONSTRAINTS] = _dot(step, forces["qfrc_constraint"])
+    work[:, CONSTRAINTS] = _row_dot(step, forces["qfrc_constraint"])
     if model.nu:
-        work[:, ACTUATORS] = _dot(step, forces["qfrc_actuator"])
+        work[:, ACTUATORS] = _row_dot(step, forces["qfrc_actuator"])
         if model.opt.integrator in _IMPLICIT:
             work[:, ACTUATORS] += _implicit_feedback(
-                model, *(forces[actuator] for actuator in _OF_ACTUATORS)
+                model, *(forces[actuator] for actuator in _ACTUATOR_FIELDS)
             )
-    if _FORCES_OF_OTHERS[0] in forces:
-        smooth, bias, spring, damper, fluid = (forces[name] for name in _FORCES_OF_OTHERS)
+    if _OTHER_FORCE_FIELDS[0] in forces:
+        smooth, bias, spring, damper, fluid = (forces[name] for name in _OTHER_FORCE_FIELDS)
         others = smooth + bias - spring
         if model.nu:
             others -= forces["qfrc_actuator"]
         implicit = model.opt.integrator in _IMPLICIT
         if implicit or not model.opt.disableflags & _EULER_IS_EXPLICIT:
-            others += _change(damper + fluid if implicit else damper)
-        work[:, OTHERS] = _dot(step, others)
+            others += _step_change(damper + fluid if implicit else damper)
+        work[:, OTHERS] = _row_dot(step, others)
     return work
 
 
-def _dot(step: Floats, force: Floats) -> Floats:
+def _row_dot(step: Floats, force: Floats) -> Floats:
     return np.einsum("ij,ij->i", step, force)
 
 
-def _change(force: Floats) -> Floats:
-    """Return how something changes over each step; it is not known over the last one."""
+def _step_change(force: Floats) -> Floats:
+    """Return the change over each step; it is unknown over the last one."""
     return np.diff(force, axis=0, append=force[-1:])
 
 
 def _implicit_feedback(model: mujoco.MjModel, speed: Floats, force: Floats) -> Floats:
-    """Return (N,) work that velocity feedback within force limits does by speeds after a step."""
-    change = _change(speed)
+    """Return (N,) work of velocity feedback within force limits by speeds after a step."""
+    change = _step_change(speed)
     low, high = model.actuator_forcerange.T
     free = ~model.actuator_forcelimited.astype(bool) | ((force > low) & (force < high))
     feedback = free * (speed + change / 2) * change
@@ -173,19 +175,19 @@ def _implicit_feedback(model: mujoco.MjModel, speed: Floats, force: Floats) -> F
 
 
 def _largest_rise(given: Floats, starts: NDArray[np.bool_]) -> tuple[int, int]:
-    """Return the first, one of `starts` (N,), and the last step in which most was given (N + 1)."""
+    """Return the first, one of `starts` (N,), and the last step of the largest rise in (N + 1)."""
     least = np.minimum.accumulate(np.where(starts, given[:-1], np.inf))
     last = int((given[1:] - least).argmax())
     return int(np.where(starts[: last + 1], given[: last + 1], np.inf).argmin()), last
 
 
-def _rise(given: Floats, stretch: tuple[int, int]) -> float:
+def _stretch_rise(given: Floats, stretch: tuple[int, int]) -> float:
     first, last = stretch
     return float(given[last + 1] - given[first])
 
 
 def _forces_at_rest(model: mujoco.MjModel, data: mujoco.MjData, others: Floats) -> Floats:
-    """Return (nefc,) forces of constraints if nothing moved, and others accelerated like that."""
+    """Return (nefc,) constraint forces at zero velocity with `others` as smooth acceleration."""
     data.qvel[:] = 0
     mujoco.mj_fwdVelocity(model, data)
     data.qacc_smooth[:] = others
