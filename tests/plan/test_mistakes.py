@@ -287,7 +287,7 @@ def test_a_table_lies_below_the_sweep(vocabulary: Any, tmp_path: Path, name: str
     path.write_text(f"version: 1\nscene: ball\ninclude: {{file: {name}}}\n", encoding="utf-8")
     (only,) = found("", vocabulary, path).diagnostics
     assert only.code == "bad-table"
-    assert "outside of the sweep's folder" in only.message or "is no file" in only.message
+    assert "outside of the sweep's folder" in only.message or "is not a file" in only.message
     assert "secret" not in str(only)
 
 

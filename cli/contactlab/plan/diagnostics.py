@@ -1,4 +1,4 @@
-"""Mistakes as data and as text: what is wrong, where, and what to write instead."""
+"""Mistakes as data and as text: the problem, its place, and the correct form."""
 
 import unicodedata
 from collections.abc import Sequence
@@ -8,15 +8,15 @@ from typing import Literal
 from contactlab.errors import SweepFileError
 
 Severity = Literal["error", "warning"]
-_EXCERPT = 100
-_MOST_MISTAKES_SHOWN = 50
+_EXCERPT_LENGTH = 100
+_MAX_MISTAKES_SHOWN = 50
 
 
 @dataclass(frozen=True)
 class SourceText:
-    """A text in which mistakes are located: a path or what the user calls it, and its lines.
+    """A text with located mistakes: its path or another name for the user, and its lines.
 
-    Lines of a file are numbered; of one command-line argument, their number would not help.
+    Lines of a file are numbered. The line number of a command-line argument would not help.
     """
 
     name: str
@@ -39,12 +39,12 @@ class Place:
 
     @property
     def text(self) -> str:
-        """The whole line."""
+        """Its whole line."""
         return self.source.line(self.line)
 
     @property
     def spot(self) -> str:
-        """Where it is, in a few words."""
+        """A short text that locates it."""
         return f"in line {self.line}" if self.source.numbered else f"in `{self.text}`"
 
     def part(self, start: int, width: int) -> "Place":
@@ -61,7 +61,7 @@ class Place:
 class Diagnostic:
     """One mistake in a sweep file or option; the code is its kind, in words joined by dashes.
 
-    The hint says what to write instead. An error stops the sweep, a warning does not.
+    The hint gives the correct form. An error stops the sweep, a warning does not.
     """
 
     code: str
@@ -72,7 +72,7 @@ class Diagnostic:
 
     def __str__(self) -> str:
         head = f"{self.severity}[{self.code}]: {self.message}"
-        return "\n".join([head, *_excerpt(self.place, self.hint)])
+        return "\n".join([head, *_excerpt_lines(self.place, self.hint)])
 
 
 class SweepMistakesError(SweepFileError):
@@ -80,19 +80,20 @@ class SweepMistakesError(SweepFileError):
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         self.diagnostics = tuple(diagnostics)
-        texts = [str(diagnostic) for diagnostic in self.diagnostics[:_MOST_MISTAKES_SHOWN]]
+        texts = [str(diagnostic) for diagnostic in self.diagnostics[:_MAX_MISTAKES_SHOWN]]
         more = len(self.diagnostics) - len(texts)
         super().__init__("\n\n".join([*texts, f"and {more:,} more"] if more else texts))
 
 
-def _excerpt(place: Place, hint: str) -> list[str]:
+def _excerpt_lines(place: Place, hint: str) -> list[str]:
     number = str(place.line) if place.source.numbered else ""
     margin = " " * len(number)
-    line, start, width = _window(place)
+    line, start, width = _cut_line(place)
     before = "".join(
-        "\t" if character == "\t" else " " * _cells(character) for character in line[:start]
+        "\t" if character == "\t" else " " * _terminal_width(character)
+        for character in line[:start]
     )
-    caret = before + "^" * max(_cells(line[start : start + width]), 1)
+    caret = before + "^" * max(_terminal_width(line[start : start + width]), 1)
     return [
         f"{margin} --> {place}",
         f"{margin} |",
@@ -101,21 +102,21 @@ def _excerpt(place: Place, hint: str) -> list[str]:
     ]
 
 
-def _window(place: Place) -> tuple[str, int, int]:
-    """Return the line, cut to what surrounds the place if long, and where the place is in it."""
+def _cut_line(place: Place) -> tuple[str, int, int]:
+    """Return the line of a place, cut around the place if long, with the start and width in it."""
     line, start = place.text, place.column - 1
     width = max(min(place.width, len(line) - start), 1)
-    if len(line) <= _EXCERPT:
+    if len(line) <= _EXCERPT_LENGTH:
         return line, start, width
-    first = max(0, min(start - _EXCERPT // 3, len(line) - _EXCERPT))
-    excerpt = line[first : first + _EXCERPT]
+    first = max(0, min(start - _EXCERPT_LENGTH // 3, len(line) - _EXCERPT_LENGTH))
+    excerpt = line[first : first + _EXCERPT_LENGTH]
     before = "..." if first else ""
-    after = "..." if first + _EXCERPT < len(line) else ""
-    width = min(width, first + _EXCERPT - start)
+    after = "..." if first + _EXCERPT_LENGTH < len(line) else ""
+    width = min(width, first + _EXCERPT_LENGTH - start)
     return before + excerpt + after, start - first + len(before), width
 
 
-def _cells(text: str) -> int:
+def _terminal_width(text: str) -> int:
     """Return the width of a text in columns of a terminal."""
     wide = sum(unicodedata.east_asian_width(character) in "WF" for character in text)
     return len(text) + wide - sum(unicodedata.combining(character) != 0 for character in text)

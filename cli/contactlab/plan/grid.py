@@ -1,6 +1,6 @@
 """The runs of a sweep, in a fixed order: the product of its axes, minus `exclude`, plus `include`.
 
-Rows are streamed: a plan of a million runs takes no memory for them.
+Rows are streamed: even a plan of a million runs does not hold them in memory.
 """
 
 import itertools
@@ -24,7 +24,7 @@ Split = Callable[[object], Mapping[str, float]]
 
 @dataclass(frozen=True)
 class Block:
-    """A factor of the product: axes that advance together, with one tuple of values a row."""
+    """A factor of the product: axes that advance together, with a tuple of values for each row."""
 
     names: tuple[str, ...]
     rows: tuple[tuple[object, ...], ...]
@@ -34,7 +34,7 @@ class Block:
         return tuple(map(itemgetter(self.names.index(name)), self.rows))
 
     def keeping(self, name: str, values: Collection[object]) -> "Block":
-        """Return the rows in which an axis, if the block has it, takes one of some values."""
+        """Return only the rows with one of some values of an axis, if the block has the axis."""
         if name not in self.names:
             return self
         index = self.names.index(name)
@@ -43,17 +43,17 @@ class Block:
 
 @dataclass(frozen=True)
 class Match:
-    """A condition on a row: settings that must match, and an expression that must be true."""
+    """A condition on a row: values of settings, and an expression that must be true."""
 
     settings: tuple[tuple[str, object], ...]  # canonical values by axis
     expression: Expression | None  # a further condition, if any
     place: Place
-    inside: Place | None = None  # where the expression's first character is, if known
+    inside: Place | None = None  # place of the expression's first character, if known
     splits: tuple[tuple[str, Split], ...] = ()
     """Functions that split the values of axes into the parts that the expression may name."""
 
     def holds(self, row: Mapping[str, object]) -> bool:
-        """Return whether a row meets the condition; a row that lacks one of the axes does not.
+        """Return whether a row meets the condition; a row without one of the axes does not.
 
         A SweepMistakesError says that the expression cannot be computed for this row.
         """
@@ -66,17 +66,17 @@ class Match:
         except NoValueError:
             return False
         except ExpressionError as error:
-            raise SweepMistakesError([self._failure(error, row)]) from error
+            raise SweepMistakesError([self._computation_failure(error, row)]) from error
 
     def _with_parts(self, row: Mapping[str, object]) -> Mapping[str, object]:
-        """Return the row, and the parts of its values that the expression may name."""
+        """Return the row with the parts of its values that the expression may name."""
         parts: RowValues = {}
         for name, split in self.splits:
             if name in row:
                 parts |= split(row[name])
         return {**parts, **row} if parts else row
 
-    def _failure(self, error: ExpressionError, row: Mapping[str, object]) -> Diagnostic:
+    def _computation_failure(self, error: ExpressionError, row: Mapping[str, object]) -> Diagnostic:
         place = self.inside.part(error.start, error.width) if self.inside else self.place
         names = cast("Expression", self.expression).names
         known = self._with_parts(row)
@@ -90,19 +90,19 @@ class Grid:
 
     base: RowValues  # settings of every row
     blocks: tuple[Block, ...] | None
-    """Factors of the product, the last one fastest; None where there is no product."""
+    """Factors of the product, the last one fastest; None without a product."""
     excludes: tuple[Match, ...]  # conditions on rows of the product to leave out
     added: tuple[RowValues, ...]  # rows to include
     written: tuple[RowValues, ...] = ()  # rows of the scene as written, one for each scenario
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The axes of any row, in order, effects of all rows included."""
+        """The axes of any row, in order, including effects of all rows."""
         blocks = (block.names for block in self.blocks or () if block.rows)
         return tuple(dict.fromkeys(itertools.chain(*blocks, self.base, *self.added)))
 
     def taken(self, name: str) -> tuple[object, ...]:
-        """Return the values that an axis takes anywhere, each once, in order."""
+        """Return the values of an axis in any row, each once, in order."""
         values = dict[object, None]()
         for block in self.blocks or ():
             if name in block.names:
@@ -111,14 +111,14 @@ class Grid:
         return tuple(values | dict.fromkeys(row[name] for row in rows))
 
     def product_values(self, name: str) -> tuple[object, ...]:
-        """Return the values that an axis takes in the product, in order; anywhere without one."""
+        """Return the values of an axis in the product, in order; in any row without one."""
         for block in self.blocks or ():
             if name in block.names:
                 return block.column(name)
         return self.taken(name)
 
     def keeping(self, name: str, values: Collection[object]) -> "Grid":
-        """Return the rows in which an axis takes one of some values."""
+        """Return the grid with only the rows with one of some values of an axis."""
         added = tuple(row for row in self.added if (self.base | row).get(name) in values)
         blocks = self.blocks
         if blocks and any(name in block.names for block in blocks):
@@ -135,7 +135,7 @@ class Grid:
 
     @property
     def product_size(self) -> int:
-        """Number of rows of the product, before any is left out."""
+        """Number of rows of the product before the exclusion of any."""
         return 0 if self.blocks is None else math.prod(len(block.rows) for block in self.blocks)
 
     def rows(self) -> Iterator[RowValues]:
@@ -152,17 +152,21 @@ class Grid:
         further = len(self.added) + len(self.written)
         if not self.excludes:
             return self.product_size + further, ()
-        left, unmet = 0, list(self.excludes)
+        included, unmatched = 0, list(self.excludes)
         for row in self._product():
-            if unmet:
-                met = [exclude for exclude in self.excludes if exclude.holds(row)]
-                unmet = [condition for condition in unmet if condition not in met] if met else unmet
-                left += not met
+            if unmatched:
+                matched = [exclude for exclude in self.excludes if exclude.holds(row)]
+                unmatched = (
+                    [condition for condition in unmatched if condition not in matched]
+                    if matched
+                    else unmatched
+                )
+                included += not matched
             else:
-                left += not self._excluded(row)
-            if left >= most:
-                return left, ()
-        return left + further, unmet
+                included += not self._excluded(row)
+            if included >= most:
+                return included, ()
+        return included + further, unmatched
 
     def _product(self) -> Iterator[RowValues]:
         if self.blocks is None:
@@ -197,8 +201,8 @@ class Run:
 
     index: int  # its position in the plan, from 0
     values: Mapping[str, object]
-    """Canonical settings by axis, the sweep's effects among them; treat as read-only, since the
-    seeds of one row share it. What is absent keeps the scene's value."""
+    """Canonical settings by axis, with the sweep's effects. Treat it as read-only, since the seeds
+    of one row share it. Absent settings keep the scene's value."""
     seed: int  # seeds the scene's perturbation
 
 
@@ -224,10 +228,10 @@ class Plan:
     """Conditions of `expect`, each with its expectation."""
 
     def rows(self) -> Iterator[Row]:
-        """Yield the rows: the product in the order written, then included rows, baselines last."""
+        """Yield the rows: the product in the order written, then included rows, then baselines."""
         seeds = self.sweep.seed_values
         starts = range(0, self.count, len(seeds))
-        # zip() stops at the last position, so rows beyond it are not even made.
+        # zip() stops at the last position, so later rows are never created.
         for first, values in zip(starts, self.grid.rows(), strict=False):
             yield Row(first, values, seeds[: self.count - first])
 

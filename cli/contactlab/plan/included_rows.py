@@ -1,4 +1,4 @@
-"""Rows that a sweep includes beside its product: written in the file, or in a table beside it."""
+"""Rows that a sweep includes in addition to its product: in the file, or in a separate table."""
 
 import re
 from collections.abc import Iterator
@@ -12,18 +12,18 @@ from contactlab.plan.rows import SweepContext
 from contactlab.plan.yaml_document import Document, read_text
 from contactlab.schema.sweep_schema import IncludeFile
 
-# One cell and what ends it: a quoted text, in which "" stands for a quote, or what has no comma.
+# One cell and its end: a quoted text, in which "" stands for a quote, or a text without commas.
 _CELL = re.compile(r'\s*(?:"((?:[^"]|"")*)"|([^,]*?))\s*(,|$)')
 
 
 def read_rows(context: SweepContext, folder: Path) -> tuple[RowValues, ...]:
-    """Return the rows to include, with canonical values; add their mistakes to the document.
+    """Return the rows to include, with canonical values. Add their mistakes to the document.
 
-    A CSV file lies in the sweep's folder or below: a sweep may come from a stranger.
+    A CSV file must be in the sweep's folder or below, because a sweep may come from a stranger.
     """
     include, document = context.sweep.include, context.document
     if isinstance(include, IncludeFile):
-        source = _table(document, folder, include.file)
+        source = _read_table(document, folder, include.file)
         return tuple(_table_rows(context, source)) if source else ()
     rows: list[RowValues] = []
     for index, row in enumerate(include):
@@ -40,13 +40,13 @@ def _check_row(context: SweepContext, places: dict[str, Place]) -> None:
     check_conflicts(context, places)
 
 
-def _table(document: Document, folder: Path, name: str) -> SourceText | None:
-    """Return the text of a CSV file that has a row; or None, and add the mistake."""
+def _read_table(document: Document, folder: Path, name: str) -> SourceText | None:
+    """Return the text of a CSV file with rows. Otherwise return None and add the mistake."""
     path, lines, hint = folder / name, (), ""
     if not path.resolve().is_relative_to(folder.resolve()):
-        message, hint = f"{path} lies outside of the sweep's folder", "put it there"
+        message, hint = f"{path} is outside of the sweep's folder", "move it into the folder"
     elif path.exists() and not path.is_file():
-        message = f"{path} is no file"
+        message = f"{path} is not a file"
     else:
         message = f"{path} has no rows"
         hint = "the first line names the axes, each further line is a row"
@@ -61,10 +61,10 @@ def _table(document: Document, folder: Path, name: str) -> SourceText | None:
 
 
 def _table_rows(context: SweepContext, source: SourceText) -> Iterator[RowValues]:
-    """Yield the rows of a table that name a value; add its mistakes to the document."""
+    """Yield the rows of a table that are not empty. Add its mistakes to the document."""
     document = context.document
     first, *numbers = [number for number, line in enumerate(source.lines, 1) if line.strip()]
-    header = list(_cells(source, first))
+    header = list(_read_cells(source, first))
     places: dict[str, Place] = {}
     for name, place in header:
         if not name or name in places:
@@ -74,14 +74,14 @@ def _table_rows(context: SweepContext, source: SourceText) -> Iterator[RowValues
             places[name] = place
     _check_row(context, places)
     for number in numbers:
-        cells = list(_cells(source, number))
+        cells = list(_read_cells(source, number))
         if len(cells) != len(header):
             place = Place(source, number, 1, len(source.lines[number - 1]))
             message = f"{len(cells)} cells under {len(header)} columns"
             document.add("bad-table", place, message, "quote a cell that holds a comma")
             continue
         row = {
-            name: context.canonical(name, _scalar(text), place)
+            name: context.canonical(name, _parse_cell(text), place)
             for (name, _), (text, place) in zip(header, cells, strict=True)
             if text
         }
@@ -89,7 +89,7 @@ def _table_rows(context: SweepContext, source: SourceText) -> Iterator[RowValues
             yield row
 
 
-def _cells(source: SourceText, number: int) -> Iterator[tuple[str, Place]]:
+def _read_cells(source: SourceText, number: int) -> Iterator[tuple[str, Place]]:
     line, start = source.lines[number - 1], 0
     while match := _CELL.match(line, start):
         group = 2 if match.group(1) is None else 1
@@ -101,8 +101,8 @@ def _cells(source: SourceText, number: int) -> Iterator[tuple[str, Place]]:
     yield line[start:], Place(source, number, start + 1, max(len(line) - start, 1))
 
 
-def _scalar(text: str) -> object:
-    """Return what a cell means: a number, true or false, or the word itself."""
+def _parse_cell(text: str) -> object:
+    """Return the value of a cell: a number, true or false, or else the text."""
     if text.lower() in {"true", "false"}:
         return text.lower() == "true"
     for read in (int, float):

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from contactlab.schema.sweep_schema import Sweep
 
 MANY_RUNS, OF_MANY = 100_000, "flagged+sample:1000"
-"""A sweep of more runs keeps these traces unless it says otherwise; a smaller one keeps all."""
-_SAMPLE = "sample:"
+"""The default traces of a sweep with more runs; a smaller sweep keeps all traces."""
+_SAMPLE_PREFIX = "sample:"
 
 
 @dataclass(frozen=True)
 class KeptTraces:
-    """The runs whose traces are kept: all, those that are not stable, so many spread evenly."""
+    """The choice of runs with traces: all, those that are not stable, or an even sample."""
 
     every: bool = False
     flagged: bool = False
@@ -19,25 +19,29 @@ class KeptTraces:
 
     @classmethod
     def of(cls, rule: str) -> "KeptTraces":
-        """Return what a rule keeps, such as `flagged+sample:1000`."""
+        """Return the choice for a rule such as `flagged+sample:1000`."""
         parts = rule.split("+")
-        numbers = [int(part.removeprefix(_SAMPLE)) for part in parts if part.startswith(_SAMPLE)]
+        numbers = [
+            int(part.removeprefix(_SAMPLE_PREFIX))
+            for part in parts
+            if part.startswith(_SAMPLE_PREFIX)
+        ]
         return cls("all" in parts, "flagged" in parts, *numbers)
 
     def keeps(self, index: int, label: str, runs: int) -> bool:
-        """Return whether the trace of a run is kept, by its place among so many runs."""
+        """Return whether the trace of a run is kept, by its index among a number of runs."""
         if self.every or (self.flagged and label != "stable"):
             return True
         return index * self.sample % runs < self.sample
 
     def shares(self, runs: int) -> tuple[float, float]:
-        """Return of which share of so many runs traces are kept, at least and at most."""
+        """Return the smallest and the largest possible share of runs with kept traces."""
         least = 1.0 if self.every else min(1.0, self.sample / runs)
         return least, 1.0 if self.flagged else least
 
 
 def with_default_traces(sweep: Sweep, runs: int) -> Sweep:
-    """Return a sweep with the traces that it keeps where it says nothing of them."""
+    """Return a sweep with the default choice of traces, unless it makes a choice."""
     if "trace" in sweep.model_fields_set or runs <= MANY_RUNS:
         return sweep
     return sweep.model_copy(update={"trace": OF_MANY})

@@ -1,4 +1,4 @@
-"""Names, values and conditions of a sweep file, checked against what its scene offers."""
+"""Checks of the names, values and conditions in a sweep file against those of its scene."""
 
 import math
 from collections.abc import Collection
@@ -13,7 +13,7 @@ from contactlab.plan.yaml_document import Document, KeyPath
 from contactlab.schema.evidence import ERRORS
 from contactlab.schema.sweep_schema import Condition, Sweep
 
-_LISTS = {
+_LIST_COMMANDS = {
     "metric": "list metrics",
     "label": "list labels",
     "threshold": "list limits",
@@ -24,19 +24,19 @@ _KEYFRAME = "keyframe"
 
 
 def check_names(context: SweepContext) -> None:
-    """Find unknown names, axes given twice and axes that set the same thing."""
+    """Find unknown names, axes given twice and axes that conflict."""
     document, vocabulary = context.document, context.vocabulary
     _check_axes(context)
     _check_tolerances(context)
-    _check_known(document, "threshold", vocabulary.thresholds, ("thresholds",))
+    _check_known_names(document, "threshold", vocabulary.thresholds, ("thresholds",))
     for index, expectation in enumerate(context.sweep.expect):
         path = context.path("expect", index)
         for key in ("metrics", "mean"):
-            _check_known(document, "metric", vocabulary.metrics, (*path, key))
+            _check_known_names(document, "metric", vocabulary.metrics, (*path, key))
         for position, label in enumerate(expectation.label or ()):
             if label not in vocabulary.labels:
                 place = document.value((*path, "label", position))
-                _add_unknown(document, "label", label, place, vocabulary.labels)
+                _add_unknown_name(document, "label", label, place, vocabulary.labels)
         for position, text in enumerate(expectation.must):
             _check_requirement(context, text, (*path, "must", position))
     for index, text in enumerate(context.sweep.must):
@@ -52,11 +52,11 @@ def check_axis(context: SweepContext, name: str, place: Place, kind: str = "axis
             message, hint = "the model has no keyframes", "leave it out: runs start at qpos0"
             context.document.add(f"unknown-{kind}", place, message, hint)
             return
-        _add_unknown(context.document, kind, name, place, known)
+        _add_unknown_name(context.document, kind, name, place, known)
 
 
 def check_conflicts(context: SweepContext, places: dict[str, Place]) -> None:
-    """Add a mistake for every two axes of one row that set the same thing."""
+    """Add a mistake for every two axes of one row that set the same quantity."""
     specs = [(name, spec) for name in places if (spec := context.find(name))]
     for (first, one), (second, other) in combinations(specs, 2):
         if other.name in one.conflicts or one.name in other.conflicts:
@@ -78,7 +78,7 @@ def add_not_swept(context: SweepContext, name: str, place: Place, swept: Collect
 
 def _check_axes(context: SweepContext) -> None:
     document = context.document
-    # `base` is for the effects that have no entry of their own.
+    # `base` is for the effects without their own entry.
     effects = [name for name in document.mapping("effects") if name != "base"]
     named = [(name, path, "axis") for name, path in context.swept]
     named += [(name, ("effects", name), "effect") for name in effects]
@@ -94,22 +94,22 @@ def _check_axes(context: SweepContext) -> None:
     check_conflicts(context, places)
 
 
-def _duration(context: SweepContext) -> float | None:
-    # How long a drive takes is known when it is read.
+def _known_duration(context: SweepContext) -> float | None:
+    # The duration of a drive is known only after it is read.
     return context.sweep.duration or (math.inf if context.sweep.drive else None)
 
 
 def _check_requirement(context: SweepContext, text: str, path: KeyPath) -> None:
     document, check = context.document, context.vocabulary.mistake_in_requirement
-    if mistake := check and check(text, _duration(context)):
-        # One alone needs no list.
+    if mistake := check and check(text, _known_duration(context)):
+        # A single requirement needs no list.
         place = path[:-1] if isinstance(document.at(path[:-1]), str) else path
         document.add("bad-requirement", document.value(place), mistake)
 
 
 def _check_tolerances(context: SweepContext) -> None:
     document = context.document
-    _check_known(document, "metric", [*context.vocabulary.metrics, *ERRORS], ("tolerances",))
+    _check_known_names(document, "metric", [*context.vocabulary.metrics, *ERRORS], ("tolerances",))
     for name in document.mapping("tolerances"):
         if why := context.vocabulary.lacking.get(name):
             place = document.key(("tolerances", name))
@@ -122,24 +122,28 @@ def _check_tolerances(context: SweepContext) -> None:
             document.add("not-asked", place, message, "add accuracy: {}")
 
 
-def _check_known(document: Document, kind: str, known: Collection[str], path: KeyPath) -> None:
+def _check_known_names(
+    document: Document, kind: str, known: Collection[str], path: KeyPath
+) -> None:
     for name in document.mapping(*path):
         if name not in known:
-            _add_unknown(document, kind, name, document.key((*path, name)), known)
+            _add_unknown_name(document, kind, name, document.key((*path, name)), known)
 
 
-def _add_unknown(
+def _add_unknown_name(
     document: Document, kind: str, name: str, place: Place, known: Collection[str]
 ) -> None:
     few = f"known: {', '.join(known)}" if 0 < len(known) <= 12 else ""
-    hint = suggestion(name, known) or few or f"`contactlab {_LISTS.get(kind, 'list')}` has all"
+    hint = (
+        suggestion(name, known) or few or f"`contactlab {_LIST_COMMANDS.get(kind, 'list')}` has all"
+    )
     document.add(f"unknown-{kind}", place, f"unknown {kind} '{name}'", hint)
 
 
 def read_condition(
     context: SweepContext, condition: Condition, path: KeyPath, known: Collection[str]
 ) -> Match:
-    """Return a condition on known axes with canonical values; add its mistakes to the document."""
+    """Return a condition on known axes with canonical values. Add its mistakes to the document."""
     document = context.document
     settings: list[tuple[str, object]] = []
     for name, raw in condition.settings.items():
@@ -152,7 +156,7 @@ def read_condition(
     specs = [spec for name in known if (spec := context.find(name))]
     names = (*known, *(part for spec in specs for part in spec.parts))
     where = document.value((*path, "where"))
-    inside = _first_character(where, condition.where)
+    inside = _first_character_place(where, condition.where)
     expression = _read_expression(context, condition.where, names, inside, where)
     splits = tuple((spec.name, spec.split) for spec in specs if spec.split)
     return Match(tuple(settings), expression, document.value(path), inside, splits)
@@ -175,8 +179,8 @@ def _read_expression(
     return expression
 
 
-def _first_character(place: Place, text: str) -> Place | None:
-    """Return where a text at a place begins, quoted or not; None if it is written with escapes."""
+def _first_character_place(place: Place, text: str) -> Place | None:
+    """Return the place of a text's first character, quoted or not; None if it has escapes."""
     for skip in (0, 1):
         start = place.column - 1 + skip
         if place.text[start : start + len(text)] == text:

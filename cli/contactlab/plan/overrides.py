@@ -29,13 +29,13 @@ _ENTRIES = (
     "accuracy",
     "timing",
 )
-# Of what has no name, which YAML would take for a list; not within quotes.
+# Address of an object without a name, which YAML would read as a list; not within quotes.
 _ADDRESS = re.compile(r"(?<![\w\"'])[a-z]+\[\d+\]")
 _CALL = re.compile(r"(\w+)\((.*)\)")
 
 
 class FlagSetting(str):
-    """A setting `NAME=VALUE` that a flag of its own makes: `--start home` is `keyframe=home`."""
+    """A setting `NAME=VALUE` from a flag with its own name: `--start home` is `keyframe=home`."""
 
     __slots__ = ("flag",)
 
@@ -54,12 +54,12 @@ class Overrides:
     """`NAME=VALUES` or `NAME=FORM(...)`: replaces or adds an axis or a key of the file."""
     only: Sequence[str] = ()
     """`AXIS=VALUES`: keeps the runs that have one of the values; several must all hold."""
-    limit: int | None = None  # keeps that many runs, the first ones
+    limit: int | None = None  # number of runs to keep, from the first
 
 
 @dataclass(frozen=True)
 class ParsedOption:
-    """One option, parsed: its name and value, and where each is."""
+    """One option, parsed: its name and value, and the place of each."""
 
     name: str
     value: str
@@ -69,7 +69,7 @@ class ParsedOption:
 
 @dataclass(frozen=True)
 class Filter:
-    """Values of an axis that runs must have one of."""
+    """Values of an axis; a run must have one of them."""
 
     name: str
     values: tuple[object, ...]
@@ -109,7 +109,7 @@ def _assign(document: Document, option: ParsedOption, path: KeyPath) -> None:
     else:
         value = _listed(document, option, path)
         if len(value) == 1:
-            # Read again without the brackets: a single value is not a list.
+            # Without the brackets, since a single value is not a list.
             place = option.place
             value = read_argument(document, path, f" {option.value} ", place.source, place.column)
     if len(document.mistakes) > known:
@@ -121,7 +121,7 @@ def _assign(document: Document, option: ParsedOption, path: KeyPath) -> None:
 
 
 def _axis_value(document: Document, option: ParsedOption, path: KeyPath, role: object) -> object:
-    """Return the new form of an axis, with the role that the axis has in the file."""
+    """Return the new form of an axis, with its role in the file."""
     kept = {} if role is None else {"role": role}
     call, place = _CALL.fullmatch(option.value), option.place
     if option.value == "all":

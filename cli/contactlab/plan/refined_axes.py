@@ -10,13 +10,13 @@ from contactlab.plan.yaml_document import Document
 from contactlab.schema.sweep_schema import COARSE, OUTCOMES, Refine
 from contactlab.schema.vocabulary import Linspace, Logspace, Range, Values
 
-_GROWING = ("linspace", "logspace")
+_GRID_FORMS = ("linspace", "logspace")
 
 
 def write_out_refined(document: Document) -> None:
-    """Give the refined axes of a file as many values as the full grid has, and say where to start.
+    """Give the refined axes of a file the values of the full grid, and set the start of refining.
 
-    What cannot be read stays, for others to say what is wrong with it.
+    Unreadable entries stay unchanged; later checks report their mistakes.
     """
     refine, limit = document.mapping("refine"), document.mapping("limit")
     names, full = refine.get("axes"), refine.get("to", limit.get("to"))
@@ -27,7 +27,7 @@ def write_out_refined(document: Document) -> None:
     starts = list[int]()
     for name in map(str, cast("list[object]", names)):
         form = document.mapping("axes", name)
-        for key in _GROWING:
+        for key in _GRID_FORMS:
             parts = form.get(key)
             count = cast("list[object]", parts)[-1] if isinstance(parts, list) and parts else None
             if isinstance(count, int) and 1 < count < full:
@@ -38,7 +38,7 @@ def write_out_refined(document: Document) -> None:
 
 
 def stride_of(refine: Refine) -> int | None:
-    """Return the steps of the cells to begin with, a power of two; None if there are none such."""
+    """Return the steps of the first cells, a power of two; None if no such cells exist."""
     steps = refine.to - 1
     if refine.start is None:
         least = steps
@@ -50,9 +50,9 @@ def stride_of(refine: Refine) -> int | None:
 
 
 def least_runs(refine: Refine, runs: int) -> int:
-    """Return how many runs of a grid are made at least: the corners of its first cells, and probes.
+    """Return the smallest number of runs of a grid: the corners of its first cells, and probes.
 
-    So many are made if all outcomes are equal.
+    This is the number if all outcomes are equal.
     """
     stride, axes = stride_of(refine) or 1, len(refine.axes)
     corners = ((refine.to - 1) // stride + 1) ** axes
@@ -61,13 +61,13 @@ def least_runs(refine: Refine, runs: int) -> int:
 
 
 def check_refine(context: SweepContext) -> None:
-    """Add the mistakes of what is to be refined."""
+    """Add the mistakes of the refined axes."""
     refine, limit = context.sweep.refining, context.sweep.limit
     if refine is None:
         return
     document, key = context.document, "limit" if limit else "refine"
     for index, name in enumerate(refine.axes):
-        _check_axis(context, refine, name, index)
+        _check_refined_axis(context, refine, name, index)
     stride = stride_of(refine)
     if stride is None and refine.start is not None:
         place = document.key((key, "to"))
@@ -93,7 +93,7 @@ def check_refine(context: SweepContext) -> None:
     check_limit(context, refine.where, (key, "where"), OUTCOMES[1:] if limit else OUTCOMES)
 
 
-def _check_axis(context: SweepContext, refine: Refine, name: str, index: int) -> None:
+def _check_refined_axis(context: SweepContext, refine: Refine, name: str, index: int) -> None:
     document, limit = context.document, context.sweep.limit
     path = ("refine", "axes", index)
     if limit:

@@ -1,9 +1,9 @@
-"""Grids that are refined: cells whose corners differ are halved, others are inferred.
+"""Grids that are refined: cells with differing corners are halved, others are inferred.
 
-The grid is the same as that of a sweep that runs all of it; refining chooses which of its runs are
-made. A cell is a box of grid points. It is halved while any of its points that ran differ, until it
-has a side of one step. Some of the points within uniform cells run too, drawn at random: a cell in
-which one differs is halved as well.
+The grid equals that of a sweep with all its runs; refining chooses the runs to simulate. A cell is
+a box of grid points. It is halved while any of its simulated points differ, until its sides are one
+step long. Some random points within uniform cells are simulated too: a cell with a differing point
+is halved as well.
 """
 
 import math
@@ -22,36 +22,37 @@ UNKNOWN = -1
 
 
 class Cell(NamedTuple):
-    """A box of grid points: its first corner, and of how many steps its sides are."""
+    """A box of grid points: its first corner, and the number of steps along its sides."""
 
     origin: tuple[int, ...]
     steps: int
 
     @property
     def box(self) -> tuple[slice, ...]:
-        """Its points, of an array of the grid."""
+        """Slices of its points in an array of the grid."""
         return tuple(slice(first, first + self.steps + 1) for first in self.origin)
 
     @property
     def corners(self) -> tuple[slice, ...]:
-        """Its corners, likewise."""
+        """Slices of its corners in an array of the grid."""
         return tuple(slice(first, first + self.steps + 1, self.steps) for first in self.origin)
 
 
 class Halved(NamedTuple):
-    """Cells as far as the points known allow, and the points that halving them further needs."""
+    """Cells as far as known points allow, and the points that further halving needs."""
 
     cells: tuple[Cell, ...]
     needed: Mask
 
 
 def halved(codes: Codes, stride: int) -> Halved:
-    """Halve the cells of a grid whose known points differ.
+    """Halve the cells of a grid that have differing known points.
 
     Args:
-        codes: (n, ...) what came of each point, `UNKNOWN` where it did not run; n is one more than
+        codes: (n, ...) outcome of each point, `UNKNOWN` for points without a run; n is one more
+            than
             a multiple of the stride, along each of the axes.
-        stride: steps of the cells to begin with, a power of two.
+        stride: steps of the first cells, a power of two.
     """
     needed = np.zeros(codes.shape, bool)
     coarse = (slice(None, None, stride),) * codes.ndim
@@ -76,7 +77,7 @@ def halved(codes: Codes, stride: int) -> Halved:
 
 
 def filled(codes: Codes, cells: Iterable[Cell]) -> Codes:
-    """Return what comes of each point: as it came, or as of the uniform cell that it lies in."""
+    """Return the outcome of each point: its own, or that of the uniform cell around it."""
     found = codes.copy()
     for cell in cells:
         box = found[cell.box]
@@ -87,7 +88,7 @@ def filled(codes: Codes, cells: Iterable[Cell]) -> Codes:
 
 
 def corners_of(cells: Iterable[Cell], shape: tuple[int, ...]) -> Mask:
-    """Return which points of a grid are corners of cells."""
+    """Return a mask of the points of a grid that are corners of cells."""
     found = np.zeros(shape, bool)
     for cell in cells:
         found[cell.corners] = True
@@ -95,46 +96,46 @@ def corners_of(cells: Iterable[Cell], shape: tuple[int, ...]) -> Mask:
 
 
 def next_points(codes: Codes, stride: int, probe: float, ranks: NDArray[np.intp]) -> Mask:
-    """Return the points to run next, none of which is known; none at all once a grid is refined.
+    """Return the points to run next, all of them unknown; none once a grid is refined.
 
-    Which points are chosen in the end depends on nothing but what comes of each, so that neither
-    the order in which runs finish nor an interruption changes it; and so do not those known that
-    refining did not ask for.
+    The choice of points depends only on the outcome of each point, so that neither the order of
+    finished runs nor an interruption changes it. Known points that refining did not request do not
+    change it either.
 
     Args:
-        codes: (n, ...) as of `halved`.
-        stride: likewise.
-        probe: how many points within uniform cells are to run, as a share of the cells' corners.
-        ranks: (n, ...) in which order such points are chosen.
+        codes: (n, ...) as in `halved`.
+        stride: as in `halved`.
+        probe: number of points to run within uniform cells, as a share of the cells' corners.
+        ranks: (n, ...) order of choice of such points.
     """
     seen = np.zeros(codes.shape, bool)
     while True:
         found = halved(np.where(seen, codes, UNKNOWN), stride)
-        asked = found.needed
-        if not asked.any():
-            asked = _probes(seen, corners_of(found.cells, codes.shape), probe, ranks)
-        if not asked.any():
-            return asked
-        seen |= asked
+        requested = found.needed
+        if not requested.any():
+            requested = _further_probes(seen, corners_of(found.cells, codes.shape), probe, ranks)
+        if not requested.any():
+            return requested
+        seen |= requested
         if (missing := seen & (codes == UNKNOWN)).any():
             return missing
 
 
-def _probes(seen: Mask, corners: Mask, share: float, ranks: NDArray[np.intp]) -> Mask:
-    """Return the further points within uniform cells that are due."""
-    made, due = int((seen & ~corners).sum()), math.ceil(share * int(corners.sum()))
+def _further_probes(seen: Mask, corners: Mask, share: float, ranks: NDArray[np.intp]) -> Mask:
+    """Return the further points within uniform cells that must run."""
+    probed, required = int((seen & ~corners).sum()), math.ceil(share * int(corners.sum()))
     chosen = np.zeros(seen.shape, bool)
     free = np.flatnonzero(~seen)
-    first = free[np.argsort(ranks.flat[free])[: max(0, due - made)]]
+    first = free[np.argsort(ranks.flat[free])[: max(0, required - probed)]]
     chosen.flat[first] = True
     return chosen
 
 
 def missed(points: int, probes: int, island: int) -> float:
-    """Return how probable it is that no probe meets an island of some points within uniform cells.
+    """Return the probability that no probe meets an island of some points within uniform cells.
 
-    Probes are drawn without replacement from that many points, so that the number that meet the
-    island is hypergeometric: C(points - island, probes) / C(points, probes).
+    Probes are drawn from all points without replacement, so that the number within the island is
+    hypergeometric: C(points - island, probes) / C(points, probes).
     """
     if island > points - probes:
         return 0.0
@@ -143,7 +144,7 @@ def missed(points: int, probes: int, island: int) -> float:
 
 
 def least_met(points: int, probes: int, sure: float = 0.95) -> int | None:
-    """Return the least island that probes meet with some probability; None if none is."""
+    """Return the smallest island that probes meet with some probability; None if none is."""
     if not probes:
         return None
     low, high = 0, points - probes + 1
@@ -155,12 +156,12 @@ def least_met(points: int, probes: int, sure: float = 0.95) -> int | None:
 
 @dataclass(frozen=True)
 class Lattice:
-    """The points of a grid that only the refined axes tell apart: of one seed, and all else equal.
+    """The points of a grid that differ in refined axes only; seed and other values are equal.
 
     Attributes:
         shared: the values of the other axes.
-        seed: likewise.
-        places: (n, ...) which run each point is; UNKNOWN where there is none.
+        seed: the seed of all points.
+        places: (n, ...) index of the run of each point; UNKNOWN without a run.
     """
 
     shared: Mapping[str, object]
@@ -169,7 +170,7 @@ class Lattice:
 
     @property
     def ranks(self) -> NDArray[np.intp]:
-        """(n, ...) the order in which its probes are drawn, another for each lattice."""
+        """(n, ...) the order of its probes, which differs between lattices."""
         named = repr((sorted(self.shared.items()), self.seed))
         drawn = np.random.default_rng(zlib.crc32(named.encode()))
         return drawn.permutation(self.places.size).reshape(self.places.shape)
@@ -178,9 +179,9 @@ class Lattice:
 def lattices(
     runs: Iterable[tuple[int, Mapping[str, object], int]], axes: Mapping[str, Sequence[object]]
 ) -> list[Lattice]:
-    """Return the lattices of runs: place, settings by axis, and seed of each.
+    """Return the lattices of runs, from the index, settings by axis, and seed of each.
 
-    Runs that lie on none of the axes' values, as those a file includes, belong to none.
+    Runs off the axes' values, such as those that a file includes, belong to none.
     """
     steps = [{value: step for step, value in enumerate(values)} for values in axes.values()]
     shape = tuple(map(len, steps))

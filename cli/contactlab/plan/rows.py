@@ -1,7 +1,7 @@
-"""The values of a sweep's axes, as canonical ones: lists, forms, zip blocks and samples.
+"""The canonical values of a sweep's axes: lists, forms, zip blocks and samples.
 
 Values of `linspace` and `range` are computed exactly and rounded once: the third step of 0.1 is
-0.3. Others are rounded to 12 digits: so they do not depend on the machine's math library, and
+0.3. Others are rounded to 12 digits, so that they do not depend on the machine's math library, and
 runs of two machines can be paired.
 """
 
@@ -40,10 +40,10 @@ from contactlab.schema.vocabulary import (
     Vocabulary,
 )
 
-# How many amounts each form begins with.
-_LISTED = {"linspace": 2, "logspace": 2, "range": 3, "uniform": 2, "loguniform": 2}
-_SPAN = re.compile(r"([-+.\de]+?)\.\.([-+.\de]+)\s*([^-+.\d\s]\S*)")
-_DIGITS = 12
+# Number of amounts at the begin of each form.
+_AMOUNT_COUNTS = {"linspace": 2, "logspace": 2, "range": 3, "uniform": 2, "loguniform": 2}
+_UNIT_RANGE = re.compile(r"([-+.\de]+?)\.\.([-+.\de]+)\s*([^-+.\d\s]\S*)")
+_ROUNDED_DIGITS = 12
 
 
 UNREADABLE = object()
@@ -51,7 +51,7 @@ UNREADABLE = object()
 
 @dataclass(frozen=True)
 class SweepContext(Draft):
-    """A draft, and the names that its scene offers."""
+    """A draft, and the names of its scene."""
 
     vocabulary: Vocabulary
 
@@ -60,7 +60,7 @@ class SweepContext(Draft):
         return self.vocabulary.find(name)
 
     def canonical(self, name: str, value: object, place: Place) -> object:
-        """Return the canonical form of an axis value; or UNREADABLE, and add the mistake."""
+        """Return the canonical form of a value. Otherwise return UNREADABLE and add the mistake."""
         spec = self.find(name)
         if spec is None:
             return UNREADABLE
@@ -83,7 +83,7 @@ class SweepContext(Draft):
 
     @cached_property
     def swept(self) -> list[tuple[str, KeyPath]]:
-        """The axes that the file names, readable or not, with where it names them."""
+        """The axes in the file, readable or not, with their paths."""
         paths: list[KeyPath] = [("axes", name) for name in self.document.mapping("axes")]
         for index, block in zip_blocks(self.document):
             paths.extend(("zip", index, name) for name in block)
@@ -100,7 +100,7 @@ def zip_blocks(document: Document) -> Iterator[tuple[int, dict[str, object]]]:
 def listed_values(axis: Axis, known: Sequence[object] = ()) -> Sequence[object]:
     """Return the values of an axis that is not sampled, in order, not yet canonical.
 
-    `known` are all that it takes, if they are few.
+    `known` are all values of the axis, if they are few.
     """
     match axis:
         case "all" | Drawn():
@@ -108,15 +108,20 @@ def listed_values(axis: Axis, known: Sequence[object] = ()) -> Sequence[object]:
             drawn = np.random.default_rng(seed).permutation(len(known))[:count]
             return [known[place] for place in sorted(drawn.tolist())]
         case Linspace(linspace=(first, last, count)):
-            start, stride = _exact(first), (_exact(last) - _exact(first)) / (count - 1)
-            return [_plain(start + stride * k) for k in range(count)]
+            start, stride = (
+                _exact_decimal(first),
+                (_exact_decimal(last) - _exact_decimal(first)) / (count - 1),
+            )
+            return [_plain_number(start + stride * k) for k in range(count)]
         case Logspace(logspace=(first, last, count)):
             steps, low, high = count - 1, math.log(first), math.log(last)
-            inner = [_rounded(math.exp(low + (high - low) * k / steps)) for k in range(1, steps)]
-            return [_plain(_exact(value)) for value in (first, *inner, last)]
+            inner = [
+                _round_digits(math.exp(low + (high - low) * k / steps)) for k in range(1, steps)
+            ]
+            return [_plain_number(_exact_decimal(value)) for value in (first, *inner, last)]
         case Range(range=(first, last, step)):
-            start, end, stride = _exact(first), _exact(last), _exact(step)
-            return [_plain(start + k * stride) for k in range((end - start) // stride + 1)]
+            start, end, stride = _exact_decimal(first), _exact_decimal(last), _exact_decimal(step)
+            return [_plain_number(start + k * stride) for k in range((end - start) // stride + 1)]
         case Values(values=values):
             return values
         case tuple():
@@ -128,10 +133,10 @@ def listed_values(axis: Axis, known: Sequence[object] = ()) -> Sequence[object]:
 def write_out_units(
     document: Document, unit_of: Callable[[str], str], bound_in: Callable[[str], str]
 ) -> None:
-    """Write out the values of axes in units: `1..5 N`, and {linspace: [1 N, 5 N, 5]} and its like.
+    """Write out the values of axes in units: `1..5 N`, and forms such as {linspace: [1 N, 5 N, 5]}.
 
-    Bounds of what is sampled are converted to the unit of their axis; those of metrics and
-    thresholds to theirs. What is no such thing stays, for others to say what is wrong with it.
+    Bounds of sampled axes are converted to the unit of their axis, and bounds of metrics and
+    thresholds to theirs. All other entries stay unchanged; later checks report their mistakes.
     """
     expected = document.at(("expect",))
     entries = cast("list[object]", expected) if isinstance(expected, list) else []
@@ -141,18 +146,18 @@ def write_out_units(
         for name, data in block.items():
             inner = cast("dict[str, object]", data) if isinstance(data, dict) else {}
             for key, bound in inner.items():
-                inner[key] = _plain_bound(bound, bound_in, name)
-            block[name] = _plain_bound(data, bound_in, name)
+                inner[key] = _bound_in_unit(bound, bound_in, name)
+            block[name] = _bound_in_unit(data, bound_in, name)
     blocks = [document.mapping("axes"), *(block for _, block in zip_blocks(document))]
     for block in blocks:
         for name, data in block.items():
             form = span(data) if isinstance(data, str) else data
             if isinstance(form, dict):
-                block[name] = _written_out(cast("dict[str, object]", form), unit_of, name)
+                block[name] = _form_in_unit(cast("dict[str, object]", form), unit_of, name)
 
 
-def _plain_bound(data: object, unit_of: Callable[[str], str], name: str) -> object:
-    """Return a bound of a metric in its unit; itself if it has none, or one of something else."""
+def _bound_in_unit(data: object, unit_of: Callable[[str], str], name: str) -> object:
+    """Return a bound of a metric in its unit; unchanged without a unit, or with a wrong one."""
     if not split_unit(data)[1]:
         return data
     plain = without_unit(data, unit) if (unit := unit_of(name)) in SI_UNITS else None
@@ -160,20 +165,20 @@ def _plain_bound(data: object, unit_of: Callable[[str], str], name: str) -> obje
 
 
 def span(text: str) -> dict[str, object] | None:
-    """Return the form of an axis that a text such as `1..5 N`, in steps of one, means; or None."""
-    if (parts := _SPAN.fullmatch(text.strip())) is None:
+    """Return the form of an axis for a text such as `1..5 N`, in steps of one; or None."""
+    if (parts := _UNIT_RANGE.fullmatch(text.strip())) is None:
         return None
     first, last, unit = parts.groups()
     return {"range": [f"{first} {unit}", f"{last} {unit}", f"1 {unit}"]}
 
 
-def _written_out(
+def _form_in_unit(
     form: dict[str, object], unit_of: Callable[[str], str], axis: str
 ) -> dict[str, object]:
-    """Return a form of an axis, with values in its unit listed; itself if it has none."""
-    name = next((key for key in _LISTED if key in form), "")
+    """Return a form of an axis with values in its unit listed; unchanged without one."""
+    name = next((key for key in _AMOUNT_COUNTS if key in form), "")
     parts = form.get(name)
-    amounts = cast("list[object]", parts)[: _LISTED[name]] if isinstance(parts, list) else []
+    amounts = cast("list[object]", parts)[: _AMOUNT_COUNTS[name]] if isinstance(parts, list) else []
     units = {split_unit(amount)[1] for amount in amounts}
     kinds = {SI_UNITS.get(unit, ("",))[0] for unit in units}
     if len(kinds) != 1 or "" in kinds:
@@ -183,7 +188,7 @@ def _written_out(
     if sampled and SI_UNITS.get(unit, ("",))[0] not in kinds:
         return form
     numbers = [without_unit(amount, unit) for amount in amounts]
-    plain = {name: [*numbers, *cast("list[object]", parts)[_LISTED[name] :]]}
+    plain = {name: [*numbers, *cast("list[object]", parts)[_AMOUNT_COUNTS[name] :]]}
     if sampled:
         return {**form, **plain}
     try:
@@ -197,10 +202,10 @@ def _written_out(
 def sample_points(sample: Sample, dimensions: int) -> Floats:
     """Return (n, dimensions) points in the unit cube [0, 1).
 
-    Those of saltelli are the rows of A, of B, and for each axis of A with its column of B, where A
-    and B are halves of one Sobol sequence (A. Saltelli et al., 2010).
+    The points of saltelli are the rows of A, of B, and, for each axis, of A with B's column of that
+    axis. A and B are halves of one Sobol sequence (A. Saltelli et al., 2010).
     """
-    # The import takes half a second, which sweeps without samples need not wait for.
+    # The import takes half a second; sweeps without samples avoid it.
     from scipy.stats import qmc  # noqa: PLC0415
 
     if sample.method == "random":
@@ -214,14 +219,14 @@ def sample_points(sample: Sample, dimensions: int) -> Floats:
         for axis in range(dimensions):
             mixed[axis, :, axis] = second[:, axis]
         return np.concatenate((first, second, *mixed))
-    # The first n points of a Sobol sequence are the same however many are drawn.
+    # The first n points of a Sobol sequence do not depend on the number of draws.
     power = math.ceil(math.log2(sample.n)) if sample.n > 1 else 0
     return qmc.Sobol(dimensions, rng=sample.seed).random_base2(power)[: sample.n]
 
 
 def sampled_values(axis: Sampled, spec: AxisSpec, units: Floats) -> list[object]:
-    """Return values for points in [0, 1); whole numbers where the axis takes no others."""
-    low, high = _bounds(axis)
+    """Return values for points in [0, 1); whole numbers if the axis takes no others."""
+    low, high = _sampled_bounds(axis)
     whole = low.is_integer() and high.is_integer() and spec.accepts(low)
     whole = whole and not spec.accepts(low + 0.5)
     stop = high + 1 if whole else high
@@ -229,29 +234,29 @@ def sampled_values(axis: Sampled, spec: AxisSpec, units: Floats) -> list[object]
         scaled = low + units * (stop - low)
     else:
         scaled = np.exp(math.log(low) + units * (math.log(stop) - math.log(low)))
-    rounded = (math.floor(value) if whole else _rounded(value) for value in scaled.tolist())
+    rounded = (math.floor(value) if whole else _round_digits(value) for value in scaled.tolist())
     return [min(max(value, low), high) for value in rounded]
 
 
-def _bounds(axis: Sampled) -> tuple[float, float]:
+def _sampled_bounds(axis: Sampled) -> tuple[float, float]:
     return axis.uniform if isinstance(axis, Uniform) else axis.loguniform
 
 
-def _exact(value: float) -> Fraction:
+def _exact_decimal(value: float) -> Fraction:
     """Return the decimal number that a value was written as."""
     return Fraction(Decimal(repr(value)))
 
 
-def _plain(value: Fraction) -> float:
+def _plain_number(value: Fraction) -> float:
     return value.numerator if value.denominator == 1 else float(value)
 
 
-def _rounded(value: float) -> float:
-    return float(f"{value:.{_DIGITS}g}")
+def _round_digits(value: float) -> float:
+    return float(f"{value:.{_ROUNDED_DIGITS}g}")
 
 
 def read_blocks(context: SweepContext) -> tuple[Block, ...] | None:
-    """Return the blocks of the product, or None where the file only lists rows to include."""
+    """Return the blocks of the product, or None if the file only lists rows to include."""
     sweep = context.sweep
     blocks: list[Block] = []
     sampled: dict[str, Sampled] = {}
@@ -259,35 +264,35 @@ def read_blocks(context: SweepContext) -> tuple[Block, ...] | None:
         if isinstance(axis, Sampled):
             sampled[name] = axis
         else:
-            values = _listed(context, ("axes", name), axis)
+            values = _axis_values(context, ("axes", name), axis)
             blocks.append(Block((name,), tuple(zip(values, strict=True))))
     for index, axes in enumerate(sweep.zip):
-        blocks.append(_zipped(context, context.path("zip", index), axes))
-    blocks.extend(_sampled(context, sampled))
+        blocks.append(_zip_block(context, context.path("zip", index), axes))
+    blocks.extend(_sampled_blocks(context, sampled))
     return tuple(blocks) if blocks or not sweep.include else None
 
 
-def _listed(context: SweepContext, path: KeyPath, axis: Axis) -> list[object]:
+def _axis_values(context: SweepContext, path: KeyPath, axis: Axis) -> list[object]:
     name, written = str(path[-1]), isinstance(axis, Values | tuple)
     below = (*path, axis.form()) if isinstance(axis, Ranged) else path
-    known = _known(context, name)
+    known = _known_values(context, name)
     least = axis.sample if isinstance(axis, Drawn) else int(axis == "all")
     if context.find(name) and len(known) < least:
         message = f"'{name}' has {len(known) or 'no'} listed values of its own"
         context.document.add("bad-value", below, message, "write a list: [...]")
-    return _canonical(context, name, listed_values(axis, known), below, written=written)
+    return _canonical_column(context, name, listed_values(axis, known), below, written=written)
 
 
-def _known(context: SweepContext, name: str) -> Sequence[object]:
-    """Return all values that an axis takes, if these are few."""
+def _known_values(context: SweepContext, name: str) -> Sequence[object]:
+    """Return all values of an axis, if there are few."""
     spec = context.find(name)
     return (spec.known or spec.choices) if spec else ()
 
 
-def _canonical(
+def _canonical_column(
     context: SweepContext, name: str, values: Sequence[object], path: KeyPath, *, written: bool
 ) -> list[object]:
-    """Return canonical values; each mistake is at its own value, if the values are written out."""
+    """Return canonical values; each mistake is at its own value if they are written out."""
     column: list[object] = []
     for index, value in enumerate(values):
         place = context.document.value((*path, index) if written else path)
@@ -297,7 +302,7 @@ def _canonical(
     return column
 
 
-def _zipped(context: SweepContext, path: KeyPath, axes: Mapping[str, Axis]) -> Block:
+def _zip_block(context: SweepContext, path: KeyPath, axes: Mapping[str, Axis]) -> Block:
     document = context.document
     columns: dict[str, list[object]] = {}
     counts: dict[str, int] = {}
@@ -306,8 +311,8 @@ def _zipped(context: SweepContext, path: KeyPath, axes: Mapping[str, Axis]) -> B
             why = f"'{name}' is sampled, so it cannot advance with others"
             document.add("sampled-in-zip", document.key((*path, name)), why, "move it to `axes`")
             continue
-        columns[name] = _listed(context, (*path, name), axis)
-        counts[name] = len(listed_values(axis, _known(context, name)))
+        columns[name] = _axis_values(context, (*path, name), axis)
+        counts[name] = len(listed_values(axis, _known_values(context, name)))
         first = next(iter(counts))
         if counts[name] != counts[first]:
             message = f"'{name}' has {counts[name]} values, but '{first}' has {counts[first]}"
@@ -315,7 +320,7 @@ def _zipped(context: SweepContext, path: KeyPath, axes: Mapping[str, Axis]) -> B
     return Block(tuple(columns), tuple(zip(*columns.values(), strict=False)))
 
 
-def _sampled(context: SweepContext, axes: Mapping[str, Sampled]) -> list[Block]:
+def _sampled_blocks(context: SweepContext, axes: Mapping[str, Sampled]) -> list[Block]:
     document, sample = context.document, context.sweep.sample
     if axes and "sample" not in document.mapping():
         name = next(iter(axes))
@@ -331,16 +336,16 @@ def _sampled(context: SweepContext, axes: Mapping[str, Sampled]) -> list[Block]:
         hint = f"write n: {near // 2}, or {near}"
         document.add("bad-value", place, "saltelli takes a power of two", hint)
         return []
-    return [_drawn(context, axes, sample)] if axes and sample else []
+    return [_sampled_block(context, axes, sample)] if axes and sample else []
 
 
-def _drawn(context: SweepContext, axes: Mapping[str, Sampled], sample: Sample) -> Block:
+def _sampled_block(context: SweepContext, axes: Mapping[str, Sampled], sample: Sample) -> Block:
     cube = sample_points(sample, len(axes))
     columns: list[list[object]] = []
     for index, (name, axis) in enumerate(axes.items()):
         spec, path = context.find(name), ("axes", name, axis.form())
-        bounds = _canonical(context, name, _bounds(axis), path, written=True)
+        bounds = _canonical_column(context, name, _sampled_bounds(axis), path, written=True)
         if spec is not None and UNREADABLE not in bounds:
             values = sampled_values(axis, spec, cube[:, index])
-            columns.append(_canonical(context, name, values, path, written=False))
+            columns.append(_canonical_column(context, name, values, path, written=False))
     return Block(tuple(axes), tuple(zip(*columns, strict=False)))

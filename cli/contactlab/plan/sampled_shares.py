@@ -1,4 +1,4 @@
-"""`until` of a sweep file: which runs are draws of one configuration."""
+"""`until` of a sweep file: the runs that are draws of one configuration."""
 
 from collections.abc import Collection, Mapping
 
@@ -9,12 +9,12 @@ from contactlab.plan.sides import FAILED, check_limit
 def configuration_of(
     values: Mapping[str, object], drawn: Collection[str]
 ) -> tuple[tuple[str, object], ...]:
-    """Return what the draws of a configuration share: the values of all axes that are not drawn."""
+    """Return the shared values of the draws of a configuration: those of the other axes."""
     return tuple((name, value) for name, value in values.items() if name not in drawn)
 
 
 def check_until(context: SweepContext) -> None:
-    """Add the mistakes of when to stop: draws must be independent of each other."""
+    """Add the mistakes of the stop condition: draws must be independent of each other."""
     sweep, document = context.sweep, context.document
     if sweep.until is None:
         return

@@ -1,4 +1,4 @@
-"""`search` of a sweep file: the worst of a metric, sought among the points of a plan."""
+"""`search` of a sweep file: finds the worst value of a metric among the points of a plan."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -23,40 +23,40 @@ from contactlab.schema.vocabulary import (
     Uniform,
 )
 
-# Share of the trials that are spread over all of the cube; the others go on from the best.
-_SPREAD = 0.4
-# Axes up to which the corners of the cube are tried first, 16 at most.
-_MOST_CORNERED = 4
-# Points that may be proposed for each trial: several may be nearest to one of the plan.
-_PROPOSALS = 4
-# Descents that go on at a time: so many workers have something to do.
-_SIDE_BY_SIDE = 2
-# A descent ends where its simplex is so small; most calls by then are of points that were tried.
-_LEAST_SIDE, _MOST_CALLS = 1e-4, 1000
-_UNMEASURED = 1e12
+# Share of the trials that are spread over all of the cube; the others continue from the best.
+_SPREAD_SHARE = 0.4
+# Largest number of axes for which the corners of the cube are tried first, 16 at most.
+_MAX_CORNER_AXES = 4
+# Proposed points for each trial: several may be nearest to the same point of the plan.
+_PROPOSALS_PER_TRIAL = 4
+# Descents that advance at a time, so that this number of workers is busy.
+_PARALLEL_DESCENTS = 2
+# A descent ends when its simplex is this small; most of its calls then use points already tried.
+_SMALLEST_SIDE, _MOST_CALLS = 1e-4, 1000
+_UNMEASURED_COST = 1e12
 
 
 def searched_axes(sweep: Sweep) -> tuple[str, ...]:
-    """Return the axes that are searched: those named, or all that are drawn, or else all grids."""
+    """Return the searched axes: those named, or all that are drawn, or else all grids."""
     assert sweep.search is not None
     if sweep.search.axes:
         return sweep.search.axes
     drawn = [name for name, axis in sweep.axes.items() if isinstance(axis, Sampled)]
-    grids = (name for name, axis in sweep.axes.items() if isinstance(axis, _GRIDS))
+    grids = (name for name, axis in sweep.axes.items() if isinstance(axis, _GRID_KINDS))
     return tuple(drawn or grids)
 
 
-_GRIDS = Linspace | Logspace | Range
-_FORMS = ("linspace", "logspace", "range", "uniform", "loguniform")
+_GRID_KINDS = Linspace | Logspace | Range
+_SEARCHED_FORMS = ("linspace", "logspace", "range", "uniform", "loguniform")
 
 
 def write_out_searched(document: Document) -> None:
-    """Name the axes that a file searches, before values in units are listed, if it names none."""
+    """Name the searched axes of a file that names none, before values in units are listed."""
     search = document.mapping("search")
     if not search or search.get("axes"):
         return
     forms = {
-        name: next((form for form in _FORMS if form in document.mapping("axes", name)), "")
+        name: next((form for form in _SEARCHED_FORMS if form in document.mapping("axes", name)), "")
         for name in document.mapping("axes")
     }
     drawn = [name for name, form in forms.items() if form.endswith("uniform")]
@@ -65,108 +65,114 @@ def write_out_searched(document: Document) -> None:
 
 
 def coordinates(axis: Axis, values: Sequence[object]) -> Callable[[object], float]:
-    """Return what places the values of an axis between 0 and 1; NaN of what it cannot place."""
+    """Return a function that maps values of an axis to 0 to 1; NaN for values off the axis."""
     match axis:
         case Uniform(uniform=(low, high)):
-            return lambda value: (_number(value) - low) / (high - low)
+            return lambda value: (_number_above(value) - low) / (high - low)
         case Loguniform(loguniform=(low, high)):
-            return lambda value: math.log(_number(value, above=0) / low) / math.log(high / low)
+            return lambda value: (
+                math.log(_number_above(value, above=0) / low) / math.log(high / low)
+            )
         case _:
-            return _steps(values)
+            return _step_coordinates(values)
 
 
-def _steps(values: Sequence[object]) -> Callable[[object], float]:
+def _step_coordinates(values: Sequence[object]) -> Callable[[object], float]:
     places: dict[object, int] = {value: step for step, value in enumerate(values)}
     return lambda value: places.get(value, math.nan) / max(1, len(places) - 1)
 
 
-def _number(value: object, above: float = -math.inf) -> float:
-    """Return a number above a bound; NaN of anything else, as of a row that a file includes."""
+def _number_above(value: object, above: float = -math.inf) -> float:
+    """Return a number above a bound; NaN for other values, as of a row that a file includes."""
     return float(value) if isinstance(value, int | float) and value > above else math.nan
 
 
 class Trials:
-    """The points of a plan that a search tries, each chosen by what came of those before.
+    """The points of a plan that a search tries, each chosen by the results of those before.
 
-    The first share of them are the corners of the cube, where what grows along each axis is worst,
-    and a Sobol sequence (I. M. Sobol, 1967). The others descend by the simplex of J. A. Nelder and
-    R. Mead (1965), within bounds, as SciPy has it, from the best of those: a start is skipped that
-    lies about as near to a better one as any has neighbours. It asks for values only, and compares
-    them, so that steps, plateaus and points without a value are no trouble. What is left then goes
-    on along the sequence.
+    The first share of them are the corners of the cube, where a metric that grows along each axis
+    is worst, and a Sobol sequence (I. M. Sobol, 1967). The others descend by the simplex of J. A.
+    Nelder and R. Mead (1965), within bounds, as SciPy has it, from the best of those. A start is
+    skipped if it lies about as near to a better one as any has neighbours. The simplex needs values
+    only, and compares them, so that steps, plateaus and points without a value cause no problems.
+    The remaining trials then continue along the sequence.
 
-    Some descents go on side by side, each by one trial in a round; where one ends, the next begins.
-    Each is gone through again from its start in every round, and sees nothing of what others try in
-    it, so that the same points are tried whatever was interrupted.
+    Some descents advance in parallel, each by one trial in a round; where one ends, the next
+    begins. Each is repeated from its start in every round, and sees no trials of others in that
+    round, so that the same points are tried after any interruption.
     """
 
     def __init__(self, points: Floats, sign: float, most: int) -> None:
-        """Take (n, k) the points, between 0 and 1, and how many of them may be tried.
+        """Take (n, k) the points, between 0 and 1, and the number of points that may be tried.
 
-        The sign is 1 to find the least, -1 the largest.
+        The sign is 1 to find the smallest value, -1 to find the largest.
         """
         from scipy.spatial import KDTree  # noqa: PLC0415 - it takes a while to load
 
         self._nearest = KDTree(points).query
         self._sign, self._most, self._axes = sign, min(most, len(points)), points.shape[1]
-        self._spread, first = _spread(self._axes, _PROPOSALS * most), max(1, round(_SPREAD * most))
-        self._starts = self._spread[:first]
+        self._spread_points, first = (
+            _spread_points(self._axes, _PROPOSALS_PER_TRIAL * most),
+            max(1, round(_SPREAD_SHARE * most)),
+        )
+        self._starts = self._spread_points[:first]
         self._measured: Mapping[int, float | None] = {}
         self._tried = dict[int, None]()
-        self._before = frozenset[int]()  # what was tried before this round
+        self._before = frozenset[int]()  # points tried before this round
         self._waiting: list[tuple[Floats, float]] | None = None  # descents that have not ended
 
     def next(self, measured: Mapping[int, float | None]) -> list[int]:
-        """Return the points to try next; none once as many were tried as may be, or all are.
+        """Return the points to try next; none once the allowed number or all are tried.
 
-        Measured is what was found at points, by place; None where it could not be.
+        `measured` has the results of points by place; None if a point could not be measured.
         """
         self._measured = measured
         while not (unknown := [place for place in self._tried if place not in measured]):
             self._before = frozenset(self._tried)
-            self._try_more()
+            self._add_next_trials()
             if len(self._tried) == len(self._before):
                 break
         return unknown
 
-    def _try_more(self) -> None:
-        """Try what is next, all that was tried being measured; nothing if nothing is left."""
+    def _add_next_trials(self) -> None:
+        """Try the next points after all earlier trials are measured; none if none are left."""
         if not self._tried:
-            self._try(self._places(self._starts))
+            self._add_trials(self._nearest_places(self._starts))
             return
         if self._waiting is None:
             self._waiting = self._descents(self._starts)
-        going, rest = self._waiting[:_SIDE_BY_SIDE], self._waiting[_SIDE_BY_SIDE:]
-        self._waiting = [descent for descent in going if not self._ends(*descent)] + rest
+        going, rest = self._waiting[:_PARALLEL_DESCENTS], self._waiting[_PARALLEL_DESCENTS:]
+        self._waiting = [descent for descent in going if not self._is_finished(*descent)] + rest
         if not self._waiting:
-            self._try(self._places(self._spread))
+            self._add_trials(self._nearest_places(self._spread_points))
         elif len(self._tried) == len(self._before) < self._most:
-            self._try_more()
+            self._add_next_trials()
 
-    def _places(self, wanted: Floats) -> list[int]:
+    def _nearest_places(self, wanted: Floats) -> list[int]:
         """Return the places of the points that are nearest to (n, k)."""
         places: list[int] = np.asarray(self._nearest(wanted)[1]).tolist()
         return places
 
-    def _try(self, places: Iterable[int]) -> None:
+    def _add_trials(self, places: Iterable[int]) -> None:
         for place in places:
             if len(self._tried) < self._most:
                 self._tried[place] = None
 
     def _cost(self, wanted: Floats) -> float:
-        """Return what is minimised at the point nearest to (k,).
+        """Return the minimised value at the point nearest to (k,).
 
-        A _PauseError says that it is tried in this round, or may not be any more.
+        A _PauseError says that the point is tried in this round, or that no more trials are
+        allowed.
         """
-        (place,) = self._places(wanted[None])
+        (place,) = self._nearest_places(wanted[None])
         if place not in self._before:
-            self._try([place])
+            self._add_trials([place])
             raise _PauseError
         value = self._measured[place]
-        return _UNMEASURED if value is None else self._sign * value
+        return _UNMEASURED_COST if value is None else self._sign * value
 
     def _descents(self, starts: Floats) -> list[tuple[Floats, float]]:
-        """Return starts and sides of simplexes: the best first, some way from all better ones."""
+        """Return starts and sides of simplexes: the best first, at a distance from better ones."""
         apart = len(starts) ** (-1 / self._axes)
         found = list[tuple[Floats, float]]()
         for place in np.argsort([self._cost(start) for start in starts], kind="stable").tolist():
@@ -174,8 +180,8 @@ class Trials:
                 found.append((starts[place], apart / 2))
         return found
 
-    def _ends(self, start: Floats, side: float) -> bool:
-        """Return whether a descent from (k,) comes to its end, and needs no trial more."""
+    def _is_finished(self, start: Floats, side: float) -> bool:
+        """Return whether a descent from (k,) ends without a further trial."""
         try:
             self._descend(start, side)
         except _PauseError:
@@ -183,10 +189,10 @@ class Trials:
         return True
 
     def _descend(self, start: Floats, side: float) -> None:
-        """Descend from (k,) until the simplex, of some side first, is small."""
+        """Descend from (k,) until the simplex, with a given side at first, is small."""
         from scipy.optimize import minimize  # noqa: PLC0415 - it takes a while to load
 
-        inwards = np.where(start < 0.5, side, -side)  # so that it is whole at a bound
+        inwards = np.where(start < 0.5, side, -side)  # keeps the simplex whole at a bound
         minimize(
             self._cost,
             start,
@@ -194,7 +200,7 @@ class Trials:
             bounds=[(0.0, 1.0)] * self._axes,
             options={
                 "initial_simplex": np.concatenate((start[None], start + np.diag(inwards))),
-                "xatol": _LEAST_SIDE,
+                "xatol": _SMALLEST_SIDE,
                 "fatol": math.inf,
                 "maxfev": _MOST_CALLS,
                 "maxiter": _MOST_CALLS,
@@ -206,17 +212,17 @@ class _PauseError(Exception):
     """Ends a descent for this round."""
 
 
-def _spread(axes: int, count: int) -> Floats:
-    """Return (n, axes) at least so many points of a cube: its corners, if few, and a sequence."""
+def _spread_points(axes: int, count: int) -> Floats:
+    """Return (n, axes) at least `count` points of a cube: its corners, if few, and a sequence."""
     from scipy.stats import qmc  # noqa: PLC0415 - it takes a while to load
 
-    corners = product((0.0, 1.0), repeat=axes) if axes <= _MOST_CORNERED else ()
+    corners = product((0.0, 1.0), repeat=axes) if axes <= _MAX_CORNER_AXES else ()
     sequence = qmc.Sobol(axes, rng=0).random_base2((count - 1).bit_length())
     return np.concatenate((np.array([*corners]).reshape(-1, axes), sequence))
 
 
 def check_search(context: SweepContext) -> None:
-    """Add the mistakes of what is searched, and where."""
+    """Add the mistakes of the searched metric and axes."""
     search, document = context.sweep.search, context.document
     if search is None:
         return
@@ -241,12 +247,12 @@ def check_search(context: SweepContext) -> None:
 
 
 def check_choices(context: SweepContext) -> None:
-    """Add a mistake if more than one key says which runs to make."""
+    """Add a mistake if more than one key chooses the runs."""
     sweep = context.sweep
     given = [name for name in CHOICES if getattr(sweep, name) is not None]
     if len(given) > 1:
         place = context.document.key((given[1],))
-        message = f"`{given[0]}` and `{given[1]}` both choose which runs to make"
+        message = f"`{given[0]}` and `{given[1]}` both choose the runs of the sweep"
         context.document.add("two-choices", place, message, "leave one of them out")
 
 

@@ -1,4 +1,4 @@
-"""The sides of a boundary that runs lie on: labels, outcomes, requirements, limits of metrics."""
+"""The sides of a boundary between runs: labels, outcomes, requirements, limits of metrics."""
 
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -10,7 +10,7 @@ from contactlab.plan.yaml_document import KeyPath, Place
 from contactlab.schema.setting_values import SI_UNITS
 
 Side = Callable[[Mapping[str, object]], object]
-"""Returns the side of a boundary that a run lies on, from its row."""
+"""Returns the side of a boundary on which a run lies, from its row."""
 FAILED = "failed"
 _STABLE = "stable"
 _COMPARISON = re.compile(r"[<>=!]")
@@ -19,9 +19,9 @@ _AMOUNT = re.compile(rf"(?<![\w.])(\d*\.?\d+(?:e[-+]?\d+)?)\s*(%|(?:{_UNITS})(?!
 
 
 def side_of(where: str, required: frozenset[str]) -> Side:
-    """Return what tells the runs on both sides of a boundary apart.
+    """Return a function that distinguishes the runs on both sides of a boundary.
 
-    `required` are the labels of runs that do not do what `must` says.
+    `required` are the labels of runs that violate the requirements in `must`.
     """
     match where:
         case "label":
@@ -29,7 +29,7 @@ def side_of(where: str, required: frozenset[str]) -> Side:
         case "outcome":
             return lambda row: row["label"] == _STABLE
         case "must":
-            return lambda row: required.isdisjoint(_labels(row))
+            return lambda row: required.isdisjoint(_all_labels(row))
         case _:
             expression = read_limit(where)
 
@@ -42,29 +42,29 @@ def side_of(where: str, required: frozenset[str]) -> Side:
 
 
 def counted(share: str, required: frozenset[str]) -> Side:
-    """Return whether a run counts for a share; one that could not be measured does.
+    """Return a function that decides whether a run counts for a share; an unmeasured one counts.
 
-    It is `failed`, `must` of runs that do not do what the sweep asks for, a label, be it beside a
-    worse one, or a limit of metrics. `required` is as of `side_of`.
+    The share is `failed`, `must` for runs that violate requirements, a label, even of a run with a
+    worse label, or a limit of metrics. `required` is as in `side_of`.
     """
     match share:
         case "failed":
             return lambda row: row["label"] != _STABLE
         case "must":
-            return lambda row: not required.isdisjoint(_labels(row))
+            return lambda row: not required.isdisjoint(_all_labels(row))
         case word if word.isidentifier():
-            return lambda row: word in _labels(row)
+            return lambda row: word in _all_labels(row)
         case _:
             beyond = side_of(share, required)
             return lambda row: beyond(row) is not False
 
 
 def read_by(where: str) -> tuple[str, ...]:
-    """Return the names of a row's fields that tell on which side it lies, or whether it counts."""
+    """Return the fields of a row that decide its side, or whether it counts."""
     return ("label", "labels") if where.isidentifier() else read_limit(where).names
 
 
-def _labels(row: Mapping[str, object]) -> Collection[object]:
+def _all_labels(row: Mapping[str, object]) -> Collection[object]:
     labels = row["labels"]
     assert isinstance(labels, Collection)
     return labels
@@ -73,22 +73,22 @@ def _labels(row: Mapping[str, object]) -> Collection[object]:
 def read_limit(text: str) -> Expression:
     """Return a limit of metrics, such as `slip_distance > 1mm`, in the metrics' own units.
 
-    Raises an ExpressionError if it is none; its places are those of the text in SI.
+    Raises an ExpressionError for any other text; its places are those of the text in SI.
     """
-    return Expression(_AMOUNT.sub(_in_si, text))
+    return Expression(_AMOUNT.sub(_amount_in_si, text))
 
 
-def _in_si(amount: re.Match[str]) -> str:
+def _amount_in_si(amount: re.Match[str]) -> str:
     size = 0.01 if amount[2] == "%" else SI_UNITS[amount[2]][1]
     return f"{float(amount[1]) * size:.12g}"
 
 
 def check_asked(context: SweepContext, place: Place) -> None:
-    """Add a mistake unless a sweep, or its scene, says of any run what it must do."""
+    """Add a mistake unless a sweep, or its scene, has a requirement of some run."""
     sweep, asks = context.sweep, context.vocabulary.asks
     if not (asks or sweep.must or any(asked.must for asked in sweep.expect)):
         message, hint = (
-            "neither the sweep nor its scene says of any run what it must do",
+            "neither the sweep nor its scene has requirements of any run",
             "add must: [...], such as still(BODY)",
         )
         context.document.add("not-asked", place, message, hint)
@@ -99,7 +99,7 @@ def check_limit(
 ) -> None:
     """Add the mistakes of a limit of metrics, unless it is one of some words.
 
-    `others` says what else may be written.
+    `others` names the other allowed texts.
     """
     document, metrics = context.document, context.vocabulary.metrics
     place = document.value(path)
@@ -120,5 +120,5 @@ def check_limit(
         hint = suggestion(name, near) or "`contactlab list metrics` has them all"
         document.add("unknown-metric", place, f"unknown metric '{name}'", hint)
     if not unknown and not _COMPARISON.search(text):
-        message = f"'{text}' has no limit that runs could lie on both sides of"
+        message = f"'{text}' has no limit with runs on both sides"
         document.add("no-limit", place, message, f"write {text} > VALUE, or {known}")

@@ -1,4 +1,4 @@
-"""A commented sweep file to start from: the scene as it is, and a few values around it."""
+"""A commented sweep file to start from: the scene as it is, and a few values near it."""
 
 import json
 import re
@@ -9,14 +9,14 @@ from contactlab.schema.task import SEEDS
 from contactlab.schema.vocabulary import Vocabulary
 
 SCHEMA_NAME = "contactlab-sweep.schema.json"
-_MOST_LISTED_NAMES = 40
+_MAX_LISTED_NAMES = 40
 _SEEDS = len(SEEDS)
 _FEW_STEPS_OF_TIMECONST = (
-    4  # timesteps of solref's time constant below which no longer ones are proposed
+    4  # in a time constant of solref with fewer timesteps, no longer timesteps are proposed
 )
 _ERROR = "backward_error"
 _LINE_WIDTH = 100  # of the list of axes
-_PLAIN = re.compile(r"[A-Za-z][\w.-]*")
+_PLAIN_WORD = re.compile(r"[A-Za-z][\w.-]*")
 
 
 Settings = Mapping[str, object]
@@ -26,24 +26,32 @@ Settings = Mapping[str, object]
 def starter(
     reference: str, settings: Settings, duration: float, drive: str | None, vocabulary: Vocabulary
 ) -> str:
-    """Return a sweep file of a scene, ready to run, with comments on what else it can hold.
+    """Return a sweep file of a scene, ready to run, with comments on its other possible content.
 
-    The first value of each axis is the scene's own. The drive needs so much simulated time [s]; it
-    is None if the scene says so itself, and the reference is relative to the file.
+    The first value of each axis is the scene's own. The drive needs a duration of simulated time
+    [s]; it is None if the scene has its own, and the reference is relative to the file.
     """
-    axes = [_line(name, values, vocabulary) for name, values in _varied(settings, vocabulary)]
+    axes = [
+        _axis_line(name, values, vocabulary) for name, values in _common_axes(settings, vocabulary)
+    ]
     further = [
-        _line(name, (own, *_others(name, own, vocabulary), *([10.0] * (own == 1.0))), vocabulary)
-        for name, own in _own(settings, vocabulary, ("keyframe", "solver", "solimp", "impratio"))
+        _axis_line(
+            name,
+            (own, *_other_choices(name, own, vocabulary), *([10.0] * (own == 1.0))),
+            vocabulary,
+        )
+        for name, own in _scene_settings(
+            settings, vocabulary, ("keyframe", "solver", "solimp", "impratio")
+        )
     ]
     expected = "stable" if "stable" in vocabulary.labels else next(iter(vocabulary.labels), "")
     driven = f"drive: {drive}" if drive else "# drive: none"
-    timestep = _word(settings.get("timestep", 1e-3))
+    timestep = _yaml_value(settings.get("timestep", 1e-3))
     lines = [
         f"# yaml-language-server: $schema=./{SCHEMA_NAME}",
         "version: 1",
         f"scene: {json.dumps(reference, ensure_ascii=False)}",
-        f"duration: {_word(duration):<12}# s of simulated time",
+        f"duration: {_yaml_value(duration):<12}# s of simulated time",
         f"{driven:<22}# auto: the controls of the keyframe, else exercise; none; hold;",
         f"{'':<22}# {{noise: 0.3, rate: 10}}, {{file: controls.csv}} or {{policy: FILE.py:CLASS}}",
         f"seeds: {_SEEDS:<15}# a count, or a list such as [0, 7]",
@@ -65,19 +73,19 @@ def starter(
         f'#   - {{where: "timestep > {timestep}"}}',
         "# include:              # further rows, or {file: runs.csv}",
         "#   - {timestep: 1e-4}",
-        *_answers(vocabulary),
+        *_tolerance_lines(vocabulary),
         *(["# expect:               # makes the sweep a test"] if expected else []),
         *([f"#   - {{where: {{timestep: {timestep}}}, label: {expected}}}"] if expected else []),
         "trace: all            # all, flagged, none or sample:N; without one, a run has no film",
         "trace_format: compact # or messages, which viewers open as they are",
         "",
-        *_listing(vocabulary),
+        *_axis_list(vocabulary),
     ]
     return "\n".join(lines).rstrip() + "\n"
 
 
-def _answers(vocabulary: Vocabulary) -> list[str]:
-    """Return the lines by which a sweep ends in a recommendation: what is measured, how well."""
+def _tolerance_lines(vocabulary: Vocabulary) -> list[str]:
+    """Return the lines that make a sweep end in a recommendation: error tolerance and checks."""
     if _ERROR not in vocabulary.metrics:
         return []
     return [
@@ -88,7 +96,9 @@ def _answers(vocabulary: Vocabulary) -> list[str]:
     ]
 
 
-def _varied(settings: Settings, vocabulary: Vocabulary) -> Iterator[tuple[str, Sequence[object]]]:
+def _common_axes(
+    settings: Settings, vocabulary: Vocabulary
+) -> Iterator[tuple[str, Sequence[object]]]:
     """Yield a few common axes with their values, as far as the scene has them.
 
     None needs refsafe, by which MuJoCo raises a time constant of solref to two timesteps.
@@ -96,7 +106,9 @@ def _varied(settings: Settings, vocabulary: Vocabulary) -> Iterator[tuple[str, S
     timestep, solref = settings.get("timestep"), settings.get("solref")
     constant = float(solref[0]) if isinstance(solref, tuple) else 0.0
     periods = constant / timestep if isinstance(timestep, float) else 0.0
-    for name, own in _own(settings, vocabulary, ("timestep", "integrator", "cone", "solref")):
+    for name, own in _scene_settings(
+        settings, vocabulary, ("timestep", "integrator", "cone", "solref")
+    ):
         others: Sequence[object] = ()
         if isinstance(own, float):
             others = own / 2, own / 4 if 0 < periods < _FEW_STEPS_OF_TIMECONST else own * 2
@@ -105,12 +117,12 @@ def _varied(settings: Settings, vocabulary: Vocabulary) -> Iterator[tuple[str, S
                 (constant / 2 if periods >= 2 * _FEW_STEPS_OF_TIMECONST else constant * 2, own[1]),
             )
         elif isinstance(own, str):
-            words = _others(name, own, vocabulary)
+            words = _other_choices(name, own, vocabulary)
             others = [word for word in words if word == "implicitfast"] or words[:1]
         yield name, (own, *others)
 
 
-def _own(
+def _scene_settings(
     settings: Settings, vocabulary: Vocabulary, names: Sequence[str]
 ) -> Iterator[tuple[str, object]]:
     for name in names:
@@ -119,29 +131,29 @@ def _own(
             yield name, settings[name]
 
 
-def _others(name: str, own: object, vocabulary: Vocabulary) -> Sequence[str]:
+def _other_choices(name: str, own: object, vocabulary: Vocabulary) -> Sequence[str]:
     spec = vocabulary.find(name)
     return [word for word in (spec.choices if spec else ()) if word != own]
 
 
-def _line(name: str, values: Sequence[object], vocabulary: Vocabulary) -> str:
-    line = f"{name}: [{', '.join(map(_word, values))}]"
-    left = [word for word in _others(name, values[0], vocabulary) if word not in values]
+def _axis_line(name: str, values: Sequence[object], vocabulary: Vocabulary) -> str:
+    line = f"{name}: [{', '.join(map(_yaml_value, values))}]"
+    left = [word for word in _other_choices(name, values[0], vocabulary) if word not in values]
     return f"{line}   # also {', '.join(left)}" if left else line
 
 
-def _word(value: object) -> str:
-    """Return a value as YAML has it within brackets."""
+def _yaml_value(value: object) -> str:
+    """Return a value as YAML writes it within brackets."""
     if isinstance(value, tuple):
-        return f"[{', '.join(_word(part) for part in value)}]"
+        return f"[{', '.join(_yaml_value(part) for part in value)}]"
     if isinstance(value, float):
         return f"{value:g}" if float(f"{value:g}") == value else repr(value)
     text = str(value)
-    return text if _PLAIN.fullmatch(text) else json.dumps(text)
+    return text if _PLAIN_WORD.fullmatch(text) else json.dumps(text)
 
 
-def _listing(vocabulary: Vocabulary) -> list[str]:
-    names = vocabulary.axes[:_MOST_LISTED_NAMES]
+def _axis_list(vocabulary: Vocabulary) -> list[str]:
+    names = vocabulary.axes[:_MAX_LISTED_NAMES]
     specs = [spec for name in names if (spec := vocabulary.find(name))]
     width = max((len(spec.name) for spec in specs), default=0)
     lines = ["# Axes of this scene:"] if specs else []

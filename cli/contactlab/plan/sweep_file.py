@@ -34,7 +34,7 @@ _NONE = Overrides()
 class SweepFile:
     """A sweep file that was read without mistakes, and its content with all options.
 
-    It has no path if it was given as text or data, and its text is JSON if it was data.
+    It has no path if it was given as text or data. The text of data is JSON.
     """
 
     path: Path | None
@@ -50,8 +50,8 @@ def read_sweep(
 ) -> SweepFile:
     """Read and check a sweep file, as a path, text or JSON data, with options of the command line.
 
-    The vocabulary has the names that a scene offers, unless it raises SceneError. A SweepFileError
-    says that the file cannot be read or, as SweepMistakesError, has all mistakes as data.
+    The vocabulary has the names of a scene, unless it raises SceneError. A SweepFileError says that
+    the file cannot be read or, as SweepMistakesError, has all mistakes as data.
     """
     path, document = source if isinstance(source, Path) else None, open_document(source)
     if document.mistakes and document.data is None:
@@ -90,7 +90,7 @@ def _names_of(document: Document, vocabulary: Callable[[str], Vocabulary]) -> Vo
 
 
 def _sorted(document: Document) -> list[Diagnostic]:
-    """Return all mistakes, those of the file first, each source's in the order of their places."""
+    """Return all mistakes, first those of the file, by source in the order of their places."""
 
     def position(place: Place) -> tuple[bool, str, str, int, int]:
         source, argument = place.source, "" if place.source.numbered else place.text
@@ -150,7 +150,7 @@ def _checked(
 
 
 def _check_whole(context: SweepContext, filters: Sequence[Filter], limit: int | None) -> None:
-    """Add a mistake for every option that would cut the grid that is refined."""
+    """Add a mistake for every option that would cut the refined grid."""
     refine = context.sweep.refining
     if refine is None:
         return
@@ -194,7 +194,7 @@ def _read_grid(context: SweepContext, folder: Path) -> Grid:
 
 
 def _product_axes(context: SweepContext) -> tuple[str, ...]:
-    """Return the axes that every row of the product carries, effects included."""
+    """Return the axes of every row of the product, including effects."""
     axes = [name for name, _ in context.swept]
     return tuple(dict.fromkeys([*axes, *switches(context.sweep.effects)]))
 

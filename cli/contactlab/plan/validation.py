@@ -1,6 +1,6 @@
-"""Validation of a document against its model, with mistakes in the file's terms, each at its place.
+"""Validates a document against its model, with each mistake at its place in the file.
 
-What is valid is kept as a draft for further checks, so that one pass finds all mistakes.
+Valid parts are kept as a draft for further checks, so that one pass finds all mistakes.
 """
 
 import re
@@ -21,7 +21,7 @@ from contactlab.schema.setting_values import split_unit, without_unit
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.vocabulary import FORMS
 
-_WANTED = {
+_WANTED_KINDS = {
     "float_type": "a number",
     "int_type": "a whole number",
     "int_from_float": "a whole number",
@@ -31,15 +31,15 @@ _WANTED = {
     "model_type": "a mapping",
     "tuple_type": "a list",
 }
-_CODES = {
+_MISTAKE_CODES = {
     "finite_number": "not-finite",
     **dict.fromkeys(
         ("greater_than", "greater_than_equal", "less_than", "less_than_equal"), "out-of-range"
     ),
     **dict.fromkeys(("string_too_short", "literal_error", "string_pattern_mismatch"), "bad-value"),
 }
-_COUNTED = set(FORMS) - {"values"}
-_EXAMPLES = {
+_COUNTED_FORMS = set(FORMS) - {"values"}
+_KIND_EXAMPLES = {
     "a mapping": "write NAME: VALUE",
     "a list": "write [VALUE, VALUE]",
     "a number": "write a number, such as 2",
@@ -47,7 +47,7 @@ _EXAMPLES = {
     "true or false": "write true or false",
     "a word": "write a word",
 }
-_EXAMPLES_OF: Mapping[str, str] = {
+_KEY_EXAMPLES: Mapping[str, str] = {
     "version": "write version: 1",
     "duration": "write 2 or 2s",
     "timeout": "write 60 or 1min",
@@ -56,7 +56,9 @@ _EXAMPLES_OF: Mapping[str, str] = {
     "range": "write [first, last, step], with a step above 0 for a last above the first",
     "drive": "",
 }
-_BEGINNING = "begin with `version: 1`, `scene: NAME` and `axes:`; `contactlab init` writes one"
+_EMPTY_FILE_HINT = (
+    "begin with `version: 1`, `scene: NAME` and `axes:`; `contactlab init` writes one"
+)
 
 
 def add_validation_errors(
@@ -74,19 +76,21 @@ def add_validation_errors(
         path = exact[:-1] if entry_of_form else exact
         if (detail["type"], path) not in seen:
             seen.add((detail["type"], path))
-            _add(document, detail, path, model)
+            _add_mistake(document, detail, path, model)
 
 
 def file_path(loc: tuple[str | int, ...]) -> KeyPath:
-    """Return where in the file an error lies: its location without the tags of unions."""
+    """Return the path of an error in the file: its location without the tags of unions."""
     return tuple(part for part in loc if not (isinstance(part, str) and part.startswith("@")))
 
 
 def _is_form(path: KeyPath) -> bool:
-    return len(path) > 2 and path[-1] in _COUNTED and path[0] in {"axes", "zip"}
+    return len(path) > 2 and path[-1] in _COUNTED_FORMS and path[0] in {"axes", "zip"}
 
 
-def _add(document: Document, detail: ErrorDetails, path: KeyPath, model: type[BaseModel]) -> None:
+def _add_mistake(
+    document: Document, detail: ErrorDetails, path: KeyPath, model: type[BaseModel]
+) -> None:
     kind = detail["type"]
     if kind == "extra_forbidden":
         _add_unknown_key(document, path, _model_at(detail["loc"][:-1], model))
@@ -94,8 +98,8 @@ def _add(document: Document, detail: ErrorDetails, path: KeyPath, model: type[Ba
         _add_axis_form(document, path)
     elif kind in {"missing", "too_long", "too_short"}:
         _add_length(document, kind, path)
-    elif kind in _WANTED:
-        _add_type(document, _WANTED[kind], path)
+    elif kind in _WANTED_KINDS:
+        _add_type(document, _WANTED_KINDS[kind], path)
     else:
         _add_value(document, detail, path)
 
@@ -140,25 +144,27 @@ def _add_length(document: Document, kind: str, path: KeyPath) -> None:
         document.add("empty-axis", path, f"axis '{axis[0]}' has no values", hint)
     else:
         many, hint = ("many", "leave some out") if kind == "too_long" else ("few", "add one")
-        document.add("wrong-length", path, f"'{_name(path)}' has too {many} entries", hint)
+        document.add("wrong-length", path, f"'{_innermost_key(path)}' has too {many} entries", hint)
 
 
-def _name(path: KeyPath) -> str:
+def _innermost_key(path: KeyPath) -> str:
     return next((part for part in reversed(path) if isinstance(part, str)), "")
 
 
 def _add_type(document: Document, wanted: str, path: KeyPath) -> None:
     data = document.at(path)
     kinds = "a mapping" if isinstance(data, dict) else "a list"
-    given = "nothing" if data is None else kinds if isinstance(data, dict | list) else repr(data)
-    name = _name(path)
+    actual = "nothing" if data is None else kinds if isinstance(data, dict | list) else repr(data)
+    name = _innermost_key(path)
     subject = f"'{name}' takes" if name else "the file is"
     place = document.key(path) if data is None and path else document.value(path)
-    hint = _EXAMPLES_OF.get(name, _EXAMPLES.get(wanted, "")) if path else _BEGINNING
+    hint = _KEY_EXAMPLES.get(name, _KIND_EXAMPLES.get(wanted, "")) if path else _EMPTY_FILE_HINT
     if path and split_unit(data)[1]:
         hint = "write a number, or one with the unit of this metric" if name != "duration" else hint
-    said = f"{subject} {wanted}, not {given}" if path or data is not None else "the file is empty"
-    document.add("wrong-type", place, said, hint)
+    message = (
+        f"{subject} {wanted}, not {actual}" if path or data is not None else "the file is empty"
+    )
+    document.add("wrong-type", place, message, hint)
 
 
 def _add_value(document: Document, detail: ErrorDetails, path: KeyPath) -> None:
@@ -173,13 +179,13 @@ def _add_value(document: Document, detail: ErrorDetails, path: KeyPath) -> None:
         hint = suggestion(given, choices.replace(" or ", ", ").split(", ")) or f"write {choices}"
     if kind == "drive_form":
         hint = suggestion(given, DRIVE_WORDS) or "write one of these"
-    name = f"'{_name(path)}' " if _name(path) else ""
-    hint = hint or _EXAMPLES_OF.get(_name(path), "") or _instead(wording)
-    code = _CODES.get(kind, kind.replace("_", "-"))
+    name = f"'{_innermost_key(path)}' " if _innermost_key(path) else ""
+    hint = hint or _KEY_EXAMPLES.get(_innermost_key(path), "") or _bound_example(wording)
+    code = _MISTAKE_CODES.get(kind, kind.replace("_", "-"))
     document.add(code if code in MISTAKES else "bad-value", path, f"{name}{wording}", hint)
 
 
-def _instead(wording: str) -> str:
+def _bound_example(wording: str) -> str:
     """Return an example of a number within bounds that a message states."""
     if bound := re.search(r"(greater|less) than (or equal to )?([-+.\de]+)$", wording):
         side = "above" if bound[1] == "greater" else "below"
@@ -188,7 +194,7 @@ def _instead(wording: str) -> str:
 
 
 def _model_at(loc: tuple[str | int, ...], model: type[BaseModel]) -> type[BaseModel]:
-    """Return the model of the mapping at a location, found from the model of the whole file."""
+    """Return the model of the mapping at a location, from the model of the whole file."""
     tagged = {**FORMS, **DRIVE_FORMS}
     for part in loc:
         if isinstance(part, str) and part.startswith("@") and part[1:] in tagged:
@@ -211,18 +217,18 @@ class Draft:
     """A sweep file without the entries that cannot be read."""
 
     document: Document
-    sweep: Sweep  # what is valid
+    sweep: Sweep  # the valid entries
     kept: Mapping[str, Sequence[int]]
     """For every list that lost entries, the positions of the others in the file."""
 
     def path(self, key: str, index: int, *below: str | int) -> KeyPath:
-        """Return where an entry of one of the sweep's lists lies in the file."""
+        """Return the path in the file of an entry of one of the sweep's lists."""
         kept = self.kept.get(key)
         return (key, kept[index] if kept else index, *below)
 
 
 def read_draft(document: Document) -> Draft:
-    """Check a document against the model of a sweep, noting its mistakes."""
+    """Check a document against the model of a sweep. Add its mistakes."""
     try:
         return Draft(document, Sweep.model_validate(document.data), {})
     except ValidationError as error:
@@ -233,7 +239,7 @@ def read_draft(document: Document) -> Draft:
 def _without_errors(document: Document, error: ValidationError) -> Draft:
     data, kept = document.mapping(), dict[str, list[int]]()
     for depth in (2, 1):
-        data, lists = _pruned(data, error, depth)
+        data, lists = _prune_errors(data, error, depth)
         kept |= lists
         try:
             return Draft(document, Sweep.model_validate({"version": 1, "scene": "?", **data}), kept)
@@ -242,10 +248,10 @@ def _without_errors(document: Document, error: ValidationError) -> Draft:
     return Draft(document, Sweep(version=1, scene="?"), {})
 
 
-def _pruned(
+def _prune_errors(
     data: dict[str, object], error: ValidationError, depth: int
 ) -> tuple[dict[str, object], dict[str, list[int]]]:
-    """Leave out the entries that hold an error: whole keys, or what lies directly in them."""
+    """Remove the entries that contain an error: whole keys, or their direct entries."""
     bad = {file_path(detail["loc"])[:depth] for detail in error.errors(include_url=False)}
     pruned: dict[str, object] = {}
     kept: dict[str, list[int]] = {}

@@ -20,18 +20,18 @@ from contactlab.schema.strict_model import check_extent
 
 KeyPath = tuple[str | int, ...]
 MOST_NODES = 1_000_000
-# YAML 1.2's own definition of a number; the loader misses `.5e3`.
+# YAML 1.2's own definition of a number; the loader does not recognize `.5e3`.
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
-_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
-_TAGS = "tag:yaml.org,2002:"
+_LINE_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
+_TAG_PREFIX = "tag:yaml.org,2002:"
 
 
 @dataclass
 class Document:
     """Plain data with the places of its values and keys by path, and the mistakes in it.
 
-    Mistakes, warnings included, are in the order in which they were added; none is added where the
-    text is unreadable. The text is that of the file; JSON of data.
+    Mistakes, including warnings, are in the order in which they were added; none is added where the
+    text is unreadable. The text is that of the file, or JSON for data.
     """
 
     source: SourceText
@@ -70,7 +70,7 @@ class Document:
             self.unreadable.add(place)
 
     def replace(self, path: KeyPath, at: Place) -> dict[str, object]:
-        """Forget what stands at a path, and return the mapping that a new value goes into.
+        """Remove the data at a path, and return the mapping for a new value.
 
         Missing parents are created, with the place of the new key.
         """
@@ -88,7 +88,7 @@ class Document:
         return parent
 
     def value(self, path: KeyPath) -> Place:
-        """Return the place of the value at a path, or of what is nearest above it."""
+        """Return the place of the value at a path, or of its nearest parent."""
         while path and path not in self.values:
             path = path[:-1]
         return self.values.get(path) or Place(self.source, 1, 1)
@@ -135,9 +135,9 @@ def open_document(source: Path | str | Mapping[str, object]) -> Document:
 
 
 def read_document(text: str, name: str) -> Document:
-    """Read a YAML text; its mistakes are in the document."""
-    document = Document(SourceText(name, tuple(_BREAK.split(text))), text=text)
-    document.data = _Reader(document, document.source).read(text)
+    """Read a YAML text. The document has its mistakes."""
+    document = Document(SourceText(name, tuple(_LINE_BREAK.split(text))), text=text)
+    document.data = _YamlReader(document, document.source).read(text)
     return document
 
 
@@ -145,7 +145,7 @@ def data_document(data: object, name: str) -> Document:
     """Return data, as JSON has it, as a document; its places are paths, such as `axes.mass[2]`."""
     text = json.dumps(data, indent=1)
     document = Document(SourceText(name, (name,), numbered=False), json.loads(text), text)
-    for path, value in _parts(document.data, ()):
+    for path, value in _data_parts(document.data, ()):
         text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)[1:]
         text += "" if isinstance(value, dict | list) else f": {json.dumps(value)}"
         place = Place(SourceText(name, (text,), numbered=False), 1, 1, len(text))
@@ -153,12 +153,12 @@ def data_document(data: object, name: str) -> Document:
     return document
 
 
-def _parts(data: object, path: KeyPath) -> Iterator[tuple[KeyPath, object]]:
+def _data_parts(data: object, path: KeyPath) -> Iterator[tuple[KeyPath, object]]:
     inner = data.items() if isinstance(data, dict) else ()
     inner = enumerate(data) if isinstance(data, list) else inner
     for key, value in cast("Iterable[tuple[str | int, object]]", inner):
         yield (*path, key), value
-        yield from _parts(value, (*path, key))
+        yield from _data_parts(value, (*path, key))
 
 
 def read_argument(
@@ -166,26 +166,25 @@ def read_argument(
 ) -> object:
     """Return the data of a piece of YAML that begins at a column, from 1, of a line of other text.
 
-    The piece is wrapped in one character at each end that the line does not have. The document gets
-    its mistakes, and the places of its parts below the path where the data goes.
+    The piece is wrapped in one character at each end that the line does not have. The mistakes, and
+    the places of its parts below the path of the data, are added to the document.
     """
-    return _Reader(document, source, column - 2).read(text, path)
+    return _YamlReader(document, source, column - 2).read(text, path)
 
 
 def extent_of(root: Node) -> float:
-    """Return how many values there are below a node, itself included, each alias written out.
+    """Return the number of values below a node, including itself, with each alias written out.
 
-    Nodes that aliases share are counted once and added as often as they are named, so that a text
-    that doubles itself in each line is counted before any of it is made. Infinite where a node is
-    below itself.
+    Nodes that aliases share are counted once and added for each use, so that a text that doubles
+    itself in each line is counted before any of it is created. Infinite if a node is below itself.
     """
     extents: dict[int, float] = {}
     waiting = [root]
     while waiting:
         node = waiting[-1]
-        inner = _inner(node)
+        inner = _inner_nodes(node)
         if id(node) not in extents:
-            extents[id(node)] = math.inf  # until it is known, and for good if it is below itself
+            extents[id(node)] = math.inf  # until it is known; it stays so if it is below itself
             waiting += (below for below in inner if id(below) not in extents)
         else:
             waiting.pop()
@@ -194,19 +193,19 @@ def extent_of(root: Node) -> float:
     return extents[id(root)]
 
 
-def _bounded(root: Node) -> Node:
+def _check_size(root: Node) -> Node:
     if extent_of(root) > MOST_NODES:
         raise YAMLError(f"more than {MOST_NODES:,} values; use include: {{file: runs.csv}}")
     return root
 
 
-def _inner(node: Node) -> list[Node]:
+def _inner_nodes(node: Node) -> list[Node]:
     if isinstance(node, MappingNode):
         return [value for _, value in cast("list[tuple[Node, Node]]", node.value)]
     return cast("list[Node]", node.value) if isinstance(node, SequenceNode) else []
 
 
-class _Reader:
+class _YamlReader:
     def __init__(self, document: Document, source: SourceText, shift: int = 0) -> None:
         self.document = document
         self.source = source
@@ -218,7 +217,7 @@ class _Reader:
         try:
             check_extent(text)
             root = cast("Node | None", self.yaml.compose(text))
-            return None if root is None else self._data(_bounded(root), path)
+            return None if root is None else self._data(_check_size(root), path)
         except MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             place = self._place(cast("StreamMark", mark)) if mark else Place(self.source, 1, 1)
@@ -252,7 +251,7 @@ class _Reader:
 
     def _mapping(self, node: MappingNode, path: KeyPath) -> dict[str, object]:
         data: dict[str, object] = {}
-        for key, value in self._entries(node):
+        for key, value in self._merged_entries(node):
             place, name = self._place(key.start_mark, key.end_mark), str(key.value)
             if not isinstance(key, ScalarNode):
                 self._fail("a key must be a single word", place)
@@ -266,66 +265,66 @@ class _Reader:
             data[name] = self._data(value, (*path, name))
         return data
 
-    def _entries(self, node: MappingNode) -> Iterator[tuple[Node, Node]]:
-        """Yield the entries of a mapping, and those that it merges (`<<`) and does not replace."""
+    def _merged_entries(self, node: MappingNode) -> Iterator[tuple[Node, Node]]:
+        """Yield the entries of a mapping, and those merged (`<<`) that it does not replace."""
         entries = cast("list[tuple[Node, Node]]", node.value)
         names = {str(key.value) for key, _ in entries}
         for key, value in entries:
-            if str(key.tag) != f"{_TAGS}merge":
+            if str(key.tag) != f"{_TAG_PREFIX}merge":
                 yield key, value
                 continue
-            for merged in self._merged(value):
+            for merged in self._merge_sources(value):
                 if str(merged[0].value) not in names:
                     names.add(str(merged[0].value))
                     yield merged
 
-    def _merged(self, node: Node) -> Iterator[tuple[Node, Node]]:
+    def _merge_sources(self, node: Node) -> Iterator[tuple[Node, Node]]:
         sources = cast("list[Node]", node.value) if isinstance(node, SequenceNode) else [node]
         for source in sources:
             if isinstance(source, MappingNode):
-                yield from self._entries(source)
+                yield from self._merged_entries(source)
             else:
                 place = self._place(source.start_mark, source.end_mark)
                 self._fail("`<<` takes a mapping, or a list of mappings", place)
 
     def _scalar(self, node: ScalarNode) -> object:
         text, tag = str(node.value), str(node.tag)
-        if not node.style and tag == f"{_TAGS}str" and _FLOAT.fullmatch(text):
+        if not node.style and tag == f"{_TAG_PREFIX}str" and _FLOAT.fullmatch(text):
             return float(text)
-        if tag == f"{_TAGS}timestamp":
+        if tag == f"{_TAG_PREFIX}timestamp":
             return text
         try:
             return self.yaml.constructor.construct_object(node)
         except (MarkedYAMLError, ValueError):
             place = self._place(node.start_mark, node.end_mark)
-            self._fail(f"{text!r} cannot be read as {tag.removeprefix(_TAGS)}", place)
+            self._fail(f"{text!r} cannot be read as {tag.removeprefix(_TAG_PREFIX)}", place)
             return None
 
     def _fail(self, message: str, place: Place) -> None:
         self.document.add("syntax", place, message)
 
 
-_PLAIN = {
+_PLAIN_MESSAGES = {
     "mapping values are not allowed here": "a second ': ' in one line; quote the text or indent",
     "found character '\\t' that cannot start any token": "a tab; indent with spaces",
     "but found another document": "a second document; a file holds one",
     "found undefined alias": "no anchor of this name; write &NAME before",
     "expected ',' or ']'": "a bracket is not closed; write ]",
     "expected ',' or '}'": "a brace is not closed; write }",
-    "expected <block end>": "an entry out of line with those above; indent it as they are",
+    "expected <block end>": "an entry out of line with those above; indent it like them",
     "could not find expected ':'": "a key without a colon; write NAME: VALUE",
     "found unexpected end of stream": "a quote is not closed; write it at the end of the text",
     "expected the node content": "a value is missing before this; write one",
-    "found character": "a character that begins no value; quote the text",
+    "found character": "a character that no value begins with; quote the text",
     "found unknown escape": "an escape that YAML does not have; use single quotes",
-    "did not find expected": "this does not belong here; indent it as what is above",
+    "did not find expected": "this does not belong here; indent it as the line above",
 }
 
 
 def _syntax_message(error: MarkedYAMLError) -> str:
     """Return a syntax error in one line, with the cause first."""
     problem = str(error.problem or error.context or "not YAML").strip()
-    for known, plain in _PLAIN.items():
+    for known, plain in _PLAIN_MESSAGES.items():
         if problem.startswith(known):
             return plain
     context = f" {error.context}" if error.context and error.problem else ""
