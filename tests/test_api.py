@@ -70,7 +70,7 @@ def test_its_functions_are_named_after_commands() -> None:
 
 
 def test_what_tune_cannot_do_is_said_before_anything_runs(tmp_path: Path) -> None:
-    for asked, words in (({"error": 3}, "--error 3"), ({"within": {"slip": 1}}, "slip")):
+    for asked, words in (({"error": 3}, "--error 3"), ({"tolerance": {"slip": 1}}, "slip")):
         with pytest.raises(SweepFileError, match=words):
             contactlab.tune("box_stack", output=tmp_path / "out", **asked)  # pyright: ignore[reportArgumentType]
     assert not list(tmp_path.iterdir())
@@ -108,7 +108,7 @@ def test_settings_select_and_replace(tmp_path: Path) -> None:
         SWEEP,
         output=tmp_path / "store",
         set={"timestep": 1e-3, "solref": "0.005 1"},
-        only={"drop_height": [0.1]},
+        where={"drop_height": [0.1]},
         workers=0,
     )
     [row] = one.table.select(["timestep", "solref", "drop_height"]).to_pylist()

@@ -118,29 +118,13 @@ def __getattr__(name: str) -> "Any":  # noqa: ANN401 - each function has a type 
 
 
 def _installed(name: str) -> "Any":  # noqa: ANN401 - as above
-    """Return a command that another package adds, or one by its former name."""
-    from contactlab.command_line.front_door import FORMER
+    """Return a command that another package adds."""
     from contactlab.plugins import extensions
 
-    if name in FORMER:
-        return _former(name, FORMER[name][-1])
     found = None if name.startswith("_") else extensions("command").get(name)
     if found is None:
         raise AttributeError(f"module 'contactlab' has no attribute '{name}'")
     return found.load()
-
-
-def _former(name: str, what: str) -> "Any":  # noqa: ANN401 - as above
-    """Return a listing's function under the name that it had up to 0.3."""
-    import warnings
-    from functools import partial
-
-    from contactlab.commands import list as listing
-
-    warnings.warn(
-        f"contactlab.{name}() is contactlab.list('{what}') now", DeprecationWarning, stacklevel=3
-    )
-    return partial(listing.list, what)
 
 
 def __dir__() -> "Sequence[str]":

@@ -33,7 +33,7 @@ OPEN = """<mujoco><worldbody>
 CHECK = ("check", "--workers", "0")
 SHORT = (*CHECK, "own.xml", "--set", "duration=0.2")
 # A box that nothing holds breaks that it stays where it is.
-FALLS = (*SHORT, "--start", "high", "--drive", "none", "--must", "still(box, 1 mm)")
+FALLS = (*SHORT, "--keyframe", "high", "--drive", "none", "--require", "still(box, 1 mm)")
 
 
 @pytest.fixture(autouse=True)
@@ -52,28 +52,28 @@ def test_an_error_fails(contactlab: Run) -> None:
     assert contactlab(*FALLS, "--only", "inertia")[0] == 0
 
 
-ACCEPTED = """version: 1
-accept:
+WAIVERS = """version: 1
+waive:
   - {check: requirements_broken, max: 3, reason: it is meant to fall}
   - {check: impossible_bodies, max: 9, reason: it was odd once}
 """
 
 
 @pytest.mark.long
-def test_what_is_accepted_fails_no_job(contactlab: Run, tmp_path: Path) -> None:
-    file = tmp_path / "accepted.yaml"
-    file.write_text(ACCEPTED)
+def test_a_waived_finding_fails_no_job(contactlab: Run, tmp_path: Path) -> None:
+    file = tmp_path / "waivers.yaml"
+    file.write_text(WAIVERS)
     only = (*FALLS, "--only", "must", "--only", "inertia", "--accept", str(file))
     code, out, _ = contactlab(*only)
     assert code == 0
-    assert "accepted: it is meant to fall" in " ".join(out.split())
+    assert "waived: it is meant to fall" in " ".join(out.split())
     stale = "'impossible_bodies' is accepted (it was odd once), but does not fail: remove it"
     assert stale in " ".join(out.split())
-    file.write_text(ACCEPTED.replace("max: 3", "max: 0"))
+    file.write_text(WAIVERS.replace("max: 3", "max: 0"))
     assert contactlab(*only)[0] == 1
-    file.write_text(ACCEPTED.replace("max: 3,", "max: 3, until: 2020-01-01,"))
+    file.write_text(WAIVERS.replace("max: 3,", "max: 3, until: 2020-01-01,"))
     assert contactlab(*only)[0] == 1
-    file.write_text(ACCEPTED.replace("requirements_broken", "requirement_broken"))
+    file.write_text(WAIVERS.replace("requirements_broken", "requirement_broken"))
     code, out, err = contactlab(*only)
     assert (code, out) == (2, "")
     assert "did you mean 'requirements_broken'?" in err
@@ -95,7 +95,7 @@ def test_outputs_for_jobs(contactlab: Run) -> None:
 
 @pytest.mark.long
 def test_a_model_that_passes_as_json(contactlab: Run, tmp_path: Path) -> None:
-    low = ("--start", "low", "--drive", "none", "--duration", "0.5s")
+    low = ("--keyframe", "low", "--drive", "none", "--duration", "0.5s")
     code, out, _ = contactlab(*CHECK, "own.xml", *low, "--format", "json", "-o", "out")
     assert code == 0
     data = json.loads(out)
@@ -121,7 +121,7 @@ def test_a_model_that_passes_as_json(contactlab: Run, tmp_path: Path) -> None:
 def test_runs_start_from_the_keyframe(
     contactlab: Run, keyframe: str | None, height: float, tmp_path: Path
 ) -> None:
-    option = ("--start", keyframe) if keyframe else ()
+    option = ("--keyframe", keyframe) if keyframe else ()
     contactlab(*SHORT, *option, "--only", "must", "-o", "out")
     store = Store.open(tmp_path / "out/run")
     assert store.table["seed"].to_pylist() == [0, 1, 2]
@@ -137,13 +137,16 @@ def test_runs_start_from_the_keyframe(
         (["gone.xml"], ["no model file gone.xml"]),
         (["ball_drp"], ["did you mean 'ball_drop'?"]),
         (["own.xml", "--only", "repet"], ["no check 'repet'", "did you mean 'repeat'?"]),
-        (["own.xml", "--start", "hig"], ["--start hig", "write one of high, low, qpos0"]),
+        (["own.xml", "--keyframe", "hig"], ["--keyframe hig", "write one of high, low, qpos0"]),
         (["own.xml", "--set", "timestp=1"], ["did you mean 'timestep'?"]),
         (["own.xml", "--set", "cone=round", "--set", "impratio=-1"], ["'round'", "above 0"]),
         (["own.xml", "--set", "solref=0.02 1,0.005 1"], ["one value, not 2"]),
         (["own.xml", "--set", "seeds=3"], ["axes of the scene, duration and must only"]),
-        (["own.xml", "--within", "penetration_stedy=1mm"], ["did you mean 'penetration_steady'?"]),
-        (["own.xml", "--within", "slip"], ["'--within slip' is no tolerance"]),
+        (
+            ["own.xml", "--tolerance", "penetration_stedy=1mm"],
+            ["did you mean 'penetration_steady'?"],
+        ),
+        (["own.xml", "--tolerance", "slip"], ["'--tolerance slip' is not a tolerance"]),
         (["open.xml"], ["does not compile", "body 'rotor'", "1 + 1 < 3"]),
         (["timeless.xml"], ["its timestep is 0 s"]),
     ],

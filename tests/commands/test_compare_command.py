@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.judge.acceptances import accept, acceptance
+from contactlab.judge.waivers import add_waivers, waivers_for
 from contactlab.resources import scene_folder
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
@@ -263,7 +263,7 @@ def test_a_changed_byte_of_a_trace_is_found(contactlab: Run, store: Path, asked:
 
 
 @pytest.mark.long
-def test_accepting_what_changed(
+def test_waiving_a_change(
     contactlab: Run, slides: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "200")
@@ -274,14 +274,14 @@ def test_accepting_what_changed(
         check.name for check in report.findings if check.outcome == "failed"
     )
     rest = ["--policy", "policy.yaml", "--reason", "stiffer floor", "--until", "2999-01-31"]
-    code, out, _ = contactlab(*arguments, *rest, "--accept", first)
-    assert (code, "accepted: stiffer floor" in out) == (1, True)
+    code, out, _ = contactlab(*arguments, *rest, "--waive", first)
+    assert (code, "waived: stiffer floor" in out) == (1, True)
     until = date(2999, 1, 31)
     for name in others:
-        accept(policy, acceptance(report.findings, name, "stiffer floor", until))
-    code, out, _ = contactlab(*arguments, *rest, "--accept", last)
+        add_waivers(policy, waivers_for(report.findings, name, "stiffer floor", until))
+    code, out, _ = contactlab(*arguments, *rest, "--waive", last)
     assert code == 0
-    assert "accepted: stiffer floor" in out
+    assert "waived: stiffer floor" in out
     assert policy.read_text().count("until: 2999-01-31") == len(others) + 2
     assert contactlab(*arguments, "--policy", "policy.yaml")[0] == 0
 
@@ -289,9 +289,9 @@ def test_accepting_what_changed(
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--accept", "x"], "name it with --policy FILE"),
+        (["--waive", "x"], "name it with --policy FILE"),
         (["--policy", "none.yaml"], "no file none.yaml"),
-        (["--policy", "p.yaml", "--accept", "x", "--reason", "y"], "there is no check 'x'"),
+        (["--policy", "p.yaml", "--waive", "x", "--reason", "y"], "there is no check 'x'"),
     ],
 )
 def test_options_that_say_too_little(

@@ -42,7 +42,7 @@ def versions(contactlab: Any) -> dict[str, str]:
 def test_an_engine_is_added_once(contactlab: Any, cache: Path, tmp_path: Path) -> None:
     installer(tmp_path)
     assert versions(contactlab)["warp"] == "not installed"
-    assert "contactlab engines add NAME" in contactlab("engines").err
+    assert "contactlab engines add NAME" in contactlab("list", "engines").err
     added = contactlab("engines", "add", "warp")
     assert (added.code, added.out) == (0, "warp 9.8\n")
     assert added.err.startswith(f"setting up warp in {cache}/warp-")

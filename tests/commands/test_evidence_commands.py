@@ -131,7 +131,7 @@ def test_replay_is_by_the_engine_of_the_run(
 ) -> None:
     """The two engines do not agree, so that the wrong one would differ."""
     monkeypatch.chdir(tmp_path)
-    contactlab("sweep", "impact", "-o", "both", "--only", "angle=40")
+    contactlab("sweep", "impact", "-o", "both", "--where", "angle=40")
     rows = Store.open(tmp_path / "both").table.to_pylist()
     assert {row["engine_name"] for row in rows} == {"impulse", "mujoco"}
     for engine in ("impulse", "mujoco"):

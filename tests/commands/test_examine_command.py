@@ -364,7 +364,7 @@ def test_a_depth_of_rounding_is_a_touch() -> None:
 
 @pytest.mark.long
 def test_only_watched_bodies_count(arm: str) -> None:
-    report = package.examine(arm, only=["budget"], duration=0.1, watch=["upper"])
+    report = package.examine(arm, only=["budget"], duration=0.1, observe=["upper"])
     assert report.budget
     assert report.task.watched == ("upper",)
     for phase in report.budget.phases:
@@ -391,9 +391,9 @@ def test_a_phase_that_no_seed_reaches_is_left_out(tmp_path: Path) -> None:
 
 def test_bad_input_is_named(arm: str) -> None:
     with pytest.raises(SweepFileError, match="share"):
-        package.examine(arm, within="1mm")
+        package.examine(arm, tolerance="1mm")
     with pytest.raises(SceneError, match="nobody"):
-        package.examine(arm, watch=["nobody"])
+        package.examine(arm, observe=["nobody"])
     with pytest.raises(EngineError, match="impulse"):
         package.examine(arm, set={"engine": "impulse"})
     with pytest.raises(OutputError, match="add --only labels"):

@@ -10,9 +10,7 @@ from typing import Any
 
 import pytest
 
-import contactlab as api
 from contactlab.command_line.declaration import TITLES
-from contactlab.command_line.front_door import FORMER
 from contactlab.command_line.main import command_line
 
 Run = Callable[..., Any]
@@ -116,17 +114,3 @@ def test_no_summary_is_cut(contactlab: Run) -> None:
     lines = out.partition("Options:")[2].splitlines()
     assert not [line for line in lines if "..." in line or len(line) > 80]
     assert all(f"\n{title}:\n" in out for title in TITLES.values())
-
-
-@pytest.mark.parametrize("name", FORMER)
-def test_a_former_name_works_and_says_the_new_one(contactlab: Run, name: str) -> None:
-    code, out, err = contactlab(name)
-    now = " ".join(FORMER[name])
-    assert (code, err.splitlines()[0]) == (
-        0,
-        f"`contactlab {name}` is `contactlab {now}` now; the old name goes next",
-    )
-    assert out == contactlab(*FORMER[name]).out
-    if name != "engines":  # In Python that is a package.
-        with pytest.warns(DeprecationWarning, match="contactlab.list"):
-            assert len(getattr(api, name)()) > 2

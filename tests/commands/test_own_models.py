@@ -189,12 +189,12 @@ def test_a_starter_file_may_lie_anywhere(contactlab: Run, tmp_path: Path, scene:
 def test_a_keyframe_without_a_name_is_chosen_by_an_option(contactlab: Run, tmp_path: Path) -> None:
     write(tmp_path, pendulum_xml=UNNAMED)
     sweep_of(tmp_path, "pendulum.xml", '{keyframe: ["key[0]", qpos0]}')
-    for option in ("--set", "--only"):
+    for option in ("--set", "--where"):
         assert (
             contactlab("sweep", "own.yaml", option, "keyframe=key[0]", "-o", "s" + option)[0] == 0
         )
         assert Store.open(tmp_path / ("s" + option)).table["keyframe"].to_pylist() == ["key[0]"]
-    assert contactlab("check", "pendulum.xml", "--start", "key[0]", "--only", "task")[0] < 2
+    assert contactlab("check", "pendulum.xml", "--keyframe", "key[0]", "--only", "task")[0] < 2
 
 
 @pytest.mark.night

@@ -129,32 +129,32 @@ def test_every_parameter_is_explained_in_help(words: str) -> None:
     "words", ["check", "effects", "stability", "tradeoff", "tune", "sweep", "explain"]
 )
 def test_the_task_is_stated_by_the_same_parameters(words: str) -> None:
-    """A sweep and an explanation judge nothing, so that nothing is watched within a tolerance."""
+    """A sweep and an explanation judge nothing, so they have no observed body and no tolerance."""
     shared = {
-        "start": opt.Start,
+        "keyframe": opt.Keyframe,
         "drive": opt.Drive,
         "duration": opt.Duration,
-        "watch": opt.Watch,
-        "within": opt.Within,
+        "observe": opt.Observe,
+        "tolerance": opt.Tolerance,
     }
     if words in {"sweep", "explain"}:
-        del shared["watch"], shared["within"]
+        del shared["observe"], shared["tolerance"]
     found = {each.name: each.annotation for each in own(words)}
     assert {name: found[name] for name in found if name in shared} == shared
     assert all(found[name] is shared[name] for name in shared)
     assert [name for name in found if name in shared] == list(shared)
-    assert not {"keyframe", "threshold", "tolerance"} & set(found)
+    assert not {"start", "watch", "within", "must"} & set(found)
 
 
 def test_a_task_is_the_same_as_typed_and_as_data() -> None:
     typed_in = opt.task_of("home", "hold", "500ms", ["box"], ["slip=1mm", "spin=5%"])
     assert opt.task_of("home", "hold", 0.5, ("box",), {"slip": 1e-3, "spin": 0.05}) == typed_in
-    assert opt.task_of(within="1mm") == opt.task_of(within=["1mm"])
-    assert opt.task_of(watch="box") == opt.task_of(watch=["box"])
+    assert opt.task_of(tolerance="1mm") == opt.task_of(tolerance=["1mm"])
+    assert opt.task_of(observe="box") == opt.task_of(observe=["box"])
     for wrong in ({"slip": -1}, {"": 1}, {"slip": float("nan")}):
-        with pytest.raises(SweepFileError, match="is no tolerance"):
-            opt.task_of(within=wrong)
-    with pytest.raises(SweepFileError, match="is no time"):
+        with pytest.raises(SweepFileError, match="is not a tolerance"):
+            opt.task_of(tolerance=wrong)
+    with pytest.raises(SweepFileError, match="is not a time"):
         opt.task_of(duration=-1)
 
 
@@ -211,14 +211,13 @@ def test_a_listing_is_rows_by_column() -> None:
     assert html.count("<tr>") == len(listing) + 1
 
 
-def test_former_keywords_still_work(tmp_path: Path) -> None:
+def test_progress_is_reported_to_a_function(tmp_path: Path) -> None:
     done: list[tuple[int, int]] = []
-    former: Any = contactlab.sweep
-    store = former(
+    sweep: Any = contactlab.sweep
+    store = sweep(
         {"version": 1, "scene": "ball_drop", "duration": 0.05},
         output=tmp_path / "store",
         workers=0,
-        plugins=(),
         progress=lambda *counts: done.append(counts),  # pyright: ignore[reportUnknownLambdaType]
     )
     assert len(store.runs) == 1

@@ -28,7 +28,7 @@ def test_a_shipped_sweep(contactlab: Run) -> None:
 
 
 def test_options_change_the_sweep(contactlab: Run, small: Path) -> None:
-    options = ("--set", "timestep=1e-3,5e-3", "--set", "seeds=3", "--only", "drop_height=0.1")
+    options = ("--set", "timestep=1e-3,5e-3", "--set", "seeds=3", "--where", "drop_height=0.1")
     code, out, err = contactlab("sweep", small.name, "--workers", "0", "--format", "json", *options)
     assert code == 0, err
     assert json.loads(out)["runs"] == 6
@@ -81,7 +81,7 @@ MISTAKES = [
     (["sweep", "small.yaml", "--set", "timestep=nan"], "error[bad-value]: 'nan' is not a value of"),
     (["sweep", "small.yaml", "--set", "timestep"], "error["),
     (
-        ["sweep", "small.yaml", "--only", "timestep=7"],
+        ["sweep", "small.yaml", "--where", "timestep=7"],
         "error[value-not-swept]: 'timestep' never",
     ),
     (["sweep", "small.yaml", "--set", "scene=bal"], "error[unknown-scene]: no shipped scene named"),

@@ -111,7 +111,7 @@ def test_no_folder_with_files_is_written_into(contactlab: Run, swung: str, tmp_p
 
 
 def test_a_tolerance_that_nothing_meets_ends_in_1(contactlab: Run, swung: str) -> None:
-    code, out, err = contactlab("tradeoff", swung, "--within", "steps=1%")
+    code, out, err = contactlab("tradeoff", swung, "--tolerance", "steps=1%")
     assert code == 1
     assert "nothing is feasible" in out
     assert err == (
@@ -145,21 +145,21 @@ def test_a_figure_is_drawn(contactlab: Run, swung: str, tmp_path: Path) -> None:
 MISTAKES = [
     (["swung", "--error", "oracle_eror"], 2, "error: no number 'oracle_eror' in the table of swu"),
     (["swung", "--error", "error_peak"], 3, "error: no run in swung has a value of error_peak; "),
-    (["swung", "--within", "depth=1"], 2, "error: no number 'depth' in the table of swung"),
+    (["swung", "--tolerance", "depth=1"], 2, "error: no number 'depth' in the table of swung"),
     (
-        ["swung", "--within", "oracle_error"],
+        ["swung", "--tolerance", "oracle_error"],
         2,
-        "error: '--within oracle_error' is no tolerance; write",
+        "error: '--tolerance oracle_error' is not a tolerance; write",
     ),
     (
-        ["swung", "--within", "oracle_error=-1"],
+        ["swung", "--tolerance", "oracle_error=-1"],
         2,
-        "error: '--within oracle_error=-1' is no tolerance",
+        "error: '--tolerance oracle_error=-1' is not a tolerance",
     ),
     (
-        ["swung", "--within", "oracle_error=nan"],
+        ["swung", "--tolerance", "oracle_error=nan"],
         2,
-        "error: '--within oracle_error=nan' is no tolerance",
+        "error: '--tolerance oracle_error=nan' is not a tolerance",
     ),
     (["swung", "--figure", "chart.bmp"], 2, "error: chart.bmp: write a name that ends in .png or"),
     (["swung", "--figure", "no/chart.png"], 2, "error: cannot write no/chart.png: no folder no"),

@@ -144,20 +144,20 @@ def test_a_slow_run_only_warns_and_only_on_the_same_machine(
     assert check(report, "same cpu_model").outcome == "warned"
 
 
-def test_an_accepted_check(baseline: Path, runs: Runs, stored: Stored) -> None:
+def test_a_waived_check(baseline: Path, runs: Runs, stored: Stored) -> None:
     worse = runs()
     worse.measure(0, depth=2e-3)
     entry = {"check": "depth no worse", "max": 1, "reason": "softer", "until": "2026-06-30"}
-    rules = policy(accept=[entry])
+    rules = policy(waive=[entry])
     candidate = stored("worse", worse)
     report = compare(baseline, candidate, rules, today=date(2026, 6, 30))
     found = check(report, "depth no worse")
-    assert (report.exit_code, found.outcome, found.accepted) == (0, "noted", "softer")
-    assert "1 of 8 runs worse; accepted: softer" in as_text(report_of(report))
+    assert (report.exit_code, found.outcome, found.waived) == (0, "noted", "softer")
+    assert "1 of 8 runs worse; waived: softer" in as_text(report_of(report))
     assert compare(baseline, candidate, rules, today=date(2026, 7, 1)).exit_code == 1
     worse.measure(1, depth=2e-3)
     more = compare(baseline, stored("more", worse), rules, today=date(2026, 1, 1))
-    assert "accepted for 1, but 2 fall short (softer)" in check(more, "depth no worse").message
+    assert "waived for 1, but 2 fail (softer)" in check(more, "depth no worse").message
     assert more.exit_code == 1
 
 

@@ -168,7 +168,7 @@ def test_an_empty_store(runs: Runs, stored: Stored, tampering: Any, side: str) -
             {"metrics": {"depth": {"by": ["con"]}}},
             "is not an axis of the baseline; did you mean 'cone'",
         ),
-        ({"accept": [{"check": "depth", "max": 1, "reason": "x"}]}, "which is not a check"),
+        ({"waive": [{"check": "depth", "max": 1, "reason": "x"}]}, "which is not a check"),
         (
             {"labels": {"allow": [{"from": "stabel", "to": "chatter", "max": 1, "reason": "x"}]}},
             "no such label; did you mean 'stable'?",

@@ -12,18 +12,18 @@ from hypothesis import strategies as st
 
 from contactlab.comparison.compare_stores import compare
 from contactlab.errors import PolicyError, SweepFileError
-from contactlab.judge.acceptances import accept, acceptance
 from contactlab.judge.policies import effective_rule, kind_of
+from contactlab.judge.waivers import add_waivers, waivers_for
 from contactlab.plan.sweep_file import read_yaml_as
 from contactlab.schema.comparison import ComparePolicy
-from contactlab.schema.finding import Acceptance
+from contactlab.schema.finding import Waiver
 from contactlab.store.table_layout import REAL, Column
 
 Runs = Callable[[], Any]
 Stored = Callable[..., Path]
 read_policy = partial(read_yaml_as, kind=ComparePolicy)
 POLICY = """\
-# What our robot accepts.
+# Waivers of our robot.
 version: 1
 match: axes   # the scene is edited daily
 metrics:
@@ -105,8 +105,8 @@ def test_all_mistakes_at_once_with_their_places(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "line",
     [
-        "accept: [{check: x, max: 1}]",
-        "accept: [{check: x, max: 1, reason: ''}]",
+        "waive: [{check: x, max: 1}]",
+        "waive: [{check: x, max: 1, reason: ''}]",
         "labels: {allow: [{from: a, to: b, max: 1}]}",
         "labels: {severity: [a, a]}",
         "metrics: {depth: {rel: -1}}",
@@ -120,7 +120,7 @@ def test_what_no_policy_may_say(tmp_path: Path, line: str) -> None:
         read_policy(path)
 
 
-def test_accepting_keeps_the_files_comments(
+def test_waiving_keeps_the_comments_of_the_file(
     tmp_path: Path, baseline: Path, runs: Runs, stored: Stored
 ) -> None:
     path = tmp_path / "policy.yaml"
@@ -129,32 +129,32 @@ def test_accepting_keeps_the_files_comments(
     worse.measure(0, slip=0.6)
     candidate = stored("worse", worse)
     report = compare(baseline, candidate, read_policy(path))
-    accept(
+    add_waivers(
         path,
-        acceptance(report.findings, "slip unchanged", " pads were replaced ", date(2027, 1, 1)),
+        waivers_for(report.findings, "slip unchanged", " pads were replaced ", date(2027, 1, 1)),
     )
     text = path.read_text()
     for line in POLICY.splitlines():
         assert line.partition("#")[2] in text
-    (entry,) = read_policy(path).accept
+    (entry,) = read_policy(path).waive
     assert (entry.check, entry.max, entry.reason) == ("slip unchanged", 1, "pads were replaced")
     assert compare(baseline, candidate, read_policy(path), today=date(2027, 1, 1)).exit_code == 0
     worse.measure(1, slip=0.6)
     again = compare(baseline, stored("more", worse), read_policy(path), today=date(2026, 1, 1))
-    accept(path, acceptance(again.findings, "slip unchanged", "both were", None))
-    (entry,) = read_policy(path).accept
+    add_waivers(path, waivers_for(again.findings, "slip unchanged", "both were", None))
+    (entry,) = read_policy(path).waive
     assert (entry.max, entry.reason, entry.until) == (2, "both were", None)
 
 
-def test_accepting_makes_a_file_where_there_is_none(
+def test_waiving_creates_a_missing_file(
     tmp_path: Path, baseline: Path, runs: Runs, stored: Stored
 ) -> None:
     worse = runs()
     worse.measure(0, depth=2e-3)
     report = compare(baseline, stored("worse", worse))
     path = tmp_path / "new.yaml"
-    accept(path, acceptance(report.findings, "depth no worse", "known", None))
-    assert [entry.check for entry in read_policy(path).accept] == ["depth no worse"]
+    add_waivers(path, waivers_for(report.findings, "depth no worse", "known", None))
+    assert [entry.check for entry in read_policy(path).waive] == ["depth no worse"]
 
 
 @pytest.mark.parametrize(
@@ -165,18 +165,18 @@ def test_accepting_makes_a_file_where_there_is_none(
         ("depth no worse", "x", "did not fail"),
     ],
 )
-def test_what_cannot_be_accepted(
+def test_waivers_that_are_refused(
     baseline: Path, runs: Runs, stored: Stored, name: str, reason: str, message: str
 ) -> None:
     report = compare(baseline, stored("same", runs()))
     with pytest.raises(PolicyError) as raised:
-        acceptance(report.findings, name, reason, None)
+        waivers_for(report.findings, name, reason, None)
     assert message in str(raised.value)
 
 
 NAMES = st.sampled_from(["no new chatter", "depth", "grip"])
 ACCEPTED = st.builds(
-    Acceptance,
+    Waiver,
     check=NAMES,
     group=st.sampled_from([None, "a", "b"]),
     max=st.integers(1, 9),
@@ -187,19 +187,19 @@ ACCEPTED = st.builds(
 
 @settings(max_examples=10)
 @given(st.lists(st.lists(ACCEPTED, min_size=1, max_size=2), min_size=1, max_size=4))
-def test_what_was_accepted_stays_until_it_is_accepted_anew(
-    tmp_path_factory: pytest.TempPathFactory, times: list[list[Acceptance]]
+def test_a_waiver_stays_until_it_is_replaced(
+    tmp_path_factory: pytest.TempPathFactory, times: list[list[Waiver]]
 ) -> None:
     """One entry for each check and group, the last one given; what else the file says stays."""
     path = tmp_path_factory.mktemp("policy") / "policy.yaml"
     path.write_text("# Ours.\nversion: 1\nlabels: {level: warn}\n")
-    expected = dict[tuple[str, str | None], Acceptance]()
+    expected = dict[tuple[str, str | None], Waiver]()
     for entries in times:
-        accept(path, entries)
+        add_waivers(path, entries)
         for entry in entries:
             expected.pop((entry.check, entry.group), None)
             expected[entry.check, entry.group] = entry
     policy = read_yaml_as(path, ComparePolicy)
-    assert list(policy.accept) == [*expected.values()]
+    assert list(policy.waive) == [*expected.values()]
     assert policy.labels.level == "warn"
     assert path.read_text().startswith("# Ours.\n")

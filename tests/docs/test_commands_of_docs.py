@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import typer.main
 
-from contactlab.command_line.front_door import completed
+from contactlab.command_line.front_door import complete_words
 from contactlab.command_line.main import command_line
 from contactlab.plan.sweep_file import read_sweep
 from contactlab.resources import scene_names
@@ -37,7 +37,7 @@ SHOWN = [pytest.param(line, id=f"{page.stem}: {line}") for page in PAGES for lin
 
 def parse(line: str) -> None:
     """Parse a command line as the command does that it names; what is not known raises."""
-    words = completed(shlex.split(line, comments=True)[1:])
+    words = complete_words(shlex.split(line, comments=True)[1:])
     # What a pipe or a redirection follows is the shell's.
     words = words[: next((at for at, each in enumerate(words) if each in SHELL), len(words))]
     command: Any = typer.main.get_command(command_line())

@@ -41,7 +41,7 @@ def _sweep_page(name: str, folder: Path) -> Path:
     from contactlab.schema.evidence import Provenance
 
     with made_up_machine(), counted_time():
-        store = contactlab.sweep(name, output=name, only=SWEEPS[name], workers=0)
+        store = contactlab.sweep(name, output=name, where=SWEEPS[name], workers=0)
     then = THEN.isoformat(timespec="milliseconds")
     known = {"provenance": Provenance.model_validate(MACHINE), "started": then, "finished": then}
     store = replace(store, manifest=store.manifest.model_copy(update=known))

@@ -80,7 +80,7 @@ def simulated(name: str, folder: Path) -> tuple[Items, Items]:
     source = find_sweep(name)
     written = _with_traces(source)
     with made_up_machine():
-        store = contactlab.sweep(written, output=folder / name, only=SWEEPS[name], workers=0)
+        store = contactlab.sweep(written, output=folder / name, where=SWEEPS[name], workers=0)
     runs, words = dict[str, Facts](), dict[str, Facts]()
     for record in store.records():
         data = store.trace_messages(record)

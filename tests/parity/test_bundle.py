@@ -78,7 +78,7 @@ def test_a_defect_elsewhere_is_found(tmp_path: Path, text: str, defect: str, sta
 
 def test_options_of_the_command_are_kept(tmp_path: Path) -> None:
     bundle, folder = bundled(
-        tmp_path, SLIDE, assign=["timestep=0.001"], only=["friction.slide=0.5"], limit=1
+        tmp_path, SLIDE, assign=["timestep=0.001"], where=["friction.slide=0.5"], limit=1
     )
     assert [(each.timestep, each.solver) for each in bundle.runs] == [
         (0.001, {"enable_multiccd": hasattr(mujoco.mjtDisableBit, "mjDSBL_MULTICCD")})

@@ -105,10 +105,10 @@ def test_an_engine_that_fails_is_not_compared(parity: Parity) -> None:
 
 
 @pytest.mark.long
-def test_a_policy_may_allow_more_and_accept_a_difference(parity: Parity) -> None:
-    accepted = {"check": "stages agree", "max": 1, "reason": "another friction on purpose"}
+def test_a_policy_may_allow_more_and_waive_a_difference(parity: Parity) -> None:
+    waiver = {"check": "stages agree", "max": 1, "reason": "another friction on purpose"}
     rules = {name: {"rel": 1.0} for name in ("success", "penetration_mean", "energy")}
-    report = parity(INCLINE, "friction", accept=[accepted], metrics=rules)
+    report = parity(INCLINE, "friction", waive=[waiver], metrics=rules)
     assert (report.exit_code, report.verdicts) == (0, {"different": 1})
 
 

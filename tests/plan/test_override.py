@@ -132,15 +132,15 @@ def test_a_mistake_is_marked_in_the_argument(
 def test_a_filter_that_no_run_passes_is_marked(
     mistakes: Mistakes, option: str, code: str, marked: str
 ) -> None:
-    assert mistakes(BODY, only=[option]) == [(code, marked)]
+    assert mistakes(BODY, where=[option]) == [(code, marked)]
 
 
 def test_filters_must_all_hold(read: Reader) -> None:
-    plan = read(BODY, only=["cone=elliptic", "iterations=2"]).plan
+    plan = read(BODY, where=["cone=elliptic", "iterations=2"]).plan
     kept = [(run.values["cone"], run.values["iterations"]) for run in plan.runs()]
     assert kept == [("elliptic", 2)] * 2
 
 
 def test_options_and_file_are_checked_in_one_pass(mistakes: Mistakes) -> None:
-    found = mistakes("axes: {timestp: [1]}", assign=["con=1"], only=["cnoe=1"])
-    assert [marked for _, marked in found] == ["timestp", "cnoe", "con"]
+    found = mistakes("axes: {timestp: [1]}", assign=["con=1"], where=["cnoe=1"])
+    assert [marked for _, marked in found] == ["timestp", "con", "cnoe"]

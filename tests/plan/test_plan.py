@@ -106,7 +106,7 @@ def test_only_equals_a_filter(read: Reader, sweep: dict[str, Any], data: st.Data
     body = "".join(f"{key}: {json.dumps(part)}\n" for key, part in sweep.items())
     option = f"{name}={','.join(str(value) for value in values)}"
     expected = [(row, seed) for row, seed in rows if row.get(name) in values]
-    assert listed(read(body, only=[option]).plan) == expected
+    assert listed(read(body, where=[option]).plan) == expected
 
 
 def test_an_expression_excludes_what_it_holds_for(read: Reader) -> None:
@@ -156,13 +156,13 @@ def test_effects_hold_in_every_run_unless_a_row_says_otherwise(read: Reader) -> 
         {"multiccd": False},
         {"multiccd": True, "iterations": 2},
     ]
-    kept = [dict(run.values) for run in read(body, only=["multiccd=false"]).plan.runs()]
+    kept = [dict(run.values) for run in read(body, where=["multiccd=false"]).plan.runs()]
     assert kept == [{"multiccd": False}]
 
 
 def test_only_on_an_included_axis_leaves_no_product(read: Reader) -> None:
     body = "axes: {cone: [elliptic]}\ninclude: [{timestep: 1e-3}, {timestep: 2e-3}]"
-    assert listed(read(body, only=["timestep=2e-3"]).plan) == [({"timestep": 2e-3}, 0)]
+    assert listed(read(body, where=["timestep=2e-3"]).plan) == [({"timestep": 2e-3}, 0)]
 
 
 def test_axes_have_roles_and_different_values(read: Reader) -> None:

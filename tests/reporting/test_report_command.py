@@ -49,7 +49,7 @@ def test_figures_are_listed(swept: Swept, tmp_path: Path) -> None:
         (("-o", "page.pdf"), OutputError, "ends in .html"),
         (("-o", "nowhere/page.html"), OutputError, "no folder nowhere"),
         (("--traces", "some"), OutputError, "a number of runs, all or none"),
-        (("--within", "oracle_error"), SweepFileError, "METRIC=VALUE"),
+        (("--tolerance", "oracle_error"), SweepFileError, "METRIC=VALUE"),
         (("--figures", "new", "--format", "gif"), OutputError, "png, svg, pdf"),
         (("--run", "0123"), OutputError, "write --live too"),
         (("--live", "--parity", "file.json"), OutputError, "--parity is not of a page"),

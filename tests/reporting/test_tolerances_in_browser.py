@@ -169,7 +169,7 @@ def test_a_tolerance_of_any_metric_can_be_added(
     seen.page.fill("tr[data-name=solver_iterations_mean] input", "1e-9")
     assert analysed(store, solver_iterations_mean=1e-9).recommendation is None
     assert "No configuration is feasible" in text(seen.page, "#recommendation-text")
-    assert "--within solver_iterations_mean=1e-9" in text(seen.page, "#tradeoff-command")
+    assert "--tolerance solver_iterations_mean=1e-9" in text(seen.page, "#tradeoff-command")
     assert seen.complaints == []
 
 

@@ -113,7 +113,7 @@ def test_only_the_culprit_is_labelled(
 def test_a_slow_run_times_out(command: Any, stack: str, tmp_path: Path) -> None:
     slow = stack.replace("duration: 0.1", "duration: 30\ntimeout: 0.05")
     (tmp_path / "slow.yaml").write_text(slow)
-    only = ("--set", "seeds=1", "--set", "timestep=2e-3", "--only", "solver=Newton")
+    only = ("--set", "seeds=1", "--set", "timestep=2e-3", "--where", "solver=Newton")
     code, out, err = command.run(
         *("sweep", "slow.yaml", "-o", "store", "--workers", "1", "--format", "json", *only)
     )

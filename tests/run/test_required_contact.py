@@ -201,7 +201,7 @@ def test_mistakes_of_a_scene_are_named(tmp_path: Path, must: str, message: str) 
         ("presses(box, 1..2..3 N)", "is no range here"),
         ("rolls(box, first)", "'rolls' is written rolls(ball)"),
         ("slides(box, middle)", "'slides' is written slides(box, first)"),
-        ("shallow(box, 1 N)", "'1 N' is no tolerance here"),
+        ("shallow(box, 1 N)", "'1 N' is not a tolerance here"),
         ("sticks(box, from: 1 +)", "`from: 1 +` is no time"),
     ],
 )

@@ -178,8 +178,8 @@ def test_a_falling_peg_passes_the_hole_that_it_is_above_of(tmp_path: Path, hole:
         ("hovers(box)", "write one of held(mug, by: hand), still(box, 1 mm)"),
         ("still(box", "is not whole; write still(box, 1 mm)"),
         ("still()", "'still' is written still(box, 1 mm)"),
-        ("still(box, 1 kg)", "'1 kg' is no tolerance here"),
-        ("upright(box, 3 mm)", "'3 mm' is no tolerance here"),
+        ("still(box, 1 kg)", "'1 kg' is not a tolerance here"),
+        ("upright(box, 3 mm)", "'3 mm' is not a tolerance here"),
         ("slides(box, 1 mm)", "'slides' is written"),
         ("held(mug)", "needs `by:`"),
         ("still(mug, by: hand)", "takes no `by:`"),
@@ -214,7 +214,7 @@ def test_names_and_times_are_those_of_the_model(tmp_path: Path, text: str, said:
         record_of(tmp_path, slope(0.1, 1), [text])
     assert said in str(refused.value)
     with pytest.raises(SweepFileError) as refused:
-        contactlab.check(tmp_path / "model.xml", must=text, duration=1, output=tmp_path / "c")
+        contactlab.check(tmp_path / "model.xml", require=text, duration=1, output=tmp_path / "c")
     assert said in str(refused.value)
 
 
@@ -238,15 +238,15 @@ def test_check_and_stability_fail_what_must_hold_and_say_why(tmp_path: Path) -> 
     keys: dict[str, Any] = {"duration": "0.3s", "drive": "none", "workers": 0}
     must = ["still(box, 1 mm)", "stays(box, 2 m)"]
     model, folder = tmp_path / "model.xml", tmp_path / "check"
-    report = contactlab.check(model, only=["must"], must=must, output=folder, **keys)
+    report = contactlab.check(model, only=["must"], require=must, output=folder, **keys)
     (result,) = report.checks
     assert (report.sound, result.verdict) == (False, "fail")
     assert [note.split(" by ")[0] for note in result.notes] == [
         f"seed {seed}: still(box, 1 mm): moves" for seed in range(3)
     ]
-    met = contactlab.check(model, only=["must"], must=must[1], output=folder, **keys)
+    met = contactlab.check(model, only=["must"], require=must[1], output=folder, **keys)
     assert met.sound
-    held = contactlab.stability([model], must=must, output=folder, **keys)
+    held = contactlab.stability([model], require=must, output=folder, **keys)
     assert isinstance(held, Examination)
     assert not held.sound
     (label,) = held.labels
@@ -257,16 +257,18 @@ def test_check_and_stability_fail_what_must_hold_and_say_why(tmp_path: Path) -> 
 def test_what_would_be_ignored_is_refused_with_what_to_write(tmp_path: Path) -> None:
     record_of(tmp_path, slope(0.1, 1), [], 0.05)
     store = tmp_path / "store"
-    parts = {"within": "10%", "watch": "box", "must": "still(box)", "duration": "1s"}
+    parts = {"tolerance": "10%", "observe": "box", "require": "still(box)", "duration": "1s"}
     for name, value in parts.items():
         part: dict[str, Any] = {name: value}
         with pytest.raises(SweepFileError, match=f"--{name} would be ignored: the runs of") as said:
             contactlab.tradeoff(store, **part)
         assert "\n" not in str(said.value)
-    with pytest.raises(SweepFileError, match=r"--within would be .* write --within METRIC=VALUE"):
-        contactlab.report(store, within="10%")
+    with pytest.raises(
+        SweepFileError, match=r"--tolerance would be .* write --tolerance METRIC=VALUE"
+    ):
+        contactlab.report(store, tolerance="10%")
     with pytest.raises(SweepFileError, match="'pile' is a case"):
-        contactlab.stability(["pile"], watch="box")
+        contactlab.stability(["pile"], observe="box")
 
 
 def test_an_ablation_keeps_what_must_hold_in_every_run(tmp_path: Path) -> None:
@@ -274,7 +276,7 @@ def test_an_ablation_keeps_what_must_hold_in_every_run(tmp_path: Path) -> None:
     sweep = {"version": 1, "scene": "model.xml", "must": "still(box)"}
     (tmp_path / "sweep.yaml").write_text(json.dumps(sweep), encoding="utf-8")
     of_file = EffectsRequest(str(tmp_path / "sweep.yaml")).setup
-    said = TaskOptions(must=("stays(box)", "upright(box)"))
+    said = TaskOptions(require=("stays(box)", "upright(box)"))
     of_flag = EffectsRequest(str(tmp_path / "sweep.yaml"), task=said).setup
     assert sweep_of(of_file, [{}], {})["must"] == ["still(box)"]
     assert sweep_of(of_flag, [{}], {})["must"] == ["stays(box)", "upright(box)"]

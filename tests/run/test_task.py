@@ -159,9 +159,9 @@ def test_a_body_that_is_not_there_is_named_with_the_nearest(tmp_path: Path) -> N
 def test_options_have_units() -> None:
     read = read_task_options("home", None, "500ms", ["box"], ["5deg", "slip=1mm", "share=3%"])
     assert read.settings == ["keyframe=home", "duration=0.5"]
-    assert read.within == (pytest.approx(np.deg2rad(5)), "rad")
+    assert read.tolerance == (pytest.approx(np.deg2rad(5)), "rad")
     assert read.limits == {"slip": 1e-3, "share": 0.03}
-    assert read_task_options(within=["10%"]).within == (0.1, "1")
+    assert read_task_options(tolerance=["10%"]).tolerance == (0.1, "1")
 
 
 @pytest.mark.night

@@ -41,17 +41,17 @@ def test_watched_bodies_and_the_share_decide(tmp_path: Path) -> None:
             model, only=["task"], workers=0, output=folder, duration="1.5s", **task
         )
 
-    whole, slow = checked(), checked(watch=["slow"])
+    whole, slow = checked(), checked(observe=["slow"])
     assert whole.verdict
     assert slow.verdict
     shares = [max(phase.share or 0 for phase in x.phases) for x in (whole.verdict, slow.verdict)]
     assert {phase.body for phase in slow.verdict.phases} == {"slow"}
     assert shares[1] < shares[0]
     between = f"{50 * sum(shares):.6g}%"
-    assert not checked(within=[between]).sound
-    assert checked(within=[between], watch=["slow"]).sound
+    assert not checked(tolerance=[between]).sound
+    assert checked(tolerance=[between], observe=["slow"]).sound
     with pytest.raises(EngineError, match="none of the watched bodies moves"):
-        checked(watch=["world"])
+        checked(observe=["world"])
 
 
 @pytest.mark.parametrize(
@@ -98,6 +98,6 @@ def test_a_dependence_on_the_step_is_of_all_seeds_together(mean: float, kept: li
 
 def test_a_length_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SweepFileError, match="share of the real forces"):
-        contactlab.check(written(tmp_path), within="1mm")
+        contactlab.check(written(tmp_path), tolerance="1mm")
     with pytest.raises(SweepFileError, match="share of the real forces"):
-        contactlab.stability([written(tmp_path)], within="1mm")
+        contactlab.stability([written(tmp_path)], tolerance="1mm")

@@ -48,8 +48,6 @@ Given = Mapping[str, Any]
 Show = Callable[[Any, Given], None]
 """Prints what a command returned."""
 
-# Keywords of Python's functions up to 0.2.
-_FORMER = {"plugins": "plugin"}
 _Parameters = ParamSpec("_Parameters")
 _Result = TypeVar("_Result")
 
@@ -139,9 +137,9 @@ def command(
 
         @wraps(function)
         def call(*args: _Parameters.args, **given: _Parameters.kwargs) -> _Result:
-            former: dict[str, Any] = {_FORMER.get(key, key): given[key] for key in given}
-            with progress(former.pop("progress", None)):
-                return function(*args, **former)  # pyright: ignore[reportCallIssue]
+            own: dict[str, Any] = dict(given)
+            with progress(own.pop("progress", None)):
+                return function(*args, **own)  # pyright: ignore[reportCallIssue]
 
         if function.__code__.co_flags & inspect.CO_VARKEYWORDS:
             call.__dict__["__signature__"] = _spelled_out(inspect.signature(function))

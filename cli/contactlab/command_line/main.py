@@ -13,7 +13,7 @@ import typer
 from typer.core import TyperGroup
 
 from contactlab.command_line.declaration import TITLES, Command, Group, declared
-from contactlab.command_line.front_door import completed
+from contactlab.command_line.front_door import complete_words
 from contactlab.command_line.modules import command_modules, commands_of
 from contactlab.command_line.parser import misunderstood, typed
 from contactlab.command_line.terminal import echo, notice, say
@@ -133,7 +133,7 @@ def main() -> None:
     os.environ["PYTHONSAFEPATH"] = "1"
     warnings.formatwarning = lambda message, *_: f"warning: {printable(str(message))}\n"
     try:
-        words = completed(sys.argv[1:])
+        words = complete_words(sys.argv[1:])
         app = command_line(words[0] if words else _HELP[0])
         try:
             code = app(words, prog_name="contactlab", standalone_mode=False)

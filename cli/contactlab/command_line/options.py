@@ -1,6 +1,6 @@
-"""Parameters that several commands share, each once, and what their values mean.
+"""Parameters that several commands share, and how their values are read.
 
-A value may be as typed, or what Python has: `{"slip": 1e-3}` for `["hold_slip=1mm"]`.
+A value is text of the command line or data of Python: `{"slip": 1e-3}` for `["slip=1mm"]`.
 """
 
 import json
@@ -73,11 +73,11 @@ Set = Annotated[
         kind=list[str],
     ),
 ]
-Only = Annotated[
+Where = Annotated[
     Settings,
-    Option("NAME=VALUE", "Keep runs with a value: cone=elliptic; may be repeated.", kind=list[str]),
+    Option("NAME=VALUE", "Run only these values: cone=elliptic; may be repeated.", kind=list[str]),
 ]
-Limit = Annotated[int | None, Option("N", "Keep the first N runs.", least=1)]
+Limit = Annotated[int | None, Option("N", "Run only the first N runs.", least=1)]
 Workers = Annotated[
     int | None,
     Option(None, "Worker processes; by default one per core, 0 for none.", least=0),
@@ -90,51 +90,51 @@ Mujoco = Annotated[
     ),
 ]
 # The task, in every command that judges a model.
-Start = Annotated[
+Keyframe = Annotated[
     str | None,
-    Option("KEYFRAME", "Where runs start: a keyframe, or qpos0, the model's default pose."),
+    Option("NAME", "Keyframe where runs start, or qpos0, the model's default pose."),
 ]
 Drive = Annotated[
     str | None,
     Option(
         "DRIVE",
-        "What drives the runs: auto, none, hold, exercise, noise=0.3,rate=10, file or policy.",
+        "Controls: auto, none, hold, exercise, noise=0.3,rate=10, a file or a policy.",
     ),
 ]
 Duration = Annotated[
     float | str | None, Option("TIME", "Simulated time of a run: 2s, 500ms.", kind=str)
 ]
-Watch = Annotated[
+Observe = Annotated[
     Sequence[str],
-    Option("BODY", "Body that is watched; all by default; may be repeated.", kind=list[str]),
+    Option("BODY", "Observed body; all by default; may be repeated.", kind=list[str]),
 ]
-Within = Annotated[
+Tolerance = Annotated[
     Tolerances,
     Option(
         "TOLERANCE",
-        "Tolerance: a share or a length, 10% or 1mm; of a metric, hold_slip=1mm; may be repeated.",
+        "Largest error: 10% or 1mm; of a metric, hold_slip=1mm; may be repeated.",
         kind=list[str],
     ),
 ]
-Must = Annotated[
+Require = Annotated[
     Sequence[str],
     Option(
-        "WORDS",
-        "What has to hold: 'still(box, 1 mm)', 'held(mug, by: hand)'; may be repeated.",
+        "REQUIREMENT",
+        "Requirement: 'still(box, 1 mm)', 'held(mug, by: hand)'; may be repeated.",
         kind=list[str],
     ),
 ]
 
 
 class TaskParameters(TypedDict, total=False):
-    """What replaces parts of the task that a model is judged on: see `task_of`."""
+    """Options that replace parts of a model's task; see `task_of`."""
 
-    start: Start
+    keyframe: Keyframe
     drive: Drive
     duration: Duration
-    watch: Watch
-    within: Within
-    must: Must
+    observe: Observe
+    tolerance: Tolerance
+    require: Require
 
 
 AllowCode = Annotated[bool, flag("Run policies and environments, which are code: trust them.")]
@@ -148,11 +148,11 @@ Plugins = Annotated[
 ]
 ErrorMetric = Annotated[
     str | None,
-    Option("METRIC", "Measure of accuracy: error_final, oracle_error or any metric."),
+    Option("NAME", "Metric of accuracy: error_final, oracle_error or any other."),
 ]
-MaxTime = Annotated[float | str, Option("TIME", "How long it may take: 90s, 5min, 1h.", kind=str)]
+MaxTime = Annotated[float | str, Option("TIME", "Time limit: 90s, 5min, 1h.", kind=str)]
 MaxCpu = Annotated[
-    float | str, Option("TIME", "How much CPU it may take, the page included: 60s, 5min.", kind=str)
+    float | str, Option("TIME", "Limit of CPU time, with the page: 60s, 5min.", kind=str)
 ]
 Figure = Annotated[
     str | Path | None, Option("FILE", "Draw the result: a .png or .svg file.", kind=Path)
@@ -168,7 +168,7 @@ ReportFiles = Annotated[
 ]
 Policy = Annotated[
     str | Path | None,
-    Option("FILE", "Policy file: tolerances, and what fails the job.", kind=Path),
+    Option("FILE", "Policy file: tolerances, gates and waivers.", kind=Path),
 ]
 
 
@@ -239,32 +239,32 @@ def mention_damage(store: "Store") -> None:
 
 
 def refuse_parts(task: "TaskOptions", parts: Sequence[str], instead: str) -> None:
-    """Refuse parts of a task that a command would not heed; `instead` says what to write."""
-    given = [name for name in parts if getattr(task, name) not in (None, ())]
-    if given:
-        raise SweepFileError(f"--{given[0]} would be ignored: {instead}")
+    """Refuse the parts of a task that a command ignores; `instead` says what to write."""
+    ignored = [name for name in parts if getattr(task, name) not in (None, ())]
+    if ignored:
+        raise SweepFileError(f"--{ignored[0]} would be ignored: {instead}")
 
 
 def task_of(
-    start: str | None = None,
+    keyframe: str | None = None,
     drive: str | None = None,
     duration: float | str | None = None,
-    watch: Sequence[str] = (),
-    within: Tolerances = (),
-    must: Sequence[str] = (),
+    observe: Sequence[str] = (),
+    tolerance: Tolerances = (),
+    require: Sequence[str] = (),
 ) -> "TaskOptions":
-    """Return the task that parameters state; a SweepFileError says which is wrong."""
+    """Read the task of a command's parameters; a SweepFileError names the wrong one."""
     from contactlab.plan.task_options import read_task_options
 
-    if isinstance(within, Mapping):
-        within = [f"{name}={value}" for name, value in within.items()]
+    if isinstance(tolerance, Mapping):
+        tolerance = [f"{name}={value}" for name, value in tolerance.items()]
     task = read_task_options(
-        start,
+        keyframe,
         drive,
         None if duration is None else str(duration),
-        [watch] if isinstance(watch, str) else watch,
-        [within] if isinstance(within, str) else within,
-        [must] if isinstance(must, str) else must,
+        [observe] if isinstance(observe, str) else observe,
+        [tolerance] if isinstance(tolerance, str) else tolerance,
+        [require] if isinstance(require, str) else require,
     )
     if any(task.units.values()):
         _check_units(task)
@@ -272,11 +272,11 @@ def task_of(
 
 
 def _check_units(task: "TaskOptions") -> None:
-    """Check that limits of metrics are in units of these."""
+    """Check that limits of metrics have the units of these metrics."""
     from contactlab.measure import METRICS
 
     for name, unit in task.units.items():
         own = METRICS[name].unit if name in METRICS else "any"
         if unit and own not in (unit, "any"):
             like = "a plain number" if own == "1" else f"a number in {own}"
-            raise SweepFileError(f"--within {name}: write {like}, not in {unit}")
+            raise SweepFileError(f"--tolerance {name}: write {like}, not in {unit}")

@@ -10,7 +10,7 @@ from contactlab.commands.examine import FORMATS, examined, failure
 
 if TYPE_CHECKING:
     from contactlab.schema.examination import Examination
-    from contactlab.schema.finding import Acceptance
+    from contactlab.schema.finding import Waiver
 
 
 @command(
@@ -29,7 +29,7 @@ def check(
     ] = (),
     output: opt.ExaminationOutput = None,
     accept: Annotated[
-        "str | Path | Sequence[Acceptance] | None",
+        "str | Path | Sequence[Waiver] | None",
         Option("FILE", "File of findings that are accepted, with reasons.", kind=Path),
     ] = None,
     workers: opt.Workers = None,
@@ -62,11 +62,11 @@ def check(
 
 
 def _accepted(
-    accept: "str | Path | Sequence[Acceptance] | None",
-) -> "Sequence[Acceptance]":
+    accept: "str | Path | Sequence[Waiver] | None",
+) -> "Sequence[Waiver]":
     from contactlab.plan.sweep_file import read_yaml_as
-    from contactlab.schema.finding import Acceptances
+    from contactlab.schema.finding import Waivers
 
     if isinstance(accept, str | Path):
-        return read_yaml_as(Path(accept), Acceptances).accept
+        return read_yaml_as(Path(accept), Waivers).waive
     return accept or ()

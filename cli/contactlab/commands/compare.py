@@ -62,29 +62,28 @@ def compare(
         str | Path | None,
         Option(None, "Python that times the candidate's runs; by default this one.", kind=Path),
     ] = None,
-    accept: Annotated[
-        str | None, Option("CHECK", "Accept a failed check: add it to the policy file.")
+    waive: Annotated[
+        str | None, Option("CHECK", "Waive a failed check: add it to the policy file.")
     ] = None,
-    reason: Annotated[str, Option(None, "Why it is accepted.")] = "",
+    reason: Annotated[str, Option(None, "Why the check is waived.")] = "",
     until: Annotated[
         date | None,
-        Option(None, "Last day on which it is accepted.", kind=datetime, formats=("%Y-%m-%d",)),
+        Option(None, "Last day of the waiver.", kind=datetime, formats=("%Y-%m-%d",)),
     ] = None,
 ) -> "ComparisonReport":
     """Compare a store with a baseline; exit with 1 if a gate fails.
 
-    The policy says what counts as regressed, what fails, and, unless `match` does, how runs are
-    paired. The engine is not loaded, unless runs are timed again. With a control, outcomes of the
-    candidate are compared with the control's.
+    The policy defines regressions, gates and, without `match`, the pairing of runs. The engine is
+    loaded only to time runs again. With a control, outcomes of the candidate are compared with
+    those of the control.
 
     Raises:
         StoreError: a store is not sound, or the stores have no run in common.
-        PolicyError: the policy asks for what the stores do not have.
+        PolicyError: the policy names something that the stores do not have.
     """
     from contactlab.comparison.compare_stores import compare as compare_stores
     from contactlab.comparison.compare_stores import unreadable_report
-    from contactlab.judge.acceptances import accept as add_accepted
-    from contactlab.judge.acceptances import acceptance
+    from contactlab.judge.waivers import add_waivers, waivers_for
 
     targets = files_to_write(output)
     given = {"match": match, "baseline_digest": baseline_digest}
@@ -92,12 +91,12 @@ def compare(
     stores = opt.address_of(baseline), opt.address_of(candidate)
     arm = None if control is None else opt.address_of(control)
     run = partial(compare_stores, *stores, control=arm, thorough=thorough, remeasure=timers)
-    if accept is not None:
+    if waive is not None:
         if policy is None:
-            raise PolicyError("--accept adds to a policy file; name it with --policy FILE")
+            raise PolicyError("--waive adds to a policy file; name it with --policy FILE")
         before = run(policy_of(policy if Path(policy).exists() else None, given))
         day = until.date() if isinstance(until, datetime) else until
-        add_accepted(Path(policy), acceptance(before.findings, accept, reason, day))
+        add_waivers(Path(policy), waivers_for(before.findings, waive, reason, day))
     rules = policy_of(policy, given)
     try:
         report = run(rules)

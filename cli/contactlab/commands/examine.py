@@ -212,7 +212,7 @@ def _filmed(report: "Examination", file: Path) -> Path | None:
 
 @command(
     "examine",
-    examples=("examine robot.xml", "robot.xml --within 30% --write sound/robot.xml"),
+    examples=("examine robot.xml", "robot.xml --tolerance 30% --write sound/robot.xml"),
     formats=FORMATS,
     failure=failure,
 )

@@ -54,7 +54,7 @@ def explain(
         ),
     ],
     *,
-    start: opt.Start = None,
+    keyframe: opt.Keyframe = None,
     drive: opt.Drive = None,
     duration: opt.Duration = None,
     plugin: opt.Plugins = (),
@@ -80,7 +80,7 @@ def explain(
         return Explanation("\n\n".join(map(define, names)))
     if len(names) != 1:
         raise SweepFileError(f"{' '.join(assign)}: name one model after it")
-    task = opt.task_of(start, drive, duration)
+    task = opt.task_of(keyframe, drive, duration)
     split = dict(each.split("=", 1) for each in assign)
     words = read_words({name: text for name, text in split.items() if name in WORDS})
     other = [f"{name}={text}" for name, text in split.items() if name not in WORDS]

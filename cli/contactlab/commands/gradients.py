@@ -63,7 +63,7 @@ def gradients(
         int | None,
         Option("N", "By how much finer steps the model is told; 4, on a map 2.", least=2),
     ] = None,
-    start: opt.Start = None,
+    keyframe: opt.Keyframe = None,
     drive: opt.Drive = None,
     duration: opt.Duration = None,
     figure: opt.Figure = None,
@@ -93,7 +93,7 @@ def gradients(
         _listed(also),
         within,
         finer,
-        opt.task_of(start, drive, duration),
+        opt.task_of(keyframe, drive, duration),
     )
     with study_session(opt.study_folder("gradients", source, output), workers) as session:
         report = run(request, session)

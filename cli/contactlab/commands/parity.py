@@ -85,7 +85,7 @@ def parity(
         Option("FOLDER", "Judge the results of a bundle's script there.", kind=Path),
     ] = None,
     set: opt.Set = (),
-    only: opt.Only = (),
+    where: opt.Where = (),
     limit: opt.Limit = None,
     with_: Annotated[
         opt.Settings,
@@ -120,7 +120,7 @@ def parity(
         raise SweepFileError(
             "give SWEEP with --against ENGINE or with --bundle FOLDER, or --from FOLDER alone"
         )
-    overrides = Overrides(opt.assigned(set), opt.assigned(only), limit)
+    overrides = Overrides(opt.assigned(set), opt.assigned(where), limit)
     if bundle:
         return _write_bundle(str(source), overrides, drive, Path(bundle))
     if from_:

@@ -45,8 +45,8 @@ def report(
             short="-o",
         ),
     ] = None,
-    error: opt.ErrorMetric = None,
-    within: opt.Within = (),
+    metric: opt.ErrorMetric = None,
+    tolerance: opt.Tolerance = (),
     traces: Annotated[
         int | str,
         Option("N|all|none", "Runs whose time series the page includes.", kind=str),
@@ -116,10 +116,10 @@ def report(
     from contactlab.reporting.report import PageRequest
     from contactlab.store.finished_store import Store
 
-    task = opt.task_of(within=within)
-    instead = "a report weighs metrics; write --within METRIC=VALUE, such as slip=1mm"
-    opt.refuse_parts(task, ["within"], instead)
-    criteria = Criteria(error, task.limits)
+    task = opt.task_of(tolerance=tolerance)
+    instead = "a report weighs metrics; write --tolerance METRIC=VALUE, such as slip=1mm"
+    opt.refuse_parts(task, ["tolerance"], instead)
+    criteria = Criteria(metric, task.limits)
     address = opt.address_of(store)
     opened = Store.open(address)
     if width is not None and figures is None:
@@ -128,8 +128,8 @@ def report(
         formats = format.split(",") if isinstance(format, str) else format
         return _figures(opened, Path(figures), list(formats), criteria, width)
     if live:
-        others = {"figures": figures, "baseline": baseline, "parity": parity, "error": error}
-        if unread := [name for name, given in {**others, "within": within}.items() if given]:
+        others = {"figures": figures, "baseline": baseline, "parity": parity, "metric": metric}
+        if unread := [name for name, given in {**others, "tolerance": tolerance}.items() if given]:
             raise OutputError(f"--{unread[0]} is not of a page that simulates; leave it out")
         page = opt.beside(address, ".live.html") if output is None else Path(output)
         rerun_with_mujoco(mujoco, None)

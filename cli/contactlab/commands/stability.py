@@ -86,8 +86,8 @@ def stability(
         )
         return examined(request, output, workers, allow_code=allow_code)
     cases = find_cases(named)
-    given = [*opt.assigned(set), *asked.settings, *asked.watch, *asked.limits]
-    if given or asked.drive or asked.within:
+    given = [*opt.assigned(set), *asked.settings, *asked.observe, *asked.limits]
+    if given or asked.drive or asked.tolerance:
         raise SweepFileError(
             f"'{cases[0].name}' is a case with settings and a drive of its own; give these to a "
             "model, or to the case's sweep"

@@ -96,13 +96,13 @@ def sweep(
     *,
     output: opt.StoreOutput = None,
     set: opt.Set = (),
-    only: opt.Only = (),
+    where: opt.Where = (),
     limit: opt.Limit = None,
     workers: opt.Workers = None,
-    start: opt.Start = None,
+    keyframe: opt.Keyframe = None,
     drive: opt.Drive = None,
     duration: opt.Duration = None,
-    must: opt.Must = (),
+    require: opt.Require = (),
     executor: Annotated[
         str, Option("NAME", "Where jobs run: local, ray, slurm, or another that is installed.")
     ] = "local",
@@ -157,14 +157,14 @@ def sweep(
     from contactlab.run.worker_pool import worker_count
 
     opt.load_plugins(plugin)
-    task = opt.task_of(start, drive, duration, must=must)
+    task = opt.task_of(keyframe, drive, duration, require=require)
     request = read_request(
         text,
         name,
         target,
         folder=folder,
         workers=worker_count(workers),
-        overrides=Overrides([*opt.assigned(set), *task.settings], opt.assigned(only), limit),
+        overrides=Overrides([*opt.assigned(set), *task.settings], opt.assigned(where), limit),
         drive=task.drive,
         allow_code=allow_code,
     )

@@ -62,7 +62,7 @@ def _failure(report: "TradeoffReport | TuneReport", given: Given) -> Expectation
 
 @command(
     "examine",
-    examples=("tradeoff results/bounce --within oracle_error=1%",),
+    examples=("tradeoff results/bounce --tolerance oracle_error=1%",),
     formats={"text": _text, "json": _json},
     failure=_failure,
 )
@@ -192,9 +192,9 @@ def _check_metric(error: str | None) -> None:
 
 def _check_heeded(task: "TaskOptions", store: str) -> None:
     """Refuse what cannot change the runs of a store."""
-    measured = "the runs of a store are made; write --within METRIC=VALUE, such as slip=1mm"
-    opt.refuse_parts(task, ["within"], measured)
-    parts = ["start", "drive", "duration", "watch", "must"]
+    measured = "the runs of a store are made; write --tolerance METRIC=VALUE, such as slip=1mm"
+    opt.refuse_parts(task, ["tolerance"], measured)
+    parts = ["keyframe", "drive", "duration", "observe", "require"]
     opt.refuse_parts(task, parts, f"the runs of {store} are made; name their sweep instead")
 
 

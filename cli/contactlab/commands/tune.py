@@ -113,10 +113,10 @@ def tune(
     from contactlab.studies.search.tune_request import TuneRequest
 
     del patch
-    watch = task.get("watch", ())
+    watch = task.get("observe", ())
     watched = (watch,) if isinstance(watch, str) else tuple(watch)
     if at:  # then it is what an error is of, such as a site, and no body of the task
-        task["watch"] = ()
+        task["observe"] = ()
     request = TuneRequest(
         model=str(model),
         task=opt.task_of(**task),

@@ -32,10 +32,10 @@ from contactlab.comparison.run_checks import (
     unpaired_checks,
 )
 from contactlab.errors import ContactlabError, ExpectationError, PolicyError, StoreError
-from contactlab.judge.acceptances import apply_acceptances
 from contactlab.judge.conclusion import exit_code
 from contactlab.judge.policies import check_names
 from contactlab.judge.subjects import CHANGED, NAMES, NOT_COMPARABLE, SAME, Subject
+from contactlab.judge.waivers import apply_waivers
 from contactlab.judge.wording import plural
 from contactlab.printable import shell_word
 from contactlab.schema.comparison import (
@@ -198,7 +198,7 @@ def _report(
         checks.append(recommendation_check(paired))
     if remeasure is not None:
         checks.append(remeasured_check(paired, remeasure))
-    checks = apply_acceptances(checks, policy.accept, paired.today)
+    checks = apply_waivers(checks, policy.waive, paired.today)
     verdict, code, headline = conclusion(checks)
     return ComparisonReport(
         verdict=verdict,
@@ -344,8 +344,8 @@ def _advice(checks: Sequence[Finding], baseline: Store, candidate: Store) -> Ite
     failed = next((check for check in checks if check.outcome == "failed"), None)
     if failed is not None:
         yield (
-            f"accept one: contactlab compare {old} {new} "
-            f'--policy policy.yaml --accept "{failed.name}" --reason "..."'
+            f"waive one: contactlab compare {old} {new} "
+            f'--policy policy.yaml --waive "{failed.name}" --reason "..."'
         )
     if failed or any(check.kind in _ABOUT_RUNS and check.outcome == "noted" for check in checks):
         yield f"make the candidate the baseline: contactlab baseline update {new} {old}"

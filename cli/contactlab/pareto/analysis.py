@@ -197,7 +197,7 @@ def _notes(
     if chosen is not None and chosen.summary.solref_clamped:
         yield "the recommended configuration is one of these"
     if not report.tolerances:
-        yield "no tolerances: the recommended runs have no failure label, no more; see --within"
+        yield "no tolerances: the recommended runs have no failure label, no more; see --tolerance"
     if short:
         yield f"{short} configurations lack some scenario or seed, and are not feasible"
     if report.idle:

@@ -58,7 +58,7 @@ MISTAKES: Mapping[str, str] = {
     "until-no-draws": "`until` asks for a share, but nothing is drawn. Add seeds: 1000.",
     "until-seeds": "`until` decides itself how many seeds are run. Write seeds: 1.",
     "value": "A value is no number, word, true, false or list of numbers. Write one of these.",
-    "value-not-swept": "--only names a value that the axis never takes. Name one that it takes.",
+    "value-not-swept": "--where names a value that the axis never takes. Name one that it takes.",
     "wrong-length": "A list has too few or too many entries. The message says what it takes.",
     "wrong-type": "A key takes another kind of value: a number, a word, a list, a mapping.",
     "zip-length": "Axes of one `zip` block differ in length. Give each as many values.",

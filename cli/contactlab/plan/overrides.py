@@ -1,4 +1,4 @@
-"""Changes of a sweep file by the command line: `--set`, `--only` and `--limit`."""
+"""Changes of a sweep file by the command line: `--set`, `--where` and `--limit`."""
 
 import re
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ _CALL = re.compile(r"(\w+)\((.*)\)")
 
 
 class FlagSetting(str):
-    """A setting `NAME=VALUE` from a flag with its own name: `--start home` is `keyframe=home`."""
+    """A setting `NAME=VALUE` from a flag with its own name: `--keyframe home` is `keyframe=home`."""
 
     __slots__ = ("flag",)
 
@@ -52,8 +52,8 @@ class Overrides:
 
     assign: Sequence[str] = ()
     """`NAME=VALUES` or `NAME=FORM(...)`: replaces or adds an axis or a key of the file."""
-    only: Sequence[str] = ()
-    """`AXIS=VALUES`: keeps the runs that have one of the values; several must all hold."""
+    where: Sequence[str] = ()
+    """`AXIS=VALUES`: keeps the runs with one of these values; several must all hold."""
     limit: int | None = None  # number of runs to keep, from the first
 
 
@@ -143,14 +143,14 @@ def _axis_value(document: Document, option: ParsedOption, path: KeyPath, role: o
 def read_filters(
     context: SweepContext, texts: Sequence[str], swept: Sequence[str]
 ) -> tuple[Filter, ...]:
-    """Return every `--only` of a swept axis with canonical values; add their mistakes."""
+    """Read every `--where` of a swept axis, with canonical values; add their mistakes."""
     filters: list[Filter] = []
-    options = (_option(context.document, "--only", text) for text in texts)
+    options = (_option(context.document, "--where", text) for text in texts)
     for option in filter(None, options):
         if option.name not in swept:
             add_not_swept(context, option.name, option.key, swept)
             continue
-        path = ("--only", option.name)
+        path = ("--where", option.name)
         values = tuple(
             context.canonical(option.name, value, context.document.value((*path, index)))
             for index, value in enumerate(_listed(context.document, option, path))

@@ -131,7 +131,7 @@ def _checked(
         )
         for index, expectation in enumerate(draft.sweep.expect)
     )
-    filters = read_filters(context, overrides.only, carried)
+    filters = read_filters(context, overrides.where, carried)
     if document.has_errors:
         return None
     for match, _ in expected:

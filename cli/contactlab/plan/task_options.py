@@ -1,4 +1,4 @@
-"""Options of a command line for the task: --start, --drive, --duration, --watch, --within.
+"""Options for the task: --keyframe, --drive, --duration, --observe, --tolerance, --require.
 
 Numbers may have units everywhere: `2s`, `1mm`, `5deg`, `10%`.
 """
@@ -14,33 +14,35 @@ from contactlab.schema.drive import Drive
 from contactlab.schema.requirement import read_requirement
 from contactlab.schema.setting_values import read_quantity
 
-_KINDS = ("", "m", "rad")  # of what is watched: a share, a length, an angle
+_TOLERANCE_UNITS = ("", "m", "rad")  # a share of the real forces, a length or an angle
 
 
 @dataclass(frozen=True)
 class TaskOptions:
-    """Replacements for parts of the task that a model has by itself."""
+    """Replacements for parts of the default task of a model."""
 
-    start: str | None = None  # keyframe, or `qpos0`
+    keyframe: str | None = None  # a name, or `qpos0`
     drive: Drive | None = None
     duration: float | None = None  # [s]
-    watch: tuple[str, ...] = ()  # bodies
-    within: tuple[float, str] | None = None  # share, length [m] or angle [rad], and its unit
+    observe: tuple[str, ...] = ()  # bodies
+    tolerance: tuple[float, str] | None = None  # share, length [m] or angle [rad], and its unit
     # Largest values of metrics and measures by name, in SI units.
     limits: dict[str, float] = field(default_factory=dict[str, float])
-    must: tuple[str, ...] = ()  # what has to hold, in words
-    # Units of limits as written, by name; empty where a plain number is.
+    require: tuple[str, ...] = ()  # requirements, as text
+    # Units of limits as written, by name; empty for plain numbers.
     units: dict[str, str] = field(default_factory=dict[str, str], compare=False)
 
     @property
     def settings(self) -> list[str]:
-        """Return start, duration and requirements as options `--set` have them."""
-        start = [] if self.start is None else [FlagSetting(f"keyframe={self.start}", "--start")]
+        """Keyframe, duration and requirements as texts of `--set`."""
+        keyframe = self.keyframe
+        start = [] if keyframe is None else [FlagSetting(f"keyframe={keyframe}", "--keyframe")]
         seconds = self.duration
         duration = [] if seconds is None else [FlagSetting(f"duration={seconds!r}", "--duration")]
         # An address, body[3], would be quoted once more.
-        texts = ",".join(json.dumps(text).replace("[", "\\u005b") for text in self.must)
-        return [*start, *duration, *([FlagSetting(f"must={texts}", "--must")] if texts else [])]
+        texts = ",".join(json.dumps(text).replace("[", "\\u005b") for text in self.require)
+        required = [FlagSetting(f"must={texts}", "--require")] if texts else []
+        return [*start, *duration, *required]
 
 
 AS_INFERRED = TaskOptions()
@@ -48,29 +50,29 @@ AS_INFERRED = TaskOptions()
 
 
 def read_task_options(
-    start: str | None = None,
+    keyframe: str | None = None,
     drive: str | None = None,
     duration: str | None = None,
-    watch: Sequence[str] | None = None,
-    within: Sequence[str] | None = None,
-    must: Sequence[str] = (),
+    observe: Sequence[str] | None = None,
+    tolerance: Sequence[str] | None = None,
+    require: Sequence[str] = (),
 ) -> TaskOptions:
-    """Read the options of a command; a SweepFileError says which is wrong, and how it is written.
+    """Read the options of a command; a SweepFileError says which is wrong and how to write it.
 
-    `within` is a tolerance of the task, such as `10%` or `1mm`, or that of one metric by its name:
+    `tolerance` is that of the task, such as `10%` or `1mm`, or that of one metric by its name:
     `hold_slip=1mm`.
     """
     limits: dict[str, float] = {}
     units: dict[str, str] = {}
     own: tuple[float, str] | None = None
-    for text in within or ():
+    for text in tolerance or ():
         name, equals, value = text.rpartition("=")
         number, unit = read_quantity(value)
-        is_task_s = not equals and number > 0 and unit in _KINDS
-        if not 0 <= number < math.inf or not (name or is_task_s):
+        of_task = not equals and number > 0 and unit in _TOLERANCE_UNITS
+        if not 0 <= number < math.inf or not (name or of_task):
             raise SweepFileError(
-                f"'--within {text}' is no tolerance; write a share or a length, 10% or 1mm, or "
-                "METRIC=VALUE, such as hold_slip=1mm"
+                f"'--tolerance {text}' is not a tolerance; write a share or a length, 10% or 1mm, "
+                "or METRIC=VALUE, such as hold_slip=1mm"
             )
         if name:
             limits[name] = number
@@ -81,11 +83,19 @@ def read_task_options(
     if duration is not None:
         seconds, unit = read_quantity(duration)
         if not 0 < seconds < math.inf or unit not in ("", "s"):
-            raise SweepFileError(f"'--duration {duration}' is no time; write 2s or 500ms")
-    for text in must:
+            raise SweepFileError(f"'--duration {duration}' is not a time; write 2s or 500ms")
+    for text in require:
         try:
             read_requirement(text)
         except ValueError as error:
-            raise SweepFileError(f"--must: {error}") from error
-    moved = drive_option(drive)
-    return TaskOptions(start, moved, seconds, tuple(watch or ()), own, limits, tuple(must), units)
+            raise SweepFileError(f"--require: {error}") from error
+    return TaskOptions(
+        keyframe,
+        drive_option(drive),
+        seconds,
+        tuple(observe or ()),
+        own,
+        limits,
+        tuple(require),
+        units,
+    )

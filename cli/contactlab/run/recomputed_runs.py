@@ -167,15 +167,15 @@ def _runs_of_slice(
 
 def plan_again(identity: SweepIdentity, scene: Scene) -> Plan:
     """Return the plan from a stored sweep's text and options."""
-    sets, only, limit = (
+    sets, where, limit = (
         [
             override.removeprefix(option)
             for override in identity.overrides
             if override.startswith(option)
         ]
-        for option in ("--set ", "--only ", "--limit ")
+        for option in ("--set ", "--where ", "--limit ")
     )
-    options = Overrides(sets, only, int(limit[0]) if limit and limit[0].isdecimal() else None)
+    options = Overrides(sets, where, int(limit[0]) if limit and limit[0].isdecimal() else None)
     axes, find = scene.catalogue.names, partial(scene.catalogue.find, lenient=True)
     names = Vocabulary(axes, find, [*METRICS], [*LABELS], [*THRESHOLDS])
     with TemporaryDirectory() as folder:

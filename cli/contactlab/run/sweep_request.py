@@ -88,7 +88,7 @@ def read_request(  # noqa: PLR0913 - one argument an option
 
 def _override_options(overrides: Overrides, drive: Drive | None) -> tuple[str, ...]:
     options = [f"--set {assignment}" for assignment in overrides.assign]
-    options += [f"--only {condition}" for condition in overrides.only]
+    options += [f"--where {condition}" for condition in overrides.where]
     options += [] if overrides.limit is None else [f"--limit {overrides.limit}"]
     options += [] if drive is None else [f"--drive {drive_text(drive)}"]
     return tuple(options)

@@ -1,6 +1,6 @@
 """The policy file and the report of `contactlab compare`.
 
-The policy says what counts as regressed, what fails the job, and which failures are accepted.
+The policy defines regressions, gates and waivers.
 """
 
 from datetime import date
@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from contactlab.schema.finding import LEVEL, Acceptances, Change, Count, Finding, Level
+from contactlab.schema.finding import LEVEL, Change, Count, Finding, Level, Waivers
 from contactlab.schema.strict_model import Flag, Model, Sha256, Tolerance, Word, about
 
 Better = Literal["lower", "higher", "none"]
@@ -46,13 +46,13 @@ class Require(Model):
 
 
 class AllowedTransition(Model):
-    """A change of the worst label that is known and accepted."""
+    """An allowed change of the worst label."""
 
     from_: Word = about("worst label in the baseline", alias="from")
     to: Word = about("worst label in the candidate")
-    max: Count = about("how many runs may change this way")
-    reason: Word = about("why it is accepted")
-    until: date | None = about("last accepted day, YYYY-MM-DD", default=None)
+    max: Count = about("largest number of runs that may change this way")
+    reason: Word = about("why it is allowed")
+    until: date | None = about("last day on which it is allowed, YYYY-MM-DD", default=None)
 
 
 class LabelRules(Model):
@@ -63,9 +63,7 @@ class LabelRules(Model):
     )
     level: Level = about(f"of a new label; {LEVEL}", default="gate")
     by: tuple[Word, ...] = about("axes; each value is judged separately", default=())
-    allow: tuple[AllowedTransition, ...] = about(
-        "changes of the worst label that are accepted", default=()
-    )
+    allow: tuple[AllowedTransition, ...] = about("allowed changes of the worst label", default=())
 
     @model_validator(mode="after")
     def _names_no_label_twice(self) -> Self:
@@ -82,9 +80,9 @@ class MetricRule(Model):
         "lower, higher or none; as stored with the metric if left out", default=None
     )
     rel: Tolerance | None = about(
-        "largest accepted change, relative to the baseline's value", default=None
+        "largest allowed change, relative to the baseline's value", default=None
     )
-    abs: Tolerance | None = about("further accepted change, in the metric's unit", default=None)
+    abs: Tolerance | None = about("further allowed change, in the metric's unit", default=None)
     statistic: Statistic | None = about(
         "what is compared: each run, the mean, median or worst of all runs, or the "
         "median ratio of the pairs",
@@ -110,11 +108,11 @@ class OutcomeRules(Model):
         default="success",
     )
     tolerance: Tolerance = about(
-        "accepted loss of the share; a check fails if the interval of the loss lies beyond it",
+        "allowed loss of the share; a check fails if the interval of the loss lies beyond it",
         default=0.0,
     )
     in_a_row: Annotated[int, Field(ge=1, le=1000)] = about(
-        "k of pass^k, which is told beside the shares: how likely so many runs are all good",
+        "k of pass^k, reported next to the shares: the probability that k runs are all good",
         default=3,
     )
     level: Level = about(f"of a smaller share; {LEVEL}", default="gate")
@@ -125,7 +123,7 @@ class KnifeEdgeRules(Model):
 
     exclude: Flag = about("whether they are counted and reported, never gated", default=True)
     max_share: Tolerance = about(
-        "accepted share of such runs, if larger than the baseline's", default=0.05
+        "allowed share of such runs, if larger than the baseline's", default=0.05
     )
     level: Level = about(f"beyond that share; {LEVEL}", default="warn")
 
@@ -136,7 +134,7 @@ class RecommendationRules(Model):
     changed: Level = about(f"of a changed recommendation; {LEVEL}", default="warn")
 
 
-class ComparePolicy(Acceptances):
+class ComparePolicy(Waivers):
     """Rules that say which changes are regressions, and which of these fail the job."""
 
     match: Literal["id", "axes", "none"] = about(
@@ -167,7 +165,7 @@ class ComparePolicy(Acceptances):
     )
 
 
-COMPARISON_VERSION = 2
+COMPARISON_VERSION = 3
 
 
 class ComparedStore(Model):
@@ -219,7 +217,7 @@ class PairCounts(Model):
 class ComparisonReport(Model):
     """The comparison of two stores."""
 
-    schema_version: Literal[2] = COMPARISON_VERSION
+    schema_version: Literal[3] = COMPARISON_VERSION
     verdict: Change
     exit_code: int
     headline: str

@@ -4,11 +4,12 @@ A field of the record is described here alone: the columns of the table, the JSO
 list of columns in docs/evidence.md follow.
 """
 
+import re
 from dataclasses import dataclass
 from enum import Enum
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from contactlab.schema.coverage import Coverage
 from contactlab.schema.drive import Drive
@@ -348,7 +349,7 @@ class SweepIdentity(Model):
     store_version: Literal[4] = STORE_VERSION
     name: str
     source: str = about("The sweep file's text.")
-    overrides: tuple[str, ...] = about("--set, --only and --limit, as given.")
+    overrides: tuple[str, ...] = about("--set, --where and --limit, as typed.")
     resolved: dict[str, Any] = about("The sweep with defaults filled in.")
     scene: str
     scene_hash: Hash
@@ -377,6 +378,12 @@ class SweepIdentity(Model):
         exclude_if=lambda grid: grid is None,
     )
     plugins: PluginInfos = ()
+
+    @field_validator("overrides")
+    @classmethod
+    def _rename_filters(cls, overrides: tuple[str, ...]) -> tuple[str, ...]:
+        """Rename `--only`, the name of `--where` in stores that were written before 0.3."""
+        return tuple(re.sub(r"^--only ", "--where ", override) for override in overrides)
 
 
 class ParameterRow(Model):

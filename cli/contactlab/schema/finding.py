@@ -1,6 +1,6 @@
-"""A finding: one thing that was judged, with its effect on a job; and findings that are accepted.
+"""Findings: results of checks, with their effect on a job; and waivers of failed checks.
 
-All judges have these words: check, compare, lock, parity, and sweeps with expectations.
+All judges use these words: check, compare, lock, parity, and sweeps with expectations.
 """
 
 from collections.abc import Mapping
@@ -46,7 +46,7 @@ class Finding(Model):
     value: float | None = about("The worst value that has a limit; else null.", default=None)
     limit: float | None = about("The limit of this value.", default=None)
     unit: str = ""
-    accepted: str | None = about("Why it is accepted.", default=None)
+    waived: str | None = about("Reason of its waiver; null without one.", default=None)
     worst: tuple[RunPair, ...] = about("The worst few pairs of runs.", default=())
 
     @property
@@ -56,8 +56,8 @@ class Finding(Model):
 
     @property
     def full_message(self) -> str:
-        """Its message, and why it is accepted."""
-        return f"{self.message}; accepted: {self.accepted}" if self.accepted else self.message
+        """Its message, with the reason of its waiver."""
+        return f"{self.message}; waived: {self.waived}" if self.waived else self.message
 
     @property
     def is_open(self) -> bool:
@@ -83,18 +83,18 @@ class PlacedFinding(Finding):
         return SEVERITIES[self.level]
 
 
-class Acceptance(Model):
-    """A failure that is known and accepted; `contactlab compare --accept` writes these."""
+class Waiver(Model):
+    """A check that may fail, for a stated reason; `contactlab compare --waive` writes these."""
 
-    check: Word = about("the check's name")
+    check: Word = about("name of the check")
     group: Word | None = about("its group; all groups if left out", default=None)
-    max: Count = about("how many runs may fail it")
-    reason: Word = about("why it is accepted")
-    until: date | None = about("last accepted day, YYYY-MM-DD", default=None)
+    max: Count = about("largest number of runs that may fail the check")
+    reason: Word = about("why it may fail")
+    until: date | None = about("last day of the waiver, YYYY-MM-DD", default=None)
 
 
-class Acceptances(Model):
-    """The failures that are known and accepted."""
+class Waivers(Model):
+    """Checks that may fail."""
 
     version: Literal[1] = about("version of this file format: 1")
-    accept: tuple[Acceptance, ...] = about("checks that may fail", default=())
+    waive: tuple[Waiver, ...] = about("checks that may fail", default=())

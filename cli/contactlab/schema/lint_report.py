@@ -13,7 +13,7 @@ class LintReport(Model):
     mujoco: str = about("The version that compiled them.")
     models: tuple[str, ...] = about("The files that were looked at.")
     skipped: tuple[str, ...] = about("Files that hold no model.", default=())
-    findings: tuple[PlacedFinding, ...] = about("By model and line; what is ignored is accepted.")
+    findings: tuple[PlacedFinding, ...] = about("By model and line; ignored ones have a waiver.")
 
     @property
     def passed(self) -> bool:
@@ -25,5 +25,5 @@ class LintReport(Model):
         return [
             finding
             for finding in self.findings
-            if finding.severity == severity and finding.accepted is None
+            if finding.severity == severity and finding.waived is None
         ]

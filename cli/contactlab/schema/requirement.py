@@ -126,7 +126,7 @@ def _parts(text: str) -> tuple[RequirementWord, _Form, list[str], dict[str, str]
 def _tolerance(text: str, amount: str, form: _Form) -> tuple[float, str]:
     number, unit = read_quantity(amount)
     if not 0 < number < math.inf or unit not in (form.unit, *form.others):
-        raise ValueError(f"'{text}': '{amount}' is no tolerance here; write {form.example}")
+        raise ValueError(f"'{text}': '{amount}' is not a tolerance here; write {form.example}")
     return number, unit
 
 

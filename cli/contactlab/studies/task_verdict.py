@@ -32,9 +32,9 @@ _STABLE = "stable"
 
 def refuse_lengths(options: TaskOptions) -> None:
     """Refuse a tolerance of the task that is no share, which is what decides."""
-    if (options.within or (0, "1"))[1] != "1":
+    if (options.tolerance or (0, "1"))[1] != "1":
         raise SweepFileError(
-            "'--within' is a share of the real forces here, such as 10%; a length is of a "
+            "'--tolerance' is a share of the real forces here, such as 10%; a length is of a "
             "metric: write METRIC=VALUE, such as hold_slip=1mm"
         )
 

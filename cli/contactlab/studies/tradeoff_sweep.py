@@ -64,7 +64,7 @@ def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
             session.notify(str(warning))
         store = session.run(sweep)
         seeds, duration = sweep.plan.sweep.seed_values, sweep.plan.sweep.duration
-        watch, within = request.task.watch, request.task.within
+        watch, within = request.task.observe, request.task.tolerance
         values = _of_model(sweep)
         task = sweep.scene.task(values, duration, watch=watch, within=within, seeds=tuple(seeds))
         records = records_of(store, sweep.scene, values, task)

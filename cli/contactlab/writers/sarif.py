@@ -19,7 +19,7 @@ Node = dict[str, object]
 
 
 def as_sarif(report: Report) -> str:
-    """Return a report as SARIF: a result for each finding, those that are accepted suppressed."""
+    """Return a report as SARIF: a result for each finding; waived ones are suppressed."""
     findings = [finding for finding in report.findings if finding.outcome not in _NOT_SHOWN]
     rules = {finding.name: _rule(finding, report.rules) for finding in findings}
     places = {name: place for place, name in enumerate(rules)}
@@ -51,8 +51,8 @@ def _result(finding: Finding, rule: int) -> Node:
             "region": {"startLine": finding.line},
         }
         result["locations"] = [{"physicalLocation": place}]
-    if finding.accepted is not None:
-        told = {"kind": "inSource", "justification": visible(finding.accepted)}
+    if finding.waived is not None:
+        told = {"kind": "inSource", "justification": visible(finding.waived)}
         result["suppressions"] = [told]
     return result
 

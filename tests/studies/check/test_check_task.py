@@ -24,7 +24,7 @@ def test_the_check_judges_what_a_run_may_be_off_by(checked: Checked, missed: Mis
     """
 
     def largest_miss(within: float, word: str) -> float:
-        report = checked(ROD, "task", duration="0.6s", within=(within, "1"))
+        report = checked(ROD, "task", duration="0.6s", tolerance=(within, "1"))
         assert report.verdict
         assert report.verdict.word == word
         (result,) = report.checks

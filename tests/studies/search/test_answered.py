@@ -120,7 +120,7 @@ def test_the_answer_to_the_same_question_is_copied_with_its_model(
         {"apart": 0.05},
         {"hulls": 0.001},
         {"task": read_task_options(drive="none", duration="0.2s")},
-        {"task": read_task_options(drive="none", duration="0.1s", within=["1%"])},
+        {"task": read_task_options(drive="none", duration="0.1s", tolerance=["1%"])},
     ],
 )
 def test_another_question_is_searched(

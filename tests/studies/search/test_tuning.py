@@ -160,7 +160,7 @@ def test_what_a_model_needs_stays(need: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
-        ({"task": TaskOptions(limits={"slip": 1e-3})}, "--within slip=: settings are judged by"),
+        ({"task": TaskOptions(limits={"slip": 1e-3})}, "--tolerance slip=: settings are judged by"),
         ({"real_time": 5.0, "error": 0.1}, "--real-time asks for the least error"),
         ({"at": "end"}, "--at needs what is watched"),
         ({"at": "end", "watched": ("arm",)}, "--at needs the largest forward error"),

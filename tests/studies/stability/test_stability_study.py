@@ -47,7 +47,7 @@ def test_a_model_starts_where_it_says_and_slightly_off(tmp_path: Path) -> None:
         set={"timestep": 1e-3},
         drive="hold",
         duration=0.1,
-        within="penetration_steady=1mm",
+        tolerance="penetration_steady=1mm",
         output=tmp_path / "out",
     )
     assert isinstance(report, Examination)

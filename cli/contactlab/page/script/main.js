@@ -276,7 +276,7 @@ async function showEvaluation(page, edited) {
   const evaluated = evaluate(page.columns, limits);
   for (const row of find("tolerances").querySelectorAll("tr[data-name]")) showMargin(page, row, evaluated.recommended, limits);
   if (edited) find("recommendation-text").replaceChildren(...recommendationOf(page.columns, evaluated, limits));
-  const changed = Object.entries(page.state.limits).map(([name, limit]) => ` --within ${name}=${limit}`);
+  const changed = Object.entries(page.state.limits).map(([name, limit]) => ` --tolerance ${name}=${limit}`);
   find("tradeoff-command").textContent = `contactlab tradeoff ${metadata.store}${changed.join("")}`;
   writeState(page.state);
   if (!metadata.specs.tradeoff) return;

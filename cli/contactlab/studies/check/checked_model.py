@@ -98,7 +98,7 @@ class CheckedModel:
     @cached_property
     def task(self) -> Task:
         """Task on which the model is judged."""
-        watch, within = self.options.watch, self.options.within
+        watch, within = self.options.observe, self.options.tolerance
         return self.scene.task(self.values, self.duration, watch=watch, within=within)
 
     @cached_property
@@ -214,7 +214,7 @@ class CheckedModel:
         `keys` are more of a sweep file. A StoppedError says that it was interrupted.
         """
         values = {**self.values, **(settings or {})}
-        drive, must = self.options.drive, self.options.must
+        drive, must = self.options.drive, self.options.require
         sweep = {
             "version": 1,
             "scene": self.reference,

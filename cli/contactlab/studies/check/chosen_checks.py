@@ -1,13 +1,13 @@
-"""The checks that a request names, and what they find, once it is known what is accepted."""
+"""The requested checks, and their findings after waivers."""
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
 
 from contactlab.errors import SweepFileError
-from contactlab.judge.acceptances import apply_acceptances
 from contactlab.judge.limits import LIMITS
+from contactlab.judge.waivers import apply_waivers
 from contactlab.schema.check_report import CheckResult
-from contactlab.schema.finding import Acceptance, Finding
+from contactlab.schema.finding import Finding, Waiver
 from contactlab.studies.check.check_entries import CHECKS
 from contactlab.studies.check.check_results import findings_of
 from contactlab.writers.report import ORDER
@@ -25,15 +25,13 @@ def chosen_checks(only: Sequence[str]) -> list[str]:
     return [name for name in CHECKS if name in only or not only]
 
 
-def judged_findings(
-    results: Sequence[CheckResult], accepted: Sequence[Acceptance]
-) -> list[Finding]:
-    """Return all findings, those first that fail and are not accepted.
+def judged_findings(results: Sequence[CheckResult], waivers: Sequence[Waiver]) -> list[Finding]:
+    """Return all findings, failed ones without a waiver first.
 
     Raises:
-        PolicyError: what is accepted is no finding of any check.
+        PolicyError: a waiver names a finding of no check.
     """
     found = [finding for result in results for finding in findings_of(result)]
     known = {*LIMITS, *(name for check in CHECKS.values() for name in check.findings)}
-    judged = apply_acceptances(found, accepted, datetime.now(UTC).date(), known)
+    judged = apply_waivers(found, waivers, datetime.now(UTC).date(), known)
     return sorted(judged, key=lambda finding: ORDER.index(finding.outcome))

@@ -62,9 +62,9 @@ def check_task(checked: CheckedModel) -> Measured:
 def check_must(checked: CheckedModel) -> Measured:
     """Look for what the scene or the request requires that a run of the model does not do."""
     manifest = checked.scene.source.manifest
-    required = checked.options.must or (manifest.must if manifest else ())
+    required = checked.options.require or (manifest.must if manifest else ())
     if not required:
-        return Measured([], ["requirements: none is given, by --must or `must`"])
+        return Measured([], ["requirements: none is given, by --require or `must`"])
     labels = labels_with("required")
     measures: list[Measure] = []
     notes: list[str] = []

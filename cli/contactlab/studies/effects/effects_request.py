@@ -118,8 +118,8 @@ class AblationSetup:
         return self.scene.task(
             {**self.base, **self.scenarios[0]},
             self.duration,
-            watch=self.options.watch,
-            within=self.options.within,
+            watch=self.options.observe,
+            within=self.options.tolerance,
             seeds=self.seeds,
         )
 

@@ -25,9 +25,9 @@ from contactlab.budget import (
 from contactlab.budget.verdict import Word, percent
 from contactlab.engines.closed_loop import allowed_policy
 from contactlab.errors import SceneError, SweepFileError
-from contactlab.judge.acceptances import stale_acceptances
 from contactlab.judge.conclusion import failed_names
 from contactlab.judge.limits import LIMITS
+from contactlab.judge.waivers import unused_waivers
 from contactlab.measure import THRESHOLDS
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.printable import first_names
@@ -36,7 +36,7 @@ from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.coverage import Exercised
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.examination import MOST_CHANGES, Examination, RunLabel, SectionName
-from contactlab.schema.finding import Acceptance
+from contactlab.schema.finding import Waiver
 from contactlab.schema.task import Task
 from contactlab.store.table_layout import record_to_row
 from contactlab.studies.check.check_entries import CHECKS, Check
@@ -95,7 +95,7 @@ class ExamineRequest:
     task: TaskOptions = AS_INFERRED
     sections: tuple[SectionName, ...] = SECTIONS
     checks: Sequence[str] = ()
-    accepted: Sequence[Acceptance] = ()
+    accepted: Sequence[Waiver] = ()
     write: Path | None = None
     accept: Sequence[str] = ()
     max_cpu: float = MAX_CPU
@@ -264,14 +264,14 @@ def _checked(
     report: Examination,
     checks: Mapping[str, Check],
     examined: CheckedModel,
-    accepted: Sequence[Acceptance],
+    accepted: Sequence[Waiver],
 ) -> Examination:
     """Return a report with its checks and their findings, and the acceptances that are stale."""
     results = [check(examined) for check in checks.values()]
     findings = judged_findings(results, accepted)
     stale = (
         f"'{entry.check}' is accepted ({entry.reason}), but does not fail: remove it"
-        for entry in stale_acceptances(findings, accepted)
+        for entry in unused_waivers(findings, accepted)
     )
     idle = Exercised.of(record_to_row(run.record) for run in examined.runs).idle()
     if "repeat" in checks and examined.runs[0].record.trajectory_hash is not None:

@@ -56,8 +56,8 @@ def explain_contacts(
     examined = with_settings()
     if not examined.base.pairs:
         raise SceneError(
-            f"{model}: nothing touches in short runs from its start; choose another with --start, "
-            "or list `pairs` in a scene.yaml beside it"
+            f"{model}: no contact occurs in short runs from its start. Choose another start with "
+            "--keyframe, or list `pairs` in a scene.yaml next to the model"
         )
     head = examined.task.line
     if not words:

@@ -126,7 +126,7 @@ def _finding(rule: Rule, fault: Fault, linted: LintedModel, but: Ignored) -> Pla
         judged=1,
         failing=1,
         message=fault.message,
-        accepted=accepted,
+        waived=accepted,
         file=shown_path(place.file),
         line=place.line,
         remedy=tuple(remedy),
@@ -163,7 +163,7 @@ def headline(report: LintReport) -> str:
     """Return how much was found, in a sentence."""
     counts = {word: len(report.open(word)) for word in ("error", "warning", "note")}
     told = [plural(count, word) for word, count in counts.items() if count]
-    accepted = sum(finding.accepted is not None for finding in report.findings)
+    accepted = sum(finding.waived is not None for finding in report.findings)
     told += [f"{accepted} ignored"] if accepted else []
     return f"{', '.join(told) or 'nothing found'} in {plural(len(report.models), 'model')}"
 

@@ -94,7 +94,7 @@ def write_bundle(panel: Panel, overrides: Overrides, drive: str | None, folder: 
             sweep=panel.request.name,
             mujoco=mujoco.__version__,
             assign=tuple(overrides.assign),
-            only=tuple(overrides.only),
+            only=tuple(overrides.where),
             limit=overrides.limit,
             drive=drive,
             runs=tuple(runs),

@@ -14,10 +14,10 @@ import numpy as np
 from contactlab.engines import ENGINES
 from contactlab.engines.engine import PreparedRuns, SimulationEngine
 from contactlab.errors import PolicyError, StoreError
-from contactlab.judge.acceptances import apply_acceptances
 from contactlab.judge.conclusion import exit_code, failed_names
 from contactlab.judge.limits import Limit
 from contactlab.judge.subjects import NOT_COMPARABLE, SAME, WORSE, Subject
+from contactlab.judge.waivers import apply_waivers
 from contactlab.judge.wording import format_percent, out_of, plural
 from contactlab.measure import METRICS
 from contactlab.mjcf import MODEL_ENGINE
@@ -94,7 +94,7 @@ def run(
             done(judged)
     runs = [told[member.run_id] for member in panel.runs]
     checks = list(_checks(runs, rules))
-    checks = apply_acceptances(checks, policy.accept, date.today())  # noqa: DTZ011
+    checks = apply_waivers(checks, policy.waive, date.today())  # noqa: DTZ011
     code, headline = _conclusion(checks, runs, engine.name)
     return ParityReport(
         sweep=panel.request.name,

@@ -109,7 +109,7 @@ class Watched:
         ):
             if (index := mujoco.mj_name2id(model, number, name)) >= 0:
                 return cls("site" if kind == "site" else "sensor", name, index)
-        raise SceneError(f"nothing is called '{name}': --watch takes a body, a site or a sensor")
+        raise SceneError(f"nothing is called '{name}': --observe takes a body, a site or a sensor")
 
     @property
     def unit(self) -> str:

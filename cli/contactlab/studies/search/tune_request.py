@@ -44,13 +44,13 @@ def refuse_contradictions(request: TuneRequest) -> None:
     if request.real_time is not None and request.error is not None:
         raise SweepFileError("--real-time asks for the least error; leave --error out")
     if request.at is not None and not request.watched:
-        raise SweepFileError("--at needs what is watched: --watch BODY, SITE or SENSOR")
+        raise SweepFileError("--at needs what is watched: --observe BODY, SITE or SENSOR")
     if request.at is not None and request.error is None:
         raise SweepFileError("--at needs the largest forward error: --error 1e-5")
     if request.at is None and request.error is not None and not 0 < request.error < 1:
         raise SweepFileError(
             f"--error {request.error:g} is no share of the real forces; write 2%, or what is "
-            "watched and when: --watch hand --at end --error 1e-5"
+            "watched and when: --observe hand --at end --error 1e-5"
         )
 
 
@@ -59,6 +59,6 @@ def refuse_metrics(task: TaskOptions) -> None:
     if task.limits:
         name = next(iter(task.limits))
         raise SweepFileError(
-            f"--within {name}=: settings are judged by the error budget; write a share, "
-            "--within 5%, or weigh metrics with a sweep: contactlab tradeoff SWEEP"
+            f"--tolerance {name}=: settings are judged by the error budget; write a share, "
+            "--tolerance 5%, or weigh metrics with a sweep: contactlab tradeoff SWEEP"
         )
