@@ -62,10 +62,11 @@ stubs: .stubs/mujoco-stubs/py.typed
 	$(BIN)/pybind11-stubgen mujoco -o .stubs --root-suffix=-stubs --ignore-all-errors >/dev/null 2>&1
 	printf 'partial\n' > $@
 
-# The schemas, and the list of the table's columns in docs/evidence.md.
+# The schemas, the columns in docs/evidence.md, and docs/glossary.md.
 schemas: .venv/dev
 	$(BIN)/contactlab schema --write schemas
 	$(BIN)/python -m tests.docs.table_columns
+	$(BIN)/python -m tests.docs.glossary_page
 
 # Records results and texts that tests compare. GUARDS=--slow records those of the night, too, and
 # GUARDS=--compare says what changed instead; kinds may be named.

@@ -47,7 +47,16 @@ SECTIONS = {
         "clusters",
     ),
     "Beyond": ("engines", "lock", "parity", "plugins"),
-    "Concepts": ("evidence", "accuracy", "budget-derivation", "timestep", "speed", "design"),
+    "Concepts": (
+        "evidence",
+        "accuracy",
+        "budget-derivation",
+        "timestep",
+        "speed",
+        "design",
+        "glossary",
+        "writing",
+    ),
 }
 """The pages of docs, each in one section."""
 _LINK = re.compile(r"\]\(([^)#:\s]+)(#[^)\s]*)?\)")

@@ -1,4 +1,4 @@
-"""`contactlab explain`: what a word means, and contact settings in units of the world."""
+"""`contactlab explain`: definitions of words, and contact settings in units of the world."""
 
 import tempfile
 from collections.abc import Sequence
@@ -13,10 +13,10 @@ from contactlab.errors import ExpectationError, SweepFileError
 
 
 class Explanation(NamedTuple):
-    """Meaning of words, or the contacts of a model, in lines of text."""
+    """Definitions of words, or the contacts of a model, as text."""
 
     text: str
-    missed: Sequence[str] = ()  # what a run with these settings does not show
+    missed: Sequence[str] = ()  # requested values that a run with these settings does not reach
 
     def __str__(self) -> str:
         """Return the text."""
@@ -39,6 +39,7 @@ def _failure(found: Explanation, given: Given) -> ExpectationError | None:
     "examine",
     examples=(
         "explain chatter",
+        "explain numerical error",
         'explain solref="0.005 1" MODEL        # its stiffness, damping, restitution, depth',
         'explain depth_at_rest=".1 mm" MODEL   # the solref for it, verified by a run',
     ),
@@ -50,7 +51,9 @@ def explain(
     what: Annotated[
         str | Sequence[str],
         Argument(
-            "WORD | [NAME=VALUE ...] MODEL", "A label, metric, axis, or a model.", kind=list[str]
+            "WORD | [NAME=VALUE ...] MODEL",
+            "Any word that contactlab prints, or a model.",
+            kind=list[str],
         ),
     ],
     *,
@@ -59,20 +62,20 @@ def explain(
     duration: opt.Duration = None,
     plugin: opt.Plugins = (),
 ) -> Explanation:
-    """Explain a label, a metric, an axis, or the contacts of a model.
+    """Explain a word of the output, or the contacts of a model.
 
     Raises:
-        SweepFileError: a word is none, or settings are of no one model.
+        SweepFileError: a word has no definition, or settings do not belong to one model.
         SceneError: the model does not compile.
     """
     from contactlab.resources import scene_names
     from contactlab.studies.explain.contact_words import WORDS, explain_contacts, read_words
-    from contactlab.studies.explain.definitions import define, is_defined
+    from contactlab.studies.explain.definitions import define, is_defined, words_of
 
     opt.load_plugins(plugin)
-    given = [what] if isinstance(what, str) else what
-    assign = [word for word in given if "=" in word]
-    names = [word for word in given if "=" not in word]
+    words = [what] if isinstance(what, str) else what
+    assign = [word for word in words if "=" in word]
+    names = words_of([word for word in words if "=" not in word])
     models = [name for name in names if name in scene_names() or set(name) & set(":./")]
     if len(models) > 1:
         raise SweepFileError(f"{' and '.join(models)}: name one model; each has its own contacts")
@@ -82,9 +85,9 @@ def explain(
         raise SweepFileError(f"{' '.join(assign)}: name one model after it")
     task = opt.task_of(keyframe, drive, duration)
     split = dict(each.split("=", 1) for each in assign)
-    words = read_words({name: text for name, text in split.items() if name in WORDS})
+    wanted = read_words({name: text for name, text in split.items() if name in WORDS})
     other = [f"{name}={text}" for name, text in split.items() if name not in WORDS]
     with tempfile.TemporaryDirectory() as folder, study_session(Path(folder), 0) as session:
-        lines, missed = explain_contacts(names[0], other, words, session, task)
-    shown = ["shown by a run with these settings"] * bool(words and not missed)
+        lines, missed = explain_contacts(names[0], other, wanted, session, task)
+    shown = ["shown by a run with these settings"] * bool(wanted and not missed)
     return Explanation("\n".join([*lines, *shown]), missed)

@@ -233,7 +233,7 @@ def contact_losses(context: Context) -> Floats:
     thresholds=(_MODE_SWITCHES, _MIN_EVENTS),
     letter="C",
     colour="#b4531d",
-    advice="solimp 0.99 0.999 0.001, or a shorter timestep where solref is underdamped",
+    advice="more damping, a second number of solref near 1, or a shorter timestep",
     traits=("numerical",),
 )
 def chatter(runs: MeasuredRuns) -> Found:

@@ -9,7 +9,7 @@ from contactlab.schema.finding import Outcome
 from contactlab.writers.report import Line, Report, Section, finding_lines
 
 WIDEST = 10_000  # lines of a file or a pipe: they do not wrap
-_WORDS: dict[Outcome, str] = {
+OUTCOME_WORDS: dict[Outcome, str] = {
     "failed": "FAIL",
     "skipped": "SKIP",
     "warned": "WARN",
@@ -34,7 +34,7 @@ def _lines(report: Report, width: int) -> Iterator[str]:
         yield ""
         yield from _findings(finding_lines(report), width)
         if not report.lists_passed and (passed := passed_in_words(report.findings)):
-            yield in_one_line(f"{_WORDS['passed']:4}  {passed}")
+            yield in_one_line(f"{OUTCOME_WORDS['passed']:4}  {passed}")
     for section in report.sections:
         yield ""
         yield from map(in_one_line, _section(section))
@@ -48,7 +48,7 @@ def _lines(report: Report, width: int) -> Iterator[str]:
 
 def _findings(lines: Sequence[Line], width: int) -> Iterator[str]:
     shown: list[Line] = []
-    for outcome, word in _WORDS.items():
+    for outcome, word in OUTCOME_WORDS.items():
         same = [line for line in lines if line.outcome == outcome]
         shown += same[:_MOST_OF_OUTCOME]
         if len(same) > _MOST_OF_OUTCOME:
@@ -58,7 +58,7 @@ def _findings(lines: Sequence[Line], width: int) -> Iterator[str]:
         for column in range(3)
     )
     for line in shown:
-        start = in_one_line(f"{_WORDS[line.outcome]:4}  {line.name:{names}}  ")
+        start = in_one_line(f"{OUTCOME_WORDS[line.outcome]:4}  {line.name:{names}}  ")
         rest = in_one_line(f"{line.message:{messages}}  {line.worst:{worst}}  {line.where}")
         whole = (start + rest).rstrip()
         yield whole if len(whole) <= width else _wrapped(start, rest, width)

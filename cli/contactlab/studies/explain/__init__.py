@@ -1,1 +1,1 @@
-"""Meanings of contactlab's words and of MuJoCo's contact settings: `contactlab explain`."""
+"""Definitions of contactlab's words, and MuJoCo's contact settings in units of the world."""

@@ -1,101 +1,219 @@
-"""Published definitions of labels, metrics, thresholds, effects and axes."""
+"""Definitions of every word that contactlab prints, each from the place that computes it."""
 
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache, partial
+from typing import Any
 
+from contactlab import resources
+from contactlab.budget.rows import ROWS, RUN, Row
+from contactlab.engines import ENGINES
+from contactlab.engines.engine import SimulationEngine
 from contactlab.errors import SweepFileError
-from contactlab.measure import LABELS, METRICS, THRESHOLDS, Label, Metric, Threshold
+from contactlab.measure import LABELS, METRICS, ORACLES, THRESHOLDS, Label, Metric, Threshold
+from contactlab.measure.entries import SEVERITIES, Oracle
 from contactlab.mjcf import CONTACT, OPTIONS
 from contactlab.plan.mistakes import MISTAKES
 from contactlab.scene.effects.effect import Effect
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.parameters import PARAMETERS, Parameter
+from contactlab.scene.scene_source import find_scene
+from contactlab.store.table_layout import FIXED_COLUMNS, LOOP_COLUMNS, PLUGINS_COLUMN, Column
+from contactlab.studies.check.check_entries import CHECKS, Check
+from contactlab.studies.explain.glossary import Term, read_glossary
+from contactlab.studies.lint.rules import RULES, Rule
+
+Definitions = Mapping[str, list[Callable[[], Iterator[str]]]]
+"""Lines of text by word: one entry for each meaning of the word."""
+
+_COLUMNS = (*FIXED_COLUMNS, PLUGINS_COLUMN, *LOOP_COLUMNS)
+_UNIT = re.compile(r"\s*\[.*\]$")
 
 
-def is_defined(name: str) -> bool:
-    """Return whether something has this name."""
-    return name in _definitions()
+def is_defined(word: str) -> bool:
+    """Return whether a word has a definition."""
+    return _key(word) in _definitions() or _key(word) in _scene_axes()
 
 
-def define(name: str) -> str:
-    """Return what a word means, in lines; a SweepFileError if nothing has this name."""
-    known = _definitions()
-    SweepFileError.unless_known(
-        name,
-        known,
-        f"nothing is called '{name}'",
-        "; `contactlab list` says where names are listed",
+def define(word: str) -> str:
+    """Return every definition of a word, as text.
+
+    Case does not matter, nor does a unit in brackets, as in `depth [m]`.
+
+    Raises:
+        SweepFileError: the word has no definition; the message suggests the nearest one.
+    """
+    meanings = _definitions().get(_key(word)) or _scene_axes().get(_key(word))
+    if meanings is None:
+        SweepFileError.unless_known(
+            _key(word),
+            [*_definitions(), *_scene_axes()],
+            f"'{word}' has no definition",
+            "; `contactlab list` says where names are listed, docs/glossary.md has all terms",
+        )
+    return "\n\n".join("\n".join(lines()) for lines in meanings or ())
+
+
+def words_of(names: list[str]) -> list[str]:
+    """Return the terms that a command line names: all of its words together, if that is a term."""
+    together = " ".join(names)
+    return [together] if is_defined(together) else names
+
+
+def _key(word: str) -> str:
+    """Return the form of a word in which it is looked up."""
+    return " ".join(_UNIT.sub("", word).split()).casefold()
+
+
+def _definitions() -> Definitions:
+    """Return all definitions, those of a word in the order of their importance."""
+    known: dict[str, list[Callable[[], Iterator[str]]]] = {}
+    headed = {metric.heading: metric for metric in METRICS.values() if metric.heading}
+    limits = {name: each for name, each in THRESHOLDS.items() if name not in LABELS}
+    sources: tuple[tuple[Mapping[str, Any], Callable[[Any], Iterator[str]]], ...] = (
+        (LABELS, _label_lines),
+        (METRICS, _metric_lines),
+        (headed, _heading_lines),
+        (limits, _threshold_lines),
+        (PARAMETERS, _axis_lines),
+        (EFFECTS, _effect_lines),
+        ({row.name: row for row in (RUN, *ROWS)}, _row_lines),
+        (CHECKS, _check_lines),
+        (RULES, _rule_lines),
+        (ORACLES, _oracle_lines),
+        (ENGINES, _engine_lines),
+        ({name: (name, text) for name, text in SEVERITIES.items()}, _severity_lines),
+        ({name: (name, text) for name, text in MISTAKES.items()}, _mistake_lines),
+        ({column.name: column for column in _COLUMNS}, _column_lines),
     )
-    return "\n".join(known[name](name))
+    for entries, lines in sources:
+        for name, entry in entries.items():
+            known.setdefault(_key(name), []).append(partial(lines, entry))
+    for term in read_glossary():
+        for word in (term.word, *term.synonyms):
+            known.setdefault(_key(word), []).append(partial(_term_lines, term))
+    return known
 
 
-def _definitions() -> dict[str, Callable[[str], Iterator[str]]]:
-    """Return what says what a name means; a label's name counts more than a threshold's."""
-    return {
-        **dict.fromkeys(MISTAKES, _of_mistake),
-        **dict.fromkeys(PARAMETERS, _of_axis),
-        **dict.fromkeys([effect for effect in EFFECTS if effect not in PARAMETERS], _of_effect),
-        **dict.fromkeys(THRESHOLDS, _of_threshold),
-        **dict.fromkeys(METRICS, _of_metric),
-        **dict.fromkeys(LABELS, _of_label),
-    }
+@cache
+def _scene_axes() -> Definitions:
+    """Return the axes that shipped scenes add, such as `drop_height`."""
+    known: dict[str, list[Callable[[], Iterator[str]]]] = {}
+    for scene in resources.scene_names():
+        manifest = find_scene(scene).manifest
+        own = {} if manifest is None else {**manifest.initial, **manifest.structure}
+        for name, axis in own.items():
+            text = (f"{name} [{axis.unit}]: an axis of the scene {scene}", axis.description)
+            known.setdefault(_key(name), []).append(lambda text=text: iter(text))
+    return known
 
 
-def _of_mistake(name: str) -> Iterator[str]:
-    yield f"{name}: a mistake in a sweep file or an option"
-    yield MISTAKES[name]
-
-
-def _of_label(name: str) -> Iterator[str]:
-    label: Label = LABELS[name]
-    place = list(LABELS).index(name) + 1
-    yield f"{name}: a label, {place} of {len(LABELS)} from the worst"
+def _label_lines(label: Label) -> Iterator[str]:
+    place = list(LABELS).index(label.name) + 1
+    yield f"{label.name}: a label, {place} of {len(LABELS)} from the worst; {label.severity}"
     yield label.meaning
     for threshold in label.thresholds:
-        yield from _limit(threshold)
+        yield _limit_line(threshold)
     yield f"change: {label.advice or 'see the reason in the run'}"
-    yield "tried on your model: contactlab check MODEL"
 
 
-def _limit(threshold: Threshold) -> Iterator[str]:
+def _limit_line(threshold: Threshold) -> str:
     default = "none" if threshold.default is None else f"{threshold.default:g} {threshold.unit}"
-    yield f"limit {threshold.name}: {default.removesuffix(' 1')}. {threshold.source}"
+    return f"limit {threshold.name}: {default.removesuffix(' 1')}. {threshold.source}"
 
 
-def _of_metric(name: str) -> Iterator[str]:
-    metric: Metric = METRICS[name]
+def _metric_lines(metric: Metric) -> Iterator[str]:
     better = {"none": "neither way is better"}.get(metric.better, f"{metric.better} is better")
-    yield f"{name} [{metric.unit}]: a metric, version {metric.version}; {better}"
+    yield f"{metric.name} [{metric.unit}]: a metric, version {metric.version}; {better}"
     yield metric.definition
     for label in LABELS.values():
         for threshold in label.thresholds:
-            if threshold.name == name:
-                yield from _limit(threshold)
+            if threshold.name == metric.name:
+                yield _limit_line(threshold)
                 yield f"over it, a run is {label.name}: {label.advice or label.meaning}"
 
 
-def _of_threshold(name: str) -> Iterator[str]:
-    labels = [label.name for label in LABELS.values() if THRESHOLDS[name] in label.thresholds]
-    yield f"{name}: a threshold of {', '.join(labels)}"
-    yield from _limit(THRESHOLDS[name])
+def _heading_lines(metric: Metric) -> Iterator[str]:
+    yield f"{metric.heading}: heading of {metric.name} in the table of runs"
+    yield metric.definition
 
 
-def _of_axis(name: str) -> Iterator[str]:
-    axis: Parameter = PARAMETERS[name]
-    yield f"{name}{f' [{axis.unit}]' if axis.unit else ''}: an axis, {axis.description}"
+def _threshold_lines(threshold: Threshold) -> Iterator[str]:
+    labels = [label.name for label in LABELS.values() if threshold in label.thresholds]
+    yield f"{threshold.name}: a limit of {', '.join(labels)}"
+    yield _limit_line(threshold)
+
+
+def _axis_lines(axis: Parameter) -> Iterator[str]:
+    yield f"{axis.name}{f' [{axis.unit}]' if axis.unit else ''}: an axis, {axis.description}"
     if axis.choices:
         yield f"values: {', '.join(axis.choices)}"
     if axis.parts:
         yield f"its numbers, as axes of their own: {', '.join(axis.parts)}"
     if axis.conflicts:
-        yield f"not beside: {', '.join(axis.conflicts)}"
+        yield f"not together with: {', '.join(axis.conflicts)}"
     where = "<option>" if axis.sets in OPTIONS else "<geom> and <pair>"
     if axis.sets in {*OPTIONS, *CONTACT}:
         yield f"in MJCF: {axis.sets} of {where}"
 
 
-def _of_effect(name: str) -> Iterator[str]:
-    effect: Effect = EFFECTS[name]
-    yield f"{name}: an effect, {effect.kind}: {effect.what}"
+def _effect_lines(effect: Effect) -> Iterator[str]:
+    yield f"{effect.name}: an effect, {effect.kind}: {effect.what}"
     if effect.called_by:
         yield f"called for by {effect.called_by}"
-    yield f"switch: true or false as an axis; contactlab effects MODEL says whether {name} matters"
+    yield "as an axis: true or false; `contactlab effects MODEL` measures whether it matters"
+
+
+_ROW_KINDS = {
+    "numerics": "a numerical setting",
+    "model": "a modeling choice",
+    "effect": "an effect that is left out",
+    "unknown": "an uncertain parameter",
+}
+
+
+def _row_lines(row: Row) -> Iterator[str]:
+    yield f"{row.name}: a row of the error budget, {_ROW_KINDS.get(row.kind, row.kind)}"
+    yield row.summary
+
+
+def _check_lines(check: Check) -> Iterator[str]:
+    yield f"{check.name}: a check of `contactlab check`"
+    yield f"It passes if {check.asks}."
+
+
+def _rule_lines(rule: Rule) -> Iterator[str]:
+    yield f"{rule.name}: a rule of `contactlab lint`; see {rule.docs}"
+    yield rule.about
+
+
+def _oracle_lines(oracle: Oracle) -> Iterator[str]:
+    yield f"{oracle.name}: an oracle, the closed form of a scene"
+    yield oracle.definition
+
+
+def _engine_lines(engine: SimulationEngine) -> Iterator[str]:
+    yield f"{engine.name}: an engine, {engine.summary}"
+
+
+def _severity_lines(severity: tuple[str, str]) -> Iterator[str]:
+    name, meaning = severity
+    yield f"{name}: a severity of labels"
+    yield f"{meaning[:1].upper()}{meaning[1:]}."
+
+
+def _mistake_lines(mistake: tuple[str, str]) -> Iterator[str]:
+    name, sentence = mistake
+    yield f"{name}: a mistake in a sweep file or an option"
+    yield sentence
+
+
+def _column_lines(column: Column) -> Iterator[str]:
+    unit = f" [{column.unit}]" if column.unit else ""
+    yield f"{column.name}{unit}: a column of runs.parquet"
+    yield column.description
+
+
+def _term_lines(term: Term) -> Iterator[str]:
+    yield f"{term.word}: {term.context}"
+    yield term.definition
