@@ -25,7 +25,7 @@ from tests.guards.reading import (
 from tests.guards.records import Facts, Items
 from tests.guards.steady import made_up_machine
 
-# The runs of each that the first tier simulates, as `--only` has it.
+# The runs of each that the first tier simulates, in the form of `--where`.
 SWEEPS: Mapping[str, tuple[str, ...]] = {
     "bounce": ("restitution=0.6", "drop_height=0.5,2.0"),
     "foot-strike": ("timestep=0.004", "speed=0.5"),
