@@ -30,7 +30,7 @@ def check(report: ComparisonReport, name: str, group: str = "") -> Finding:
 @pytest.fixture
 def large(monkeypatch: pytest.MonkeyPatch) -> None:
     """Take stores for so large that not every record is looked at."""
-    monkeypatch.setattr("contactlab.store.verify_store._MOST_RECORDS_AT_A_GLANCE", 0)
+    monkeypatch.setattr("contactlab.store.verify_store._MAX_QUICK_RECORDS", 0)
 
 
 def test_one_worse_metric(baseline: Path, runs: Runs, stored: Stored) -> None:

@@ -58,7 +58,7 @@ def test_flags_of_a_sweep_that_looks_for_none_are_not_honored(
     baseline: Path, worse: Path, tampering: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nor in a store that is so large that not every record is looked at."""
-    monkeypatch.setattr("contactlab.store.verify_store._MOST_RECORDS_AT_A_GLANCE", 0)
+    monkeypatch.setattr("contactlab.store.verify_store._MAX_QUICK_RECORDS", 0)
     for store in (baseline, worse):
         fill(store, tampering, "knife_edge", True)
     report = compare(baseline, worse)
@@ -129,7 +129,7 @@ def test_metrics_that_the_baseline_never_had(
     baseline: Path, worse: Path, tampering: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As of an older release, and so only counted; but not if most are missing."""
-    monkeypatch.setattr("contactlab.store.verify_store._MOST_RECORDS_AT_A_GLANCE", 0)
+    monkeypatch.setattr("contactlab.store.verify_store._MAX_QUICK_RECORDS", 0)
     table = pq.read_table(baseline / "runs.parquet").drop_columns(["depth", "grip", "slip"])
     tampering.rewrite(baseline, table)
     for name in ("depth", "grip", "slip"):

@@ -35,7 +35,7 @@ _CALL = re.compile(r"(\w+)\((.*)\)")
 
 
 class FlagSetting(str):
-    """A setting `NAME=VALUE` from a flag with its own name: `--keyframe home` is `keyframe=home`."""
+    """A setting `NAME=VALUE` from its own flag: `--keyframe home` is `keyframe=home`."""
 
     __slots__ = ("flag",)
 
