@@ -117,8 +117,9 @@ MODELS: dict[str, tuple[bytes, list[str]]] = {
     "mismatched tag": (b"<mujoco>\n  <worldbody>\n</mujoco>", [":3:3:", "not XML"]),
     "cut off": (b"<mujoco>", [":1:9:", "not XML"]),
     "empty": (b"", [":1:1:", "not XML"]),
-    "bytes": (b"<mujoco model='\xff'/>", [":1:", "not XML"]),
-    "encoding": (b'<?xml version="1.0" encoding="klingon"?><mujoco/>', ["klingon", "UTF-8"]),
+    "bytes": (b"<mujoco>\n<!-- \xff --></mujoco>", [":2:", "write the model in UTF-8"]),
+    "encoding": ("<mujoco/>".encode("utf-16"), [":1:", "write the model in UTF-8"]),
+    "document type": (b'<!DOCTYPE a [<!ENTITY b "c">]>\n<mujoco/>', [":1:", "<!DOCTYPE a>"]),
     "element": (
         b"<mujoco><worldbody><sphere/></worldbody></mujoco>",
         ["does not compile", "sphere"],

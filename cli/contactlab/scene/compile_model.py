@@ -25,8 +25,9 @@ from contactlab.errors import ModelWarning, SceneError
 from contactlab.expression import Expression, ExpressionError
 from contactlab.scene.compile_messages import in_words
 from contactlab.scene.contact_pairs import MonitoredPair
-from contactlab.scene.model_files import FileSearch, name_in_copy, parse, plain_name
+from contactlab.scene.model_files import FileSearch, name_in_copy, plain_name
 from contactlab.scene.model_names import name_by_address
+from contactlab.scene.model_xml import parse
 from contactlab.scene.mujoco_versions import has_batch, silence_mujoco
 from contactlab.scene.scene_source import BINARY, MODEL_SUFFIXES, SceneSource
 from contactlab.scene.timed_inputs import HoldSpec

@@ -15,21 +15,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from contactlab.errors import SceneError
-from contactlab.scene.model_guards import check_element, check_picture, check_places, check_regular
+from contactlab.scene.model_guards import check_element, check_picture, check_places
+from contactlab.scene.model_xml import FILE_KEYS, FOLDER_KEYS, parse
 
-_ASSET_FOLDERS = {
+ASSET_FOLDERS = {
     "mesh": "meshdir",
     "skin": "meshdir",
     "hfield": "meshdir",
     "texture": "texturedir",
     "flexcomp": "meshdir",
 }
-_FILE_KEYS = (
-    "file",
-    "filename",
-    *(f"file{side}" for side in ("right", "left", "up", "down", "front", "back")),
-)
-_FOLDER_KEYS = ("meshdir", "texturedir", "assetdir")
+"""The elements that read files, by tag, and the compiler's attribute that names their folder."""
 
 
 @dataclass(frozen=True)
@@ -112,12 +108,12 @@ class FileSearch:
         They are named from the folder of the model; what is not there, from that of an included
         file which names it, and then without the compiler's folder.
         """
-        if element.tag not in _ASSET_FOLDERS:
+        if element.tag not in ASSET_FOLDERS:
             return {}
-        folder = compiler.get(_ASSET_FOLDERS[element.tag], compiler.get("assetdir", ""))
+        folder = compiler.get(ASSET_FOLDERS[element.tag], compiler.get("assetdir", ""))
         strip = compiler.get("strippath", "").lower() == "true"
         found = dict[str, Reference]()
-        for key in _FILE_KEYS:
+        for key in FILE_KEYS:
             if not (name := element.get(key)):
                 continue
             if _RESOURCE.fullmatch(name) and not strip:
@@ -157,38 +153,11 @@ def _in_copy(path: Path, copy: Path) -> Path:
 def name_in_copy(root: ET.Element, copy: Path) -> None:
     """Have a model of a copy name the copy's files where it names them by absolute paths."""
     for element in root.iter():
-        for key in (*_FILE_KEYS, *_FOLDER_KEYS):
+        for key in (*FILE_KEYS, *FOLDER_KEYS):
             if (path := Path(element.get(key, ""))).is_absolute():
                 element.set(key, str(_in_copy(path, copy)))
 
 
-def parse(path: Path) -> ET.Element:
-    """Return the root element of an XML file; a SceneError says that it is none, and where."""
-    check_regular(path)
-    try:
-        root = ET.parse(path).getroot()  # noqa: S314 - a local model that the user asked to run
-    except FileNotFoundError as error:
-        raise SceneError(f"{path}: no such file; put it there, or name another") from error
-    except LookupError as error:
-        raise SceneError(f"{path}: {error}; write the model in UTF-8") from error
-    except ET.ParseError as error:
-        line, column = error.position
-        what = "the file is empty" if not path.stat().st_size else str(error).partition(":")[0]
-        what = _NOT_XML.get(what, what)
-        raise SceneError(f"{path}:{line}:{column + 1}: not XML: {what}{_WHOLE}") from error
-    if any(_XACRO in element.tag for element in root.iter()):
-        raise SceneError(f"{path}: has macros; expand it first: `xacro {path.name} > robot.urdf`")
-    return root
-
-
-_XACRO = "xacro}"  # in the namespace of an element
-_WHOLE = "; a model is <mujoco>...</mujoco> or <robot>...</robot>"
-_NOT_XML = {
-    "no element found": "it ends before all of its elements do",
-    "syntax error": "this is no element",
-    "not well-formed (invalid token)": "a character that has no place here",
-    "mismatched tag": "it closes an element that is not the open one",
-}
 _RESOURCE = re.compile(r"(?:package|model):/+([^/]+)/(.+)")
 
 

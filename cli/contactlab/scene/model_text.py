@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.sax.saxutils import quoteattr
 
-from contactlab.scene.model_files import FileSearch, parse
+from contactlab.scene.model_files import FileSearch
+from contactlab.scene.model_xml import parse
 
 _FIRST_CHILD = re.compile(rb"[ \t]*\r?\n([ \t]+)<")
 _ATTRIBUTE = re.compile(rb"""\s([^\s=]+)\s*=\s*("[^"]*"|'[^']*')""")

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import mujoco
 
 from contactlab.scene.compile_model import InertiaFault, compile_error, written_inertia_faults
-from contactlab.scene.model_files import parse, plain_name
+from contactlab.scene.model_files import plain_name
 from contactlab.scene.model_names import KINDS, name_by_address, name_of
 from contactlab.scene.model_text import (
     ElementText,
@@ -27,6 +27,7 @@ from contactlab.scene.model_text import (
     replaced,
     with_attributes,
 )
+from contactlab.scene.model_xml import parse
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource
 from contactlab.scene.task import keyframe_names

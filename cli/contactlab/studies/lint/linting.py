@@ -7,7 +7,8 @@ from pathlib import Path
 from contactlab.errors import SceneError, no_file
 from contactlab.judge.subjects import OUTCOMES
 from contactlab.judge.wording import plural
-from contactlab.scene.model_files import FileSearch, parse
+from contactlab.scene.model_files import FileSearch
+from contactlab.scene.model_xml import parse
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.scene.scene_source import MODEL_SUFFIXES, find_scene
 from contactlab.schema.finding import PlacedFinding

@@ -1,0 +1,120 @@
+"""Read the XML of a model as MuJoCo reads it, and refuse what MuJoCo could read differently.
+
+MuJoCo's parser, tinyxml2, knows neither namespaces nor document types nor encodings, and is lenient
+where XML is strict. What the guards check must be what MuJoCo then opens. So a file has to be
+well-formed XML in UTF-8 without definitions in its document type. Of such a file both parsers see
+the same elements and attributes, except for two things. Namespaces are left unread here, too:
+`xmlns` is an attribute like any other, and a prefix is a part of a name. Line breaks and tabs in
+attributes become spaces in XML, but not in MuJoCo, so they are refused in the names of files.
+"""
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NoReturn
+from xml.parsers import expat
+
+from contactlab.errors import SceneError
+from contactlab.scene.model_guards import check_regular
+
+FOLDER_KEYS = ("meshdir", "texturedir", "assetdir")
+"""The attributes of a compiler that name folders."""
+FILE_KEYS = (
+    "file",
+    "filename",
+    *(f"file{side}" for side in ("right", "left", "up", "down", "front", "back")),
+)
+"""The attributes of elements that name files."""
+_NAMING = {*FILE_KEYS, *FOLDER_KEYS}
+_XACRO = "xacro"
+_WHOLE = "; a model is <mujoco>...</mujoco> or <robot>...</robot>"
+_NOT_XML = {
+    "no element found": "it ends before all of its elements do",
+    "syntax error": "this is no element",
+    "not well-formed (invalid token)": "a character that has no place here",
+    "mismatched tag": "it closes an element that is not the open one",
+}
+_ATTRIBUTE = re.compile(rb"""([^\s=<>/"']+)\s*=\s*("[^"]*"|'[^']*')|>""")
+_BREAK = re.compile(rb"[\t\r\n]")
+
+
+def parse(path: Path) -> ET.Element:
+    """Return the root element of a model's file; a SceneError says what is wrong, and where.
+
+    Names are as written, with their prefixes.
+    """
+    check_regular(path)
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError as error:
+        raise SceneError(f"{path}: no such file; put it there, or name another") from error
+    try:
+        data.decode()
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise SceneError(f"{path}:{line}: not UTF-8; write the model in UTF-8") from error
+    return _Reading(path, data).root()
+
+
+class _Reading:
+    """The reading of one file."""
+
+    def __init__(self, path: Path, data: bytes) -> None:
+        self._path, self._data = path, data
+        self._tree = ET.TreeBuilder()
+        # MuJoCo ignores the encoding that a file declares.
+        self._parser = expat.ParserCreate("utf-8")
+        self._parser.buffer_text = True
+        self._parser.StartElementHandler = self._start
+        self._parser.EndElementHandler = self._tree.end
+        self._parser.CharacterDataHandler = self._tree.data
+        self._parser.StartDoctypeDeclHandler = self._check_doctype
+
+    def root(self) -> ET.Element:
+        try:
+            self._parser.Parse(self._data, True)
+        except expat.ExpatError as error:
+            what = "the file is empty" if not self._data else str(error).partition(":")[0]
+            place = f"{self._path}:{error.lineno}:{error.offset + 1}"
+            raise SceneError(f"{place}: not XML: {_NOT_XML.get(what, what)}{_WHOLE}") from error
+        root = self._tree.close()
+        if _has_macros(root):
+            name = self._path.name
+            raise SceneError(
+                f"{self._path}: has macros; expand it first: `xacro {name} > robot.urdf`"
+            )
+        return root
+
+    def _start(self, name: str, attributes: Mapping[str, str]) -> None:
+        if not _NAMING.isdisjoint(attributes):
+            self._check_breaks(self._parser.CurrentByteIndex)
+        self._tree.start(name, dict(attributes))
+
+    def _check_breaks(self, start: int) -> None:
+        """Refuse line breaks and tabs in the names of files that a start tag has."""
+        for found in _ATTRIBUTE.finditer(self._data, start):
+            key, value = found.groups()
+            if key is None:
+                return
+            if key.decode() in _NAMING and _BREAK.search(value):
+                self._refuse(f"{key.decode()} has a line break or a tab; write it without")
+
+    def _check_doctype(self, name: str, *definitions: object) -> None:
+        """Refuse a document type with definitions, of which MuJoCo's parser reads parts as text."""
+        if any(definitions):
+            self._refuse(f"its document type defines something; write <!DOCTYPE {name}>, or none")
+
+    def _refuse(self, why: str) -> NoReturn:
+        raise SceneError(f"{self._path}:{self._parser.CurrentLineNumber}: {why}")
+
+
+def _has_macros(root: ET.Element) -> bool:
+    """Return whether any element is one of xacro, by whatever prefix."""
+    prefixes = {_XACRO} | {
+        key.removeprefix("xmlns:")
+        for element in root.iter()
+        for key, value in element.items()
+        if key.startswith("xmlns:") and value.rstrip("/").endswith(_XACRO)
+    }
+    return any(":" in each.tag and each.tag.partition(":")[0] in prefixes for each in root.iter())
