@@ -156,7 +156,7 @@ def test_replay_finds_the_first_difference(
 
     monkeypatch.setattr(replaying, "prepare_replay", prepare_softer)
     code, out, err = contactlab("replay", str(store), run_id)
-    assert (code, err) == (1, "error: the trajectory is not the stored one\n")
+    assert (code, err) == (1, "error: the trajectory differs from the stored one\n")
     assert out.startswith(f"run {run_id}: differs\n")
     assert f"\n  first after step {touched + 1} by " in out
     result = json.loads(contactlab("replay", str(store), run_id, "--format", "json")[1])

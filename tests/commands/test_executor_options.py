@@ -12,7 +12,7 @@ import pytest
     [
         (("--address", "auto"), "--address is for a cluster; add --executor ray"),
         (("--executor", "rya"), "no executor 'rya'; installed are local, ray, slurm"),
-        (("--executor", "ray", "--workers", "0"), "--workers 0 runs all in this process"),
+        (("--executor", "ray", "--workers", "0"), "--workers 0 runs in this process"),
     ],
 )
 def test_options_that_do_not_go_together(

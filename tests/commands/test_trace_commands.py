@@ -101,7 +101,7 @@ def test_records_are_the_same_but_for_the_file(stores: tuple[Path, Path]) -> Non
     [
         (("none",), "no store at none"),
         (("STORE", "zzz"), "has an id that starts with 'zzz'"),
-        (("STORE", "-o", "STORE/traces"), "is in the store; name a folder beside it"),
+        (("STORE", "-o", "STORE/traces"), "is in the store; name another folder"),
         (("STORE", "-o", "/dev/null/x"), "cannot write /dev/null/x: Not a directory"),
     ],
 )

@@ -146,7 +146,7 @@ def test_too_long_a_step_is_told(tmp_path: Path) -> None:
     assert "timestep       at most " in found.text
     failure = declared(explain).failure(found, {})
     assert isinstance(failure, ExpectationError)
-    assert "is too long for it" in str(failure)
+    assert "is too long for these values" in str(failure)
 
 
 @pytest.mark.parametrize(
@@ -163,7 +163,7 @@ def test_words_are_read_in_their_units(text: str, value: float) -> None:
         ({"stiffness": "-3"}, "above 0 in N/m"),
         ({"depth_at_rest": "nan"}, "above 0 in m"),
         ({"restitution": "1.2"}, "above 0, at most 1"),
-        ({"stiffness": "1e3 N/m", "depth_at_rest": "1 mm"}, "set the same thing"),
+        ({"stiffness": "1e3 N/m", "depth_at_rest": "1 mm"}, "set the same value"),
     ],
 )
 def test_what_is_no_amount_is_refused(words: dict[str, str], message: str) -> None:

@@ -51,8 +51,8 @@ def test_figures_are_listed(swept: Swept, tmp_path: Path) -> None:
         (("--traces", "some"), OutputError, "a number of runs, all or none"),
         (("--tolerance", "oracle_error"), SweepFileError, "METRIC=VALUE"),
         (("--figures", "new", "--format", "gif"), OutputError, "png, svg, pdf"),
-        (("--run", "0123"), OutputError, "write --live too"),
-        (("--live", "--parity", "file.json"), OutputError, "--parity is not of a page"),
+        (("--run", "0123"), OutputError, "needs --live"),
+        (("--live", "--parity", "file.json"), OutputError, "--parity does not go with --live"),
     ],
 )
 def test_invalid_options_are_refused(

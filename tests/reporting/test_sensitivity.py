@@ -68,7 +68,7 @@ def test_what_falls_from_a_height_depends_on_that_alone(tmp_path: Path) -> None:
     # All of the variance goes with gravity: estimates of both are exact up to 16 points' error.
     assert found.total[1] == pytest.approx(0, abs=1e-9)
     assert found.first[0] == pytest.approx(1, abs=0.3)
-    assert "goes with gravity alone" in next(sensitivity_lines(found))
+    assert "gravity alone explains" in next(sensitivity_lines(found))
     with pytest.raises(SweepFileError, match="power of two"):
         contactlab.sweep({**sweep, "sample": {"method": "saltelli", "n": 12}}, workers=0)
 

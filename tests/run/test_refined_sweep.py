@@ -152,14 +152,14 @@ def test_a_limit_is_that_of_the_worst_seed_of_each_scenario() -> None:
     """Values count up to the first that any seed of a scenario is not sound at."""
     codes = [[1, 1, 1, 0, 0], [1, 1, 0, 1, 0], [1, 1, 1, 1, 1], [0, 1, 1, 1, 1]]
     assert limited(codes, [0, 1, 0, 0], [0.3, 0.3, 0.5, 0.7], "largest") == [
-        "largest sound timestep: 2 ms; 3 ms is not, for friction 0.3",
-        "largest sound timestep: 5 ms, the last of the sweep, for friction 0.5",
-        "largest sound timestep: none, since 1 ms is not, for friction 0.7",
-        "  beyond it 4 of 5 are sound again",
-        "in all 3: largest sound timestep: none, since 1 ms is not",
+        "largest passing timestep: 2 ms; 3 ms fails, for friction 0.3",
+        "largest passing timestep: 5 ms, the last of the sweep, for friction 0.5",
+        "largest passing timestep: none, because 1 ms fails, for friction 0.7",
+        "  beyond it 4 of 5 pass again",
+        "in all 3: largest passing timestep: none, because 1 ms fails",
     ]
     assert limited(codes[-1:], [0], [0.7], "smallest") == [
-        "smallest sound timestep: 2 ms; 1 ms is not, for friction 0.7"
+        "smallest passing timestep: 2 ms; 1 ms fails, for friction 0.7"
     ]
 
 
@@ -186,8 +186,8 @@ def test_the_steepest_tilt_that_sticks_is_that_of_friction(whole: Store, tmp_pat
     for line, friction in zip(lines, frictions, strict=False):
         angle = np.degrees(np.arctan(friction))
         sound = max(tilt for tilt in np.linspace(5, 45, TO) if tilt < angle)
-        assert line.startswith(f"largest sound tilt: {sound:.4g} deg; ")
-    assert lines[3].startswith("in all 3: largest sound tilt: ")
+        assert line.startswith(f"largest passing tilt: {sound:.4g} deg; ")
+    assert lines[3].startswith("in all 3: largest passing tilt: ")
 
 
 def test_filled_up_it_is_the_grid(refined: Store, whole: Store, tmp_path: Path) -> None:

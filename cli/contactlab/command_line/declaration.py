@@ -1,4 +1,4 @@
-"""Declarations of commands: a function, whose annotated parameters are its options.
+"""Declarations of commands: a function with annotated parameters, which are its options.
 
     @command("list", examples=("ring ding",))
     def ring(
@@ -7,9 +7,9 @@
     ) -> Rung:
         ...
 
-The function is what Python calls: it returns data, prints nothing, and raises a ContactlabError.
-The command line parses its words into the same parameters, calls the same function, and prints
-what it returns. A parameter `retry_failed` is the option `--retry-failed`; a name that is a keyword
+Python calls the function: it returns data, prints nothing, and raises a ContactlabError. The
+command line parses its words into the same parameters, calls the same function, and prints the
+result. A parameter `retry_failed` is the option `--retry-failed`; a name that is a keyword
 of Python ends with `_`.
 """
 
@@ -23,7 +23,7 @@ from contactlab.command_line.surroundings import progress
 from contactlab.errors import ContactlabError, PluginError
 
 Group = Literal["examine", "run", "read", "gate", "extend"]
-"""Kind of a command, by what it is for."""
+"""Kind of a command, by its purpose."""
 TITLES: Mapping[Group, str] = {
     "examine": "Examine a model",
     "run": "Run sweeps",
@@ -31,9 +31,11 @@ TITLES: Mapping[Group, str] = {
     "gate": "Gate changes",
     "extend": "Look up and extend",
 }
-"""Titles of groups, in the order in which they stand in `--help`."""
-_OF_RUNS = "0 as expected, 1 not, 2 bad input, 3 bad store, 4 runs lost, 130 interrupted"
-_OF_STORES = "0 sound or equal, 1 it differs, 2 bad input, 3 bad or damaged store"
+"""Titles of groups, in the order of `--help`."""
+_OF_RUNS = (
+    "0 as expected, 1 not as expected, 2 bad input, 3 bad store, 4 runs lost, 130 interrupted"
+)
+_OF_STORES = "0 sound or equal, 1 different, 2 bad input, 3 bad or damaged store"
 CODES: Mapping[Group, str] = {
     "examine": _OF_RUNS,
     "run": _OF_RUNS,
@@ -41,12 +43,12 @@ CODES: Mapping[Group, str] = {
     "gate": _OF_STORES,
     "extend": "0 printed, 2 bad input",
 }
-"""Exit codes of the commands of a group, where they have none of their own."""
+"""Exit codes of the commands of a group, except those with codes of their own."""
 
 Given = Mapping[str, Any]
 """The parameters of a call by name, with the defaults of those that are left out."""
 Show = Callable[[Any, Given], None]
-"""Prints what a command returned."""
+"""Prints the result of a command."""
 
 _Parameters = ParamSpec("_Parameters")
 _Result = TypeVar("_Result")
@@ -120,12 +122,12 @@ def command(
     """Declare a function as a command of the command line, by its own name unless another is given.
 
     Args:
-        group: what it does, which orders `--help` and says the exit codes.
-        name: its words, where they are not the function's name.
+        group: kind of the command, which orders `--help` and gives the exit codes.
+        name: its words, if they are not the name of the function.
         examples: command lines without the word `contactlab`; its name alone if left out.
-        codes: exit codes, where they are not those of the group.
-        formats: what prints its result, by the name that `--format` takes.
-        failure: returns, of a result and the parameters, the error to end with; None if it is fine.
+        codes: exit codes, if they are not those of the group.
+        formats: printers of its result, by the name that `--format` takes.
+        failure: returns the error to end with, from result and parameters; None if it is fine.
 
     Raises:
         PluginError: there is no such group.
@@ -180,7 +182,7 @@ def is_declared(function: object) -> bool:
 
 
 def declared(function: object) -> Command:
-    """Return the command that a function is declared as; raise PluginError for any other object."""
+    """Return the command that a function is declared as; raise PluginError for other objects."""
     if not is_declared(function):
-        raise PluginError(f"{function} is no command; declare it with {__name__}.command")
+        raise PluginError(f"{function} is not a command; declare it with {__name__}.command")
     return function.__dict__["command"]

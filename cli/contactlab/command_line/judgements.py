@@ -23,11 +23,11 @@ _FORMATS: Mapping[str, ReportFormat] = {
     ".sarif": "sarif",
 }
 ReportOf = Callable[[Any, Given], "Report"]
-"""Returns what is written of a command's result, and of its parameters."""
+"""Returns the report of a command, from its result and its parameters."""
 
 
 class Concluded(Protocol):
-    """A report that says how its command ends."""
+    """A report with the exit code of its command."""
 
     exit_code: int
     headline: str
@@ -36,7 +36,7 @@ class Concluded(Protocol):
 def policy_of(
     policy: str | Path | None, given: Mapping[str, str | None] | None = None
 ) -> "ComparePolicy":
-    """Return the policy of a file, or the default one, with what options say."""
+    """Return the policy of a file, or the default one, changed by options."""
     from contactlab.plan.sweep_file import read_yaml_as
     from contactlab.schema.comparison import ComparePolicy
 
@@ -53,7 +53,7 @@ def files_to_write(files: Sequence[str | Path]) -> list[tuple[Path, ReportFormat
 
 
 def publish(report: "ComparisonReport", targets: Sequence[tuple[Path, ReportFormat]]) -> None:
-    """Write the files of `-o`; tell a CI job that calls the command."""
+    """Write the files of `-o`, and announce the report to a CI job."""
     from contactlab.store.atomic_files import atomic_write, write_error
     from contactlab.writers import WRITERS
 
@@ -71,7 +71,7 @@ def publish(report: "ComparisonReport", targets: Sequence[tuple[Path, ReportForm
 
 
 def compared(report: "ComparisonReport", given: Given) -> "Report":
-    """Return what is written of a comparison."""
+    """Return the report of a comparison."""
     from contactlab.comparison.report import report_of
 
     del given
@@ -79,7 +79,7 @@ def compared(report: "ComparisonReport", given: Given) -> "Report":
 
 
 def print_report(form: ReportFormat, report_of: ReportOf, result: object, given: Given) -> None:
-    """Print a report, whose text is as wide as the terminal."""
+    """Print a report; its text is as wide as the terminal."""
     from contactlab.writers import WRITERS, as_text
 
     report = report_of(result, given)
@@ -95,7 +95,7 @@ def printed(report_of: ReportOf) -> dict[str, Show]:
 
 
 def failure(report: Concluded, given: Given) -> ContactlabError | None:
-    """Return the error of a report whose gates fail, or that cannot be judged."""
+    """Return the error if a gate of the report fails or cannot be judged."""
     from contactlab.judge.conclusion import error_of
 
     del given

@@ -1,4 +1,4 @@
-"""The command line. A command imports what it needs when it runs, so that --help is instant."""
+"""The command line. A command imports its modules when it runs, so that --help is instant."""
 
 import errno
 import inspect
@@ -26,7 +26,7 @@ _SUMMARY = 66  # columns that a line of 80 leaves for the summary of a command
 
 
 def command_line(first: str | None = None) -> typer.Typer:
-    """Return all commands, or no more than those that begin with the first word of a line.
+    """Return all commands, or only those that begin with the first word of a line.
 
     After `--help` they are a list, without parameters.
     """
@@ -49,10 +49,10 @@ def command_line(first: str | None = None) -> typer.Typer:
 
 
 class _Grouped(TyperGroup):
-    """All commands, whose help lists them by groups."""
+    """All commands, listed by groups in the help."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - of Click's
-        """Write a section for each group, and one for what other packages add."""
+        """Write a section for each group, and one for commands of other packages."""
         del ctx
         listed: dict[str, list[tuple[str, str]]] = {title: [] for title in TITLES.values()}
         for name, found in self.commands.items():
@@ -69,7 +69,7 @@ def _group(name: str) -> Group:
 
 
 def _add(app: typer.Typer, name: str, found: Sequence[Command], *, in_list: bool) -> None:
-    """Add a command; or a group of them, whose first word is the name."""
+    """Add a command, or a group of commands that share their first word."""
     if [command.name for command in found] == [name]:
         app.command(name, epilog=found[0].end_of_help)(typed(found[0], in_list=in_list))
         return
@@ -113,10 +113,10 @@ def contactlab(
     allow_files: list[Path] | None = typer.Option(
         None,
         metavar="DIR",
-        help="Let models name the files of a folder outside of their own; may be repeated.",
+        help="Let models use files of this folder, outside their own; may be repeated.",
     ),
 ) -> None:
-    """Evidence for contact simulation: `contactlab MODEL` says whether to trust a model.
+    """Evidence for contact simulation: `contactlab MODEL` judges a model.
 
     A model is an .xml or .urdf file, a shipped scene, or menagerie:ROBOT.
     """
@@ -129,7 +129,7 @@ def contactlab(
 
 def main() -> None:
     """Run the command line; an error that the user can act on is printed as one message."""
-    # What this starts, and what its libraries start, imports nothing of the current folder.
+    # Processes that this one starts, or its libraries, import nothing of the current folder.
     os.environ["PYTHONSAFEPATH"] = "1"
     warnings.formatwarning = lambda message, *_: f"warning: {printable(str(message))}\n"
     try:
@@ -138,7 +138,7 @@ def main() -> None:
         try:
             code = app(words, prog_name="contactlab", standalone_mode=False)
         except typer.TyperException as error:
-            if (said := error.format_message()).startswith("Usage:"):  # no words: all its help
+            if (said := error.format_message()).startswith("Usage:"):  # no words: its whole help
                 say(said)
                 raise SystemExit(CommandLineError.exit_code) from error
             raise misunderstood(error, words) from error
@@ -149,7 +149,7 @@ def main() -> None:
     except OSError as error:
         if error.errno != errno.ENOSPC:
             raise
-        # What is left in the buffer cannot be printed either.
+        # The rest of the buffer cannot be printed either.
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         say(f"error: cannot print the results: {error.strerror}")
         raise SystemExit(OutputError.exit_code) from error

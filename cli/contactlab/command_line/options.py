@@ -80,13 +80,13 @@ Where = Annotated[
 Limit = Annotated[int | None, Option("N", "Run only the first N runs.", least=1)]
 Workers = Annotated[
     int | None,
-    Option(None, "Worker processes; by default one per core, 0 for none.", least=0),
+    Option(None, "Worker processes; by default one per core. 0 runs in this process.", least=0),
 ]
 Mujoco = Annotated[
     str | None,
     Option(
         "VERSION|PYTHON",
-        "Run with another MuJoCo: a version, or the path of a Python that has one.",
+        "Run with another MuJoCo: a version, or the Python that has it.",
     ),
 ]
 # The task, in every command that judges a model.
@@ -137,7 +137,9 @@ class TaskParameters(TypedDict, total=False):
     require: Require
 
 
-AllowCode = Annotated[bool, flag("Run policies and environments, which are code: trust them.")]
+AllowCode = Annotated[
+    bool, flag("Run the code of policies and environments. Use it only if you trust them.")
+]
 Plugins = Annotated[
     Sequence[str | Path],
     Option(
@@ -173,7 +175,7 @@ Policy = Annotated[
 
 
 def address_of(store: "Store | Address | str") -> "Address":
-    """Return where a store is; raise OutputError for what is no address."""
+    """Return the address of a store; raise OutputError for other text."""
     from contactlab.store.finished_store import Store
     from contactlab.store.store_files import parse_address
 
@@ -181,7 +183,7 @@ def address_of(store: "Store | Address | str") -> "Address":
 
 
 def folder_of(output: str | Path) -> Path:
-    """Return a folder, for commands that write several stores; raise OutputError for a bucket."""
+    """Return the folder of commands that write several stores; raise OutputError for a bucket."""
     address = address_of(output)
     if not isinstance(address, Path):
         raise OutputError(f"{output}: this command writes into a folder; sweep -o takes addresses")
@@ -197,7 +199,7 @@ def study_folder(study: str, subject: object, output: str | Path | None) -> Path
 
 
 def beside(store: "Address", ending: str) -> Path:
-    """Return a path beside a store, of its name and an ending; for a bucket, in this folder."""
+    """Return the path next to a store, its name with an ending; in this folder for a bucket."""
     if not isinstance(store, Path):
         return Path(f"{store.name}{ending}")
     named = store if store.name else store.resolve()
@@ -205,7 +207,7 @@ def beside(store: "Address", ending: str) -> Path:
 
 
 def assigned(settings: Settings) -> list[str]:
-    """Return settings as the command line has them: `NAME=VALUE,VALUE`."""
+    """Return settings in the form of the command line: `NAME=VALUE,VALUE`."""
     if not isinstance(settings, Mapping):
         return list(settings)
     listed = {
@@ -216,14 +218,14 @@ def assigned(settings: Settings) -> list[str]:
 
 
 def load_plugins(files: Sequence[str | Path]) -> "Sequence[Plugin]":
-    """Load installed plug-ins and those of `--plugin`; raise PluginError for one that cannot be."""
+    """Load installed plug-ins and those of `--plugin`; raise PluginError if one fails."""
     from contactlab import plugins
 
     return plugins.load_plugins([Path(file) for file in files])
 
 
 def check_figure(path: str | Path | None) -> None:
-    """Check that the figure of `--figure` can be drawn; an OutputError says why not."""
+    """Check that the figure of `--figure` can be drawn; an OutputError has the reason."""
     if path is not None:
         from contactlab.charts import check_figure as check
 

@@ -89,7 +89,7 @@ def _typed(own: inspect.Parameter) -> inspect.Parameter:
 
 
 def described_type(own: inspect.Parameter) -> tuple[Any, Parameter]:
-    """Return what the command line reads for a parameter, and how it is described."""
+    """Return the type that the command line reads for a parameter, and its description."""
     if get_origin(own.annotation) is not Annotated:
         raise TypeError(f"{own}: annotate the parameter with an Option or an Argument")
     kind, *found = get_args(own.annotation)
@@ -99,7 +99,7 @@ def described_type(own: inspect.Parameter) -> tuple[Any, Parameter]:
 
 
 def _reading(kind: Any, name: str, described: Parameter) -> dict[str, Any]:  # noqa: ANN401 - a type
-    """Return how a number, or one of few words, is read; nothing of what typer reads itself."""
+    """Return the reader of a number or of one of few words; empty if typer reads the type."""
     if described.formats:
         return {"parser": _day_of(_spelled(name), described.formats), "metavar": "DAY"}
     kinds = [part for part in get_args(kind) if part is not type(None)] or [kind]
@@ -151,7 +151,7 @@ def _day_of(name: str, formats: Sequence[str]) -> Callable[[Any], datetime]:
 
 
 def misunderstood(error: typer.TyperException, words: Sequence[str]) -> CommandLineError:
-    """Return why a command line was not understood: which word, and what to write instead."""
+    """Return the error of a command line: the wrong word, and what to write instead."""
     said = error.format_message()
     command, shown = _named(error, words)
     if known := getattr(error, "option_name", None):

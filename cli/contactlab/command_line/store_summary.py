@@ -1,4 +1,4 @@
-"""The summary of a store: what it found, whether that is as expected, and where runs fail."""
+"""The summary of a store: its labels, expectations, and the axis values that fail."""
 
 import json
 from collections import Counter
@@ -32,7 +32,7 @@ def summary_json(store: "Store", given: Given) -> None:
 
 
 def unexpected(store: "Store") -> ContactlabError | None:
-    """Return what runs of a store were lost, or are not as its sweep expects."""
+    """Return the error of a store with lost runs, or runs that are not as its sweep expects."""
     from contactlab.judge.expectations import EXPECTED, MEANS, RUNS, expectation_findings
 
     failed = {finding.name: finding for finding in expectation_findings(store) if finding.failing}
@@ -46,7 +46,7 @@ def unexpected(store: "Store") -> ContactlabError | None:
 
 
 def summary_csv(store: "Store", given: Given) -> None:
-    """Print the runs of a store: axes, label and what was measured."""
+    """Print the runs of a store: axes, label and metrics."""
     del given
     columns = store.columns
     names = ["run_id", *columns.axis_names, "seed", "label", "expectation_met"]
@@ -55,7 +55,7 @@ def summary_csv(store: "Store", given: Given) -> None:
 
 
 def summary_text(store: "Store", given: Given) -> None:
-    """Print what a store found, in sentences and the table that decides most."""
+    """Print the result of a store: sentences, and the table of the axes that matter most."""
     del given
     path, manifest, columns = store.address, store.manifest, store.columns
     from contactlab.reporting.finding import finding, headline
@@ -68,7 +68,7 @@ def summary_text(store: "Store", given: Given) -> None:
     tell(f"{manifest.sweep.name}: {headline(labels)}")
     if told := stable_share(labels, share):
         tell(told)
-    mixed = bool(labels.failed.any())  # else all values say the same, as the headline does
+    mixed = bool(labels.failed.any())  # otherwise all values are alike, as the headline says
     found = finding(axes, labels, share) if axes and mixed else ""
     for told in filter(None, (found, distance_to_reality(axes, columns))):
         tell(told)
@@ -89,7 +89,7 @@ def summary_text(store: "Store", given: Given) -> None:
 
 
 def _runs_of(manifest: "StoreManifest") -> str:
-    """Return how many runs a store has, and of how many if it is a part of its sweep."""
+    """Return the number of runs of a store, and of its sweep if it is a part of it."""
     from contactlab.store.store_files import is_slice, shard_of
 
     sweep, runs = manifest.sweep, f"{manifest.runs:,} runs"
@@ -100,7 +100,7 @@ def _runs_of(manifest: "StoreManifest") -> str:
 
 
 def _of_chosen_runs(store: "Store") -> "Iterator[str]":
-    """Yield what a sweep found that chose its runs by what came of others."""
+    """Yield the results of a sweep that chose its runs by the results of others."""
     if not any(map(store.manifest.sweep.resolved.get, _CHOOSING)):
         return
     from contactlab.reporting.boundaries import boundaries, boundary_lines, coverage
@@ -120,7 +120,7 @@ def _of_chosen_runs(store: "Store") -> "Iterator[str]":
 
 
 def _print_missing_effects(columns: "RunColumns") -> None:
-    """Print which effects were off in runs that needed them."""
+    """Print the effects that were off in runs that needed them."""
     missing: Counter[str] = Counter()
     for entry in columns.arrow(["effects_missed"])[0].value_counts().to_pylist():
         missing.update(dict.fromkeys(json.loads(entry["values"]), entry["counts"]))
@@ -144,7 +144,7 @@ def _print_runs(axes: Sequence[str], rows: Sequence[Mapping[str, object]]) -> No
 def _print_values(
     axes: "Sequence[GridAxis]", labels: "RunLabels", share: "Callable[[int, int], str]"
 ) -> None:
-    """Print for values of axes, those that decide most first, how many runs have which label."""
+    """Print the numbers of runs by label for each axis value, the most important axes first."""
     rows: list[tuple[object, ...]] = []
     for axis in axes:
         if len(rows) + len(axis.ticks) <= _MOST_ROWS_SHOWN:
@@ -177,7 +177,7 @@ def format_value(value: object) -> str:
 
 
 def expectations(store: "Store", given: Given) -> "Report":
-    """Return what is written of whether a sweep ended as it expects."""
+    """Return the report of the expectations of a sweep."""
     del given
     from contactlab.judge.conclusion import exit_code
     from contactlab.judge.expectations import expectation_findings

@@ -1,7 +1,7 @@
 """Callers of a command: Python, where it is silent, or a terminal.
 
-A command says what it does, shows progress and can be interrupted by way of its surroundings.
-Python has the answer as data, and asks for the progress if it wants to know.
+Through its surroundings a command prints messages, shows progress and can be interrupted. Python
+receives the answer as data, and the progress on request.
 """
 
 from collections.abc import Callable, Generator, Sequence
@@ -27,7 +27,7 @@ Begin = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Watch:
-    """Watcher of runs: it is told of them, and may ask them to stop."""
+    """Watcher of runs: it counts them, and may ask them to stop."""
 
     begin: Callable[[int, int], None]  # called with the runs in all, and those stored already
     advance: "Callable[[Sequence[Finished]], None]"  # called with runs as they finish
@@ -44,7 +44,7 @@ class Surroundings:
         """Tell people a message."""
 
     def fork_workers(self, count: int | None) -> None:
-        """Start what worker processes come from, if any are wanted."""
+        """Start the process that worker processes are forked from, if any are wanted."""
 
     def announce(self, markdown: Callable[[], str], annotations: Callable[[], str]) -> None:
         """Tell a CI job's summary and its annotations, each made when there is a job."""
@@ -76,7 +76,7 @@ class Surroundings:
         return nullcontext(Watch(begin, advance))
 
     def in_parts(self, most: int) -> "AbstractContextManager[Begin]":
-        """Follow work of at most so many parts; the function that is returned begins the next."""
+        """Follow work of at most `parts` parts; the returned function begins the next."""
         begun = 0
 
         def begin(part: str) -> None:

@@ -71,7 +71,7 @@ notice = _Notice()
 
 
 def echo(text: object, *, err: bool = False) -> None:
-    """Print lines to stdout, or to stderr; what they hold of data is shown, never obeyed."""
+    """Print lines to stdout, or to stderr; control characters of data are shown as text."""
     echo_commands(printable(str(text)), err=err)
 
 
@@ -88,14 +88,14 @@ def echo_commands(text: str, *, err: bool = False) -> None:
 
 
 def echo_bytes(data: bytes) -> None:
-    """Print bytes as they are, which a file is made of: line ends of a patch are its files'."""
+    """Print the bytes of a file unchanged: a patch keeps the line ends of its files."""
     with _leaving_reader():
         typer.echo(data, nl=False)  # noqa: TID251 - `echo` shows what is in lines
 
 
 @contextmanager
 def _leaving_reader() -> Generator[None]:
-    """Print nothing more once the reader of a pipe has left, as `head` does; that is no error."""
+    """Print nothing more once the reader of a pipe has left, as `head` does, without an error."""
     notice.clear()
     try:
         yield
@@ -119,7 +119,7 @@ def print_csv(header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
 
 
 def print_report_json(report: "BaseModel", given: object) -> None:
-    """Print a report as its schema has it; a command's format, to which options are nothing."""
+    """Print a report in the form of its schema; options do not change it."""
     del given
     echo(report.model_dump_json(indent=2))
 
@@ -129,9 +129,9 @@ def print_table(
 ) -> None:
     """Print a table to stdout; columns of numbers are aligned to the right.
 
-    What is wider than the terminal wraps between words, then leaves out some of the last columns,
-    as many as are `droppable`, and else has its cells below each other. A column "label" has the
-    colours of labels, which repeat what the word says.
+    A table that is wider than the terminal wraps between words, then leaves out up to `droppable`
+    of the last columns, and otherwise prints cells below each other. Cells of a column "label" have
+    the colors of labels.
     """
     console = stdout()
     cells = [list(map(_text, row)) for row in rows]
@@ -156,7 +156,7 @@ def print_table(
             no_wrap=least[index] == widths[index],
             min_width=least[index],
         )
-    # What labels mean takes a while to load, and only a terminal has colours.
+    # Labels take a while to load, and only a terminal has colors.
     coloured = ("label",) if console.is_terminal else ()
     for row in cells:
         styled = zip(header[:shown], row, strict=False)
@@ -238,11 +238,11 @@ class ProgressDisplay:
         self._total, self._done, self._stored = total, done, done
         self._labels: Counter[str] = Counter()
         self._began = self._first = time.monotonic()
-        # Without the time in which workers start: from when the first runs finished.
+        # From the end of the first runs: the start of workers does not count.
         self._recent: deque[tuple[float, int]] = deque()
 
     def begin(self, total: int, done: int) -> None:
-        """Start to count: of so many runs in total, some are done already."""
+        """Start to count `total` runs; `done` of them are finished already."""
         self._count(total, done)
         self._printed = self._began
         if done:
@@ -324,7 +324,7 @@ class PartsBar:
 
 @contextmanager
 def progress_display() -> Generator[ProgressDisplay]:
-    """Yield a display on stderr: live on a terminal, else a plain line every ten seconds."""
+    """Yield a display on stderr: live on a terminal, otherwise a plain line every ten seconds."""
     notice.clear()
     console = Console(stderr=True)
     display = ProgressDisplay(console, live=console.is_terminal)
@@ -356,7 +356,7 @@ def _format_time(seconds: float) -> str:
 
 @contextmanager
 def resumable(then: str = "resume") -> Generator["Stop"]:
-    """Yield what Ctrl-C and SIGTERM set; an early end says what the same command would do next."""
+    """Yield the event that Ctrl-C and SIGTERM set; `then` says what the same command does next."""
     from contactlab.run.tasks import Stop
 
     stop = Stop()
@@ -384,7 +384,7 @@ class Terminal(Surroundings):
         say(message)
 
     def fork_workers(self, count: int | None) -> None:
-        """Load and make what workers need, and fork what they come from, if any are wanted."""
+        """Load the modules of workers, and fork their parent process, if any are wanted."""
         begin_workers(count)
 
     @contextmanager
@@ -399,7 +399,7 @@ class Terminal(Surroundings):
         notice.clear()
         console = Console(stderr=True)
         bar = PartsBar(most)
-        with resumable("examine it anew"):
+        with resumable("examine it again"):
             if not console.is_terminal:
                 yield bar.begin
                 return
@@ -429,7 +429,7 @@ class Terminal(Surroundings):
 def interrupt(_number: int, frame: FrameType | None) -> None:
     """Raise KeyboardInterrupt; but end the process at once, by 130, while a module is loaded.
 
-    An exception there may get lost, or be told of as an ImportError by libraries in C.
+    An exception there may get lost, or libraries in C report it as an ImportError.
     """
     while frame is not None:
         if frame.f_code.co_filename.startswith("<frozen importlib"):
@@ -443,7 +443,7 @@ def stop_on_signals(stop: "Stop") -> Generator[None]:
     """Turn the first Ctrl-C or SIGTERM into a request to stop, while runs that heed it go on.
 
     At other times, and the second time, they raise KeyboardInterrupt. A signal that is ignored
-    stays so: a shell ignores Ctrl-C for what it runs in the background. Only the main thread
+    stays so: a shell ignores Ctrl-C for processes in the background. Only the main thread
     receives signals.
     """
     if threading.current_thread() is not threading.main_thread():

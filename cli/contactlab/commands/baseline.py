@@ -57,7 +57,7 @@ def update(
     """Write a store without its traces, small enough to commit.
 
     Raises:
-        StoreError: the store is not sound, or what it replaces has another digest.
+        StoreError: the store is damaged, or the replaced baseline has another digest.
         OutputError: the folder cannot be written.
     """
     from contactlab.store.verify_store import write_baseline

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Bisection(NamedTuple):
-    """The release that changed an outcome, and where what each release gives is."""
+    """The release that changed an outcome, and the folder of the results of each release."""
 
     found: "Culprit"
     comparison: "ComparisonReport | None"  # with the release before; None of a test
@@ -32,13 +32,15 @@ def _text(result: Bisection, given: Given) -> None:
 
     found = result.found
     tried = plural(found.steps, "release")
-    echo(f"MuJoCo {found.after} changed it, after {found.before} ({tried} between the ends tried)")
+    echo(
+        f"MuJoCo {found.after} changed it, after {found.before} ({tried} between the ends were run)"
+    )
     for version, reason in found.skipped.items():
-        echo(f"or {version}, which cannot be run: {reason}")
+        echo(f"or {version}, which does not run: {reason}")
     if result.comparison is not None:
         print_report("text", compared, result.comparison, given)
     else:
-        echo(f"what pytest printed: {result.folder / found.after / 'pytest.txt'}")
+        echo(f"output of pytest: {result.folder / found.after / 'pytest.txt'}")
 
 
 def _json(result: Bisection, given: Given) -> None:
@@ -53,7 +55,7 @@ def _json(result: Bisection, given: Given) -> None:
         "bisect tower.yaml --good 3.11.0 --bad 4.0.0",
         "bisect tests/test_grasp.py::test_held --good 3.11.0 --bad 4.0.0",
     ),
-    codes="0 found, 1 both ends give the same, 2 bad input, 130 interrupted: the same resumes it",
+    codes="0 found, 1 both ends agree, 2 bad input, 130 interrupted: run it again to resume",
     formats={"text": _text, "json": _json},
 )
 def bisect(
@@ -62,12 +64,12 @@ def bisect(
     ],
     *,
     good: Annotated[str, Option("VERSION", "Release that gives the old outcome.")],
-    bad: Annotated[str, Option("VERSION", "Release that gives another.")],
+    bad: Annotated[str, Option("VERSION", "Release that gives the new outcome.")],
     question: Annotated[
         Sequence[str],
         Option(
             "CHECK",
-            "Ask for a check of compare: 'slip_distance unchanged'; may be repeated.",
+            "Look at this check of compare: 'slip_distance unchanged'; may be repeated.",
             kind=list[str],
         ),
     ] = (),
@@ -80,7 +82,7 @@ def bisect(
     workers: opt.Workers = None,
     output: Annotated[
         str | Path | None,
-        Option("FOLDER", "Folder for what each release gives.", kind=Path, short="-o"),
+        Option("FOLDER", "Folder for the results of each release.", kind=Path, short="-o"),
     ] = None,
     allow_code: opt.AllowCode = False,
 ) -> Bisection:
@@ -88,7 +90,7 @@ def bisect(
 
     Raises:
         ExpectationError: both ends give the same.
-        EngineError: a release is not to be had.
+        EngineError: a release cannot be installed.
     """
     from contactlab.resources import find_sweep
     from contactlab.studies.lock import bisection
@@ -114,7 +116,10 @@ def bisect(
 
     if is_test:
         if passes(good) == passes(bad):
-            raise ExpectationError(f"{source} ends the same with {good} and {bad}; see {place}")
+            raise ExpectationError(
+                f"{source}: results are the same in {good} and {bad}, so there is no change to "
+                f"find; see {place}"
+            )
         found = bisection.bisect(listed, lambda version: passes(version) != passes(good), say)
     else:
         subject.begin(good, bad)

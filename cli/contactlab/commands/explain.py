@@ -32,7 +32,7 @@ def _failure(found: Explanation, given: Given) -> ExpectationError | None:
     del given
     if not found.missed:
         return None
-    return ExpectationError("\n".join(["a run does not show it:", *found.missed]))
+    return ExpectationError("\n".join(["a run does not reach it:", *found.missed]))
 
 
 @command(
@@ -43,7 +43,7 @@ def _failure(found: Explanation, given: Given) -> ExpectationError | None:
         'explain solref="0.005 1" MODEL        # its stiffness, damping, restitution, depth',
         'explain depth_at_rest=".1 mm" MODEL   # the solref for it, verified by a run',
     ),
-    codes="0 printed, 1 a run does not show it, 2 bad input",
+    codes="0 printed, 1 a run does not reach it, 2 bad input",
     formats={"text": _text},
     failure=_failure,
 )
@@ -89,5 +89,5 @@ def explain(
     other = [f"{name}={text}" for name, text in split.items() if name not in WORDS]
     with tempfile.TemporaryDirectory() as folder, study_session(Path(folder), 0) as session:
         lines, missed = explain_contacts(names[0], other, wanted, session, task)
-    shown = ["shown by a run with these settings"] * bool(wanted and not missed)
+    shown = ["verified by a run with these settings"] * bool(wanted and not missed)
     return Explanation("\n".join([*lines, *shown]), missed)

@@ -1,4 +1,4 @@
-"""`contactlab list`: all that there is to name in a sweep, a gate or an option."""
+"""`contactlab list`: all names for a sweep, a gate or an option."""
 
 import builtins
 from collections.abc import Callable, Mapping
@@ -97,17 +97,17 @@ def _engines() -> Listing:
         if isinstance(engine, AdaptedEngine):
             size = round(engine.size / 1e6) or None
         rows.append((engine.name, version, size, engine.summary))
-    say("more by `contactlab engines add NAME`")
-    return Listing(("engine", "version", "size", "what computes"), rows, {"size": "MB"})
+    say("install more by `contactlab engines add NAME`")
+    return Listing(("engine", "version", "size", "summary"), rows, {"size": "MB"})
 
 
 _KINDS: Mapping[str, tuple[str, Callable[[], Listing]]] = {
     "scenes": ("the shipped scenes", _scenes),
-    "sweeps": ("the shipped sweeps, and how many runs each has", _sweeps),
+    "sweeps": ("the shipped sweeps, with their number of runs", _sweeps),
     "metrics": ("unit, direction, version and definition of each metric", _metrics),
-    "labels": ("all that a run can be called, worst first", _labels),
-    "limits": ("thresholds of labels that a scene or sweep may set", _limits),
-    "engines": ("what computes, with the version and the size of what is installed", _engines),
+    "labels": ("the outcomes of runs, worst first", _labels),
+    "limits": ("limits of labels, which a scene or sweep may set", _limits),
+    "engines": ("the simulation engines, with version and size if installed", _engines),
 }
 _OF_SCENE = "axes"
 _EXTENDED = {"metrics", "labels", "limits", "engines"}  # by plug-ins
@@ -121,7 +121,7 @@ def list(
     ] = None,
     scene: Annotated[
         str | Path | None,
-        Argument("[SCENE]", "Of axes: scene, scene folder or model file.", kind=str),
+        Argument("[SCENE]", "With axes: scene, scene folder or model file.", kind=str),
     ] = None,
     *,
     plugin: opt.Plugins = (),
@@ -129,7 +129,7 @@ def list(
     """List scenes, sweeps, metrics, labels, limits, engines, or axes.
 
     Raises:
-        SweepFileError: there is nothing of that name to list.
+        SweepFileError: there is no list of that name.
         SceneError: there is no such scene.
     """
     if plugin or what in _EXTENDED:
@@ -139,16 +139,16 @@ def list(
             raise SweepFileError("list axes: name a scene too; write `contactlab list axes SCENE`")
         return _axes(str(scene))
     if scene is not None:
-        raise SweepFileError(f"only axes are of a scene; write `contactlab list axes {scene}`")
+        raise SweepFileError(f"only axes belong to a scene; write `contactlab list axes {scene}`")
     if what is None:
         rows = [(name, summary) for name, (summary, _) in _KINDS.items()]
         return Listing(
-            ("list", "of"), [*rows, (f"{_OF_SCENE} SCENE", "all that a sweep can set in a scene")]
+            ("list", "of"),
+            [*rows, (f"{_OF_SCENE} SCENE", "the parameters that a sweep can set in a scene")],
         )
     if what not in _KINDS:
         known = (*_KINDS, _OF_SCENE)
         raise SweepFileError(
-            f"nothing called '{what}' to list{did_you_mean(what, known)}; there are "
-            f"{', '.join(known)}"
+            f"there is no list '{what}'{did_you_mean(what, known)}; there are {', '.join(known)}"
         )
     return _KINDS[what][1]()

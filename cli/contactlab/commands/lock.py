@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class WrittenLock(NamedTuple):
-    """A lock that was written, and the store whose outcomes it holds."""
+    """A written lock, and the store of its outcomes."""
 
     file: Path
     store: Path
@@ -32,7 +32,7 @@ class WrittenLock(NamedTuple):
 
 
 def _shown(form: str, show: Show, result: "WrittenLock | ComparisonReport", given: Given) -> None:
-    """Print a lock, or what its check found."""
+    """Print a lock, or the result of its check."""
     if not isinstance(result, WrittenLock):
         show(result, given)
     elif form == "json":
@@ -55,7 +55,7 @@ def _failure(result: "WrittenLock | ComparisonReport", given: Given) -> Contactl
         "lock sweeps/gripper.yaml --check -o lock.xml",
         "lock sweeps/gripper.yaml --check --set seeds=[10,11,12]",
     ),
-    codes="0 written or as locked, 1 an outcome changed, 2 bad input, 3 it cannot be judged",
+    codes="0 written or unchanged, 1 an outcome changed, 2 bad input, 3 it cannot be judged",
     formats={form: partial(_shown, form, show) for form, show in printed(compared).items()},
     failure=_failure,
 )
@@ -64,7 +64,7 @@ def lock(
     *,
     file: Annotated[
         str | Path | None,
-        Option("FILE", "The lock; by default NAME.lock.yaml beside the sweep.", kind=Path),
+        Option("FILE", "The lock; by default NAME.lock.yaml next to the sweep.", kind=Path),
     ] = None,
     policy: opt.Policy = None,
     set: opt.Set = (),
@@ -73,18 +73,18 @@ def lock(
     output: opt.ReportFiles = (),
     allow_code: opt.AllowCode = False,
     check: Annotated[
-        bool, flag("Check instead: exit with 1 if an outcome is not as locked.")
+        bool, flag("Check the lock instead; exit with 1 if an outcome changed.")
     ] = False,
     chaotic: Annotated[
-        bool, flag("Other machines cannot repeat it: judge by spread alone.")
+        bool, flag("The motion is chaotic: judge outcomes by their spread only.")
     ] = False,
 ) -> "WrittenLock | ComparisonReport":
-    """Freeze what a sweep gives in a file, or check that it still does.
+    """Freeze the outcomes of a sweep in a file, or check them.
 
     The lock is returned, or with `check` the comparison with it.
 
     Raises:
-        StoreError: there is no lock to check, or a store is not sound.
+        StoreError: there is no lock to check, or a store is damaged.
         SweepFileError: the sweep or a setting holds mistakes.
         OutputError: a file cannot be written.
     """
@@ -117,7 +117,7 @@ def lock(
 
 
 def sweep_words(settings: Sequence[str], workers: int | None, *, allow_code: bool) -> list[str]:
-    """Return the options that are those of `sweep`, as its command line has them."""
+    """Return the options for `sweep`, in the form of its command line."""
     count = [] if workers is None else [f"--workers={workers}"]
     allowed = ["--allow-code"] if allow_code else []
     return [*(f"--set={setting}" for setting in settings), *count, *allowed]

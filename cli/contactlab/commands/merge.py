@@ -43,10 +43,12 @@ def merge(
         "Address | str",
         Option("STORE", "Store to write: a folder or s3://BUCKET/PREFIX.", kind=str, short="-o"),
     ],
-    partial: Annotated[bool, flag("Merge what there is, and state what is missing.")] = False,
+    partial: Annotated[
+        bool, flag("Merge the shards that exist, and list the missing runs.")
+    ] = False,
     fresh: Annotated[bool, flag("Replace an existing store.")] = False,
 ) -> "Store":
-    """Join shards of a sweep into the store of one machine.
+    """Join the shards of a sweep into one store.
 
     Raises:
         StoreError: a place is unfinished, of another sweep, or has runs that another has; or runs

@@ -43,7 +43,7 @@ def render(
     ] = None,
     camera: Annotated[str | None, Option(None, "Camera of the model.")] = None,
     side_by_side: Annotated[
-        str | None, Option("RUN", "Another run of the store, drawn beside it.")
+        str | None, Option("RUN", "Another run of the store, drawn next to it.")
     ] = None,
 ) -> Path:
     """Render a stored run in 3D with forces: viewer, film, pictures.
@@ -51,7 +51,7 @@ def render(
     The file's path is returned.
 
     Raises:
-        OutputError: there is no such kind of file, or what it needs is not installed.
+        OutputError: the kind of file is unknown, or its extra is not installed.
         StoreError: there is no such store or run, or it has no trace.
     """
     from contactlab.plugins import extensions

@@ -31,7 +31,7 @@ def _failure(result: "ReplayResult | None", given: Given) -> ContactlabError | N
         return None
     if result.equal:
         return StoreError(f"the stored trace is damaged: {result.damage}")
-    return ExpectationError("the trajectory is not the stored one")
+    return ExpectationError("the trajectory differs from the stored one")
 
 
 @command(
@@ -50,8 +50,8 @@ def replay(
 ) -> "ReplayResult | None":
     """Simulate a stored run again; check that all bits are equal.
 
-    The result says where the first difference is, and whether the stored trace is damaged. With
-    `view` there is none: it returns once the viewer is closed.
+    The result has the first difference, and whether the stored trace is damaged. With `view` the
+    result is None, once the viewer is closed.
 
     Raises:
         StoreError: there is no such store or run, or it cannot be simulated here.

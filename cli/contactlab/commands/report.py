@@ -40,7 +40,7 @@ def report(
         str | Path | None,
         Option(
             "FILE",
-            "Page to write; by default STORE.html, beside a store that is a folder.",
+            "Page to write; by default STORE.html, next to the folder of the store.",
             kind=Path,
             short="-o",
         ),
@@ -49,11 +49,11 @@ def report(
     tolerance: opt.Tolerance = (),
     traces: Annotated[
         int | str,
-        Option("N|all|none", "Runs whose time series the page includes.", kind=str),
+        Option("N|all|none", "Number of runs with time series in the page.", kind=str),
     ] = "60",
     max_mb: Annotated[
         float,
-        Option(None, "Size above which the page has statistics instead of runs [MB].", least=1),
+        Option(None, "Largest page with single runs [MB]; a larger one has statistics.", least=1),
     ] = 25.0,
     baseline: Annotated[
         "Store | Address | str | None",
@@ -63,7 +63,7 @@ def report(
         str | Path | None,
         Option(
             "FILE",
-            "Report of `contactlab parity --format json` to show beside the store.",
+            "Report of `contactlab parity --format json` to show on the page.",
             kind=Path,
         ),
     ] = None,
@@ -80,13 +80,13 @@ def report(
     ] = None,
     live: Annotated[
         bool,
-        flag("Write a page that simulates runs again, offline; by default STORE.live.html."),
+        flag("Write an interactive page, which simulates runs; by default STORE.live.html."),
     ] = False,
     run: Annotated[
         Sequence[str],
         Option(
             "ID",
-            "Run of the page that simulates; may be repeated; by default one of each label.",
+            "Run of the interactive page; may be repeated; by default one of each label.",
             kind=list[str],
         ),
     ] = (),
@@ -94,8 +94,8 @@ def report(
         str | None,
         Option(
             "VERSION|PYTHON",
-            "MuJoCo that compiles the models of the page that simulates: the store's, for equal "
-            "bits.",
+            "MuJoCo that compiles the models of the interactive page; for equal bits, that of "
+            "the store.",
         ),
     ] = None,
     format: Annotated[
@@ -108,7 +108,7 @@ def report(
     The path of the page is returned, those of the figures, or the list of figures.
 
     Raises:
-        OutputError: figures want an extra that is not installed, or a file cannot be written.
+        OutputError: an extra for figures is not installed, or a file cannot be written.
         StoreError: a store cannot be read.
     """
     from contactlab.page.report_files import write_page
@@ -123,19 +123,19 @@ def report(
     address = opt.address_of(store)
     opened = Store.open(address)
     if width is not None and figures is None:
-        raise OutputError("--width is of figures; write --figures FOLDER too")
+        raise OutputError("--width needs --figures FOLDER")
     if figures is not None:
         formats = format.split(",") if isinstance(format, str) else format
         return _figures(opened, Path(figures), list(formats), criteria, width)
     if live:
         others = {"figures": figures, "baseline": baseline, "parity": parity, "metric": metric}
         if unread := [name for name, given in {**others, "tolerance": tolerance}.items() if given]:
-            raise OutputError(f"--{unread[0]} is not of a page that simulates; leave it out")
+            raise OutputError(f"--{unread[0]} does not go with --live; leave it out")
         page = opt.beside(address, ".live.html") if output is None else Path(output)
         rerun_with_mujoco(mujoco, None)
         return _live(opened, page, run)
     if unread := [name for name, given in {"run": run, "mujoco": mujoco}.items() if given]:
-        raise OutputError(f"--{unread[0]} is of the page that simulates; write --live too")
+        raise OutputError(f"--{unread[0]} needs --live")
     against = None if baseline is None else Store.open(opt.address_of(baseline))
     shown = None if parity is None else Path(parity)
     request = PageRequest(criteria, _count(str(traces)), int(max_mb * 1e6), against, shown)

@@ -13,7 +13,7 @@ _SUFFIX = ".schema.json"
 
 
 def _text(found: dict[str, Any], given: Given) -> None:
-    """Print one schema, as it is published, or the names of all."""
+    """Print one published schema, or the names of all."""
     from contactlab.schema.json_schemas import schema_texts
 
     if given["name"] is not None:

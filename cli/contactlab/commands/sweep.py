@@ -69,7 +69,7 @@ def _judged(show: Show, result: "Store | PlannedSweep", given: Given) -> None:
 
 
 def _failure(result: "Store | PlannedSweep", given: Given) -> ContactlabError | None:
-    """Return what runs were lost, or are not as the sweep expects."""
+    """Return the error of lost runs, or of runs that are not as the sweep expects."""
     del given
     return None if isinstance(result, PlannedSweep) else unexpected(result)
 
@@ -104,11 +104,11 @@ def sweep(
     duration: opt.Duration = None,
     require: opt.Require = (),
     executor: Annotated[
-        str, Option("NAME", "Where jobs run: local, ray, slurm, or another that is installed.")
+        str, Option("NAME", "Executor of jobs: local, ray, slurm, or an installed one.")
     ] = "local",
     address: Annotated[
         str | None,
-        Option("WHERE", "Of ray HOST:PORT or auto; of slurm what tasks ask for, cpus=8,..."),
+        Option("WHERE", "Ray: HOST:PORT or auto. SLURM: resources of a task, cpus=8,..."),
     ] = None,
     mujoco: opt.Mujoco = None,
     plugin: opt.Plugins = (),
@@ -121,17 +121,17 @@ def sweep(
     fresh: Annotated[bool, flag("Replace an existing store.")] = False,
     retry_failed: Annotated[bool, flag("Repeat runs that crashed, timed out or failed.")] = False,
     repair: Annotated[
-        bool, flag("Keep the sound runs of a damaged store, repeat the others.")
+        bool, flag("Keep the intact runs of a damaged store, repeat the others.")
     ] = False,
 ) -> "Store | Any":  # noqa: ANN401 - so that a caller without `plan` has a store
     """Run a sweep into a store, or resume an interrupted one.
 
-    The source may also be what a sweep file would say, as data. The store, which is returned open,
-    is `results/NAME` unless `output` names one. With `plan` nothing is run, and a PlannedSweep is
-    returned.
+    The source may also be the content of a sweep file, as data. The store is `results/NAME` unless
+    `output` names another, and is returned open. With `plan` nothing runs, and the result is a
+    PlannedSweep.
 
     Raises:
-        SweepFileError: the sweep or a setting holds mistakes; all are named.
+        SweepFileError: the sweep or a setting has mistakes; the message lists all.
         OutputError: the store cannot be written.
         StoreError: the store is another sweep's.
         StoppedError: the sweep was interrupted; the same call resumes it.
@@ -139,13 +139,13 @@ def sweep(
     if executor == "local" and address is not None:
         raise SweepFileError("--address is for a cluster; add --executor ray or slurm")
     if shard is not None and plan:
-        raise SweepFileError("--plan is of the whole sweep; leave out --shard")
+        raise SweepFileError("--plan shows the whole sweep; leave out --shard")
     if executor != "local" and workers == 0:
-        raise SweepFileError("--workers 0 runs all in this process; leave it out for a cluster")
+        raise SweepFileError("--workers 0 runs in this process; leave it out for a cluster")
     text, name, folder = _source(source)
     target = _default_store(name) if output is None else opt.address_of(output)
     rerun_with_mujoco(mujoco, None if output else target)
-    # A finished store is unlikely to need workers. What they are forked from loads during planning.
+    # A finished store is unlikely to need workers. Their parent process loads during planning.
     runs_nothing = plan or (not fresh and Path(str(target), "manifest.json").exists())
     wanted = 0 if runs_nothing or executor != "local" else workers
     surroundings().fork_workers(wanted)
@@ -224,7 +224,7 @@ def _run(request: "SweepRequest", cluster: "AbstractContextManager[Executor | No
 def _cluster(
     name: str, address: str | None, workers: int | None
 ) -> "AbstractContextManager[Executor | None]":
-    """Return what connects to an executor, which is an entry point; of this machine, nothing."""
+    """Return the connection to an executor, an entry point; none for this machine."""
     if name == "local":
         return nullcontext()
     from contactlab.plugins import extensions
@@ -265,7 +265,7 @@ def _print_plan(plan: "Plan", forecast: "Forecast") -> None:
         if form != plan.sweep.trace_format and size[1]:
             echo(f"       {_sizes(size)} with trace_format: {form}")
     if forecast.runs > MANY_RUNS and plan.sweep.trace == OF_MANY:
-        echo(f"traces {OF_MANY}: of runs that are not stable and 1,000 others; or set trace: all")
+        echo(f"traces {OF_MANY}: those of unstable runs and 1,000 others; `trace: all` keeps all")
     for warning in forecast.warnings:
         echo(f"warning: {warning}")
 

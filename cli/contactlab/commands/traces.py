@@ -40,7 +40,7 @@ def expand(
         str | Path | None,
         Option(
             "FOLDER",
-            "Folder to write RUN.mcap into; by default STORE-messages, beside the store.",
+            "Folder to write RUN.mcap into; by default STORE-messages, next to the store.",
             kind=Path,
             short="-o",
         ),
@@ -64,7 +64,7 @@ def expand(
         raise StoreError(f"{address} has no traces; sweep again with --set trace=all elsewhere")
     folder = opt.beside(address, "-messages") if output is None else Path(output)
     if isinstance(address, Path) and folder.resolve().is_relative_to(address.resolve()):
-        raise OutputError(f"{folder} is in the store; name a folder beside it")
+        raise OutputError(f"{folder} is in the store; name another folder")
     size = 0
     for record in records:
         content = opened.trace_messages(record)

@@ -1,4 +1,4 @@
-"""`contactlab verify`: whether a store is sound."""
+"""`contactlab verify`: check that a store is intact."""
 
 from itertools import islice
 from typing import TYPE_CHECKING, Annotated, NamedTuple
@@ -20,10 +20,10 @@ class Soundness(NamedTuple):
 
     sound: bool
     problems: list[str]
-    unverified: list[str]  # what could not be looked at here
+    unverified: list[str]  # parts that could not be checked here
     runs: int
     digest: str
-    physics: str  # digest of what was computed, without clocks; empty of a store without a table
+    physics: str  # digest of the results, without clocks; empty for a store without a table
 
 
 def _text(result: Soundness, given: Given) -> None:
@@ -67,18 +67,18 @@ def verify(
     *,
     simulate: Annotated[int, Option("N", "Simulate N runs again, drawn at random.", least=0)] = 0,
     sample: Annotated[
-        str | None, Option("SHARE", "Of records and traces look at such a share: 1%.")
+        str | None, Option("SHARE", "Check a random sample of this size: 1%.")
     ] = None,
     allow_code: opt.AllowCode = False,
 ) -> Soundness:
-    """Check the files of a store, and recompute what they give.
+    """Check the files of a store, and recompute its results.
 
-    With `sample` the records and traces of that share of the runs are looked at, drawn anew each
-    time; files, counts and columns are looked at whole.
+    With `sample`, records and traces are checked for this share of the runs, drawn again each time.
+    Files, counts and columns are checked completely.
 
     Raises:
-        CommandLineError: the sample is no share.
-        StoreError: there is no store to look at.
+        CommandLineError: the sample is not a share.
+        StoreError: there is no store.
     """
     from contactlab.store.finished_store import Store
     from contactlab.store.verify_store import MOST_PROBLEMS, unverified
@@ -88,7 +88,7 @@ def verify(
     opened = Store.unchecked(address)
     chosen = None if sample is None else _drawn(_share(sample), opened.columns.runs)
     problems = find_problems(address, chosen=chosen)
-    # Later, so that the engine and what reads the whole table are not in memory at once.
+    # Later, so that the engine and the reader of the whole table are not in memory at once.
     from contactlab.run.recomputed_runs import (
         recomputed_problems,
         simulated_problems,
@@ -107,7 +107,7 @@ def verify(
         )
     left += filter(None, (unresolved(opened), unplanned(opened)))
     if not problems and unresolved(opened) is None:
-        # What is damaged need not be run, nor compiled.
+        # A damaged store need not be run or compiled.
         problems = list(islice(recomputed_problems(opened, chosen), MOST_PROBLEMS))
         again = simulated_problems(opened, simulate, allow_code=allow_code)
         problems += again if simulate and not problems else ()
@@ -116,7 +116,7 @@ def verify(
 
 
 def _share(text: str) -> float:
-    """Return a share, as in 1% or 0.01; a CommandLineError says that it is none."""
+    """Read a share, such as 1% or 0.01; raise CommandLineError for other text."""
     number = text.removesuffix("%").strip()
     try:
         share = float(number) / (100 if text.endswith("%") else 1)

@@ -116,7 +116,7 @@ def _unpaired(paired: PairedStores, against: str) -> _Compared:
     told = "the shares differ"
     if low <= 0 <= high:
         needed = runs_to_tell(good / runs, were / of)
-        more = f"; about {needed:,} runs of each would tell" if needed else ""
+        more = f"; about {needed:,} runs of each would show it" if needed else ""
         told = f"not distinguishable{more}"
     message = (
         f"{good:,} of {runs:,}, {were:,} of {of:,} in {against}, {low:+.1%} to {high:+.1%} "
@@ -182,4 +182,4 @@ def _told(gained: int, lost: int, pairs: int) -> str:
         return f"equal shares would differ as much with a chance of {chance:.2g}"
     if (needed := pairs_to_tell(gained, lost, pairs)) is None:
         return "not distinguishable"
-    return f"not distinguishable; about {needed:,} pairs would tell"
+    return f"not distinguishable; about {needed:,} pairs would show it"

@@ -9,7 +9,7 @@ from contactlab.schema.finding import Finding
 def exit_code(findings: Sequence[Finding]) -> int:
     """Return 0, 1 if a gate fails, or 3 if a gate could not be judged and none fails.
 
-    Evidence that differs in what must be the same comes first: nothing else means anything then.
+    Stores that differ in a required property come first: other findings have no meaning then.
     """
     opened = [finding.kind for finding in findings if finding.is_open]
     if "evidence" not in opened and failed_names(findings):

@@ -19,16 +19,16 @@ _SLACK = 1 + 1e-9  # keeps a value that equals its limit within it, whatever its
 
 @dataclass(frozen=True)
 class Limit:
-    """The largest value of a quantity, or its largest change: without a value, others decide it.
+    """The largest value of a quantity, or its largest change; without a value it is set later.
 
     Attributes:
         name: of the quantity.
         unit: its unit; `1` for counts and ratios.
-        level: what it means to exceed the limit.
+        level: effect on the job if the limit is exceeded.
         value: the limit, in that unit.
-        strict: whether a value that equals the limit exceeds it.
-        shown: the factor and the unit in which people read it.
-        exceeded: sentence of a value beyond it, with {} for the value; else its name.
+        strict: whether a value equal to the limit exceeds it.
+        shown: the factor and the unit for output.
+        exceeded: sentence for a value beyond it, with {} for the value; otherwise its name.
         relative: further change that is allowed, as a share of the reference.
     """
 
@@ -48,7 +48,7 @@ class Limit:
     def allowed(self, reference: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
     def allowed(self, reference: float | NDArray[np.float64]) -> float | NDArray[np.float64]:
-        """Return by how much values may differ from references: `value + relative |reference|`."""
+        """Return the allowed change of references: `value + relative |reference|`."""
         return (self.value or 0.0) + self.relative * abs(reference)
 
     def measure(
@@ -93,7 +93,7 @@ def informative(name: str, value: float, unit: str, of: str | None = None) -> Me
 
 
 def utilization(value: float | None, limit: float | None) -> float:
-    """Return a value as a fraction of its limit; infinite where there is none."""
+    """Return a value as a fraction of its limit; infinite without a limit."""
     if value is None or limit is None:
         return math.inf
     if not limit:
@@ -112,7 +112,7 @@ def in_words(measure: Measure) -> str:
 
 
 def exceeding(measures: Sequence[Measure]) -> list[Measure]:
-    """Return the measures whose limit does not hold."""
+    """Return the measures above their limit."""
     return [measure for measure in measures if measure.holds is False]
 
 

@@ -13,9 +13,7 @@ from contactlab.schema.finding import Level
 from contactlab.store.table_layout import Column
 
 REMEASURED = "remeasured_time"
-_LEAST_METRIC_CHANGE = (
-    1e-6  # allowed change of every metric in its own unit: about what noise makes of 0
-)
+_LEAST_METRIC_CHANGE = 1e-6  # allowed change of every metric in its own unit: about the noise of 0
 _TIME = MetricRule(
     rel=0.15, statistic="ratio", budget=0.0, level="warn", needs_same=("cpu_model", "cpu_flags")
 )
@@ -33,7 +31,7 @@ _WILDCARDS = set("*?[]!")
 
 
 def check_names(policy: ComparePolicy, metrics: Iterable[str], labels: Iterable[str]) -> None:
-    """Raise PolicyError if the policy names metrics or labels that the stores do not have."""
+    """Raise PolicyError if the policy names metrics or labels that are not in the stores."""
     ruled = [name for name in policy.metrics if not set(name) & _WILDCARDS]
     moved = [
         name for transition in policy.labels.allow for name in (transition.from_, transition.to)
@@ -49,7 +47,7 @@ def check_names(policy: ComparePolicy, metrics: Iterable[str], labels: Iterable[
 
 @dataclass(frozen=True)
 class EffectiveRule:
-    """How one metric is compared, after defaults and policy; see `MetricRule`."""
+    """Rule for one metric, after defaults and policy; see `MetricRule`."""
 
     better: str
     abs: float
@@ -67,7 +65,7 @@ class EffectiveRule:
 
 
 def effective_rule(metric: Column, policy: ComparePolicy) -> EffectiveRule:
-    """Return how a metric is compared.
+    """Return the rule for a metric.
 
     Defaults, the metric's own rule and the policy are merged key by key; the closest pattern wins,
     and the policy if two are equally close.

@@ -1,4 +1,4 @@
-"""The findings that verdicts make."""
+"""Findings, made from verdicts on pairs of runs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -31,8 +31,8 @@ def verdict_counts(verdicts: Verdicts) -> dict[Verdict, int]:
 class Subject:
     """Subject of a finding: its name is the same in every report.
 
-    A fraction of the verdicts, the budget, may fail with a warning. Of a two-sided one any change
-    fails, as of a metric without a better direction.
+    A share of the verdicts, the budget, may fail with a warning. A two-sided subject fails on any
+    change, such as a metric without a better direction.
     """
 
     name: str
@@ -46,9 +46,9 @@ class Subject:
     def finding(
         self, verdicts: Verdicts, message: str, worst: Pairs = (), *, judged: int | None = None
     ) -> Finding:
-        """Return the finding that verdicts (n,) make; `judged` is how many were judged, if not n.
+        """Return the finding that verdicts (n,) make; `judged` is their number, if not n.
 
-        Of the worst pairs a few are kept.
+        The finding has the first few of the worst pairs.
         """
         counts = verdict_counts(verdicts)
         changed = (CHANGED,) if self.two_sided else ()
@@ -74,7 +74,7 @@ class Subject:
         return self.finding(np.full(1, code, dtype=np.int8), message, worst, judged=judged)
 
     def skipped(self, reason: str) -> Finding:
-        """Return the finding of what cannot be compared."""
+        """Return the finding of a comparison that was skipped."""
         none = self.finding(np.zeros(0, dtype=np.int8), reason)
         return none.model_copy(update={"outcome": "skipped", "verdict": "not comparable"})
 

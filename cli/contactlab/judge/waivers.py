@@ -46,7 +46,7 @@ def waivers_for(
 
 
 def add_waivers(path: Path, waivers: Sequence[Waiver]) -> None:
-    """Write waivers into a policy file, whose comments stay; a missing file is created.
+    """Write waivers into a policy file and keep its comments; create a missing file.
 
     An earlier waiver of the same check and group is replaced.
 
@@ -90,7 +90,7 @@ def apply_waivers(
 
 
 def unused_waivers(findings: Sequence[Finding], waivers: Sequence[Waiver]) -> list[Waiver]:
-    """Return the waivers whose check was made and does not fail."""
+    """Return the waivers of checks that were made and did not fail."""
     made = {finding.name for finding in findings if finding.outcome != "skipped"}
     return [
         waiver

@@ -1,4 +1,4 @@
-"""How findings and reports write numbers, changes, counts and settings."""
+"""Numbers, changes, counts and settings as text, for findings and reports."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -98,7 +98,7 @@ def pairs_in_words(finding: Finding) -> Iterator[str]:
 
 
 def passed_in_words(findings: Sequence[Finding]) -> str:
-    """Return how many of some findings passed, by kind; empty if none did."""
+    """Return the number of passed findings, by kind; empty if none passed."""
     kinds = [finding.kind for finding in findings if finding.outcome == "passed"]
     counts = ", ".join(f"{kind} {kinds.count(kind)}" for kind in dict.fromkeys(kinds))
     return f"{plural(len(kinds), 'check')} passed ({counts})" if kinds else ""

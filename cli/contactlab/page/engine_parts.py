@@ -74,7 +74,7 @@ def _read(path: Path, data: ReportData) -> ParityReport:
         raise StoreError(f"cannot read {path}: {error.strerror}") from error
     except ValidationError as error:
         write = "contactlab parity SWEEP --against ENGINE --format json"
-        raise StoreError(f"{path} is no report of parity; write one: {write}") from error
+        raise StoreError(f"{path} is not a parity report; write one: {write}") from error
     scene = data.store.manifest.sweep.scene
     if report.scene != scene:
         raise StoreError(f"{path} is of {report.scene}, the store of {scene}")

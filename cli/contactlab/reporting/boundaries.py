@@ -56,7 +56,7 @@ class Boundaries:
     grid: WholeGrid
     units: tuple[str, ...]  # of the refined axes
     sides: tuple[Sides, ...]
-    limit: Limit | None = None  # which end of what is sound was sought
+    limit: Limit | None = None  # the requested end of the passing values
 
 
 def boundaries(store: Store) -> Boundaries | None:
@@ -210,9 +210,9 @@ def _sequence(axis: _Shown, names: Sequence[str], codes: Codes) -> str:
 
 
 def _limit_lines(found: Boundaries, limit: Limit) -> Iterator[str]:
-    """Yield the last sound value of an axis in each scenario, over all seeds, and in all of them.
+    """Yield the last passing value of an axis in each scenario, over all seeds, and in all of them.
 
-    Values count as long as all before them are sound.
+    Values count as long as all before them pass.
     """
     (values,) = found.grid.axes.values()
     axis = _Shown.of((limit.axis, values), found.units[0])
@@ -234,7 +234,7 @@ def _limit_lines(found: Boundaries, limit: Limit) -> Iterator[str]:
         of = ", ".join(f"{name} {_shown(value)}" for name, value in scenario)
         yield f"{_limit_line(axis, limit, order, count)}{f', for {of}' if of else ''}"
         if again := int(sound[scenario][order[count:]].sum()):
-            yield f"  beyond it {again:,} of {len(order) - count:,} are sound again"
+            yield f"  beyond it {again:,} of {len(order) - count:,} pass again"
     if len(counts) > _MOST_LIMITS:
         yield f"and {len(counts) - _MOST_LIMITS:,} more scenarios"
     if len(counts) > 1:
@@ -242,13 +242,13 @@ def _limit_lines(found: Boundaries, limit: Limit) -> Iterator[str]:
 
 
 def _limit_line(axis: _Shown, limit: Limit, order: Sequence[int], count: int) -> str:
-    """Return `largest sound timestep: 4.1 ms; 4.3 ms is not`."""
-    sought = f"{'largest' if limit.largest else 'smallest'} sound {axis.name}"
+    """Return `largest passing timestep: 4.1 ms; 4.3 ms fails`."""
+    sought = f"{'largest' if limit.largest else 'smallest'} passing {axis.name}"
     if not count:
-        return f"{sought}: none, since {axis.at(order[0])} is not"
+        return f"{sought}: none, because {axis.at(order[0])} fails"
     if count == len(order):
         return f"{sought}: {axis.at(order[-1])}, the last of the sweep"
-    return f"{sought}: {axis.at(order[count - 1])}; {axis.at(order[count])} is not"
+    return f"{sought}: {axis.at(order[count - 1])}; {axis.at(order[count])} fails"
 
 
 def _shown(value: object) -> str:

@@ -22,7 +22,7 @@ class KnownShare:
         configuration: the values of the axes that are not drawn.
         good: how many of its runs count.
         runs: how many there are.
-        low, high: the interval in which the share lies, however often one looked.
+        low, high: the interval of the share, valid at any number of draws.
     """
 
     configuration: tuple[tuple[str, object], ...]
@@ -62,7 +62,7 @@ def share_lines(until: Until, shares: list[KnownShare]) -> Iterator[str]:
         yield (
             f"{until.share}: {share.good / share.runs:.1%} of {share.runs:,} runs"
             f"{f' of {named}' if named else ''}, {share.low:.1%} to {share.high:.1%} with "
-            f"{until.sure:.0%}, however often one looked"
+            f"{until.sure:.0%}, at any number of draws"
             + (f"; +-{until.half_width:.1%} would take more draws" if wide else "")
         )
     if len(shares) > _MOST_LINES:

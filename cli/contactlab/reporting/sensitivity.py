@@ -107,26 +107,26 @@ def sensitivity_lines(found: Sensitivity) -> Iterator[str]:
     )
     for axis in np.argsort(-found.total).tolist():
         yield (
-            f"{of}: {alone[axis]} of its variance goes with {found.axes[axis]} alone, "
-            f"{total[axis]} with it and others"
+            f"{of}: {found.axes[axis]} alone explains {alone[axis]} of its variance, "
+            f"{total[axis]} together with others"
         )
 
 
 def budget_sentence(budget: ParameterBudget, store: Store) -> str:
-    """Return of which run the rows of a budget are, and what the run itself is."""
+    """Return the run of a budget in words, with its numerical error."""
     varying = [*budget.shared.items(), *budget.middle.items()]
     at = ", ".join(f"{n} {_shown(v)}" for n, v in varying if store.columns.varies(n))
-    return f"budget of the run at {at}: {_share(budget.run)} of the real forces are phantom"
+    return f"error budget of the run at {at}: numerical error {_share(budget.run)}"
 
 
 def budget_lines(store: Store) -> Iterator[str]:
-    """Yield what sampled axes are worth in the windows of the run in the middle of their ranges."""
+    """Yield the errors of sampled axes, in the windows of the run in the middle of their ranges."""
     for budget in store.manifest.parameter_budgets:
         yield budget_sentence(budget, store)
         for row in by_share(budget):
             yield (
                 f"  {row.axis} at {row.low:g} or {row.high:g}: {_share(row.share)}, "
-                f"most of {row.body}"
+                f"worst body {row.body}"
             )
         if others := axes_of_starts(budget):
             yield f"  without a row, as they change no number of the model: {', '.join(others)}"
@@ -144,7 +144,7 @@ def axes_of_starts(budget: ParameterBudget) -> list[str]:
 
 
 def _share(share: float | None) -> str:
-    return "not measured, since the engine gave up" if share is None else f"{share:.2%}"
+    return "not measured, because the engine gave up" if share is None else f"{share:.2%}"
 
 
 def _shown(value: object) -> str:

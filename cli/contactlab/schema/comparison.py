@@ -35,7 +35,7 @@ class Require(Model):
     """Properties that both stores must have in common."""
 
     same: tuple[Sameness, ...] = about(
-        "what must be the same; otherwise what depends on it is not comparable; "
+        "properties that must be the same; otherwise the checks that depend on them are skipped; "
         "a changed scene is only reported when runs are matched by axes",
         default=("scene_hash", "metric_versions", "thresholds"),
     )
@@ -52,7 +52,7 @@ class AllowedTransition(Model):
     to: Word = about("worst label in the candidate")
     max: Count = about("largest number of runs that may change this way")
     reason: Word = about("why it is allowed")
-    until: date | None = about("last day on which it is allowed, YYYY-MM-DD", default=None)
+    until: date | None = about("last allowed day, YYYY-MM-DD", default=None)
 
 
 class LabelRules(Model):
@@ -84,7 +84,7 @@ class MetricRule(Model):
     )
     abs: Tolerance | None = about("further allowed change, in the metric's unit", default=None)
     statistic: Statistic | None = about(
-        "what is compared: each run, the mean, median or worst of all runs, or the "
+        "compared value: each run, the mean, median or worst of all runs, or the "
         "median ratio of the pairs",
         default=None,
     )
@@ -96,7 +96,7 @@ class MetricRule(Model):
     )
     level: Level | None = about(LEVEL, default=None)
     needs_same: tuple[Sameness, ...] | None = about(
-        "what must be the same for this metric to be comparable", default=None
+        "properties that must be the same to compare this metric", default=None
     )
 
 
@@ -119,7 +119,7 @@ class OutcomeRules(Model):
 
 
 class KnifeEdgeRules(Model):
-    """Treatment of runs whose label changes from a start 1e-6 away."""
+    """Treatment of runs with another label from a start 1e-6 away."""
 
     exclude: Flag = about("whether they are counted and reported, never gated", default=True)
     max_share: Tolerance = about(
@@ -145,7 +145,7 @@ class ComparePolicy(Waivers):
     baseline_digest: Sha256 | None = about(
         "digest of the only baseline, as `baseline update` prints it", default=None
     )
-    require: Require = about("what must be the same", default_factory=Require)
+    require: Require = about("properties that must be the same", default_factory=Require)
     labels: LabelRules = about("how labels are compared", default_factory=LabelRules)
     metrics: dict[str, MetricRule] = about(
         "metric name, or a pattern such as solver_*, to its rule; the closest one wins", default={}
@@ -173,7 +173,7 @@ class ComparedStore(Model):
 
     store: str
     physics: str = about(
-        "Digest of what was computed, without clocks and costs: the same for two honest repeats.",
+        "Digest of the results, without clocks and costs: the same for two honest repeats.",
         default="",
     )
     sweep: str
@@ -186,16 +186,16 @@ class ComparedStore(Model):
 
 
 class Difference(Model):
-    """Something in which the stores differ."""
+    """A difference between the stores."""
 
     what: str
     baseline: str
     candidate: str
-    required: bool = about("Whether the policy requires it to be the same.")
+    required: bool = about("Whether the policy requires equality.")
 
 
 class Transition(Model):
-    """Runs whose worst label changed."""
+    """Runs with another worst label."""
 
     baseline: str
     candidate: str
@@ -210,8 +210,8 @@ class PairCounts(Model):
     missing: int = about("Only in the baseline.")
     new: int = about("Only in the candidate.")
     bitwise_equal: int = about("Every state of the trajectory is equal.")
-    knife_edge: int = about("Set apart, since a start 1e-6 away changes the label.")
-    knife_edge_flipped: int = about("Of these, those whose label changed.")
+    knife_edge: int = about("Counted separately, because a start 1e-6 away changes the label.")
+    knife_edge_flipped: int = about("Number of these with another label.")
 
 
 class ComparisonReport(Model):
@@ -224,7 +224,8 @@ class ComparisonReport(Model):
     baseline: ComparedStore | None = about("Null if it cannot be read.")
     candidate: ComparedStore | None = about("Null if it cannot be read.")
     control: ComparedStore | None = about(
-        "The baseline once more, made as the candidate was; null if there is none.", default=None
+        "A second store of the baseline, made the way the candidate was; null without one.",
+        default=None,
     )
     match: Literal["id", "axes", "none"]
     pairs: PairCounts

@@ -1,4 +1,4 @@
-"""What judges found, as text, Markdown, JUnit XML, annotations of GitHub, JSON and SARIF."""
+"""Reports of judges as text, Markdown, JUnit XML, annotations of GitHub, JSON and SARIF."""
 
 from collections.abc import Callable, Mapping
 

@@ -1,4 +1,4 @@
-"""A report as its writers take it, and which of its findings they show, the worst first."""
+"""A report for writers, and its findings in the order of output, the worst first."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -24,7 +24,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Report:
-    """What one command found.
+    """Results of one command.
 
     Attributes:
         title: the command and its subject.
@@ -32,11 +32,11 @@ class Report:
         headline: the result, in a sentence.
         passed: whether the job passes.
         record: all of it as data.
-        facts: what was judged: names with texts.
-        findings: each thing that was judged.
-        sections: what is behind the findings.
+        facts: the judged subjects: names with texts.
+        findings: each result that was judged.
+        sections: details of the findings.
         notes: sentences at the end.
-        commands: command lines to go on with, each after what it is for.
+        commands: command lines for the next steps, each after its purpose.
         rules: sentences about the names of findings, by name.
         lists_passed: whether findings that passed are shown one by one, or counted.
     """
@@ -56,7 +56,7 @@ class Report:
 
     @property
     def command_lines(self) -> list[str]:
-        """The commands, each in a line with what it is for."""
+        """The commands, each in a line with its purpose."""
         return [f"{what}: {command}" for what, command in self.commands]
 
 

@@ -71,7 +71,7 @@ def _filled(text: str, width: int) -> str:
 
 
 def _wrapped(start: str, rest: str, width: int) -> str:
-    """Return a line whose end wraps between words, below itself."""
+    """Return a line that wraps between words; further lines are indented."""
     indent = " " * min(len(start), _MOST_INDENT)
     words = " ".join(rest.split())
     lines = textwrap.fill(

@@ -1,4 +1,4 @@
-"""Contact settings by what they do: those for a depth, a stiffness or a restitution, run."""
+"""Contact settings for a depth, a stiffness or a restitution, verified by a run."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,11 +15,11 @@ from contactlab.studies.examine.resting_contacts import RestingPair, resting_con
 from contactlab.studies.session import Session
 
 WORDS = {**AT_REST, "restitution": ""}
-_AGREE = 0.1  # share by which what is measured may miss what is asked for
+_LARGEST_MISS = 0.1  # largest difference of measured from requested values, as a share
 
 
 def read_words(assigned: Mapping[str, str]) -> dict[str, float]:
-    """Return what is asked for in SI; a SweepFileError says how it is written."""
+    """Return the requested values in SI; a SweepFileError says how to write them."""
     words = dict[str, float]()
     for name, text in assigned.items():
         unit, most = WORDS[name], 1 if name == "restitution" else 1e300
@@ -31,7 +31,7 @@ def read_words(assigned: Mapping[str, str]) -> dict[str, float]:
             how = f" in {unit}" if unit else ", at most 1"
             raise SweepFileError(f"{name}={text}: write a number above 0{how}")
     if {"stiffness", "depth_at_rest"} <= words.keys():
-        raise SweepFileError("stiffness and depth_at_rest set the same thing; give one of them")
+        raise SweepFileError("stiffness and depth_at_rest set the same value; give one of them")
     return words
 
 
@@ -42,10 +42,12 @@ def explain_contacts(
     session: Session,
     options: TaskOptions = AS_INFERRED,
 ) -> tuple[list[str], list[str]]:
-    """Return its task and what the contacts of a model are, or settings for what is asked of them.
+    """Return the contacts of a model, or settings for requested values, after the line of its task.
 
-    What is asked for is verified by a run with the settings; the second list says what that does
-    not show. Raises a SceneError if what is asked for has no meaning for the model.
+    A run with the settings verifies the values; the second list has those that it does not reach.
+
+    Raises:
+        SceneError: the values have no meaning for the model.
     """
 
     def with_settings(*more: str) -> CheckedModel:
@@ -63,14 +65,17 @@ def explain_contacts(
     if not words:
         contacts = resting_contacts(examined)
         lines = [line for said in grouped_contacts(contacts) for line in said]
-        return [head, *(lines or ["nothing that touches can move, so that nothing is stiff"])], []
+        return [
+            head,
+            *(lines or ["no body in contact can move, so no contact has a stiffness"]),
+        ], []
     pairs = list(resting_pairs(examined))
     if words.keys() & AT_REST.keys():
         pairs = [pair for pair in pairs if pair.load]
     if not pairs:
         raise SceneError(
-            f"{model}: no pair rests at the end of the first phase, so that none has a depth or "
-            "stiffness; give a restitution, or a model that comes to rest"
+            f"{model}: no pair rests at the end of the first phase, so there is no depth or "
+            "stiffness. Give a restitution, or a model that comes to rest"
         )
     lines, missed = [head], list[str]()
     for pair in pairs:
@@ -84,10 +89,10 @@ def explain_contacts(
 
 
 def _missed(pair: RestingPair, words: Mapping[str, float], timestep: float) -> Iterator[str]:
-    """Say what a run does not show of what is asked for."""
+    """Yield the requested values that a run does not reach."""
     most = largest_step(pair.law.solref)
     if timestep > most * (1 + 1e-9):
-        yield f"{pair.name}: a timestep of {timestep:g} s is too long for it"
+        yield f"{pair.name}: a timestep of {timestep:g} s is too long for these values"
     found = {
         "stiffness": pair.load / pair.depth if pair.depth else 0.0,
         "depth_at_rest": pair.depth,
@@ -98,8 +103,8 @@ def _missed(pair: RestingPair, words: Mapping[str, float], timestep: float) -> I
         if asked is None:
             continue
         if size is None:
-            yield f"{pair.name}: nothing bounces in the run, so restitution was not measured"
-        elif abs(size - asked) > _AGREE * asked:
+            yield f"{pair.name}: does not bounce in the run, so restitution was not measured"
+        elif abs(size - asked) > _LARGEST_MISS * asked:
             why = f"; an impact takes a step of {RESOLVED_STEP / STABLE_STEP * most:.2g} s"
             unit = f" {WORDS[name]}".rstrip()
             yield (

@@ -61,7 +61,6 @@ def words_of(names: list[str]) -> list[str]:
 
 
 def _key(word: str) -> str:
-    """Return the form of a word in which it is looked up."""
     return " ".join(_UNIT.sub("", word).split()).casefold()
 
 

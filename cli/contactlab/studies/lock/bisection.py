@@ -1,8 +1,8 @@
 """Find the release of MuJoCo that changed an outcome, in as many steps as their number has bits.
 
-Between a release that gives the old outcome and one that does not, there are two neighbours of
-which that is true, whatever those between them give; such neighbours are found. What each release
-gave is kept in a folder of its own, and taken from there the next time.
+Between a release with the old outcome and one with another, there are two neighbors for which the
+same holds, whatever the releases between them give. The search finds such neighbors. The result of
+each release is kept in a folder of its own, and read from there the next time.
 """
 
 import json
@@ -16,15 +16,15 @@ from contactlab.schema.comparison import ComparePolicy, ComparisonReport
 from contactlab.schema.finding import Finding
 from contactlab.store.atomic_files import atomic_write, sha256_of
 
-# What counts as an outcome: checks of the first of these kinds in which the two ends differ.
+# Checks that count as an outcome: those of the first of these groups that differ at the ends.
 _KINDS = (frozenset({"runs", "labels"}), frozenset({"metrics"}))
 
 
 @dataclass(frozen=True)
 class Culprit:
-    """Two releases between which an outcome changed, in so many steps.
+    """Two releases with different outcomes, and the number of releases that were run.
 
-    Those that lie between them could not be run; each has the reason.
+    The releases between them could not be run; each has the reason.
     """
 
     before: str
@@ -36,10 +36,10 @@ class Culprit:
 def bisect(
     versions: Sequence[str], differs: Callable[[str], bool], notify: Callable[[str], None]
 ) -> Culprit:
-    """Find neighbours, of which the one gives the outcome of the first version, the other not.
+    """Find neighbors, one with the outcome of the first version, the other without it.
 
-    The first and the last differ. Of n versions it asks ceil(log2(n - 1)) whether they differ from
-    the first, and more only where that raises a ContactlabError.
+    The first and the last differ. For n versions, ceil(log2(n - 1)) are run, and more only if some
+    raise a ContactlabError.
     """
     same, other, steps = 0, len(versions) - 1, 0
     skipped: dict[str, str] = {}
@@ -62,10 +62,10 @@ def bisect(
 
 @dataclass
 class SweepOutcomes:
-    """The runs of a sweep, whose stores lie in a folder.
+    """The runs of a sweep under several releases, with their stores in one folder.
 
-    `run` sweeps into a store with a release, or what is left of it; a ContactlabError says that
-    this cannot be. `asked` names the checks of the comparison that count.
+    `run` runs or resumes the sweep into a store with a release; a ContactlabError says that it
+    cannot. `asked` names the checks of the comparison that count.
     """
 
     folder: Path
@@ -76,7 +76,7 @@ class SweepOutcomes:
     names: frozenset[str] = field(default=frozenset(), init=False)
 
     def begin(self, good: str, bad: str) -> None:
-        """Find in what the two ends differ; raise an ExpectationError if they do not."""
+        """Find the differences of the two ends; raise an ExpectationError without any."""
         self.good = good
         report = self.compared(good, bad)
         for name in self.asked:
@@ -114,7 +114,7 @@ class SweepOutcomes:
 
 
 def _of_kinds(report: ComparisonReport, kinds: frozenset[str]) -> list[Finding]:
-    """Return the checks of some kinds that fail, or else those that changed at all."""
+    """Return the checks of some kinds that fail; without any, those that changed."""
     found = [check for check in report.findings if check.kind in kinds and _differs(check)]
     return [check for check in found if check.outcome == "failed"] or found
 

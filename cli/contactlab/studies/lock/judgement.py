@@ -1,12 +1,13 @@
-"""Whether a store gives what a lock froze, as a comparison of groups.
+"""Compares a store with a lock, group by group.
 
-Runs of the locked starts repeat each other, and a group's mean may change by what `compare` accepts
-of a metric: `abs + rel * |mean|`, its resolution. Other starts, of other seeds, give other values:
-two means of n and m independent values, whose pooled spread is s, differ by chance by more than
-t s sqrt(1/n + 1/m) in a share alpha of all pairs (Student's t-test, where t is the 1 - alpha / 2
-quantile at n + m - 2 degrees of freedom), and that much is accepted beyond the resolution. How many
-runs have an outcome is judged by Fisher's exact test at the same alpha. It is 0.1 % over all that
-is judged (Bonferroni): one of a thousand checks turns red by chance where nothing changed.
+Runs of the locked starts repeat each other, and the mean of a group may change by the tolerance of
+`compare` for the metric: `abs + rel * |mean|`, its resolution. Other starts, of other seeds, give
+other values: two means of n and m independent values with the pooled spread s differ by chance by
+more than t s sqrt(1/n + 1/m) in a share alpha of all pairs (Student's t-test, where t is the
+1 - alpha / 2 quantile at n + m - 2 degrees of freedom). This change is allowed besides the
+resolution. Numbers of runs with an outcome are judged by Fisher's exact test at the same alpha. It
+is 0.1 % over all judgements (Bonferroni): one of a thousand checks fails by chance without a
+change.
 """
 
 import math
@@ -33,7 +34,7 @@ _CAUSES = {"engine": "the engine", "scene_hash": "the scene"}
 
 
 class _GroupChange(NamedTuple):
-    """Change of a group, and its excess over what is accepted, in tolerances."""
+    """Change of a group, and its excess over the allowed change, in tolerances."""
 
     group: Group
     code: int
@@ -90,7 +91,7 @@ class _Judge:
 
     @property
     def cause(self) -> str:
-        """What changed that outcomes may change by, as the beginning of a sentence; or ""."""
+        """Changes that may have changed outcomes, as the beginning of a sentence; or ""."""
         changed = [word for name, word in _CAUSES.items() if len({*self._both(name)}) > 1]
         return f"{' and '.join(changed)} changed since the lock; " if changed else ""
 
@@ -118,14 +119,14 @@ class _Judge:
     def _metric(self, metric: str, column: Column | None) -> Finding:
         if column is None:
             gone = Subject(f"{metric} as locked", "metrics", "gate")
-            return gone.skipped("is no metric now")
+            return gone.skipped("is not a metric any more")
         rule = effective_rule(column, self.policy)
         subject = Subject(
             f"{metric} as locked", "metrics", rule.level, "", column.unit, rule.budget, True
         )
         versions = [record.metric_versions.get(metric) for record in (self.lock, self.new)]
         if len({*versions}) > 1:
-            return subject.skipped("its definition changed: lock it anew")
+            return subject.skipped("its definition changed: lock it again")
         pairs = [pair for pair in self.pairs if metric in pair[0].metrics]
         if not self.repeated and pairs and all(old.runs + new.runs < 3 for old, new in pairs):
             return subject.skipped("single runs of other starts tell nothing: lock several seeds")

@@ -1,4 +1,4 @@
-"""A lock: what a sweep gave, frozen in a small file of one line for each group of runs.
+"""A lock: outcomes of a sweep, frozen in a small file with one line for each group of runs.
 
 The runs of a group have the same axis values; they differ by seed, or are a loop's episodes.
 """
@@ -33,7 +33,7 @@ _OF_LOOPS = (
 )
 _COUNTED = {"success": "success", "expectation_met": "as expected"}
 _DIGITS = 7  # of a number that is written; compare accepts changes of 1 %
-_ROUNDING = 1e-12  # of a mean: less is no spread
+_ROUNDING = 1e-12  # of a mean: a smaller spread is rounding
 _HEAD = """\
 # What `contactlab lock` froze; `contactlab lock {source} --check` fails where it changed.
 # A line for each group of runs: how many had each outcome; and of each metric the mean, the
@@ -42,7 +42,7 @@ _HEAD = """\
 
 
 def lock_of(store: Store, metrics: Sequence[str], *, chaotic: bool = False) -> Lock:
-    """Return what a store gave, by these metrics; runs on a knife edge are left out."""
+    """Return the outcomes of a store, by these metrics; runs on a knife edge are left out."""
     known = store.columns.schema.names
     always = ["seed", "labels", "trajectory_hash", "initial_qpos", "initial_qvel"]
     rows = store.columns.to_pydict(
@@ -88,7 +88,7 @@ def is_loop(store: Store) -> bool:
 
 
 def is_recorded(store: Store) -> bool:
-    """Return whether it has episodes of no sweep, whose seeds only number them."""
+    """Return whether a store has recorded episodes, where seeds are only their numbers."""
     return is_loop(store) and not store.manifest.sweep.source
 
 
@@ -108,7 +108,7 @@ def _differ_besides(
 
 
 def metric_columns(store: Store) -> dict[str, Column]:
-    """Return what may be locked, by name: all that the physics gave."""
+    """Return the values that may be locked, by name: all results of the physics."""
     return {
         **{name: column for name, column in store.columns.measured.items() if _is_physical(name)},
         **({loop.name: loop for loop in _OF_LOOPS} if is_loop(store) else {}),
@@ -134,7 +134,7 @@ def write(path: Path, lock: Lock, source: str) -> None:
 
 
 def read(path: Path) -> Lock:
-    """Read a lock; a SweepFileError lists what is wrong with it, or says that there is none."""
+    """Read a lock; a SweepFileError lists its mistakes, or says that it is missing."""
     if not path.is_file():
         raise SweepFileError(f"there is no lock {path}; write it by `contactlab lock` first")
     return read_yaml_as(path, Lock)

@@ -60,7 +60,7 @@ class Lock(Model):
 
 
 def key_of(axes: Mapping[str, object]) -> str:
-    """Return what a group of these axis values is found by."""
+    """Return the key of the group with these axis values."""
     return json.dumps({name: rounded(value) for name, value in sorted(axes.items())})
 
 

@@ -22,7 +22,7 @@ def releases(first: str, last: str, given: Sequence[str] = ()) -> list[str]:
     """Return the releases of MuJoCo from one to another, in the order that leads there.
 
     They are those that pip finds wheels of for this Python, or the given ones. Raises an
-    EngineError if they cannot be listed, or the first or the last is none of them, or both are one.
+    EngineError if they cannot be listed, the first or the last is unknown, or both are the same.
     """
     if first == last:
         raise EngineError(f"{first} is both ends; name two releases")
@@ -57,10 +57,9 @@ def run_python(
 ) -> "subprocess.CompletedProcess[str]":
     """Run this Python with another release of MuJoCo before the one installed here.
 
-    The arguments are those of the interpreter. Its messages go where ours do; what it prints is
-    returned. The release is that of the environment that `--mujoco` makes, whose other packages
-    are the same as those here. Raises an EngineError if there is no such release, or it cannot be
-    installed.
+    The arguments are those of the interpreter. Its messages go to stderr, and its output is
+    returned. The release is that of the environment that `--mujoco` makes; other packages are the
+    same as here. Raises an EngineError if there is no such release, or it cannot be installed.
     """
     variables, path = dict(os.environ), [os.environ.get("PYTHONPATH", "")]
     other = find_interpreter(version, notify) if version else None
@@ -84,7 +83,7 @@ def run_sweep(
     given: Sequence[str],
     notify: Callable[[str], None],
 ) -> None:
-    """Run a sweep into a store, or what is left of it.
+    """Run or resume a sweep into a store.
 
     Raises a SweepFileError if it cannot be run, after its own message; a StoppedError if it was
     interrupted.
@@ -98,7 +97,7 @@ def run_sweep(
 
 
 def run_test(node: str, folder: Path, version: str, notify: Callable[[str], None]) -> bool:
-    """Return whether a test passes; what pytest printed and what it recorded go to a folder.
+    """Return whether a test passes; its output and its records go to a folder.
 
     Raises a SweepFileError if it did neither pass nor fail.
     """
