@@ -211,7 +211,7 @@ def _changed(report: Examination, entry: Entry, file: str, folder: Path) -> Iter
 def tuned(entry: Entry, file: Path, folder: Path, seconds: int) -> Entry:
     """Return a record with what `contactlab tune` recommends within some time [s]."""
     report = contactlab.tune(file, max_time=f"{seconds}s", workers=1, output=folder / "tuned")
-    price = report.recommended.price if report.recommended else None
+    price = report.recommended.time_ratio if report.recommended else None
     settings = report.recommended.settings if report.recommended else {}
     found = Tuned(
         sentence=report.sentence,

@@ -22,11 +22,17 @@ from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
 from contactlab.parts import register_parts
 from contactlab.plan.task_options import TaskOptions
-from contactlab.schema.parts_report import REPORT, PartsReport, PartWorth
+from contactlab.schema.parts_report import REPORT, PartEffect, PartsReport
 from contactlab.studies.examine.changes import fresh
 from contactlab.studies.examine.examination import ExamineRequest, open_model
-from contactlab.studies.search.parts import Change, PartsRequest, loads_of, parts_of, run
-from contactlab.studies.search.yardstick import Yardsticks
+from contactlab.studies.search.model_ablation import (
+    PartsRequest,
+    Removal,
+    ablate_model,
+    find_features,
+    stress_motions_of,
+)
+from contactlab.studies.search.reference_error import TaskReference
 from contactlab.studies.session import Session
 
 DURATION, MAX_TIME = 0.4, 240.0
@@ -34,7 +40,7 @@ MORE = 1.05
 """Of what is said, that a share may be: the study's reference solver is another."""
 
 
-def rolled(motion: Motion, change: Change) -> tuple[bytes, set[tuple[int, int]]]:
+def rolled(motion: Motion, change: Removal) -> tuple[bytes, set[tuple[int, int]]]:
     """Return the bits of a motion with a changed model, and the pairs of bodies that touch."""
     model, states, touching = copy.copy(motion.model), list[bytes](), set[tuple[int, int]]()
     change(model)
@@ -51,7 +57,7 @@ def rolled(motion: Motion, change: Change) -> tuple[bytes, set[tuple[int, int]]]
     return b"".join(states), touching
 
 
-def share_without(motion: Motion, change: Change) -> float:
+def share_without(motion: Motion, change: Removal) -> float:
     """Return the share of the worst body by which a motion differs without a part."""
 
     def plain(model: mujoco.MjModel) -> Plain:
@@ -68,25 +74,27 @@ def share_without(motion: Motion, change: Change) -> float:
     return float(np.mean(each, axis=0).max())
 
 
-class Tried:
+class Evaluation:
     """A study whose claims are tried."""
 
     def __init__(self, folder: Path, model: str) -> None:
         """Read the study, or make it."""
         options = TaskOptions(duration=DURATION)
         if not (folder / REPORT).exists():
-            run(PartsRequest(model, task=options, max_time=MAX_TIME), Session(folder))
+            ablate_model(PartsRequest(model, task=options, max_time=MAX_TIME), Session(folder))
         self.report = PartsReport.model_validate_json((folder / REPORT).read_text())
         options = TaskOptions(duration=self.report.task.duration)
         asked = ExamineRequest(self.report.model, task=options, sections=("budget",))
         examined = open_model(asked, Session(Path()))
         self.own, self.fresh = (
-            loads_of(motions)
+            stress_motions_of(motions)
             for motions in (examined.motions, examined.motions_of(fresh(examined.task)))
         )
-        yards = Yardsticks.of(self.own, 1, 1)
+        yards = TaskReference.run_references(self.own, 1, 1)
         positions = [part.positions for part in yards.parts]
-        self.parts = {(part.kind, part.name): part for part in parts_of(self.own, positions, 1)}
+        self.parts = {
+            (part.kind, part.name): part for part in find_features(self.own, positions, 1)
+        }
         self.moved = {
             motion.name + which: rolled(motion, lambda _: None)
             for which, motions in (("", self.own), (", fresh seeds", self.fresh))
@@ -97,40 +105,40 @@ class Tried:
     def wrong(self) -> Iterator[str]:
         """Yield what does not hold."""
         for part in self.report.parts:
-            if part.worth == "provably unused":
+            if part.verdict == "unused":
                 yield from self._moved(part, self.own, "")
                 yield from self._moved(part, self.fresh, ", fresh seeds")
-            elif part.worth == "unused in this task, kept":
+            elif part.verdict == "not exercised":
                 yield from self._moved(part, self.own, "")
-            elif part.worth == "below the tolerance" and part.share is not None:
-                change = self.parts[part.kind, part.name].without
+            elif part.verdict == "below the tolerance" and part.error is not None:
+                change = self.parts[part.kind, part.name].removal
                 found = max(share_without(motion, change) for motion in self.own)
-                self.ratios.append(found / part.share if part.share > 1e-4 else 1.0)
-                if not found <= MORE * part.share + 1e-4:
-                    yield f"{part.name}: {found:.2%} for {part.share:.2%}"
+                self.ratios.append(found / part.error if part.error > 1e-4 else 1.0)
+                if not found <= MORE * part.error + 1e-4:
+                    yield f"{part.name}: {found:.2%} for {part.error:.2%}"
 
-    def _moved(self, part: PartWorth, motions: list[Motion], which: str) -> Iterator[str]:
+    def _moved(self, part: PartEffect, motions: list[Motion], which: str) -> Iterator[str]:
         for motion in motions:
             states, touching = self.moved[motion.name + which]
             if part.kind == "pair":
                 one, other = sorted(motion.model.body(n).id for n in part.name.split(" - "))
                 if (one, other) in touching:
                     yield f"{part.name} touch in {motion.name}{which}"
-            elif rolled(motion, self.parts[part.kind, part.name].without)[0] != states:
-                yield f"{part.worth}: {part.kind} {part.name} in {motion.name}{which}"
+            elif rolled(motion, self.parts[part.kind, part.name].removal)[0] != states:
+                yield f"{part.verdict}: {part.kind} {part.name} in {motion.name}{which}"
 
 
 def measure(folder: Path, model: str) -> str:
     """Return a line about one study."""
-    tried = Tried(folder, model)
+    tried = Evaluation(folder, model)
     wrong = list(tried.wrong())
-    counted = Counter(part.worth for part in tried.report.parts)
+    counted = Counter(part.verdict for part in tried.report.parts)
     ratios = ""
     if tried.ratios:
         low, high = min(tried.ratios), max(tried.ratios)
         ratios = f", shares {low:.2f} to {high:.2f} of what is said"
     told = f"{len(wrong)} WRONG: {wrong}" if wrong else "none wrong"
-    ended = ", ended by time" if tried.report.ended else ""
+    ended = ", ended by time" if tried.report.timed_out else ""
     return f"{folder.name}: {dict(counted)}{ratios}; {told}{ended}"
 
 

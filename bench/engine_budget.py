@@ -30,7 +30,7 @@ from contactlab.resources import SWEEPS
 from contactlab.run.sweep_request import read_request
 from contactlab.scene.scene import Scene
 from contactlab.schema.setting_values import as_number
-from contactlab.studies.parity.panel import from_states, roll_out
+from contactlab.studies.parity.panel import roll_out, runs_from_states
 from contactlab.studies.session import Values
 
 _WINDOW, _FEWEST, _FINER, _LONGEST = 0.04, 4, 4, 0.5
@@ -62,7 +62,7 @@ def budget(scene: Scene, values: Values, duration: float, engine: str) -> tuple[
     own = roll_out(by, runs).state[0].copy()
     each = round(min(_WINDOW, spec.duration / _FEWEST) / spec.timestep)
     starts = np.arange(0, spec.steps - each, each)
-    again = roll_out(by, replace(from_states(runs, 0, own[starts], starts), steps=each)).state
+    again = roll_out(by, replace(runs_from_states(runs, 0, own[starts], starts), steps=each)).state
     parted = max(
         float(np.abs(back[:, 1:] - own[start : start + each + 1, 1:]).max())
         for start, back in zip(starts, again, strict=True)
@@ -71,7 +71,7 @@ def budget(scene: Scene, values: Values, duration: float, engine: str) -> tuple[
     if by.controls_error:
         closer["tolerance"] = as_number(spec.settings["tolerance"]) / _FINER**2
     finer = scene.resolve({**values, **closer}, 0, duration)
-    fine = from_states(PreparedRuns.of(scene, finer), 0, own[starts], starts)
+    fine = runs_from_states(PreparedRuns.of(scene, finer), 0, own[starts], starts)
     states = roll_out(by, replace(fine, steps=_FINER * (each + 1))).state
     model = runs.models[0]
     other = velocities(model, states)

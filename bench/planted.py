@@ -23,7 +23,7 @@ from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_names import name_of
 from contactlab.scene.model_writer import write_model
 from contactlab.studies.examine.examination import ExamineRequest, open_model
-from contactlab.studies.search.yardstick import Yardsticks
+from contactlab.studies.search.reference_error import TaskReference
 from contactlab.studies.session import Session
 
 EXACT = 'solver="PGS" iterations="500" tolerance="1e-15"'
@@ -280,7 +280,7 @@ def plant(file: Path, cost: int, folder: Path) -> Path:
     return write_model(examined.scene, ModelEdits(settings=settings), folder, "slow.xml").path
 
 
-def share_of(original: str, slow: str, duration: float) -> float:
+def error_of(original: str, slow: str, duration: float) -> float:
     """Return the error of a model beside what it was made slow of, as `tune` would tell it.
 
     What is planted may be accuracy, as shorter steps are: to come back to the original's time is to
@@ -292,7 +292,7 @@ def share_of(original: str, slow: str, duration: float) -> float:
     own = mujoco.MjModel.from_xml_path(original)
     finer = max(1, round(8 * motions[0].model.opt.timestep / own.opt.timestep))
     finer = next(rate for rate in range(finer, 999) if _is_whole(own, motions[0].model, rate))
-    yards = Yardsticks.of(motions, finer, 1)
+    yards = TaskReference.run_references(motions, finer, 1)
     return yards.apart(own, round(own.opt.timestep / yards.step)).share
 
 
@@ -304,7 +304,7 @@ def _is_whole(own: mujoco.MjModel, slow: mujoco.MjModel, rate: int) -> bool:
 if __name__ == "__main__":
     register_parts()
     if sys.argv[1] == "share":
-        print(f"{share_of(*sys.argv[2:4], duration=0.5):.4f}")
+        print(f"{error_of(*sys.argv[2:4], duration=0.5):.4f}")
         sys.exit()
     folder = Path(sys.argv[1])
     for number, file in enumerate(map(Path, sys.argv[2:])):

@@ -24,7 +24,7 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.parts import register_parts
 from contactlab.run.sweep_request import SceneLoader
-from contactlab.studies.fit.fitting import FitRequest, run
+from contactlab.studies.fit.fitting import FitRequest, fit_settings
 from contactlab.studies.session import Session, Values
 
 FREE = ("friction.slide", "solref.timeconst=0.005:0.06")
@@ -79,7 +79,7 @@ def fitted(case: int, folder: Path, *, sweeps: bool) -> dict[str, tuple[bool, fl
         print(case, error, flush=True)
         return {}
     with nullcontext() if sweeps else plain:
-        report = run(request, session)
+        report = fit_settings(request, session)
     found = dict[str, tuple[bool, float, bool]]()
     for true, each in zip(truth, report.settings, strict=True):
         assert each.interval is not None

@@ -22,7 +22,7 @@ from contactlab.budget.motion import INTEGRATION
 from contactlab.parts import register_parts
 from contactlab.plan.task_options import TaskOptions
 from contactlab.schema.task import Task
-from contactlab.schema.tune_report import REPORT, Point, TuneReport
+from contactlab.schema.tune_report import REPORT, Candidate, TuneReport
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.session import Session
 
@@ -94,14 +94,17 @@ def ratios(every: Sequence[Runs]) -> list[float]:
     return (speeds / speeds[0]).tolist()
 
 
-def answers_of(report: TuneReport) -> dict[str, tuple[Point, str]]:
+def answers_of(report: TuneReport) -> dict[str, tuple[Candidate, str]]:
     """Return the answers of a report: the point, and the file of the model that was written."""
-    found: dict[str, tuple[Point, str]] = {}
+    found: dict[str, tuple[Candidate, str]] = {}
     if report.recommended and report.file:
         found["recommended"] = report.recommended, report.file
-    for name, other in (("as accurate", report.as_accurate), ("keeps the aim", report.to_aim)):
+    for name, other in (
+        ("as accurate", report.equal_error),
+        ("keeps the aim", report.meets_target),
+    ):
         if other:
-            found[name] = other.point, other.file
+            found[name] = other.candidate, other.file
     return found
 
 
@@ -115,12 +118,12 @@ def measure(folder: Path, original: str = "") -> str:
     parts = [f"slow/original {slow:.2f}"] if original else []
     parts += [] if answers else ["kept"]
     for (name, (point, _)), measured in zip(answers.items(), found[1:], strict=False):
-        assert point.price
-        claimed = point.price.ratio
+        assert point.time_ratio
+        claimed = point.time_ratio.ratio
         part = f"{name}: claimed x{claimed:.3f}, measured x{measured:.3f}"
         part += f" ({measured / claimed - 1:+.1%})"
         parts.append(part + (f", over original {measured * slow:.2f}" if original else ""))
-    changed = ", ".join(f"{each.name} {each.after}" for each in report.changes[:4])
+    changed = ", ".join(f"{each.name} {each.after}" for each in report.changed_settings[:4])
     cut = f"{len(report.masked)} masks, {len(report.excluded)} excludes"
     return f"{folder.name}: {'; '.join(parts)}; {changed or 'nothing set'}; {cut}"
 

@@ -21,7 +21,7 @@ from bench.tune_cost import answers_of, motions_of
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
-from contactlab.schema.tune_report import REPORT, Point, TuneReport
+from contactlab.schema.tune_report import REPORT, Candidate, TuneReport
 
 WINDOW, WEIGHT, FINER = 0.04, 0.1, 16
 SLEEP = int(mujoco.mjtEnableBit.mjENBL_SLEEP)
@@ -154,9 +154,9 @@ def away(one: np.ndarray, line: np.ndarray) -> np.ndarray:
     return best
 
 
-def measured(report: TuneReport, motions: Sequence[Motion], point: Point, file: str) -> float:
+def measured(report: TuneReport, motions: Sequence[Motion], point: Candidate, file: str) -> float:
     """Return the error of an answer, whose model is in a file."""
-    fine = report.fine_step
+    fine = report.reference_step
     written, tuned = (
         Plain(mujoco.MjModel.from_xml_path(path), step)
         for path, step in ((report.model, fine), (file, point.timestep))
@@ -198,7 +198,7 @@ def measure(folder: Path) -> str:
         assert claimed
         parts.append(f"{name}: error claimed {claimed:.3%}, measured {found:.3%}")
         parts[-1] += f" ({found / claimed - 1:+.1%})"
-    now = f"as written {report.now.error or np.nan:.3%}, aim {report.aim.limit:.3%}"
+    now = f"as written {report.current.error or np.nan:.3%}, aim {report.target.limit:.3%}"
     return f"{folder.name}: {'; '.join(parts) or 'kept'}; {now}"
 
 

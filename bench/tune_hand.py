@@ -19,7 +19,7 @@ from contactlab.parts import register_parts
 from contactlab.plan.task_options import read_task_options
 from contactlab.schema.tune_report import REPORT
 from contactlab.studies.search.tune_request import TuneRequest
-from contactlab.studies.search.tuning import run
+from contactlab.studies.search.tuning import tune_model
 from contactlab.studies.session import Session
 
 LENGTH, LIMIT, TURNS, STEPS = 1.5, 1e-5, 25, 3000
@@ -101,7 +101,7 @@ def measure(name: str, folder: Path) -> str:
     task = read_task_options(drive="none", duration=f"{LENGTH}s")
     out = folder / path.stem
     request = TuneRequest(str(path), task, LIMIT, None, ("tip",), "end", 200.0)
-    report = run(request, Session(out))
+    report = tune_model(request, Session(out))
     model = mujoco.MjModel.from_xml_path(str(path))
     tuned = mujoco.MjModel.from_xml_path(str(out / report.file)) if report.file else model
     hand, step = by_hand(model), tuned.opt.timestep
@@ -111,7 +111,7 @@ def measure(name: str, folder: Path) -> str:
     apart = end(tuned, step, int(tuned.opt.integrator), length) - end(
         model, length / 30000, RK4, length
     )
-    chosen = ", ".join(f"{each.name} {each.after}" for each in report.changes)
+    chosen = ", ".join(f"{each.name} {each.after}" for each in report.changed_settings)
     best = min(hand, key=lambda each: median(seconds(each) for _ in range(TURNS)))
     error = float(np.linalg.norm(apart))
     return (

@@ -169,7 +169,7 @@ def test_a_study_reports_what_its_command_prints(name: str, tmp_path: Path) -> N
 
 
 def test_a_tradeoff_of_a_store_needs_no_sweep(store: Store) -> None:
-    report = contactlab.tradeoff(store, error="oracle_error")
+    report = contactlab.tradeoff(store, metric="oracle_error")
     assert isinstance(report, TradeoffReport)
     assert report.store == str(store.address)
     assert {each.configuration["timestep"] for each in report.configurations} == {1e-3, 2e-3}

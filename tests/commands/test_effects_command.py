@@ -34,8 +34,8 @@ def test_report_figure_and_evidence(tmp_path: Path) -> None:
     assert {"effects", "smallest_set", "saving"} <= json.loads(
         (out / "effects.json").read_text()
     ).keys()
-    assert all(each.cost is not None for each in report.effects if each.need != "unused")
-    assert report.saving is not None
+    assert all(each.time_ratio is not None for each in report.effects if each.verdict != "unused")
+    assert report.time_ratio is not None
     for name in report.stores:
         assert verify(out / name) == []
     assert Store.open(out / "one-by-one").manifest.sweep.resolved["effects"] == {"base": "all"}

@@ -33,14 +33,14 @@ def test_creep_ends_with_one_and_names_lines(contactlab: Run, tmp_path: Path) ->
     assert code == 1
     assert "creeps body bar" in err
     assert report["keyframe"] == "held"
-    assert any("bar.xml:" in line for each in report["remedies"] for line in each["lines"])
+    assert any("bar.xml:" in line for each in report["fixes"] for line in each["lines"])
 
 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
         (["--film", "grip.avi"], "end its name in .mp4 or .gif"),
-        (["--within", "1mm"], "write a speed"),
+        (["--tolerance", "1mm"], "write a speed"),
         (["--keyframe", "held", "--squeeze", "3"], "would be ignored"),
     ],
 )
@@ -60,7 +60,7 @@ def test_a_film_is_written(contactlab: Run, tmp_path: Path) -> None:
     path, target = tmp_path / "bar.xml", tmp_path / "bar.gif"
     path.write_text(claw_with_bar(8, 0.1), encoding="utf-8")
     _, _, err = contactlab(
-        "grip", str(path), "--keyframe", "held", "--no-remedies", "--film", str(target)
+        "grip", str(path), "--keyframe", "held", "--no-fixes", "--film", str(target)
     )
     if "no OpenGL" in err:
         pytest.skip("there is no OpenGL to draw with")

@@ -40,7 +40,7 @@ def test_text_data_patch_and_figure_say_the_same(
     assert code == 0, err
     stored: Any = json.loads((tmp_path / "out" / "tune.json").read_text())
     point = stored["recommended"]
-    (step,) = [each for each in stored["changes"] if each["name"] == "timestep"]
+    (step,) = [each for each in stored["changed_settings"] if each["name"] == "timestep"]
     assert step["after"] == point["timestep"] > 4e-3
     assert f"{point['timestep']:g}" in out
     written = (tmp_path / "out" / stored["file"]).read_bytes()
@@ -60,13 +60,13 @@ def test_text_data_patch_and_figure_say_the_same(
     [
         (("--error", "0"), "--error 0: write a share, such as 2%"),
         (("--error", "near"), "--error near: write a share, such as 2%"),
-        (("--error", "2"), "--error 2 is no share of the real forces"),
+        (("--error", "2"), "--error 2 is not a fraction"),
         (("--max-time", "soon"), "--max-time soon: write a time, such as 90s, 5min or 1h"),
-        (("--tolerance", "slip=1mm"), "--tolerance slip=: settings are judged by the error budget"),
+        (("--tolerance", "slip=1mm"), "--tolerance slip=: tune uses the error budget"),
         (("--tolerance", "slip"), "'--tolerance slip' is not a tolerance"),
         (("--real-time", "-1"), "--real-time -1: write a number above 0"),
-        (("--at", "end", "--error", "1e-5"), "--at needs what is watched"),
-        (("--observe", "hand", "--at", "end", "--error", "1e-5"), "nothing is called 'hand'"),
+        (("--error-at", "end", "--error", "1e-5"), "--error-at needs --observe"),
+        (("--observe", "hand", "--error-at", "end", "--error", "1e-5"), "nothing is called 'hand'"),
         (("--drive", "push"), "push"),
     ],
 )

@@ -13,8 +13,8 @@ from contactlab.studies.engine_panel.engine_panel import (
     REPORT,
     TASKS,
     PanelRequest,
-    better,
-    middle,
+    better_runs,
+    middle_run,
     run,
 )
 from contactlab.studies.session import Session
@@ -68,11 +68,13 @@ def test_a_task_is_run_once_and_read_again(tmp_path: Path, monkeypatch: pytest.M
         [("bounce", "mujoco")] * 2 + [("bounce", "impulse")] * 2 + [("grasp", "mujoco")] * 2
     )
     assert all(each.error is not None and each.cost for each in first.runs)
-    (why,) = first.left_out
+    (why,) = first.skipped
     assert why.startswith("grasp: the impulse engine")
     # The law that `impulse` computes is the closed form.
-    assert [(found.task, found.engine) for found, _ in better(first)] == [("bounce", "impulse")]
-    assert middle(first, "grasp", "impulse") is None
+    assert [(found.task, found.engine) for found, _ in better_runs(first)] == [
+        ("bounce", "impulse")
+    ]
+    assert middle_run(first, "grasp", "impulse") is None
     assert EnginePanel.model_validate_json((tmp_path / "out" / REPORT).read_bytes()) == first
     assert begun == [0, 0, 0]
     assert run(PanelRequest(tasks * 2, engines * 2), session) == first
@@ -109,9 +111,9 @@ def test_who_is_better_than_mujoco_is_named() -> None:
     def told(*points: PanelRun) -> list[tuple[str, str]]:
         task = {"name": "bounce", "description": "", "measure": "restitution"}
         panel = EnginePanel.model_validate(
-            {"engines": {}, "tasks": [task], "runs": points, "left_out": ()}
+            {"engines": {}, "tasks": [task], "runs": points, "skipped": ()}
         )
-        return [(found.engine, ours.engine) for found, ours in better(panel)]
+        return [(found.engine, ours.engine) for found, ours in better_runs(panel)]
 
     ours, theirs = point("mujoco", 0.1), point("sapien", 0.01)
     assert told(ours, theirs, point("bullet", None)) == [("sapien", "mujoco")]

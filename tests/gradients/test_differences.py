@@ -15,10 +15,10 @@ from contactlab.studies.gradients.differences import (
     SPANS,
     WIDE_SPANS,
     Estimate,
-    extrapolated,
-    ladder_about,
-    noise_of,
-    slope,
+    estimate_noise,
+    extrapolate,
+    fit_slope,
+    ladder_points,
 )
 
 ULP = float(np.finfo(float).eps)
@@ -26,10 +26,10 @@ ULP = float(np.finfo(float).eps)
 
 def of_sine(at: float, noise: Floats | float = 0.0) -> Estimate:
     """Return the derivative of a sine, to whose values an error is added."""
-    points = np.concatenate([ladder_about(at), at + NOISE_SPAN * NOISE_POINTS])
+    points = np.concatenate([ladder_points(at), at + NOISE_SPAN * NOISE_POINTS])
     values = np.sin(points) + noise
     rungs = slice(2 * len(SPANS))
-    return extrapolated(points[rungs], values[rungs], noise_of(values[rungs.stop :]))
+    return extrapolate(points[rungs], values[rungs], estimate_noise(values[rungs.stop :]))
 
 
 def least_bound(size: float) -> float:
@@ -69,14 +69,14 @@ def test_noise_is_seen_and_bounded(size: float) -> None:
 def test_a_kink_beside_is_not_mixed_in(beside: float) -> None:
     """The slope at the point is 1, beyond the kink 3: spans that reach it tell neither."""
     points = np.concatenate([SPANS, -SPANS])
-    found = extrapolated(points, points + 2 * np.maximum(points - beside, 0), noise=ULP)
+    found = extrapolate(points, points + 2 * np.maximum(points - beside, 0), noise=ULP)
     assert abs(found.value - 1) <= found.bound
     assert found.span < 2 * beside
 
 
 def test_a_point_on_a_jump_has_no_derivative() -> None:
     points = np.concatenate([SPANS, -SPANS])
-    found = extrapolated(points, np.sign(points), noise=ULP)
+    found = extrapolate(points, np.sign(points), noise=ULP)
     assert found.bound > 1
 
 
@@ -94,13 +94,13 @@ def test_smoothing_sees_through_teeth(tooth: float) -> None:
         fine, coarse = (
             sawtooth(points, width, rng.uniform(0, 1, points.shape)) for width in (tooth, 2 * tooth)
         )
-        found = slope(WIDE_SPANS, fine, coarse)
+        found = fit_slope(WIDE_SPANS, fine, coarse)
         assert abs(found.value - 2) <= found.bound
         assert found.bound < 1
 
 
 def test_runs_that_failed_give_none() -> None:
-    points = ladder_about(1.0)
-    assert math.isinf(extrapolated(points, np.full(len(points), np.nan), math.nan).bound)
+    points = ladder_points(1.0)
+    assert math.isinf(extrapolate(points, np.full(len(points), np.nan), math.nan).bound)
     wide = np.full((len(WIDE_SPANS), len(ABOUT)), np.nan)
-    assert math.isinf(slope(WIDE_SPANS, wide, wide).bound)
+    assert math.isinf(fit_slope(WIDE_SPANS, wide, wide).bound)

@@ -12,17 +12,17 @@ from contactlab.contact.contact_laws import restitution_of
 from contactlab.errors import EngineError, StoppedError, SweepFileError
 from contactlab.resources import SWEEPS
 from contactlab.run.sweep_request import SceneLoader
-from contactlab.schema.gradients import Difference, GradientBy, GradientsReport
+from contactlab.schema.gradients import Difference, GradientInput, GradientsReport
 from contactlab.studies.gradients import differentiating
-from contactlab.studies.gradients.automatic import engine
-from contactlab.studies.gradients.derivatives import MEANS, Differentiation
+from contactlab.studies.gradients.automatic_differentiation import engine
+from contactlab.studies.gradients.derivatives import METHODS, Differentiation
 from contactlab.studies.gradients.differentiating import (
     REPORT,
     GradientsRequest,
-    run,
-    switches,
+    differentiate_scene,
+    find_mode_switches,
 )
-from contactlab.studies.gradients.end_states import Parameter, Point, Subject
+from contactlab.studies.gradients.end_states import DifferentiatedScene, Parameter, Point
 from contactlab.studies.session import Session, Values
 
 GRADIENTS = SWEEPS / "gradients"
@@ -30,14 +30,16 @@ GRAVITY = 9.81
 GAP = 1.0137  # between the ball and the wall [m]
 
 
-def subject_of(name: str, of: str, threads: int = 1) -> Subject:
+def subject_of(name: str, of: str, threads: int = 1) -> DifferentiatedScene:
     scene = SceneLoader(GRADIENTS).open(name).with_drive("none", Path())
-    return Subject.of(scene, of, None, threads)
+    return DifferentiatedScene.of(scene, of, None, threads)
 
 
-def differentiated(subject: Subject, by: str, values: Values, finer: int = 2) -> GradientBy:
+def differentiated(
+    subject: DifferentiatedScene, by: str, values: Values, finer: int = 2
+) -> GradientInput:
     """Return the derivative at some values, its words left out."""
-    how = Differentiation(subject, finer, MEANS["chain"], ladder=False)
+    how = Differentiation(subject, finer, METHODS["chain"], ladder=False)
     (found,) = how.by(subject.parameter(by), [Point(values, {})])
     return found
 
@@ -61,7 +63,7 @@ def closed_form_of_ball(by: str, values: dict[str, float]) -> float:
     return (leaves(at + span) - leaves(at - span)) / (2 * span)
 
 
-def inside(found: GradientBy, expected: float, share: float) -> None:
+def inside(found: GradientInput, expected: float, share: float) -> None:
     """Check that the model's derivative is within its bound, which is a share of it at most."""
     assert found.model.value is not None
     assert found.model.bound is not None
@@ -129,8 +131,8 @@ def test_transition_matrices_are_the_runs_own() -> None:
     for name, of, by, values in (("ball", "x.v", "speed", fast), ("push", "x", "push", {})):
         found = differentiated(replace(subject_of(name, of), duration=0.2), by, values)
         assert found.run.value is not None
-        assert found.told["chain"] == pytest.approx(found.run.value, rel=1e-3)
-        beyond = found.told["chain 1e-6"]
+        assert found.methods["chain"] == pytest.approx(found.run.value, rel=1e-3)
+        beyond = found.methods["chain 1e-6"]
     assert beyond is not None
     assert abs(beyond) > 1e3
 
@@ -145,15 +147,15 @@ def test_a_coordinate_of_the_start_is_a_parameter(tmp_path: Path) -> None:
         '<mujoco><worldbody><body name="ball"><freejoint name="ball"/>'
         '<geom type="sphere" size=".1" mass="1"/></body></worldbody></mujoco>'
     )
-    (place,) = run(
+    (place,) = differentiate_scene(
         GradientsRequest(str(path), "ball.z", ["ball.vz", "ball.z"], ["duration=0.1"]),
         Session(tmp_path / "out"),
     ).places
     for name, expected in (("ball.vz", 0.1), ("ball.z", 1.0)):
-        by = place.by[name]
+        by = place.inputs[name]
         assert by.run.value == pytest.approx(expected, abs=1e-10)
-        assert by.told["chain"] == pytest.approx(expected, abs=1e-5)
-        assert set(by.words.values()) == {"agrees"}
+        assert by.methods["chain"] == pytest.approx(expected, abs=1e-5)
+        assert set(by.verdicts.values()) == {"agrees"}
 
 
 def test_threads_change_no_bit() -> None:
@@ -196,12 +198,12 @@ axes: {{push: [3.0, 6.0, 7.0], friction.slide: [0.5]}}
 def test_a_map_counts_words_and_switches(tmp_path: Path) -> None:
     path = tmp_path / "map.yaml"
     path.write_text(MAP.format(scene=GRADIENTS / "push"))
-    report = run(GradientsRequest(str(path), "x"), Session(tmp_path / "out"))
+    report = differentiate_scene(GradientsRequest(str(path), "x"), Session(tmp_path / "out"))
     assert list(report.axes) == ["push"]
-    assert report.switches == 1
-    assert list(switches(report.axes, report.places)) == [(0, 1)]
+    assert report.mode_switches == 1
+    assert list(find_mode_switches(report.axes, report.places)) == [(0, 1)]
     (band,) = report.bands
-    words = [place.by["push"].words["run"] for place in report.places]
+    words = [place.inputs["push"].verdicts["run"] for place in report.places]
     assert words[0] == words[2] == "agrees"
     assert sum(band.counts.values()) == len(words)
     unusable = sum(word != "agrees" for word in words)
@@ -221,25 +223,27 @@ def test_a_map_goes_on_where_it_ended(tmp_path: Path, monkeypatch: pytest.Monkey
 
     def counted(
         how: Differentiation, parameter: Parameter, points: Sequence[Point]
-    ) -> list[GradientBy]:
+    ) -> list[GradientInput]:
         made.append(len(points))
         if len(made) == 2:
             raise StoppedError("interrupted")
         told = Difference(value=float(len(made)), bound=0.0, span=0.1)
         at = parameter.at(how.subject, points[0])
-        return [GradientBy(at=at, model=told, run=told, told={}, words={}, ladder=())] * len(points)
+        return [
+            GradientInput(value=at, model=told, run=told, methods={}, verdicts={}, ladder=())
+        ] * len(points)
 
     monkeypatch.setattr(Differentiation, "by", counted)
-    monkeypatch.setattr(differentiating, "_TOGETHER", 2)
+    monkeypatch.setattr(differentiating, "_BATCH_SIZE", 2)
     request, session = GradientsRequest(str(path), "x", ["push"]), Session(tmp_path / "out")
     with pytest.raises(StoppedError):
-        run(request, session)
-    report = run(request, session)
+        differentiate_scene(request, session)
+    report = differentiate_scene(request, session)
     assert made == [2, 1, 1]
-    assert [place.by["push"].run.value for place in report.places] == [1, 1, 3]
-    assert run(request, session) == report
+    assert [place.inputs["push"].run.value for place in report.places] == [1, 1, 3]
+    assert differentiate_scene(request, session) == report
     assert len(made) == 3
-    run(replace(request, finer=3), session)
+    differentiate_scene(replace(request, refinement=3), session)
     assert made[3:] == [2, 1]
 
 
@@ -262,7 +266,7 @@ def test_mistakes_are_told_before_anything_runs(
 ) -> None:
     request = GradientsRequest(str(GRADIENTS / "push"), of, by, assign)
     with pytest.raises(SweepFileError, match=said):
-        run(request, Session(tmp_path / "out"))
+        differentiate_scene(request, Session(tmp_path / "out"))
     assert not (tmp_path / "out").exists()
 
 
@@ -288,10 +292,10 @@ def test_automatic_differentiation_is_the_runs_own(
     if not engine().version:
         pytest.skip("mjx is not installed: contactlab engines add mjx")
     subject = replace(subject_of(name, of), duration=0.2)
-    how = Differentiation(subject, 2, MEANS["mjx"], ladder=False)
+    how = Differentiation(subject, 2, METHODS["mjx"], ladder=False)
     (found,) = how.by(subject.parameter(by), [Point(values, {})])
     assert found.run.value is not None
-    assert found.told["mjx"] == pytest.approx(found.run.value, rel=1e-4)
+    assert found.methods["mjx"] == pytest.approx(found.run.value, rel=1e-4)
 
 
 @pytest.mark.night
@@ -304,9 +308,9 @@ def test_substeps_that_end_where_a_contact_is_made_have_restitutions_derivative(
     if not engine().version:
         pytest.skip("mjx is not installed: contactlab engines add mjx")
     subject = replace(subject_of("ball", "x.v"), duration=0.2)
-    how = Differentiation(subject, 2, MEANS["mjx-adaptive"], ladder=False)
+    how = Differentiation(subject, 2, METHODS["mjx-adaptive"], ladder=False)
     (found,) = how.by(subject.parameter("speed"), [Point({"speed": 6.0}, {})])
-    assert found.told["mjx-adaptive"] == pytest.approx(-rebound(4e4, 72.35), rel=0.02)
+    assert found.methods["mjx-adaptive"] == pytest.approx(-rebound(4e4, 72.35), rel=0.02)
     assert found.run.value is not None
     assert abs(found.run.value) > 7
 
@@ -316,6 +320,6 @@ def test_an_engine_that_is_not_here_is_named(
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     for means in ("mjx", "mjx-adaptive"):
-        request = GradientsRequest(str(GRADIENTS / "push"), "x", ["push"], also=[means])
+        request = GradientsRequest(str(GRADIENTS / "push"), "x", ["push"], include=[means])
         with pytest.raises(EngineError, match="contactlab engines add mjx"):
-            run(request, Session(tmp_path / "out"))
+            differentiate_scene(request, Session(tmp_path / "out"))

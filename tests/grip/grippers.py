@@ -27,7 +27,7 @@ CLAW = """
   {end}
 </mujoco>
 """
-USUAL = {
+DEFAULT_OBJECT = {
     "cone": "pyramidal",
     "impratio": "1",
     "friction": "1",
@@ -52,7 +52,7 @@ HELD = '<keyframe><key name="held" qpos="0 0 .1 .2 .5 1 0 0 0" ctrl="{force} {fo
 
 def claw(**changed: str) -> str:
     """Return two pads on slides, each pushed by a motor."""
-    return CLAW.format(**{**USUAL, **changed})
+    return CLAW.format(**{**DEFAULT_OBJECT, **changed})
 
 
 def claw_with_bar(force: float, mass: float, **changed: str) -> str:

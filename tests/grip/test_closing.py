@@ -9,11 +9,11 @@ import pytest
 from tests.grip.grippers import claw
 
 from contactlab.scene.model_names import name_by_address
-from contactlab.studies.grip.bench import Rig, cut_free, with_object
 from contactlab.studies.grip.closing import close_at, find_closing, squeeze
 from contactlab.studies.grip.fingers import find_hand
-from contactlab.studies.grip.gripped_object import USUAL
-from contactlab.studies.grip.gripping import GripRequest, run
+from contactlab.studies.grip.grip_fixture import GripFixture, add_object, mount_hand
+from contactlab.studies.grip.gripped_object import DEFAULT_OBJECT
+from contactlab.studies.grip.gripping import GripRequest, judge_grip
 from contactlab.studies.grip.rollouts import body_frames
 
 # Three fingers beside each other, one of which spreads too, and a thumb against them.
@@ -38,20 +38,20 @@ def hand() -> str:
     )
 
 
-def rig_of(text: str) -> Rig:
+def rig_of(text: str) -> GripFixture:
     spec = mujoco.MjSpec.from_string(text)
     name_by_address(spec)
     model = spec.compile()
-    return with_object(cut_free(spec, model, find_hand(model)), USUAL)
+    return add_object(mount_hand(spec, model, find_hand(model)), DEFAULT_OBJECT)
 
 
 def test_a_thumb_meets_the_fingers_and_they_never_each_other() -> None:
     """That a finger spreads from its neighbours makes it no thumb."""
-    rig = rig_of(hand())
-    closing = find_closing(rig)
-    pairs = [{rig.model.geom(geom).name for geom in pair} for pair in closing.pairs]
+    fixture = rig_of(hand())
+    closing = find_closing(fixture)
+    pairs = [{fixture.model.geom(geom).name for geom in pair} for pair in closing.pairs]
     assert pairs == [{name, "thumb"} for name in ("a", "b", "c")]
-    names = [rig.model.actuator(each).name for each in range(rig.model.nu)]
+    names = [fixture.model.actuator(each).name for each in range(fixture.model.nu)]
     closed = dict(zip(names, closing.closed.tolist(), strict=True))
     assert [closed[name] for name in NAMES] == [7, 7, 7, 20]
 
@@ -61,13 +61,13 @@ def test_an_object_that_is_held_still_stays_and_is_pressed_as_any() -> None:
 
     Let go between two sides that press alike, it is where it would be without that.
     """
-    rig = rig_of(claw())
-    closing = find_closing(rig)
-    free = squeeze(rig, closing)
+    fixture = rig_of(claw())
+    closing = find_closing(fixture)
+    free = squeeze(fixture, closing)
     assert free.approach is not None
-    still = close_at(rig, closing, replace(free.approach, is_still=True), closing.closed)
+    still = close_at(fixture, closing, replace(free.approach, is_still=True), closing.closed)
     assert still.forces == pytest.approx(free.forces, rel=1e-3)
-    way = body_frames(rig.model, still.path, rig.body, rig.base)
+    way = body_frames(fixture.model, still.path, fixture.body, fixture.base)
     assert np.linalg.norm(way - way[0], axis=1).max() < 0.5 * 20 / 1e5 * 4.5**2
 
 
@@ -79,8 +79,8 @@ def test_pads_that_give_way_with_an_object_do_not_lose_it(tmp_path: Path) -> Non
     )
     (tmp_path / "claw.xml").write_text(text, encoding="utf-8")
     held = "box:30x40x40mm,.1kg"
-    request = GripRequest(str(tmp_path / "claw.xml"), held, remedies=False, placements=False)
-    report = run(request)
+    request = GripRequest(str(tmp_path / "claw.xml"), held, fixes=False, placements=False)
+    report = judge_grip(request)
     assert "lost" not in {drift.trend for drift in report.drifts}
 
 
@@ -92,5 +92,5 @@ def test_ranges_in_the_wrong_unit_are_told(tmp_path: Path) -> None:
     for unit, told in (("degree", True), ("radian", False)):
         text = claw(more=arms).replace("<option", f'<compiler angle="{unit}"/><option')
         (tmp_path / "claw.xml").write_text(text, encoding="utf-8")
-        report = run(GripRequest(str(tmp_path / "claw.xml"), remedies=False, placements=False))
+        report = judge_grip(GripRequest(str(tmp_path / "claw.xml"), fixes=False, placements=False))
         assert any("these numbers are radians" in note for note in report.notes) == told

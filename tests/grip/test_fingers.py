@@ -10,11 +10,11 @@ from tests.grip.grippers import claw
 from contactlab.errors import SceneError
 from contactlab.scene.model_names import name_by_address
 from contactlab.schema.grip import GripReport
-from contactlab.studies.grip.bench import cut_free, with_object
 from contactlab.studies.grip.fingers import find_hand
+from contactlab.studies.grip.grip_fixture import add_object, mount_hand
 from contactlab.studies.grip.grip_lines import grip_lines
-from contactlab.studies.grip.gripped_object import USUAL
-from contactlab.studies.grip.gripping import GripRequest, run
+from contactlab.studies.grip.gripped_object import DEFAULT_OBJECT
+from contactlab.studies.grip.gripping import GripRequest, judge_grip
 
 ARM = """
 <mujoco>
@@ -121,8 +121,8 @@ def test_the_hand_of_an_arm_is_found(hand: str) -> None:
 def test_it_grips_by_its_own_actuators(hand: str, tmp_path: Path) -> None:
     """Both sides press alike: nothing else bears their force."""
     (tmp_path / "arm.xml").write_text(arm(hand), encoding="utf-8")
-    request = GripRequest(str(tmp_path / "arm.xml"), held="box:30x40x20mm,50g", remedies=False)
-    report = run(request)
+    request = GripRequest(str(tmp_path / "arm.xml"), held="box:30x40x20mm,50g", fixes=False)
+    report = judge_grip(request)
     forces = [each.force for each in report.fingers if each.force > 0]
     assert len(forces) == 2
     assert forces[0] == pytest.approx(forces[1], rel=1e-3)
@@ -149,7 +149,7 @@ def test_what_a_string_drags_is_no_finger() -> None:
 
 
 def test_a_wrist_that_turns_wholly_and_a_start_beyond_limits_change_nothing(tmp_path: Path) -> None:
-    """Both ends of a whole turn are one pose; the base's own joint is held on the bench.
+    """Both ends of a whole turn are one pose; the base's own joint is held on the mounted hand.
 
     At qpos0, 0, pads are 50 mm apart and 50 mm beyond the ranges, by which they are never there.
     """
@@ -160,7 +160,7 @@ def test_a_wrist_that_turns_wholly_and_a_start_beyond_limits_change_nothing(tmp_
         'axis="1 0 0" range="-.03 .03"', 'axis="1 0 0" range="-.03 -.005"'
     )
     (tmp_path / "claw.xml").write_text(text, encoding="utf-8")
-    report = run(GripRequest(str(tmp_path / "claw.xml"), remedies=False, held="box:70x40x40mm"))
+    report = judge_grip(GripRequest(str(tmp_path / "claw.xml"), fixes=False, held="box:70x40x40mm"))
     assert {each.name for each in report.controls} == {"a", "b"}
     assert [each.force for each in report.fingers] == pytest.approx([20, 20], rel=1e-3)
 
@@ -176,30 +176,30 @@ def test_the_bench_has_the_hand_alone_and_filters_as_the_arm_did() -> None:
             element.name = element.name or f"{kind}[{place}]"
     model = spec.compile()
     hand = find_hand(model)
-    rig = with_object(cut_free(spec, model, hand), USUAL)
-    names = [rig.model.joint(joint).name for joint in range(rig.model.njnt)]
+    fixture = add_object(mount_hand(spec, model, hand), DEFAULT_OBJECT)
+    names = [fixture.model.joint(joint).name for joint in range(fixture.model.njnt)]
     assert names == ["x", "y", "contactlab/object/free"]
-    assert rig.model.nu == 2
-    assert rig.model.nexclude == 2
-    assert "cup" not in [rig.model.body(body).name for body in range(rig.model.nbody)]
+    assert fixture.model.nu == 2
+    assert fixture.model.nexclude == 2
+    assert "cup" not in [fixture.model.body(body).name for body in range(fixture.model.nbody)]
     for name in ("palm", "x", "y"):
-        one, other = model.body(name), rig.model.body(name)
+        one, other = model.body(name), fixture.model.body(name)
         assert other.mass == pytest.approx(one.mass, rel=1e-12)
         assert other.inertia == pytest.approx(one.inertia, rel=1e-12)
 
 
 def test_what_looks_at_an_object_that_is_gone_looks_straight_on() -> None:
-    """Lights and cameras may aim at a free body, which the bench has not."""
+    """Lights and cameras may aim at a free body, which the mounted hand has not."""
     views = '<light mode="targetbody" target="cup"/><camera mode="targetbody" target="cup"/>'
     spec = mujoco.MjSpec.from_string(
         arm("each finger").replace("<worldbody>", f"<worldbody>{views}")
     )
     name_by_address(spec)
     model = spec.compile()
-    rig = with_object(cut_free(spec, model, find_hand(model)), USUAL)
-    assert "cup" not in [rig.model.body(body).name for body in range(rig.model.nbody)]
-    assert rig.model.light_targetbodyid.tolist() == [-1]
-    assert rig.model.cam_targetbodyid.tolist() == [-1]
+    fixture = add_object(mount_hand(spec, model, find_hand(model)), DEFAULT_OBJECT)
+    assert "cup" not in [fixture.model.body(body).name for body in range(fixture.model.nbody)]
+    assert fixture.model.light_targetbodyid.tolist() == [-1]
+    assert fixture.model.cam_targetbodyid.tolist() == [-1]
 
 
 @pytest.mark.parametrize(
@@ -215,13 +215,13 @@ def test_what_looks_at_an_object_that_is_gone_looks_straight_on() -> None:
 def test_what_never_closes_is_refused(break_it: Callable[[str], str], tmp_path: Path) -> None:
     (tmp_path / "claw.xml").write_text(break_it(claw()), encoding="utf-8")
     with pytest.raises(SceneError, match="--keyframe"):
-        run(GripRequest(str(tmp_path / "claw.xml"), remedies=False))
+        judge_grip(GripRequest(str(tmp_path / "claw.xml"), fixes=False))
 
 
 def test_the_usual_object_fits_the_hand(tmp_path: Path) -> None:
     (tmp_path / "claw.xml").write_text(claw(), encoding="utf-8")
-    report: GripReport = run(GripRequest(str(tmp_path / "claw.xml"), remedies=False))
-    assert report.held == "a box of 30x40x40 mm and 0.1 kg"
+    report: GripReport = judge_grip(GripRequest(str(tmp_path / "claw.xml"), fixes=False))
+    assert report.object == "a box of 30x40x40 mm and 0.1 kg"
     assert report.opening is not None
     # Two pads 25 mm from the middle, that go 30 mm each.
     assert report.opening == pytest.approx(0.1 + 0.01, abs=0.011)

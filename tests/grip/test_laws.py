@@ -1,4 +1,4 @@
-"""Laws of grips: Coulomb's limit, creep of regularised friction, mirrors, units, limits."""
+"""Laws of grips: Coulomb's limit, creep of regularized friction, mirrors, units, limits."""
 
 from pathlib import Path
 
@@ -10,11 +10,11 @@ from tests.grip.grippers import claw, claw_with_bar
 import contactlab
 from contactlab.errors import SceneError, SweepFileError
 from contactlab.schema.grip import GripReport
+from contactlab.studies.grip.grip_fixes import Grip
 from contactlab.studies.grip.gripped_object import read_object
-from contactlab.studies.grip.gripping import GripRequest, run
-from contactlab.studies.grip.holding import pace_of
-from contactlab.studies.grip.remedies import Grip
-from contactlab.studies.grip.rollouts import contacts_of, placed
+from contactlab.studies.grip.gripping import GripRequest, judge_grip
+from contactlab.studies.grip.holding import fit_pace
+from contactlab.studies.grip.rollouts import data_at, find_contacts
 
 BOX = "box:50x40x40mm,.1kg"
 GRAVITY = 9.81
@@ -29,9 +29,9 @@ def saved(folder: Path, text: str, name: str = "claw.xml") -> str:
 def judged(folder: Path, text: str, **asked: object) -> tuple[GripReport, Grip]:
     """Return a report, and the grip that it is of."""
     grips = list[Grip]()
-    asked = {"remedies": False, **asked}
+    asked = {"fixes": False, **asked}
     request = GripRequest(saved(folder, text), film=grips.append, **asked)  # pyright: ignore[reportArgumentType]
-    return run(request), grips[0]
+    return judge_grip(request), grips[0]
 
 
 def fast(report: GripReport, name: str) -> float:
@@ -58,15 +58,15 @@ def test_a_pull_wins_at_coulombs_limit(tmp_path: Path, friction: str) -> None:
 def test_creep_is_that_of_regularised_friction(tmp_path: Path, impratio: str, solref: str) -> None:
     """An elliptic contact at rest bears f = b v / R, so that it creeps at v = f R / b.
 
-    Its reference acceleration in the plane is -b v, b = 2 / (dmax timeconst); regularisation is
+    Its reference acceleration in the plane is -b v, b = 2 / (dmax timeconst); regularization is
     R = (1 - d) / d A / impratio, d the impedance at its depth, A the sum of both bodies' inverse
     weights in translation. N alike contacts share the weight, f = m g / N. What is left out is
     what depth differs by from contact to contact: 5 %.
     """
     text = claw_with_bar(20, 0.1, cone="elliptic", impratio=impratio, solref=solref)
     report, grip = judged(tmp_path, text, held="bar")
-    model = grip.rig.model
-    found = contacts_of(model, placed(model, grip.held.row), grip.rig.body)
+    model = grip.fixture.model
+    found = find_contacts(model, data_at(model, grip.held.row), grip.fixture.body)
     depth = float(np.mean([contact.depth for contact in found]))
     # solimp of MuJoCo: from .9 to .95 within a millimetre, by a quadratic on either side of half.
     way = min(depth / 1e-3, 1.0)
@@ -74,7 +74,7 @@ def test_creep_is_that_of_regularised_friction(tmp_path: Path, impratio: str, so
     impedance = 0.9 + share * 0.05
     weights = model.body_invweight0[:, 0]
     bodies = model.geom_bodyid[[contact.geom for contact in found]]
-    inverse = float(np.mean(weights[bodies])) + weights[grip.rig.body]
+    inverse = float(np.mean(weights[bodies])) + weights[grip.fixture.body]
     damping = 2 / (0.95 * float(solref.split(maxsplit=1)[0]))
     regular = (1 - impedance) / impedance * inverse / float(impratio)
     expected = 0.1 * GRAVITY / len(found) * regular / damping
@@ -84,15 +84,15 @@ def test_creep_is_that_of_regularised_friction(tmp_path: Path, impratio: str, so
 
 @pytest.mark.long
 def test_no_step_cures_creep_and_impratio_does(tmp_path: Path) -> None:
-    """Regularised friction is the model's: a quarter of the step creeps as fast, within 2 %."""
+    """Regularized friction is the model's: a quarter of the step creeps as fast, within 2 %."""
     base = claw(cone="elliptic")
-    coarse, _ = judged(tmp_path, base, held=BOX, remedies=True)
+    coarse, _ = judged(tmp_path, base, held=BOX, fixes=True)
     fine, _ = judged(tmp_path, base.replace('"0.002"', '"0.0005"'), held=BOX)
     stiff, _ = judged(tmp_path, claw(cone="elliptic", impratio="10"), held=BOX)
     speed = fast(coarse, "out of the hand")
     assert fast(fine, "out of the hand") == pytest.approx(speed, rel=0.02)
     assert fast(stiff, "out of the hand") == pytest.approx(speed / 10, rel=0.05)
-    assert coarse.causes[0].kind == "regularised friction"
+    assert coarse.causes[0].kind == "regularized friction"
 
 
 def test_a_mirrored_gripper_is_the_same(tmp_path: Path) -> None:
@@ -109,7 +109,7 @@ def test_a_mirrored_gripper_is_the_same(tmp_path: Path) -> None:
     assert other.fingers[0].force == pytest.approx(one.fingers[0].force, rel=0.02)
     assert fast(other, "out of the hand") == pytest.approx(fast(one, "out of the hand"), rel=0.02)
     # The slide that points the other way closes at the other end.
-    signs = {each.name: np.sign(each.closed) for each in other.controls}
+    signs = {each.name: np.sign(each.closed_control) for each in other.controls}
     assert signs["a"] == -signs["b"]
 
 
@@ -156,7 +156,7 @@ def test_a_squeeze_is_found_or_refused(tmp_path: Path) -> None:
 def test_too_weak_a_squeeze_drops(tmp_path: Path) -> None:
     """2 mu F = 2 N holds no 3 N, but the motors have 20 N."""
     text = claw_with_bar(1, 0.3, cone="elliptic", impratio="100")
-    report, _ = judged(tmp_path, text, keyframe="held", remedies=True)
+    report, _ = judged(tmp_path, text, keyframe="held", fixes=True)
     assert report.verdict == "drops"
     assert report.causes[0].kind == "weak squeeze"
     assert report.pull.weights < 1
@@ -164,22 +164,22 @@ def test_too_weak_a_squeeze_drops(tmp_path: Path) -> None:
 
 def test_remedies_of_a_keyframe_rank_and_hold_in_plain_mujoco(tmp_path: Path) -> None:
     """What is said to hold does: from the keyframe, four seconds of mj_step, at the speed told."""
-    report, grip = judged(tmp_path, claw_with_bar(8, 0.1), keyframe="held", remedies=True)
-    names = [each.name for each in report.remedies]
-    first, friction = report.remedies[0], names.index("twice the pads' friction")
+    report, grip = judged(tmp_path, claw_with_bar(8, 0.1), keyframe="held", fixes=True)
+    names = [each.name for each in report.fixes]
+    first, friction = report.fixes[0], names.index("twice the pads' friction")
     assert report.verdict == "creeps"
     assert first.name.startswith(("elliptic", "noslip"))
     assert all(names.index(name) < friction for name in names if name.startswith("elliptic"))
-    assert report.remedies[friction].worse
-    for each in report.remedies:
+    assert report.fixes[friction].worse
+    for each in report.fixes:
         if each.verdict == "holds":
             assert each.lines
-            model = grip.rig.model.__copy__()
+            model = grip.fixture.model.__copy__()
             model.opt.cone = int(each.options.get("cone", "pyramidal") == "elliptic")
             model.opt.impratio = float(str(each.options.get("impratio", 1)))
             model.opt.noslip_iterations = int(str(each.options.get("noslip_iterations", 0)))
-            assert plain_speed(model) < report.within
-    own = plain_speed(grip.rig.model)
+            assert plain_speed(model) < report.tolerance
+    own = plain_speed(grip.fixture.model)
     assert own == pytest.approx(fast(report, "as it is"), rel=0.1)
 
 
@@ -199,9 +199,9 @@ def plain_speed(model: mujoco.MjModel) -> float:
 def test_the_bench_is_plain_mujoco(tmp_path: Path) -> None:
     """Loads on every body are gravity: a loop of mj_step under it goes the same way."""
     report, grip = judged(tmp_path, claw(), held=BOX)
-    model = grip.rig.model.__copy__()
+    model = grip.fixture.model.__copy__()
     name = "out of the hand"
-    model.opt.gravity[:] = GRAVITY * grip.ways()[name]
+    model.opt.gravity[:] = GRAVITY * grip.directions()[name]
     data = mujoco.MjData(model)
     state = int(mujoco.mjtState.mjSTATE_INTEGRATION)
     mujoco.mj_setState(model, data, grip.held.row, state)
@@ -210,7 +210,7 @@ def test_the_bench_is_plain_mujoco(tmp_path: Path) -> None:
     for _ in range(2):
         for _ in range(steps):
             mujoco.mj_step(model, data)
-        places.append(data.xipos[grip.rig.body].copy())
+        places.append(data.xipos[grip.fixture.body].copy())
     speed = float(np.linalg.norm(places[1] - places[0]))
     # Of the second second; the report's is that of its last half.
     assert speed == pytest.approx(fast(report, name), rel=0.01)
@@ -227,7 +227,7 @@ def test_the_bench_is_plain_mujoco(tmp_path: Path) -> None:
     ],
 )
 def test_trends(speeds: list[float], trend: str) -> None:
-    assert pace_of(1e-3 * np.array(speeds, float)).trend == trend
+    assert fit_pace(1e-3 * np.array(speeds, float)).trend == trend
 
 
 @pytest.mark.parametrize(
@@ -239,7 +239,7 @@ def test_a_pace_goes_on_as_its_series(rest: float, more: float, ratio: float) ->
     A series that is none below zero and no faster than the speeds is told without an error.
     """
     speeds = rest + more * ratio ** np.arange(24.0)
-    pace = pace_of(speeds[:4])
+    pace = fit_pace(speeds[:4])
     for windows in (1, 5, 20):
         way = float(speeds[4 : 4 + windows].sum())
         assert pace.way(windows) == pytest.approx(way, rel=1e-9)
@@ -272,6 +272,6 @@ def test_python_and_words_agree(tmp_path: Path) -> None:
     assert report.holds
     assert report.sentence.startswith("holds a box of 50x40x40 mm")
     with pytest.raises(SweepFileError, match="above 0"):
-        contactlab.grip(path, within=0.0)
+        contactlab.grip(path, tolerance=0.0)
     with pytest.raises(SweepFileError, match="write a speed"):
-        contactlab.grip(path, within="1mm")
+        contactlab.grip(path, tolerance="1mm")

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.pareto.analysis import analyse
+from contactlab.pareto.analysis import analyze
 from contactlab.pareto.configurations import Evaluated, ResolvedCriteria, StoredRuns, evaluate
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
@@ -57,7 +57,7 @@ def make_runs(rows: Rows, knobs: Sequence[str] = ("timestep",)) -> StoredRuns:
 
 def make_weighing(error: str = "oracle_error", **tolerances: float) -> ResolvedCriteria:
     """Return what to weigh by: times of a timing pass, and an error."""
-    kind = "discretisation" if error.startswith("error_") else "modelling"
+    kind = "discretization" if error.startswith("error_") else "modeling"
     return ResolvedCriteria(
         ErrorMeasure(name=error, unit="1", kind=kind, against=None, resolution=0.0),
         TimeMeasure(name="time_median", source="timing", spread=0.0),
@@ -102,4 +102,4 @@ def store(written: Callable[..., Store]) -> Store:
 
 @pytest.fixture(scope="session")
 def report(store: Store) -> TradeoffReport:
-    return analyse(store)
+    return analyze(store)

@@ -9,7 +9,7 @@ import pytest
 
 from contactlab import resources
 from contactlab.errors import StoreError, SweepFileError
-from contactlab.pareto.analysis import analyse
+from contactlab.pareto.analysis import analyze
 from contactlab.pareto.configuration_export import recommended_sweep
 from contactlab.pareto.criteria import Criteria
 from contactlab.run.sweep_request import read_request
@@ -24,7 +24,7 @@ def test_knobs_and_scenarios_are_told_apart(report: TradeoffReport) -> None:
     assert report.knobs == ("warmstart", "timestep", "integrator")
     assert report.scenarios == ("angle", "gravity")
     assert len(report.configurations) == 8
-    assert report.cases == 3 * 2
+    assert report.runs_per_configuration == 3 * 2
     assert all(each.outcomes.runs == 6 for each in report.configurations)
 
 
@@ -59,7 +59,7 @@ def test_the_answer_validates_against_its_published_schema(report: TradeoffRepor
 
 
 def test_a_tolerance_of_the_question_goes_over_the_sweeps(store: Store) -> None:
-    strict = analyse(store, Criteria(tolerances={"oracle_error": 0.5, "steps": 1.0}))
+    strict = analyze(store, Criteria(tolerances={"oracle_error": 0.5, "steps": 1.0}))
     assert strict.tolerances == {"oracle_error": 0.5, "steps": 1.0}
     assert strict.recommendation is None
     assert strict.robust is None
@@ -72,25 +72,25 @@ def test_a_tolerance_of_the_question_goes_over_the_sweeps(store: Store) -> None:
 
 
 def test_another_error_can_stand_for_accuracy(store: Store) -> None:
-    found = analyse(store, Criteria(error="energy_drift"))
+    found = analyze(store, Criteria(metric="energy_drift"))
     assert (found.error.name, found.error.kind) == ("energy_drift", "metric")
 
 
 @pytest.mark.parametrize(
     ("question", "cause", "message"),
     [
-        (Criteria(error="oracle_eror"), SweepFileError, "did you mean 'oracle_error'"),
-        (Criteria(error="label"), SweepFileError, "no number 'label'"),
+        (Criteria(metric="oracle_eror"), SweepFileError, "did you mean 'oracle_error'"),
+        (Criteria(metric="label"), SweepFileError, "no number 'label'"),
         (Criteria(tolerances={"depth": 1.0}), SweepFileError, "no number 'depth'"),
-        (Criteria(error="error_final"), StoreError, "sweep with `accuracy: {error: auto}`"),
-        (Criteria(error="restitution_measured"), StoreError, "no run in"),
+        (Criteria(metric="error_final"), StoreError, "sweep with `accuracy: {error: auto}`"),
+        (Criteria(metric="restitution_measured"), StoreError, "no run in"),
     ],
 )
 def test_what_the_store_does_not_have(
     store: Store, question: Criteria, cause: type[Exception], message: str
 ) -> None:
     with pytest.raises(cause, match=message.replace("{", r"\{").replace("}", r"\}")):
-        analyse(store, question)
+        analyze(store, question)
 
 
 def test_recorded_times_come_with_a_warning(report: TradeoffReport) -> None:
@@ -136,7 +136,7 @@ def test_a_model_file_of_ones_own_is_run_again_from_the_stores_copy(
         f'version: 1\nscene: "{model}"\ndrive: none\naxes: {{timestep: [1.0e-3, 2.0e-3]}}\n'
     )
     model.unlink()
-    own = analyse(found, Criteria(error="energy_drift"))
+    own = analyze(found, Criteria(metric="energy_drift"))
     text = recommended_sweep(found, own, found.path.parent, seeds=1)
     assert f'scene: "./{found.path.name}/scenes/' in text
     ask = read_request(text, "again", tmp_path / "again", folder=found.path.parent, workers=0)

@@ -73,7 +73,9 @@ def test_results_without_a_defect_are_the_same(tmp_path: Path, text: str) -> Non
 def test_a_defect_elsewhere_is_found(tmp_path: Path, text: str, defect: str, stage: str) -> None:
     report = judged(bundled(tmp_path, text)[1], defect)
     assert report.exit_code == 1
-    assert {each.first and each.first.stage for each in report.runs} == {stage}
+    assert {each.first_divergence and each.first_divergence.stage for each in report.runs} == {
+        stage
+    }
 
 
 def test_options_of_the_command_are_kept(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from jsonschema import Draft202012Validator
 from contactlab.errors import SweepFileError
 from contactlab.resources import SCHEMAS
 from contactlab.studies.parity.parity_report import ParityReport
-from contactlab.studies.parity.report import report_of
+from contactlab.studies.parity.report_sections import report_of
 from contactlab.writers import as_annotations, as_junit, as_markdown, as_text
 
 Parity = Callable[..., ParityReport]
@@ -48,8 +48,11 @@ def test_a_defect_is_found_at_its_stage(
     report = parity(sweep, defect)
     (run,) = report.runs
     assert run.verdict == "different"
-    assert run.first is not None
-    assert (run.first.stage, run.first.quantity.startswith(quantity)) == (stage, True), run.first
+    assert run.first_divergence is not None
+    assert (run.first_divergence.stage, run.first_divergence.quantity.startswith(quantity)) == (
+        stage,
+        True,
+    ), run.first_divergence
     assert report.exit_code == 1
 
 
@@ -60,7 +63,7 @@ def test_a_defect_is_found_at_its_stage(
 def test_without_a_defect_every_number_is_the_same(parity: Parity, sweep: str) -> None:
     report = parity(sweep)
     (run,) = report.runs
-    assert (run.verdict, run.position, run.repeat, run.step) == ("same", 0.0, 0.0, 0.0)
+    assert (run.verdict, run.position, run.repeat_difference, run.step) == ("same", 0.0, 0.0, 0.0)
     assert report.exit_code == 0
     assert {each.outcome for each in report.findings} == {"passed"}
 
@@ -69,11 +72,15 @@ def test_without_a_defect_every_number_is_the_same(parity: Parity, sweep: str) -
 def test_what_is_set_for_the_engine_alone_is_found_as_if_it_were_planted(parity: Parity) -> None:
     report = parity(INCLINE, "", "friction.slide=0.525")
     (run,) = report.runs
-    assert run.first is not None
-    assert (run.first.stage, run.first.mujoco, run.first.engine) == ("contacts", 0.5, 0.525)
+    assert run.first_divergence is not None
+    assert (
+        run.first_divergence.stage,
+        run.first_divergence.mujoco,
+        run.first_divergence.engine,
+    ) == ("contacts", 0.5, 0.525)
     # g (sin 35 - .525 cos 35) / g (sin 35 - .5 cos 35) is 12 % less: who is off is the engine.
     assert report.closed_form is not None
-    assert report.closed_form.off == "engine"
+    assert report.closed_form.inaccurate == "engine"
 
 
 @pytest.mark.parametrize(

@@ -59,9 +59,9 @@ def test_mujoco_under_another_name_does_the_same(twins: Panel) -> None:
     )
     assert (report.engine, report.version) == ("twin", "0.0.twin")
     assert report.mujoco == mujoco.__version__
-    assert {(judged.verdict, judged.position, judged.repeat) for judged in report.runs} == {
-        ("same", 0.0, 0.0)
-    }
+    assert {
+        (judged.verdict, judged.position, judged.repeat_difference) for judged in report.runs
+    } == {("same", 0.0, 0.0)}
     assert told == ["2", *(judged.run_id for judged in report.runs)]
     assert (report.exit_code, {check.outcome for check in report.findings}) == (0, {"passed"})
 

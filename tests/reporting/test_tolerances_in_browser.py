@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.pareto.analysis import analyse
+from contactlab.pareto.analysis import analyze
 from contactlab.pareto.configurations import ResolvedCriteria, StoredRuns, evaluate
 from contactlab.pareto.criteria import Criteria
 from contactlab.pareto.recommendation import (
@@ -44,7 +44,7 @@ def text(page: Any, selector: str) -> str:
 
 
 def analysed(store: Store, **limits: float) -> TradeoffReport:
-    return analyse(store, Criteria(None, limits))
+    return analyze(store, Criteria(None, limits))
 
 
 def recommended_settings(page: Any) -> dict[str, str]:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from contactlab.errors import SweepFileError
-from contactlab.pareto.analysis import analyse
+from contactlab.pareto.analysis import analyze
 from contactlab.pareto.criteria import Criteria
 from contactlab.run.recomputed_runs import recomputed_problems
 from contactlab.run.stored_runs import replay
@@ -78,7 +78,7 @@ def test_the_planted_friction_explains_the_recordings(sweeper: Any) -> None:
     assert verify(store.address) == []
     assert list(recomputed_problems(store)) == []
     assert replay(store, rows[3]["run_id"]).equal
-    report = analyse(store, Criteria(error="reality"))
+    report = analyze(store, Criteria(error="reality"))
     assert report.scenarios == ("recorded_run",)
     errors = {each.configuration["friction.slide"]: each.error for each in report.configurations}
     assert errors[1.0] == pytest.approx(np.mean([row["reality"] for row in wrong]))

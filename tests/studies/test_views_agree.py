@@ -61,17 +61,24 @@ def searches_agree(model: str, whole: Examination, folder: Path, **options: Any)
         report = search(model, workers=0, output=folder / search.__name__, **options)
         assert isinstance(report, TuneReport)
         assert report.task.line == whole.task.line
-        if report.judged and report.judged.seeds == whole.task.seeds:
+        if report.current_verdict and report.current_verdict.seeds == whole.task.seeds:
             assert whole.budget
             shares = [phase.run.share for phase in whole.budget.phases]
             finite = [share for share in shares if share is not None]
             # What MuJoCo gives up in one phase has no share.
-            assert report.judged.share == (max(finite) if len(finite) == len(shares) else None)
-        fewer = [kept.reason for kept in report.kept if kept.name in {"seeds", "windows"}]
-        for point in (report.now, *report.points):
-            tried = (str(point.settings), point.timestep, point.lighter, point.apart)
+            assert report.current_verdict.numerical_error == (
+                max(finite) if len(finite) == len(shares) else None
+            )
+        fewer = [kept.reason for kept in report.not_changed if kept.name in {"seeds", "windows"}]
+        for point in (report.current, *report.candidates):
+            tried = (
+                str(point.settings),
+                point.timestep,
+                point.removes_unused,
+                point.removes_far_pairs,
+            )
             errors = (point.error, point.low, point.high)
-            found = known.setdefault((*tried, report.fine_step, *fewer), (*errors, point.body))
+            found = known.setdefault((*tried, report.reference_step, *fewer), (*errors, point.body))
             # What no step adds is rounding, of which no body is the worst.
             assert found[:-1] == pytest.approx(errors, abs=1e-12)
             assert found[-1] == point.body or (point.error or 0.0) < 1e-12

@@ -1,4 +1,4 @@
-"""`contactlab diff`: what two models do not have alike."""
+"""`contactlab diff`: the differences of two models."""
 
 from functools import partial
 from pathlib import Path
@@ -16,7 +16,7 @@ _WHAT = "Scene, .xml or .urdf file, menagerie:ROBOT, or a store, for its scene."
 
 
 def _report_of(report: "DiffReport", given: Given) -> "Report":
-    from contactlab.studies.diff.comparing import report_of
+    from contactlab.studies.diff.compare_models import report_of
 
     del given
     return report_of(report)
@@ -29,7 +29,7 @@ def _failure(report: "DiffReport", given: Given) -> ExpectationError | None:
 
 @command(
     "gate",
-    examples=("diff robot.xml converted.xml", "diff robot.urdf robot.xml --within 1%"),
+    examples=("diff robot.xml converted.xml", "diff robot.urdf robot.xml --tolerance 1%"),
     formats={
         form: partial(print_report, form, _report_of) for form in ("text", "json", "markdown")
     },
@@ -39,31 +39,32 @@ def diff(
     before: Annotated[str | Path, Argument("A", _WHAT, kind=str)],
     after: Annotated[str | Path, Argument("B", _WHAT, kind=str)],
     *,
-    within: Annotated[
-        float | str, Option("SHARE", "Share up to which quantities are alike.", kind=str)
+    tolerance: Annotated[
+        float | str,
+        Option("SHARE", "Relative change up to which quantities are equal.", kind=str),
     ] = "0.01%",
 ) -> "DiffReport":
-    """Say what two models do not have alike; exit with 1 if anything.
+    """Compare two models; exit with 1 if they differ.
 
-    Parts are matched by name, and what is left by structure. Mass, joints, actuators, collision,
-    filters, contact and options are compared, not looks. The last line is the change in motion.
+    Parts are matched by name, then by structure. Mass, joints, actuators, collision, filters,
+    contact and options are compared, but not looks. The last line is the change in motion.
 
     Raises:
         SceneError: there is no such model, or it does not compile.
-        SweepFileError: the share is none.
+        SweepFileError: the tolerance is not a share.
     """
-    from contactlab.studies.diff.comparing import diff as compared
+    from contactlab.studies.diff.compare_models import diff as compared
 
-    return compared(str(before), str(after), _share(within))
+    return compared(str(before), str(after), _read_share(tolerance))
 
 
-def _share(within: float | str) -> float:
-    """Return a share as a number: of `1%`, 0.01."""
-    text = str(within)
+def _read_share(tolerance: float | str) -> float:
+    """Return a share as a number; `1%` is 0.01."""
+    text = str(tolerance)
     try:
         share = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
     except ValueError:
         share = -1.0
     if not 0 <= share < float("inf"):
-        raise SweepFileError(f"--within {text}: write a share, such as 1%")
+        raise SweepFileError(f"--tolerance {text}: not a share; write for example 1%")
     return share

@@ -1,4 +1,4 @@
-"""`contactlab effects`: which effects a scene needs, and what each costs."""
+"""`contactlab effects`: the effects and parts that a model needs, and the time of each."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -13,7 +13,7 @@ from contactlab.printable import percent, shell_word, shortened, wrapped
 
 if TYPE_CHECKING:
     from contactlab.plan.task_options import TaskOptions
-    from contactlab.schema.parts_report import PartsReport, PartWorth
+    from contactlab.schema.parts_report import PartEffect, PartsReport
     from contactlab.schema.study_reports import EffectFinding, EffectsReport, Ratio
 
 _SEEDS = 6
@@ -57,12 +57,12 @@ def effects(
     output: opt.StudyFolder = None,
     seeds: Annotated[
         int | None,
-        Option(None, "Of a scene or sweep: runs per scenario and effect, 6 by default.", least=1),
+        Option(None, "Runs per scenario and effect of a scene or sweep; default 6.", least=1),
     ] = None,
     max_time: opt.MaxTime = "2min",
-    error: Annotated[
+    metric: Annotated[
         Literal["reality"] | None,
-        Option(None, "Find the effects that recorded runs call for."),
+        Option(None, "Find the effects that bring runs closer to recorded runs."),
     ] = None,
     figure: opt.Figure = None,
     workers: opt.Workers = None,
@@ -70,19 +70,18 @@ def effects(
     allow_code: opt.AllowCode = False,
     **task: Unpack[opt.TaskParameters],
 ) -> "EffectsReport | PartsReport":
-    """Find what the effects and parts of a model are worth.
+    """Measure the influence and the time of each effect or part.
 
-    Of a model file, each feature and part is left out by itself, in its task, with gravity tilted
-    and by twice its inputs: share in the motion and in the time, exercised or not. Of a scene, the
-    smallest set of effects that keeps every result is found. Evidence goes to
-    `results/effects/NAME` unless `output` names another folder.
+    For a model file, each feature and part is removed alone: in the task, with gravity tilted, and
+    with twice the inputs. For a scene or sweep, the smallest set of effects that keeps every result
+    is searched. Results go to `results/effects/NAME` unless `output` is given.
 
     Raises:
         SceneError: there is no such scene.
         SweepFileError: the sweep or a setting is wrong.
     """
     from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie
-    from contactlab.studies.effects.ablation import run
+    from contactlab.studies.effects.ablation import find_smallest_set
     from contactlab.studies.effects.effects_request import EffectsRequest
 
     opt.load_plugins(plugin)
@@ -90,14 +89,14 @@ def effects(
     asked = opt.task_of(**task)
     folder = opt.study_folder("effects", source, output)
     if is_menagerie(str(source)) or Path(str(source)).suffix in MODEL_SUFFIXES:
-        for name, value in (("seeds", seeds), ("error", error), ("figure", figure)):
+        for name, value in (("seeds", seeds), ("metric", metric), ("figure", figure)):
             if value is not None:
-                raise SweepFileError(f"--{name} is of scenes and sweeps; leave it out for a model")
+                raise SweepFileError(f"--{name} needs a scene or a sweep; leave it out for a model")
         return _of_model(str(source), opt.assigned(set), asked, max_time, folder, workers)
     count = _SEEDS if seeds is None else seeds
-    request = EffectsRequest(str(source), opt.assigned(set), count, task=asked, error=error)
+    request = EffectsRequest(str(source), opt.assigned(set), count, task=asked, metric=metric)
     with study_session(folder, workers, allow_code=allow_code) as session:
-        report = run(request, session)
+        report = find_smallest_set(request, session)
     if figure is not None:
         from contactlab.charts import save_figure
         from contactlab.studies.effects.effects_chart import specification
@@ -115,51 +114,51 @@ def _of_model(
     folder: Path,
     workers: int | None,
 ) -> "PartsReport":
-    """Leave out one part of a model after the other."""
+    """Remove one part of a model after the other."""
     from contactlab.commands.tune import seconds_of
     from contactlab.run.worker_pool import worker_count
-    from contactlab.studies.search.parts import PartsRequest, run
+    from contactlab.studies.search.model_ablation import PartsRequest, ablate_model
     from contactlab.studies.session import Session
 
     request = PartsRequest(source, assign, task, seconds_of(max_time))
-    return run(request, Session(folder.resolve(), worker_count(workers), notify=say))
+    return ablate_model(request, Session(folder.resolve(), worker_count(workers), notify=say))
 
 
-def _print_parts(report: "PartsReport", target: Path) -> None:
-    from contactlab.studies.search.wording import price_text
+def _print_parts(report: "PartsReport", folder: Path) -> None:
+    from contactlab.studies.search.report_text import time_ratio_text
 
     head = (
-        f"{report.model}: each feature and part left out by itself, in its task, with gravity "
-        f"tilted by {report.tilt:g} degrees, and by twice its controls and pushes"
+        f"{report.model}: each feature and part removed alone, in the task, with gravity tilted by "
+        f"{report.tilt:g} degrees, and with twice the controls and pushes"
     )
     echo("\n".join([*wrapped(report.task.line), *wrapped(head)]))
-    shown = [part for part in report.parts if part.worth != "provably unused"]
-    twin = report.twin
-    looked_at = [part for part in shown if part.share is not None or part.price]
-    rows = [_part_row(part, report) for part in looked_at]
-    if twin:
-        rows.append(("", "the model beside itself", "", "", "", price_text(twin)))
+    shown = [part for part in report.parts if part.verdict != "unused"]
+    noise_floor = report.noise_floor
+    measured = [part for part in shown if part.error is not None or part.time_ratio]
+    rows = [_part_row(part, report) for part in measured]
+    if noise_floor:
+        rows.append(("", "noise floor", "", "", "", time_ratio_text(noise_floor)))
     if rows:
-        print_table(("", "left out", "verdict", "share", "in", "time without"), rows)
-    for line in _unmeasured(shown, report):
+        print_table(("", "removed", "verdict", "error", "worst body", "time without"), rows)
+    for line in _unmeasured_lines(shown, report):
         echo("\n".join(wrapped(line)))
-    unused = [part for part in report.parts if part.worth == "provably unused"]
+    unused = [part for part in report.parts if part.verdict == "unused"]
     for reason in dict.fromkeys(part.reason for part in unused):
         names = ", ".join(part.name for part in unused if part.reason == reason)
-        echo("\n".join(wrapped(f"provably unused: {names} ({reason})")))
+        echo("\n".join(wrapped(f"unused, by proof: {names} ({reason})")))
     if unused:
         model = shell_word(report.model)
-        echo(f"next: contactlab tune {model}, which leaves out what is provably unused")
-    if report.ended:
-        echo("the time was over before all was measured; give more with --max-time")
-    echo(f"parts.json in {target}")
+        echo(f"next: contactlab tune {model} removes the unused parts")
+    if report.timed_out:
+        echo("The time limit was reached before all parts were measured; raise it with --max-time.")
+    echo(f"parts.json in {folder}")
 
 
-def _unmeasured(shown: "Sequence[PartWorth]", report: "PartsReport") -> Iterator[str]:
-    """Yield the parts that have neither a share nor a time, by verdict and kind."""
+def _unmeasured_lines(shown: "Sequence[PartEffect]", report: "PartsReport") -> Iterator[str]:
+    """Yield the parts that have neither an error nor a time, by verdict and kind."""
     names: dict[str, dict[str, list[str]]] = {}
     for part in shown:
-        if part.share is None and part.price is None:
+        if part.error is None and part.time_ratio is None:
             kind, name, verdict, *_ = _part_row(part, report)
             names.setdefault(str(verdict), {}).setdefault(str(kind), []).append(str(name))
     for verdict, kinds in names.items():
@@ -167,63 +166,70 @@ def _unmeasured(shown: "Sequence[PartWorth]", report: "PartsReport") -> Iterator
         yield f"{verdict}: {'; '.join(listed)}"
 
 
-def _part_row(part: "PartWorth", report: "PartsReport") -> tuple[object, ...]:
-    from contactlab.studies.search.wording import is_faster, price_text
+def _part_row(part: "PartEffect", report: "PartsReport") -> tuple[object, ...]:
+    from contactlab.studies.search.report_text import is_faster, time_ratio_text
 
-    share = "" if part.share is None else percent(part.share)
+    error = "" if part.error is None else percent(part.error)
     where = f"{part.body}, {part.phase}" if part.body else ""
-    verdict: str = part.worth
-    price, twin = part.price, report.twin
-    saves = bool(price and twin and is_faster(price, twin))
-    if part.worth == "below the tolerance" and not part.reason:
-        verdict += f", saves {percent(1 - price.ratio)}" if saves and price else ", saves nothing"
+    verdict: str = part.verdict
+    ratio, noise_floor = part.time_ratio, report.noise_floor
+    saves = bool(ratio and noise_floor and is_faster(ratio, noise_floor))
+    if part.verdict == "below the tolerance" and not part.reason:
+        verdict += f", saves {percent(1 - ratio.ratio)}" if saves and ratio else ", saves nothing"
     elif part.reason:
         verdict += f" ({part.reason})"
-    return part.kind, part.name, verdict, share, where, "" if price is None else price_text(price)
+    time = "" if ratio is None else time_ratio_text(ratio)
+    return part.kind, part.name, verdict, error, where, time
 
 
-def _print_effects(report: "EffectsReport", target: Path) -> None:
+def _print_effects(report: "EffectsReport", folder: Path) -> None:
     echo(report.task.line)
     count = len(report.scenarios) * len(report.seeds)
-    echo(f"{report.scene}: each effect changed alone, over {count} runs of {report.duration:g} s")
-    used = [each for each in report.effects if each.need != "unused"]
-    header = ("effect", "in base", "verdict", "time when changed", "why")
+    echo(f"{report.scene}: each effect changed alone, {count} runs of {report.duration:g} s")
+    used = [each for each in report.effects if each.verdict != "unused"]
+    header = ("effect", "base", "verdict", "time when changed", "reason")
     print_table(header, [_effect_row(each) for each in used])
-    unused = [each for each in report.effects if each.need == "unused"]
+    unused = [each for each in report.effects if each.verdict == "unused"]
     for reason in dict.fromkeys(each.reason for each in unused):
         names = ", ".join(each.effect for each in unused if each.reason == reason)
-        echo(f"provably unused: {names} ({reason})")
-    for each in (each for each in report.interactions if each.free):
-        echo(f"needed one by one, free together: {' and '.join(each.effects)}")
-    _print_smallest_set(report, target)
-    echo(f"evidence and effects.json in {target}")
+        echo(f"unused, by proof: {names} ({reason})")
+    for each in (each for each in report.interactions if each.below_tolerance):
+        echo(f"needed alone, below the tolerance together: {' and '.join(each.effects)}")
+    _print_smallest_set(report, folder)
+    echo(f"evidence and effects.json in {folder}")
 
 
 def _effect_row(finding: "EffectFinding") -> tuple[object, ...]:
-    spread = f"; within spread: {', '.join(finding.within_spread)}" if finding.within_spread else ""
+    spread = (
+        f"; within the spread over seeds: {', '.join(finding.within_spread)}"
+        if finding.within_spread
+        else ""
+    )
     state, why = "on" if finding.on else "off", finding.reason + spread
-    return finding.effect, state, finding.need, _ratio(finding.cost), why
+    return finding.effect, state, finding.verdict, _ratio_text(finding.time_ratio), why
 
 
-def _ratio(cost: "Ratio | None") -> str:
-    return "" if cost is None else f"x{cost.ratio:.2f} ({cost.low:.2f} to {cost.high:.2f})"
+def _ratio_text(ratio: "Ratio | None") -> str:
+    return "" if ratio is None else f"x{ratio.ratio:.2f} ({ratio.low:.2f} to {ratio.high:.2f})"
 
 
-def _print_smallest_set(report: "EffectsReport", target: Path) -> None:
+def _print_smallest_set(report: "EffectsReport", folder: Path) -> None:
     smallest, verification = report.smallest_set, report.verification
     echo(f"smallest set: {', '.join(smallest.on)}")
-    if report.saving is not None:
-        echo(f"time of the smallest set: {_ratio(report.saving)}")
+    if report.time_ratio is not None:
+        echo(f"time of the smallest set: {_ratio_text(report.time_ratio)}")
     if verification.runs:
-        held = "holds" if verification.holds else "DOES NOT HOLD"
-        how = " as settings, and as the written model" * bool(verification.pasted)
-        echo(
-            f"{held} in {verification.runs} fresh runs{how}, {_ratio(verification.cost)}: "
-            f"{verification.reason}"
-        )
+        held = "holds" if verification.holds else "FAILS"
+        how = " as settings, and as the written model" * bool(verification.holds_as_written)
+        time = _ratio_text(verification.time_ratio)
+        echo(f"{held} in {verification.runs} fresh runs{how}, {time}: {verification.reason}")
     if not verification.holds:
         return
-    patch = f"a patch in {target / 'written-model'}"
-    mjcf = [smallest.unwritten] if smallest.unwritten else shortened(smallest.mjcf, 12, patch)
+    patch = f"a patch in {folder / 'written-model'}"
+    mjcf = (
+        [smallest.no_patch_reason]
+        if smallest.no_patch_reason
+        else shortened(smallest.mjcf, 12, patch)
+    )
     for title, lines in (("in the model", mjcf), ("sweep", smallest.sweep)):
         echo("\n  ".join((f"{title}:", *lines)))

@@ -1,4 +1,4 @@
-"""Add engines that can simulate, and hold them against closed forms."""
+"""Add engines, and compare them with closed forms."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,12 +19,12 @@ def _text(version: str, given: Given) -> None:
 
 @command("extend", name="engines add", examples=("engines add bullet",), formats={"text": _text})
 def add(name: Annotated[str, Argument("NAME", "Engine to install.")]) -> str:
-    """Install an engine in an environment of its own, in the user's cache.
+    """Install an engine in its own environment, in the user's cache.
 
-    Its version is returned, and whether it was here.
+    Returns its version.
 
     Raises:
-        EngineError: there is no such engine, or this machine cannot have it.
+        EngineError: there is no such engine, or this machine cannot run it.
     """
     from contactlab.engines import find_engine
     from contactlab.engines.adapted_engine import AdaptedEngine
@@ -32,9 +32,9 @@ def add(name: Annotated[str, Argument("NAME", "Engine to install.")]) -> str:
 
     engine = find_engine(name)
     if not isinstance(engine, AdaptedEngine) or engine.version:
-        return f"{engine.version} is here"
+        return f"{engine.version} is already installed"
     say(f"setting up {name} in {engine.environment}, once")
-    advice = f"look whether this machine can have {' and '.join(engine.requirements)}"
+    advice = f"check whether this machine can run {' and '.join(engine.requirements)}"
     make_environment(engine.environment, engine.requirements, name, advice, lambda _: None)
     return engine.version
 
@@ -47,7 +47,7 @@ def _panel_text(report: "EnginePanel", given: Given) -> None:
     print_table(*rows(report))
     for line in notes(report):
         echo(line)
-    echo(f"every step, depths and labels: {_panel_folder(given['output']) / REPORT}")
+    echo(f"all steps, depths and labels: {_panel_folder(given['output']) / REPORT}")
 
 
 def _panel_folder(output: str | Path | None) -> Path:
@@ -65,19 +65,20 @@ def _panel_folder(output: str | Path | None) -> Path:
 )
 def panel(
     tasks: Annotated[
-        Sequence[str], Argument("TASK", "As bounce or stack; all by default.", kind=list[str])
+        Sequence[str],
+        Argument("TASK", "Task, such as bounce or stack; default: all.", kind=list[str]),
     ] = (),
     *,
     engine: Annotated[
         str | Sequence[str],
-        Option("NAME,NAME", "By default all that are installed with laws of their own.", kind=str),
+        Option("NAME,NAME", "Default: every installed engine with its own contact laws.", kind=str),
     ] = (),
     figure: opt.Figure = None,
     output: opt.StudyFolder = None,
 ) -> "EnginePanel":
-    """Hold engines against closed forms, at three steps each, with the CPU time of stepping.
+    """Compare engines with closed forms, at three steps each, with the CPU time of stepping.
 
-    Each task and engine has a store in `results/engines`, or in the folder `output`: the same
+    Each task and engine has a store in `results/engines`, or in the folder `output`. The same
     command resumes it.
 
     Raises:

@@ -197,13 +197,13 @@ def _drawn(report: "Examination", session: "Session", file: Path) -> "Examinatio
 
 def _filmed(report: "Examination", file: Path) -> Path | None:
     """Film the grip that an examination tells of; None without one, or where nothing draws."""
-    from contactlab.studies.grip.carried_hand import film_grip
-    from contactlab.studies.grip.grip_film import filming
+    from contactlab.studies.grip.grip_fact import film_grip
+    from contactlab.studies.grip.grip_film import film_writer
 
     if not any(fact.kind == "grip" for fact in report.facts):
         return None
     try:
-        film_grip(report.model, report.task.start, filming(file, _FILMED, _RATE))
+        film_grip(report.model, report.task.start, film_writer(file, _FILMED, _RATE))
     except (SceneError, OutputError) as error:
         say(f"note: no film of its grip: {error}")
         return None

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 def _text(report: "GradientsReport", given: Given) -> None:
     from contactlab.studies.gradients.differentiating import REPORT
-    from contactlab.studies.gradients.gradient_lines import advice, head, map_rows, place_rows
+    from contactlab.studies.gradients.gradient_lines import advice, headline, map_rows, place_rows
 
-    echo(head(report))
+    echo(headline(report))
     if not report.axes:
         echo(report.places[0].mode)
     print_table(*(map_rows(report) if report.axes else place_rows(report)))
@@ -30,8 +30,8 @@ def _text(report: "GradientsReport", given: Given) -> None:
 @command(
     "examine",
     examples=(
-        "gradients robot.xml --of torso.z --by thigh.v,friction.slide --drive none",
-        "gradients map.yaml --of x.v --by speed --figure map.svg",
+        "gradients robot.xml --output-coordinate torso.z --input thigh.v --drive none",
+        "gradients map.yaml --output-coordinate x.v --input speed --figure map.svg",
     ),
     codes="0 measured, 2 bad input, 130 interrupted",
     formats={"text": _text, "json": print_report_json},
@@ -39,29 +39,37 @@ def _text(report: "GradientsReport", given: Given) -> None:
 def gradients(
     source: Annotated[
         str | Path,
-        Argument("SCENE|SWEEP|MODEL", "Two axes of a sweep with several values map.", kind=str),
+        Argument(
+            "SCENE|SWEEP|MODEL", "One or two sweep axes with several values span a map.", kind=str
+        ),
     ],
     *,
-    of: Annotated[str, Option("COORDINATE", "What is differentiated, at the end: ball.z.")],
-    by: Annotated[
+    output_coordinate: Annotated[
+        str, Option("COORDINATE", "Coordinate whose end value is differentiated: ball.z.")
+    ],
+    input: Annotated[
         str | Sequence[str],
-        Option("NAME,NAME", "Axes, or coordinates of the start; a map's by default.", kind=str),
+        Option(
+            "NAME,NAME",
+            "Axes, or coordinates of the start; default: the axes of the map.",
+            kind=str,
+        ),
     ] = (),
     set: opt.Set = (),
-    also: Annotated[
+    include: Annotated[
         str | Sequence[str] | None,
         Option(
-            "MEANS,MEANS",
-            "chain, of transition matrices, the default at one place; mjx; mjx-adaptive.",
+            "METHOD,METHOD",
+            "Other methods: chain (default at one place), mjx or mjx-adaptive.",
             kind=str,
         ),
     ] = None,
-    within: Annotated[
-        float, Option("SHARE", "Of the model's derivative that may be missing.", least=0.0)
+    tolerance: Annotated[
+        float, Option("SHARE", "Largest missing share of the derivative.", least=0.0)
     ] = 0.1,
-    finer: Annotated[
+    refinement: Annotated[
         int | None,
-        Option("N", "By how much finer steps the model is told; 4, on a map 2.", least=2),
+        Option("N", "Refinement factor of the reference; default 4, or 2 on a map.", least=2),
     ] = None,
     keyframe: opt.Keyframe = None,
     drive: opt.Drive = None,
@@ -71,32 +79,32 @@ def gradients(
     workers: opt.Workers = None,
     plugin: opt.Plugins = (),
 ) -> "GradientsReport":
-    """Say where a derivative through contact can be trusted.
+    """Find where a derivative through contact can be trusted.
 
-    The derivative of the run, at its own step, is held against that of the model, of which the run
-    is one stepping. Everything goes to `results/gradients/NAME` if `output` is left out.
+    The derivative of the run, at its own timestep, is compared with the derivative of the model,
+    measured at finer timesteps. Results go to `results/gradients/NAME` unless `output` is given.
 
     Raises:
         SceneError: there is no such scene.
         SweepFileError: the sweep, a setting or a name is wrong.
-        EngineError: an engine that differentiates is not installed, or cannot do it.
+        EngineError: an engine is not installed, or cannot differentiate.
     """
-    from contactlab.studies.gradients.differentiating import GradientsRequest, run
+    from contactlab.studies.gradients.differentiating import GradientsRequest, differentiate_scene
 
     opt.load_plugins(plugin)
     opt.check_figure(figure)
     request = GradientsRequest(
         str(source),
-        of,
-        _listed(by) or (),
+        output_coordinate,
+        _split_names(input) or (),
         opt.assigned(set),
-        _listed(also),
-        within,
-        finer,
+        _split_names(include),
+        tolerance,
+        refinement,
         opt.task_of(keyframe, drive, duration),
     )
     with study_session(opt.study_folder("gradients", source, output), workers) as session:
-        report = run(request, session)
+        report = differentiate_scene(request, session)
     if figure is not None:
         from contactlab.charts import save_figure
         from contactlab.studies.gradients.gradients_chart import specification
@@ -106,5 +114,5 @@ def gradients(
     return report
 
 
-def _listed(names: str | Sequence[str] | None) -> Sequence[str] | None:
+def _split_names(names: str | Sequence[str] | None) -> Sequence[str] | None:
     return [name for name in names.split(",") if name] if isinstance(names, str) else names

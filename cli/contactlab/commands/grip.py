@@ -24,7 +24,7 @@ def _failure(report: "GripReport", given: Given) -> ExpectationError | None:
     del given
     if report.holds:
         return None
-    return ExpectationError(f"{report.model} {report.verdict} {report.held}")
+    return ExpectationError(f"{report.model} {report.verdict} {report.object}")
 
 
 @command(
@@ -53,20 +53,19 @@ def grip(
     ] = None,
     keyframe: Annotated[
         str | None,
-        Option("KEYFRAME", "Judge what this keyframe holds, as it is, in place of a bench."),
+        Option("KEYFRAME", "Judge what this keyframe holds, as it is, in place of a mounted hand."),
     ] = None,
     squeeze: Annotated[
-        float | None, Option("N", "Force of a finger; by default what the controls' ends give.")
+        float | None,
+        Option("N", "Force of a finger [N]; default: the force at the end of the control range."),
     ] = None,
     base: Annotated[
-        str | None, Option("BODY", "Body that carries the fingers; found by default.")
+        str | None, Option("BODY", "Body that carries the fingers; found automatically.")
     ] = None,
-    within: Annotated[
-        float | str, Option("SPEED", "Speed from which the object creeps: 0.1mm/s.", kind=str)
+    tolerance: Annotated[
+        float | str, Option("SPEED", "Speed above which the object creeps: 0.1mm/s.", kind=str)
     ] = "0.1mm/s",
-    remedies: Annotated[
-        bool, flag("Look for changes that help, by running the grip with them.")
-    ] = True,
+    fixes: Annotated[bool, flag("Test fixes by running the grip with them.")] = True,
     film: Annotated[
         str | Path | None, Option("FILE", "Film of the grip: .mp4 or .gif.", kind=Path)
     ] = None,
@@ -75,43 +74,43 @@ def grip(
         Option("FILE", "File for the report: .json.", kind=Path, short="-o"),
     ] = None,
 ) -> "GripReport":
-    """Say whether a gripper holds, creeps or drops, and why.
+    """Test whether a gripper holds, creeps or drops, and why.
 
     Fingers and closing controls are found by driving each actuator. The hand closes on the object
-    by its own actuators; then its weight pulls in six directions, and it is shaken, turned and
-    pulled. Changes that may help are run the same way, and timed.
+    by its own actuators. Then the weight pulls in six directions, and the object is shaken, turned
+    and pulled. Fixes are tested in the same way, and timed.
 
     Raises:
         SceneError: there is no such model, keyframe or body; nothing closes, or nothing is held.
-        SweepFileError: the speed is none, or more squeeze is asked for than the actuators give.
+        SweepFileError: the speed is not a speed, or the actuators cannot give the squeeze.
         OutputError: the report or the film cannot be written.
     """
     from contactlab.store.atomic_files import atomic_write, write_errors
     from contactlab.studies.grip.gripped_object import read_speed
-    from contactlab.studies.grip.gripping import GripRequest, run
+    from contactlab.studies.grip.gripping import GripRequest, judge_grip
 
     shown = None
     if film is not None:
-        from contactlab.studies.grip.grip_film import filming
+        from contactlab.studies.grip.grip_film import film_writer
 
-        shown = filming(Path(film))
+        shown = film_writer(Path(film))
     if output is not None:
-        # Before seconds of measuring, a folder that cannot be written to.
+        # Check that the file can be written before seconds of measuring.
         with write_errors(Path(output)), TemporaryFile(dir=Path(output).parent):
             if Path(output).is_dir():
-                raise OutputError(f"{output} is a folder; write the name of a file, as in a.json")
+                raise OutputError(f"{output} is a folder; write the name of a file, such as a.json")
     request = GripRequest(
         model=str(model),
         held=object,
         keyframe=keyframe,
         squeeze=squeeze,
         base=base,
-        within=read_speed(within),
-        remedies=remedies,
-        told=say,
+        tolerance=read_speed(tolerance),
+        fixes=fixes,
+        notify=say,
         film=shown,
     )
-    report = run(request)
+    report = judge_grip(request)
     if film is not None:
         say(f"wrote {film}")
     if output is not None:

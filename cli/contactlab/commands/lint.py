@@ -1,4 +1,4 @@
-"""`contactlab lint`: what is wrong with models before anything runs."""
+"""`contactlab lint`: checks of model files before anything runs."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -55,10 +55,10 @@ def lint(
         Argument("MODEL...", "Scenes, .xml or .urdf files, or menagerie:ROBOT.", kind=list[str]),
     ],
 ) -> "LintReport":
-    """Say what is wrong with model files, by line, without running them.
+    """Check model files, by line, without running them.
 
-    An error is what no author means; a warning mostly has to be changed; a note is good to know.
-    `<!-- contactlab: ignore RULE -->` beside a line ignores a rule there.
+    An error is a fault that no author intends, a warning mostly needs a fix, a note is good to
+    know. `<!-- contactlab: ignore RULE -->` next to a line ignores a rule there.
 
     Raises:
         SceneError: there is no such model.
@@ -67,5 +67,5 @@ def lint(
 
     report = lint_models([str(models)] if isinstance(models, str | Path) else [*map(str, models)])
     if report.skipped:
-        say(f"skipped, since they hold no model: {', '.join(report.skipped)}")
+        say(f"skipped files without a model: {', '.join(report.skipped)}")
     return report

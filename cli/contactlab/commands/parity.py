@@ -1,4 +1,4 @@
-"""`contactlab parity`: whether an engine does what MuJoCo does, before anything is scaled."""
+"""`contactlab parity`: whether another engine agrees with MuJoCo."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -31,18 +31,18 @@ class WrittenBundle(NamedTuple):
 
     folder: Path
     runs: int
-    refused: dict[str, str]  # run id to why it is left out
+    refused: dict[str, str]  # run id to the reason of its refusal
 
 
 def _report_of(report: "ParityReport", given: Given) -> "Report":
-    from contactlab.studies.parity.report import report_of
+    from contactlab.studies.parity.report_sections import report_of
 
     del given
     return report_of(report)
 
 
 def _shown(show: Show, result: "ParityReport | WrittenBundle", given: Given) -> None:
-    """Print a report; of a bundle, how many runs it has."""
+    """Print a report, or the number of runs of a bundle."""
     from contactlab.judge.wording import plural
 
     if isinstance(result, WrittenBundle):
@@ -62,7 +62,7 @@ def _failure(result: "ParityReport | WrittenBundle", given: Given) -> Contactlab
         "parity grid.yaml --bundle bundle",
         "parity --from bundle",
     ),
-    codes="0 it does what MuJoCo does, 1 not, 2 bad input, 3 it cannot be judged, 130 interrupted",
+    codes="0 it agrees with MuJoCo, 1 not, 2 bad input, 3 it cannot be judged, 130 interrupted",
     formats={form: partial(_shown, show) for form, show in printed(_report_of).items()},
     failure=_failure,
 )
@@ -76,36 +76,34 @@ def parity(
         str | Path | None,
         Option(
             "FOLDER",
-            "Write the runs there, for Newton on another machine, instead of comparing.",
+            "Write the runs to a folder, for Newton on another machine.",
             kind=Path,
         ),
     ] = None,
     from_: Annotated[
         str | Path | None,
-        Option("FOLDER", "Judge the results of a bundle's script there.", kind=Path),
+        Option("FOLDER", "Judge the results of a bundle in a folder.", kind=Path),
     ] = None,
     set: opt.Set = (),
     where: opt.Where = (),
     limit: opt.Limit = None,
     with_: Annotated[
         opt.Settings,
-        Option("NAME=VALUE", "Set this for the engine alone; may be repeated.", kind=list[str]),
+        Option("NAME=VALUE", "Setting of the engine only; may be repeated.", kind=list[str]),
     ] = (),
-    device: Annotated[
-        str, Option("cpu|cuda", "What the engine computes on; by default its own.")
-    ] = "",
+    device: Annotated[str, Option("cpu|cuda", "Device of the engine; default: its own.")] = "",
     drive: opt.Drive = None,
     policy: Annotated[
         str | Path | None,
-        Option("FILE", "Policy file: what the engine may differ by.", kind=Path),
+        Option("FILE", "Policy file: tolerances of the differences.", kind=Path),
     ] = None,
     output: opt.StudyFolder = None,
     plugin: opt.Plugins = (),
 ) -> "ParityReport | WrittenBundle":
     """Compare an engine with MuJoCo, stage by stage.
 
-    Give a sweep with `against` or with `bundle`, or `from_` alone. Against an engine, each run is
-    kept in `results/parity/NAME` unless `output` names another folder, and not made again there.
+    Give a sweep with `against` or with `bundle`, or `from_` alone. Finished runs are stored in
+    `results/parity/NAME` unless `output` is given, and are not repeated.
 
     Raises:
         SweepFileError: the sweep or a setting holds mistakes.
@@ -164,7 +162,7 @@ def _write_bundle(
     panel = _panel(name, ENGINE, overrides, (), drive)
     made = write_bundle(panel, overrides, drive, folder)
     for why in dict.fromkeys(made.refused.values()):
-        say(f"{plural(list(made.refused.values()).count(why), 'run')} left out: {why}")
+        say(f"{plural(list(made.refused.values()).count(why), 'run')} refused: {why}")
     return WrittenBundle(folder, len(made.runs), dict(made.refused))
 
 
@@ -188,5 +186,5 @@ def _engine(name: str, device: str) -> "SimulationEngine":
     if not device:
         return engine
     if not isinstance(engine, AdaptedEngine):
-        raise EngineError(f"--device {device}: the {name} engine computes where this runs")
+        raise EngineError(f"--device {device}: the {name} engine runs on this machine only")
     return engine.on(device)

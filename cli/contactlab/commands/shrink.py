@@ -30,19 +30,19 @@ def shrink(
     *,
     output: Annotated[
         str | Path | None,
-        Option("FOLDER", "Folder to write; results/shrink/RUN if left out.", kind=Path, short="-o"),
+        Option("FOLDER", "Output folder; default results/shrink/RUN.", kind=Path, short="-o"),
     ] = None,
     max_time: opt.MaxTime = "60s",
     plugin: opt.Plugins = (),
 ) -> "ShrinkReport":
     """Find the smallest model that fails as a stored run does.
 
-    Bodies, geoms, joints, actuators, options and vertices are taken out while label and pair stay.
-    The folder gets the model with its start, the sweep that runs it, and the text of an issue.
+    Bodies, geoms, joints, actuators, options and vertices are removed while label and pair stay.
+    The folder gets the model with its start, the sweep that runs it, and an issue text.
 
     Raises:
         StoreError: there is no such store or run, or it is stable.
-        SceneError: its model cannot be written as one file, or does not fail by itself.
+        SceneError: its model cannot be written as one file, or does not fail alone.
         OutputError: the folder cannot be written, or is not empty.
     """
     from contactlab import resources
@@ -56,6 +56,6 @@ def shrink(
     opened = Store.open(opt.address_of(store))
     folder = Path(output) if output else resources.RESULTS / "shrink" / opened.record(run).run_id
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise OutputError(f"{folder} is not empty; write elsewhere with -o")
+        raise OutputError(f"{folder} is not empty; choose another folder with -o")
     request = ShrinkRequest(opened, run, folder, seconds_of(max_time))
-    return shrunk(request, lambda part: say(f"trying to take out {part}"))
+    return shrunk(request, lambda part: say(f"trying to remove {part}"))

@@ -1,4 +1,4 @@
-"""`contactlab tradeoff`: what accuracy costs in time, and which configuration to use."""
+"""`contactlab tradeoff`: the time that accuracy costs, and the recommended configuration."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -56,8 +56,8 @@ def _failure(report: "TradeoffReport | TuneReport", given: Given) -> Expectation
     from contactlab.pareto.recommendation import blocker_texts
 
     reason = "".join(f": {text}" for text in blocker_texts(report)[:1])
-    which = "mujoco's" if report.front else str(len(report.configurations))
-    return ExpectationError(f"none of {which} configurations is feasible{reason}")
+    which = "of mujoco" if report.front else f"of {len(report.configurations)}"
+    return ExpectationError(f"no configuration {which} is feasible{reason}")
 
 
 @command(
@@ -72,7 +72,11 @@ def tradeoff(
         Argument("STORE|SWEEP|MODEL", "Store, sweep, model file or menagerie:ROBOT.", kind=str),
     ],
     *,
-    error: opt.ErrorMetric = None,
+    metric: opt.ErrorMetric = None,
+    error: Annotated[
+        float | str | None,
+        Option("ERROR", "Target error of a MODEL, 2%; default: the model uncertainty.", kind=str),
+    ] = None,
     max_time: opt.MaxTime = "2min",
     figure: opt.Figure = None,
     write: Annotated[
@@ -91,43 +95,40 @@ def tradeoff(
 ) -> "TradeoffReport | TuneReport":
     """Weigh accuracy against time; recommend accurate, fast settings.
 
-    Of a model it is the search of `tune`, drawn: what that has answered to the same question is
-    taken from `results/tune/NAME`. It goes to `output`, or `results/tradeoff/NAME`. A sweep is run
-    into that store, and `within` has the largest acceptable values by metric, over those of the
-    sweep.
+    For a model it is the search of `tune` with a figure; the report in `results/tune/NAME` is
+    reused if it answers the same question. Results go to `output` or `results/tradeoff/NAME`. For
+    a sweep, `output` is its store, and `within` replaces tolerances of the sweep by metric.
 
     Raises:
-        SweepFileError: the sweep holds mistakes, or a tolerance names what it does not measure.
+        SweepFileError: the sweep has mistakes, or a tolerance names an unknown column.
         StoreError: the store has no error to evaluate.
         OutputError: a file cannot be written.
     """
-    from contactlab.pareto.analysis import analyse
-    from contactlab.pareto.criteria import Criteria, find_store
+    from contactlab.pareto.analysis import analyze
+    from contactlab.pareto.criteria import Criteria
     from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie
-    from contactlab.store.finished_store import Store
 
     opt.load_plugins(plugin)
     asked = opt.task_of(**task)
-    if is_menagerie(str(source)) or Path(str(source)).suffix in MODEL_SUFFIXES:
+    of_model = is_menagerie(str(source)) or Path(str(source)).suffix in MODEL_SUFFIXES
+    _check_accuracy_options(metric, error, of_model=of_model)
+    if of_model:
         return _of_model(
             str(source), error, max_time, asked, figure, write, model, output, workers, allow_code
         )
-    criteria = Criteria(error, asked.limits)
+    criteria = Criteria(metric, asked.limits)
     sweep_file, folder = (None if path is None else Path(path) for path in (write, model))
     _check_outputs(figure, sweep_file, folder)
     name = str(opt.address_of(source))
     target = None if output is None else opt.address_of(output)
-    opened = None if (stored := find_store(name, target)) is None else Store.open(stored)
-    if opened is not None:
-        _check_heeded(asked, name)
-        opt.mention_damage(opened)
+    opened = _open_store(name, target, asked)
     if opened is not None and model is None:
-        report = analyse(opened, criteria)
+        report = analyze(opened, criteria)
     else:
         # An engine is needed to run a sweep, and to write a model.
         from contactlab.studies.tradeoff_sweep import TradeoffRequest, run
 
-        _check_metric(error)
+        _check_metric(metric)
         request = TradeoffRequest(name, criteria, target, asked, folder)
         with study_session(RESULTS / "tradeoff", workers, allow_code=allow_code) as session:
             report = run(request, session)
@@ -136,6 +137,20 @@ def tradeoff(
     if sweep_file is not None and report.recommendation is not None:
         _write(sweep_file, report)
     return report
+
+
+def _open_store(name: str, target: "Address | None", task: "TaskOptions") -> "Store | None":
+    """Open a store, or return None for a sweep; refuse task options that a store ignores."""
+    from contactlab.pareto.criteria import find_store
+    from contactlab.store.finished_store import Store
+
+    address = find_store(name, target)
+    if address is None:
+        return None
+    opened = Store.open(address)
+    _check_task_options(task, name)
+    opt.mention_damage(opened)
+    return opened
 
 
 def _draw(report: "TradeoffReport", figure: Path) -> None:
@@ -148,7 +163,7 @@ def _draw(report: "TradeoffReport", figure: Path) -> None:
 
 def _of_model(
     source: str,
-    error: str | None,
+    error: float | str | None,
     max_time: float | str,
     task: "TaskOptions",
     figure: str | Path | None,
@@ -158,44 +173,56 @@ def _of_model(
     workers: int | None,
     allow_code: bool,
 ) -> "TuneReport":
-    """Search the settings of a model, as `tune` does, or take what that has found."""
+    """Search the settings of a model, or reuse the report of `tune`."""
     import shutil
 
-    from contactlab.commands.tune import error_of, searched, seconds_of
+    from contactlab.commands.tune import read_error, search_settings, seconds_of
     from contactlab.schema.tune_report import FOLDER
     from contactlab.studies.search.tune_request import TuneRequest
 
     if write is not None:
-        raise SweepFileError("--write is of sweeps; of a model, --model FOLDER writes the settings")
+        raise SweepFileError(
+            "--write needs a sweep; for a model, --model FOLDER writes the settings"
+        )
     copied = None if model is None else Path(model)
     _check_outputs(figure, None, copied)
     folder = opt.study_folder("tradeoff", source, None if output is None else str(output))
-    request = TuneRequest(source, task, error_of(error), max_time=seconds_of(max_time))
+    request = TuneRequest(source, task, read_error(error), max_time=seconds_of(max_time))
     known = opt.study_folder("tune", source, None), folder
-    report = searched(request, folder, workers, figure, allow_code=allow_code, known=known)
+    report = search_settings(request, folder, workers, figure, allow_code=allow_code, known=known)
     if copied is not None and report.recommended is not None:
         shutil.copytree(folder / FOLDER, copied, dirs_exist_ok=True)
         say(f"wrote {copied}")
     return report
 
 
-def _check_metric(error: str | None) -> None:
-    """Refuse a measure of accuracy that there is not, before anything is run."""
+def _check_accuracy_options(
+    metric: str | None, error: float | str | None, *, of_model: bool
+) -> None:
+    """Refuse --metric of a model, and --error of a sweep or a store."""
+    if of_model and metric is not None:
+        raise SweepFileError(f"--metric {metric} needs a sweep or a store; write --error 2%")
+    if not of_model and error is not None:
+        raise SweepFileError(f"--error {error} needs a model; write --metric NAME")
+
+
+def _check_metric(metric: str | None) -> None:
+    """Refuse an unknown metric before anything is run."""
     from contactlab.measure import METRICS
     from contactlab.schema.evidence import ERRORS
 
     rest = "; `contactlab list metrics` lists all"
-    if error is not None:
+    if metric is not None:
         known = [*METRICS, *ERRORS]
-        SweepFileError.unless_known(error, known, f"--error {error}: no metric", rest)
+        SweepFileError.unless_known(metric, known, f"--metric {metric}: no such metric", rest)
 
 
-def _check_heeded(task: "TaskOptions", store: str) -> None:
-    """Refuse what cannot change the runs of a store."""
-    measured = "the runs of a store are made; write --tolerance METRIC=VALUE, such as slip=1mm"
+def _check_task_options(task: "TaskOptions", store: str) -> None:
+    """Refuse task options that cannot change the runs of a store."""
+    measured = "the runs of a store exist already; write --tolerance METRIC=VALUE, such as slip=1mm"
     opt.refuse_parts(task, ["tolerance"], measured)
     parts = ["keyframe", "drive", "duration", "observe", "require"]
-    opt.refuse_parts(task, parts, f"the runs of {store} are made; name their sweep instead")
+    opt.refuse_parts(task, parts, f"the runs of {store} exist already; give their sweep instead")
 
 
 def _check_outputs(figure: str | Path | None, write: Path | None, model: Path | None) -> None:
@@ -206,7 +233,7 @@ def _check_outputs(figure: str | Path | None, write: Path | None, model: Path | 
     if write is not None and write.exists():
         raise OutputError(f"{write} exists; choose another file with --write")
     if model is not None and model.exists() and not (model.is_dir() and not any(model.iterdir())):
-        raise OutputError(f"{model} is no empty folder; choose another one with --model")
+        raise OutputError(f"{model} is not an empty folder; choose another one with --model")
 
 
 def _write(path: Path, report: "TradeoffReport") -> None:
@@ -248,8 +275,9 @@ def _head(report: "TradeoffReport") -> Iterator[str]:
     if report.verdict is not None:
         yield f"as written: {report.verdict.line}"
     yield f"{report.sweep}: {len(report.configurations)} configurations of {report.scene}"
-    yield f"  runs of each  {report.cases} (scenarios: {', '.join(report.scenarios) or 'one'})"
-    written = "from the model as written" if report.error.reference == "written" else None
+    scenarios = ", ".join(report.scenarios) or "one"
+    yield f"  runs of each  {report.runs_per_configuration} (scenarios: {scenarios})"
+    written = "against the model as written" if report.error.reference == "written" else None
     over = "mean" if report.error.name == REALITY else "largest"
     kind = ", ".join(filter(None, (report.error.kind, report.error.against, written)))
     yield f"  error         {report.error.name}{unit}, {over} over the runs ({kind})"
@@ -258,27 +286,27 @@ def _head(report: "TradeoffReport") -> Iterator[str]:
     yield f"  tolerances    {limits or 'none'}"
     yield f"  feasible      {feasible}"
     if report.baseline is not None:
-        yield f"  now           {_now(report, report.baseline)}"
+        yield f"  current       {_current_text(report, report.baseline)}"
 
 
-def _now(report: "TradeoffReport", now: "Configuration") -> str:
-    """Return what the model as written is, and why it is not feasible if it is not."""
+def _current_text(report: "TradeoffReport", current: "Configuration") -> str:
+    """Return settings, error and time of the model as written, and why it is not feasible."""
     from contactlab.pareto.recommendation import settings_text
 
-    known = [name for name in report.varying if now.configuration[name] is not None]
-    parts = [settings_text(now.configuration, known)] if known else []
-    parts += [] if now.error is None else [f"error {now.error:.3g}"]
-    parts += [] if now.time is None else [f"{now.time:.3g} CPU s per s"]
-    return "; ".join([*parts, *now.reasons[:1]])
+    known = [name for name in report.varying if current.configuration[name] is not None]
+    parts = [settings_text(current.configuration, known)] if known else []
+    parts += [] if current.error is None else [f"error {current.error:.3g}"]
+    parts += [] if current.time is None else [f"{current.time:.3g} CPU s per s"]
+    return "; ".join([*parts, *current.reasons[:1]])
 
 
 def _print_front(report: "TradeoffReport") -> None:
-    line, what = report.front, "Pareto front of the feasible configurations"
-    if not line:
-        line, what = report.unconstrained_front, "Pareto front; no configuration is feasible"
-    echo(f"\n{what}")
+    points, title = report.front, "Pareto front of the feasible configurations"
+    if not points:
+        points, title = report.unconstrained_front, "Pareto front; no configuration is feasible"
+    echo(f"\n{title}")
     rows: list[list[object]] = []
-    for each in line:
+    for each in points:
         values = [each.configuration[name] for name in report.varying]
         speed = (f"{each.time:.3g}", f"{each.real_time_factor:,.0f}")
         rows.append([*values, f"{each.error:.3g}", *speed])
@@ -327,11 +355,11 @@ def _answer(report: "TradeoffReport") -> Iterator[str]:
 
     chosen, robust = report.recommendation, report.robust
     if chosen is None:
-        yield f"\nnothing {'that mujoco simulates ' if report.front else ''}is feasible"
+        yield f"\nno configuration {'of mujoco ' if report.front else ''}is feasible"
         yield from (f"  {text}" for text in blocker_texts(report))
         return
     now = report.baseline and report.baseline.time
-    yield f"\nrecommended{f', {now / chosen.time:.2f} x as fast as now' if now else ''}"
+    yield f"\nrecommended{f', {now / chosen.time:.2f}x as fast as written' if now else ''}"
     yield from _described(report, chosen)
     if text := robust_text(report):
         yield text
@@ -339,11 +367,11 @@ def _answer(report: "TradeoffReport") -> Iterator[str]:
         yield from _described(report, robust)
     yield f"next step: {next_step_text(report) or 'no feasible configuration is more accurate'}"
     if report.baseline and chosen.configuration == report.baseline.configuration:
-        yield "\nkeep the model as it is"
+        yield "\nNo change recommended."
     elif not (chosen.mjcf or chosen.other):
-        yield f"\ninto the model: contactlab tradeoff {report.store} --model FOLDER"
+        yield f"\nwrite the model: contactlab tradeoff {report.store} --model FOLDER"
     else:
-        yield "\nin the model"
+        yield "\nchanges of the model"
         rest = "the patch that --model FOLDER writes"
         yield from (f"  {line}" for line in shortened(chosen.mjcf, 12, rest))
         yield from (f"  {name}: {value}" for name, value in chosen.other.items())
@@ -354,7 +382,7 @@ def _described(report: "TradeoffReport", chosen: "Recommendation") -> Iterator[s
 
     yield f"  {settings_text(chosen.configuration, report.varying) or 'as in the sweep'}"
     error = "unknown" if chosen.error is None else f"{chosen.error:.3g}"
-    speed = f"{chosen.time:.3g} CPU s per s, {chosen.real_time_factor:,.0f} times real time"
+    speed = f"{chosen.time:.3g} CPU s per s, {chosen.real_time_factor:,.0f}x real time"
     yield f"  error {error}; {speed}"
     if chosen.margins:
         margins = [
@@ -363,5 +391,8 @@ def _described(report: "TradeoffReport", chosen: "Recommendation") -> Iterator[s
         ]
         yield f"  margins: {', '.join(margins)}"
     if chosen.equally_fast:
-        yield f"  {len(chosen.equally_fast)} others are as fast (within 5 %) and no more accurate"
-    yield f"  look closer: contactlab show {shell_word(report.store)} {chosen.run_id[:8]}"
+        yield (
+            f"  {len(chosen.equally_fast)} other configurations are as fast (within 5 %) and not "
+            "more accurate"
+        )
+    yield f"  details: contactlab show {shell_word(report.store)} {chosen.run_id[:8]}"

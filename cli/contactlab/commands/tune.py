@@ -15,11 +15,12 @@ from contactlab.judge.wording import out_of, plural
 from contactlab.printable import percent, shell_word, shortened, wrapped
 
 if TYPE_CHECKING:
-    from contactlab.schema.tune_report import Judged, Point, StayedApart, TuneReport
+    from contactlab.schema.tune_report import Candidate, CurrentVerdict, FarPairs, TuneReport
     from contactlab.studies.search.tune_request import TuneRequest
 
+_MAX_UNCHANGED = 6  # settings that the text lists
 _TIME = "a time, such as 90s, 5min or 1h"
-_ERROR = "a share, such as 2%, or with --at a number in the unit of what is watched"
+_ERROR = "a share, such as 2%, or with --error-at a number in the unit of the observed output"
 
 
 def _text(report: "TuneReport", given: Given) -> None:
@@ -34,9 +35,9 @@ def _text(report: "TuneReport", given: Given) -> None:
 
 
 def failure(report: "TuneReport", given: Given) -> ExpectationError | None:
-    """Return the error of an aim that nothing meets."""
+    """Return the error if no candidate meets the target."""
     del given
-    if report.met or report.recommended:
+    if report.target_met or report.recommended:
         return None
     return ExpectationError(f"{report.model}: {report.sentence}")
 
@@ -58,83 +59,84 @@ def tune(
         float | str | None,
         Option(
             "ERROR",
-            "Largest error, 2%; by default what the model is uncertain by. With --at in m, 1e-5.",
+            "Target error, 2%; default: the model uncertainty. With --error-at in m, 1e-5.",
             kind=str,
         ),
     ] = None,
     real_time: Annotated[
         float | None,
-        Option("N", "The most accurate settings at N times real time, instead of the fastest."),
+        Option("N", "Find the most accurate settings at N times real time, not the fastest."),
     ] = None,
-    at: Annotated[
+    error_at: Annotated[
         Literal["end", "peak"] | None,
-        Option(None, "Error of what is watched, body, site or sensor: at the end, or at its peak."),
+        Option(None, "Measure the error of observed bodies, sites or sensors: end or peak."),
     ] = None,
     max_time: opt.MaxTime = "2min",
     drop_sensors: Annotated[
-        bool, flag("Leave the model's sensors out: nobody reads them.")
+        bool, flag("Remove the model's sensors, if your program does not read them.")
     ] = False,
-    apart: Annotated[
+    skip_pairs_beyond: Annotated[
         float | str | None,
         Option(
             "LENGTH",
-            "Leave out collisions of what stayed so far apart in all that was run, such as 5cm.",
+            "Ignore collisions between bodies that stayed this far apart in every run, e.g. 5cm.",
             kind=str,
         ),
     ] = None,
-    hulls: Annotated[
+    simplify_hulls: Annotated[
         float | str | None,
         Option(
             "LENGTH",
-            "Try hulls of meshes of fewer vertices, which reach so far less at most, such as 1mm.",
+            "Simplify convex hulls, moving the surface by at most this distance, e.g. 1mm.",
             kind=str,
         ),
     ] = None,
-    patch: Annotated[bool, flag("Print the patch, and no more.")] = False,
+    patch: Annotated[bool, flag("Print only the patch.")] = False,
     figure: opt.Figure = None,
     workers: opt.Workers = None,
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
     **task: Unpack[opt.TaskParameters],
 ) -> "TuneReport":
-    """Find the settings to use, and write the model that has them.
+    """Find faster settings of the same accuracy, and write the model with them.
 
-    The cheapest settings whose numerical error is at most what friction known to 10 % and masses
-    known to 5 % leave open, at least 1 %, and at most the tolerance. Where a sound model misses
-    that as written, the fastest of no larger error is recommended, beside what keeps the aim.
-    Everything goes to `results/tune/NAME` if `output` is left out.
+    The target is the fastest settings whose numerical error is at most the effect of friction
+    known to 10 % and masses known to 5 %, at least 1 %, and at most the tolerance. If an accurate
+    model misses that as written, the fastest settings with no larger error are recommended, and
+    the settings that meet the target are written too. Results go to `results/tune/NAME` unless
+    `output` is given.
 
     Raises:
         SceneError: there is no such model.
-        SweepFileError: options contradict each other, or one is no share, number or time.
+        SweepFileError: options contradict each other, or one is not a share, number or time.
         EngineError: nothing in the model moves.
-        ExpectationError: a forward error is asked for of a chaotic motion.
+        ExpectationError: a forward error is requested for a chaotic motion.
     """
     from contactlab.studies.search.tune_request import TuneRequest
 
     del patch
-    watch = task.get("observe", ())
-    watched = (watch,) if isinstance(watch, str) else tuple(watch)
-    if at:  # then it is what an error is of, such as a site, and no body of the task
+    names = task.get("observe", ())
+    observed = (names,) if isinstance(names, str) else tuple(names)
+    if error_at:  # then they are outputs of the forward error, such as a site, not task bodies
         task["observe"] = ()
     request = TuneRequest(
         model=str(model),
         task=opt.task_of(**task),
-        error=error_of(error),
+        error=read_error(error),
         real_time=_positive_rate(real_time),
-        watched=watched if at else (),
-        at=at,
+        observed=observed if error_at else (),
+        error_at=error_at,
         max_time=seconds_of(max_time),
         drop_sensors=drop_sensors,
-        apart=length_of(apart, "--apart", "5cm or 0.05"),
-        hulls=length_of(hulls, "--hulls", "1mm or 0.001"),
+        skip_pairs_beyond=read_length(skip_pairs_beyond, "--skip-pairs-beyond", "5cm or 0.05"),
+        simplify_hulls=read_length(simplify_hulls, "--simplify-hulls", "1mm or 0.001"),
     )
     opt.load_plugins(plugin)
     folder = opt.study_folder("tune", model, output)
-    return searched(request, folder, workers, figure, allow_code=allow_code)
+    return search_settings(request, folder, workers, figure, allow_code=allow_code)
 
 
-def searched(
+def search_settings(
     request: "TuneRequest",
     folder: Path,
     workers: int | None,
@@ -143,16 +145,16 @@ def searched(
     allow_code: bool,
     known: Sequence[Path] = (),
 ) -> "TuneReport":
-    """Search, unless a known folder has the answer, and draw it if a figure is asked for."""
-    begin = time.monotonic()  # what is loaded now takes its part of the time allowed
+    """Search, unless a folder has the report of the same question; draw the figure if requested."""
+    begin = time.monotonic()  # imports count as part of the time limit
     from contactlab.run.worker_pool import worker_count
-    from contactlab.studies.search.answered import answered
-    from contactlab.studies.search.tuning import run
+    from contactlab.studies.search.result_cache import find_cached_report
+    from contactlab.studies.search.tuning import tune_model
     from contactlab.studies.session import Session
 
     opt.check_figure(figure)
     session = Session(folder, worker_count(workers), notify=say, allow_code=allow_code)
-    report = answered(request, session, known) or run(request, session, begin)
+    report = find_cached_report(request, session, known) or tune_model(request, session, begin)
     if figure is not None:
         from contactlab.charts import save_figure
         from contactlab.studies.search.search_chart import specification
@@ -162,8 +164,8 @@ def searched(
     return report
 
 
-def error_of(error: float | str | None) -> float | None:
-    """Return the largest error that is asked for, as a number; 2% is 0.02."""
+def read_error(error: float | str | None) -> float | None:
+    """Return the target error as a number; 2% is 0.02."""
     from contactlab.schema.setting_values import read_quantity
 
     if error is None:
@@ -175,7 +177,7 @@ def error_of(error: float | str | None) -> float | None:
 
 
 def seconds_of(text: float | str, option: str = "--max-time") -> float:
-    """Return a time that is allowed by an option [s]."""
+    """Return the time limit of an option [s]."""
     from contactlab.schema.setting_values import read_quantity
 
     value, unit = read_quantity(str(text))
@@ -184,8 +186,8 @@ def seconds_of(text: float | str, option: str = "--max-time") -> float:
     return value
 
 
-def length_of(text: float | str | None, option: str, such_as: str) -> float | None:
-    """Return a length of an option [m]."""
+def read_length(text: float | str | None, option: str, such_as: str) -> float | None:
+    """Return the length of an option [m]."""
     from contactlab.schema.setting_values import read_quantity
 
     if text is None:
@@ -205,86 +207,92 @@ def _positive_rate(rate: float | None) -> float | None:
 def print_search(report: "TuneReport", folder: Path) -> None:
     """Print the report of a search."""
     echo("\n".join(_head(report)))
-    shown = [("now", report.now)]
-    for standing, point in (
+    shown = [("current", report.current)]
+    for standing, candidate in (
         ("recommended", report.recommended),
-        ("keeps the aim", report.to_aim and report.to_aim.point),
-        ("nearest", report.nearest),
-        ("as accurate as now", report.as_accurate and report.as_accurate.point),
+        ("meets target", report.meets_target and report.meets_target.candidate),
+        ("closest", report.closest),
+        ("equal error", report.equal_error and report.equal_error.candidate),
     ):
-        if point:
-            shown.append((standing, point))
-    header = ("", "settings", "timestep [s]", "error", "over seeds", "in", "time")
-    print_table(header, [_row(standing, point, report) for standing, point in shown])
+        if candidate:
+            shown.append((standing, candidate))
+    header = ("", "settings", "timestep [s]", "error", "over seeds", "worst body", "time")
+    print_table(header, [_row(standing, candidate, report) for standing, candidate in shown])
     echo("\n".join(_details(report, folder)))
 
 
 def _head(report: "TuneReport") -> Iterator[str]:
-    aim = report.aim
+    target = report.target
     yield from wrapped(report.task.line)
     yield from wrapped(f"{report.model}: {report.sentence}")
-    limit = _number(aim.limit, report)
-    match aim.kind:
+    limit = _number(target.limit, report)
+    match target.kind:
         case "uncertainty":
-            source = f"what the model is uncertain by: {aim.uncertain_by}"
-            if aim.uncertain is None or aim.uncertain < aim.limit:
-                source = "the model is uncertain by less"
-            elif aim.uncertain > aim.limit:
+            source = f"model uncertainty: {target.uncertainty_source}"
+            if target.model_uncertainty is None or target.model_uncertainty < target.limit:
+                source = "the model uncertainty is smaller"
+            elif target.model_uncertainty > target.limit:
                 source = "the tolerance"
-            yield from wrapped(f"aim      error at most {limit} ({source})", "  ")
+            yield from wrapped(f"target     error at most {limit} ({source})", "  ")
         case "real time":
-            yield f"  aim      the least error at {aim.real_time:g} times real time"
+            yield f"  target     the least error at {target.real_time:g}x real time"
         case _:
-            yield f"  aim      error at most {limit}, as asked"
-    if report.judged:
-        yield from wrapped(f"judged   {_judged(report.judged, report)}", "  ")
-    if aim.unit == "1":
+            yield f"  target     error at most {limit}, as requested"
+    if report.current_verdict:
+        yield from wrapped(f"verdict    {_verdict(report.current_verdict, report)}", "  ")
+    if target.unit == "1":
         yield from wrapped(
-            f"errors   beside the motion of the model as written at {report.fine_step:g} s, in "
-            "windows that begin in its states",
+            "errors     residual force as a share of the real forces, against the model as written "
+            f"at a timestep of {report.reference_step:g} s",
             "  ",
         )
-    if aim.growth:
-        yield from wrapped(f"motion   {aim.growth}", "  ")
-    yield from _searching(report)
+    if target.divergence:
+        yield from wrapped(f"motion     {target.divergence}", "  ")
+    yield from _search_lines(report)
 
 
-def _searching(report: "TuneReport") -> Iterator[str]:
-    from contactlab.studies.search.wording import unsaved
+def _search_lines(report: "TuneReport") -> Iterator[str]:
+    from contactlab.studies.search.report_text import no_speedup_text
 
-    ended = "; the time was over before all was tried" if report.ended else ""
-    measured = f"{plural(len(report.points), 'choice')} measured in {report.seconds:.0f} s{ended}"
-    yield from wrapped(f"search   {measured}", "  ")
-    yield f"  speed    as written {report.real_time:.3g} times real time on one core"
-    if why := unsaved(report):
-        yield from wrapped(f"steps    {why}", "  ")
-
-
-def _judged(judged: "Judged", report: "TuneReport") -> str:
-    share = "MuJoCo gave up" if judged.share is None else f"{percent(judged.share)} as written"
-    along = f"numerically {judged.word}, {share}, along its own motion"
-    most = len(report.task.seeds)
-    if len(judged.seeds) == most:
-        return f"{along}: that of `contactlab MODEL`"
-    few = out_of(len(judged.seeds), most, "seed")
-    return f"{along}, on {few} alone: `contactlab MODEL` judges all {most}"
+    timed_out = "; the time limit ended the search early" if report.timed_out else ""
+    count = plural(len(report.candidates), "candidate")
+    yield from wrapped(f"search     {count} in {report.seconds:.0f} s{timed_out}", "  ")
+    yield f"  speed      {report.real_time:.3g}x real time as written, on one core"
+    if why := no_speedup_text(report):
+        yield from wrapped(f"limits     {why}", "  ")
 
 
-def _row(standing: str, point: "Point", report: "TuneReport") -> tuple[object, ...]:
-    from contactlab.studies.search.choice import described
-    from contactlab.studies.search.wording import price_text
+def _verdict(verdict: "CurrentVerdict", report: "TuneReport") -> str:
+    error = (
+        "MuJoCo gave up"
+        if verdict.numerical_error is None
+        else f"numerical error {percent(verdict.numerical_error)}"
+    )
+    text = f"{verdict.verdict} as written, {error} along its own motion"
+    count = len(report.task.seeds)
+    if len(verdict.seeds) == count:
+        return f"{text}, as in `contactlab MODEL`"
+    few = out_of(len(verdict.seeds), count, "seed")
+    return f"{text}, on {few} only; `contactlab MODEL` judges all {count}"
 
-    time = "" if point.price is None else price_text(point.price)
-    spread = f"{_number(point.low, report)} to {_number(point.high, report)}"
-    settings = described(point.settings) or ("as written" if standing == "now" else "")
-    error = _number(point.error, report)
-    return standing, settings, f"{point.timestep:g}", error, spread, point.body, time
+
+def _row(standing: str, candidate: "Candidate", report: "TuneReport") -> tuple[object, ...]:
+    from contactlab.studies.search.configuration import format_settings
+    from contactlab.studies.search.report_text import time_ratio_text
+
+    time = "" if candidate.time_ratio is None else time_ratio_text(candidate.time_ratio)
+    spread = f"{_number(candidate.low, report)} to {_number(candidate.high, report)}"
+    settings = format_settings(candidate.settings) or (
+        "as written" if standing == "current" else ""
+    )
+    error = _number(candidate.error, report)
+    return standing, settings, f"{candidate.timestep:g}", error, spread, candidate.body, time
 
 
 def _number(value: float | None, report: "TuneReport") -> str:
     if value is None:
         return "gave up"
-    return percent(value) if report.aim.unit == "1" else f"{value:.2e} {report.aim.unit}"
+    return percent(value) if report.target.unit == "1" else f"{value:.2e} {report.target.unit}"
 
 
 def _details(report: "TuneReport", folder: Path) -> Iterator[str]:
@@ -292,13 +300,13 @@ def _details(report: "TuneReport", folder: Path) -> Iterator[str]:
 
     if report.masked or report.excluded:
         yield from wrapped(
-            f"exact: {_parted(report.masked, report.excluded)} cannot touch, by proof: the motion "
-            "is the same without their collisions, bit for bit"
+            f"unused: {_count_pairs(report.masked, report.excluded)} provably cannot touch: "
+            "without their collisions the motion is the same, bit for bit"
         )
-    if report.flags:
-        yield f"exact: no state depends on {' and '.join(report.flags)}; they are off now"
-    for assumed in _assumed(report):
-        yield from wrapped(assumed)
+    if report.disabled_flags:
+        yield f"unused: {' and '.join(report.disabled_flags)}: no state depends on it; turned off"
+    for assumption in _assumptions(report):
+        yield from wrapped(assumption)
     if report.verified:
         fresh = report.verified.seeds
         seeds = f"seed{'s' * (len(fresh) > 1)} {', '.join(map(str, fresh))}"
@@ -307,37 +315,40 @@ def _details(report: "TuneReport", folder: Path) -> Iterator[str]:
     yield from shortened(lines, 12, PATCH)
     for note in _notes(report):
         yield from wrapped(note)
-    yield from _written(report, folder)
+    yield from _written_files(report, folder)
 
 
 def _notes(report: "TuneReport") -> Iterator[str]:
-    """Yield what was kept and why, then what the time did not allow for."""
+    """Yield the settings that were not changed and why, then the effects of the time limit."""
     from contactlab.schema.tune_report import REPORT
-    from contactlab.studies.search.subject import LIMITED
-    from contactlab.studies.search.wording import UNJUDGED
+    from contactlab.studies.search.report_text import UNVERIFIED
+    from contactlab.studies.search.tuning_problem import LIMITED
 
-    short = {each.name: each.reason for each in report.kept if each.name in LIMITED}
-    kept = [
-        f"{each.name}: {each.reason}"
-        for each in report.kept
-        if each.name not in short and each.reason != UNJUDGED
+    limited = {each.name: each.reason for each in report.not_changed if each.name in LIMITED}
+    unchanged = [
+        f"{each.name} ({each.reason})"
+        for each in report.not_changed
+        if each.name not in limited and each.reason != UNVERIFIED
     ]
-    yield from (f"kept: {each}" for each in shortened(kept, 6, REPORT))
-    yield from (f"note: {name}: {reason}" for name, reason in short.items())
-    if any(each.reason == UNJUDGED for each in report.kept):
-        yield f"note: {UNJUDGED}"
+    yield from (f"Not changed: {each}." for each in unchanged[:_MAX_UNCHANGED])
+    if (more := len(unchanged) - _MAX_UNCHANGED) > 0:
+        yield f"Not changed: {more} more settings, listed in {REPORT}."
+    yield from (f"note: {name}: {reason}" for name, reason in limited.items())
+    if any(each.reason == UNVERIFIED for each in report.not_changed):
+        yield f"note: {UNVERIFIED}"
 
 
-def _written(report: "TuneReport", folder: Path) -> Iterator[str]:
+def _written_files(report: "TuneReport", folder: Path) -> Iterator[str]:
     from contactlab.schema.tune_report import PATCH, REPORT
 
-    for what, other in (
-        ("is as accurate as now", report.as_accurate),
-        ("keeps the aim", report.to_aim),
+    for standing, other in (
+        ("equal error", report.equal_error),
+        ("meets the target", report.meets_target),
     ):
         if other:
-            wrote = f"wrote {folder / other.file}, which {what}: {other.verified.sentence}"
-            yield from wrapped(wrote)
+            yield from wrapped(
+                f"wrote {folder / other.file} ({standing}): {other.verified.sentence}"
+            )
     if report.file:
         patch = f", {PATCH}" if (folder / PATCH).is_file() else ""
         yield from wrapped(f"wrote {folder / report.file}{patch} and {REPORT}")
@@ -346,35 +357,38 @@ def _written(report: "TuneReport", folder: Path) -> Iterator[str]:
         yield f"{REPORT} in {folder}"
 
 
-def _assumed(report: "TuneReport") -> Iterator[str]:
-    """Yield what a written model takes for granted, or what may be."""
-    if (apart := report.stayed_apart) and (apart.left_out or _saves(apart)):
-        yield _apart(apart)
-    if fewer := report.fewer_vertices:
+def _assumptions(report: "TuneReport") -> Iterator[str]:
+    """Yield the assumptions of the written model, or those that it could make."""
+    if (pairs := report.far_pairs) and (pairs.removed or _saves_time(pairs)):
+        yield _far_pairs_text(pairs)
+    if hulls := report.simplified_hulls:
         yield (
-            f"assumed: {plural(len(fewer.meshes), 'hull')} of fewer vertices, which reach at most "
-            f"{1e3 * fewer.within:g} mm less"
+            f"assumed: {plural(len(hulls.meshes), 'hull')} with fewer vertices, at most "
+            f"{1e3 * hulls.max_distance:g} mm inside the original"
         )
 
 
-def _saves(apart: "StayedApart") -> bool:
-    """Return whether leaving collisions out saves time, unless nobody measured it."""
-    return apart.price is None or apart.price.high < 1
+def _saves_time(pairs: "FarPairs") -> bool:
+    """Return whether removing their collisions saves time; true if it was not measured."""
+    return pairs.time_ratio is None or pairs.time_ratio.high < 1
 
 
-def _parted(geoms: Sequence[str], bodies: Sequence[object]) -> str:
-    """Return how many geoms, and pairs of bodies, there are of what does not touch."""
+def _count_pairs(geoms: Sequence[str], bodies: Sequence[object]) -> str:
     counts = (plural(len(geoms), "geom"), f"{plural(len(bodies), 'pair')} of bodies")
     return " and ".join(text for text, some in zip(counts, (geoms, bodies), strict=True) if some)
 
 
-def _apart(apart: "StayedApart") -> str:
-    from contactlab.studies.search.wording import price_text
+def _far_pairs_text(pairs: "FarPairs") -> str:
+    from contactlab.studies.search.report_text import time_ratio_text
 
-    what = _parted(apart.geoms, apart.bodies)
-    margin = f"{1e3 * apart.margin:g} mm"
-    run = f"stayed {margin} apart in all that was run (the task, tilted, and twice its inputs)"
-    if apart.left_out:
-        return f"assumed: {what} {run}: what brings them together passes through"
-    saves = f", at {price_text(apart.price)} of that time" if apart.price else ""
-    return f"offered: {what} {run}: --apart {margin.replace(' ', '')} leaves them out{saves}"
+    count = _count_pairs(pairs.geoms, pairs.bodies)
+    distance = f"{1e3 * pairs.distance:g} mm"
+    text = (
+        f"{count} stayed at least {distance} apart in every run (the task, tilted, and with twice "
+        "its inputs)"
+    )
+    if pairs.removed:
+        return f"assumed: {text}. If they meet, they now pass through each other"
+    ratio = f" at {time_ratio_text(pairs.time_ratio)} time" if pairs.time_ratio else ""
+    option = f"--skip-pairs-beyond {distance.replace(' ', '')}"
+    return f"option: {text}. {option} ignores their collisions{ratio}"

@@ -43,7 +43,7 @@ from contactlab.schema.sweep_schema import Bounds, Sweep
 from contactlab.schema.tradeoff_report import Configuration, TradeoffReport
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import trace_warning
-from contactlab.studies.parity.report import HEADER, about, row, shown
+from contactlab.studies.parity.report_sections import HEADER, about, row, shown
 
 PACKAGE = __name__.rpartition(".")[0]
 _MOST_UNEXPECTED = 50

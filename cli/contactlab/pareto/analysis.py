@@ -16,12 +16,12 @@ from contactlab.pareto.configurations import (
     ResolvedCriteria,
     StoredRuns,
     evaluate,
+    find_insensitive_knobs,
+    fix_insensitive_knobs,
     group_runs,
-    idle_knobs,
     is_chaotic,
     magnitudes,
     read_runs,
-    with_one_idle_value,
 )
 from contactlab.pareto.convergence import methods
 from contactlab.pareto.criteria import Criteria, error_measure, time_measure, tolerances_of
@@ -48,8 +48,8 @@ from contactlab.store.finished_store import Store
 _DEFAULT = Criteria()
 
 
-def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
-    """Return what accuracy costs in time, over the configurations of a store.
+def analyze(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
+    """Return the time that accuracy costs, over the configurations of a store.
 
     Raises a SweepFileError if the criteria name a column that the store does not have; a StoreError
     if the store has no values of an error.
@@ -65,19 +65,19 @@ def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
     summaries = tuple(configuration.summary for configuration in evaluated)
     possible = [evaluated[place] for place in places_of_models(summaries)]
     chosen, safe = (equally_fast(possible, margin, own) for margin in (0.0, SAFE_MARGIN))
-    best, idle = (chosen[0] if chosen else None), idle_knobs(evaluated)
-    alike = with_one_idle_value(evaluated, idle, best)
+    best, insensitive = (chosen[0] if chosen else None), find_insensitive_knobs(evaluated)
+    alike = fix_insensitive_knobs(evaluated, insensitive, best)
     identity = store.manifest.sweep
-    # Such an error may remain however short the timestep.
-    is_modelling = error.kind != "discretisation" or error.reference == "written"
+    # Such an error may remain at any timestep.
+    is_modeling = error.kind != "discretization" or error.reference == "written"
     report = TradeoffReport(
         store=str(store.address),
         sweep=identity.name,
         scene=identity.scene,
         knobs=tuple(runs.knobs),
         scenarios=tuple(runs.scenarios),
-        idle=tuple(idle),
-        cases=max(configuration.cases for configuration in evaluated),
+        insensitive_knobs=tuple(insensitive),
+        runs_per_configuration=max(configuration.cases for configuration in evaluated),
         error=error,
         time=resolved.time,
         tolerances=tolerances,
@@ -86,14 +86,14 @@ def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
         configurations=summaries,
         front=tuple(_point(configuration.summary) for configuration in front),
         unconstrained_front=tuple(_point(summaries[index]) for index in front_of(summaries)),
-        methods=tuple(methods(alike, is_modelling=is_modelling)),
+        methods=tuple(methods(alike, is_modeling=is_modeling)),
         recommendation=_recommendation(store, chosen),
         robust=_recommendation(store, safe),
         next_step=_next_step(feasible_front(possible), best) if best else None,
         blockers=tuple(_blockers(evaluated)),
         notes=(),
     )
-    short = sum(configuration.cases < report.cases for configuration in evaluated)
+    short = sum(configuration.cases < report.runs_per_configuration for configuration in evaluated)
     notes = [*_notes(report, runs, best, short), *_not_exercised(store, runs)]
     return report.model_copy(update={"notes": tuple(notes)})
 
@@ -102,7 +102,7 @@ _COVERAGE = ("coverage", "drive")
 
 
 def _not_exercised(store: Store, runs: StoredRuns) -> Iterator[str]:
-    """Yield which swept knobs concern what no run exercised, so that their values say nothing."""
+    """Yield the swept knobs that no run exercises, so that their values make no difference."""
     concerned: dict[Feature, list[str]] = {}
     for name, knob in runs.knobs.items():
         if len(knob.values) > 1 and (feature := feature_of(name)):
@@ -143,36 +143,36 @@ def _next_step(front: Sequence[Evaluated], chosen: Evaluated) -> NextStep | None
 
 
 def _blockers(evaluated: Sequence[Evaluated]) -> Iterator[Blocker]:
-    """Yield what keeps configurations from being feasible, the most frequent first."""
+    """Yield the reasons why configurations are not feasible, the most frequent first."""
     exceeded = Counter(name for configuration in evaluated for name in configuration.exceeded)
     failed = Counter(label for configuration in evaluated for label in configuration.failures)
     for name, count in (exceeded + failed).most_common():
-        # Of a metric, the smallest of the worst values.
+        # The smallest worst value of a metric.
         worst = (configuration.summary.worst.get(name) for configuration in evaluated)
         best = min((value for value in worst if value is not None), default=None)
         kind = "tolerance" if name in exceeded else "label"
         yield Blocker(name=name, kind=kind, configurations=count, best=best)
 
 
-_NOISY = 0.05  # spread of the rounds of a timing pass from which a note says so
+_NOISY = 0.05  # spread of the rounds of a timing pass that deserves a note
 
 
 def _measurement_notes(report: TradeoffReport) -> Iterator[str]:
     time, found = report.time, report.configurations
     if time.source == "recording":
         yield (
-            "times are those of the recorded runs on a busy machine, accurate to 10 % at best; "
+            "times are of the recorded runs on a busy machine, accurate to 10 % at best; "
             "sweep with `timing: {rounds: 3}`"
         )
     elif time.spread is not None and time.spread > _NOISY:
         yield (
             f"rounds of the timing pass differ by {time.spread:.0%}, median over minimum: "
-            "smaller differences between configurations mean nothing"
+            "smaller differences between configurations are noise"
         )
     if below := sum(configuration.below_estimate for configuration in found):
         yield (
             f"{below} of {len(found)} configurations have an error below the uncertainty of "
-            "the reference, which is reported in its place"
+            "the reference, which is reported instead"
         )
     if unknown := sum(configuration.error is None for configuration in found):
         yield f"{unknown} of {len(found)} configurations have runs without {report.error.name}"
@@ -197,11 +197,11 @@ def _notes(
     if chosen is not None and chosen.summary.solref_clamped:
         yield "the recommended configuration is one of these"
     if not report.tolerances:
-        yield "no tolerances: the recommended runs have no failure label, no more; see --tolerance"
+        yield "no tolerances: the recommended runs only have no failure label; see --tolerance"
     if short:
         yield f"{short} configurations lack some scenario or seed, and are not feasible"
-    if report.idle:
-        yield f"no error changes by more than 1 % with {', '.join(report.idle)}"
+    if report.insensitive_knobs:
+        yield f"these knobs change no error by more than 1 %: {', '.join(report.insensitive_knobs)}"
     yield from _edge_notes(chosen.values if chosen else {}, runs)
 
 
@@ -224,7 +224,7 @@ class ToleranceTable:
     # Metric to (c,) what tolerances are compared with: its largest magnitude over a configuration's
     # runs; NaN if a run has no value.
     worst: Mapping[str, Floats]
-    # (c,) whether a configuration is feasible but for tolerances.
+    # (c,) whether a configuration is feasible without tolerances.
     otherwise_feasible: NDArray[np.bool_]
 
 

@@ -101,7 +101,7 @@ def _scene(store: Store, named: str, folder: Path) -> str:
     if not isinstance(store.address, Path):
         raise StoreError(
             f"the scene '{named}' is stored in {store.address} only; copy the store to a folder "
-            "and analyse it there, so that the sweep file can name the scene"
+            "and analyze it there, so that the sweep file can name the scene"
         )
     manifest = next(store.scene_folder.rglob(_MANIFEST), None)
     model = store.scene_folder / store.manifest.sweep.scene_model

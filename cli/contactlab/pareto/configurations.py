@@ -24,7 +24,7 @@ from contactlab.shares import wilson
 from contactlab.store.finished_store import Store
 from contactlab.store.run_columns import CodedColumn, RunColumns
 
-_UNCHANGED = 1.01  # ratio of errors within which a knob counts as idle
+_UNCHANGED = 1.01  # ratio of errors within which a knob counts as insensitive
 
 STABLE = "stable"
 
@@ -249,7 +249,7 @@ def _figures(
     times = groups.parts(runs.numbers[criteria.time.name][groups.order])
     error = criteria.error
     sizes = magnitudes(runs.numbers, groups.order, error.name)
-    is_estimated = error.kind == "discretisation"
+    is_estimated = error.kind == "discretization"
     none = [None] * len(groups.starts)
     estimates = _largest(runs, groups, ESTIMATES[error.name]) if is_estimated else none
     columns = zip(
@@ -371,26 +371,26 @@ def _excess(name: str, worst: float | None, tolerance: float) -> str:
     return f"{name} reaches {worst:.3g} of {tolerance:.3g}"
 
 
-def idle_knobs(evaluated: Sequence[Evaluated]) -> list[str]:
+def find_insensitive_knobs(evaluated: Sequence[Evaluated]) -> list[str]:
     """Return the knobs that change no error by more than 1 %, and no label, all else equal."""
     known = any(configuration.summary.error is not None for configuration in evaluated)
     names = list(evaluated[0].values) if known else []
-    return [name for name in names if _is_idle(evaluated, name)]
+    return [name for name in names if _is_insensitive(evaluated, name)]
 
 
-def with_one_idle_value(
-    evaluated: Sequence[Evaluated], idle: Sequence[str], chosen: Evaluated | None
+def fix_insensitive_knobs(
+    evaluated: Sequence[Evaluated], insensitive: Sequence[str], chosen: Evaluated | None
 ) -> list[Evaluated]:
-    """Return the configurations with one value of each idle knob: the chosen's, or the first."""
+    """Return the configurations with one value of each insensitive knob."""
     alike = (chosen or evaluated[0]).values
     return [
         configuration
         for configuration in evaluated
-        if all(configuration.values[name] == alike[name] for name in idle)
+        if all(configuration.values[name] == alike[name] for name in insensitive)
     ]
 
 
-def _is_idle(evaluated: Sequence[Evaluated], name: str) -> bool:
+def _is_insensitive(evaluated: Sequence[Evaluated], name: str) -> bool:
     alike: dict[tuple[Setting, ...], list[Evaluated]] = {}
     for configuration in evaluated:
         others = tuple(value for key, value in configuration.values.items() if key != name)

@@ -97,10 +97,10 @@ _NUMERICS = {
 }
 
 
-def methods(evaluated: Sequence[Evaluated], *, is_modelling: bool) -> list[Method]:
+def methods(evaluated: Sequence[Evaluated], *, is_modeling: bool) -> list[Method]:
     """Return the methods, in the order of their first configurations.
 
-    They may have a floor if the error is against anything but the model itself: if `is_modelling`.
+    They may have a floor if the error is against anything but the model itself: if `is_modeling`.
     """
     members: dict[MethodKey, list[Evaluated]] = {}
     for configuration in evaluated:
@@ -110,7 +110,7 @@ def methods(evaluated: Sequence[Evaluated], *, is_modelling: bool) -> list[Metho
     # Methods that differ by integrator or solver alone converge to the same solution, and have
     # the least floor of any of them.
     least: dict[MethodKey, float] = {}
-    for key, family in members.items() if is_modelling else ():
+    for key, family in members.items() if is_modeling else ():
         floors[key] = floor = find_floor(_steps(family))
         if floor is not None:
             least[_physics(key)] = min(floor.error, least.get(_physics(key), np.inf))

@@ -1,4 +1,4 @@
-"""Which columns of a store stand for accuracy and cost, and within which tolerances."""
+"""The columns of a store that measure accuracy and time, and their tolerances."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,17 +13,17 @@ from contactlab.schema.tradeoff_report import REALITY, ErrorMeasure, TimeMeasure
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import Address, parse_address
 
-MODELLING = "oracle_error"
+MODELING = "oracle_error"
 TIMED = "time_median"
 RECORDED = "cost_cpu_per_sim_s"
 
 
 @dataclass(frozen=True)
 class Criteria:
-    """Criteria by which a configuration is accurate enough."""
+    """The metric of accuracy, and the tolerances."""
 
-    # The column that stands for accuracy; None for what the tolerances name.
-    error: str | None = None
+    # The metric of accuracy; None to take the first error that has a tolerance.
+    metric: str | None = None
     # Metric to largest magnitude, over those of the sweep.
     tolerances: Mapping[str, float] = field(default_factory=dict[str, float])
 
@@ -35,13 +35,13 @@ def find_store(source: str, target: Address | None = None) -> Address | None:
     if isinstance(address, Path) and not is_folder:
         return None
     if target is not None:
-        what = "folder" if is_folder else "store"
-        raise SweepFileError(f"{address} is a {what}; -o names the store of a sweep")
+        kind = "folder" if is_folder else "store"
+        raise SweepFileError(f"{address} is a {kind}; -o is the store of a sweep")
     return address
 
 
 def tolerances_of(store: Store, criteria: Criteria) -> dict[str, float]:
-    """Return the sweep's tolerances and the criteria's; a SweepFileError if one is of no number."""
+    """Return all tolerances; a SweepFileError says that a column is not numeric."""
     sweep = Sweep.model_validate(store.manifest.sweep.resolved)
     tolerances = {**sweep.tolerances, **criteria.tolerances}
     for name in tolerances:
@@ -57,30 +57,30 @@ def error_measure(
     Raises a SweepFileError if the store has no such column; a StoreError if no run has a value of
     it, or of any error, though not every run failed.
     """
-    if criteria.error is not None:
-        _check_number(store, criteria.error)
-    name = criteria.error or chosen_error(tolerances) or _measured_error(store, tolerances)
+    if criteria.metric is not None:
+        _check_number(store, criteria.metric)
+    name = criteria.metric or find_error_metric(tolerances) or _measured_error(store, tolerances)
     if not _is_measured(store, name) and not _all_failed(store):
         hint = "; sweep with `accuracy: {error: auto}`" if name in ERRORS else ""
         raise StoreError(f"no run in {store.address} has a value of {name}{hint}")
     described = store.columns.described.get(name)
-    # What the errors measure is the same for all runs of a sweep.
+    # All runs of a sweep have the same kind of error.
     kinds = store.columns.coded("error_kind").values if name in ERRORS else ()
     asked = Sweep.model_validate(store.manifest.sweep.resolved).accuracy
-    modelling = "modelling" if name == MODELLING else "metric"
+    modeling = "modeling" if name == MODELING else "metric"
     return ErrorMeasure(
         name=name,
         unit=described.unit if described else "",
-        kind="discretisation" if name in ERRORS else modelling,
+        kind="discretization" if name in ERRORS else modeling,
         against=next(filter(None, kinds), None),
         reference=asked.against if name in ERRORS and asked else "own",
         resolution=described.resolution if described else 0.0,
     )
 
 
-def chosen_error(names: Sequence[str] | Mapping[str, float]) -> str | None:
-    """Return the first of these names that is an error against what is true."""
-    return next((name for name in names if name in {*ERRORS, MODELLING, REALITY}), None)
+def find_error_metric(names: Sequence[str] | Mapping[str, float]) -> str | None:
+    """Return the first of these names that is an error against a reference."""
+    return next((name for name in names if name in {*ERRORS, MODELING, REALITY}), None)
 
 
 def time_measure(store: Store) -> TimeMeasure:
@@ -88,20 +88,20 @@ def time_measure(store: Store) -> TimeMeasure:
     if not _is_measured(store, TIMED):
         return TimeMeasure(name=RECORDED, source="recording", spread=None)
     middle, least = (store.columns.numbers(name).values for name in (TIMED, "time_min"))
-    # What was timed in one round says nothing of their spread.
+    # One round has no spread.
     timed = np.isfinite(middle) & (least > 0) & (middle > least)
     spread = float(np.median(middle[timed] / least[timed] - 1)) if timed.any() else None
     return TimeMeasure(name=TIMED, source="timing", spread=spread)
 
 
 def _measured_error(store: Store, tolerances: Mapping[str, float]) -> str:
-    candidates = (ERRORS[0], MODELLING, REALITY, *tolerances)
+    candidates = (ERRORS[0], MODELING, REALITY, *tolerances)
     other = ERRORS[0] if _all_failed(store) else None
     measured = next((name for name in candidates if _is_measured(store, name)), other)
     if measured is None:
         raise StoreError(
             f"{store.address} has neither an error nor a tolerated metric; sweep with "
-            "`accuracy: {error: auto}`, or name a metric with --error"
+            "`accuracy: {error: auto}`, or name a metric with --metric"
         )
     return measured
 

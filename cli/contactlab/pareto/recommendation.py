@@ -1,4 +1,4 @@
-"""Pareto fronts of time and error, which configuration to use, and that in sentences."""
+"""Pareto fronts of time and error, the recommended configuration, and their sentences."""
 
 from collections.abc import Iterable, Sequence
 
@@ -15,7 +15,7 @@ def pareto_front(time: Floats, error: Floats) -> list[int]:
     """Return the indices of the Pareto front of points, time (n,) and error (n,), cheapest first.
 
     A point dominates another if it is no worse in both, and better in one; equal points do not
-    dominate each other. A point without time or error, which is NaN, is on no front.
+    dominate each other. A point without time or error (NaN) is not on a front.
     """
     known = np.flatnonzero(np.isfinite(time) & np.isfinite(error))
     order = known[np.lexsort((error[known], time[known]))]
@@ -67,7 +67,7 @@ def equally_fast(
 
 
 def places_of_models(configurations: Sequence[Configuration]) -> list[int]:
-    """Return which configurations are of the engine that models are for; all, if none names it."""
+    """Return the configurations of MuJoCo; all of them if none names an engine."""
     engines = [configuration.configuration.get("engine") for configuration in configurations]
     own = [place for place, engine in enumerate(engines) if engine == MODEL_ENGINE]
     return own or [*range(len(engines))]
@@ -115,7 +115,7 @@ def setting_text(value: Setting) -> str:
 
 
 def robust_text(report: TradeoffReport) -> str:
-    """Return what a margin to every tolerance costs; empty without tolerances."""
+    """Return the time that a margin to every tolerance costs; empty without tolerances."""
     if not report.tolerances or report.recommendation is None:
         return ""
     if report.robust is None:
@@ -124,21 +124,21 @@ def robust_text(report: TradeoffReport) -> str:
         return f"It keeps a margin of {SAFE_MARGIN} to every tolerance."
     ratio = report.robust.time / report.recommendation.time
     values = settings_text(report.robust.configuration, report.varying) or "as in the sweep"
-    return f"A margin of {SAFE_MARGIN} to every tolerance costs {ratio:.3g} x the time: {values}."
+    return f"A margin of {SAFE_MARGIN} to every tolerance costs x{ratio:.3g} time: {values}."
 
 
 def next_step_text(report: TradeoffReport) -> str:
-    """Return what more time buys; empty where no feasible configuration is more accurate."""
+    """Return the gain from more time; empty if no feasible configuration is more accurate."""
     after = report.next_step
     if after is None:
         return ""
-    gain = "no error" if after.error_ratio is None else f"{after.error_ratio:.3g} x less error"
+    gain = "no error" if after.error_ratio is None else f"{after.error_ratio:.3g}x less error"
     values = settings_text(after.configuration, report.varying) or "as in the sweep"
-    return f"{after.time_ratio:.3g} x the time buys {gain}: {values}."
+    return f"x{after.time_ratio:.3g} time gives {gain}: {values}."
 
 
 def blocker_texts(report: TradeoffReport) -> list[str]:
-    """Return what rules out how many configurations, the most frequent first."""
+    """Return each reason and how many configurations it rules out, the most frequent first."""
     return [
         f"{blocker.kind} {blocker.name} rules out {blocker.configurations} configurations"
         + ("" if blocker.best is None else f"; the best has {blocker.best:.3g}")

@@ -41,7 +41,9 @@ class ChartData:
 
     frame: ChartFrame
     methods: list[str]  # names of the methods with a colour, with their letters; the best first
-    points: list[Row]  # one per configuration, of idle knobs with the recommendation's value alone
+    points: list[
+        Row
+    ]  # one per configuration, of insensitive knobs with the recommendation's value alone
     front: list[Row]  # the feasible Pareto front, cheapest first
     floors: list[Row]  # one per coloured method with a floor
 
@@ -197,7 +199,7 @@ def _above(error: float | None, frame: ChartFrame) -> float:
 def _chosen(values: Settings, report: TradeoffReport) -> str:
     """Return the words at the model as written and at recommended ones; empty at others."""
     words = [NOW] if report.baseline and report.baseline.configuration == values else []
-    knobs = [name for name in report.knobs if name not in report.idle]
+    knobs = [name for name in report.knobs if name not in report.insensitive_knobs]
     for word, pick in ((RECOMMENDED, report.recommendation), (ROBUST, report.robust)):
         if pick and all(pick.configuration[name] == values[name] for name in knobs):
             words.append(word)
@@ -284,7 +286,10 @@ def _axes(report: TradeoffReport, shown: ChartData) -> tuple[alt.X, alt.Y]:
     y = alt.Y("error:Q").scale(type="log", domain=shown.frame.error, nice=False)
     return (
         x.axis(title=f"CPU seconds per simulated second{source}", format="~g"),
-        y.axis(title=f"{report.error.name}{unit}, worst of {report.cases} runs", labelExpr=_SHORT),
+        y.axis(
+            title=f"{report.error.name}{unit}, worst of {report.runs_per_configuration} runs",
+            labelExpr=_SHORT,
+        ),
     )
 
 
@@ -350,7 +355,7 @@ def _title(report: TradeoffReport) -> alt.TitleParams:
         subtitle=[
             f"{held} configurations are feasible; grey line: their Pareto front;",
             "filled: within every tolerance; hollow: beyond one; cross: failed, or off the chart;",
-            "arrow: upper bound; dotted: modelling error; bar: down to the least of its runs",
+            "arrow: upper bound; dotted: modeling error; bar: down to the least of its runs",
         ],
         fontSize=15,
     )

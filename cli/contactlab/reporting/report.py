@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from contactlab.errors import StoreError
-from contactlab.pareto.analysis import ToleranceTable, analyse, tolerance_table
+from contactlab.pareto.analysis import ToleranceTable, analyze, tolerance_table
 from contactlab.pareto.criteria import Criteria
 from contactlab.reporting.boundaries import Boundaries, boundaries
 from contactlab.reporting.map_axes import MapAxes, axes_named, most_informative_axes
@@ -81,9 +81,9 @@ def read_report_data(store: Store, criteria: Criteria = DEFAULT_CRITERIA) -> Rep
     axes, labels = read_axes(store), read_run_labels(store)
     report, reason = None, ""
     try:
-        report = analyse(store, criteria)
+        report = analyze(store, criteria)
     except StoreError as error:
-        if criteria.error is not None:
+        if criteria.metric is not None:
             raise
         reason = str(error)
     map_axes, quantities = most_informative_axes(axes, labels), Quantities.of(store.columns)

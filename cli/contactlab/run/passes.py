@@ -14,7 +14,7 @@ from contactlab.accuracy.timing import Groups, InterleavedTimer, timings
 from contactlab.engines import engine_of
 from contactlab.engines.engine import SimulationEngine, SolvesReferences, TimesSteps
 from contactlab.errors import OutputError
-from contactlab.pareto.criteria import MODELLING, chosen_error
+from contactlab.pareto.criteria import MODELING, find_error_metric
 from contactlab.run.planned_runs import RunIndex, pack_jobs, reference_models
 from contactlab.run.run_verdicts import within_tolerances
 from contactlab.run.tasks import (
@@ -66,7 +66,7 @@ class SweepSession:
     def outcomes(self) -> dict[str, Row]:
         """Results of rows that later passes need, by run id, without errors."""
         tolerances = self.task.sweep.tolerances.keys() - set(ERRORS)
-        names = ("status", "label", "controls", MODELLING, *tolerances)
+        names = ("status", "label", "controls", MODELING, *tolerances)
         return {row["run_id"]: {name: row.get(name) for name in names} for row in self.store.rows()}
 
     @cached_property
@@ -201,7 +201,7 @@ class _Contenders:
         self, session: SweepSession, timed: Sequence[RunSpec], errors: Mapping[str, Row]
     ) -> None:
         sweep, limits = session.task.sweep, session.task.sweep.tolerances
-        name = chosen_error(limits) or (ERRORS[0] if sweep.accuracy else MODELLING)
+        name = find_error_metric(limits) or (ERRORS[0] if sweep.accuracy else MODELING)
         every, own = defaultdict[object, list[str]](list), defaultdict[object, list[str]](list)
         for planned, found in ((session.planned, every), (timed, own)):
             for run in planned:

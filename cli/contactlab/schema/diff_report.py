@@ -7,17 +7,17 @@ from contactlab.schema.strict_model import Model, about
 
 
 class Difference(Model):
-    """A quantity that two models do not have alike."""
+    """A quantity that differs between two models."""
 
     kind: str = about("body, joint, geom, tendon, actuator, equality, pair, exclude, filter, ...")
-    name: str = about("Of the part, in the first model if it has it; empty for the whole model.")
-    quantity: str = about("In MJCF's word, where it has one.")
-    before: str = about("In the first model, SI units; empty if the part is not there.")
-    after: str = about("In the second.")
-    unit: str = about("Of both.", default="")
-    share: float | None = about(
-        "Size of the change over that of the larger value; of places over a length, of turns in "
-        "radians. Null where it has no size: that counts always."
+    name: str = about("Name of the part in the first model, if it is there; empty for the model.")
+    quantity: str = about("The name in MJCF, if there is one.")
+    before: str = about("Value in the first model, SI units; empty without the part.")
+    after: str = about("Value in the second model.")
+    unit: str = about("Unit of both.", default="")
+    relative_change: float | None = about(
+        "Change over the larger value; of positions over a length, of rotations in radians. Null "
+        "if the change has no size; then it always counts."
     )
 
     @property
@@ -29,17 +29,17 @@ class Difference(Model):
             return f"{of} is new: {self.quantity} {self.after}{unit}".rstrip()
         if not self.after:
             return f"{of} is gone: {self.quantity} {self.before}{unit}".rstrip()
-        size = "" if self.share is None else f" ({100 * self.share:.2g} %)"
+        size = "" if self.relative_change is None else f" ({100 * self.relative_change:.2g} %)"
         return f"{of}: {self.quantity} {self.before} -> {self.after}{unit}{size}"
 
 
 class MotionChange(Model):
-    """Change in motion for one second of the first model's task, as a backward error."""
+    """Change in motion for one second of the first model's task."""
 
     task: str = about("The task, in a line.")
-    share: float = about(
-        "Phantom forces under which the second model would have the first one's motion, over the "
-        "real ones, in the worst body.",
+    error: float = about(
+        "Residual force that the second model needs for the motion of the first, as a share of the "
+        "real forces, in the worst body.",
         unit="1",
         better="none",
     )
@@ -48,35 +48,36 @@ class MotionChange(Model):
 
 
 class DiffReport(Model):
-    """What two models do not have alike (`diff --format json`)."""
+    """Differences of two models (`diff --format json`)."""
 
-    diff_version: Literal[1] = 1
+    diff_version: Literal[2] = 2
     mujoco: str = about("The version that compiled both.")
     before: str = about("The first model, as given.")
     after: str = about("The second.")
-    within: float = about("Share up to which quantities are alike.", unit="1", better="none")
-    matched: dict[str, int] = about("How many parts of a kind are in both.")
+    tolerance: float = about(
+        "Relative change up to which quantities are equal.", unit="1", better="none"
+    )
+    matched: dict[str, int] = about("Number of parts in both models, by kind.")
     differences: tuple[Difference, ...]
-    motion: MotionChange | None = about("Null where it was not measured.", default=None)
-    unmoved: str = about("Why it was not.", default="")
+    motion: MotionChange | None = about("Null if it was not measured.", default=None)
+    no_motion_reason: str = about("Why it was not measured.", default="")
 
     @property
     def headline(self) -> str:
         """The result in a sentence."""
         count = len(self.differences)
-        found = f"{count} difference{'' if count == 1 else 's'}" if count else "no difference"
+        counted = f"{count} difference{'' if count == 1 else 's'}" if count else "no difference"
         one, other = (Path(model).name for model in (self.before, self.after))
         which = f" between {one} and {other}" if one != other else ""
-        return f"{found}{which} beyond {100 * self.within:g} %"
+        return f"{counted}{which} above {100 * self.tolerance:g} %"
 
     @property
     def last_line(self) -> str:
         """The change in motion in words."""
         if self.motion is None:
-            return f"motion: {self.unmoved}"
+            return f"motion: {self.no_motion_reason}"
         return (
-            f"motion: in windows of {1e3 * self.motion.window:.0f} ms of one second, the second "
-            f"moves as the first would under phantom forces of {100 * self.motion.share:.2g} % "
-            f"of the real ones, in the worst body, {self.motion.body} (backward error; "
-            f"{self.motion.task})"
+            f"motion: the second model needs a residual force of {100 * self.motion.error:.2g} % of "
+            f"the real forces to move as the first, in the worst body, {self.motion.body} (windows of "
+            f"{1e3 * self.motion.window:.0f} ms of one second; {self.motion.task})"
         )

@@ -1,4 +1,6 @@
-"""The report of `contactlab engines panel`: engines beside closed forms."""
+"""The report of `contactlab engines panel`: engines against closed forms."""
+
+from typing import Literal
 
 from contactlab.schema.strict_model import Model, about
 
@@ -8,17 +10,16 @@ class PanelRun(Model):
 
     task: str
     engine: str
-    step: float = about(
-        "Timestep; of engines that choose their own, of what is recorded.", unit="s"
-    )
-    accuracy: float | None = about("Of the error control; null where there is none.")
+    step: float = about("Timestep; if the engine chooses its own, that of the recording.", unit="s")
+    accuracy: float | None = about("Accuracy of the error control; null without one.")
     error: float | None = about(
-        "Off the closed form: relative, or in SI units where that is 0; null if a run failed."
+        "Difference from the closed form: relative, or in SI units if that is 0; null if the run "
+        "failed."
     )
-    energy: float | None = about("Gained or lost over what there was.", unit="1")
+    energy: float | None = about("Gained or lost energy over the initial energy.", unit="1")
     depth: float | None = about("Deepest contact.", unit="m")
     cost: float | None = about("CPU time of stepping alone, for a second of the task.", unit="s")
-    label: str = about("Of the run, or why it failed.")
+    label: str = about("Label of the run, or why it failed.")
 
 
 class PanelTask(Model):
@@ -26,13 +27,16 @@ class PanelTask(Model):
 
     name: str
     description: str
-    measure: str = about("What the error is of.")
+    measure: str = about("The quantity of the error.")
 
 
 class EnginePanel(Model):
-    """Every engine that is here on tasks with a closed form, at three steps or accuracies."""
+    """Every installed engine on tasks with a closed form, at three steps or accuracies."""
 
+    panel_version: Literal[2] = 2
     engines: dict[str, str] = about("Versions by name.")
     tasks: tuple[PanelTask, ...]
     runs: tuple[PanelRun, ...]
-    left_out: tuple[str, ...] = about("Engines that cannot do a task, or are not here, and why.")
+    skipped: tuple[str, ...] = about(
+        "Engines that cannot simulate a task, or are not installed, and why."
+    )

@@ -5,13 +5,14 @@ from typing import Literal
 from contactlab.schema.evidence import Setting
 from contactlab.schema.strict_model import Model, about
 
-GradientWord = Literal["agrees", "differs", "vanishes", "explodes", "unknown"]
-GRADIENT_WORDS: dict[GradientWord, str] = {
-    "agrees": "within the tolerance of the model's",
-    "differs": "beyond the tolerance of the model's",
-    "vanishes": "less than a hundredth of the model's",
-    "explodes": "more than ten times the model's",
-    "unknown": "the model's is not known to half of itself: a switch is near, or steps scatter",
+GradientVerdict = Literal["agrees", "differs", "vanishes", "explodes", "unknown"]
+GRADIENT_VERDICTS: dict[GradientVerdict, str] = {
+    "agrees": "within the tolerance of the model's derivative",
+    "differs": "beyond the tolerance of the model's derivative",
+    "vanishes": "less than a hundredth of the model's derivative",
+    "explodes": "more than ten times the model's derivative",
+    "unknown": "the model's derivative is uncertain by more than half: a mode switch is near, or "
+    "steps scatter",
 }
 
 
@@ -19,29 +20,32 @@ class Difference(Model):
     """A derivative by finite differences."""
 
     value: float | None = about("Null if no run gave one.")
-    bound: float | None = about("On its error; null if there is none.")
-    span: float | None = about("Of the wider of the two differences that gave it, either way.")
+    bound: float | None = about("Bound on its error; null if there is none.")
+    span: float | None = about("Half-width of the wider of the two differences behind it.")
 
 
 class LadderRung(Model):
     """A plain central difference."""
 
     step: float = about("Timestep of the runs.", unit="s")
-    span: float = about("Either way, in the parameter's unit.")
+    span: float = about("Half-width, in the parameter's unit.")
     value: float | None = about("Null if a run failed.")
 
 
-class GradientBy(Model):
-    """The derivative of the end with respect to one parameter, at one place."""
+class GradientInput(Model):
+    """The derivative of the output coordinate with respect to one input, at one place."""
 
-    at: float = about("The parameter, in its own unit.")
-    model: Difference = about("Of the model: spans of many steps, at the finest step.")
-    run: Difference = about("Of the run at its own step: spans of less than a step.")
-    told: dict[str, float | None] = about(
-        "Of the run by other means: `chain`, MuJoCo's mjd_transitionFD step by step; `mjx`, "
-        "automatic differentiation, `mjx-adaptive` by substeps. Null where it has none."
+    value: float = about("Value of the input, in its own unit.")
+    model: Difference = about("Derivative of the model: over many steps, at the finest step.")
+    run: Difference = about("Derivative of the run at its own step: spans of less than a step.")
+    methods: dict[str, float | None] = about(
+        "Derivative of the run by other methods: `chain`, MuJoCo's mjd_transitionFD step by step; "
+        "`mjx`, automatic differentiation; `mjx-adaptive`, the same by substeps. Null if a method "
+        "gives none."
     )
-    words: dict[str, GradientWord] = about("What `run` and the others are beside the model's.")
+    verdicts: dict[str, GradientVerdict] = about(
+        "Verdicts on `run` and the other methods, compared with the model's derivative."
+    )
     ladder: tuple[LadderRung, ...] = about("Every difference; empty on a map.")
 
 
@@ -49,37 +53,38 @@ class GradientPlace(Model):
     """One place: a setting of the scene."""
 
     settings: dict[str, Setting]
-    end: float | None = about("What is differentiated; null if the run failed.")
-    mode: str = about("What the pairs do one after the other: apart, stick, slide.")
-    by: dict[str, GradientBy] = about("By parameter.")
+    end: float | None = about("Value of the output coordinate; null if the run failed.")
+    mode: str = about("Modes of the pairs, in order: apart, stick, slide.")
+    inputs: dict[str, GradientInput] = about("By input.")
 
 
 class Band(Model):
     """Places of a map at which a derivative cannot be used."""
 
     parameter: str
-    means: str = about("`run`, or another means.")
-    counts: dict[str, int] = about("Places by word.")
-    share: float = about("Of places at which it does not agree.", unit="1")
+    method: str = about("`run`, or another method.")
+    counts: dict[str, int] = about("Places by verdict.")
+    share: float = about("Share of places at which it does not agree.", unit="1")
     widths: dict[str, float] = about(
-        "By axis, in its unit: mean over the lines along it, of the stretch that does not agree."
+        "By axis, in its unit: mean length along that axis over which it does not agree."
     )
 
 
 class GradientsReport(Model):
     """Where derivatives of a scene's end state can be trusted."""
 
-    source: str = about("The scene or sweep, as it was named.")
+    gradients_version: Literal[2] = 2
+    source: str = about("The scene or sweep, as given.")
     scene: str
     scene_hash: str
     mujoco: str = about("Version of MuJoCo.")
-    engines: dict[str, str] = about("Versions of the others that were asked.")
-    of: str = about("The coordinate whose end is differentiated.")
-    duration: float = about("Of a run.", unit="s")
-    steps: tuple[float, ...] = about("Timesteps: the scene's own, and halved.", unit="s")
-    tolerance: float = about("Share of the model's derivative that may be missing.", unit="1")
+    engines: dict[str, str] = about("Versions of the other engines.")
+    output_coordinate: str = about("The coordinate whose end value is differentiated.")
+    duration: float = about("Duration of a run.", unit="s")
+    steps: tuple[float, ...] = about("Timesteps: the scene's own, and the finest.", unit="s")
+    tolerance: float = about("Largest missing share of the model's derivative.", unit="1")
     axes: dict[str, tuple[float, ...]] = about("Of the map, the slowest first; none for one place.")
     places: tuple[GradientPlace, ...] = about("In the order of the axes.")
     bands: tuple[Band, ...] = about("Empty for one place.")
-    switches: int = about("Neighbours on the map of different modes.")
+    mode_switches: int = about("Neighbors on the map with different modes.")
     notes: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""The report of `contactlab grip`: whether a gripper holds, and why not."""
+"""The report of `contactlab grip`: whether a gripper holds an object, and why not."""
 
 from typing import Literal
 
@@ -6,54 +6,59 @@ from contactlab.schema.error_budget import BudgetPrice
 from contactlab.schema.evidence import Setting
 from contactlab.schema.strict_model import Model, about
 
-GripWord = Literal["holds", "creeps", "drops"]
+GripVerdict = Literal["holds", "creeps", "drops"]
 GripTrend = Literal["still", "steady", "fading", "growing", "uneven", "lost"]
 CauseKind = Literal[
-    "regularised friction", "Coulomb's limit", "weak squeeze", "sinking in", "shape", "unknown"
+    "regularized friction",
+    "Coulomb's limit",
+    "weak squeeze",
+    "deep penetration",
+    "shape",
+    "unknown",
 ]
 
 
 class GripControl(Model):
-    """A control, and what its actuator gives while the object is held."""
+    """A control, and the force of its actuator while the object is held."""
 
     name: str = about("The actuator.")
-    opened: float | None = about("Control that opens; null for a keyframe.")
-    closed: float = about("Control that closes, as it is held.")
+    open_control: float | None = about("Control that opens; null for a keyframe.")
+    closed_control: float = about("Control that closes, as it is held.")
     force: float = about("Force of the actuator, in its own unit.")
-    limit: float | None = about("The most that it can give, in its own unit; null if none is set.")
+    limit: float | None = about("Largest force of the actuator; null if none is set.")
 
 
 class GripFinger(Model):
-    """A finger, and how hard it presses."""
+    """A finger, and its force on the object."""
 
     body: str = about("Its first body.")
     force: float = about("Sum of the normal forces of its contacts.", unit="N")
 
 
 class GripDrift(Model):
-    """How the object moves in the hand under its weight in one direction."""
+    """Motion of the object in the hand under its weight in one direction."""
 
-    name: str = about("Where the weight pulls.")
-    seconds: float = about("How long it was watched.", unit="s")
+    name: str = about("Direction of the weight.")
+    seconds: float = about("Duration of the run.", unit="s")
     speeds: tuple[float | None, ...] = about("Mean speeds in quarters of the run.", unit="m/s")
-    trend: GripTrend = about("Of the last three of these.")
+    trend: GripTrend = about("Trend of the last three of these.")
     speed: float | None = about(
-        "In the last quarter; if it fades, mean over ten seconds to come; if it is uneven, mean of "
-        "all quarters but the first; null once it is lost.",
+        "Speed in the last quarter; if it fades, mean over the next ten seconds; if it is uneven, "
+        "mean of all quarters except the first; null once the object is lost.",
         unit="m/s",
     )
-    lost: float | None = about("When the pads no longer cover it; null if never.", unit="s")
+    lost_after: float | None = about("When the pads no longer cover it; null if never.", unit="s")
 
 
 class GripTrial(Model):
-    """How far the object was from its place."""
+    """Displacement of the object under a changing load."""
 
-    way: float | None = about("The farthest; null if it is not finite.", unit="m")
+    distance: float | None = about("Largest displacement; null if it is not finite.", unit="m")
     lost: bool
 
 
 class GripPull(Model):
-    """What the fingers hold against a pull, where they hold least."""
+    """Largest pull that the fingers hold, in the direction in which they hold least."""
 
     direction: str
     force: float = about("Largest force of the contacts against it.", unit="N")
@@ -61,12 +66,12 @@ class GripPull(Model):
 
 
 class GripPlacement(Model):
-    """The same measure with the object elsewhere, or of another size."""
+    """The same measures with the object elsewhere, or of another size."""
 
     name: str
-    force: float = about("Of the finger that presses least, of those that do.", unit="N")
-    speed: float | None = about("Of the worst direction; null if it is lost.", unit="m/s")
-    verdict: GripWord
+    force: float = about("Force of the finger that presses least, of those that press.", unit="N")
+    speed: float | None = about("Speed in the worst direction; null if it is lost.", unit="m/s")
+    verdict: GripVerdict
 
 
 class GripCause(Model):
@@ -76,46 +81,47 @@ class GripCause(Model):
     sentence: str
 
 
-class GripRemedy(Model):
-    """A change that was run: closed on the object, and loaded in all directions."""
+class GripFix(Model):
+    """A change that was tested: closed on the object, and loaded in all directions."""
 
     name: str
-    options: dict[str, Setting] = about("The settings that it changes; none for a control.")
-    speed: float | None = about("Of the worst direction; null if it is lost.", unit="m/s")
-    verdict: GripWord
+    options: dict[str, Setting] = about("The changed settings; none for a control.")
+    speed: float | None = about("Speed in the worst direction; null if it is lost.", unit="m/s")
+    verdict: GripVerdict
     worse: bool = about("Whether the object moves faster than as written.")
-    price: BudgetPrice | None = about("Time with it over time without; null if unknown.")
-    lines: tuple[str, ...] = about("The lines of the model's files, each after FILE:LINE.")
-    unwritten: str = about("Why there are no lines.", default="")
+    time_ratio: BudgetPrice | None = about("Time with it over time without; null if unknown.")
+    lines: tuple[str, ...] = about("Changed lines of the model files, each after FILE:LINE.")
+    no_patch_reason: str = about("Why there are no lines.", default="")
 
 
 class GripReport(Model):
     """Whether a gripper holds an object, measured by closing it with its own actuators."""
 
-    model: str = about("The scene or model, as it was named.")
+    grip_version: Literal[2] = 2
+    model: str = about("The scene or model, as given.")
     mujoco: str = about("Version of MuJoCo.")
-    keyframe: str | None = about("The keyframe that was judged; null on a bench.")
-    verdict: GripWord
-    sentence: str = about("The verdict: how fast, where to, when it is lost, why, what helps.")
-    within: float = about("Speed from which it creeps.", unit="m/s")
-    held: str = about("The object.")
-    base: str = about("The body that carries the fingers, in whose frame all is measured.")
+    keyframe: str | None = about("The judged keyframe; null if the hand was mounted and closed.")
+    verdict: GripVerdict
+    sentence: str = about("The verdict with speed, direction, time of loss, cause and fix.")
+    tolerance: float = about("Speed above which the object creeps.", unit="m/s")
+    object: str = about("The object.")
+    base: str = about("The body that carries the fingers. Motion is measured in its frame.")
     opening: float | None = about("Largest clearance of the fingers.", unit="m")
     controls: tuple[GripControl, ...]
     fingers: tuple[GripFinger, ...]
-    depth: float = about("Of the deepest contact with the object.", unit="m")
+    depth: float = about("Depth of the deepest contact with the object.", unit="m")
     depth_share: float = about("That depth over half of the object's width.", unit="1")
-    weight: float = about("Of the object.", unit="N")
-    drifts: tuple[GripDrift, ...] = about("Without a further load first.")
+    weight: float = about("Weight of the object.", unit="N")
+    drifts: tuple[GripDrift, ...] = about("The first is without a further load.")
     shake: GripTrial = about("A circle of 5 m/s2 at 5 Hz for a second.")
     turn: GripTrial = about("A full turn of gravity in two seconds.")
     pull: GripPull
     placements: tuple[GripPlacement, ...] = about("Empty for a keyframe.")
     causes: tuple[GripCause, ...]
-    remedies: tuple[GripRemedy, ...] = about("What holds comes first, the cheapest leading.")
+    fixes: tuple[GripFix, ...] = about("Fixes that hold come first, the fastest leading.")
     notes: tuple[str, ...] = ()
 
     @property
     def holds(self) -> bool:
-        """True if the object stays."""
+        """True if the object does not creep or drop."""
         return self.verdict == "holds"

@@ -7,12 +7,12 @@ from contactlab.schema.strict_model import Model, about
 
 
 class LintReport(Model):
-    """What is wrong with models before anything runs (`lint --format json`)."""
+    """Faults of model files (`lint --format json`)."""
 
     lint_version: Literal[1] = 1
     mujoco: str = about("The version that compiled them.")
-    models: tuple[str, ...] = about("The files that were looked at.")
-    skipped: tuple[str, ...] = about("Files that hold no model.", default=())
+    models: tuple[str, ...] = about("The linted files.")
+    skipped: tuple[str, ...] = about("Files without a model.", default=())
     findings: tuple[PlacedFinding, ...] = about("By model and line; ignored ones have a waiver.")
 
     @property

@@ -1,4 +1,4 @@
-"""The report of `contactlab effects MODEL`: what each feature and part of a model is worth."""
+"""The report of `contactlab effects MODEL`: the influence of each feature and part of a model."""
 
 from typing import Literal
 
@@ -6,48 +6,48 @@ from contactlab.schema.error_budget import BudgetPrice
 from contactlab.schema.strict_model import Model, about
 from contactlab.schema.task import Task
 
-PARTS_VERSION = 1
+PARTS_VERSION = 2
 REPORT = "parts.json"
 
 PartKind = Literal["feature", "geom", "pair", "limit", "tendon", "actuator"]
-Worth = Literal[
-    "provably unused",
-    "unused in this task, kept",
-    "below the tolerance",
-    "needed",
-    "not measured, kept",
-]
+PartVerdict = Literal["unused", "not exercised", "below the tolerance", "needed", "not measured"]
 
 
-class PartWorth(Model):
-    """One feature or part, left out of the model as written."""
+class PartEffect(Model):
+    """The model as written without one feature or part."""
 
     kind: PartKind
     name: str
-    worth: Worth
-    exercised: bool = about("Whether any step of the task, of it tilted or doubled, uses it.")
-    share: float | None = about(
-        "Largest share of the real forces by which the motion without it differs, of the worst "
-        "body; null if it is not exercised, or the engine gave up."
+    verdict: PartVerdict = about(
+        "unused: by proof; not exercised: no run uses it, so it is kept; below the tolerance: the "
+        "motion without it differs by less than the tolerance; needed: by more; not measured: the "
+        "time limit was reached."
     )
-    body: str = about("The worst; empty without a share.")
+    exercised: bool = about(
+        "Whether any step uses it: of the task, with gravity tilted, or with twice the inputs."
+    )
+    error: float | None = about(
+        "Difference of the motion without it, as a share of the real forces, of the worst body; "
+        "null if it is not exercised, or MuJoCo gave up."
+    )
+    body: str = about("The worst body; empty without an error.")
     phase: str
     time: float | None = about("When its worst window begins [s since the phase began].")
-    price: BudgetPrice | None = about("Time without it over time with it; null if not timed.")
-    reason: str = about("A proof, or why it is kept whatever it saves; else empty.")
+    time_ratio: BudgetPrice | None = about("Time without it over time with it; null if not timed.")
+    reason: str = about("A proof, or why it is kept whatever it saves; otherwise empty.")
 
 
 class PartsReport(Model):
-    """What each feature and part of a model is worth (`parts.json`). Units are SI."""
+    """The influence of each feature and part of a model (`parts.json`). Units are SI."""
 
-    parts_version: Literal[1] = PARTS_VERSION
+    parts_version: Literal[2] = PARTS_VERSION
     model: str = about("As given.")
     scene_hash: str
     mujoco: str
-    task: Task = about("What it is judged on, then with gravity tilted, then by twice its inputs.")
-    tilt: float = about("Of gravity in the other runs [degrees].")
-    within: float = about("The tolerance, a share.")
-    parts: tuple[PartWorth, ...]
-    twin: BudgetPrice | None = about("Time of the model beside itself: what noise is.")
-    ended: bool = about("Whether the time was over before all parts were measured.")
-    seconds: float = about("Wall time that it took.")
+    task: Task = about("The task, which is run as it is, tilted, and with twice its inputs.")
+    tilt: float = about("Tilt of gravity in the other runs [degrees].")
+    tolerance: float = about("The tolerance, a share of the real forces.")
+    parts: tuple[PartEffect, ...]
+    noise_floor: BudgetPrice | None = about("Time of the model over its own time: the noise.")
+    timed_out: bool = about("Whether the time limit was reached before all parts were measured.")
+    seconds: float = about("Wall time of the study.")

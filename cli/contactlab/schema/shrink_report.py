@@ -1,22 +1,25 @@
 """The report of `contactlab shrink`: the smallest model that fails as a stored run does."""
 
+from typing import Literal
+
 from contactlab.schema.strict_model import Model, about
 
 
 class ShrinkReport(Model):
-    """A model that fails as a run does, and what it was made of."""
+    """The smallest model that fails as a stored run does, compared with that run."""
 
+    shrink_version: Literal[2] = 2
     run: str = about("Id of the stored run.")
-    label: str = about("What both are labelled.")
-    bodies: tuple[str, ...] = about("Those that the label is of.", default=())
+    label: str = about("Label of both runs.")
+    bodies: tuple[str, ...] = about("Bodies that the label is about.", default=())
     reason: str = about("Why the label applies to the small model.")
     stored_reason: str = about("Why it applies to the stored run.")
-    before: dict[str, int] = about("Parts of the run's model by kind, those that only look apart.")
+    before: dict[str, int] = about("Parts of the run's model by kind, without visual ones.")
     after: dict[str, int] = about("Parts of the small model.")
-    begins: float = about("When in the stored run the small model's begins.", unit="s")
+    start_time: float = about("Time of the stored run at which the small run starts.", unit="s")
     duration: float = about("Simulated time of the small model's run.", unit="s")
-    stored_duration: float = about("That of the stored run.", unit="s")
-    tried: int = about("Models that were run.")
-    finished: bool = about("Whether every part was tried; false if the time ended first.")
-    seconds: float = about("How long it took.", unit="s")
+    stored_duration: float = about("Simulated time of the stored run.", unit="s")
+    models_run: int = about("Number of models that were run.")
+    finished: bool = about("Whether every part was tried; false if the time limit was reached.")
+    seconds: float = about("Wall time of the search.", unit="s")
     folder: str = about("Folder of model.xml, sweep.yaml and issue.md.")

@@ -1,4 +1,4 @@
-"""The report of `contactlab tradeoff`: what accuracy costs in time."""
+"""The report of `contactlab tradeoff`: the time that accuracy costs."""
 
 from typing import Literal
 
@@ -7,10 +7,10 @@ from contactlab.schema.strict_model import Model, about
 from contactlab.schema.task import Task
 from contactlab.schema.task_verdict import TaskVerdict
 
-TRADEOFF_VERSION = 1
+TRADEOFF_VERSION = 2
 
 REALITY = "reality"
-"""The distance from a recording: its mean over runs counts, since single runs may be chaotic."""
+"""The distance from a recording. Its mean over runs counts, since single runs may be chaotic."""
 
 Settings = dict[str, Setting]
 
@@ -20,16 +20,16 @@ class ErrorMeasure(Model):
 
     name: str = about("The column of runs.parquet.")
     unit: str
-    kind: Literal["discretisation", "modelling", "metric"]
+    kind: Literal["discretization", "modeling", "metric"]
     against: str | None = about(
-        "Of a discretisation error: trajectory, local or invariants, as in a record."
+        "Kind of a discretization error: trajectory, local or invariants, as in a record."
     )
     reference: Literal["own", "written"] = about(
-        "Whose limit a discretisation error is measured from: that of each run's own model, or of "
-        "the model as written.",
+        "Model whose limit of small steps a discretization error is measured from: the model of "
+        "each run, or the model as written.",
         default="own",
     )
-    resolution: float = about("Smaller differences count as none; in the error's unit.")
+    resolution: float = about("Smaller differences are ignored; in the error's unit.")
 
 
 class TimeMeasure(Model):
@@ -62,21 +62,21 @@ class Configuration(Model):
     time_worst: float | None = about("The same in its most expensive run.")
     real_time_factor: float | None = about("Simulated over CPU time.")
     error: float | None = about(
-        "Largest in any of its runs, or mean from recordings; null if one has none."
+        "Largest of its runs, or mean distance from recordings; null if a run has none."
     )
     error_spread: tuple[float, float] | None = about(
-        "Least and median error of its runs, where there are several.", default=None
+        "Least and median error of its runs, if there are several.", default=None
     )
     below_estimate: bool = about(
-        "The error is below the uncertainty of the reference: an upper bound."
+        "Whether the error is below the uncertainty of the reference, and is an upper bound."
     )
     solref_clamped: bool = about("refsafe raised a solref time constant to 2 timesteps.")
     step_p99: float | None = about("99th percentile of a step's time, worst run [s].")
     feasible: bool
     reasons: tuple[str, ...] = about("Why it is not feasible.")
-    worst: dict[str, float | None] = about("Largest size of each tolerated metric.")
+    worst: dict[str, float | None] = about("Largest value of each metric with a tolerance.")
     margins: dict[str, float | None] = about(
-        "Tolerance over worst value; null if that is zero or was not measured."
+        "Tolerance over worst value; null if the worst value is zero or not measured."
     )
     outcomes: ConfigurationOutcomes
 
@@ -95,20 +95,20 @@ class Order(Model):
 
     slope: float | None = about("Of log error against log timestep; null if none.")
     standard_error: float | None
-    points: int = about("Timesteps that it was fitted over.")
+    points: int = about("Number of fitted timesteps.")
     reason: str | None = about("Why there is none.")
 
 
 class Floor(Model):
-    """A modelling error: what remains at any timestep, however small."""
+    """A modeling error: the part of the error that remains at any timestep, however small."""
 
     error: float
-    points: int = about("Timesteps, from the finest up, over which it does not change.")
-    timestep: float = about("The longest of them [s].")
+    points: int = about("Number of timesteps, from the finest up, over which it does not change.")
+    timestep: float = about("The longest of these timesteps [s].")
 
 
 class Method(Model):
-    """All knobs but the timestep: one line of the chart."""
+    """All knobs except the timestep: one line of the chart."""
 
     name: str
     configuration: Settings
@@ -125,17 +125,19 @@ class Recommendation(Model):
     error: float | None
     real_time_factor: float
     equally_fast: tuple[Settings, ...] = about(
-        "Feasible configurations whose time does not measurably differ from its own."
+        "Feasible configurations that are as fast within noise."
     )
     run_id: str = about("A run of it, for `contactlab show`.")
     mjcf: tuple[str, ...] = about(
-        "What it changes in the model's files: where, and the element then.", default=()
+        "Its changes of the model files: the line, and its new element.", default=()
     )
-    other: Settings = about("Knobs that it changes elsewhere.", default_factory=dict[str, Setting])
+    other: Settings = about(
+        "Knobs that it changes outside the model files.", default_factory=dict[str, Setting]
+    )
 
 
 class NextStep(Model):
-    """The next point of the front: what more time buys."""
+    """The next point of the front: the gain from more time."""
 
     configuration: Settings
     time_ratio: float = about("Its time over the recommendation's.")
@@ -154,31 +156,29 @@ class Blocker(Model):
 
 
 class TradeoffReport(Model):
-    """Time that accuracy costs over the knobs of a sweep, in its worst scenario and seed."""
+    """Time and error over the knobs of a sweep, in its worst scenario and seed."""
 
-    schema_version: Literal[1] = TRADEOFF_VERSION
+    schema_version: Literal[2] = TRADEOFF_VERSION
     store: str
     sweep: str
     scene: str
-    task: Task | None = about("What runs are judged on; null for a stored sweep.", default=None)
+    task: Task | None = about("Task of the runs; null for a stored sweep.", default=None)
     verdict: TaskVerdict | None = about(
-        "What the runs of the model as written come to; null for a stored sweep.", default=None
+        "Verdict on the model as written; null for a stored sweep.", default=None
     )
     knobs: tuple[str, ...]
     scenarios: tuple[str, ...]
-    idle: tuple[str, ...] = about("Knobs that change no error by more than 1 %.")
-    cases: int = about("Scenarios times seeds that each configuration is run for.")
+    insensitive_knobs: tuple[str, ...] = about("Knobs that change no error by more than 1 %.")
+    runs_per_configuration: int = about("Scenarios times seeds of each configuration.")
     error: ErrorMeasure
     time: TimeMeasure
     tolerances: dict[str, float]
-    chaotic: bool = about("Whether runs are chaotic: their trajectories do not compare.")
-    baseline: Configuration | None = about(
-        "The model as written: the first of all, if it was run.", default=None
-    )
+    chaotic: bool = about("Whether runs are chaotic, so that trajectories cannot be compared.")
+    baseline: Configuration | None = about("The model as written, if it was run.", default=None)
     configurations: tuple[Configuration, ...]
     front: tuple[FrontPoint, ...] = about("Over feasible configurations.")
     unconstrained_front: tuple[FrontPoint, ...] = about("Over all of them.")
-    methods: tuple[Method, ...] = about("With one value of each idle knob.")
+    methods: tuple[Method, ...] = about("With one value of each insensitive knob.")
     recommendation: Recommendation | None
     robust: Recommendation | None = about(
         "The cheapest configuration with all margins at least 1.25."

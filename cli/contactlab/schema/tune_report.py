@@ -1,4 +1,4 @@
-"""The report of `contactlab tune`, and of `contactlab tradeoff MODEL`: what was tried and found."""
+"""The report of `contactlab tune`, and of `contactlab tradeoff MODEL`."""
 
 from typing import Literal
 
@@ -7,178 +7,189 @@ from contactlab.schema.evidence import Setting
 from contactlab.schema.strict_model import Model, about
 from contactlab.schema.task import Task
 
-TUNE_VERSION = 2
+TUNE_VERSION = 3
 REPORT, MODEL, FOLDER = "tune.json", "tuned.xml", "tuned"
 PATCH = f"{FOLDER}/tuned.patch"
-"""Files of the study's folder; the model lies in `tuned`, with what it refers to."""
-FOLDER_OF_AIM = "to_aim"
-"""Folder of a model that keeps an aim which the model as written misses, at a higher price."""
-FOLDER_AS_NOW = "as_now"
-"""Folder of a model that is as accurate as the model as written, where that is not sound."""
+"""Files of the study's folder. The model is in `tuned`, with the files that it refers to."""
+TARGET_FOLDER = "meets_target"
+"""Folder of a slower model that meets the target, if the model as written misses it."""
+EQUAL_ERROR_FOLDER = "equal_error"
+"""Folder of a model that is as accurate as the model as written, if that one is not ok."""
 
-AimKind = Literal["uncertainty", "error", "real time", "watched"]
+TargetKind = Literal["uncertainty", "error", "real time", "forward error"]
 
 
-class Aim(Model):
-    """What is searched for."""
+class Target(Model):
+    """The goal of the search."""
 
-    kind: AimKind = about(
-        "uncertainty: the cheapest whose error is at most what the model is uncertain by; error: "
-        "at most what is asked for; real time: the most accurate that is fast enough; watched: the "
-        "cheapest whose forward error is at most what is asked for."
+    kind: TargetKind = about(
+        "uncertainty: the fastest whose error is at most the model uncertainty; error: the fastest "
+        "whose error is at most the requested one; real time: the most accurate that is fast "
+        "enough; forward error: the fastest whose forward error is at most the requested one."
     )
-    limit: float = about("Largest error: a share of the real forces, or in the unit.")
-    unit: str = about("Of errors: 1, a share; m; or that of a sensor.")
-    within: float = about("The tolerance, a share.")
-    uncertain: float | None = about(
-        "What friction +-10 % or masses +-5 % are worth at most; null if not measured."
+    limit: float = about("Largest error: a share of the real forces, or in `unit`.")
+    unit: str = about("Unit of errors: 1 (a share), m, or the unit of a sensor.")
+    tolerance: float = about("The tolerance, a share of the real forces.")
+    model_uncertainty: float | None = about(
+        "Largest effect of friction +-10 % or masses +-5 % on the motion; null if not measured."
     )
-    uncertain_by: str = about("Which of them, in which body and phase; empty if not measured.")
-    real_time: float | None = about("Simulated over CPU time that is asked for.")
-    watched: tuple[str, ...] = about("Bodies, sites and sensors of a forward error.")
-    at: Literal["end", "peak"] | None = about("When the forward error is looked at.")
-    growth: str = about("What became of nudged copies; empty where no forward error is asked for.")
+    uncertainty_source: str = about("The body, phase and row of that effect; empty if unmeasured.")
+    real_time: float | None = about("Requested simulated time over CPU time.")
+    observed: tuple[str, ...] = about("Bodies, sites and sensors of a forward error.")
+    error_at: Literal["end", "peak"] | None = about("When the forward error is measured.")
+    divergence: str = about("How nudged copies diverge; empty without a forward error.")
 
 
-class Point(Model):
-    """A choice of settings that was tried."""
+class Candidate(Model):
+    """Settings that were measured."""
 
-    settings: dict[str, Setting] = about("What differs from the model as written.")
+    settings: dict[str, Setting] = about("Settings that differ from the model as written.")
     timestep: float = about("s")
-    lighter: bool = about("Without what changes no state: see the report.")
-    apart: bool = about("Without collisions of what stayed apart: see the report.")
-    hulls: bool = about("With fewer vertices of hulls: see the report.")
-    error: float | None = about("Of its worst body, the mean over seeds; null if it gave up.")
-    low: float | None = about("Least over seeds.")
-    high: float | None = about("Largest over seeds.")
-    body: str = about("The worst.")
+    removes_unused: bool = about("Without anything that changes no state: see the report.")
+    removes_far_pairs: bool = about("Without collisions of far pairs: see the report.")
+    simplifies_hulls: bool = about("With fewer vertices of hulls: see the report.")
+    error: float | None = about("Error of the worst body, mean over seeds; null if MuJoCo gave up.")
+    low: float | None = about("Least error of any seed.")
+    high: float | None = about("Largest error of any seed.")
+    body: str = about("The worst body.")
     phase: str
     time: float | None = about("When its worst window begins [s since the phase began].")
-    price: BudgetPrice | None = about("Time over that of the model as written; null if not timed.")
+    time_ratio: BudgetPrice | None = about(
+        "Time over the time of the model as written; null if not timed."
+    )
 
 
-class Verified(Model):
-    """What is recommended, as its files have it, on seeds that nobody had seen."""
+class Verification(Model):
+    """A written candidate on seeds that the search did not use."""
 
     seeds: tuple[int, ...]
     holds: bool
-    keeps_aim: bool = about("Whether it keeps the aim, too, where what is recommended need not.")
-    error: float | None = about("As in the search; null if it gave up.")
-    now: float | None = about("That of the model as written.")
-    word: str = about("The verdict of `contactlab MODEL` on its numerics.")
-    share: float | None = about("Its own backward error, as `contactlab MODEL` has it.")
-    labels: tuple[str, ...] = about("Of its runs, which those of the model as written have not.")
+    meets_target: bool = about(
+        "Whether it also meets the target, if the recommended candidate need not."
+    )
+    error: float | None = about("Error as in the search; null if MuJoCo gave up.")
+    current_error: float | None = about("The same error of the model as written.")
+    verdict: str = about("The verdict of `contactlab MODEL` on its numerics.")
+    numerical_error: float | None = about("Its numerical error as `contactlab MODEL` measures it.")
+    labels: tuple[str, ...] = about("Labels of its runs that the model as written does not have.")
     sentence: str = about("Why it does not hold, or that it does.")
 
 
-class Judged(Model):
-    """What `contactlab MODEL` says of the numerics of the model as written."""
+class CurrentVerdict(Model):
+    """The verdict of `contactlab MODEL` on the numerics of the model as written."""
 
-    seeds: tuple[int, ...] = about("Of the task: all, or as many as time was left for.")
-    word: str
-    share: float | None = about(
-        "Its own backward error, in windows that begin where the model itself is: an error of the "
-        "search is measured where its finer motion is."
+    seeds: tuple[int, ...] = about("Seeds of the task: all, or as many as the time limit allowed.")
+    verdict: str
+    numerical_error: float | None = about(
+        "Its numerical error along its own motion. The search measures errors along the reference."
     )
 
 
-class Changed(Model):
-    """A setting that is recommended, and what it was."""
+class ChangedSetting(Model):
+    """A changed setting, and its value before."""
 
     name: str
     before: Setting
     after: Setting
 
 
-class Kept(Model):
-    """Setting that was not tried, and why."""
+class SkippedSetting(Model):
+    """A setting that was not changed, and why."""
 
     name: str
     reason: str
 
 
-class Line(Model):
-    """A line of a file of the model, as the patch makes it; empty if it goes."""
+class PatchedLine(Model):
+    """A line of a model file after the patch; empty if the patch removes it."""
 
     file: str
     line: int
     element: str
 
 
-class OtherAnswer(Model):
-    """Another answer beside what is recommended, written and verified like it."""
+class AlternativeCandidate(Model):
+    """Another candidate besides the recommended one, written and verified in the same way."""
 
-    point: Point
-    changes: tuple[Changed, ...]
-    verified: Verified
+    candidate: Candidate
+    changed_settings: tuple[ChangedSetting, ...]
+    verified: Verification
     file: str = about("The written model, relative to the report.")
 
 
-class StayedApart(Model):
-    """Collisions of what stayed apart in all that was run: no proof, so only left out if asked."""
+class FarPairs(Model):
+    """Collisions of far pairs. That is no proof, so they are removed only on request."""
 
-    margin: float = about(
+    distance: float = about(
         "m: no pair came nearer in the task, with gravity tilted, or with twice the inputs."
     )
-    geoms: tuple[str, ...] = about("That came so near to nothing.")
-    bodies: tuple[tuple[str, str], ...] = about("That came so near to each other never.")
-    left_out: bool = about("Whether the written models lack them.")
-    price: BudgetPrice | None = about(
-        "Time without them, over that of what is recommended, or keeps the aim, or is as written; "
-        "null where they are left out already."
+    geoms: tuple[str, ...] = about("Geoms that stayed farther than that from every other geom.")
+    bodies: tuple[tuple[str, str], ...] = about("Bodies that stayed farther apart than that.")
+    removed: bool = about("Whether the written models lack these collisions.")
+    time_ratio: BudgetPrice | None = about(
+        "Time without them over the time of the recommended model, or else of the one that meets "
+        "the target, or else of the model as written; null if they are removed already."
     )
 
 
-class FewerVertices(Model):
-    """Convex hulls of meshes with fewer vertices: another shape, by a distance that is stated."""
+class SimplifiedHulls(Model):
+    """Convex hulls of meshes with fewer vertices: another shape, within a stated distance."""
 
-    within: float = about("m: no vertex of a hull is farther from the smaller one.")
-    meshes: dict[str, int] = about("Most vertices (`maxhullvert`), by mesh.")
+    max_distance: float = about("m: no vertex of a hull is farther from the simplified one.")
+    meshes: dict[str, int] = about("Largest number of vertices (`maxhullvert`), by mesh.")
 
 
 class TuneReport(Model):
-    """From a model to the settings to use (`tune.json`). Units are SI."""
+    """From a model to recommended settings (`tune.json`). Units are SI."""
 
-    tune_version: Literal[2] = TUNE_VERSION
+    tune_version: Literal[3] = TUNE_VERSION
     model: str = about("As given.")
     scene_hash: str
     mujoco: str
-    task: Task = about("What it is judged on.")
-    aim: Aim
-    sentence: str = about("The answer.")
-    met: bool = about("Whether the aim is met: as written, as recommended, or by `to_aim`.")
-    now: Point
-    judged: Judged | None = about("The model as written; null if no time was left to ask.")
-    recommended: Point | None = about(
-        "The fastest within the aim, and sound; where a sound model misses the default aim as "
-        "written, the fastest whose error is no larger than now; where it is not sound, the "
-        "fastest within the tolerance. Null if the model is kept, or nothing does."
+    task: Task = about("The task that the model is judged on.")
+    target: Target
+    sentence: str = about("The result in a sentence.")
+    target_met: bool = about(
+        "Whether the target is met: as written, as recommended, or by `meets_target`."
     )
-    to_aim: OtherAnswer | None = about("Where that misses the aim: the fastest that keeps it.")
-    stayed_apart: StayedApart | None = about("Null if nothing did, or it was not looked at.")
-    fewer_vertices: FewerVertices | None = about("Null if no written model has them.")
-    nearest: Point | None = about("If nothing meets the aim: what comes nearest.")
-    binds: str = about("Then what binds: body, time and row, if that was looked at; else empty.")
-    bare: BudgetPrice | None = about(
-        "Where nothing saves a fifth: time of the model without contacts and other constraints, at "
-        "its own step, over that as written: what no solver and no pair costs. Null without."
+    current: Candidate = about("The model as written.")
+    current_verdict: CurrentVerdict | None = about(
+        "The verdict on the model as written; null if the time limit left none for it."
     )
-    as_accurate: OtherAnswer | None = about(
-        "Where the model as written is beyond the tolerance, or what was asked for: the fastest "
-        "that is no less accurate, and need be no sounder; null without, or if what is recommended "
-        "costs no more."
+    recommended: Candidate | None = about(
+        "The fastest that meets the target and is ok. If an ok model misses the default target as "
+        "written, the fastest whose error is no larger than that; if the model is not ok, the "
+        "fastest within the tolerance. Null if no change is recommended."
+    )
+    meets_target: AlternativeCandidate | None = about(
+        "If the recommended candidate misses the target: the fastest that meets it."
+    )
+    far_pairs: FarPairs | None = about("Null if there are none, or they were not searched.")
+    simplified_hulls: SimplifiedHulls | None = about("Null if no written model has them.")
+    closest: Candidate | None = about("If nothing meets the target: the closest candidate.")
+    limiting_factor: str = about(
+        "Its body, time and row of the error budget, if these were measured; otherwise empty."
+    )
+    unconstrained_cost: BudgetPrice | None = about(
+        "If nothing saves 20 %: time without contacts and other constraints, at the model's own "
+        "step, over the time as written. No solver setting and no pair changes it. Otherwise null."
+    )
+    equal_error: AlternativeCandidate | None = about(
+        "If the model as written is above the tolerance, or above the requested error: the fastest "
+        "whose error is no larger; its verdict may be the same. Null if there is none, or if the "
+        "recommended candidate takes no longer."
     )
     real_time: float = about("Simulated over CPU time of the model as written, on this machine.")
-    fine_step: float = about("s: of the motion that errors are distances from.")
-    points: tuple[Point, ...] = about("All that was tried.")
-    changes: tuple[Changed, ...] = about("What is recommended.")
-    masked: tuple[str, ...] = about("Geoms that can touch nothing, by proof.")
-    excluded: tuple[tuple[str, str], ...] = about("Bodies that cannot touch, by proof.")
-    sensors: tuple[str, ...] = about("Sensors that were left out.")
-    flags: tuple[str, ...] = about("Flags that compute what changes no state, and were left out.")
-    kept: tuple[Kept, ...]
-    verified: Verified | None = about("Null if nothing is recommended.")
+    reference_step: float = about("s: step of the reference motion that errors are measured from.")
+    candidates: tuple[Candidate, ...] = about("Every measured candidate.")
+    changed_settings: tuple[ChangedSetting, ...] = about("Settings that are recommended.")
+    masked: tuple[str, ...] = about("Geoms that provably cannot touch anything.")
+    excluded: tuple[tuple[str, str], ...] = about("Bodies that provably cannot touch each other.")
+    removed_sensors: tuple[str, ...]
+    disabled_flags: tuple[str, ...] = about("Flags that change no state, and are turned off.")
+    not_changed: tuple[SkippedSetting, ...]
+    verified: Verification | None = about("Null if nothing is recommended.")
     file: str | None = about("The written model, relative to the report.")
-    lines: tuple[Line, ...] = about("What the patch changes.")
-    ended: bool = about("Whether the time was over before nothing was left to try.")
-    seconds: float = about("Wall time that it took.")
+    lines: tuple[PatchedLine, ...] = about("Lines that the patch changes.")
+    timed_out: bool = about("Whether the time limit ended the search early.")
+    seconds: float = about("Wall time of the study.")

@@ -11,8 +11,8 @@ from tempfile import TemporaryDirectory
 
 from contactlab import resources
 from contactlab.errors import SceneError, StoreError
-from contactlab.pareto.analysis import analyse
-from contactlab.pareto.criteria import Criteria, chosen_error, find_store
+from contactlab.pareto.analysis import analyze
+from contactlab.pareto.criteria import Criteria, find_error_metric, find_store
 from contactlab.plan.overrides import Overrides
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.run.planned_runs import stored_sweep_scene
@@ -69,7 +69,7 @@ def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
         task = sweep.scene.task(values, duration, watch=watch, within=within, seeds=tuple(seeds))
         records = records_of(store, sweep.scene, values, task)
         verdict = task_verdict(task, sweep.scene, values, records, session)
-    report = analyse(store, request.criteria)
+    report = analyze(store, request.criteria)
     with TemporaryDirectory(prefix="contactlab-") as folder:
         chosen, notes = _written(
             report, report.recommendation, request.model or Path(folder), store
@@ -132,7 +132,7 @@ def _added(sweep: Sweep, criteria: Criteria) -> Iterator[str]:
     Runs against a reference cost more than all others; they are left out where the error is of
     another kind.
     """
-    error = criteria.error or chosen_error({**sweep.tolerances, **criteria.tolerances})
+    error = criteria.metric or find_error_metric({**sweep.tolerances, **criteria.tolerances})
     if (error is None or error in ERRORS) and sweep.accuracy is None:
         yield "accuracy={error: auto}"
     if not sweep.baseline:

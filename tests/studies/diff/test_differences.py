@@ -11,8 +11,8 @@ from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_names import name_by_address
 from contactlab.scene.model_writer import write_model
 from contactlab.scene.scene import Scene
-from contactlab.studies.diff.comparing import diff, differences, report_of
-from contactlab.studies.diff.matching import matched
+from contactlab.studies.diff.compare_models import diff, find_differences, report_of
+from contactlab.studies.diff.matching import match_parts
 from contactlab.studies.diff.motion_change import motion_change
 from contactlab.writers import WRITERS
 
@@ -106,7 +106,7 @@ def compiled(text: str) -> mujoco.MjModel:
 
 
 def found(one: mujoco.MjModel, other: mujoco.MjModel) -> set[tuple[str, str]]:
-    return {(each.kind, each.quantity) for each in differences(one, other)}
+    return {(each.kind, each.quantity) for each in find_differences(one, other)}
 
 
 @pytest.mark.parametrize("change", CHANGES)
@@ -121,7 +121,7 @@ def test_nothing_differs_between_a_model_and_its_round_trip(tmp_path: Path) -> N
     model = mujoco.MjModel.from_xml_string(ROBOT)
     mujoco.mj_saveLastXML(str(tmp_path / "again.xml"), model)
     again = compiled((tmp_path / "again.xml").read_text())
-    assert list(differences(compiled(ROBOT), again)) == []
+    assert list(find_differences(compiled(ROBOT), again)) == []
 
 
 def test_a_renamed_body_is_the_same_body() -> None:
@@ -133,7 +133,7 @@ def test_a_renamed_body_is_the_same_body() -> None:
             )
         ),
     )
-    names = {(each.kind, each.quantity, each.after) for each in differences(one, other)}
+    names = {(each.kind, each.quantity, each.after) for each in find_differences(one, other)}
     # The exclude is of the names that it lists, and a geom's and a joint's body is named too.
     assert ("body", "name", "limb") in names
     assert not {kind for kind, quantity, _ in names if quantity in ("mass", "pos", "inertia")}
@@ -144,9 +144,9 @@ def test_a_new_part_and_one_that_is_gone_are_told() -> None:
     other = compiled(
         ROBOT.replace('<motor joint="shoulder" gear="3"/>', "").replace('ctrl=".1 0"', "")
     )
-    gone = [each for each in differences(one, other) if each.kind == "actuator"]
+    gone = [each for each in find_differences(one, other) if each.kind == "actuator"]
     assert [(each.name, each.after) for each in gone] == [("actuator[1]", "")]
-    new = [each for each in differences(other, one) if each.kind == "actuator"]
+    new = [each for each in find_differences(other, one) if each.kind == "actuator"]
     assert [(each.name, each.before) for each in new] == [("actuator[1]", "")]
 
 
@@ -161,14 +161,14 @@ def test_a_urdf_inertia_whose_frame_is_not_turned_differs_by_the_law_of_rotation
     # An importer that leaves out the frame's rpy has the diagonal itself; MuJoCo has R I R'.
     angle = 0.4
     turned, plain = compiled(_LINK.format(f"0 0 {angle}")), compiled(_LINK.format("0 0 0"))
-    (only,) = differences(turned, plain)
+    (only,) = find_differences(turned, plain)
     assert (only.kind, only.name, only.quantity) == ("body", "arm", "inertia")
     cosine, sine = np.cos(angle), np.sin(angle)
     turn = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
     inertia = np.diag([0.01, 0.02, 0.025])
     expected = turn @ inertia @ turn.T
     share = np.linalg.norm(expected - inertia) / np.linalg.norm(inertia)
-    assert only.share == pytest.approx(share, rel=1e-6)
+    assert only.relative_change == pytest.approx(share, rel=1e-6)
 
 
 # _LINK with rpy "0.3 0.4 0.5", as MuJoCo 3.12.0 loads and saves it: the frame's turn is lost.
@@ -184,7 +184,7 @@ _SAVED_BY_3_12 = """<mujoco model="r">
 
 
 def test_an_older_release_that_lost_a_turned_inertia_is_told() -> None:
-    (only,) = differences(compiled(_LINK.format("0.3 0.4 0.5")), compiled(_SAVED_BY_3_12))
+    (only,) = find_differences(compiled(_LINK.format("0.3 0.4 0.5")), compiled(_SAVED_BY_3_12))
     assert (only.kind, only.name, only.quantity) == ("body", "arm", "inertia")
     lost = [float(number) for number in only.after.split()]
     assert lost == pytest.approx(np.diag([0.01, 0.02, 0.025]).ravel(), abs=1e-9)
@@ -228,9 +228,9 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
 
 def test_a_model_moves_as_itself_to_the_last_bit(scene: Scene) -> None:
     model = scene.base({}).model
-    change, _ = motion_change(scene, model, model, matched(model, model))
+    change, _ = motion_change(scene, model, model, match_parts(model, model))
     assert change is not None
-    assert change.share == 0
+    assert change.relative_change == 0
 
 
 @pytest.mark.parametrize("step", [0.015, 0.012, 0.05, 0.0007])
@@ -241,9 +241,9 @@ def test_what_falls_falls_alike_at_any_step(scene: Scene, step: float) -> None:
     fall = Scene.open(str(path)).with_drive("none", path.parent).with_effects("all")
     coarse = STONE.replace("<worldbody>", f'<option timestep="{step}"/><worldbody>')
     models = [compiled(each) for each in (STONE, coarse)]
-    change, _ = motion_change(fall, models[0], models[1], matched(*models))
+    change, _ = motion_change(fall, models[0], models[1], match_parts(*models))
     assert change is not None
-    assert change.share < 1e-8
+    assert change.relative_change < 1e-8
 
 
 def test_half_the_gravity_is_half_the_force_that_acts_on_what_falls(scene: Scene) -> None:
@@ -254,10 +254,10 @@ def test_half_the_gravity_is_half_the_force_that_acts_on_what_falls(scene: Scene
     path = scene.source.path.parent / "stone.xml"
     path.write_text(STONE)
     fall = Scene.open(str(path)).with_drive("none", path.parent).with_effects("all")
-    change, _ = motion_change(fall, models[0], models[1], matched(*models))
+    change, _ = motion_change(fall, models[0], models[1], match_parts(*models))
     assert change is not None
     # The slack of one step of 2 ms both ways forgives 1 / 20 of a window of 40 ms.
-    assert change.share == pytest.approx(0.5 / 1.1, rel=0.06)
+    assert change.relative_change == pytest.approx(0.5 / 1.1, rel=0.06)
     assert change.body == "stone"
 
 
@@ -269,4 +269,4 @@ def test_the_motion_is_the_last_line_of_words_and_markdown(tmp_path: Path) -> No
         lines = [line for line in WRITERS[form](report_of(report)).splitlines() if line]
         assert "motion: in windows of 40 ms" in lines[-1]
     assert report.motion is not None
-    assert report.motion.share > 0
+    assert report.motion.error > 0

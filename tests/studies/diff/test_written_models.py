@@ -12,7 +12,7 @@ from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_edits import read_option
 from contactlab.scene.model_writer import write_model
 from contactlab.scene.scene import Scene
-from contactlab.studies.diff.comparing import differences
+from contactlab.studies.diff.compare_models import find_differences
 
 
 @pytest.mark.parametrize(
@@ -30,6 +30,6 @@ def test_a_change_that_examine_tries_is_written_as_its_options_and_nothing_else(
     values = {name: read_option(changed, name) for name in OPTIONS}
     options = {name: value for name, value in values.items() if value != read_option(model, name)}
     made = write_model(scene, ModelEdits(options), tmp_path / "out", "sound.xml")
-    found = list(differences(model, Scene.open(str(made.path)).base({}).model))
+    found = list(find_differences(model, Scene.open(str(made.path)).base({}).model))
     assert {each.kind for each in found} <= {"option"}
     assert {each.quantity for each in found} == set(options)

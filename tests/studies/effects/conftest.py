@@ -28,6 +28,6 @@ def ablate(tmp_path_factory: pytest.TempPathFactory) -> Ablate:
         source = folder / name
         source.write_text(text)
         request = EffectsRequest(str(source), assign, seeds, rounds)
-        return ablation.run(request, Session(folder / "stores", workers))
+        return ablation.find_smallest_set(request, Session(folder / "stores", workers))
 
     return run

@@ -55,14 +55,14 @@ def test_a_shift_matters_beyond_both_tolerance_and_spread(
     spread = max(base) - min(base)
     # The mean of differences is the shift, to rounding of numbers up to 2.
     if abs(shift) > max(TOLERANCE, spread) + 1e-12:
-        assert found.matters
+        assert found.is_significant
     elif abs(shift) < max(TOLERANCE, spread) - 1e-12:
-        assert not found.matters
+        assert not found.is_significant
 
 
 def test_a_change_within_the_spread_is_told_with_its_numbers(setup: AblationSetup) -> None:
     found = compared(setup, rows([0.0, 0.5]), rows([0.1, 0.6]))
-    assert not found.matters
+    assert not found.is_significant
     assert found.within_spread == ("drift",)
     assert found.reason == "drift changes by 0.1 m, within the spread of 0.5 over seeds"
 
@@ -80,7 +80,7 @@ def test_a_change_within_the_spread_is_told_with_its_numbers(setup: AblationSetu
 def test_a_metric_that_appears_or_vanishes_matters(
     setup: AblationSetup, base: list[float | None], other: list[float | None], matters: bool
 ) -> None:
-    assert compared(setup, rows(base), rows(other)).matters == matters
+    assert compared(setup, rows(base), rows(other)).is_significant == matters
 
 
 def test_a_label_that_no_seed_shows_matters(setup: AblationSetup) -> None:
@@ -88,7 +88,7 @@ def test_a_label_that_no_seed_shows_matters(setup: AblationSetup) -> None:
     found = compared(setup, same, rows([0.1, 0.1], "tunneling"))
     assert found.labels == {"stable -> tunneling": 2}
     mixed = (*rows([0.1]), *rows([0.1], "tunneling"))
-    assert not compared(setup, mixed, rows([0.1, 0.1], "tunneling")).matters
+    assert not compared(setup, mixed, rows([0.1, 0.1], "tunneling")).is_significant
 
 
 def test_the_scenario_that_changes_most_is_told(setup: AblationSetup) -> None:
@@ -96,9 +96,9 @@ def test_the_scenario_that_changes_most_is_told(setup: AblationSetup) -> None:
     base = ConfigurationRows(scenarios, [rows([0.0]), rows([0.0])])
     other = ConfigurationRows(scenarios, [rows([0.0]), rows([0.01])])
     found = difference(setup.tolerances, base, other)
-    (change,) = found.changes
+    (change,) = found.metric_changes
     assert change.scenario == {"speed": 2.0}
-    assert change.times == pytest.approx(10)
+    assert change.ratio_to_tolerance == pytest.approx(10)
 
 
 @pytest.mark.parametrize("seeds", [(0,), (0, 1, 2), (7, 3, 12)])
@@ -107,7 +107,7 @@ def test_a_set_is_verified_by_seeds_that_found_nothing(
 ) -> None:
     """Ten fresh ones, none of which any run of the search had."""
     trials: Any = SimpleNamespace(setup=replace(setup, seeds=seeds))
-    found = ablation._verified(  # pyright: ignore[reportPrivateUsage]
+    found = ablation._verify_set(  # pyright: ignore[reportPrivateUsage]
         trials, (), {}, SceneError("not written")
     )
     assert len({*found.seeds} - {*seeds}) == len(found.seeds) == ablation.FRESH_SEEDS

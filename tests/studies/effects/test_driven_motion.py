@@ -41,7 +41,7 @@ def ablated(tmp_path: Path) -> EffectsReport:
     request = EffectsRequest(
         str(tmp_path / "gripper.xml"), seeds=2, rounds=None, task=TaskOptions(drive="exercise")
     )
-    return ablation.run(request, Session(tmp_path / "out"))
+    return ablation.find_smallest_set(request, Session(tmp_path / "out"))
 
 
 def driven(model: mujoco.MjModel) -> np.ndarray:
@@ -58,14 +58,14 @@ def driven(model: mujoco.MjModel) -> np.ndarray:
 @pytest.mark.long
 def test_what_carries_the_drive_is_kept_and_the_written_model_moves_alike(tmp_path: Path) -> None:
     report = ablated(tmp_path)
-    assert {each.effect for each in report.effects if each.need == "needed"} >= {
+    assert {each.effect for each in report.effects if each.verdict == "needed"} >= {
         "actuation",
         "equality",
     }
     # It only transmits what the actuator does: there is nothing of its own to leave out.
     assert "tendon" not in {*report.smallest_set.off, *(each.effect for each in report.effects)}
     assert report.verification.holds
-    assert report.verification.pasted
+    assert report.verification.holds_as_written
     old = mujoco.MjModel.from_xml_string(GRIPPER)
     new = mujoco.MjModel.from_xml_path(str(tmp_path / "out/written-model/gripper.xml"))
     assert new.opt.disableflags != old.opt.disableflags
@@ -82,7 +82,7 @@ def test_a_written_model_that_moves_otherwise_does_not_hold(
         ablation, "write_model", lambda scene, _, folder: write_model(scene, wrong, folder)
     )
     report = ablated(tmp_path)
-    assert report.verification.pasted is False
+    assert report.verification.holds_as_written is False
     assert not report.verification.holds
     assert report.verification.reason.startswith("as text, ")
 
@@ -110,4 +110,4 @@ def test_motion_matters_beyond_tolerance_and_the_spread_over_seeds(
     )
     limit = 0.01 if drive and drive != '"hold"' else max(0.01, max(seeds) - min(seeds))
     if abs(abs(shift) - limit) > 1e-12:
-        assert difference({}, base, other).matters == (abs(shift) > limit)
+        assert difference({}, base, other).is_significant == (abs(shift) > limit)

@@ -64,7 +64,7 @@ def test_unused_features_are_stripped_and_metrics_hold(report: EffectsReport) ->
 
 def test_what_no_run_exercised_is_kept(report: EffectsReport) -> None:
     found = {each.effect: each for each in report.effects}
-    assert {found[name].need for name in NOT_EXERCISED} == {"not exercised"}
+    assert {found[name].verdict for name in NOT_EXERCISED} == {"not exercised"}
     assert {*report.smallest_set.on} >= NOT_EXERCISED
     assert found["limit"].reason == "not every joint and tendon moved into its limit"
     assert all("limit" not in line for line in report.smallest_set.mjcf)
@@ -83,6 +83,6 @@ def test_the_stripped_model_computes_none_of_it(report: EffectsReport) -> None:
 @pytest.mark.night
 def test_features_that_act_are_kept(ablate: Ablate) -> None:
     report = ablate(USED, "keyframe=start", name="used.xml")
-    needed = {each.effect for each in report.effects if each.need == "needed"}
+    needed = {each.effect for each in report.effects if each.verdict == "needed"}
     assert needed >= FEATURES
     assert {*report.smallest_set.on} >= FEATURES

@@ -57,15 +57,15 @@ def test_rolling_friction_is_asked_for_where_it_was(
 ) -> None:
     """Rolling friction changes every roll, but only one of two recordings has it."""
     request = EffectsRequest(rolled(tmp_path, condim), rounds=None, error="reality")
-    report = ablation.run(request, Session(tmp_path / "stores", 0))
+    report = ablation.find_smallest_set(request, Session(tmp_path / "stores", 0))
     found: dict[str, EffectFinding] = {each.effect: each for each in report.effects}
     rolling = found["rolling_friction"]
-    assert rolling.need == ("absent" if asked else "idle")
-    [change] = rolling.changes
+    assert rolling.verdict == ("missing" if asked else "no effect")
+    [change] = rolling.metric_changes
     assert change.change is not None
     assert (change.change < 0) == asked
     assert ("rolling_friction" in report.smallest_set.added) == asked
-    assert [each.effect for each in found.values() if each.need == "absent"] == (
+    assert [each.effect for each in found.values() if each.verdict == "missing"] == (
         ["rolling_friction"] if asked else []
     )
     assert report.verification.holds
@@ -99,10 +99,10 @@ def test_the_mean_over_recorded_runs_counts(shift: float, noise: float, words: l
     )
     for word in ("if closer", "if farther", "if unsure"):
         found = difference({"reality": 0.0}, first, second, matters=word)
-        assert found.matters == (word in words)
-        assert found.changes[0].change == pytest.approx(shift)
-        assert found.changes[0].tolerance == pytest.approx(0.05)
-        assert found.changes[0].spread == pytest.approx(3 * noise / np.sqrt(29))
+        assert found.is_significant == (word in words)
+        assert found.metric_changes[0].change == pytest.approx(shift)
+        assert found.metric_changes[0].tolerance == pytest.approx(0.05)
+        assert found.metric_changes[0].spread == pytest.approx(3 * noise / np.sqrt(29))
 
 
 def test_runs_that_end_early_matter_and_other_labels_do_not() -> None:
@@ -111,7 +111,7 @@ def test_runs_that_end_early_matter_and_other_labels_do_not() -> None:
 
     base = rows((0.1, "stable"), (0.2, "stable"), (0.3, "stable"))
     tolerances = {"reality": 0.5}
-    assert not difference(tolerances, base, rows(*[(0.1, "bounce")] * 3)).matters
+    assert not difference(tolerances, base, rows(*[(0.1, "bounce")] * 3)).is_significant
     ended = difference(tolerances, base, rows((0.1, "stable"), (0.2, "stable"), (None, "diverged")))
     assert ended.labels == {"compared -> ends early": 1}
 

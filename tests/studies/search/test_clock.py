@@ -13,15 +13,15 @@ from contactlab.budget.prices import Price
 from contactlab.studies.search import clock as timing
 from contactlab.studies.search.clock import (
     Clock,
-    Stretch,
-    Timed,
-    Turn,
+    InterleavedTimer,
+    Segment,
+    TimedModel,
     half_width,
-    over_seeds,
-    over_turns,
+    ratio_over_seeds,
+    ratio_over_turns,
 )
-from contactlab.studies.search.wording import is_faster, price_text
-from contactlab.studies.search.yardstick import Yardsticks
+from contactlab.studies.search.reference_error import TaskReference
+from contactlab.studies.search.report_text import is_faster, time_ratio_text
 
 SWING = """<mujoco><option timestep="0.002"/><worldbody><body><joint axis="0 1 0"/>
 <geom type="capsule" size=".02" fromto="0 0 0 1 0 0"/></body></worldbody></mujoco>"""
@@ -29,7 +29,7 @@ SWING = """<mujoco><option timestep="0.002"/><worldbody><body><joint axis="0 1 0
 
 def test_seeds_count_by_the_time_that_they_take() -> None:
     """One seed takes 3 s and then a quarter of that, one takes 1 s and stays: 1.75 s of 4."""
-    price = over_seeds(np.array([3.0, 1.0]), np.array([0.75, 1.0]))
+    price = ratio_over_seeds(np.array([3.0, 1.0]), np.array([0.75, 1.0]))
     assert abs(price.ratio - 1.75 / 4) < 1e-15
     # Residuals of -/+ 0.5625 s have a standard error of 0.5625 x sqrt(2 x 2) / 4 = 0.28 by two
     # seeds, whose quantile is 12.7: two that differ by so much tell next to nothing.
@@ -40,7 +40,7 @@ def test_seeds_count_by_the_time_that_they_take() -> None:
 
 def test_seeds_that_agree_leave_nothing_open() -> None:
     base = np.array([1.0, 5.0, 2.0])
-    price = over_seeds(base, 0.25 * base)
+    price = ratio_over_seeds(base, 0.25 * base)
     assert abs(price.ratio - 0.25) < 1e-15
     assert half_width(price) < 1e-12
 
@@ -52,10 +52,10 @@ def test_what_disturbs_a_piece_in_some_turns_disturbs_no_ratio() -> None:
     """
     generator = np.random.default_rng(1)
 
-    def taken(whole: float, pieces: int) -> np.ndarray:
+    def elapsed(whole: float, pieces: int) -> np.ndarray:
         return whole / pieces * (1 + (generator.random((9, pieces)) < 1 / 3))
 
-    price = over_turns(taken(1.0, 50), taken(0.1, 10))
+    price = ratio_over_turns(elapsed(1.0, 50), elapsed(0.1, 10))
     assert abs(price.ratio - 0.1) < 1e-12
     # Of nine turns drawn again, all are the same few now and then: 1 / 3 of seven, say.
     assert price.low <= 0.1 <= price.high
@@ -69,13 +69,13 @@ def _clock(seeds: int, steps: int) -> tuple[Clock, Motion]:
     for row in start:
         mujoco.mj_getState(model, mujoco.MjData(model), row, INTEGRATION)
     motion = Motion(model, start, np.empty((seeds, steps, 0)), name="whole")
-    return Clock(Yardsticks.of([motion], 2, 1), model), motion
+    return Clock(TaskReference.run_references([motion], 2, 1), model), motion
 
 
 def test_whole_runs_are_timed_by_two_seeds_at_least() -> None:
     """A model beside itself: one seed would not tell how seeds differ, however short the time."""
     clock, motion = _clock(3, 40)
-    (price,) = clock.whole([(motion.model, 2)], [[motion]], -math.inf)
+    (price,) = clock.time_whole_runs([(motion.model, 2)], [[motion]], -math.inf)
     assert 0 < price.low <= price.ratio <= price.high < math.inf
 
 
@@ -101,7 +101,7 @@ class _Machine:
         self._whole = [wide, 0.5 * wide * apart]
         return self
 
-    def taken(self) -> list[np.ndarray]:
+    def elapsed(self) -> list[np.ndarray]:
         """Return the times of 20 pieces of the one, and of 10 of the other."""
         return [
             whole / pieces * (1 + (self._random.random(pieces) < 1 / 3))
@@ -122,12 +122,12 @@ def test_told_intervals_have_the_truth_in_nineteen_of_twenty(
     prices = list[Price]()
     for machine in tries:
         monkeypatch.setattr(clock, "_turn", machine.turn)
-        prices += clock.whole([(motion.model, 2)], [[motion]] * 8, math.inf)
+        prices += clock.time_whole_runs([(motion.model, 2)], [[motion]] * 8, math.inf)
     assert all(price.low <= price.ratio <= price.high for price in prices)
     within = np.mean([price.low <= 0.5 <= price.high for price in prices])
     assert 0.95 - 0.02 - 3 * math.sqrt(0.95 * 0.05 / 300) < within < 1.0
     # Where seeds differ, more of them are run, until half the interval is as narrow as wanted.
-    narrow = [half_width(price) <= timing.NARROW for price in prices]
+    narrow = [half_width(price) <= timing.MAX_HALF_WIDTH for price in prices]
     assert all(one or machine.begun == 24 for one, machine in zip(narrow, tries, strict=True))
 
 
@@ -137,21 +137,21 @@ def test_what_a_twin_takes_as_well_is_no_saving() -> None:
     assert not is_faster(Price(0.9, 0.86, 0.95), noise)
     # A twin that looks slow makes nothing fast that is not.
     assert not is_faster(Price(1.01, 1.0, 1.02), Price(1.05, 1.03, 1.07))
-    assert price_text(Price(0.0183, 0.0179, 0.0191)) == "x0.018 (0.018 to 0.019)"
-    assert price_text(Price(0.95, 0.9, 1.0)) == "x0.95 (0.90 to 1.00)"
+    assert time_ratio_text(Price(0.0183, 0.0179, 0.0191)) == "x0.018 (0.018 to 0.019)"
+    assert time_ratio_text(Price(0.95, 0.9, 1.0)) == "x0.95 (0.90 to 1.00)"
 
 
 class _Disturbed:
     """A clock of steps that take so long each, or twice as long half of the time, by spells."""
 
     def __init__(self) -> None:
-        self.now = 0.0
+        self.current = 0.0
         self._spells = np.random.default_rng(0).uniform(1e-3, 3e-3, 10_000).cumsum()
 
     def step(self, model: mujoco.MjModel, _: mujoco.MjData) -> None:
         """Take the time of a step, which is a tenth of what it simulates."""
-        slow = np.searchsorted(self._spells, self.now) % 2
-        self.now += 0.1 * model.opt.timestep * (1 + slow)
+        slow = np.searchsorted(self._spells, self.current) % 2
+        self.current += 0.1 * model.opt.timestep * (1 + slow)
 
 
 def test_what_slows_a_machine_down_at_times_favours_no_fast_model(
@@ -167,15 +167,15 @@ def test_what_slows_a_machine_down_at_times_favours_no_fast_model(
     monkeypatch.setattr(mujoco, "mj_step", machine.step)
     monkeypatch.setattr(time, "thread_time", lambda: machine.now)
     start = np.zeros((1, mujoco.mj_stateSize(mujoco.MjModel.from_xml_string(SWING), INTEGRATION)))
-    stretch = Stretch(start, np.empty((1, 101, 0)), 0, 101)
+    stretch = Segment(start, np.empty((1, 101, 0)), 0, 101)
     for _ in range(20):
-        timed = list[Timed]()
+        timed = list[TimedModel]()
         for step in (2e-3, 2e-5):
             model = mujoco.MjModel.from_xml_string(SWING)
             model.opt.timestep = step
-            timed.append(Timed(model, [stretch]))
-        turn = Turn(timed)
-        turns = [turn.taken(), turn.taken()]
+            timed.append(TimedModel(model, [stretch]))
+        turn = InterleavedTimer(timed)
+        turns = [turn.elapsed(), turn.elapsed()]
         slow, fast = (
             np.minimum(*each).sum() * one.simulated
             for each, one in zip(zip(*turns, strict=True), timed, strict=True)
@@ -192,6 +192,6 @@ def test_a_model_that_gives_up_is_timed_as_a_loop_goes_on() -> None:
     recorded = mujoco.MjModel.from_xml_string(SWING)
     recorded.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     motion = Motion(model, start, np.empty((1, 40, 0)), name="whole")
-    clock = Clock(Yardsticks.of([motion], 2, 1), recorded)
-    clock.prices([(recorded, 2)])
+    clock = Clock(TaskReference.run_references([motion], 2, 1), recorded)
+    clock.time_ratios([(recorded, 2)])
     assert not recorded.opt.disableflags

@@ -9,8 +9,8 @@ import pytest
 from contactlab.errors import ExpectationError, SweepFileError
 from contactlab.plan.task_options import TaskOptions, read_task_options
 from contactlab.schema.tune_report import TuneReport
-from contactlab.studies.search.search_chart import merged, specification
-from contactlab.studies.search.tuning import TuneRequest, run
+from contactlab.studies.search.search_chart import merge_candidates, specification
+from contactlab.studies.search.tuning import TuneRequest, tune_model
 from contactlab.studies.session import Session
 
 PLANTED = Path(__file__).parent / "planted"
@@ -37,24 +37,24 @@ def tuned(text: str, folder: Path, **asked: Any) -> TuneReport:
     path = folder / "robot.xml"
     path.write_text(text)
     options: dict[str, Any] = {"task": SHORT, "max_time": 60.0, **asked}
-    return run(TuneRequest(str(path), **options), Session(folder / "out"))
+    return tune_model(TuneRequest(str(path), **options), Session(folder / "out"))
 
 
 def changes_of(report: TuneReport) -> dict[str, Any]:
-    return {each.name: each.after for each in report.changes}
+    return {each.name: each.after for each in report.changed_settings}
 
 
 @pytest.mark.long
 def test_needless_steps_and_flags_go(tmp_path: Path) -> None:
     report = tuned(PENDULUM, tmp_path)
-    assert report.met
+    assert report.target_met
     assert report.recommended
-    assert report.recommended.price
-    assert report.recommended.price.high < 0.5
-    assert report.flags == ("energy",)
+    assert report.recommended.time_ratio
+    assert report.recommended.time_ratio.high < 0.5
+    assert report.disabled_flags == ("energy",)
     assert report.verified
     assert report.verified.holds
-    assert report.verified.word == "sound"
+    assert report.verified.verdict == "sound"
     assert report.file
     path = tmp_path / "out" / report.file
     assert "<!-- a comment stays -->" in path.read_text()
@@ -62,7 +62,7 @@ def test_needless_steps_and_flags_go(tmp_path: Path) -> None:
     # Text, patch and data say the same settings.
     assert made.opt.timestep == report.recommended.timestep == changes_of(report)["timestep"]
     assert not made.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_ENERGY)
-    rows = merged(report)
+    rows = merge_candidates(report)
     assert [row["what"] for row in rows[:2]] == ["as written", "recommended"]
     assert str(made.opt.timestep) in rows[1]["settings"]
     drawn = str(specification(report).to_dict())
@@ -72,12 +72,12 @@ def test_needless_steps_and_flags_go(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_a_forward_error_is_kept_where_the_motion_is_regular(tmp_path: Path) -> None:
     """RK4's error at the end is fourth order: 1e-6 m leaves several times the step."""
-    asked: dict[str, Any] = {"watched": ("arm",), "at": "end", "error": 1e-6}
+    asked: dict[str, Any] = {"observed": ("arm",), "error_at": "end", "error": 1e-6}
     text = PENDULUM.replace('name="arm" ', "").replace(
         "    </body>", '<site name="arm" pos=".3 0 0"/></body>'
     )
     report = tuned(text, tmp_path, **asked)
-    assert report.aim.growth.startswith("regular")
+    assert report.target.divergence.startswith("regular")
     assert report.recommended
     assert report.recommended.error is not None
     assert report.recommended.error <= 1e-6
@@ -89,7 +89,7 @@ def test_a_forward_error_is_kept_where_the_motion_is_regular(tmp_path: Path) -> 
 
 @pytest.mark.long
 def test_of_a_chaotic_motion_no_forward_error_is_promised(tmp_path: Path) -> None:
-    asked: dict[str, Any] = {"watched": ("arm",), "at": "peak", "error": 1e-5}
+    asked: dict[str, Any] = {"observed": ("arm",), "error_at": "peak", "error": 1e-5}
     text = DOUBLE.replace('pos="0 0 1"', 'pos="0 0 1" euler="0 170 0"')
     task = read_task_options(drive="none", duration="12s")
     with pytest.raises(ExpectationError, match="chaotic: a nudge grows"):
@@ -115,34 +115,34 @@ def test_what_misses_its_aim_gets_two_answers_and_none_that_is_slower(tmp_path: 
     Time enough that no deadline decides, on any machine.
     """
     task = read_task_options(drive="none", duration="0.5s")
-    report = tuned(TUMBLING, tmp_path, task=task, apart=0.05, max_time=3600.0)
-    assert report.now.error
-    assert report.now.error > report.aim.limit
+    report = tuned(TUMBLING, tmp_path, task=task, skip_pairs_beyond=0.05, max_time=3600.0)
+    assert report.current.error
+    assert report.current.error > report.target.limit
     assert report.recommended
-    assert report.recommended.price
-    assert report.recommended.price.high < 0.5
+    assert report.recommended.time_ratio
+    assert report.recommended.time_ratio.high < 0.5
     assert report.recommended.error
-    assert report.recommended.error <= 1.02 * report.now.error
-    assert report.to_aim
-    assert report.to_aim.point.error
-    assert report.to_aim.point.error <= report.aim.limit
-    assert report.to_aim.verified.keeps_aim
+    assert report.recommended.error <= 1.02 * report.current.error
+    assert report.meets_target
+    assert report.meets_target.candidate.error
+    assert report.meets_target.candidate.error <= report.target.limit
+    assert report.meets_target.verified.meets_target
     assert report.verified
-    assert not report.verified.keeps_aim
+    assert not report.verified.meets_target
     # Both files have what is said of them, and the shelf, which nothing came near, is left out.
-    assert report.stayed_apart
-    assert report.stayed_apart.left_out
-    assert report.stayed_apart.geoms == ("shelf",)
+    assert report.far_pairs
+    assert report.far_pairs.removed
+    assert report.far_pairs.geoms == ("shelf",)
     for file, point in (
         (report.file, report.recommended),
-        (report.to_aim.file, report.to_aim.point),
+        (report.meets_target.file, report.meets_target.candidate),
     ):
         assert file
         made = mujoco.MjModel.from_xml_path(str(tmp_path / "out" / file))
         assert made.opt.timestep == point.timestep
         assert made.opt.solver == mujoco.mjtSolver.mjSOL_NEWTON
         assert made.geom("shelf").contype[0] == made.geom("shelf").conaffinity[0] == 0
-    assert {"recommended", "keeps the aim"} <= {row["what"] for row in merged(report)}
+    assert {"recommended", "meets target"} <= {row["what"] for row in merge_candidates(report)}
 
 
 @pytest.mark.night
@@ -160,11 +160,14 @@ def test_what_a_model_needs_stays(need: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
-        ({"task": TaskOptions(limits={"slip": 1e-3})}, "--tolerance slip=: settings are judged by"),
-        ({"real_time": 5.0, "error": 0.1}, "--real-time asks for the least error"),
-        ({"at": "end"}, "--at needs what is watched"),
-        ({"at": "end", "watched": ("arm",)}, "--at needs the largest forward error"),
-        ({"error": 3.0}, "--error 3 is no share"),
+        (
+            {"task": TaskOptions(limits={"slip": 1e-3})},
+            "--tolerance slip=: tune uses the error budget",
+        ),
+        ({"real_time": 5.0, "error": 0.1}, "--real-time minimizes the error"),
+        ({"error_at": "end"}, "--error-at needs --observe"),
+        ({"error_at": "end", "observed": ("arm",)}, "--error-at needs a target"),
+        ({"error": 3.0}, "--error 3 is not a fraction"),
     ],
 )
 def test_options_that_contradict_each_other_are_refused(

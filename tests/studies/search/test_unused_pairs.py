@@ -13,7 +13,7 @@ from contactlab.engines.engine import Buffers, PreparedRuns
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.scene import Scene
 from contactlab.scene.unreachable import filtered_pairs, unreachable_pairs
-from contactlab.studies.search.unused_pairs import left_out, pairs_within, untouched_geoms
+from contactlab.studies.search.unused_pairs import exclusion_edits, pairs_within, unreachable_edits
 
 # An arm that turns by 1.5 rad either way, a post at 1.4 rad, a wall out of reach, a lamp above all;
 # and a box on the floor, which may be anywhere.
@@ -70,7 +70,7 @@ def runs(workshop: Path) -> Runs:
 
 def test_without_runs_proofs_remain(model: mujoco.MjModel) -> None:
     """No joint brings anything to the wall or the floor; the arm may get to the post."""
-    found = untouched_geoms(model, [])
+    found = unreachable_edits(model, [])
     assert found.masked == ()
     assert found.excluded == (("world", "arm"), ("world", "lamp"))
     assert len(unreachable_pairs(model, filtered_pairs(model))) == 8
@@ -78,9 +78,9 @@ def test_without_runs_proofs_remain(model: mujoco.MjModel) -> None:
 
 def test_what_kept_apart_in_all_runs_is_no_proof(model: mujoco.MjModel, runs: Runs) -> None:
     """The exercise stops short of the post, which the hand can reach."""
-    found = untouched_geoms(model, runs)
+    found = unreachable_edits(model, runs)
     assert ("world", "hand") not in found.excluded
-    assert found == untouched_geoms(model, [])
+    assert found == unreachable_edits(model, [])
 
 
 def edited(text: str, found: ModelEdits) -> str:
@@ -104,7 +104,7 @@ def test_without_them_states_stay_bit_equal_from_fresh_seeds(
     """Nothing is masked that the box may hit; without box and post, all is."""
     written, path = tmp_path / "written.xml", tmp_path / "edited.xml"
     written.write_text(text)
-    found = untouched_geoms(mujoco.MjModel.from_xml_string(text), driven(written, range(3)))
+    found = unreachable_edits(mujoco.MjModel.from_xml_string(text), driven(written, range(3)))
     assert bool(found.masked) == masks
     path.write_text(edited(text, found))
     assert not masks or not filtered_pairs(mujoco.MjModel.from_xml_path(str(path)))
@@ -149,7 +149,7 @@ def test_what_stays_apart_is_told_by_what_nothing_comes_near(workshop: Path) -> 
     runs, pairs = driven(workshop, range(2)), filtered_pairs(model)
     near = pairs_within(model, runs, 0.05)
     assert near is not None
-    edits = left_out(model, pairs, {pair for pair in pairs if pair not in near})
+    edits = exclusion_edits(model, pairs, {pair for pair in pairs if pair not in near})
     # The box lies on the floor, and nothing comes near the wall or the lamp.
     assert {"wall", "lamp"} <= {*edits.masked}
     assert not {"box", "floor"} & {*edits.masked}

@@ -1,4 +1,4 @@
-"""Parts of two models that are the same: by name, and what is left by structure."""
+"""Matches the parts of two models, by name and then by structure."""
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,20 +13,20 @@ _WORLD = 0
 
 
 @dataclass(frozen=True)
-class Matched:
-    """The ids of parts that two models share, by kind, and of those that one has alone."""
+class MatchedParts:
+    """Ids of the parts that two models share, by kind, and of those that only one has."""
 
     both: Mapping[str, Matches]
     gone: Mapping[str, Sequence[int]]
     new: Mapping[str, Sequence[int]]
 
 
-def matched(one: mujoco.MjModel, other: mujoco.MjModel) -> Matched:
+def match_parts(one: mujoco.MjModel, other: mujoco.MjModel) -> MatchedParts:
     """Match the parts of two models, whose unnamed parts have addresses."""
     bodies = _bodies(one, other)
     after = dict(bodies)
-    joints = _within(one, other, "joint", "jnt_bodyid", "jnt_type", after)
-    geoms = _within(one, other, "geom", "geom_bodyid", "geom_type", after)
+    joints = _match_within_bodies(one, other, "joint", "jnt_bodyid", "jnt_type", after)
+    geoms = _match_within_bodies(one, other, "geom", "geom_bodyid", "geom_type", after)
     both: dict[str, Matches] = {"body": bodies, "joint": joints, "geom": geoms}
     for kind, field in (
         ("tendon", "tendon_num"),
@@ -44,14 +44,16 @@ def matched(one: mujoco.MjModel, other: mujoco.MjModel) -> Matched:
         _names(one, "pair"), _names(other, "pair"), ours, [*map(frozenset, listed)]
     )
     counts = {kind: (len(_names(one, kind)), len(_names(other, kind))) for kind in both}
-    return Matched(
+    return MatchedParts(
         both=both,
-        gone={kind: _left(range(counts[kind][0]), (a for a, _ in both[kind])) for kind in both},
-        new={kind: _left(range(counts[kind][1]), (b for _, b in both[kind])) for kind in both},
+        gone={
+            kind: _remaining(range(counts[kind][0]), (a for a, _ in both[kind])) for kind in both
+        },
+        new={kind: _remaining(range(counts[kind][1]), (b for _, b in both[kind])) for kind in both},
     )
 
 
-def _left(every: Iterable[int], some: Iterable[int]) -> list[int]:
+def _remaining(every: Iterable[int], some: Iterable[int]) -> list[int]:
     return sorted(set(every) - set(some))
 
 
@@ -61,7 +63,7 @@ def _types(model: mujoco.MjModel, kind: str, field: str) -> list[Hashable]:
 
 
 def _names(model: mujoco.MjModel, kind: str) -> list[str]:
-    """Return the names of a kind of part; "" for one that has none of its own."""
+    """Return the names of the parts of a kind; "" for an unnamed part."""
     counts = {"joint": "njnt", "key": "nkey", "equality": "neq", "actuator": "nactuator"}
     field = counts.get(kind, f"n{kind}")
     count = int(getattr(model, field, model.nu))
@@ -75,11 +77,11 @@ def _by_name_then_type(
     types: Sequence[Hashable],
     other_types: Sequence[Hashable],
 ) -> list[tuple[int, int]]:
-    """Match parts of equal names, then those left of equal types, in their order."""
+    """Match parts of equal names, then the remaining ones of equal types, in order."""
     known = {name: place for place, name in enumerate(others) if name}
     found = {place: known[name] for place, name in enumerate(ones) if name in known}
-    left = _left(range(len(ones)), found)
-    free = _left(range(len(others)), found.values())
+    left = _remaining(range(len(ones)), found)
+    free = _remaining(range(len(others)), found.values())
     for place in left:
         same = next((b for b in free if other_types[b] == types[place]), None)
         if same is not None:
@@ -89,13 +91,13 @@ def _by_name_then_type(
 
 
 def _bodies(one: mujoco.MjModel, other: mujoco.MjModel) -> list[tuple[int, int]]:
-    """Match bodies by name; those left by parent and joints, in their order."""
+    """Match bodies by name, then the remaining ones by parent and joints, in order."""
     found = {_WORLD: _WORLD}
     names, others = _names(one, "body"), _names(other, "body")
     known = {name: body for body, name in enumerate(others) if name and body}
     found |= {body: known[name] for body, name in enumerate(names) if body and name in known}
-    free = _left(range(other.nbody), found.values())
-    for body in _left(range(one.nbody), found):
+    free = _remaining(range(other.nbody), found.values())
+    for body in _remaining(range(one.nbody), found):
         parent = found.get(int(one.body_parentid[body]))
         same = next(
             (
@@ -117,7 +119,7 @@ def _joint_types(model: mujoco.MjModel, body: int) -> list[int]:
     return np.asarray(model.jnt_type[first : first + count]).tolist() if count else []
 
 
-def _within(
+def _match_within_bodies(
     one: mujoco.MjModel,
     other: mujoco.MjModel,
     kind: str,
@@ -125,7 +127,7 @@ def _within(
     type_: str,
     bodies: Mapping[int, int],
 ) -> list[tuple[int, int]]:
-    """Match parts of bodies by name, and those left within the same body by type."""
+    """Match parts of bodies by name, then the remaining ones within the same body by type."""
 
     def typed(model: mujoco.MjModel, body_of: Callable[[int], Hashable]) -> list[Hashable]:
         owners, types = getattr(model, owner).tolist(), getattr(model, type_).tolist()

@@ -1,9 +1,9 @@
-"""The change in motion between two models: a backward error, over one second of the same task.
+"""The change in motion between two models, over one second of the same task.
 
-The first model's run is cut into windows. At the start of each, the second model is put into the
-run's state, part by part, and driven as the run is; where their velocities part by the end of the
-window, a phantom force would have to act on the second model to move as the first does. The share
-is the sum of these impulses over the real ones, as in `contactlab.budget`, of the worst body.
+The first model's run is cut into windows. At the start of each, the second model gets the state of
+the run, part by part, and the same inputs. The difference of their velocities at the end of the
+window is the impulse of the residual force that the second model needs to move as the first. The
+error is the sum of these impulses over the real ones, as in `contactlab.budget`, of the worst body.
 """
 
 from collections.abc import Iterator
@@ -21,16 +21,16 @@ from contactlab.errors import EngineError, SceneError
 from contactlab.scene.model_names import name_of
 from contactlab.scene.scene import Scene
 from contactlab.schema.diff_report import MotionChange
-from contactlab.studies.diff.matching import Matched
+from contactlab.studies.diff.matching import MatchedParts
 from contactlab.studies.examine.task_motions import task_motions
 
 _SECONDS, _WINDOW = 1.0, 0.04
-_GRAVITY = 0.1  # of what falls freely counts as real in what stands
+_GRAVITY = 0.1  # share of free fall that counts as real impulse of a body at rest
 _BODY = int(mujoco.mjtObj.mjOBJ_BODY)
 
 
-class _Places(NamedTuple):
-    """Where parts that two models share have their numbers in each."""
+class _SharedIndices(NamedTuple):
+    """Indices of the shared parts in each of two models."""
 
     qpos: np.ndarray  # (k, 2)
     qvel: np.ndarray
@@ -41,34 +41,36 @@ class _Places(NamedTuple):
 
 
 def motion_change(
-    scene: Scene, one: mujoco.MjModel, other: mujoco.MjModel, found: Matched
+    scene: Scene, one: mujoco.MjModel, other: mujoco.MjModel, found: MatchedParts
 ) -> tuple[MotionChange | None, str]:
-    """Return how a model changes the motion of a scene's task; why not, where that has none."""
-    places = _places(one, other, found)
+    """Return the change in motion between two models, or None and the reason."""
+    places = _shared_indices(one, other, found)
     moving = [body for body in judged_bodies(one).tolist() if body in places.bodies[:, 0]]
     if not len(places.qvel) or not moving:
-        return None, "nothing that moves is in both models"
+        return None, "no moving body is in both models"
     try:
         task = scene.task({}, _SECONDS, seeds=(0,))
         motions = task_motions(scene, {}, task)
     except (EngineError, SceneError) as error:
         return None, str(error).splitlines()[0]
-    parts = [_part(motion, other, places, np.array(moving)) for motion in motions]
+    parts = [_phase_impulses(motion, other, places, np.array(moving)) for motion in motions]
     apart, real = (np.sum([part[row] for part in parts], axis=0) for row in (0, 1))
     shares = apart / np.maximum(real, 1e-6 * real.max() + 1e-300)
     worst = int(np.argmax(np.nan_to_num(shares, nan=np.inf)))
     share = float(shares[worst]) if np.isfinite(shares[worst]) else float(np.finfo(float).max)
     body = name_of(one, "body", moving[worst])
-    return MotionChange(task=task.line, share=share, body=body, window=_WINDOW), ""
+    return MotionChange(task=task.line, error=share, body=body, window=_WINDOW), ""
 
 
-def _places(one: mujoco.MjModel, other: mujoco.MjModel, found: Matched) -> _Places:
+def _shared_indices(
+    one: mujoco.MjModel, other: mujoco.MjModel, found: MatchedParts
+) -> _SharedIndices:
     qpos, qvel = list[tuple[int, int]](), list[tuple[int, int]]()
     for joint, same in found.both["joint"]:
         if one.jnt_type[joint] == other.jnt_type[same]:
             wide, turns = {0: (7, 6), 1: (4, 3)}.get(int(one.jnt_type[joint]), (1, 1))
-            qpos += _run(one.jnt_qposadr[joint], other.jnt_qposadr[same], wide)
-            qvel += _run(one.jnt_dofadr[joint], other.jnt_dofadr[same], turns)
+            qpos += _index_pairs(one.jnt_qposadr[joint], other.jnt_qposadr[same], wide)
+            qvel += _index_pairs(one.jnt_dofadr[joint], other.jnt_dofadr[same], turns)
     ctrl = [pair for pair in found.both["actuator"] if max(pair) < min(one.nu, other.nu)]
     act = [
         (int(one.actuator_actadr[first]), int(other.actuator_actadr[second]))
@@ -81,17 +83,17 @@ def _places(one: mujoco.MjModel, other: mujoco.MjModel, found: Matched) -> _Plac
         if one.body_mocapid[first] >= 0 and other.body_mocapid[second] >= 0
     ]
     made = (qpos, qvel, ctrl, act, list(found.both["body"]), mocap)
-    return _Places(*(np.array(pairs, int).reshape(-1, 2) for pairs in made))
+    return _SharedIndices(*(np.array(pairs, int).reshape(-1, 2) for pairs in made))
 
 
-def _run(first: int, second: int, count: int) -> Iterator[tuple[int, int]]:
+def _index_pairs(first: int, second: int, count: int) -> Iterator[tuple[int, int]]:
     return ((int(first) + step, int(second) + step) for step in range(count))
 
 
-def _part(
-    motion: Motion, other: mujoco.MjModel, places: _Places, moving: np.ndarray
+def _phase_impulses(
+    motion: Motion, other: mujoco.MjModel, places: _SharedIndices, moving: np.ndarray
 ) -> tuple[Floats, Floats]:
-    """Return (B,) phantom impulses and real ones of bodies over their masses [m/s], of a phase."""
+    """Return (B,) residual and real impulses of bodies over their masses [m/s], of a phase."""
     one, step = motion.model, float(motion.model.opt.timestep)
     length = max(1, min(motion.steps, round(_WINDOW / step)))
     same = dict(map(tuple, places.bodies.tolist()))
@@ -101,17 +103,17 @@ def _part(
     apart, real = np.zeros(len(moving)), np.zeros(len(moving))
     gravity = float(np.linalg.norm(one.opt.gravity))
     for begin in range(0, motion.steps - length + 1, length):
-        _feed(motion, begin, one, data)
-        _copy(data, twin, places)
+        _apply_inputs(motion, begin, one, data)
+        _copy_state(data, twin, places)
         own = [_velocities(one, data, moving)]
         before = np.empty(mujoco.mj_stateSize(one, INTEGRATION))
         for place in range(begin, begin + length + 1):
             if place == begin + length:
                 mujoco.mj_getState(one, data, before, INTEGRATION)
-            _feed(motion, place, one, data)
+            _apply_inputs(motion, place, one, data)
             mujoco.mj_step(one, data)
             own.append(_velocities(one, data, moving))
-        seen = _followed(motion, begin, length, (other, twin), places, theirs)
+        seen = _follow_window(motion, begin, length, (other, twin), places, theirs)
         mujoco.mj_setState(one, data, before, INTEGRATION)
         path = np.stack(own)[None]
         apart += defects(path[:, -3:], seen[None])[0]
@@ -121,17 +123,17 @@ def _part(
     return apart, real
 
 
-def _followed(
+def _follow_window(
     motion: Motion,
     begin: int,
     length: int,
     twin: tuple[mujoco.MjModel, mujoco.MjData],
-    places: _Places,
+    places: _SharedIndices,
     bodies: np.ndarray,
 ) -> Floats:
     """Return (2 r + 1, B, 6) velocities of the second model around a window's end.
 
-    It takes its own steps, of any length, and is driven at the run's rate.
+    It takes its own steps, of any length, with the inputs of the run.
     """
     (model, data), step = twin, float(motion.model.opt.timestep)
     source = mujoco.MjData(motion.model)
@@ -144,8 +146,8 @@ def _followed(
         now = begin + int(elapsed / step * (1 + 1e-12))
         if now != place:
             place = now
-            _feed(motion, place, motion.model, source)
-            _drive(source, data, places)
+            _apply_inputs(motion, place, motion.model, source)
+            _copy_inputs(source, data, places)
         # From the last step that is not past a step of the run before the end.
         if elapsed + own > (length - 1) * step * (1 + 1e-9):
             seen.append(_velocities(model, data, bodies))
@@ -163,14 +165,14 @@ def _followed(
     return (1 - part) * rows[before] + part * rows[before + 1]
 
 
-def _feed(motion: Motion, place: int, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+def _apply_inputs(motion: Motion, place: int, model: mujoco.MjModel, data: mujoco.MjData) -> None:
     rows = motion.rows(0, [place])
     if rows is not None:
         mujoco.mj_setState(model, data, rows[0], motion.spec)
 
 
-def _copy(data: mujoco.MjData, twin: mujoco.MjData, places: _Places) -> None:
-    """Put the second model into the state of the first."""
+def _copy_state(data: mujoco.MjData, twin: mujoco.MjData, places: _SharedIndices) -> None:
+    """Copy the state of the first model into the second."""
     mujoco.mj_resetData(twin.model, twin)
     for name in ("qpos", "qvel", "act"):
         first, second = getattr(places, name).T
@@ -179,11 +181,11 @@ def _copy(data: mujoco.MjData, twin: mujoco.MjData, places: _Places) -> None:
     twin.mocap_pos[second], twin.mocap_quat[second] = data.mocap_pos[first], data.mocap_quat[first]
     first, second = places.qvel.T
     twin.qacc_warmstart[second] = data.qacc_warmstart[first]
-    _drive(data, twin, places)
+    _copy_inputs(data, twin, places)
 
 
-def _drive(data: mujoco.MjData, twin: mujoco.MjData, places: _Places) -> None:
-    """Give the second model the controls and the forces that act on the first."""
+def _copy_inputs(data: mujoco.MjData, twin: mujoco.MjData, places: _SharedIndices) -> None:
+    """Copy the controls and applied forces of the first model to the second."""
     for name, pairs in (
         ("ctrl", places.ctrl),
         ("qfrc_applied", places.qvel),

@@ -20,8 +20,8 @@ Read = Callable[[mujoco.MjModel, int], object]
 class Quantity(NamedTuple):
     """A quantity of a part.
 
-    A value changes by its share, a length by its share of the part's reach, a turn by its angle,
-    and a word altogether.
+    A value changes by its relative change, a length by its share of the part's reach, a turn by its
+    angle, and a word as a whole.
     """
 
     name: str
@@ -41,7 +41,7 @@ def _inertia(model: mujoco.MjModel, body: int) -> Floats:
 
 
 def _limits(field: str, flag: str) -> Read:
-    """Return what reads a range, or that there is none."""
+    """Return the reader of a range, which is "none" without one."""
 
     def read(model: mujoco.MjModel, index: int) -> object:
         return getattr(model, field)[index] if getattr(model, flag)[index] else "none"
@@ -81,7 +81,7 @@ _ACTING = {int(getattr(mujoco.mjtGeom, f"mjGEOM_{name}")): count for name, count
 
 
 def _solid_size(model: mujoco.MjModel, geom: int) -> object:
-    """Return a primitive's sizes that act; of a mesh its half extents."""
+    """Return the sizes of a primitive that matter, or the half extents of a mesh."""
     kind = int(model.geom_type[geom])
     if kind in (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF):
         return model.geom_aabb[geom, 3:]
@@ -104,7 +104,7 @@ def _joint_turns(field: str) -> Read:
 
 
 def _joint_place(field: str) -> Read:
-    """Return what reads a slide's or hinge's place; of others, nothing."""
+    """Return the reader of a position of slides and hinges."""
 
     def read(model: mujoco.MjModel, joint: int) -> object:
         scalar = model.jnt_type[joint] in (2, 3)
@@ -214,10 +214,12 @@ QUANTITIES: dict[str, tuple[Quantity, ...]] = {
 """By kind of part, in the order of reports."""
 
 
-def changed_by(measured: Measured, before: object, after: object, length: float) -> float | None:
-    """Return how large a change is; None where it has no size, 0 where there is none.
+def relative_change(
+    measured: Measured, before: object, after: object, length: float
+) -> float | None:
+    """Return the relative change of a value; None if it has no size, 0 if there is no change.
 
-    A length [m] is that of the part, of whose places differences are a share.
+    Positions are divided by the length of the part [m].
     """
     if measured == "word" or isinstance(before, str) or isinstance(after, str):
         return 0.0 if np.array_equal(np.asarray(before), np.asarray(after)) else None
@@ -237,7 +239,7 @@ def changed_by(measured: Measured, before: object, after: object, length: float)
     return float(apart / scale) if scale else None
 
 
-def text(value: object) -> str:
+def format_value(value: object) -> str:
     """Return a value to six digits, as MJCF has it."""
     if isinstance(value, (str, bool)):
         return str(value)

@@ -1,4 +1,4 @@
-"""Ablation: which effects a scene needs, what each costs, and the smallest set that will do."""
+"""Ablation: the effects that a scene needs, the time of each, and the smallest sufficient set."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,8 +16,8 @@ from contactlab.schema.evidence import Setting
 from contactlab.schema.study_reports import (
     EffectFinding,
     EffectsReport,
+    EffectVerdict,
     Interaction,
-    Need,
     Ratio,
     SmallestSet,
     Verification,
@@ -49,47 +49,55 @@ class SmallestSetSearch:
     base: ConfigurationRows
     tried: int = 0
 
-    def smallest(self, certain: Sequence[str], likely: Sequence[str]) -> Changed:
+    def find_smallest(self, certain: Sequence[str], likely: Sequence[str]) -> Changed:
         """Return a large set of toggles that changes no result, found greedily.
 
-        Those that are certain change nothing by proof, those that are likely not one by one; of
-        these the most worthwhile comes first.
+        Certain toggles change nothing by proof, likely ones change nothing alone; the most
+        worthwhile of these comes first.
         """
-        everything = merged(certain, likely)
-        if not everything or self._is_free(everything):
+        everything = merge_names(certain, likely)
+        if not everything or self._is_below_tolerance(everything):
             return everything
-        free = merged(certain) if certain and self._is_free(merged(certain)) else BASE
+        free = (
+            merge_names(certain)
+            if certain and self._is_below_tolerance(merge_names(certain))
+            else BASE
+        )
         rest = [name for name in (*certain, *likely) if name not in free]
-        # Each step is compared with the base configuration, not with the step before it, so that
+        # Each step is compared with the base configuration, not with the previous step, so that
         # small changes cannot add up.
         for name in rest:
-            if self._is_free(merged(free, [name])):
-                free = merged(free, [name])
+            if self._is_below_tolerance(merge_names(free, [name])):
+                free = merge_names(free, [name])
         return free
 
-    def interactions(
+    def find_interactions(
         self, free: Changed, needed: Sequence[str]
     ) -> tuple[Changed, tuple[Interaction, ...]]:
-        """Toggle pairs of effects that are needed one by one; return the free set, and all pairs.
+        """Toggle pairs of effects that are needed alone; return the removable set, and all pairs.
 
-        Each pair is run with one seed first; the few that pass are run with all seeds.
+        Each pair is run with one seed first; those that pass are run with all seeds.
         """
         pairs, setup = list(combinations(needed, 2)), self.trials.setup
         if not pairs:
             return free, ()
-        each_changed = [merged(free, pair) for pair in pairs]
+        each_changed = [merge_names(free, pair) for pair in pairs]
         outcomes = self._run([BASE, *each_changed], replace(setup, seeds=setup.seeds[:1]))
         interactions: list[Interaction] = []
         for pair, changed in zip(pairs, each_changed, strict=True):
             change = difference(setup.tolerances, outcomes[BASE], outcomes[changed], changed)
-            passed = not change.matters and self._is_free(merged(free, pair))
-            free = merged(free, pair) if passed else free
-            interactions.append(Interaction(effects=pair, free=passed, reason=change.reason))
+            passed = not change.is_significant and self._is_below_tolerance(merge_names(free, pair))
+            free = merge_names(free, pair) if passed else free
+            interactions.append(
+                Interaction(effects=pair, below_tolerance=passed, reason=change.reason)
+            )
         return free, tuple(interactions)
 
-    def _is_free(self, changed: Changed) -> bool:
+    def _is_below_tolerance(self, changed: Changed) -> bool:
         outcome = self._run([changed])[changed]
-        return not difference(self.trials.setup.tolerances, self.base, outcome, changed).matters
+        return not difference(
+            self.trials.setup.tolerances, self.base, outcome, changed
+        ).is_significant
 
     def _run(
         self, configurations: Sequence[Changed], setup: AblationSetup | None = None
@@ -99,7 +107,7 @@ class SmallestSetSearch:
         return self.trials.run(name, "Effects changed together", configurations, setup)
 
 
-def merged(*names: Collection[str]) -> Changed:
+def merge_names(*names: Collection[str]) -> Changed:
     """Return the union of toggled effects."""
     return tuple(sorted({name for group in names for name in group}))
 
@@ -107,23 +115,23 @@ def merged(*names: Collection[str]) -> Changed:
 REPORT = "effects.json"
 FRESH_SEEDS = 10
 SAFEGUARDS = frozenset({"refsafe", "warmstart", "clampctrl"})
-"""Effects that guard against what a few runs of one drive need not meet: none is left out."""
-_CHEAPER = 0.95  # an effect is added only if the ratio of times is at most this
+"""Effects that guard against conditions that a few runs of one drive may not meet; all stay."""
+MAX_TIME_RATIO = 0.95  # an effect is added only if the time ratio is at most this
 
 
-def run(request: EffectsRequest, session: Session) -> EffectsReport:
+def find_smallest_set(request: EffectsRequest, session: Session) -> EffectsReport:
     """Change one effect at a time, search for the smallest set, and verify it.
 
-    The report is written to `effects.json` beside the stores. Raises a SweepFileError if the sweep
-    or a setting is wrong (all are named); a SceneError if there is no such scene, or it
-    does not compile; an OutputError if the session's folder cannot be written; a StoppedError if
-    the session was stopped.
+    The report is written to `effects.json` next to the stores. Raises a SweepFileError if the sweep
+    or a setting is wrong (all are named); a SceneError if there is no such scene, or it does not
+    compile; an OutputError if the session's folder cannot be written; a StoppedError if the session
+    was stopped.
     """
     setup = request.setup
     session.claim("effects", request.source)
     toggles = {toggle.effect: toggle for toggle in find_toggles(setup)}
     trials = ConfigurationRunner(setup, toggles, session, request.rounds)
-    proven = merged(
+    proven = merge_names(
         [name for name, toggle in toggles.items() if toggle.proof and name not in SAFEGUARDS]
     )
     singles = [(name,) for name, toggle in toggles.items() if toggle.proof is None]
@@ -132,16 +140,16 @@ def run(request: EffectsRequest, session: Session) -> EffectsReport:
     timed = trials.timed("timing", configurations)
     exercised = Exercised.of(outcomes[BASE].flat)
     findings = [
-        _finding(setup.tolerances, toggle, outcomes, timed, proven, exercised)
+        _finding_of(setup.tolerances, toggle, outcomes, timed, proven, exercised)
         for toggle in toggles.values()
     ]
     search = SmallestSetSearch(trials, outcomes[BASE])
-    free = search.smallest(proven, _worthwhile(findings, setup))
-    needed = [finding.effect for finding in findings if finding.need == "needed"]
-    free, interactions = search.interactions(free, needed)
+    free = search.find_smallest(proven, _rank_worthwhile(findings, setup))
+    needed = [finding.effect for finding in findings if finding.verdict == "needed"]
+    free, interactions = search.find_interactions(free, needed)
     saving = trials.timed("saving", [BASE, free]) if free else {}
     settings = {axis: value for name in free for axis, value in toggles[name].values.items()}
-    written = _written(setup, settings, session.folder / "written-model")
+    written = _write_set(setup, settings, session.folder / "written-model")
     report = EffectsReport(
         scene=setup.scene.name,
         scene_hash=setup.scene.hash,
@@ -157,15 +165,15 @@ def run(request: EffectsRequest, session: Session) -> EffectsReport:
         effects=tuple(findings),
         interactions=interactions,
         smallest_set=_smallest_set(toggles, free, proven, settings, written),
-        saving=cost_ratio(saving[BASE], saving[free]) if free else None,
-        verification=_verified(trials, free, settings, written),
+        time_ratio=cost_ratio(saving[BASE], saving[free]) if free else None,
+        verification=_verify_set(trials, free, settings, written),
         stores=tuple(trials.stores),
     )
     session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
     return report
 
 
-def _finding(
+def _finding_of(
     tolerances: Mapping[str, float],
     toggle: Toggle,
     outcomes: Mapping[Changed, ConfigurationRows],
@@ -173,75 +181,83 @@ def _finding(
     proven: Changed,
     exercised: Exercised,
 ) -> EffectFinding:
-    """Return the finding of one effect; effects unused by proof are toggled together.
+    """Return the finding of one effect; effects that are unused by proof are toggled together.
 
-    Nothing is called free that no run exercised.
+    An effect that no run exercised is "not exercised" instead of "below the tolerance".
     """
     changed = proven if toggle.proof is not None else (toggle.effect,)
     pair = outcomes[BASE], outcomes[changed]
     matters = "if unsure" if toggle.on else "if closer"
     change = difference(tolerances, *pair, changed, matters=matters)
-    cost = None if toggle.proof else cost_ratio(timed[BASE], timed[changed])
-    effect, need = EFFECTS[toggle.effect], _need(toggle, change, cost)
-    lack = exercised.lack([effect.feature]) if effect.feature and need == "free" else None
+    ratio = None if toggle.proof else cost_ratio(timed[BASE], timed[changed])
+    effect, verdict = EFFECTS[toggle.effect], _verdict_of(toggle, change, ratio)
+    lack = (
+        exercised.lack([effect.feature])
+        if effect.feature and verdict == "below the tolerance"
+        else None
+    )
     return EffectFinding(
         effect=toggle.effect,
         kind=effect.kind,
-        what=effect.what,
+        summary=effect.what,
         on=toggle.on,
-        need="not exercised" if lack else need,
+        verdict="not exercised" if lack else verdict,
         reason=lack or toggle.proof or change.reason,
         settings=_as_written(toggle.values),
-        changes=change.changes,
+        metric_changes=change.changes,
         within_spread=change.within_spread,
         labels=dict(change.labels),
-        cost=cost,
-        work={} if toggle.proof else work_ratios(timed[BASE], timed[changed]),
+        time_ratio=ratio,
+        work_ratios={} if toggle.proof else work_ratios(timed[BASE], timed[changed]),
     )
 
 
-def _need(toggle: Toggle, change: ConfigurationDifference, cost: Ratio | None) -> Need:
+def _verdict_of(
+    toggle: Toggle, change: ConfigurationDifference, ratio: Ratio | None
+) -> EffectVerdict:
     if toggle.on:
-        if change.matters:
+        if change.is_significant:
             return "needed"
-        return "free" if toggle.proof is None else "unused"
-    if change.matters:
-        return "absent"
-    cheaper = cost is not None and cost.high < 1 and cost.ratio <= _CHEAPER
-    return "saves" if cheaper else "idle"
+        return "below the tolerance" if toggle.proof is None else "unused"
+    if change.is_significant:
+        return "missing"
+    faster = ratio is not None and ratio.high < 1 and ratio.ratio <= MAX_TIME_RATIO
+    return "saves time" if faster else "no effect"
 
 
-def _worthwhile(findings: Sequence[EffectFinding], setup: AblationSetup) -> list[str]:
+def _rank_worthwhile(findings: Sequence[EffectFinding], setup: AblationSetup) -> list[str]:
     """Return the effects worth toggling, the most worthwhile first.
 
-    Those that recordings call for are.
-
-    Numerical effects stay unless toggling them saves time: most of them are there to save time, or
-    guard against settings that this scene does not have.
+    Missing effects are worth it if recordings decide. Numerical effects stay unless toggling them
+    saves time: most of them exist to save time, or guard against settings that this scene does not
+    have.
     """
     faster = {
-        finding.effect for finding in findings if finding.cost is not None and finding.cost.high < 1
+        finding.effect
+        for finding in findings
+        if finding.time_ratio is not None and finding.time_ratio.high < 1
     }
     worthwhile = [
         finding
         for finding in findings
         if finding.effect not in SAFEGUARDS
         and (
-            finding.need == "saves"
-            or (finding.need == "absent" and {*setup.tolerances} == {REALITY})
+            finding.verdict == "saves time"
+            or (finding.verdict == "missing" and {*setup.tolerances} == {REALITY})
             or (
-                finding.need == "free" and (finding.kind != "numerical" or finding.effect in faster)
+                finding.verdict == "below the tolerance"
+                and (finding.kind != "numerical" or finding.effect in faster)
             )
         )
     ]
     ranked = sorted(
-        worthwhile, key=lambda effect: 1.0 if effect.cost is None else effect.cost.ratio
+        worthwhile, key=lambda effect: 1.0 if effect.time_ratio is None else effect.time_ratio.ratio
     )
     return [finding.effect for finding in ranked]
 
 
-def _written(setup: AblationSetup, settings: Values, folder: Path) -> WrittenModel | SceneError:
-    """Write the model with settings; return why not, where its files cannot have them."""
+def _write_set(setup: AblationSetup, settings: Values, folder: Path) -> WrittenModel | SceneError:
+    """Write the model with settings; return the error if its files cannot have them."""
     try:
         return write_model(setup.scene, ModelEdits(settings), folder)
     except SceneError as error:
@@ -263,12 +279,12 @@ def _smallest_set(
         added=tuple(name for name in made if not toggles[name].on),
         settings=_as_written(settings),
         mjcf=written.lines if isinstance(written, WrittenModel) else (),
-        unwritten=str(written) if isinstance(written, SceneError) else None,
+        no_patch_reason=str(written) if isinstance(written, SceneError) else None,
         sweep=settings_sweep(settings, proven),
     )
 
 
-def _verified(
+def _verify_set(
     trials: ConfigurationRunner, free: Changed, settings: Values, written: WrittenModel | SceneError
 ) -> Verification:
     """Run the smallest set and the base configuration with fresh seeds, in fresh scenarios.
@@ -281,7 +297,9 @@ def _verified(
     fresh = replace(setup, seeds=seeds, scenarios=scenarios)
     if not free:
         why = "nothing can be left out"
-        return Verification(seeds=seeds, scenarios=(), runs=0, holds=True, reason=why, cost=None)
+        return Verification(
+            seeds=seeds, scenarios=(), runs=0, holds=True, reason=why, time_ratio=None
+        )
     about = "The smallest set against the base configuration, from fresh seeds"
     outcomes = trials.run("fresh", about, [BASE, free], fresh)
     farther = partial(difference, setup.tolerances, outcomes[BASE], matters="if farther")
@@ -294,16 +312,17 @@ def _verified(
         rows = trials.run("written", text, [BASE], as_text)
         pasted = farther(rows[BASE], free)
     failed = next(
-        (comparison for comparison in (change, pasted) if comparison and comparison.matters), None
+        (comparison for comparison in (change, pasted) if comparison and comparison.is_significant),
+        None,
     )
     return Verification(
         seeds=seeds,
         scenarios=tuple(_as_written(scenario) for scenario in scenarios),
         runs=len(outcomes[free].flat),
-        pasted=pasted and not pasted.matters,
+        holds_as_written=pasted and not pasted.is_significant,
         holds=failed is None,
         reason=f"as text, {failed.reason}" if failed and failed is pasted else change.reason,
-        cost=cost_ratio(timed[BASE], timed[free]),
+        time_ratio=cost_ratio(timed[BASE], timed[free]),
     )
 
 

@@ -1,4 +1,4 @@
-"""Toggles of effects, the runs of toggled configurations, and how these differ."""
+"""Toggles of effects, runs of toggled configurations, and their differences."""
 
 import json
 from collections import Counter
@@ -63,7 +63,7 @@ def _toggle(effect: Effect, written: list[States], proven: list[States]) -> Togg
 
 
 def settings_sweep(settings: Values, proven: Iterable[str]) -> tuple[str, ...]:
-    """Return the lines of a sweep file for settings of toggles; `auto` sees to proven ones."""
+    """Return the lines of a sweep file for settings of toggles; `auto` covers proven ones."""
     switched = {
         name: value
         for name, value in settings.items()
@@ -85,12 +85,12 @@ BASE: Changed = ()
 
 
 MOTION = "motion"
-"""Where joints are over time: (N, nq) qpos in shares of limited ranges, of others in m or rad."""
+"""Joint positions over time: (N, nq) qpos, as shares of limited ranges, otherwise in m or rad."""
 _MOST_STATES_COMPARED = 500
 
 
 def _motion(store: Store, run: str, model: mujoco.MjModel) -> Row:
-    """Return the motion of a run at about 500 times, the same in all runs of as many steps."""
+    """Return the motion of a run at about 500 times, the same in all runs with as many steps."""
     ranges, limited, record = np.ones(model.nq), model.jnt_limited == 1, store.record(run)
     ranges[model.jnt_qposadr[limited]] = np.ptp(model.jnt_range[limited], axis=1)
     qpos = store.trace(record).qpos if record.trace else np.zeros((0, model.nq))
@@ -102,7 +102,7 @@ _PAIRS = 6  # matched pairs that are timed; their range contains the median in 9
 
 @dataclass
 class ConfigurationRunner:
-    """Runs configurations, each set in a store of its own."""
+    """Runs configurations; each set of them has its own store."""
 
     setup: AblationSetup  # the base configuration, scenarios and seeds
     toggles: Mapping[str, Toggle]
@@ -155,17 +155,17 @@ class ConfigurationRunner:
 
 
 _SHARE = 0.01
-# Of the mean distance from recordings: by which share, and how many standard errors, it changes.
+# Smallest relevant change of the mean distance from recordings: as a share, and in standard errors.
 _CLOSER, _ERRORS = 0.05, 3
-# What an effect makes unmeasurable: energies that are not recorded while it is off, and distances
-# of speculative contacts, which are no depths.
+# Quantities that cannot be measured with or without an effect: energies that are not recorded, and
+# distances of speculative contacts, which are not depths.
 _UNMEASURED: Mapping[str, Requirement] = {"energy": "energy", "speculative": "depth"}
 
 
 def judged_metrics(changed: Collection[str] = ()) -> list[str]:
     """Return the metrics of the physics; all others count work, or explain one of these.
 
-    Those are left out that cannot be measured with or without one of the changed effects.
+    Metrics that cannot be measured with or without a changed effect are excluded.
     """
     missing = {_UNMEASURED[effect] for effect in changed if effect in _UNMEASURED}
     physics = [metric for metric in METRICS.values() if metric.kind == "physics"]
@@ -178,13 +178,13 @@ class ConfigurationDifference:
 
     # The change of every metric, in the scenario where it is largest; largest first.
     changes: tuple[MetricChange, ...]
-    # Changes of labels to any that the base does not have with some seed, by runs.
+    # Changes to labels that the base has with no seed, by runs.
     labels: Mapping[str, int]
 
     @property
-    def matters(self) -> bool:
+    def is_significant(self) -> bool:
         """Whether any change exceeds both tolerance and spread."""
-        return bool(self.labels) or any(change.matters for change in self.changes)
+        return bool(self.labels) or any(change.significant for change in self.changes)
 
     @property
     def within_spread(self) -> tuple[str, ...]:
@@ -200,7 +200,7 @@ class ConfigurationDifference:
         """The largest change, as text."""
         if self.labels:
             return ", ".join(self.labels)
-        if worst := next((change for change in self.changes if change.matters), None):
+        if worst := next((change for change in self.changes if change.significant), None):
             return _change_text(worst)
         if [change.metric for change in self.changes] == [REALITY]:
             return _change_text(self.changes[0])
@@ -223,8 +223,9 @@ def difference(
 ) -> ConfigurationDifference:
     """Return the difference that changed effects make, over scenarios and seeds.
 
-    If only `reality` has a tolerance, its mean over recorded runs counts: it matters if runs get
-    closer to recordings, or farther away, or unless it is sure that they do not get farther away.
+    If only `reality` has a tolerance, its mean over recorded runs counts. `matters` says when it is
+    significant: if runs get closer to recordings, if they get farther away, or unless they surely
+    do not.
     """
     if real := {*tolerances} == {REALITY}:
         base, other = _compared(base), _compared(other)
@@ -237,7 +238,7 @@ def difference(
         farther, limit = change.change or 0.0, max(change.tolerance, change.spread)
         sure = {"if closer": -farther > limit, "if farther": farther > limit}
         told = sure.get(matters, farther + change.spread > change.tolerance)
-        largest = [change.model_copy(update={"matters": told})]
+        largest = [change.model_copy(update={"significant": told})]
     changes = sorted(
         (change for change in largest if _weight(change)[1]), key=_weight, reverse=True
     )
@@ -253,7 +254,7 @@ def difference(
 
 
 def _compared(configuration: ConfigurationRows) -> ConfigurationRows:
-    """Return the mean distance from the recording in each scenario, as rows of one."""
+    """Return the mean distance from the recordings in each scenario, as rows of one."""
     rows = [[row[REALITY] for row in rows_of_case] for rows_of_case in configuration.rows]
     means = [None if None in row else fmean(row) for row in rows]
     words = ["ends early" if mean is None else "compared" for mean in means]
@@ -262,7 +263,10 @@ def _compared(configuration: ConfigurationRows) -> ConfigurationRows:
 
 
 def _weight(change: MetricChange) -> tuple[bool, float]:
-    return change.matters, inf if change.times is None else change.times
+    return (
+        change.significant,
+        inf if change.ratio_to_tolerance is None else change.ratio_to_tolerance,
+    )
 
 
 def _change(
@@ -272,7 +276,7 @@ def _change(
     base: Sequence[Row],
     other: Sequence[Row],
 ) -> MetricChange:
-    """Compare a metric in one scenario; differences within its spread over seeds do not matter."""
+    """Compare a metric in one scenario; differences within its spread over seeds are ignored."""
     own = [row[name] for row in base if row[name] is not None]
     pairs = [
         _difference(second[name], first[name])
@@ -288,7 +292,7 @@ def _change(
     spread = max((abs(_difference(*pair)) for pair in alike), default=0.0)
     if real:
         spread = _ERRORS * stdev(pairs) / len(pairs) ** 0.5 if len(pairs) > 1 else inf
-    # Measured in all runs of one configuration and in none of the other.
+    # measured in all runs of one configuration and in none of the other
     appears = not pairs and (
         len(own) == len(base) or (not own and all(row[name] is not None for row in other))
     )
@@ -299,21 +303,23 @@ def _change(
         unit="1" if name == MOTION else METRICS[name].unit,
         change=mean,
         tolerance=tolerance,
-        times=None if appears or (size and not tolerance) else size / (tolerance or 1.0),
+        ratio_to_tolerance=None
+        if appears or (size and not tolerance)
+        else size / (tolerance or 1.0),
         spread=spread,
         scenario={key: as_written(value) for key, value in scenario.items()},
-        matters=size > tolerance and size > spread,
+        significant=size > tolerance and size > spread,
     )
 
 
 def _is_drawn(row: Row) -> bool:
-    """Return whether a run's controls are drawn by its seed: motions differ by seed."""
+    """Return whether the seed draws a run's controls, so that motions differ by seed."""
     drive = parse_drive(json.loads(row.get("drive") or '"none"'))
     return drive == "exercise" or isinstance(drive, NoiseDrive)
 
 
 def _difference(value: Any, other: Any) -> float:  # noqa: ANN401 - a number or an array
-    """Return the difference of two numbers; of motions, the largest at a time that both have."""
+    """Return the difference of two numbers, or the largest difference of two motions."""
     if not isinstance(value, np.ndarray):
         return value - other
     steps = min(len(value), len(other))
@@ -328,7 +334,7 @@ def _change_text(change: MetricChange) -> str:
     unit = "" if change.unit in {"1", "any"} else f" {change.unit}"
     where = ", ".join(f"{name} {value}" for name, value in change.scenario.items())
     return (
-        f"{change.metric} {change.change:+.3g}{unit}, {change.times:.3g} tolerances"
+        f"{change.metric} {change.change:+.3g}{unit}, {change.ratio_to_tolerance:.3g} tolerances"
         f"{f' at {where}' if where else ''}"
     )
 

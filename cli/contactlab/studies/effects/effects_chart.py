@@ -1,4 +1,4 @@
-"""The figure of an effects report: what each effect changes, and what it costs."""
+"""The figure of an effects report: the change by each effect, and its time."""
 
 from typing import Any
 
@@ -11,22 +11,22 @@ from contactlab.schema.study_reports import EffectFinding, EffectsReport
 _MOST_TOLERANCES = 1e3
 _LEAST_TOLERANCES = 1e-3
 _Layers = alt.LayerChart | alt.FacetChart
-# Petroff's sequence of six colours; each bar has its verdict as text too.
+# Petroff's sequence of six colors; each bar has its verdict as text as well.
 _COLOURS = {
     "needed": "#e42536",
-    "absent": "#964a8b",
-    "free": "#5790fc",
+    "missing": "#964a8b",
+    "below the tolerance": "#5790fc",
     "not exercised": "#7a21dd",
-    "saves": "#f89c20",
-    "idle": "#9c9ca1",
+    "saves time": "#f89c20",
+    "no effect": "#9c9ca1",
 }
 
 
 def specification(report: EffectsReport) -> alt.TopLevelMixin:
-    """Return the chart of a report: two columns of bars, a row an effect."""
-    rows = [_row(effect) for effect in report.effects if effect.need != "unused"]
+    """Return the chart of a report: two columns of bars, one row per effect."""
+    rows = [_row(finding) for finding in report.effects if finding.verdict != "unused"]
     y = alt.Y("effect:N").sort([row["effect"] for row in rows])
-    colour = alt.Color("need:N").scale(domain=list(_COLOURS), range=list(_COLOURS.values()))
+    colour = alt.Color("verdict:N").scale(domain=list(_COLOURS), range=list(_COLOURS.values()))
     return (
         alt.hconcat(
             _changes(rows, y.axis(title=None), colour.legend(None)),
@@ -38,15 +38,16 @@ def specification(report: EffectsReport) -> alt.TopLevelMixin:
 
 
 def _row(finding: EffectFinding) -> dict[str, Any]:
-    cost = finding.cost
+    cost = finding.time_ratio
     state = "on" if finding.on else "off"
     sizes = [
-        _MOST_TOLERANCES if change.times is None else change.times for change in finding.changes
+        _MOST_TOLERANCES if change.ratio_to_tolerance is None else change.ratio_to_tolerance
+        for change in finding.metric_changes
     ]
     times = _MOST_TOLERANCES if finding.labels else max(sizes, default=0.0)
     return {
         "effect": f"{finding.effect} ({state})",
-        "need": finding.need,
+        "verdict": finding.verdict,
         "times": min(max(times, _LEAST_TOLERANCES), _MOST_TOLERANCES),
         "left": _LEAST_TOLERANCES,
         "ratio": cost and cost.ratio,
@@ -58,24 +59,24 @@ def _row(finding: EffectFinding) -> dict[str, Any]:
 
 def _changes(rows: Rows, y: alt.Y, colour: alt.Color) -> _Layers:
     x = alt.X("left:Q").scale(type="log", domain=[_LEAST_TOLERANCES, _MOST_TOLERANCES])
-    x = x.axis(title="largest change when switched, in tolerances", format="~g")
+    x = x.axis(title="largest change when changed, in tolerances", format="~g")
     bars = layer_of("effects", rows).mark_bar().encode(x, alt.X2("times:Q"), y, colour)
     words = layer_of("effects", rows).mark_text(align="left", dx=4, fontSize=11)
-    named = words.encode(alt.X("times:Q"), y, alt.Text("need:N"))
+    named = words.encode(alt.X("times:Q"), y, alt.Text("verdict:N"))
     rule = layer_of("limit", [{"limit": 1}]).mark_rule(strokeDash=[4, 3]).encode(alt.X("limit:Q"))
     return alt.layer(bars, named, rule).properties(width=320)
 
 
 def _costs(rows: Rows, y: alt.Y, colour: alt.Color) -> _Layers:
     timed = [row for row in rows if row["ratio"]]
-    x = alt.X("one:Q").scale(zero=False).axis(title="CPU time switched over base", format="~g")
+    x = alt.X("one:Q").scale(zero=False).axis(title="CPU time, changed over base", format="~g")
     bars = layer_of("timed", timed).mark_bar().encode(x, alt.X2("ratio:Q"), y, colour)
     spans = layer_of("timed", timed).mark_rule().encode(alt.X("low:Q"), alt.X2("high:Q"), y)
     return alt.layer(bars, spans).properties(width=320)
 
 
 def _title(report: EffectsReport) -> alt.TitleParams:
-    saving = report.saving
+    saving = report.time_ratio
     cost = "" if saving is None else f"; the smallest set takes {saving.ratio:.2f} of the time"
     count = len(report.scenarios) * len(report.seeds)
     return alt.TitleParams(

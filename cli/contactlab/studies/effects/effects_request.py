@@ -1,4 +1,4 @@
-"""Inputs of an ablation: a base configuration, scenarios, seeds and tolerances."""
+"""The request of an ablation: a base configuration, scenarios, seeds and tolerances."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -28,24 +28,25 @@ _SWEEPS = {".yaml", ".yml"}
 
 @dataclass(frozen=True)
 class EffectsRequest:
-    """Which scene's effects to change, and around which configuration."""
+    """The scene whose effects are changed, and the base configuration."""
 
-    # A sweep file; else a scene, a model file or whatever a sweep may name as its scene.
+    # a sweep file, or a scene, a model file or any other scene of a sweep
     source: str
     assign: Sequence[str] = ()  # settings of the base configuration, `NAME=VALUE` each
-    seeds: int = 6  # how many seeds to change effects with
-    rounds: int | None = 3  # how often configurations are timed; None leaves costs out
-    # What replaces parts of the task; its limits are tolerances, by metric.
+    seeds: int = 6  # seeds per effect
+    rounds: int | None = 3  # rounds of the timing pass; None for no timing
+    # options that replace parts of the task; its limits are tolerances, by metric
     task: TaskOptions = AS_INFERRED
-    # `reality`: effects that recorded runs call for, of the sweep or drawn; each counts as a seed.
-    error: Literal["reality"] | None = None
+    # `reality`: find the effects that bring runs closer to recorded runs; each of these counts as a
+    # seed
+    metric: Literal["reality"] | None = None
 
     @cached_property
     def setup(self) -> "AblationSetup":
         """The scene and its base configuration, read once.
 
-        Of a sweep, axes of the role scenario are kept, and knobs of one value; other knobs stay as
-        the scene has them, unless `assign` sets them. Raises a SweepFileError if the sweep or a
+        From a sweep, axes of the role scenario are used, and knobs with one value; other knobs stay
+        as in the scene, unless `assign` sets them. Raises a SweepFileError if the sweep or a
         setting is wrong (all are named); a SceneError if there is no such scene.
         """
         path = Path(self.source)
@@ -54,7 +55,7 @@ class EffectsRequest:
         scenes = SceneLoader(folder, self.task.drive)
         sweep_of_scene = {"version": 1, "scene": self.source}
         if not is_sweep:
-            # What is wrong with a model is no mistake of a sweep.
+            # a mistake in a model is not a mistake in a sweep
             scenes.open(self.source)
         read = read_sweep(path if is_sweep else sweep_of_scene, scenes.vocabulary)
         reference, sweep = read.sweep.scene, read.sweep
@@ -63,7 +64,7 @@ class EffectsRequest:
         asked = [*self.assign, *self.task.settings]
         assigned, given = read_settings(scenes, reference, asked, ("duration", "must"))
         scenarios, axes = _scenarios(read.plan), read.plan.axes
-        # The values that the sweep gives to every run, its effects among them.
+        # values that the sweep gives to every run, including effects
         varied = {axis.name for axis in axes if axis.count > 1 or axis.role == "scenario"}
         first = next(read.plan.runs()).values
         fixed = {name: value for name, value in first.items() if name not in varied}
@@ -82,10 +83,10 @@ class EffectsRequest:
             thresholds=sweep.thresholds,
             must=given.must or sweep.must,
         )
-        return setup.compared_with_recordings() if self.error else setup
+        return setup.compared_with_recordings() if self.metric else setup
 
 
-_MOST_RECORDED = 24  # recorded runs that are drawn
+_MOST_RECORDED = 24  # number of drawn recorded runs
 
 
 @dataclass(frozen=True)
@@ -93,19 +94,19 @@ class AblationSetup:
     """A scene, and the configuration around which its effects are changed."""
 
     scenes: SceneLoader  # opens the scene
-    reference: str  # what a sweep file says after `scene:`
-    seeds: tuple[int, ...]  # to change effects with
-    # Canonical values of the base configuration.
+    reference: str  # the value of `scene:` in a sweep file
+    seeds: tuple[int, ...]  # seeds per effect
+    # canonical values of the base configuration
     base: Values = field(default_factory=dict[str, object])
     scenarios: tuple[Values, ...] = ({},)  # values of the axes of role scenario
-    fresh_scenarios: tuple[Values, ...] = ({},)  # other such values, to verify with
+    fresh_scenarios: tuple[Values, ...] = ({},)  # other such values, for verification
     duration: float | None = None  # simulated time [s], or None for the scene's own
-    # Metric to largest change; empty if neither sweep nor scene has any.
+    # metric to largest change; empty if neither sweep nor scene has any
     tolerances: Mapping[str, float] = field(default_factory=dict[str, float])
-    options: TaskOptions = AS_INFERRED  # what replaces parts of the task
-    # Of labels, over the scene's.
+    options: TaskOptions = AS_INFERRED  # options that replace parts of the task
+    # of labels, over the scene's
     thresholds: Mapping[str, float] = field(default_factory=dict[str, float])
-    must: tuple[str, ...] = ()  # what has to hold in every run
+    must: tuple[str, ...] = ()  # requirements on every run
 
     @property
     def scene(self) -> Scene:
@@ -114,7 +115,7 @@ class AblationSetup:
 
     @property
     def task(self) -> Task:
-        """Task of its first scenario, by which it is judged."""
+        """Task of the first scenario, by which it is judged."""
         return self.scene.task(
             {**self.base, **self.scenarios[0]},
             self.duration,
@@ -125,12 +126,12 @@ class AblationSetup:
 
     @property
     def scenario(self) -> list[str]:
-        """Settings that the scene as written shares with every configuration, but for numerics."""
+        """Settings that the scene shares with every configuration, except numerical ones."""
         fixed = [name for name in self.base if name not in OPTIONS and name not in EFFECTS]
         return [*fixed, *self.scenarios[0]]
 
     def compared_with_recordings(self) -> "AblationSetup":
-        """Return the setup with recorded runs as scenarios, and others, if any, to verify with."""
+        """Return the setup with recorded runs as scenarios, and other recorded runs to verify with."""
         if (recorded := self.scene.recorded) is None:
             raise SceneError(f"{self.reference}: error {REALITY} needs a scene with a `recording`")
         drawn = np.random.default_rng(0).permutation(recorded.numbers).tolist()
@@ -147,7 +148,7 @@ class AblationSetup:
         return replace(self, **runs, seeds=(0,), tolerances=tolerances)
 
     def written(self, reference: str, settings: Values) -> "AblationSetup":
-        """Return the setup of a model that was written with settings, driven as this one is."""
+        """Return the setup of a written model, with the same drive."""
         scene, given = self.scene, self.scenes.drive
         drive = given or scene.drive.drive
         folder = self.scenes.drive_folder if given else scene.source.path.parent
@@ -168,7 +169,7 @@ def _scenarios(plan: Plan) -> tuple[Values, ...]:
 
 
 def _between(scenarios: Sequence[Values]) -> tuple[Values, ...]:
-    """Return scenarios half way between neighbours; the given ones where nothing is between."""
+    """Return scenarios half way between neighbors, or the given ones if there are none."""
     middles = [_half_way(first, second) for first, second in pairwise(scenarios)]
     return tuple(middle for middle in middles if middle not in scenarios) or tuple(scenarios)
 
@@ -178,7 +179,7 @@ def _half_way(first: Values, second: Values) -> dict[str, object]:
     for name, value in first.items():
         other = second.get(name)
         if name != RECORDED_RUN and isinstance(value, float) and isinstance(other, float):
-            # Whole numbers count or choose, and have nothing between.
+            # Whole numbers count or select, and have no values between them.
             whole = value.is_integer() and other.is_integer() and abs(value - other) <= 1
             middle[name] = value if whole else (value + other) / 2
     return middle

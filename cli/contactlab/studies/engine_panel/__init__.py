@@ -1,1 +1,1 @@
-"""Engines beside each other on tasks whose closed form is known."""
+"""Comparison of engines on tasks with a known closed form."""

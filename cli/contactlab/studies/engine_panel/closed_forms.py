@@ -1,4 +1,4 @@
-"""Errors of the panel's tasks whose scene has no oracle."""
+"""Errors of the panel tasks whose scene has no oracle."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -35,12 +35,12 @@ def rod(length: float, radius: float) -> tuple[float, float]:
     return across + (length / 2) ** 2, length / 2
 
 
-def _swung(trace: StoredTrace, record: EvidenceRecord) -> float:
+def _pendulum_error(trace: StoredTrace, record: EvidenceRecord) -> float:
     del record
     return period(trace.qpos[:, 0], float(trace.time[1] - trace.time[0]))
 
 
-def _turned(trace: StoredTrace, record: EvidenceRecord) -> float:
+def _gyroscope_error(trace: StoredTrace, record: EvidenceRecord) -> float:
     """Return the error of the time at which a free box turns over."""
     del record
     start = trace.qvel[:1, 3:6]
@@ -56,20 +56,23 @@ def _turned(trace: StoredTrace, record: EvidenceRecord) -> float:
     return float(trace.time[at] + share * (trace.time[1] - trace.time[0])) / expected - 1
 
 
-def _fallen(trace: StoredTrace, record: EvidenceRecord) -> float:
-    """Return how far a held block falls [m]."""
+def _grasp_error(trace: StoredTrace, record: EvidenceRecord) -> float:
+    """Return the fall of a held block [m]."""
     del record
     return float(trace.qpos[0, 4] - trace.qpos[-1, 4])
 
 
-def _borne(trace: StoredTrace, record: EvidenceRecord) -> float:
-    """Return the error of the load of a stack's lowest contact; of one that has fallen, all."""
+def _stack_error(trace: StoredTrace, record: EvidenceRecord) -> float:
+    """Return the error of the load on the lowest contact of a stack; infinite if it fell."""
     if trace.qpos[-1, -5] < 0.9 * trace.qpos[0, -5]:
         return math.inf
     return float(record.metrics["weights_borne"] or 0) / 10 - 1
 
 
-OWN: Mapping[str, Callable[[StoredTrace, EvidenceRecord], float]] = {
-    "pendulum": _swung, "gyroscope": _turned, "grasp": _fallen, "stack": _borne,
-}  # fmt: skip
-"""By task: what its error is, of the trace and the record of a run."""
+TASK_ERRORS: Mapping[str, Callable[[StoredTrace, EvidenceRecord], float]] = {
+    "pendulum": _pendulum_error,
+    "gyroscope": _gyroscope_error,
+    "grasp": _grasp_error,
+    "stack": _stack_error,
+}
+"""Error of a run by task, from its trace and record."""

@@ -1,4 +1,4 @@
-"""The panel of engines: each task of `sweeps/engines` by every engine that is installed.
+"""The panel of engines: each task of `sweeps/engines` by every installed engine.
 
 A task is run by each engine into a store of its own, at three steps; by an engine that chooses its
 own steps, at three accuracies, recorded at the middle step. Stores that are complete are read, the
@@ -20,7 +20,7 @@ from contactlab.schema.engine_panel import EnginePanel, PanelRun, PanelTask
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.setting_values import as_number
 from contactlab.store.finished_store import Store
-from contactlab.studies.engine_panel.closed_forms import OWN
+from contactlab.studies.engine_panel.closed_forms import TASK_ERRORS
 from contactlab.studies.session import REMOVE, Session
 
 REPORT = "panel.json"
@@ -33,19 +33,19 @@ _MEASURES = {
     "stack": "load of the lowest", "stick": "way that slides, m",
 }  # fmt: skip
 _ACCURACIES = (1e-1, 1e-3, 1e-5)
-_CLOSER = 0.99  # else the same scheme is rounded otherwise
+_BETTER_RATIO = 0.99  # a smaller difference is rounding of the same scheme
 
 
 @dataclass(frozen=True)
 class PanelRequest:
-    """Tasks and engines by name; of none, all tasks, and what is installed with laws of its own."""
+    """Names of tasks and engines; default: all tasks, and engines with their own contact laws."""
 
     tasks: Sequence[str] = ()
     engines: Sequence[str] = ()
 
 
 def run(request: PanelRequest, session: Session) -> EnginePanel:
-    """Run what the session's folder does not have, and measure it all.
+    """Run the missing tasks, and measure all of them.
 
     The folder receives a store of each task and engine, and `panel.json`. Raises a SweepFileError
     if there is no such task; an EngineError if there is no such engine, or it is not installed; an
@@ -57,7 +57,7 @@ def run(request: PanelRequest, session: Session) -> EnginePanel:
     asked = [find_engine(name) for name in dict.fromkeys(request.engines)]
     for engine in asked:
         if not engine.version:
-            raise EngineError(_absence(engine))
+            raise EngineError(_absence_reason(engine))
     own = [engine for engine in ENGINES.values() if engine.own_laws]
     engines = asked or [engine for engine in own if engine.version]
     refused = dict[str, list[str]]()  # tasks by reason
@@ -68,7 +68,7 @@ def run(request: PanelRequest, session: Session) -> EnginePanel:
     for task in tasks:
         for engine in engines:
             try:
-                store = session.run(_sweep(task, engine, session))
+                store = session.run(_read_sweep(task, engine, session))
             except SceneError as error:
                 refused.setdefault(str(error), []).append(task)
                 continue
@@ -79,27 +79,27 @@ def run(request: PanelRequest, session: Session) -> EnginePanel:
                     f"{', '.join(sorted(held))}, and {engine.version} is installed",
                     REMOVE,
                 )
-            runs += [_measured(task, store, record) for record in records]
-        described = _sweep(task, ENGINES[MODEL_ENGINE], session).plan.sweep.description
+            runs += [_measure_run(task, store, record) for record in records]
+        described = _read_sweep(task, ENGINES[MODEL_ENGINE], session).plan.sweep.description
         told.append(PanelTask(name=task, description=described or "", measure=_MEASURES[task]))
-    absent = [] if asked else [_absence(engine) for engine in own if not engine.version]
-    left_out = [f"{', '.join(without)}: {why}" for why, without in refused.items()]
+    absent = [] if asked else [_absence_reason(engine) for engine in own if not engine.version]
+    skipped = [f"{', '.join(without)}: {why}" for why, without in refused.items()]
     report = EnginePanel(
         engines={engine.name: engine.version for engine in engines},
         tasks=tuple(told),
         runs=tuple(runs),
-        left_out=(*left_out, *absent),
+        skipped=(*skipped, *absent),
     )
     session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
     return report
 
 
-def _absence(engine: SimulationEngine) -> str:
+def _absence_reason(engine: SimulationEngine) -> str:
     return getattr(engine, "absence", "") or f"the {engine.name} engine is not installed"
 
 
-def _sweep(task: str, engine: SimulationEngine, session: Session) -> SweepRequest:
-    """Return a task's sweep as it is for an engine; a SceneError says that it cannot do it."""
+def _read_sweep(task: str, engine: SimulationEngine, session: Session) -> SweepRequest:
+    """Return the sweep of a task for an engine; a SceneError says that it cannot simulate it."""
     path = TASKS[task]
 
     def read(*more: str) -> SweepRequest:
@@ -116,7 +116,7 @@ def _sweep(task: str, engine: SimulationEngine, session: Session) -> SweepReques
     return read(f"timestep={steps[len(steps) // 2]}", f"tolerance={accuracies}")
 
 
-def _measured(task: str, store: Store, record: EvidenceRecord) -> PanelRun:
+def _measure_run(task: str, store: Store, record: EvidenceRecord) -> PanelRun:
     step, accuracy = as_number(record.settings["timestep"]), record.axes.get("tolerance")
     told = PanelRun(
         task=task,
@@ -131,7 +131,7 @@ def _measured(task: str, store: Store, record: EvidenceRecord) -> PanelRun:
     )
     if record.status != "ok":
         return told
-    own, metrics = OWN.get(task), record.metrics
+    own, metrics = TASK_ERRORS.get(task), record.metrics
     error = own(store.trace(record), record) if own else metrics["oracle_error"]
     return told.model_copy(
         update={
@@ -143,22 +143,22 @@ def _measured(task: str, store: Store, record: EvidenceRecord) -> PanelRun:
     )
 
 
-def middle(panel: EnginePanel, task: str, engine: str) -> PanelRun | None:
-    """Return an engine's run at the middle step, or accuracy, of a task; None if it has none."""
+def middle_run(panel: EnginePanel, task: str, engine: str) -> PanelRun | None:
+    """Return the run of an engine at the middle step or accuracy of a task, or None."""
     runs = [each for each in panel.runs if (each.task, each.engine) == (task, engine)]
     return runs[len(runs) // 2] if runs else None
 
 
-def better(panel: EnginePanel) -> Iterator[tuple[PanelRun, PanelRun]]:
-    """Yield the run with the least error of each task, and MuJoCo's, where it is not the least."""
+def better_runs(panel: EnginePanel) -> Iterator[tuple[PanelRun, PanelRun]]:
+    """Yield the best run of each task and the run of MuJoCo, if MuJoCo is not the best."""
     for task in panel.tasks:
         known = [each for each in panel.runs if each.task == task.name and each.error is not None]
         ours = [each for each in known if each.engine == MODEL_ENGINE]
         if ours:
-            first, own = (min(some, key=_error) for some in (known, ours))
-            if _error(first) < _CLOSER * _error(own):
+            first, own = (min(some, key=_error_or_infinity) for some in (known, ours))
+            if _error_or_infinity(first) < _BETTER_RATIO * _error_or_infinity(own):
                 yield first, own
 
 
-def _error(run: PanelRun) -> float:
+def _error_or_infinity(run: PanelRun) -> float:
     return math.inf if run.error is None else run.error

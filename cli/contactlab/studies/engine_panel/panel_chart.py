@@ -1,4 +1,4 @@
-"""The figure of a panel: error over cost, a panel a task."""
+"""The figure of a panel: error over CPU time, one plot per task."""
 
 import altair as alt
 
@@ -10,7 +10,7 @@ _COLUMNS = 3
 
 
 def specification(panel: EnginePanel) -> alt.TopLevelMixin:
-    """Return errors over the CPU time of a second of each task."""
+    """Return the chart of errors over the CPU time of one simulated second."""
     few = alt.Axis(format="~e", tickCount=4, grid=False, labelOverlap=True)
     x = alt.X("cost:Q", scale=alt.Scale(type="log"), title="CPU s for 1 s", axis=few)
     y = alt.Y("error:Q", scale=alt.Scale(type="log"), title="error", axis=few)

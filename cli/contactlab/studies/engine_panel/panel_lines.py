@@ -1,27 +1,27 @@
-"""A panel on a terminal."""
+"""The panel as text."""
 
 from collections.abc import Iterator
 
 from contactlab.schema.engine_panel import EnginePanel, PanelRun
-from contactlab.studies.engine_panel.engine_panel import better, middle
+from contactlab.studies.engine_panel.engine_panel import better_runs, middle_run
 
 
 def rows(panel: EnginePanel) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Return a table of errors and CPU time of a step: a row a task, a column an engine."""
+    """Return the table of errors and CPU time of a step, by task and engine."""
     header = ("task", "step, ms", *panel.engines)
     table: list[tuple[str, ...]] = []
     for task in panel.tasks:
-        runs = [middle(panel, task.name, engine) for engine in panel.engines]
+        runs = [middle_run(panel, task.name, engine) for engine in panel.engines]
         step = next((f"{1e3 * run.step:g}" for run in runs if run), "-")
         table.append((f"{task.name}: {task.measure}", step, *map(_cell, runs)))
     return header, table
 
 
 def notes(panel: EnginePanel) -> Iterator[str]:
-    """Yield who is better than MuJoCo, and what was left out."""
-    for first, ours in better(panel):
+    """Yield the engines that are better than MuJoCo, and the skipped ones."""
+    for first, ours in better_runs(panel):
         yield f"{first.task}: {first.engine} {first.error:.2g}, mujoco {ours.error:.2g}"
-    yield from panel.left_out
+    yield from panel.skipped
 
 
 def _cell(run: PanelRun | None) -> str:

@@ -48,7 +48,7 @@ from contactlab.studies.examine.facts import facts
 from contactlab.studies.examine.linted_file import file_facts
 from contactlab.studies.examine.resting_contacts import resting_contacts
 from contactlab.studies.examine.task_motions import Change
-from contactlab.studies.grip.carried_hand import grip_facts
+from contactlab.studies.grip.grip_fact import grip_facts
 from contactlab.studies.session import Session, Values, read_settings
 from contactlab.studies.task_verdict import refuse_lengths, run_labels
 

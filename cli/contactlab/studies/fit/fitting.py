@@ -1,4 +1,4 @@
-"""Settings that explain recorded runs: searched, with intervals and profiles, tried on others."""
+"""Fits settings to recorded runs, with intervals and profiles, and tests them on held-out runs."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -23,20 +23,26 @@ from contactlab.store.table_layout import as_written
 from contactlab.studies.session import Session, Values, read_settings
 
 FREE = ("friction.slide", "solref", "impratio", "cone")
-"""Parameters that are fitted if none is named."""
-_PARTS = {"solref": ("solref.timeconst", "solref.dampratio")}  # what is fitted by its parts
+"""Parameters that are fitted by default."""
+_FITTED_PARTS = {
+    "solref": ("solref.timeconst", "solref.dampratio")
+}  # parameters that are fitted by their parts
 _BOUNDS: Mapping[str, tuple[float, float]] = {
     "friction.slide": (0.02, 2.0),
     "solref.timeconst": (2e-3, 0.1),
     "solref.dampratio": (0.05, 3.0),
     "impratio": (1.0, 100.0),
 }
-"""Bounds where none are given; numbers are searched by their logarithms."""
-_SCREENED, _SCREENING, _KEPT = 64, 30, 12  # points that few runs screen, how many, and what is left
-_ROUNDS, _DRAWN, _ELITE = 4, 16, 8  # rounds of points around the best ones
-_LEAST_SPREAD = 0.02  # of a round's points, as a share of the bounds
-_PROFILE, _RESAMPLED = 7, 400  # points of a profile; resampled sets of runs
-_FLAT = 0.1  # share of the error by which a profile that tells something rises
+"""Default bounds; numbers are searched on a log scale."""
+_SCREENING_POINTS, _SCREENING_RUNS, _RETAINED_POINTS = (
+    64,
+    30,
+    12,
+)  # points that are screened, runs per screened point, points that are retained
+_ROUNDS, _POINTS_PER_ROUND, _BEST_POINTS = 4, 16, 8  # rounds of points around the best ones
+_LEAST_SPREAD = 0.02  # smallest spread of a round's points, as a share of the bounds
+_PROFILE_POINTS, _RESAMPLINGS = 7, 400  # points of a profile; resampled sets of runs
+_FLAT_RISE = 0.1  # relative rise of the error that makes a profile informative
 
 
 @dataclass(frozen=True)
@@ -46,21 +52,21 @@ class FitRequest:
     scene: str
     free: Sequence[str] = FREE  # axes: NAME, or NAME=LOW:HIGH; axes of words take any of them
     assign: Sequence[str] = ()  # settings of all runs, NAME=VALUE
-    fitted: int = 120  # recorded runs to fit; at most two of three
-    seed: int = 0  # which runs are fitted
-    error: str = "reality"
+    fitted: int = 120  # recorded runs to fit; at most two thirds
+    seed: int = 0  # selects the fitted runs
+    metric: str = "reality"
 
 
 @dataclass(frozen=True)
-class _Knob:
-    """A free setting, as a coordinate from 0 to 1: the logarithm between bounds, or a word."""
+class _FitParameter:
+    """A fitted setting, as a coordinate from 0 to 1: the logarithm between bounds, or a word."""
 
     spec: AxisSpec
     low: float = 0.0
     high: float = 0.0
 
     @classmethod
-    def of(cls, scene: Scene, text: str) -> "_Knob":
+    def of(cls, scene: Scene, text: str) -> "_FitParameter":
         """Read a setting; a SweepFileError says what is wrong with it."""
         name, _, bounds = text.partition("=")
         spec = scene.catalogue.find(name)
@@ -88,12 +94,12 @@ class _Knob:
 
 @dataclass
 class _Trials:
-    """Runs points, (d,) each, and keeps those that were run on all fitted runs."""
+    """Runs points, (d,) each, and stores those that were run on all fitted runs."""
 
     request: FitRequest
     session: Session
     scenes: SceneLoader
-    knobs: Sequence[_Knob]
+    knobs: Sequence[_FitParameter]
     fixed: Values
     fitted: Sequence[float]
     points: list[Floats] = field(default_factory=list[Floats])
@@ -120,16 +126,16 @@ class _Trials:
         sweep |= {"checks": "none", "zip": [block] if block else []}
         store = self.session.run_derived(name, sweep, self.scenes, resume=True)
         self.runs += store.columns.runs
-        columns = store.columns.to_pydict([RECORDED_RUN, *names, request.error])
+        columns = store.columns.to_pydict([RECORDED_RUN, *names, request.metric])
         found = {row[:-1]: row[-1] for row in zip(*columns.values(), strict=True)}
         keys = [[as_written(candidate[parameter]) for parameter in names] for candidate in settings]
         errors = np.array([[found[(run, *key)] for run in runs] for key in keys], np.float64)
         if np.isnan(errors).all():
-            raise ExpectationError(f"no run of {request.scene} has a value of {request.error}")
+            raise ExpectationError(f"no run of {request.scene} has a value of {request.metric}")
         return np.where(np.isnan(errors), np.nanmax(errors), errors)
 
     def keep(self, name: str, points: Floats) -> None:
-        """Run points (m, d) on the fitted runs, and keep them."""
+        """Run points (m, d) on the fitted runs, and store them."""
         self.errors += list(self.run(name, [self.values(point) for point in points], self.fitted))
         self.points += list(points)
 
@@ -139,12 +145,12 @@ class _Trials:
         return np.array(self.points)[order], np.array(self.errors)[order]
 
 
-def run(request: FitRequest, session: Session) -> FitReport:
-    """Fit settings to some recorded runs, and try them on the others.
+def fit_settings(request: FitRequest, session: Session) -> FitReport:
+    """Fit settings to some recorded runs, and test them on the others.
 
     The folder receives the stores, `fit.json`, and the model with the settings. Raises a SceneError
     if the scene has no recording, or too few runs; a SweepFileError if a setting is wrong; an
-    ExpectationError if no run can be measured; a StoppedError if the session was stopped: the same
+    ExpectationError if no run can be measured; a StoppedError if the session was stopped; the same
     call resumes it.
     """
     scenes = SceneLoader(Path())
@@ -153,53 +159,57 @@ def run(request: FitRequest, session: Session) -> FitReport:
     if len(numbers) < 3:
         raise SceneError(f"{request.scene}: a fit needs a `recording` of three runs or more")
     fixed, _ = read_settings(scenes, request.scene, request.assign)
-    knobs = [_Knob.of(scene, part) for word in request.free for part in _PARTS.get(word, (word,))]
+    knobs = [
+        _FitParameter.of(scene, part)
+        for word in request.free
+        for part in _FITTED_PARTS.get(word, (word,))
+    ]
     session.claim("fit", request.scene)
     order = np.random.default_rng(request.seed).permutation(numbers).tolist()
     count = min(request.fitted, 2 * len(order) // 3)
     trials = _Trials(request, session, scenes, knobs, fixed, order[:count])
-    _search(trials)
-    report = _reported(trials, scene, order[count:])
+    _search_settings(trials)
+    report = _make_report(trials, scene, order[count:])
     session.write({FIT_REPORT: report.model_dump_json(indent=2) + "\n"})
     return report
 
 
-def _search(trials: _Trials) -> None:
-    """Screen points all over with few runs; then draw points around the best of those left."""
+def _search_settings(trials: _Trials) -> None:
+    """Screen points with few runs, then draw points around the best of them."""
     size, seed = len(trials.knobs), trials.request.seed
-    points = sample_points(Sample(n=_SCREENED, seed=seed), size)
-    few = trials.fitted[:_SCREENING]
+    points = sample_points(Sample(n=_SCREENING_POINTS, seed=seed), size)
+    few = trials.fitted[:_SCREENING_RUNS]
     screened = trials.run("screening", [trials.values(point) for point in points], few).mean(axis=1)
-    trials.keep("kept", points[np.argsort(screened)[:_KEPT]])
+    trials.keep("kept", points[np.argsort(screened)[:_RETAINED_POINTS]])
     for number in range(_ROUNDS):
-        elite, _ = trials.best(_ELITE)
+        elite, _ = trials.best(_BEST_POINTS)
         spread = np.maximum(elite.std(axis=0), _LEAST_SPREAD)
-        normal = np.random.default_rng([seed, number]).normal(size=(_DRAWN, size))
+        normal = np.random.default_rng([seed, number]).normal(size=(_POINTS_PER_ROUND, size))
         drawn = np.clip(elite.mean(axis=0) + spread * normal, 0, 1)
         words = [bool(knob.spec.choices) for knob in trials.knobs]
         trials.keep(f"round-{number}", np.where(words, elite[0], drawn))
 
 
-def _reported(trials: _Trials, scene: Scene, held_out: Sequence[float]) -> FitReport:
+def _make_report(trials: _Trials, scene: Scene, held_out: Sequence[float]) -> FitReport:
     (best, *_), (errors, *_) = trials.best(1)
     chosen = trials.values(best)
     (there,) = trials.run("held-out", [chosen], held_out)
     (written,) = trials.run("as-written", [{}], held_out)
     rng = np.random.default_rng(trials.request.seed)
-    drawn = there[rng.integers(len(there), size=(_RESAMPLED, len(there)))].mean(axis=1)
-    minima = _minima(trials)
+    drawn = there[rng.integers(len(there), size=(_RESAMPLINGS, len(there)))].mean(axis=1)
+    minima = _resampled_minima(trials)
     edits = ModelEdits({**trials.fixed, **chosen})
     return FitReport(
         scene=trials.request.scene,
         scene_hash=scene.hash,
-        error=trials.request.error,
-        settings=tuple(_setting(trials, best, place, minima) for place in range(len(best))),
+        metric=trials.request.metric,
+        settings=tuple(_fitted_setting(trials, best, place, minima) for place in range(len(best))),
         fitted_runs=tuple(sorted(trials.fitted)),
         fitted_error=float(errors.mean()),
         held_out={f"{run:g}": float(x) for run, x in zip(held_out, there, strict=True)},
         held_out_error=float(there.mean()),
         held_out_interval=tuple(np.percentile(drawn, [2.5, 97.5]).tolist()),
-        written_error=float(written.mean()),
+        current_error=float(written.mean()),
         noise_floor=_noise_floor(trials, scene, chosen, held_out),
         lines=write_model(scene, edits, trials.session.folder / "fitted", FITTED).lines,
         runs=trials.runs,
@@ -209,7 +219,7 @@ def _reported(trials: _Trials, scene: Scene, held_out: Sequence[float]) -> FitRe
 def _noise_floor(
     trials: _Trials, scene: Scene, chosen: Values, runs: Sequence[float]
 ) -> float | None:
-    """Return by how much the start noise that a scene declares moves the error of a run."""
+    """Return the mean change of a run's error by the start noise that a scene declares."""
     manifest = scene.source.manifest
     if manifest is None or manifest.perturb is None:
         return None
@@ -218,25 +228,28 @@ def _noise_floor(
     return noise_floor(np.tile(np.arange(len(runs)), 2), errors.ravel())
 
 
-def _setting(trials: _Trials, best: Floats, place: int, minima: Floats) -> FittedSetting:
+def _fitted_setting(trials: _Trials, best: Floats, place: int, minima: Floats) -> FittedSetting:
     """Return one setting at the best point (d,), with its interval and its profile."""
     knob = trials.knobs[place]
-    name, count = knob.spec.name, len(knob.spec.choices) or _PROFILE
+    name, count = knob.spec.name, len(knob.spec.choices) or _PROFILE_POINTS
     along = np.array([best[place], *np.linspace(0, 1, count)])
     points = np.where(np.arange(len(best)) == place, along[:, None], best)
     settings = list(
         {candidate[name]: candidate for candidate in map(trials.values, points)}.values()
     )
-    errors = trials.run(f"profile-{name}", settings, trials.fitted[: 2 * _SCREENING])
-    alike = errors.mean(axis=1) <= (1 + _FLAT) * errors[0].mean()
-    alike |= _as_good(errors)
+    errors = trials.run(f"profile-{name}", settings, trials.fitted[: 2 * _SCREENING_RUNS])
+    alike = errors.mean(axis=1) <= (1 + _FLAT_RISE) * errors[0].mean()
+    alike |= _is_as_good(errors)
     values = [as_written(setting[name]) for setting in settings]
     points, every = trials.best(len(trials.points))
     middle, *ends = np.percentile(minima[:, place], [50, 2.5, 97.5])
-    # Resampling so few runs as a fit may have makes intervals too narrow.
+    # Resampling of few runs makes intervals too narrow.
     runs = every.shape[1]
-    wider = _student(runs) / _student(math.inf) * math.sqrt(runs / (runs - 1))
-    places = [*(middle + wider * (end - middle) for end in ends), *points[_as_good(every), place]]
+    wider = _student_quantile(runs) / _student_quantile(math.inf) * math.sqrt(runs / (runs - 1))
+    places = [
+        *(middle + wider * (end - middle) for end in ends),
+        *points[_is_as_good(every), place],
+    ]
     known = [knob.value(min(max(position, 0), 1)) for position in places]
     known += [value for value, same in zip(values, alike, strict=True) if same]
     numbers = [value for value in known if isinstance(value, float)]
@@ -249,29 +262,31 @@ def _setting(trials: _Trials, best: Floats, place: int, minima: Floats) -> Fitte
     )
 
 
-def _as_good(errors: Floats) -> NDArray[np.bool_]:
-    """Return which of errors (m, runs) are not worse than the first by more than runs scatter."""
+def _is_as_good(errors: Floats) -> NDArray[np.bool_]:
+    """Return which of errors (m, runs) are as good as the first within the scatter of runs."""
     worse, runs = errors - errors[0], errors.shape[1]
-    return worse.mean(axis=1) <= _student(runs) * worse.std(axis=1, ddof=1) / math.sqrt(runs)
+    return worse.mean(axis=1) <= _student_quantile(runs) * worse.std(axis=1, ddof=1) / math.sqrt(
+        runs
+    )
 
 
-def _student(runs: float) -> float:
+def _student_quantile(runs: float) -> float:
     """Return the 97.5 % quantile of Student's t for a mean of runs, by Cornish and Fisher."""
     return 1.96 + 2.372 / (runs - 1) + 2.823 / (runs - 1) ** 2
 
 
-def _minima(trials: _Trials) -> Floats:
-    """Return (resampled, d) where a quadratic through the better points is least, by sets of runs.
+def _resampled_minima(trials: _Trials) -> Floats:
+    """Return (resampled, d) minima of a quadratic through the better points, by sets of runs.
 
-    Where it has no minimum, it is the best point.
+    Without a minimum, it is the best point.
     """
-    points, errors = trials.best(max(len(trials.points) // 2, _ELITE))
+    points, errors = trials.best(max(len(trials.points) // 2, _BEST_POINTS))
     size, near = points.shape[1], points - points[0]
     first, second = np.triu_indices(size)
     design = np.hstack([np.ones((len(near), 1)), near, near[:, first] * near[:, second]])
     solve = np.linalg.pinv(design, rcond=1e-6)
     rng, minima = np.random.default_rng(trials.request.seed), list[Floats]()
-    for _ in range(_RESAMPLED):
+    for _ in range(_RESAMPLINGS):
         means = errors[:, rng.integers(errors.shape[1], size=errors.shape[1])].mean(axis=1)
         fit, curve = solve @ means, np.zeros((size, size))
         curve[first, second] = fit[1 + size :]

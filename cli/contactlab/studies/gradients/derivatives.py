@@ -1,4 +1,4 @@
-"""The derivatives at one place: the model's, the run's, and the run's by other means."""
+"""Derivatives at one place: of the model, of the run, and of the run by other methods."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -9,9 +9,8 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.engine import PreparedRuns
-from contactlab.schema.gradients import Difference, GradientBy, GradientWord, LadderRung
-from contactlab.studies.gradients.automatic import ADAPTIVE, ENGINE, automatic
-from contactlab.studies.gradients.chained import EPSILON, chained
+from contactlab.schema.gradients import Difference, GradientInput, GradientVerdict, LadderRung
+from contactlab.studies.gradients.automatic_differentiation import ADAPTIVE, ENGINE, automatic
 from contactlab.studies.gradients.differences import (
     ABOUT,
     NOISE_POINTS,
@@ -20,17 +19,17 @@ from contactlab.studies.gradients.differences import (
     WIDE_SPANS,
     Estimate,
     differences,
-    extrapolated,
-    ladder_about,
-    noise_of,
-    scale_of,
-    slope,
+    estimate_noise,
+    extrapolate,
+    fit_slope,
+    ladder_points,
+    parameter_scale,
 )
-from contactlab.studies.gradients.end_states import Parameter, Point, Subject
+from contactlab.studies.gradients.end_states import DifferentiatedScene, Parameter, Point
+from contactlab.studies.gradients.transition_chain import EPSILON, chain_transitions
 from contactlab.studies.session import Values
 
-# Steps that runs make beyond a multiple of those of the scene's own: of each pair of points others,
-# so that an event falls anywhere within a step.
+# Extra steps of the runs of each pair of points, so that an event falls anywhere within a step.
 _MORE_STEPS = (0, 6, 10, 18, 22, 30, 38, 42, 54, 58, 66, 74)
 _NEAR = NOISE_SPAN * NOISE_POINTS
 _SPREAD = 1e-6  # over the scale, of the two runs that a chain of steps differentiates
@@ -40,62 +39,64 @@ _EXPLODES, _VANISHES, _KNOWN = 10.0, 0.01, 0.5
 
 
 @dataclass(frozen=True)
-class Means:
-    """Another way to a run's derivative."""
+class DerivativeMethod:
+    """Another method for the derivative of a run."""
 
-    # Returns it of three runs: itself, with the parameter above and below, so far apart.
+    # Takes the run, it with the parameter above and below, and the distance of these two.
     derivative: Callable[[PreparedRuns, int, float], float | None]
-    settings: Values = field(default_factory=dict[str, object])  # that the runs are given
+    settings: Values = field(default_factory=dict[str, object])  # settings of these runs
 
 
-def _chain(epsilon: float) -> Means:
-    """Return the chain of a run whose solver converges: else it need not move from where it was."""
-    return Means(partial(chained, epsilon=epsilon), _CONVERGED)
+def _chain(epsilon: float) -> DerivativeMethod:
+    """Return the chain of transitions of a run whose solver converges."""
+    return DerivativeMethod(partial(chain_transitions, epsilon=epsilon), _CONVERGED)
 
 
-MEANS: Mapping[str, Mapping[str, Means]] = {
-    # With a step that stays on one side of most switches, and as MuJoCo's own examples call it.
+METHODS: Mapping[str, Mapping[str, DerivativeMethod]] = {
+    # With a step that crosses few mode switches, and with the step of MuJoCo's own examples.
     "chain": {"chain": _chain(EPSILON), "chain 1e-6": _chain(1e-6)},
-    ENGINE: {ENGINE: Means(automatic)},
-    ADAPTIVE: {ADAPTIVE: Means(partial(automatic, accuracy=_ACCURACY))},
+    ENGINE: {ENGINE: DerivativeMethod(automatic)},
+    ADAPTIVE: {ADAPTIVE: DerivativeMethod(partial(automatic, accuracy=_ACCURACY))},
 }
 
 
 @dataclass(frozen=True)
 class Differentiation:
-    """How places are differentiated."""
+    """Differentiates places."""
 
-    subject: Subject
-    finer: int  # how many times finer than the scene's own step the model's derivative is taken
-    means: Mapping[str, Means]
+    subject: DifferentiatedScene
+    finer: int  # refinement factor of the reference
+    methods: Mapping[str, DerivativeMethod]
     ladder: bool  # whether every difference is kept
 
-    def by(self, parameter: Parameter, points: Sequence[Point]) -> list[GradientBy]:
-        """Return the derivative at each of some places, without words."""
+    def by(self, parameter: Parameter, points: Sequence[Point]) -> list[GradientInput]:
+        """Return the derivative at each place, without verdicts."""
         values = [parameter.at(self.subject, point) for point in points]
-        own = self._own(parameter, points, values)
-        models = self._models(parameter, points, values)
-        told: list[GradientBy] = []
+        own = self._run_derivatives(parameter, points, values)
+        models = self._model_derivatives(parameter, points, values)
+        told: list[GradientInput] = []
         for place, (point, value) in enumerate(zip(points, values, strict=True)):
-            spread = _SPREAD * scale_of(value)
+            spread = _SPREAD * parameter_scale(value)
             told.append(
-                GradientBy(
-                    at=value,
+                GradientInput(
+                    value=value,
                     model=_difference(models[place]),
                     run=_difference(own[place]),
-                    told=self._told(parameter, point, value, spread) if self.means else {},
-                    words={},
-                    ladder=self._rungs(parameter, point, value) if self.ladder else (),
+                    methods=self._method_values(parameter, point, value, spread)
+                    if self.methods
+                    else {},
+                    verdicts={},
+                    ladder=self._ladder_rungs(parameter, point, value) if self.ladder else (),
                 )
             )
         return told
 
-    def _own(
+    def _run_derivatives(
         self, parameter: Parameter, points: Sequence[Point], values: Sequence[float]
     ) -> list[Estimate]:
         """Return the derivatives of runs at their own step."""
         around = [
-            np.concatenate([ladder_about(value), value + scale_of(value) * _NEAR])
+            np.concatenate([ladder_points(value), value + parameter_scale(value) * _NEAR])
             for value in values
         ]
         moved = [
@@ -106,19 +107,19 @@ class Differentiation:
         found: list[Estimate] = []
         for at, ends in zip(around, self._ends(moved, len(points)), strict=True):
             rungs = slice(2 * len(SPANS))
-            found.append(extrapolated(at[rungs], ends[rungs], noise_of(ends[rungs.stop :])))
+            found.append(extrapolate(at[rungs], ends[rungs], estimate_noise(ends[rungs.stop :])))
         return found
 
-    def _models(
+    def _model_derivatives(
         self, parameter: Parameter, points: Sequence[Point], values: Sequence[float]
     ) -> list[Estimate]:
-        """Return the derivatives of models; see `differences.slope`."""
+        """Return the derivatives of the model; see `differences.fit_slope`."""
         fine, coarse = (
             self._ends(
                 [
                     step.moved(parameter, value)
                     for point, value in zip(points, values, strict=True)
-                    for step in self._smoothed(point, coarser)
+                    for step in self._smoothing_runs(point, coarser)
                 ],
                 len(points),
             )
@@ -126,18 +127,20 @@ class Differentiation:
         )
         shape = len(WIDE_SPANS), len(ABOUT)
         return [
-            slope(WIDE_SPANS * scale_of(value), some.reshape(shape), rough.reshape(shape))
+            fit_slope(
+                WIDE_SPANS * parameter_scale(value), some.reshape(shape), rough.reshape(shape)
+            )
             for some, rough, value in zip(fine, coarse, values, strict=True)
         ]
 
-    def _smoothed(self, point: Point, coarser: int) -> "list[_Smoothed]":
-        """Return the runs of one place, by fine steps of some lengths, or by so many at once."""
+    def _smoothing_runs(self, point: Point, coarser: int) -> "list[_Smoothed]":
+        """Return the runs of one place at fine steps of different lengths, or coarser ones."""
         run = self.subject.resolve(point)
         half, steps = len(_MORE_STEPS), run.steps * self.finer
         found: list[_Smoothed] = []
         for span in WIDE_SPANS:
             for number, about in enumerate(ABOUT):
-                # Both ends of a span have other steps than their pair's.
+                # The two ends of a span have different steps.
                 turn = number if number < half else (2 * half - 1 - number + half // 2) % half
                 timestep = run.steps * run.timestep * coarser / (steps + _MORE_STEPS[turn])
                 found.append(_Smoothed(point.at_step(timestep), float(span * about)))
@@ -146,20 +149,22 @@ class Differentiation:
     def _ends(self, points: Sequence[Point], places: int) -> list[Floats]:
         return list(self.subject.end(points).reshape(places, -1))
 
-    def _told(
+    def _method_values(
         self, parameter: Parameter, point: Point, value: float, spread: float
     ) -> dict[str, float | None]:
-        """Return what other means say."""
+        """Return the derivative by each other method."""
         told: dict[str, float | None] = {}
-        for name, means in self.means.items():
-            given = replace(point, values={**point.values, **means.settings})
+        for name, method in self.methods.items():
+            given = replace(point, values={**point.values, **method.settings})
             sides = (value, value + spread, value - spread)
             runs = self.subject.prepare([parameter.moved(given, side) for side in sides])
-            told[name] = means.derivative(runs, self.subject.place, 2 * spread)
+            told[name] = method.derivative(runs, self.subject.place, 2 * spread)
         return told
 
-    def _rungs(self, parameter: Parameter, point: Point, value: float) -> tuple[LadderRung, ...]:
-        points, rungs = ladder_about(value), list[LadderRung]()
+    def _ladder_rungs(
+        self, parameter: Parameter, point: Point, value: float
+    ) -> tuple[LadderRung, ...]:
+        points, rungs = ladder_points(value), list[LadderRung]()
         timestep = self.subject.resolve(point).timestep
         for step in (timestep, timestep / 2, timestep / 4):
             ends = self.subject.end(
@@ -174,27 +179,29 @@ class Differentiation:
 
 @dataclass(frozen=True)
 class _Smoothed:
-    """One run of many through which the model's derivative is smoothed."""
+    """One of the runs over which the model's derivative is smoothed."""
 
     point: Point
     offset: float  # over the parameter's scale
 
     def moved(self, parameter: Parameter, value: float) -> Point:
-        return parameter.moved(self.point, value + self.offset * scale_of(value))
+        return parameter.moved(self.point, value + self.offset * parameter_scale(value))
 
 
-def influence(by: GradientBy) -> float:
+def influence(by: GradientInput) -> float:
     """Return how far a parameter moves the end if it changes by its own size; 0 if unknown."""
-    return abs(by.model.value or 0.0) * scale_of(by.at)
+    return abs(by.model.value or 0.0) * parameter_scale(by.value)
 
 
-def word(value: float | None, by: GradientBy, tolerance: float, most: float) -> GradientWord:
-    """Return what a derivative is beside the model's; `most` is the largest influence of any.
+def judge_derivative(
+    value: float | None, by: GradientInput, tolerance: float, most: float
+) -> GradientVerdict:
+    """Return the verdict on a derivative; `most` is the largest influence of any input.
 
-    A share of that as large as the tolerance counts as none.
+    A share of that up to the tolerance counts as zero.
     """
     model, bound = by.model.value, by.model.bound
-    least = tolerance * most / scale_of(by.at)
+    least = tolerance * most / parameter_scale(by.value)
     if value is None or model is None or bound is None or bound > max(_KNOWN * abs(model), least):
         return "unknown"
     if abs(value) > _EXPLODES * max(abs(model), bound, least):

@@ -1,4 +1,4 @@
-"""The study: derivatives of a scene's end state at one place, or on a map of two axes."""
+"""Derivatives of a scene's end state at one place, or on a map of two axes."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,87 +18,92 @@ from contactlab.run.sweep_request import SweepRequest, read_request
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.gradients import (
-    GRADIENT_WORDS,
+    GRADIENT_VERDICTS,
     Band,
-    GradientBy,
+    GradientInput,
     GradientPlace,
     GradientsReport,
 )
 from contactlab.schema.setting_values import as_number, as_vector
 from contactlab.store.table_layout import as_written
-from contactlab.studies.gradients import automatic
-from contactlab.studies.gradients.automatic import ADAPTIVE, ENGINE
-from contactlab.studies.gradients.derivatives import MEANS, Differentiation, influence, word
-from contactlab.studies.gradients.differences import WIDE_SPANS, scale_of
-from contactlab.studies.gradients.end_states import Parameter, Point, Subject
-from contactlab.studies.gradients.kept_derivatives import KeptDerivatives
+from contactlab.studies.gradients import automatic_differentiation
+from contactlab.studies.gradients.automatic_differentiation import ADAPTIVE, ENGINE
+from contactlab.studies.gradients.derivative_cache import DerivativeCache
+from contactlab.studies.gradients.derivatives import (
+    METHODS,
+    Differentiation,
+    influence,
+    judge_derivative,
+)
+from contactlab.studies.gradients.differences import WIDE_SPANS, parameter_scale
+from contactlab.studies.gradients.end_states import DifferentiatedScene, Parameter, Point
 from contactlab.studies.session import Session
 
 REPORT, STORE = "gradients.json", "places"
 _SWEEPS = {".yaml", ".yml"}
 _MOST_AXES = 2
-_TOGETHER = 16  # places whose runs are made together
+_BATCH_SIZE = 16  # places whose runs are made together
 RUN = "run"
 
 
 @dataclass(frozen=True)
 class GradientsRequest:
-    """What to differentiate, where, and by what."""
+    """The output coordinate, the inputs and the places of the derivatives."""
 
-    source: str  # a sweep file, whose axes of several values span a map; else a scene or model
-    of: str  # coordinate whose end is differentiated
-    # Axes and coordinates of the start; if none, the map's, or the scene's own and of its contact.
-    by: Sequence[str] = ()
+    source: str  # a sweep file, whose axes with several values span a map; or a scene or model
+    output_coordinate: str  # coordinate whose end value is differentiated
+    # Axes and coordinates of the start; default: those of the map, or the scene and its contacts.
+    inputs: Sequence[str] = ()
     assign: Sequence[str] = ()  # settings of every place, `NAME=VALUE` each
-    also: Sequence[str] | None = None  # of `MEANS`; None is the chain, at one place
+    include: Sequence[str] | None = None  # of `METHODS`; None is the chain, at one place
     tolerance: float = 0.1  # share of the model's derivative that may be missing
-    finer: int | None = None  # how many times finer the model is stepped; 4, on a map 2
+    refinement: int | None = None  # refinement factor of the reference; 4, or 2 on a map
     task: TaskOptions = AS_INFERRED
 
 
-def run(request: GradientsRequest, session: Session) -> GradientsReport:
-    """Differentiate, and say where that can be used.
+def differentiate_scene(request: GradientsRequest, session: Session) -> GradientsReport:
+    """Differentiate, and judge where the derivatives can be used.
 
-    The folder receives a store with a run of each place, derivatives as they are made, from which
-    the same question goes on, and `gradients.json`. Raises a
+    The folder receives a store with a run of each place, the derivatives, from which an
+    interrupted study is resumed, and `gradients.json`. Raises a
     SweepFileError if the sweep, a setting or a name is wrong; a SceneError if there is no such
-    scene; an EngineError if one that was asked for cannot do it; an OutputError if the folder
+    scene; an EngineError if a requested engine cannot differentiate; an OutputError if the folder
     cannot be written; a StoppedError if the session was stopped.
     """
     sweep = _sweep(request, session)
     axes = _axes(sweep.plan)
-    subject = Subject.of(
-        sweep.scene, request.of, sweep.plan.sweep.duration, max(1, session.workers)
+    subject = DifferentiatedScene.of(
+        sweep.scene, request.output_coordinate, sweep.plan.sweep.duration, max(1, session.workers)
     )
     points = [Point(row.values, {}) for row in sweep.plan.rows()]  # each of the first seed
     is_map = bool(axes)
-    chosen = request.also if request.also is not None else ([] if is_map else ["chain"])
+    chosen = request.include if request.include is not None else ([] if is_map else ["chain"])
     for name in chosen:
-        SweepFileError.unless_known(name, MEANS, f"--also {name}: no such means")
+        SweepFileError.unless_known(name, METHODS, f"--include {name}: no such method")
     if differentiates := bool({ENGINE, ADAPTIVE} & {*chosen}):
         spec = subject.resolve(points[0])
-        if why := automatic.engine().refusal(sweep.scene, spec):
+        if why := automatic_differentiation.engine().refusal(sweep.scene, spec):
             raise EngineError(why)
-    means = {name: how for group in chosen for name, how in MEANS[group].items()}
-    names = list(request.by) or [*axes] or _usual(sweep.scene, subject, points[0])
+    methods = {name: how for group in chosen for name, how in METHODS[group].items()}
+    names = list(request.inputs) or [*axes] or _default_inputs(sweep.scene, subject, points[0])
     parameters = [subject.parameter(name) for name in names]
     for parameter, point in product(parameters, points):
-        value = parameter.at(subject, point)  # which says what is wrong, before anything runs
+        value = parameter.at(subject, point)  # raises an error before anything runs
         for reach in (-WIDE_SPANS[0], WIDE_SPANS[0]):
-            parameter.moved(point, value + float(reach) * scale_of(value))
+            parameter.moved(point, value + float(reach) * parameter_scale(value))
     session.claim("gradients", request.source)
     store = session.run(sweep)
-    finer = request.finer or (2 if is_map else 4)
-    how = Differentiation(subject, finer, means, ladder=not is_map)
-    kept = KeptDerivatives.of(
+    finer = request.refinement or (2 if is_map else 4)
+    how = Differentiation(subject, finer, methods, ladder=not is_map)
+    kept = DerivativeCache.of(
         session,
         {
             "runs": [sweep.scene.run_id(subject.resolve(point)) for point in points],
-            "of": (request.of, finer, is_map, *means),
-            "by": (ENGINES[MODEL_ENGINE].version, automatic.engine().version),
+            "of": (request.output_coordinate, finer, is_map, *methods),
+            "by": (ENGINES[MODEL_ENGINE].version, automatic_differentiation.engine().version),
         },
     )
-    derivatives = {each.name: _by(how, each, points, kept) for each in parameters}
+    derivatives = {each.name: _differentiate_all(how, each, points, kept) for each in parameters}
     ends, modes = subject.end(points), subject.modes(points)
     most = max(influence(by) for found in derivatives.values() for by in found)
     places = tuple(
@@ -106,8 +111,8 @@ def run(request: GradientsRequest, session: Session) -> GradientsReport:
             settings={name: as_written(value) for name, value in point.values.items()},
             end=float(ends[place]) if np.isfinite(ends[place]) else None,
             mode=modes[place],
-            by={
-                name: _worded(found[place], request.tolerance, most)
+            inputs={
+                name: _with_verdicts(found[place], request.tolerance, most)
                 for name, found in derivatives.items()
             },
         )
@@ -119,15 +124,15 @@ def run(request: GradientsRequest, session: Session) -> GradientsReport:
         scene=sweep.scene.name,
         scene_hash=sweep.scene.hash,
         mujoco=ENGINES[MODEL_ENGINE].version,
-        engines={ENGINE: automatic.engine().version} if differentiates else {},
-        of=request.of,
+        engines={ENGINE: automatic_differentiation.engine().version} if differentiates else {},
+        output_coordinate=request.output_coordinate,
         duration=subject.resolve(points[0]).duration,
         steps=(timestep, timestep / finer),
         tolerance=request.tolerance,
         axes=axes,
         places=places,
-        bands=tuple(_bands(axes, places, [RUN, *means])) if is_map else (),
-        switches=len(list(switches(axes, places))),
+        bands=tuple(_bands(axes, places, [RUN, *methods])) if is_map else (),
+        mode_switches=len(list(find_mode_switches(axes, places))),
         notes=tuple(_notes(subject, points[0], store.columns.runs)),
     )
     session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
@@ -150,30 +155,32 @@ def _sweep(request: GradientsRequest, session: Session) -> SweepRequest:
     for planned in sweep.plan.runs():
         spec = sweep.scene.resolve(planned.values, planned.seed, sweep.plan.sweep.duration)
         if spec.engine != MODEL_ENGINE:
-            raise SweepFileError(f"engine {spec.engine}: derivatives are of MuJoCo's runs")
+            raise SweepFileError(f"engine {spec.engine}: only runs of MuJoCo are differentiated")
         if isinstance(spec.drive, PolicyDrive):
-            raise SweepFileError("a policy drives it; drive it by a file of recorded controls")
+            raise SweepFileError("the drive is a policy; use a file of recorded controls instead")
         break
     return sweep
 
 
 def _axes(plan: Plan) -> dict[str, tuple[float, ...]]:
-    """Return the axes of a map; a SweepFileError says that they span none."""
+    """Return the axes of a map; a SweepFileError says that they do not span one."""
     several = [axis for axis in plan.axes if axis.count > 1]
     if len(several) > _MOST_AXES:
         names = ", ".join(axis.name for axis in several)
-        raise SweepFileError(f"a map has two axes; {names} have several values: fix some by --set")
+        raise SweepFileError(
+            f"a map has two axes, but {names} have several values; fix some with --set"
+        )
     try:
         axes = {axis.name: tuple(map(as_number, axis.values)) for axis in several}
     except TypeError as error:
-        raise SweepFileError(f"a map has axes of numbers: {error}") from error
+        raise SweepFileError(f"the axes of a map must be numeric: {error}") from error
     rows = sum(1 for _ in plan.rows())
     if rows != np.prod([len(values) for values in axes.values()], dtype=int):
         raise SweepFileError("a map is the product of its axes; leave out exclude, include and zip")
     return axes
 
 
-def _usual(scene: Scene, subject: Subject, point: Point) -> list[str]:
+def _default_inputs(scene: Scene, subject: DifferentiatedScene, point: Point) -> list[str]:
     """Return the scene's own initial values, friction and stiffness of its contacts."""
     manifest = scene.source.manifest
     own = list(manifest.initial) if manifest else []
@@ -182,18 +189,18 @@ def _usual(scene: Scene, subject: Subject, point: Point) -> list[str]:
         standard = as_vector(spec.settings["solref"])[0] > 0
         own += ["friction.slide", "solref.timeconst" if standard else "solref.stiffness"]
     if not own:
-        raise SweepFileError("name what to differentiate with respect to: --by joint.v")
+        raise SweepFileError("name an input of the derivative: --input joint.v")
     return own
 
 
-def _by(
-    how: Differentiation, parameter: Parameter, points: Sequence[Point], kept: KeptDerivatives
-) -> list[GradientBy]:
-    found: list[GradientBy] = []
-    for first in range(0, len(points), _TOGETHER):
+def _differentiate_all(
+    how: Differentiation, parameter: Parameter, points: Sequence[Point], kept: DerivativeCache
+) -> list[GradientInput]:
+    found: list[GradientInput] = []
+    for first in range(0, len(points), _BATCH_SIZE):
         some = kept.get(parameter.name, first)
         if some is None:
-            some = how.by(parameter, points[first : first + _TOGETHER])
+            some = how.by(parameter, points[first : first + _BATCH_SIZE])
             kept.add(parameter.name, first, some)
         found += some
         if len(points) > 1:
@@ -201,56 +208,58 @@ def _by(
     return found
 
 
-def _worded(by: GradientBy, tolerance: float, most: float) -> GradientBy:
-    values = {RUN: by.run.value, **by.told}
-    words = {name: word(value, by, tolerance, most) for name, value in values.items()}
-    return by.model_copy(update={"words": words})
+def _with_verdicts(by: GradientInput, tolerance: float, most: float) -> GradientInput:
+    values = {RUN: by.run.value, **by.methods}
+    verdicts = {
+        name: judge_derivative(value, by, tolerance, most) for name, value in values.items()
+    }
+    return by.model_copy(update={"verdicts": verdicts})
 
 
 def _bands(
-    axes: Mapping[str, Sequence[float]], places: Sequence[GradientPlace], means: Sequence[str]
+    axes: Mapping[str, Sequence[float]], places: Sequence[GradientPlace], methods: Sequence[str]
 ) -> Iterator[Band]:
     shape = [len(values) for values in axes.values()]
-    for parameter, name in product(places[0].by, means):
-        words = [place.by[parameter].words[name] for place in places]
-        unusable = np.array([each != "agrees" for each in words]).reshape(shape)
-        counted = Counter(words)
+    for parameter, name in product(places[0].inputs, methods):
+        verdicts = [place.inputs[parameter].verdicts[name] for place in places]
+        unusable = np.array([each != "agrees" for each in verdicts]).reshape(shape)
+        counted = Counter(verdicts)
         yield Band(
             parameter=parameter,
-            means=name,
-            counts={each: counted[each] for each in GRADIENT_WORDS},
+            method=name,
+            counts={each: counted[each] for each in GRADIENT_VERDICTS},
             share=float(unusable.mean()),
             widths={
-                axis: float(unusable.sum(axis=number).mean()) * _cell(values)
+                axis: float(unusable.sum(axis=number).mean()) * _cell_width(values)
                 for number, (axis, values) in enumerate(axes.items())
             },
         )
 
 
-def _cell(values: Sequence[float]) -> float:
+def _cell_width(values: Sequence[float]) -> float:
     return (max(values) - min(values)) / (len(values) - 1)
 
 
-def switches(
+def find_mode_switches(
     axes: Mapping[str, Sequence[float]], places: Sequence[GradientPlace]
 ) -> Iterator[tuple[int, int]]:
-    """Yield the neighbours on a map whose modes differ, by their numbers."""
+    """Yield the neighbors on a map whose modes differ, by index."""
     shape = [len(values) for values in axes.values()]
     for number, place in enumerate(places):
         index = np.unravel_index(number, shape) if shape else ()
         for axis, at in enumerate(index):
             if at + 1 < shape[axis]:
-                beside = number + int(np.prod(shape[axis + 1 :], dtype=int))
-                if places[beside].mode != place.mode:
-                    yield number, beside
+                neighbor = number + int(np.prod(shape[axis + 1 :], dtype=int))
+                if places[neighbor].mode != place.mode:
+                    yield number, neighbor
 
 
-def _notes(subject: Subject, point: Point, runs: int) -> Iterator[str]:
-    yield f"{runs} runs, one of each place, are in the store"
+def _notes(subject: DifferentiatedScene, point: Point, runs: int) -> Iterator[str]:
+    yield f"the store has {runs} runs, one per place"
     spec = subject.resolve(point)
     solref = spec.settings.get("solref")
     if solref is not None and 0 < as_vector(solref)[0] < 2 * spec.timestep:
         yield (
-            "refsafe lengthens the contact's time constant to two steps of the scene's own, and "
-            "finer steps are of another model"
+            "refsafe raises the contact's time constant to two timesteps of the scene, so that "
+            "finer timesteps simulate another model"
         )

@@ -1,4 +1,4 @@
-"""Runs whose end is differentiated: a scene's, with axes set and coordinates of the start moved."""
+"""Runs whose end is differentiated: of a scene, with changed axes and initial coordinates."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -32,22 +32,22 @@ _QUATERNION = (".qw", ".qx", ".qy", ".qz")
 
 @dataclass(frozen=True)
 class Point:
-    """One run: values by axis, and coordinates of the start by their place."""
+    """One run: values by axis, and initial coordinates by their index."""
 
     values: Values
     moved: Mapping[int, float]
 
     def at_step(self, timestep: float) -> "Point":
-        """Return the same with another timestep [s]."""
+        """Return the run with another timestep [s]."""
         return replace(self, values={**self.values, "timestep": timestep})
 
 
 @dataclass(frozen=True)
-class Subject:
-    """A scene, and the coordinate whose end is differentiated."""
+class DifferentiatedScene:
+    """A scene, and the coordinate whose end value is differentiated."""
 
     scene: Scene
-    place: int  # of the coordinate in a row of all that `InitialStates` has
+    place: int  # index of the coordinate in a row of `InitialStates`
     duration: float | None
     threads: int = 1
     seed: int = 0
@@ -58,27 +58,31 @@ class Subject:
         return self.scene.base({}).model
 
     @classmethod
-    def of(cls, scene: Scene, name: str, duration: float | None, threads: int = 1) -> "Subject":
-        """Find the coordinate; a SweepFileError says that it is none of a state."""
+    def of(
+        cls, scene: Scene, name: str, duration: float | None, threads: int = 1
+    ) -> "DifferentiatedScene":
+        """Find the coordinate; a SweepFileError says that it is not one of the state."""
         model = scene.base({}).model
         end = part_starts(model)["act"]
         known = {each: place for each, place in coordinates(model).items() if place < end}
         if name not in known:
             near = did_you_mean(name, known) or f"; write one of {', '.join(list(known)[:8])}"
-            raise SweepFileError(f"--of {name}: no such coordinate of the state{near}")
+            raise SweepFileError(
+                f"--output-coordinate {name}: no such coordinate of the state{near}"
+            )
         return cls(scene, known[name], duration, threads)
 
     def resolve(self, point: Point) -> RunSpec:
-        """Return all that decides a run but the coordinates that are moved."""
+        """Return the specification of a run, without the changed coordinates."""
         return self.scene.resolve(point.values, self.seed, self.duration)
 
     def prepare(self, points: Sequence[Point]) -> PreparedRuns:
         """Prepare runs of one structure and step count."""
         runs = PreparedRuns.of(self.scene, *map(self.resolve, points))
-        return replace(runs, starts=_moved(runs.starts, points))
+        return replace(runs, starts=_moved_starts(runs.starts, points))
 
     def parameter(self, name: str) -> "Parameter":
-        """Return what varies a parameter; a SweepFileError says that there is none of this name."""
+        """Return a parameter; a SweepFileError says that there is none of this name."""
         known = {
             each: place
             for each, place in coordinates(self.model).items()
@@ -92,16 +96,16 @@ class Subject:
                 f"; write one of {', '.join(list(known)[:8])}, or of `contactlab list axes SCENE`"
             )
             near = did_you_mean(name, [*self.scene.catalogue.names, *known]) or some
-            raise SweepFileError(f"--by {name}: no such axis or coordinate{near}")
+            raise SweepFileError(f"--input {name}: no such axis or coordinate{near}")
         if name == "timestep" or spec.choices:
             raise SweepFileError(
-                f"--by {name}: nothing is differentiated with respect to that; write an axis of "
+                f"--input {name}: nothing is differentiated with respect to that; write an axis of "
                 "numbers, as friction.slide, or a coordinate of the start"
             )
         return Parameter(name, None, spec.parse)
 
     def end(self, points: Sequence[Point]) -> Floats:
-        """Return (n,) the coordinate at the end of runs; NaN where one did not complete."""
+        """Return (n,) end values of the coordinate; NaN for an incomplete run."""
         ends = np.full(len(points), np.nan)
         for places, runs in self._groups(points):
             last = last_states(runs.models, runs.starts, runs.steps, self.threads)
@@ -109,7 +113,7 @@ class Subject:
         return ends
 
     def modes(self, points: Sequence[Point]) -> list[str]:
-        """Return what the pairs of each run do one after the other; see `measure.stick_slip`."""
+        """Return the modes of the pairs of each run, in order; see `measure.stick_slip`."""
         words = [""] * len(points)
         buffers = Buffers()
         for places, runs in self._groups(points):
@@ -121,13 +125,13 @@ class Subject:
             net = net_contact(trace.pairs, pull, elliptic, trace.timestep, runs.steps)
             for row, place in enumerate(places):
                 words[place] = "; ".join(
-                    f"{pair.name}: {_in_order(net.series.mode[number, row])}"
+                    f"{pair.name}: {_mode_sequence(net.series.mode[number, row])}"
                     for number, pair in enumerate(runs.base.pairs)
                 )
         return words
 
     def _groups(self, points: Sequence[Point]) -> Iterator[tuple[list[int], PreparedRuns]]:
-        """Yield runs of one structure and step count, and their places among the points."""
+        """Yield runs of one structure and step count, with their indices."""
         resolved = [self.resolve(point) for point in points]
 
         def key(place: int) -> str:
@@ -146,14 +150,14 @@ class Subject:
 
 @dataclass(frozen=True)
 class Parameter:
-    """What the end is differentiated with respect to."""
+    """An input of the derivative."""
 
     name: str
-    place: int | None  # of a coordinate of the start; of an axis None
+    place: int | None  # index of an initial coordinate; None for an axis
     parse: Callable[[float], object]
 
-    def at(self, subject: Subject, point: Point) -> float:
-        """Return its value in a run; a SweepFileError says that it is no number there."""
+    def at(self, subject: DifferentiatedScene, point: Point) -> float:
+        """Return its value in a run; a SweepFileError says that it is not a number."""
         if self.place is not None:
             row = _row(subject.prepare([point]).starts)
             return float(row[self.place])
@@ -163,7 +167,7 @@ class Parameter:
         spec = subject.scene.catalogue.find(whole)
         if value is None and spec is not None and spec.split and whole in run.settings:
             numbers = as_vector(run.settings[whole])
-            # Of friction a pair has two sliding and two rolling coefficients.
+            # the friction of a pair has two sliding and two rolling coefficients
             value = spec.split(numbers[0:1] + numbers[2:4] if whole == "friction" else numbers)
             value = value.get(self.name)
         if value is None and (found := find_field(subject.model, self.name)):
@@ -172,18 +176,18 @@ class Parameter:
             return as_number(value)
         except TypeError:
             raise SweepFileError(
-                f"--by {self.name}: it is no number of this scene; give it one with --set"
+                f"--input {self.name}: it is no number of this scene; give it one with --set"
             ) from None
 
     def moved(self, point: Point, value: float) -> Point:
-        """Return a run with another value; a SweepFileError says that the parameter takes none."""
+        """Return a run with another value; a SweepFileError says that the value is not allowed."""
         if self.place is not None:
             return replace(point, moved={**point.moved, self.place: value})
         try:
             parsed = self.parse(value)
         except ValueError as error:
             raise SweepFileError(
-                f"--by {self.name}: {error}; take a place farther from its end"
+                f"--input {self.name}: {error}; take a place farther from its end"
             ) from error
         return replace(point, values={**point.values, self.name: parsed})
 
@@ -192,8 +196,8 @@ def _row(starts: InitialStates) -> Floats:
     return np.concatenate([getattr(starts, part)[0] for part in PARTS])
 
 
-def _moved(starts: InitialStates, points: Sequence[Point]) -> InitialStates:
-    """Return starts with the coordinates that points move."""
+def _moved_starts(starts: InitialStates, points: Sequence[Point]) -> InitialStates:
+    """Return starts with the changed coordinates of points."""
     if not any(point.moved for point in points):
         return starts
     sizes = np.cumsum([getattr(starts, part).shape[1] for part in PARTS])[:-1]
@@ -204,6 +208,6 @@ def _moved(starts: InitialStates, points: Sequence[Point]) -> InitialStates:
     return starts._replace(**dict(zip(PARTS, parts, strict=True)))
 
 
-def _in_order(mode: np.ndarray) -> str:
+def _mode_sequence(mode: np.ndarray) -> str:
     changed = np.flatnonzero(np.diff(mode, prepend=-1))
     return ", ".join(_MODES.get(int(mode[step]), "apart") for step in changed)

@@ -1,79 +1,76 @@
-"""The report on a terminal."""
+"""The gradients report as text."""
 
 from collections.abc import Iterator, Sequence
 
-from contactlab.schema.gradients import Band, GradientBy, GradientsReport
+from contactlab.schema.gradients import Band, GradientInput, GradientsReport
 
 Row = tuple[str, ...]
 
 
-def head(report: GradientsReport) -> str:
-    """Return what was differentiated, of what."""
+def headline(report: GradientsReport) -> str:
+    """Return the differentiated coordinate and the timesteps."""
     own, finest = (f"{1e3 * step:g} ms" for step in report.steps)
     return (
-        f"{report.scene}: derivative of {report.of} after {report.duration:g} s; of the run at its "
-        f"step of {own}, and of the model by steps of {finest} and less"
+        f"{report.scene}: derivative of {report.output_coordinate} after {report.duration:g} s, of "
+        f"the run at its timestep of {own}, and of the model at timesteps up to {finest}"
     )
 
 
 def place_rows(report: GradientsReport) -> tuple[Row, list[Row]]:
-    """Return the table of one place: a row a parameter."""
+    """Return the table of one place: one row per input."""
     (place,) = report.places
-    means = list(next(iter(place.by.values())).told)
-    header = ("by", "at", "of the model", "of the run", *means)
+    methods = list(next(iter(place.inputs.values())).methods)
+    header = ("input", "value", "model", "run", *methods)
     rows = [
         (
             name,
-            f"{by.at:g}",
-            _with_bound(by),
-            *(_told(value, by.words[how]) for how, value in _values(by).items()),
+            f"{each.value:g}",
+            _model_cell(each),
+            *(_method_cell(value, each.verdicts[how]) for how, value in _run_values(each).items()),
         )
-        for name, by in place.by.items()
+        for name, each in place.inputs.items()
     ]
     return header, rows
 
 
 def map_rows(report: GradientsReport) -> tuple[Row, list[Row]]:
-    """Return the table of a map: a row a parameter and means."""
-    words = list(report.bands[0].counts)
-    header = ("by", "of", *words, *(f"unusable, {axis}" for axis in report.axes))
-    return header, [_band_row(band, words, len(report.places)) for band in report.bands]
+    """Return the table of a map: one row per input and method."""
+    verdicts = list(report.bands[0].counts)
+    header = ("input", "method", *verdicts, *(f"unusable, {axis}" for axis in report.axes))
+    return header, [_band_row(band, verdicts, len(report.places)) for band in report.bands]
 
 
 def advice(report: GradientsReport) -> Iterator[str]:
-    """Yield what to do, a sentence a parameter that needs one."""
+    """Yield a sentence of advice for each input that needs one."""
     if report.axes:
         yield (
-            f"{len({place.mode for place in report.places})} modes, {report.switches} switches "
-            "between neighbours"
+            f"{len({place.mode for place in report.places})} modes, {report.mode_switches} mode "
+            "switches between neighbors"
         )
         return
-    for name, by in report.places[0].by.items():
-        word, span = by.words["run"], by.model.span
-        if word == "agrees" or span is None or by.run.value is None:
+    for name, each in report.places[0].inputs.items():
+        verdict, span = each.verdicts["run"], each.model.span
+        if verdict == "agrees" or span is None or each.run.value is None:
             continue
-        if word == "unknown":
-            yield f"{name}: over {span:g} either way no derivative is known to half of itself"
+        if verdict == "unknown":
+            yield f"{name}: the model's derivative over +-{span:g} is uncertain by more than half"
             continue
-        yield (
-            f"{name}: the run's derivative {word}; use differences over {span:g} either way, "
-            "smoothed"
-        )
+        yield (f"{name}: the run's derivative {verdict}. Use smoothed differences over +-{span:g}.")
 
 
-def _values(by: GradientBy) -> dict[str, float | None]:
-    return {"run": by.run.value, **by.told}
+def _run_values(each: GradientInput) -> dict[str, float | None]:
+    return {"run": each.run.value, **each.methods}
 
 
-def _with_bound(by: GradientBy) -> str:
-    value, bound = by.model.value, by.model.bound
+def _model_cell(each: GradientInput) -> str:
+    value, bound = each.model.value, each.model.bound
     return "-" if value is None or bound is None else f"{value:.4g} +- {bound:.1g}"
 
 
-def _told(value: float | None, word: str) -> str:
-    return "-" if value is None else f"{value:.4g} {word}"
+def _method_cell(value: float | None, verdict: str) -> str:
+    return "-" if value is None else f"{value:.4g} {verdict}"
 
 
-def _band_row(band: Band, words: Sequence[str], places: int) -> Row:
-    shares = (f"{100 * band.counts[word] / places:.0f} %" for word in words)
-    return (band.parameter, band.means, *shares, *(f"{x:.3g}" for x in band.widths.values()))
+def _band_row(band: Band, verdicts: Sequence[str], places: int) -> Row:
+    shares = (f"{100 * band.counts[verdict] / places:.0f} %" for verdict in verdicts)
+    return (band.parameter, band.method, *shares, *(f"{x:.3g}" for x in band.widths.values()))

@@ -1,16 +1,16 @@
-"""Figures of a gradients report: differences over their spans, or the words on a map."""
+"""Figures of a gradients report: differences over their spans, or the verdicts on a map."""
 
 from itertools import pairwise
 
 import altair as alt
 
 from contactlab.charts import Rows, layer_of, word_colours
-from contactlab.schema.gradients import GRADIENT_WORDS, GradientsReport
-from contactlab.studies.gradients.differentiating import switches
+from contactlab.schema.gradients import GRADIENT_VERDICTS, GradientsReport
+from contactlab.studies.gradients.differentiating import find_mode_switches
 
-# Petroff's colours, the calm one for what can be used.
+# Petroff's colors, with a calm one for derivatives that can be used.
 _COLOURS = ("#dbe5de", "#f89c20", "#5790fc", "#e42536", "#9c9ca1")
-_TIMES = 50.0  # the model's derivative: beyond, a ladder's picture ends
+_TIMES = 50.0  # largest drawn value, in multiples of the model's derivative
 
 
 def specification(report: GradientsReport) -> alt.TopLevelMixin:
@@ -19,15 +19,15 @@ def specification(report: GradientsReport) -> alt.TopLevelMixin:
 
 
 def _title(report: GradientsReport) -> alt.TitleParams:
-    what = f"derivative of {report.of} after {report.duration:g} s"
+    what = f"derivative of {report.output_coordinate} after {report.duration:g} s"
     return alt.TitleParams(f"{report.scene}: {what}")
 
 
 def _ladder(report: GradientsReport) -> alt.TopLevelMixin:
-    """Return differences over their spans, a panel a parameter, and the model's derivative."""
+    """Return differences over their spans and the model's derivative, one plot per input."""
     (place,) = report.places
     panels: list[alt.LayerChart | alt.FacetChart] = []
-    for name, by in place.by.items():
+    for name, by in place.inputs.items():
         model = by.model.value or 0.0
         most = _TIMES * max(abs(model), by.model.bound or 0.0, 1e-12)
         rows = [
@@ -59,7 +59,7 @@ def _ladder(report: GradientsReport) -> alt.TopLevelMixin:
 
 
 def _map(report: GradientsReport) -> alt.TopLevelMixin:
-    """Return the word of every place, a panel a parameter and means, with lines at switches."""
+    """Return the verdicts on a map with lines at mode switches, by input and method."""
     (first, across), *rest = report.axes.items()
     second, along = rest[0] if rest else ("", (0.0,))
     width = _edges(across), _edges(along)
@@ -69,7 +69,7 @@ def _map(report: GradientsReport) -> alt.TopLevelMixin:
         for j in range(len(along))
     ]
     lines: Rows = []
-    for one, other in switches(report.axes, report.places):
+    for one, other in find_mode_switches(report.axes, report.places):
         box, beside = boxes[one], boxes[other]
         if beside["x"] > box["x"]:
             lines.append({"x": beside["x"], "x2": beside["x"], "y": box["y"], "y2": box["y2"]})
@@ -77,18 +77,18 @@ def _map(report: GradientsReport) -> alt.TopLevelMixin:
             lines.append({"x": box["x"], "x2": box["x2"], "y": beside["y"], "y2": beside["y"]})
     x, y = alt.X("x:Q").scale(zero=False), alt.Y("y:Q").scale(zero=False)
     x, y = x.axis(title=first, grid=False), y.axis(title=second or None, grid=False)
-    colour = word_colours("word", list(GRADIENT_WORDS), _COLOURS)
+    colour = word_colours("word", list(GRADIENT_VERDICTS), _COLOURS)
     colour = colour.legend(title=None, orient="bottom")
     panels: list[alt.LayerChart | alt.FacetChart] = []
     for band in report.bands:
         rows = [
-            {**box, "word": place.by[band.parameter].words[band.means]}
+            {**box, "word": place.inputs[band.parameter].verdicts[band.method]}
             for box, place in zip(boxes, report.places, strict=True)
         ]
-        name = f"{band.parameter}, {band.means}"
+        name = f"{band.parameter}, {band.method}"
         tiles = layer_of(name, rows).mark_rect(stroke="white", strokeWidth=0.5)
         tiles = tiles.encode(x, alt.X2("x2:Q"), y, alt.Y2("y2:Q"), colour)
-        edge = layer_of(f"switches {name}", lines).mark_rule(strokeWidth=2)
+        edge = layer_of(f"mode switches {name}", lines).mark_rule(strokeWidth=2)
         edges = edge.encode(x, alt.X2("x2:Q"), y, alt.Y2("y2:Q"))
         layers = alt.layer(tiles, edges) if lines else alt.layer(tiles)
         panels.append(layers.properties(width=320, height=200, title=f"by {name}"))
@@ -97,7 +97,7 @@ def _map(report: GradientsReport) -> alt.TopLevelMixin:
 
 
 def _edges(values: tuple[float, ...]) -> list[float]:
-    """Return the edges of cells about values, half way between neighbours."""
+    """Return the edges of cells about values, half way between neighbors."""
     if len(values) == 1:
         return [values[0] - 0.5, values[0] + 0.5]
     middles = [(low + high) / 2 for low, high in pairwise(values)]

@@ -1,1 +1,1 @@
-"""Whether a gripper holds: found, closed on an object, loaded: `contactlab grip MODEL`."""
+"""Tests whether a gripper holds an object: `contactlab grip MODEL`."""

@@ -1,4 +1,4 @@
-"""The hand of a robot, found by driving each of its actuators; names mean nothing here."""
+"""Finds the hand of a robot by driving each actuator; names are not used."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,11 +11,11 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.scene.model_names import known_id
 from contactlab.scene.part_bodies import AT_JOINT, bodies_of_actuator, bodies_of_equality
-from contactlab.studies.grip.rollouts import constant, roll, start_row
+from contactlab.studies.grip.rollouts import repeat_input, roll_out, start_row
 
-# An actuator is driven for so long to each end of its range and to its middle [s].
+# s to drive an actuator to each end of its range, and to its middle
 _PROBE = 0.5
-# A body is moved by an actuator if it goes this share of the farthest one's way.
+# A body moves with an actuator if it travels at least this share of the farthest one.
 _MOVED = 0.1
 _FREE, _PLANE = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtGeom.mjGEOM_PLANE)
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
@@ -33,8 +33,8 @@ class Hand:
 
     Attributes:
         base: the body that carries them.
-        fingers: the bodies of each; one of them alone closes on the base.
-        actuators: those that move bodies of a finger, by number.
+        fingers: the bodies of each finger; a single finger closes on the base.
+        actuators: ids of the actuators that move the fingers.
     """
 
     base: int
@@ -42,10 +42,10 @@ class Hand:
     actuators: tuple[int, ...]
 
 
-def control_ends(model: mujoco.MjModel) -> Floats:
+def control_ranges(model: mujoco.MjModel) -> Floats:
     """Return (nu, 2) the least and largest control of each actuator.
 
-    Without a range of control, that of its joint or of its force; else -1 and 1.
+    Without a control range, the range of its joint or force is used; otherwise -1 and 1.
     """
     ends = np.tile([-1.0, 1.0], (model.nu, 1))
     for actuator in range(model.nu):
@@ -62,10 +62,10 @@ def control_ends(model: mujoco.MjModel) -> Floats:
     return ends
 
 
-def within_limits(model: mujoco.MjModel) -> Floats:
+def pose_within_limits(model: mujoco.MjModel) -> Floats:
     """Return qpos0 (nq,) with slides and hinges within their ranges.
 
-    Where it is beyond them, fingers may lie in each other, and stay caught.
+    Out of range, fingers may overlap and stay caught.
     """
     qpos = model.qpos0.copy()
     for joint in np.flatnonzero(model.jnt_limited).tolist():
@@ -76,7 +76,7 @@ def within_limits(model: mujoco.MjModel) -> Floats:
 
 
 def loose_bodies(model: mujoco.MjModel) -> set[int]:
-    """Return the roots of free bodies that no actuator moves from within: objects, not robots."""
+    """Return the roots of free bodies that no actuator drives: objects, not robots."""
     driven = {int(model.body_rootid[body]) for body in _driven_bodies(model)}
     return {
         int(model.jnt_bodyid[joint])
@@ -86,7 +86,7 @@ def loose_bodies(model: mujoco.MjModel) -> set[int]:
 
 
 def _driven_bodies(model: mujoco.MjModel) -> set[int]:
-    """Return the bodies that actuators act on, by themselves or by a tendon."""
+    """Return the bodies that actuators act on, directly or by a tendon."""
     names = {name for each in range(model.nu) for name in bodies_of_actuator(model, each)}
     return {known_id(model, "body", name) for name in names}
 
@@ -103,17 +103,17 @@ def subtree(model: mujoco.MjModel, body: int) -> list[int]:
 def find_hand(model: mujoco.MjModel, base: str | None = None) -> Hand:
     """Return the most distal body with fingers that actuators move against each other.
 
-    Each actuator is driven to both ends of its range, without gravity and contacts; what moves
-    tells which body carries it. Where no body carries two fingers that move, one finger may close
-    on what carries it.
+    Each actuator is driven to both ends of its range, without gravity and contacts; the moving
+    bodies show which body carries it. If no body carries two moving fingers, one finger may close
+    on the body that carries it.
 
     Raises:
         SceneError: there is no actuator, no such body, or nothing that closes.
     """
     if not model.nu:
         raise SceneError(
-            "the model has no actuators, so that nothing closes; write them in MJCF, which URDF "
-            "has no words for, or name a keyframe in which something is held (--keyframe)"
+            "the model has no actuators, so that nothing closes; add them in MJCF, since URDF has "
+            "none, or name a keyframe in which something is held (--keyframe)"
         )
     carriers = _carriers(model)
     if base is not None:
@@ -121,7 +121,7 @@ def find_hand(model: mujoco.MjModel, base: str | None = None) -> Hand:
     else:
         above = {body for carrier, _ in carriers.values() for body in _upward(model, carrier)}
         weight = {body: float(model.body_subtreemass[body]) for body in above}
-        # The more distal of two that weigh the same comes first.
+        # Of two bodies with the same mass, the more distal one comes first.
         bodies = sorted(above, key=lambda body: (weight[body], -body))
     for least in (2, 1):
         for body in bodies:
@@ -135,20 +135,20 @@ _Carriers = Mapping[int, tuple[int, frozenset[int]]]
 
 
 def _carriers(model: mujoco.MjModel) -> _Carriers:
-    """Return, for each actuator that moves bodies, the one that carries them all, and these."""
+    """Return, for each actuator, the body that carries its moving bodies, and these bodies."""
     probe = model.__copy__()
     probe.opt.gravity[:] = 0
     probe.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    ends = control_ends(model)
+    ends = control_ranges(model)
     neutral = np.clip(np.zeros(model.nu), ends[:, 0], ends[:, 1])
     controls = np.tile(neutral, (3 * model.nu, 1))
     for actuator in range(model.nu):
-        # The middle too: both ends of a whole turn are one pose.
+        # The middle is needed as well, since both ends of a full turn are one pose.
         levels = ends[actuator, 0], ends[actuator].mean(), ends[actuator, 1]
         controls[3 * actuator : 3 * actuator + 3, actuator] = levels
     steps = max(2, round(_PROBE / model.opt.timestep))
-    rows = constant(start_row(probe, within_limits(probe)), len(controls), 1)[:, 0]
-    rolled = roll(probe, rows, np.repeat(controls[:, None], steps, axis=1))
+    rows = repeat_input(start_row(probe, pose_within_limits(probe)), len(controls), 1)[:, 0]
+    rolled = roll_out(probe, rows, np.repeat(controls[:, None], steps, axis=1))
     loose = {body for root in loose_bodies(model) for body in subtree(model, root)}
     carriers = dict[int, tuple[int, frozenset[int]]]()
     for actuator in range(model.nu):
@@ -164,7 +164,7 @@ def _carriers(model: mujoco.MjModel) -> _Carriers:
 
 
 def _places(model: mujoco.MjModel, qpos: Floats) -> Floats:
-    """Return where a frame's origin, centre of mass and three axes' ends are, of each body [m]."""
+    """Return the origin, center of mass and axis ends of the frame of each body [m]."""
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     mujoco.mj_kinematics(model, data)
@@ -175,14 +175,14 @@ def _places(model: mujoco.MjModel, qpos: Floats) -> Floats:
 
 
 def _carrier(model: mujoco.MjModel, moved: np.ndarray) -> int:
-    """Return the nearest body above all that moves which does not move itself."""
+    """Return the nearest common ancestor of moving bodies that does not move itself."""
     ways = [set(_upward(model, int(body))) for body in moved]
     shared = set.intersection(*ways) - set(map(int, moved))
     return max(shared, default=0)
 
 
 def _upward(model: mujoco.MjModel, body: int) -> Iterator[int]:
-    """Yield a body and those that carry it, up to the world."""
+    """Yield a body and its ancestors, up to the world."""
     yield body
     while body:
         body = int(model.body_parentid[body])
@@ -201,7 +201,7 @@ def geoms_of(model: mujoco.MjModel, bodies: tuple[int, ...] | list[int]) -> list
 
 
 def _hand_at(model: mujoco.MjModel, base: int, carriers: _Carriers) -> Hand | None:
-    """Return the hand that a body carries, of the fingers that actuators move within it."""
+    """Return the hand of a base, from the fingers that actuators move within it."""
     own = subtree(model, base)
     actuators = [actuator for actuator, (carrier, _) in carriers.items() if carrier in own]
     moved = {body for actuator in actuators for body in carriers[actuator][1]}
@@ -211,10 +211,10 @@ def _hand_at(model: mujoco.MjModel, base: int, carriers: _Carriers) -> Hand | No
         for body in own
         if body not in fixed and int(model.body_parentid[body]) in fixed and body != base
     ]
-    driven = _driven_too(model)
+    driven = _driven_and_coupled(model)
     fingers = [
         each
-        for each in _linked(model, [subtree(model, root) for root in roots])
+        for each in _linked_fingers(model, [subtree(model, root) for root in roots])
         if moved & driven & set(each) and geoms_of(model, each)
     ]
     if not actuators or not fingers:
@@ -225,8 +225,10 @@ def _hand_at(model: mujoco.MjModel, base: int, carriers: _Carriers) -> Hand | No
     return Hand(base, tuple(fingers), tuple(actuators))
 
 
-def _linked(model: mujoco.MjModel, chains: Sequence[Sequence[int]]) -> Iterator[tuple[int, ...]]:
-    """Yield the bodies of chains, those together that connects or welds make one linkage."""
+def _linked_fingers(
+    model: mujoco.MjModel, chains: Sequence[Sequence[int]]
+) -> Iterator[tuple[int, ...]]:
+    """Yield the bodies of each finger; chains that connects or welds join are one finger."""
     groups = [set(chain) for chain in chains]
     for coupling in _couplings(model, _LINKS):
         joined = [group for group in groups if group & coupling]
@@ -236,10 +238,10 @@ def _linked(model: mujoco.MjModel, chains: Sequence[Sequence[int]]) -> Iterator[
     yield from (tuple(sorted(group)) for group in sorted(groups, key=min))
 
 
-def _driven_too(model: mujoco.MjModel) -> set[int]:
-    """Return the bodies that actuators act on, and what equalities have move with these.
+def _driven_and_coupled(model: mujoco.MjModel) -> set[int]:
+    """Return the bodies that actuators drive, and those coupled to them by equalities.
 
-    What a string drags along is none of them.
+    Bodies that a tendon merely drags along are not included.
     """
     driven, couplings = _driven_bodies(model), list(_couplings(model, _COUPLED))
     while joined := [each for each in couplings if each & driven and not each <= driven]:
@@ -248,14 +250,14 @@ def _driven_too(model: mujoco.MjModel) -> set[int]:
 
 
 def _couplings(model: mujoco.MjModel, kinds: frozenset[int]) -> Iterator[set[int]]:
-    """Yield the bodies that each equality of some kinds couples."""
+    """Yield the bodies that each equality of the given kinds couples."""
     for equality in range(model.neq):
         if int(model.eq_type[equality]) in kinds:
             yield {known_id(model, "body", name) for name in bodies_of_equality(model, equality)}
 
 
 def _fixed_to(model: mujoco.MjModel, body: int, base: int) -> bool:
-    """Return whether no joint lies between a body and a base that carries it."""
+    """Return whether no joint is between a body and its base."""
     while body != base:
         if model.body_jntnum[body]:
             return False

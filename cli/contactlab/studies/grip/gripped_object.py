@@ -1,4 +1,4 @@
-"""The object that a gripper is given, as an option says it: `box:30x40x40mm,.1kg`."""
+"""The object of a grip, read from an option: `box:30x40x40mm,.1kg`."""
 
 import re
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ _SHAPE = re.compile(
 )
 _MESH = re.compile(rf"mesh:(?P<file>.+?)(?:,(?P<mass>{_NUMBER})(?P<weight>kg|g))?")
 _COUNTS = {"box": 3, "cylinder": 2}
-_USUAL = 0.1  # kg
+_DEFAULT_MASS = 0.1  # kg
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,10 @@ class GrippedObject:
     """A body that fingers close on.
 
     Attributes:
-        shape: what it is; a body of the model keeps all that its file gives it.
-        size: (3,) extents [m], from finger to finger first; zeros where its file has them.
+        shape: kind of shape; a body of the model keeps everything from its file.
+        size: (3,) extents [m], from finger to finger first; zeros if a file defines them.
         mass: [kg]; NaN for a body of the model.
-        name: file of the mesh, or the body.
+        name: mesh file, or body.
     """
 
     shape: Literal["box", "cylinder", "mesh", "body"]
@@ -39,7 +39,7 @@ class GrippedObject:
 
     @property
     def words(self) -> str:
-        """The object as a sentence has it."""
+        """The object in words."""
         if self.shape == "body":
             return f"body {self.name}"
         weight = f"{self.mass:.3g} kg"
@@ -50,29 +50,29 @@ class GrippedObject:
         return f"a {self.shape} of {sizes} mm and {weight}"
 
     def scaled(self, factor: float) -> "GrippedObject":
-        """Return it with other extents and the same mass; a mesh or a body stays."""
+        """Return the object with scaled extents and the same mass; a mesh or a body is unchanged."""
         across, second, third = (factor * length for length in self.size)
         return replace(self, size=(across, second, third))
 
 
-USUAL = GrippedObject("box", (0.03, 0.04, 0.04), _USUAL)
-"""What a gripper is given unless an object is named; smaller where it opens less."""
+DEFAULT_OBJECT = GrippedObject("box", (0.03, 0.04, 0.04), _DEFAULT_MASS)
+"""The object of a gripper by default; smaller if the fingers open less."""
 
 
 def read_object(text: str | None) -> GrippedObject:
-    """Return the object that an option names; a SceneError says how to write one."""
+    """Return the object of an option; a SceneError says how to write one."""
     if text is None:
-        return USUAL
+        return DEFAULT_OBJECT
     if found := _SHAPE.fullmatch(text):
         shape = "box" if found["shape"] == "box" else "cylinder"
         lengths = [float(size) * _LENGTHS[found["unit"]] for size in found["sizes"].split("x")]
-        mass = float(found["mass"]) * _MASSES[found["weight"]] if found["mass"] else _USUAL
+        mass = float(found["mass"]) * _MASSES[found["weight"]] if found["mass"] else _DEFAULT_MASS
         if len(lengths) == _COUNTS[shape] and min(*lengths, mass) > 0:
-            # Across a cylinder are two diameters; its length is the third extent.
+            # A cylinder has two diameters across; its length is the third extent.
             first, *rest = lengths if shape == "box" else (lengths[0], *lengths)
             return GrippedObject(shape, (first, rest[0], rest[1]), mass)
     elif text.startswith("mesh:") and (found := _MESH.fullmatch(text)):
-        mass = float(found["mass"]) * _MASSES[found["weight"]] if found["mass"] else _USUAL
+        mass = float(found["mass"]) * _MASSES[found["weight"]] if found["mass"] else _DEFAULT_MASS
         if not Path(found["file"]).is_file():
             raise SceneError(f"--object {text}: no file {found['file']}")
         return GrippedObject("mesh", (0.0, 0.0, 0.0), mass, str(Path(found["file"]).resolve()))
@@ -92,8 +92,8 @@ def read_speed(value: float | str) -> float:
     if isinstance(value, str):
         found = _SPEED.fullmatch(value)
         if found is None:
-            raise SweepFileError(f"--within {value}: write a speed, as in 0.1mm/s")
+            raise SweepFileError(f"--tolerance {value}: write a speed, as in 0.1mm/s")
         value = float(found["speed"]) * _LENGTHS[found["unit"]]
     if not value > 0:
-        raise SweepFileError(f"--within {value}: write a speed above 0, as in 0.1mm/s")
+        raise SweepFileError(f"--tolerance {value}: write a speed above 0, as in 0.1mm/s")
     return value

@@ -1,4 +1,4 @@
-"""Judges a grip: finds the fingers, closes them on an object, loads it, and runs what may help."""
+"""Judges a grip: finds the fingers, closes them on an object, loads it, and tests fixes."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -24,67 +24,77 @@ from contactlab.schema.grip import (
     GripControl,
     GripDrift,
     GripFinger,
+    GripFix,
     GripPlacement,
     GripPull,
-    GripRemedy,
     GripReport,
     GripTrial,
 )
-from contactlab.studies.grip.bench import Bench, Rig, cut_free, with_object
 from contactlab.studies.grip.closing import (
     Closing,
     Squeeze,
     close_at,
     find_closing,
-    fitted,
-    pads_centre,
+    fit_object,
+    pads_center,
     squeeze,
 )
 from contactlab.studies.grip.fingers import find_hand
-from contactlab.studies.grip.gripped_object import USUAL, GrippedObject, read_object
+from contactlab.studies.grip.grip_fixes import Grip, TestedFix, run_fixes, weakest_finger_force
+from contactlab.studies.grip.grip_fixture import GripFixture, MountedHand, add_object, mount_hand
+from contactlab.studies.grip.grip_verdict import (
+    GripEvidence,
+    causes,
+    verdict_of,
+    worst_drift,
+    worst_speed,
+)
+from contactlab.studies.grip.gripped_object import DEFAULT_OBJECT, GrippedObject, read_object
 from contactlab.studies.grip.holding import (
     Drift,
     Load,
     Trial,
-    gravity_of,
-    pulled,
-    shaken,
-    turned,
-    weight,
+    gravity_magnitude,
+    object_weight,
+    pull_object,
+    shake_object,
+    turn_object,
 )
-from contactlab.studies.grip.in_keyframe import held_in
-from contactlab.studies.grip.judging import Evidence, causes, speed_of, word_of, worst_of
-from contactlab.studies.grip.remedies import Grip, Tried, least_force, tried_on
+from contactlab.studies.grip.keyframe_grip import find_held_object
 
-WITHIN = 1e-4  # m/s: a millimetre in the ten seconds that a pick and place takes
-_ALIKE = 1.1  # ratio of costs that are equal
-_WORSE = 1.1  # ratio of speeds
-_SMALLER = (1.0, 0.75, 0.5)  # of the usual object, where there is no room for it
-_NEAR = 0.01  # of a squeeze that is asked for
-_BENCH = ("out of the hand", "into the hand")
-_KEYFRAME = ("up", "down")
-_FILTERED = (
-    "the hand is mounted on the world here: contacts of its base with the first links, which "
-    "MuJoCo filters on an arm, are left out"
+CREEP_SPEED_LIMIT = 1e-4  # m/s: 1 mm in the ten seconds of a pick and place
+_ALIKE = 1.1  # ratio of times that count as equal
+_WORSE_RATIO = 1.1  # ratio of speeds
+_DEFAULT_OBJECT_SCALES = (
+    1.0,
+    0.75,
+    0.5,
+)  # scales of the default object, if there is no room for it
+_SQUEEZE_TOLERANCE = 0.01  # relative tolerance of a requested squeeze
+_HAND_DIRECTIONS = ("out of the hand", "into the hand")
+_KEYFRAME_DIRECTIONS = ("up", "down")
+_FILTER_NOTE = (
+    "The base of the hand is fixed to the world. Contacts of the base with the first links, which "
+    "MuJoCo filters on an arm, are excluded."
 )
-_NO_MORE = "more squeeze was not exercised: the ranges of control end here"
+_NO_SQUEEZE_NOTE = "More squeeze was not tested, since the control ranges end here."
 
 
 @dataclass(frozen=True)
 class GripRequest:
-    """Which grip to judge.
+    """The grip to judge.
 
     Attributes:
         model: a scene, its folder, a model file, or a robot.
-        held: the object, as `read_object` takes it; in a keyframe, the body.
-        keyframe: one in which something is held, which is judged as it is.
-        squeeze: force of a finger [N]; what the controls' ends give by default.
+        held: the object, see `read_object`; in a keyframe, the body.
+        keyframe: a keyframe in which something is held.
+        squeeze: force of a finger [N]; default: the force at the ends of control ranges.
         base: the body that carries the fingers.
-        within: speed from which an object creeps [m/s].
-        remedies: whether to run changes that may help.
-        placements: whether to grip the object elsewhere too, and of other sizes.
-        told: called with a line of text as a part begins.
-        film: called with the grip once it is judged.
+        tolerance: speed above which an object creeps [m/s].
+        fixes: whether to test fixes.
+        placements: whether to test other places and sizes of the object.
+        notify: called with a line of text at each stage.
+        film: called with the grip after the verdict.
     """
 
     model: str
@@ -92,70 +102,71 @@ class GripRequest:
     keyframe: str | None = None
     squeeze: float | None = None
     base: str | None = None
-    within: float = WITHIN
-    remedies: bool = True
+    tolerance: float = CREEP_SPEED_LIMIT
+    fixes: bool = True
     placements: bool = True
-    told: Callable[[str], None] = lambda _: None
+    notify: Callable[[str], None] = lambda _: None
     film: Callable[[Grip], None] | None = None
 
 
 @dataclass(frozen=True)
 class _Setup:
-    """A grip, and how it was made on a bench."""
+    """A grip, and how it was set up."""
 
     grip: Grip
-    bench: Bench | None
+    mounted_hand: MountedHand | None
     given: GrippedObject | None
     notes: tuple[str, ...] = ()
 
 
-def run(request: GripRequest) -> GripReport:
+def judge_grip(request: GripRequest) -> GripReport:
     """Judge a grip.
 
     Raises:
         SceneError: there is no such model, keyframe or body; nothing closes, or nothing is held.
-        SweepFileError: a squeeze is asked for in a keyframe, or more than the actuators give.
+        SweepFileError: a squeeze is requested for a keyframe, or is more than the actuators give.
     """
-    setup = _in_keyframe(request) if request.keyframe else _on_bench(request)
+    setup = _read_keyframe(request) if request.keyframe else _mount_and_close(request)
     grip = setup.grip
-    request.told(
-        f"closed on {_held_words(setup)}: {least_force(grip.held):.3g} N a finger; loading"
-    )
-    drifts = grip.drifts()
-    word = word_of(drifts, request.within)
-    ways = grip.ways()
-    down = ways[grip.names[1] if setup.bench is None else grip.names[0]]
-    across = dict(list(ways.items())[:4])
-    trials = [each(grip.rig, grip.held, grip.load, down) for each in (shaken, turned)]
-    pull = pulled(grip.rig, grip.held, grip.load, across)
-    tried = list[Tried]()
-    if word != "holds" and request.remedies:
-        request.told(f"it {word}; running changes that may help")
-        tried = tried_on(grip, request.within)
-    known = Evidence(
+    force = weakest_finger_force(grip.held)
+    request.notify(f"closed on {_object_words(setup)} with {force:.3g} N per finger; loading")
+    drifts = grip.measure_drifts()
+    word = verdict_of(drifts, request.tolerance)
+    directions = grip.directions()
+    down = directions[grip.names[1] if setup.mounted_hand is None else grip.names[0]]
+    across = dict(list(directions.items())[:4])
+    trials = [
+        each(grip.fixture, grip.held, grip.load, down) for each in (shake_object, turn_object)
+    ]
+    pull = pull_object(grip.fixture, grip.held, grip.load, across)
+    tried = list[TestedFix]()
+    if word != "holds" and request.fixes:
+        request.notify(f"it {word}; testing fixes")
+        tried = run_fixes(grip, request.tolerance)
+    known = GripEvidence(
         word=word,
-        speed=speed_of(drifts),
-        idle=drifts[0].speed if setup.bench else 0.0,
+        speed=worst_speed(drifts),
+        idle=drifts[0].speed if setup.mounted_hand else 0.0,
         pressed=grip.held.is_held,
         pull=pull[1],
-        weight=weight(grip.rig, grip.load),
-        deep=_deep(grip),
-        tried=_least(tried),
+        weight=object_weight(grip.fixture, grip.load),
+        deep=_depth_share(grip),
+        tried=_least_speeds(tried),
     )
-    remedies = _remedies(request, known.speed, tried)
+    fixes = _fixes(request, known.speed, tried)
     why = tuple(GripCause(kind=kind, sentence=text) for kind, text in causes(known))
     if request.film is not None:
         request.film(grip)
-    model = grip.rig.model
+    model = grip.fixture.model
     return GripReport(
         model=request.model,
         mujoco=VERSION,
         keyframe=request.keyframe,
         verdict=word,
-        sentence=_sentence(setup, drifts, word, why, remedies),
-        within=request.within,
-        held=_held_words(setup),
-        base=model.body(grip.rig.base).name,
+        sentence=_sentence(setup, drifts, word, why, fixes),
+        tolerance=request.tolerance,
+        object=_object_words(setup),
+        base=model.body(grip.fixture.base).name,
         opening=grip.closing.opening if grip.closing else None,
         controls=tuple(_controls(grip)),
         fingers=tuple(_fingers(grip)),
@@ -167,105 +178,112 @@ def run(request: GripRequest) -> GripReport:
         turn=_trial_report(trials[1]),
         pull=GripPull(direction=pull[0], force=pull[1], weights=pull[1] / known.weight),
         placements=(
-            tuple(_placements(setup, drifts, request.within)) if request.placements else ()
+            tuple(_placements(setup, drifts, request.tolerance)) if request.placements else ()
         ),
         causes=why,
-        remedies=remedies,
+        fixes=fixes,
         notes=tuple(_notes(setup, tried)),
     )
 
 
-def _compiled(request: GripRequest) -> tuple[mujoco.MjModel, mujoco.MjSpec, tuple[str, ...]]:
-    """Return a model, its specification, in which everything has a name, and notes of its units."""
+def _compile_request(request: GripRequest) -> tuple[mujoco.MjModel, mujoco.MjSpec, tuple[str, ...]]:
+    """Return a model, its specification with all parts named, and notes on its units."""
     kept = list[mujoco.MjSpec]()
     source = find_scene(request.model)
     model = compile_model(source, {}, lambda spec: kept.append(spec.copy()))
     reads_degrees = kept[0].compiler.degree and source.model.suffix != ".urdf"
     messages = [message for _, message in in_radians(model)] if reads_degrees else []
-    notes = (f"{message} (contactlab lint); no number here is the robot's" for message in messages)
+    notes = (f"{message} (contactlab lint), so all numbers here are wrong" for message in messages)
     return model, kept[0], tuple(notes)
 
 
-def _in_keyframe(request: GripRequest) -> _Setup:
+def _read_keyframe(request: GripRequest) -> _Setup:
     if request.squeeze is not None:
         raise SweepFileError("--squeeze would be ignored: a keyframe is judged with its controls")
-    model, _, notes = _compiled(request)
+    model, _, notes = _compile_request(request)
     assert request.keyframe is not None
-    rig, held = held_in(model, request.keyframe, request.held, request.base)
-    return _Setup(Grip(rig, held, Load.of_object(rig), _KEYFRAME, None), None, None, notes)
+    fixture, held = find_held_object(model, request.keyframe, request.held, request.base)
+    return _Setup(
+        Grip(fixture, held, Load.of_object(fixture), _KEYFRAME_DIRECTIONS, None), None, None, notes
+    )
 
 
-def _on_bench(request: GripRequest) -> _Setup:
+def _mount_and_close(request: GripRequest) -> _Setup:
     given = read_object(request.held)
-    model, spec, notes = _compiled(request)
+    model, spec, notes = _compile_request(request)
     hand = find_hand(model, request.base)
-    bench = cut_free(spec, model, hand, given.name if given.shape == "body" else "")
-    rig = with_object(bench, given)
-    closing = find_closing(rig)
+    mounted_hand = mount_hand(spec, model, hand, given.name if given.shape == "body" else "")
+    fixture = add_object(mounted_hand, given)
+    closing = find_closing(fixture)
     if request.held is None:
-        given, rig, held = _squeezed_usual(bench, rig, closing)
+        given, fixture, held = _squeeze_default_object(mounted_hand, fixture, closing)
     else:
-        box = replace(USUAL, size=(2 * float(rig.half[0]), *USUAL.size[1:]))
+        box = replace(DEFAULT_OBJECT, size=(2 * float(fixture.half[0]), *DEFAULT_OBJECT.size[1:]))
         is_box = given.shape == "box"
-        centre = None if is_box else pads_centre(with_object(bench, box), closing)
-        held = squeeze(rig, closing, centre)
+        centre = None if is_box else pads_center(add_object(mounted_hand, box), closing)
+        held = squeeze(fixture, closing, centre)
     if request.squeeze is not None:
-        held = _squeezed(rig, closing, held, request.squeeze)
-    load = Load.of_all(rig, gravity_of(model))
-    return _Setup(Grip(rig, held, load, _BENCH, closing), bench, given, notes)
+        held = _squeeze_to(fixture, closing, held, request.squeeze)
+    load = Load.of_all(fixture, gravity_magnitude(model))
+    return _Setup(Grip(fixture, held, load, _HAND_DIRECTIONS, closing), mounted_hand, given, notes)
 
 
-def _squeezed_usual(bench: Bench, rig: Rig, closing: Closing) -> tuple[GrippedObject, Rig, Squeeze]:
-    """Return the first of the usual object and smaller ones that opened fingers have room for."""
-    for factor in _SMALLER:
-        tried = fitted(rig, closing, factor)
-        other = rig if tried == USUAL else with_object(bench, tried)
+def _squeeze_default_object(
+    mounted_hand: MountedHand, fixture: GripFixture, closing: Closing
+) -> tuple[GrippedObject, GripFixture, Squeeze]:
+    """Return the first scale of the default object that the opened fingers have room for."""
+    for factor in _DEFAULT_OBJECT_SCALES:
+        tried = fit_object(fixture, closing, factor)
+        other = fixture if tried == DEFAULT_OBJECT else add_object(mounted_hand, tried)
         try:
             return tried, other, squeeze(other, closing)
         except SceneError:
-            if factor == _SMALLER[-1]:
+            if factor == _DEFAULT_OBJECT_SCALES[-1]:
                 raise
     raise AssertionError
 
 
-def _squeezed(rig: Rig, closing: Closing, held: Squeeze, force: float) -> Squeeze:
-    """Return a squeeze of so much a finger [N], by halving what controls it is between."""
-    most = least_force(held)
-    if not 0 < force <= most * (1 + _NEAR):
+def _squeeze_to(fixture: GripFixture, closing: Closing, held: Squeeze, force: float) -> Squeeze:
+    """Return a squeeze with a given finger force [N], by bisection of the control."""
+    most = weakest_finger_force(held)
+    if not 0 < force <= most * (1 + _SQUEEZE_TOLERANCE):
         raise SweepFileError(
-            f"--squeeze {force:g}: the actuators give {most:.3g} N a finger at the end of their "
+            f"--squeeze {force:g}: the actuators give {most:.3g} N per finger at the end of their "
             "range; write at most that"
         )
     assert held.approach is not None
     low, high, found = 0.0, 1.0, held
-    while abs(least_force(found) - force) > _NEAR * force and high - low > _NEAR**2:
+    while (
+        abs(weakest_finger_force(found) - force) > _SQUEEZE_TOLERANCE * force
+        and high - low > _SQUEEZE_TOLERANCE**2
+    ):
         share = (low + high) / 2
-        found = close_at(rig, closing, held.approach, closing.control(share))
-        low, high = (low, share) if least_force(found) > force else (share, high)
+        found = close_at(fixture, closing, held.approach, closing.control(share))
+        low, high = (low, share) if weakest_finger_force(found) > force else (share, high)
     return found
 
 
-def _held_words(setup: _Setup) -> str:
+def _object_words(setup: _Setup) -> str:
     if setup.given is not None:
         return setup.given.words
-    rig = setup.grip.rig
-    return f"body {rig.model.body(rig.body).name}"
+    fixture = setup.grip.fixture
+    return f"body {fixture.model.body(fixture.body).name}"
 
 
-def _deep(grip: Grip) -> float:
+def _depth_share(grip: Grip) -> float:
     """Return depth over half of the object's extent from finger to finger."""
     turn = np.empty(9)
-    place = grip.rig.address + 3
+    place = grip.fixture.address + 3
     mujoco.mju_quat2Mat(turn, grip.held.path[-1][place : place + 4])
-    width = float(np.abs(turn.reshape(3, 3).T @ grip.held.turn[:, 0]) @ grip.rig.half)
+    width = float(np.abs(turn.reshape(3, 3).T @ grip.held.turn[:, 0]) @ grip.fixture.half)
     return grip.held.depth / width
 
 
-def _least(tried: Sequence[Tried]) -> dict[str, float]:
-    """Return the least speed that changes of a kind leave, by what they are against."""
+def _least_speeds(tried: Sequence[TestedFix]) -> dict[str, float]:
+    """Return the least speed over fixes, by the cause that they test."""
     found = dict[str, float]()
     for each in tried:
-        found[each.against] = min(found.get(each.against, math.inf), speed_of(each.drifts))
+        found[each.against] = min(found.get(each.against, math.inf), worst_speed(each.drifts))
     return found
 
 
@@ -280,17 +298,17 @@ def _drift_report(drift: Drift) -> GripDrift:
         speeds=tuple(map(_finite, drift.speeds)),
         trend=drift.trend,
         speed=_finite(drift.speed),
-        lost=_finite(drift.lost),
+        lost_after=_finite(drift.lost),
     )
 
 
 def _trial_report(trial: Trial) -> GripTrial:
-    return GripTrial(way=_finite(trial.way), lost=trial.lost)
+    return GripTrial(distance=_finite(trial.distance), lost=trial.lost)
 
 
 def _controls(grip: Grip) -> Iterator[GripControl]:
-    """Yield the controls that close, with what their actuators give."""
-    model = grip.rig.model
+    """Yield the controls that close, with the forces of their actuators."""
+    model = grip.fixture.model
     data = mujoco.MjData(model)
     mujoco.mj_setState(model, data, grip.held.row, mujoco.mjtState.mjSTATE_INTEGRATION.value)
     mujoco.mj_forward(model, data)
@@ -303,91 +321,93 @@ def _controls(grip: Grip) -> Iterator[GripControl]:
         most = float(model.actuator_forcerange[actuator][int(force > 0)]) if limited else None
         yield GripControl(
             name=model.actuator(actuator).name,
-            opened=opened,
-            closed=float(grip.held.control[actuator]),
+            open_control=opened,
+            closed_control=float(grip.held.control[actuator]),
             force=force,
             limit=None if most is None else abs(most),
         )
 
 
 def _fingers(grip: Grip) -> Iterator[GripFinger]:
-    model = grip.rig.model
-    bodies = [*(finger[0] for finger in grip.rig.fingers), grip.rig.base]
+    model = grip.fixture.model
+    bodies = [*(finger[0] for finger in grip.fixture.fingers), grip.fixture.base]
     for body, force in zip(bodies, grip.held.forces, strict=True):
-        if force > 0 or body != grip.rig.base:
+        if force > 0 or body != grip.fixture.base:
             yield GripFinger(body=model.body(body).name, force=force)
 
 
 def _placements(setup: _Setup, drifts: Sequence[Drift], within: float) -> Iterator[GripPlacement]:
-    """Yield what becomes of the object as it is, beside there, and of other sizes."""
+    """Yield the grip with the object as it is, elsewhere, and of other sizes."""
     grip = setup.grip
     begun = grip.held.approach
-    if setup.bench is None or grip.closing is None or begun is None or not grip.held.is_held:
+    if setup.mounted_hand is None or grip.closing is None or begun is None or not grip.held.is_held:
         return
     yield _placement("as it is", grip, drifts, within)
-    rig, turn = grip.rig, grip.held.turn
-    for name, axis in (("half its breadth aside", 1), ("half its length further out", 2)):
-        offset = turn[:, axis] * rig.half[axis]
+    fixture, turn = grip.fixture, grip.held.turn
+    for name, axis in (("half a width aside", 1), ("half a length further out", 2)):
+        offset = turn[:, axis] * fixture.half[axis]
         approach = replace(begun, point=begun.point + offset / 2, turn=turn)
-        held = close_at(rig, grip.closing, approach, grip.held.control)
+        held = close_at(fixture, grip.closing, approach, grip.held.control)
         moved = replace(grip, held=replace(held, turn=turn))
-        yield _placement(name, moved, moved.drifts(), within)
+        yield _placement(name, moved, moved.measure_drifts(), within)
     if setup.given is None or setup.given.shape in ("body", "mesh"):
         return
     for name, factor in (("a tenth smaller", 0.9), ("a tenth larger", 1.1)):
-        other = with_object(setup.bench, setup.given.scaled(factor))
+        other = add_object(setup.mounted_hand, setup.given.scaled(factor))
         try:
             held = squeeze(other, grip.closing, grip.held.points.mean(axis=0))
         except SceneError:
             continue  # it does not fit between the fingers, or they do not close as far
-        sized = replace(grip, rig=other, held=held, load=Load.of_all(other, grip.load.gravity))
-        yield _placement(name, sized, sized.drifts(), within)
+        sized = replace(grip, fixture=other, held=held, load=Load.of_all(other, grip.load.gravity))
+        yield _placement(name, sized, sized.measure_drifts(), within)
 
 
 def _placement(name: str, grip: Grip, drifts: Sequence[Drift], within: float) -> GripPlacement:
     return GripPlacement(
         name=name,
-        force=least_force(grip.held),
-        speed=_finite(speed_of(drifts)),
-        verdict=word_of(drifts, within),
+        force=weakest_finger_force(grip.held),
+        speed=_finite(worst_speed(drifts)),
+        verdict=verdict_of(drifts, within),
     )
 
 
-def _remedies(request: GripRequest, speed: float, tried: Sequence[Tried]) -> tuple[GripRemedy, ...]:
-    """Return remedies by use: what holds, then the cheapest, then the simplest; with lines."""
+def _fixes(request: GripRequest, speed: float, tried: Sequence[TestedFix]) -> tuple[GripFix, ...]:
+    """Return the tested fixes: those that hold first, then by time, then by simplicity."""
 
     def use(place: int) -> tuple[bool, float, float]:
         each = tried[place]
-        holds = word_of(each.drifts, request.within) == "holds"
-        cost = round(math.log(each.price.ratio, _ALIKE)) if each.price else math.inf
-        return not holds, cost if holds else speed_of(each.drifts), place
+        holds = verdict_of(each.drifts, request.tolerance) == "holds"
+        cost = round(math.log(each.time_ratio.ratio, _ALIKE)) if each.time_ratio else math.inf
+        return not holds, cost if holds else worst_speed(each.drifts), place
 
-    made = list[GripRemedy]()
+    made = list[GripFix]()
     scenes = SceneLoader(Path())
     for place in sorted(range(len(tried)), key=use):
         each = tried[place]
-        word = word_of(each.drifts, request.within)
-        lines, unwritten = (), ""
+        word = verdict_of(each.drifts, request.tolerance)
+        lines, reason = (), ""
         if word == "holds" and each.options and len(made) < MOST_CHANGES:
-            lines, unwritten = _lines(request, scenes, each)
-        left = speed_of(each.drifts)
+            lines, reason = _patch_lines(request, scenes, each)
+        left = worst_speed(each.drifts)
         made.append(
-            GripRemedy(
+            GripFix(
                 name=each.name,
                 options=dict(each.options),  # pyright: ignore[reportArgumentType] - settings
                 speed=_finite(left),
                 verdict=word,
-                worse=left > _WORSE * speed,
-                price=each.price and BudgetPrice(**each.price._asdict()),
+                worse=left > _WORSE_RATIO * speed,
+                time_ratio=each.time_ratio and BudgetPrice(**each.time_ratio._asdict()),
                 lines=lines,
-                unwritten=unwritten,
+                no_patch_reason=reason,
             )
         )
     return tuple(made)
 
 
-def _lines(request: GripRequest, scenes: SceneLoader, each: Tried) -> tuple[tuple[str, ...], str]:
-    """Return the lines of the model's files that make a change; else why there are none."""
+def _patch_lines(
+    request: GripRequest, scenes: SceneLoader, each: TestedFix
+) -> tuple[tuple[str, ...], str]:
+    """Return the changed lines of the model files, or why there are none."""
     try:
         scene = scenes.open(request.model).with_effects("all")
         with TemporaryDirectory(prefix="contactlab-") as folder:
@@ -396,12 +416,12 @@ def _lines(request: GripRequest, scenes: SceneLoader, each: Tried) -> tuple[tupl
         return (), str(error).splitlines()[0]
 
 
-def _notes(setup: _Setup, tried: Sequence[Tried]) -> Iterator[str]:
+def _notes(setup: _Setup, tried: Sequence[TestedFix]) -> Iterator[str]:
     yield from setup.notes
-    if setup.bench is not None:
-        yield _FILTERED
+    if setup.mounted_hand is not None:
+        yield _FILTER_NOTE
     if tried and not any(each.against == "squeeze" for each in tried):
-        yield _NO_MORE
+        yield _NO_SQUEEZE_NOTE
 
 
 def _sentence(
@@ -409,27 +429,27 @@ def _sentence(
     drifts: Sequence[Drift],
     word: str,
     why: Sequence[GripCause],
-    remedies: Sequence[GripRemedy],
+    fixes: Sequence[GripFix],
 ) -> str:
-    """Return a verdict in one sentence: how fast, where to, when it is lost, why, what helps."""
-    worst, force = worst_of(drifts), least_force(setup.grip.held)
-    what = _held_words(setup)
+    """Return the verdict in one sentence: speed, direction, time of loss, cause and fix."""
+    worst, force = worst_drift(drifts), weakest_finger_force(setup.grip.held)
+    what = _object_words(setup)
     if word == "holds":
         where = f" ({worst.name})" if worst.speed > 0 else ""
-        return f"holds {what}: at most {_speed(worst.speed)}{where}, {force:.3g} N a finger"
+        return f"holds {what}: at most {_speed(worst.speed)}{where}, {force:.3g} N per finger"
     reason = f": {why[0].sentence}" if why else ""
     if not setup.grip.held.is_held:
-        told = f"drops {what}{reason}"
+        text = f"drops {what}{reason}"
     elif word == "drops":
-        told = f"drops {what}: lost after {worst.lost:.2g} s, {worst.name}{reason}"
+        text = f"drops {what}: lost after {worst.lost:.2g} s, {worst.name}{reason}"
     else:
         end = f", lost after {worst.lost:.3g} s" if math.isfinite(worst.lost) else ""
-        told = f"creeps: {what} goes {_speed(worst.speed)} {worst.name}, {worst.trend}{end}{reason}"
-    best = next((each for each in remedies if each.verdict == "holds"), None)
+        text = f"creeps: {what} moves at {_speed(worst.speed)} {worst.name}, {worst.trend}{end}{reason}"
+    best = next((each for each in fixes if each.verdict == "holds"), None)
     if best is None:
-        return f"{told}; none of the changes tried holds it" if remedies else told
-    cost = f", at {best.price.ratio:.2g} times the time" if best.price else ""
-    return f"{told}; held by {best.name} ({_speed(best.speed or 0.0)}){cost}"
+        return f"{text}. No tested fix holds it" if fixes else text
+    cost = f", x{best.time_ratio.ratio:.2g} time" if best.time_ratio else ""
+    return f"{text}. Fix: {best.name} ({_speed(best.speed or 0.0)}{cost})"
 
 
 def _speed(speed: float) -> str:

@@ -1,7 +1,7 @@
-"""A held object under loads: how it creeps in six directions, and what shaking and pulling do.
+"""A held object under loads: its creep in six directions, and shaking, turning and pulling.
 
-A load is a force on the centre of mass of each body that it acts on, which is what tilted gravity
-is. So the model's own gravity is off, or taken back, and all directions are runs of one model.
+A load is a force on the center of mass of each body that it acts on, like tilted gravity. So the
+model's own gravity is off, or cancelled, and all directions are runs of one model.
 """
 
 import math
@@ -12,48 +12,48 @@ import mujoco
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.studies.grip.bench import Rig
-from contactlab.studies.grip.closing import Squeeze, pressing
+from contactlab.studies.grip.closing import Squeeze, measure_squeeze
+from contactlab.studies.grip.grip_fixture import GripFixture
 from contactlab.studies.grip.rollouts import (
     body_frames,
-    constant,
-    contacts_of,
-    placed,
-    roll,
+    data_at,
+    find_contacts,
+    repeat_input,
+    roll_out,
 )
 
 Trend = Literal["still", "steady", "fading", "growing", "uneven", "lost"]
-_STANDARD = 9.81  # m/s2, where a model has no gravity
+_STANDARD = 9.81  # m/s2, for a model without gravity
 _WINDOWS = 4
-_LOOKS = 40  # of a run
-# A trend is steady while speeds of windows that follow each other differ by less than this share;
-# a run is long enough if they differ by less than that one.
+_LOOKS = 40  # samples of a run
+# A trend is steady if speeds of consecutive windows differ by less than the first share; a run is
+# long enough if they differ by less than the second.
 _ALIKE, _SETTLED = 0.1, 0.02
-_STILL = 1e-6  # m/s: below it, nothing moves
-_HORIZON = 10.0  # s, over which speeds are judged
-_FOREVER = 1e6  # windows
-_ENDLESS = 700.0  # logarithm of a number that is as good as infinite
+_STILL = 1e-6  # m/s; nothing moves below it
+_HORIZON = 10.0  # s over which speeds are judged
+_MAX_WINDOWS = 1e6  # windows
+_LOG_OVERFLOW = 700.0  # largest logarithm of a finite number
 _SHAKEN, _RATE, _SHAKING = 5.0, 5.0, 1.0  # m/s2, 1/s, s
 _TURNING = 2.0  # s
-# A pull is so long [s]; pulls are steps of this share of what Coulomb's law lets fingers bear, up
-# to so much of it; an object slips if contacts bear this share less.
+# Duration of a pull [s]; step of pulls and largest pull, as shares of the friction capacity; an
+# object slips if the contacts carry this share less.
 _PULLING, _FINEST, _MARGIN, _SLIPS = 0.04, 0.05, 1.5, 0.02
 
 
 @dataclass(frozen=True)
 class Drift:
-    """An object's way under a load that stays.
+    """Motion of an object under a constant load.
 
     Attributes:
-        name: of the direction in which the load pulls.
-        seconds: of the run [s].
+        name: direction of the load.
+        seconds: duration of the run [s].
         speeds: (4,) mean speeds in quarters of the run [m/s], relative to the base.
-        trend: of these.
-        speed: at the end; where it fades, the mean over the ten seconds to come; where it is
-            uneven, the mean of all quarters but the first [m/s].
-        left: way that it can still go before the pads no longer cover it [m].
-        lost: when that is [s]; infinite if never.
-        path: (K, 3) in the base's frame [m].
+        trend: of these speeds.
+        speed: at the end; if it fades, the mean over the next ten seconds; if it is uneven, the
+            mean of all quarters except the first [m/s].
+        left: distance until the pads no longer cover it [m].
+        lost: time of that [s]; infinite if never.
+        path: (K, 3) in the base frame [m].
     """
 
     name: str
@@ -68,13 +68,13 @@ class Drift:
 
 @dataclass(frozen=True)
 class Load:
-    """What bodies weigh, and which of them a load acts on.
+    """A load on some bodies.
 
     Attributes:
-        gravity: magnitude of what acts [m/s2].
+        gravity: magnitude of the acceleration [m/s2].
         masses: (nbody,) masses that it acts on [kg].
-        own: (3,) gravity of the model itself, which is taken back [m/s2].
-        idle: name of what there is without it.
+        own: (3,) gravity of the model itself, which is cancelled [m/s2].
+        idle: name of the case without the load.
     """
 
     gravity: float
@@ -83,16 +83,16 @@ class Load:
     idle: str
 
     @classmethod
-    def of_all(cls, rig: Rig, gravity: float) -> "Load":
-        """Return a load on every body, as gravity is."""
-        free = rig.model.body_mass * (1 - rig.model.body_gravcomp)
+    def of_all(cls, fixture: GripFixture, gravity: float) -> "Load":
+        """Return a load on every body, like gravity."""
+        free = fixture.model.body_mass * (1 - fixture.model.body_gravcomp)
         return cls(gravity or _STANDARD, free, np.zeros(3), "without a load")
 
     @classmethod
-    def of_object(cls, rig: Rig) -> "Load":
-        """Return a load on the object alone, in place of its weight."""
-        masses = np.where(rig.model.body_weldid == rig.body, rig.model.body_mass, 0.0)
-        own = rig.model.opt.gravity.copy()
+    def of_object(cls, fixture: GripFixture) -> "Load":
+        """Return a load on the object alone, instead of its weight."""
+        masses = np.where(fixture.model.body_weldid == fixture.body, fixture.model.body_mass, 0.0)
+        own = fixture.model.opt.gravity.copy()
         return cls(float(np.linalg.norm(own)) or _STANDARD, masses, own, "as it is")
 
     def forces(self, accelerations: Floats) -> Floats:
@@ -103,7 +103,7 @@ class Load:
 
 
 def directions(squeeze: Squeeze, names: tuple[str, str]) -> dict[str, Floats]:
-    """Return six unit vectors in the world's frame, by name; `names` are those out and back."""
+    """Return six unit vectors in the world frame, by name; `names` are those out and back."""
     across, side, out = squeeze.turn.T
     return {
         names[0]: out,
@@ -115,84 +115,86 @@ def directions(squeeze: Squeeze, names: tuple[str, str]) -> dict[str, Floats]:
     }
 
 
-def drifts(
-    rig: Rig, held: Squeeze, load: Load, ways: dict[str, Floats], seconds: float
+def measure_drifts(
+    fixture: GripFixture, held: Squeeze, load: Load, ways: dict[str, Floats], seconds: float
 ) -> tuple[Drift, ...]:
-    """Load a held object in each direction, and say how it moves.
+    """Load a held object in each direction, and return its drifts.
 
-    The first is without a load on a bench, and as it is in a keyframe. What has not settled after
-    some seconds, and may be the fastest, is watched for as long again.
+    The first has no load, or is the keyframe as it is. Runs that have not settled, and may be the
+    fastest, are continued for the same duration.
     """
     names = [load.idle, *ways]
     forces = load.forces(load.gravity * np.array([*ways.values()]))
-    forces = np.concatenate([np.zeros((1, rig.model.nbody, 6)), forces])
+    forces = np.concatenate([np.zeros((1, fixture.model.nbody, 6)), forces])
     axes = [held.turn[:, 0], *ways.values()]
-    left = [way_left(rig, held, way) for way in axes]
-    rows = constant(held.row, len(forces), 1)[:, 0]
-    first = _watched(rig, held, rows, forces, seconds)
-    found = [_drift(rig, *told) for told in zip(names, first, axes, left, strict=True)]
-    fastest = max((drift.speed for drift in found if is_settled(drift)), default=0.0)
+    left = [remaining_travel(fixture, held, way) for way in axes]
+    rows = repeat_input(held.row, len(forces), 1)[:, 0]
+    first = _observe_runs(fixture, held, rows, forces, seconds)
+    found = [_drift_of(fixture, *told) for told in zip(names, first, axes, left, strict=True)]
+    fastest = max((drift.speed for drift in found if has_settled(drift)), default=0.0)
     again = [
         run
         for run, drift in enumerate(found)
-        if not is_settled(drift) and max(drift.speed, drift.speeds[-1]) > fastest
+        if not has_settled(drift) and max(drift.speed, drift.speeds[-1]) > fastest
     ]
     if again:
         rows = np.array([first[run].row for run in again])
-        more = _watched(rig, held, rows, forces[again], seconds)
+        more = _observe_runs(fixture, held, rows, forces[again], seconds)
         for run, after in zip(again, more, strict=True):
             seen = first[run].and_then(after)
-            found[run] = _drift(rig, names[run], seen, axes[run], left[run])
+            found[run] = _drift_of(fixture, names[run], seen, axes[run], left[run])
     return tuple(found)
 
 
-class _Watched(NamedTuple):
-    """A run under a load: its last state, places (K, 3), seconds, and what presses at its end."""
+class _ObservedRun(NamedTuple):
+    """A run under a load: last state, positions (K, 3), seconds, and the squeeze at its end."""
 
     row: Floats
     path: Floats
     seconds: float
     end: Squeeze | None
 
-    def and_then(self, after: "_Watched") -> "_Watched":
-        """Return this run with another that goes on, seen at every other place."""
+    def and_then(self, after: "_ObservedRun") -> "_ObservedRun":
+        """Return this run continued by another, at every second sample."""
         path = np.concatenate([self.path, after.path[1:]])[::2]
-        return _Watched(after.row, path, self.seconds + after.seconds, after.end)
+        return _ObservedRun(after.row, path, self.seconds + after.seconds, after.end)
 
 
-def _watched(
-    rig: Rig, held: Squeeze, rows: Floats, forces: Floats, seconds: float
-) -> list[_Watched]:
-    """Go on from states (n, nstate) for some seconds, under forces (n, nbody, 6)."""
-    steps, count = max(_LOOKS, round(seconds / rig.model.opt.timestep)), len(forces)
-    controls = constant(held.control, count, steps)
-    rolled = roll(rig.model, rows, controls, np.repeat(forces[:, None], steps, axis=1))
+def _observe_runs(
+    fixture: GripFixture, held: Squeeze, rows: Floats, forces: Floats, seconds: float
+) -> list[_ObservedRun]:
+    """Continue from states (n, nstate) for some seconds, under forces (n, nbody, 6)."""
+    steps, count = max(_LOOKS, round(seconds / fixture.model.opt.timestep)), len(forces)
+    controls = repeat_input(held.control, count, steps)
+    rolled = roll_out(fixture.model, rows, controls, np.repeat(forces[:, None], steps, axis=1))
     looks = np.linspace(0, steps - 1, _LOOKS + 1).astype(int)
-    found = list[_Watched]()
+    found = list[_ObservedRun]()
     for run in range(count):
-        path = body_frames(rig.model, rolled.qpos[run, looks], rig.body, rig.base)
+        path = body_frames(fixture.model, rolled.qpos[run, looks], fixture.body, fixture.base)
         row, end = rolled.rows[run], None
         if not rolled.failed[run] and np.isfinite(path).all():
-            end = pressing(rig, row, held.control, held.turn, rolled.qpos[run, looks])
+            end = measure_squeeze(fixture, row, held.control, held.turn, rolled.qpos[run, looks])
         if end is not None and not sum(end.forces):
             end = None
-        found.append(_Watched(row, path, steps * rig.model.opt.timestep, end))
+        found.append(_ObservedRun(row, path, steps * fixture.model.opt.timestep, end))
     return found
 
 
-def is_settled(drift: Drift) -> bool:
-    """Return whether a speed is one: the same in all quarters of the run but the first, or none."""
+def has_settled(drift: Drift) -> bool:
+    """Return whether the speed is constant after the first quarter, or zero."""
     _, *later = drift.speeds
     return drift.trend in ("still", "lost") or max(later) <= (1 + _SETTLED) * min(later)
 
 
-def _is_touched(rig: Rig, row: Floats) -> bool:
-    data = placed(rig.model, row)
-    return any(contact.force > 0 for contact in contacts_of(rig.model, data, rig.body))
+def _is_touching(fixture: GripFixture, row: Floats) -> bool:
+    data = data_at(fixture.model, row)
+    return any(contact.force > 0 for contact in find_contacts(fixture.model, data, fixture.body))
 
 
-def _drift(rig: Rig, name: str, seen: _Watched, axis: Floats, left: float) -> Drift:
-    """Return what a run comes to; it is lost if let, or gone too far and not between two sides."""
+def _drift_of(
+    fixture: GripFixture, name: str, seen: _ObservedRun, axis: Floats, left: float
+) -> Drift:
+    """Return the drift of a run; it is lost if it left the fingers."""
     path, duration, window = seen.path, seen.seconds, seen.seconds / _WINDOWS
     ends = path[:: _LOOKS // _WINDOWS]
     speeds = np.linalg.norm(np.diff(ends, axis=0), axis=1) / window
@@ -202,9 +204,9 @@ def _drift(rig: Rig, name: str, seen: _Watched, axis: Floats, left: float) -> Dr
         out = np.flatnonzero(~(gone <= left))
         when = duration * (out[0] / _LOOKS if out.size else 1.0)
         return Drift(name, duration, told, "lost", math.inf, left, float(when), path)
-    # Links of fingers may follow the object: what covers it at the end counts.
-    left = way_left(rig, seen.end, axis)
-    pace = pace_of(speeds)
+    # Links of fingers may follow the object, so the cover at the end counts.
+    left = remaining_travel(fixture, seen.end, axis)
+    pace = fit_pace(speeds)
     windows = _HORIZON / window
     speed = pace.way(windows) / windows if pace.trend == "fading" else pace.speed
     when = duration + window * pace.until(left / window)
@@ -212,13 +214,13 @@ def _drift(rig: Rig, name: str, seen: _Watched, axis: Floats, left: float) -> Dr
 
 
 class Pace(NamedTuple):
-    """How speeds of windows that follow each other go on: each change is a ratio of the last.
+    """Extrapolation of window speeds; each change is a constant ratio of the last one.
 
     Attributes:
-        trend: of them.
-        speed: of the last window, or the mean where they are uneven [m/s].
+        trend: of the speeds.
+        speed: of the last window, or the mean if they are uneven [m/s].
         change: of the last window against the one before [m/s].
-        ratio: of each change over the one before.
+        ratio: of each change to the one before.
     """
 
     trend: Trend
@@ -227,9 +229,9 @@ class Pace(NamedTuple):
     ratio: float = 0.0
 
     def way(self, windows: float) -> float:
-        """Return the way in so many windows to come, over the length of one [m/s]."""
+        """Return the travel in coming windows, over the length of a window [m/s]."""
         ratio, changed = self.ratio, windows * (windows + 1) / 2
-        if ratio > 1 and windows * math.log(ratio) > _ENDLESS:
+        if ratio > 1 and windows * math.log(ratio) > _LOG_OVERFLOW:
             return math.copysign(math.inf, self.change)
         if ratio != 1:
             power = ratio * (1 - ratio**windows) / (1 - ratio)
@@ -237,11 +239,11 @@ class Pace(NamedTuple):
         return windows * self.speed + self.change * changed
 
     def until(self, way: float) -> float:
-        """Return after how many windows a way, over the length of one, is gone; infinite if never.
+        """Return the number of windows after which a distance is covered; infinite if never.
 
-        By halving: ways grow with time.
+        By bisection, since the travel grows with time.
         """
-        low, high = 0.0, _FOREVER
+        low, high = 0.0, _MAX_WINDOWS
         if self.way(high) <= way:
             return math.inf
         while high - low > 1e-6 * (1 + low):
@@ -250,12 +252,11 @@ class Pace(NamedTuple):
         return high
 
 
-def pace_of(speeds: Floats) -> Pace:
-    """Return how speeds of four windows [m/s] go on.
+def fit_pace(speeds: Floats) -> Pace:
+    """Extrapolate the speeds of four windows [m/s].
 
-    The first is left out: in it the contacts take the load up. Changes of the other three are a
-    geometric series (Aitken), which fades to a speed that may stay, but to none below zero, and
-    grows no faster than the speeds do.
+    The first is ignored, since contacts take up the load in it. The other changes form a geometric
+    series (Aitken), which fades to a speed of at least zero, and grows no faster than the speeds.
     """
     _, *later = speeds.tolist()
     one, two, last = (max(speed, _STILL) for speed in later)
@@ -270,15 +271,15 @@ def pace_of(speeds: Floats) -> Pace:
     return Pace(trend, last, change, min(change / before, last / two))
 
 
-def way_left(rig: Rig, held: Squeeze, way: Floats) -> float:
-    """Return how far an object can go until the middle of its contacts leaves it [m].
+def remaining_travel(fixture: GripFixture, held: Squeeze, way: Floats) -> float:
+    """Return the distance that an object can go until the middle of its contacts leaves it [m].
 
-    Along the fingers' way it is the object's whole extent.
+    From finger to finger it is the object's whole extent.
     """
-    data = placed(rig.model, held.row)
-    turn = data.xmat[rig.body].reshape(3, 3)
-    middle = data.xpos[rig.body] + turn @ rig.middle
-    reach = float(np.abs(turn.T @ way) @ rig.half)
+    data = data_at(fixture.model, held.row)
+    turn = data.xmat[fixture.body].reshape(3, 3)
+    middle = data.xpos[fixture.body] + turn @ fixture.middle
+    reach = float(np.abs(turn.T @ way) @ fixture.half)
     if abs(way @ held.turn[:, 0]) > math.sqrt(0.5):
         return 2 * reach
     touched = held.points.mean(axis=0) if len(held.points) else middle
@@ -287,69 +288,75 @@ def way_left(rig: Rig, held: Squeeze, way: Floats) -> float:
 
 @dataclass(frozen=True)
 class Trial:
-    """What an object goes through beside a load that stays.
+    """Displacement of an object under a changing load.
 
     Attributes:
-        way: farthest that it was from its place [m].
+        distance: largest distance from its place [m].
         lost: whether the hand lost it.
     """
 
-    way: float
+    distance: float
     lost: bool
 
 
-def shaken(rig: Rig, held: Squeeze, load: Load, down: Floats) -> Trial:
-    """Shake a held object in a circle across the fingers' way, 5 m/s2 at 5 Hz, for a second."""
-    return _trial(rig, held, inputs_of_shake(rig, held, load, load.gravity * down))
+def shake_object(fixture: GripFixture, held: Squeeze, load: Load, down: Floats) -> Trial:
+    """Shake a held object in a circle across the fingers, 5 m/s2 at 5 Hz, for a second."""
+    return _run_trial(fixture, held, shake_forces(fixture, held, load, load.gravity * down))
 
 
-def inputs_of_shake(rig: Rig, held: Squeeze, load: Load, gravity: Floats) -> Floats:
+def shake_forces(fixture: GripFixture, held: Squeeze, load: Load, gravity: Floats) -> Floats:
     """Return (N, nbody, 6) forces of a shake under gravity (3,) [N]."""
-    times = np.arange(0, _SHAKING, rig.model.opt.timestep)[:, None]
+    times = np.arange(0, _SHAKING, fixture.model.opt.timestep)[:, None]
     _, side, out = held.turn.T
     angles = 2 * np.pi * _RATE * times
     return load.forces(gravity + _SHAKEN * (np.cos(angles) * side + np.sin(angles) * out))
 
 
-def turned(rig: Rig, held: Squeeze, load: Load, down: Floats) -> Trial:
-    """Turn gravity once about the fingers' way, in two seconds."""
-    times = np.arange(0, _TURNING, rig.model.opt.timestep)[:, None]
+def turn_object(fixture: GripFixture, held: Squeeze, load: Load, down: Floats) -> Trial:
+    """Turn gravity once about the axis from finger to finger, in two seconds."""
+    times = np.arange(0, _TURNING, fixture.model.opt.timestep)[:, None]
     angles, axis = 2 * np.pi * times / _TURNING, held.turn[:, 0]
     turning = np.cos(angles) * down + np.sin(angles) * np.cross(axis, down)
-    return _trial(rig, held, load.forces(load.gravity * turning))
+    return _run_trial(fixture, held, load.forces(load.gravity * turning))
 
 
-def _trial(rig: Rig, held: Squeeze, forces: Floats) -> Trial:
+def _run_trial(fixture: GripFixture, held: Squeeze, forces: Floats) -> Trial:
     steps = len(forces)
-    rolled = roll(rig.model, held.row[None], constant(held.control, 1, steps), forces[None])
+    rolled = roll_out(
+        fixture.model, held.row[None], repeat_input(held.control, 1, steps), forces[None]
+    )
     looks = np.linspace(0, steps - 1, _LOOKS + 1).astype(int)
-    path = body_frames(rig.model, rolled.qpos[0, looks], rig.body, rig.base)
+    path = body_frames(fixture.model, rolled.qpos[0, looks], fixture.body, fixture.base)
     way = float(np.linalg.norm(path - path[0], axis=1).max())
-    reach = float(rig.half.max())
-    lost = bool(rolled.failed[0]) or not way < 2 * reach or not _is_touched(rig, rolled.rows[0])
+    reach = float(fixture.half.max())
+    lost = (
+        bool(rolled.failed[0]) or not way < 2 * reach or not _is_touching(fixture, rolled.rows[0])
+    )
     return Trial(way if np.isfinite(way) else math.inf, lost)
 
 
-def pulled(rig: Rig, held: Squeeze, load: Load, ways: dict[str, Floats]) -> tuple[str, float]:
-    """Pull a held object without weight, each time a twentieth harder, until it slips.
+def pull_object(
+    fixture: GripFixture, held: Squeeze, load: Load, ways: dict[str, Floats]
+) -> tuple[str, float]:
+    """Pull a weightless held object with growing force until it slips.
 
-    Returns the direction in which the fingers hold least, and what contacts bore there as it first
-    slipped [N]. Pulls are short: regularised friction gives way under any, and what slides fast
-    presses the pads apart.
+    Returns the direction of the smallest holding force, and the contact force as it first slipped
+    [N]. Pulls are short: regularized friction creeps under any load, and fast sliding presses the
+    pads apart.
     """
-    limit = _coulomb(rig, held)
+    limit = _friction_capacity(fixture, held)
     shares = np.arange(_FINEST, _MARGIN, _FINEST)
-    steps = max(8, round(_PULLING / rig.model.opt.timestep))
+    steps = max(8, round(_PULLING / fixture.model.opt.timestep))
     forces = np.repeat(load.forces(np.zeros(3))[None], len(shares), axis=0)
-    rows = constant(held.row, len(shares), 1)[:, 0]
-    controls = constant(held.control, len(shares), steps)
-    dof = int(rig.model.body_dofadr[rig.body])
+    rows = repeat_input(held.row, len(shares), 1)[:, 0]
+    controls = repeat_input(held.control, len(shares), steps)
+    dof = int(fixture.model.body_dofadr[fixture.body])
     found = dict[str, float]()
     for name, way in ways.items():
         pulls = forces.copy()
-        pulls[:, rig.body, :3] += limit * shares[:, None] * way
+        pulls[:, fixture.body, :3] += limit * shares[:, None] * way
         applied = np.repeat(pulls[:, None], steps, axis=1)
-        rolled = roll(rig.model, rows, controls, applied, borne=True)
+        rolled = roll_out(fixture.model, rows, controls, applied, borne=True)
         assert rolled.borne is not None
         borne = (-rolled.borne[:, steps // 2 :, dof : dof + 3] @ way).mean(axis=1)
         slips = borne < (1 - _SLIPS) * limit * shares
@@ -358,26 +365,26 @@ def pulled(rig: Rig, held: Squeeze, load: Load, ways: dict[str, Floats]) -> tupl
     return least, found[least]
 
 
-def _coulomb(rig: Rig, held: Squeeze) -> float:
-    """Return what Coulomb's law lets the contacts bear, were all of them pulled alike [N]."""
-    found = contacts_of(rig.model, placed(rig.model, held.row), rig.body)
+def _friction_capacity(fixture: GripFixture, held: Squeeze) -> float:
+    """Return the friction force that Coulomb's law allows if all contacts are loaded alike [N]."""
+    found = find_contacts(fixture.model, data_at(fixture.model, held.row), fixture.body)
     return sum(each.friction * each.force for each in found)
 
 
-def inputs_of_pull(rig: Rig, held: Squeeze, load: Load, way: Floats) -> Floats:
-    """Return (N, nbody, 6) forces of a pull that grows past what fingers bear in a second [N]."""
-    steps = max(_LOOKS, round(1 / rig.model.opt.timestep))
-    most = _MARGIN * _coulomb(rig, held)
-    forces = constant(load.forces(np.zeros(3)), 1, steps)[0]
-    forces[:, rig.body, :3] += most * np.arange(1, steps + 1)[:, None] / steps * way
+def pull_forces(fixture: GripFixture, held: Squeeze, load: Load, way: Floats) -> Floats:
+    """Return (N, nbody, 6) forces of a pull that exceeds the holding force within a second [N]."""
+    steps = max(_LOOKS, round(1 / fixture.model.opt.timestep))
+    most = _MARGIN * _friction_capacity(fixture, held)
+    forces = repeat_input(load.forces(np.zeros(3)), 1, steps)[0]
+    forces[:, fixture.body, :3] += most * np.arange(1, steps + 1)[:, None] / steps * way
     return forces
 
 
-def gravity_of(model: mujoco.MjModel) -> float:
-    """Return the magnitude of a model's gravity, or the standard where it has none [m/s2]."""
+def gravity_magnitude(model: mujoco.MjModel) -> float:
+    """Return the magnitude of the model's gravity, or standard gravity if it is zero [m/s2]."""
     return float(np.linalg.norm(model.opt.gravity)) or _STANDARD
 
 
-def weight(rig: Rig, load: Load) -> float:
-    """Return what the object weighs [N]."""
-    return float(rig.model.body_subtreemass[rig.body]) * load.gravity
+def object_weight(fixture: GripFixture, load: Load) -> float:
+    """Return the weight of the object [N]."""
+    return float(fixture.model.body_subtreemass[fixture.body]) * load.gravity

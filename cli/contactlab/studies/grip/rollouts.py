@@ -1,4 +1,4 @@
-"""Rollouts of one model from given states, with inputs of each step, and what contacts bear."""
+"""Rollouts of one model from given states, with inputs of each step, and contact forces."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -17,14 +17,14 @@ _INPUTS = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_XFRC_A
 _SENSORS = int(mujoco.mjtDisableBit.mjDSBL_SENSOR) | int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
 
 
-class Rolled(NamedTuple):
+class RolledRuns(NamedTuple):
     """Runs of one model.
 
     Attributes:
-        qpos: (n, N, nq) after each step; a run that the engine gave up repeats its last.
+        qpos: (n, N, nq) after each step; a failed run repeats its last.
         rows: (n, nstate) states of mjSTATE_INTEGRATION after the last step.
-        failed: (n,) whether the engine gave up.
-        borne: (n, N, nv) forces of constraints, if asked for.
+        failed: (n,) whether MuJoCo gave up.
+        borne: (n, N, nv) constraint forces, if requested.
     """
 
     qpos: Floats
@@ -38,17 +38,17 @@ def start_row(model: mujoco.MjModel, qpos: Floats | None = None) -> Floats:
     data = mujoco.MjData(model)
     if qpos is not None:
         data.qpos[:] = qpos
-    return row_of(model, data)
+    return state_row(model, data)
 
 
-def row_of(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
+def state_row(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
     """Return the state of some data."""
     row = np.empty(mujoco.mj_stateSize(model, INTEGRATION))
     mujoco.mj_getState(model, data, row, INTEGRATION)
     return row
 
 
-def placed(model: mujoco.MjModel, row: Floats) -> mujoco.MjData:
+def data_at(model: mujoco.MjModel, row: Floats) -> mujoco.MjData:
     """Return data at a state, with its contacts and forces."""
     data = mujoco.MjData(model)
     mujoco.mj_setState(model, data, row, INTEGRATION)
@@ -56,18 +56,18 @@ def placed(model: mujoco.MjModel, row: Floats) -> mujoco.MjData:
     return data
 
 
-def roll(
+def roll_out(
     model: mujoco.MjModel,
     rows: Floats,
     controls: Floats,
     applied: Floats | None = None,
     *,
     borne: bool = False,
-) -> Rolled:
+) -> RolledRuns:
     """Roll out runs from (n, nstate) states.
 
-    Controls are (n, N, nu); forces and torques applied to bodies (n, N, nbody, 6) [N, N m], in
-    the world's frame, or none.
+    Controls are (n, N, nu). Applied forces and torques are (n, N, nbody, 6) [N, N m], in the world
+    frame, or None.
     """
     alone = model.__copy__()
     alone.opt.disableflags |= _SENSORS
@@ -87,20 +87,22 @@ def roll(
     except SimulationError:
         failed = np.array([bool(batch.error(row)) for row in range(count)])
     failed |= (batch.warning[:, :, 1] != before).any(axis=1)
-    return Rolled(out[_QPOS], batch.state.copy(), failed, out.get(_BORNE))
+    return RolledRuns(out[_QPOS], batch.state.copy(), failed, out.get(_BORNE))
 
 
 def states_along(
     model: mujoco.MjModel, row: Floats, controls: Floats, applied: Floats, every: int
 ) -> Floats:
-    """Return (K, nstate) every so many states of one run, from a state on.
+    """Return (K, nstate) states of one run, one per `every` steps.
 
     Controls are (N, nu), forces on bodies (N, nbody, 6).
     """
     rows = [row]
     for begin in range(0, len(controls), every):
         part = slice(begin, begin + every)
-        rows.append(roll(model, rows[-1][None], controls[None, part], applied[None, part]).rows[0])
+        rows.append(
+            roll_out(model, rows[-1][None], controls[None, part], applied[None, part]).rows[0]
+        )
     return np.array(rows)
 
 
@@ -126,7 +128,7 @@ class BodyContact(NamedTuple):
     friction: float
 
 
-def contacts_of(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> list[BodyContact]:
+def find_contacts(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> list[BodyContact]:
     """Return the contacts of a body and what is fixed to it."""
     own, found, force = model.body_weldid[body], list[BodyContact](), np.empty(6)
     for place in range(data.ncon):
@@ -155,7 +157,7 @@ def contacts_of(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> list[B
 def body_frames(
     model: mujoco.MjModel, configurations: Sequence[Floats] | Floats, body: int, base: int
 ) -> Floats:
-    """Return (K, 3) positions of a body's centre of mass in a base's frame [m]."""
+    """Return (K, 3) positions of a body's center of mass in a base frame [m]."""
     data = mujoco.MjData(model)
     found = np.empty((len(configurations), 3))
     for place, qpos in enumerate(configurations):
@@ -166,6 +168,6 @@ def body_frames(
     return found
 
 
-def constant(values: Floats, runs: int, steps: int) -> Floats:
-    """Return inputs (n, N, ...) that stay."""
+def repeat_input(values: Floats, runs: int, steps: int) -> Floats:
+    """Return constant inputs (n, N, ...)."""
     return np.broadcast_to(values, (runs, steps, *np.shape(values))).copy()

@@ -1,4 +1,4 @@
-"""Rules that a model's files are held against, compiled but not stepped: `contactlab lint`."""
+"""Lint rules for model files, which are compiled but not stepped: `contactlab lint`."""
 
 from contactlab.registry import settle
 from contactlab.studies.lint import (

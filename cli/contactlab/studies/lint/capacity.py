@@ -1,4 +1,4 @@
-"""Rule of memory: whether the contacts of a start fit into what the model reserves."""
+"""Memory rule: whether the contacts of a start fit into the reserved memory."""
 
 from collections.abc import Iterator
 
@@ -10,7 +10,7 @@ from contactlab.studies.lint.rules import rule
 _FULL = tuple(
     int(getattr(mujoco.mjtWarning, f"mjWARN_{name}")) for name in ("CONTACTFULL", "CNSTRFULL")
 )
-_SHARE = 0.5  # of the memory, from which a motion soon needs more
+_SHARE = 0.5  # share of the memory above which a motion soon needs more
 
 
 @rule("memory", "gate")

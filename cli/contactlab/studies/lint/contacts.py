@@ -1,4 +1,4 @@
-"""Rules of contact parameters: what the step, the cone or the engine makes of them."""
+"""Rules of contact parameters: effects of the timestep, the cone and the engine."""
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator
@@ -54,15 +54,15 @@ class _User(NamedTuple):
     solref: Solref
 
 
-def _touching(model: mujoco.MjModel) -> np.ndarray:
-    """Return the geoms that can touch another by their masks; pairs have their own parameters."""
+def _touching_geoms(model: mujoco.MjModel) -> np.ndarray:
+    """Return the geoms that can touch others by their masks; pairs have their own parameters."""
     if model.opt.disableflags & _NO_CONTACT:
         return np.empty(0, int)
     return np.flatnonzero(may_touch(model, listed=False).any(axis=1))
 
 
-def _users(model: mujoco.MjModel) -> Iterator[_User]:
-    """Yield the parts whose solref acts."""
+def _solref_users(model: mujoco.MjModel) -> Iterator[_User]:
+    """Yield the parts whose solref takes effect."""
     overridden = int(model.opt.enableflags) & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE)
     kinds: list[tuple[str, str, np.ndarray, Callable[[int], object]]] = [
         ("equality", "solref", model.eq_solref, lambda index: model.eq_active0[index]),
@@ -70,7 +70,7 @@ def _users(model: mujoco.MjModel) -> Iterator[_User]:
         ("tendon", "solreflimit", model.tendon_solref_lim, lambda i: model.tendon_limited[i]),
     ]
     if not overridden:
-        solid = set(_touching(model).tolist())
+        solid = set(_touching_geoms(model).tolist())
         kinds.append(("geom", "solref", model.geom_solref, solid.__contains__))
         kinds.append(("pair", "solref", model.pair_solref, lambda _: True))
     for kind, attribute, rows, acts in kinds:
@@ -79,19 +79,19 @@ def _users(model: mujoco.MjModel) -> Iterator[_User]:
                 yield _User(kind, index, attribute, (row[0], row[1]))
 
 
-def _alike(
+def _users_by_solref(
     linted: LintedModel, wrong: Callable[[Solref], bool]
 ) -> Iterator[tuple[Solref, list[_User]]]:
-    """Yield each solref that is wrong, with the parts of one kind that have it."""
+    """Yield each wrong solref, with the parts of one kind that have it."""
     found: dict[tuple[str, Solref], list[_User]] = defaultdict(list)
-    for user in _users(linted.model):
+    for user in _solref_users(linted.model):
         if wrong(user.solref):
             found[user.kind, user.solref].append(user)
     for (_, solref), users in found.items():
         yield solref, users
 
 
-def _set(linted: LintedModel, users: list[_User], solref: Solref) -> tuple[Edit, ...]:
+def _set_solref(linted: LintedModel, users: list[_User], solref: Solref) -> tuple[Edit, ...]:
     edits: dict[Edit, None] = {}
     for user in users:
         changes = linted.set(user.kind, user.number, **{user.attribute: mjcf_text(solref)})
@@ -99,7 +99,7 @@ def _set(linted: LintedModel, users: list[_User], solref: Solref) -> tuple[Edit,
     return tuple(edits)
 
 
-def _named(linted: LintedModel, users: list[_User]) -> str:
+def _users_text(linted: LintedModel, users: list[_User]) -> str:
     first = f"{users[0].kind} '{linted.name(users[0].kind, users[0].number)}'"
     return first if len(users) == 1 else f"{first} and {len(users) - 1} more"
 
@@ -113,7 +113,7 @@ def solref_step(linted: LintedModel) -> Iterator[Fault]:
     def short(solref: Solref) -> bool:
         return solref != _DEFAULT and min(solref) > 0 and solref[0] < 2 * step * _LESS
 
-    for solref, users in _alike(linted, short):
+    for solref, users in _users_by_solref(linted, short):
         acts = refsafe_solref(solref, step)
         end = (
             f"it acts as {mjcf_text(acts)}: softer than it is written"
@@ -121,10 +121,10 @@ def solref_step(linted: LintedModel) -> Iterator[Fault]:
             else "and refsafe, which would raise it, is off"
         )
         yield Fault(
-            f"{users[0].attribute} {mjcf_text(solref)} of {_named(linted, users)} is below two "
+            f"{users[0].attribute} {mjcf_text(solref)} of {_users_text(linted, users)} is below two "
             f"timesteps ({2e3 * step:g} ms): {end}",
             linted.place(users[0].kind, users[0].number),
-            _set(linted, users, acts),
+            _set_solref(linted, users, acts),
         )
 
 
@@ -132,11 +132,11 @@ def solref_step(linted: LintedModel) -> Iterator[Fault]:
 def long_step(linted: LintedModel) -> Iterator[Fault]:
     """The timestep is too long for MuJoCo's default solref, which acts softer then."""
     step = float(linted.model.opt.timestep)
-    users = [user for user in _users(linted.model) if user.solref == _DEFAULT]
+    users = [user for user in _solref_users(linted.model) if user.solref == _DEFAULT]
     if users and 2 * step * _LESS > _DEFAULT[0]:
         yield Fault(
             f"a timestep of {1e3 * step:g} ms is more than half the time constant of the default "
-            f"solref, {mjcf_text(_DEFAULT)}, of {_named(linted, users)}",
+            f"solref, {mjcf_text(_DEFAULT)}, of {_users_text(linted, users)}",
             linted.place_of("option"),
             linted.set_in("option", timestep=mjcf_text(_DEFAULT[0] / 2)),
         )
@@ -154,12 +154,12 @@ def solref_energy(linted: LintedModel) -> Iterator[Fault]:
         acts = refsafe_solref(solref, step) if safe else solref
         return step / softness(acts) > STABLE_STEP and float(damping_ratio(acts)) < 1
 
-    for solref, users in _alike(linted, gains):
+    for solref, users in _users_by_solref(linted, gains):
         if users[0].kind in ("geom", "pair"):
             acts = refsafe_solref(solref, step) if safe else solref
             holds = STABLE_STEP * softness(acts)
             yield Fault(
-                f"solref {mjcf_text(solref)} of {_named(linted, users)} has 1 / sqrt(K) of "
+                f"solref {mjcf_text(solref)} of {_users_text(linted, users)} has 1 / sqrt(K) of "
                 f"{1e3 * softness(acts):.3g} ms: impacts can gain energy at steps "
                 f"above {1e3 * holds:.3g} ms",
                 linted.place(users[0].kind, users[0].number),
@@ -170,13 +170,13 @@ def solref_energy(linted: LintedModel) -> Iterator[Fault]:
 @rule("solref-mixed", "gate")
 def solref_mixed(linted: LintedModel) -> Iterator[Fault]:
     """A solref has one negative number and one positive: the engine takes the default instead."""
-    for solref, users in _alike(linted, lambda solref: solref[0] * solref[1] < 0):
+    for solref, users in _users_by_solref(linted, lambda solref: solref[0] * solref[1] < 0):
         attribute = users[0].attribute
         yield Fault(
-            f"{attribute} {mjcf_text(solref)} of {_named(linted, users)} is of neither form: write "
+            f"{attribute} {mjcf_text(solref)} of {_users_text(linted, users)} is of neither form: write "
             "both above 0, or -stiffness and -damping",
             linted.place(users[0].kind, users[0].number),
-            _set(linted, users, _DEFAULT),
+            _set_solref(linted, users, _DEFAULT),
         )
 
 
@@ -220,7 +220,7 @@ def _frictionless(linted: LintedModel, who: str, condim: int, kind: str, index: 
 def contact_margin(linted: LintedModel) -> Iterator[Fault]:
     """Contacts push before geoms touch."""
     model = linted.model
-    solid = _touching(model)
+    solid = _touching_geoms(model)
     wide = [geom for geom in solid.tolist() if 2 * model.geom_margin[geom] > (SHELL.value or 0)]
     if wide:
         largest = max(wide, key=lambda geom: model.geom_margin[geom])
@@ -240,11 +240,13 @@ def contact_margin(linted: LintedModel) -> Iterator[Fault]:
 def contact_softness(linted: LintedModel) -> Iterator[Fault]:
     """Contacts are softer than the engine's default."""
     limit = SOFTNESS.value or 0.0
-    for solref, users in _alike(linted, lambda solref: softness(solref) > limit * (1 + 1e-9)):
+    for solref, users in _users_by_solref(
+        linted, lambda solref: softness(solref) > limit * (1 + 1e-9)
+    ):
         if users[0].kind in ("geom", "pair"):
             yield Fault(
-                f"solref {mjcf_text(solref)} of {_named(linted, users)} is softer than MuJoCo's "
+                f"solref {mjcf_text(solref)} of {_users_text(linted, users)} is softer than MuJoCo's "
                 f"default: 1 / sqrt(K) is {1e3 * softness(solref):.3g} ms, not {1e3 * limit:g}",
                 linted.place(users[0].kind, users[0].number),
-                _set(linted, users, _DEFAULT),
+                _set_solref(linted, users, _DEFAULT),
             )

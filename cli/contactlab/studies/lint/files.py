@@ -1,4 +1,4 @@
-"""Rules of files: what MuJoCo refuses or warns of, and paths that other machines lack."""
+"""File rules: refusals and warnings of MuJoCo, and paths that other machines lack."""
 
 import re
 from collections.abc import Iterator
@@ -89,7 +89,7 @@ def resource_name(linted: LintedModel) -> Iterator[Fault]:
 
 
 def _refused_alone(model: Path) -> str:
-    """Return why MuJoCo refuses a file as it is, without its ROS packages; "" if it does not."""
+    """Return why MuJoCo refuses a file without its ROS packages; "" if it does not."""
     try:
         mujoco.MjSpec.from_file(str(model)).compile()
     except (ValueError, mujoco.FatalError) as error:

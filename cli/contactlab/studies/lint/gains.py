@@ -1,4 +1,4 @@
-"""Rule of gains: whether one step of the integrator holds what springs and actuators pull.
+"""Checks that actuator and spring gains are stable at the model's time step.
 
 Without contacts, gravity and controls, a model near a pose is ``M a = -K x - C v - D v``: K and C
 are of servos, springs and tendons, D is of the damping that the integrator takes implicitly. One
@@ -26,10 +26,10 @@ from contactlab.studies.lint.linted_model import Fault, LintedModel
 from contactlab.studies.lint.rules import rule
 
 Ids = NDArray[np.int32]
-# An eigenvalue of exactly 1 is a motion that goes on; rounding makes it a little more.
+# An eigenvalue of exactly 1 is a uniform motion; rounding makes it slightly larger.
 _GROWS = 1 + 1e-6
 _HALVINGS = 20
-_RANK = 1e-9  # of the largest singular value
+_RANK = 1e-9  # share of the largest singular value
 _INTEGRATOR = mujoco.mjtIntegrator
 _DISCRETE = int(getattr(_INTEGRATOR, "mjINT_DISCRETE", -1))
 _SPRING, _DAMPER = (
@@ -43,7 +43,7 @@ _AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
 class Linear(NamedTuple):
     """A model near a pose: matrices (n, n) of its degrees of freedom.
 
-    `explicit` and `implicit` are of the damping that Euler takes so.
+    `explicit` and `implicit` are the damping that Euler takes explicitly and implicitly.
     """
 
     mass: Floats
@@ -76,23 +76,25 @@ def _modes(linear: Linear, timestep: float, integrator: int) -> np.ndarray:
 
 
 def linear_model(model: mujoco.MjModel, data: mujoco.MjData) -> Linear:
-    """Return a model near its state, from `mj_forward`, without what equalities hold still."""
+    """Return a model near its state, from `mj_forward`, without directions that equalities hold."""
     flags, size = int(model.opt.disableflags), (model.nv, model.nv)
     mass = np.empty(size)
     for row, unit in zip(mass, np.eye(model.nv), strict=True):
         mujoco.mj_mulM(model, data, row, unit)
     stiffness, explicit = np.zeros(size), np.zeros(size)
     damping = np.diag(np.asarray(model.dof_damping)) * (not flags & _DAMPER)
-    for row, spring, damper in _pulls(model, data):
+    for row, spring, damper in _linear_forces(model, data):
         stiffness += spring * np.outer(row, row)
         explicit += damper * np.outer(row, row)
     late = bool(flags & _EULERDAMP)
-    free = _unheld(model, data)
+    free = _free_directions(model, data)
     parts = (mass, stiffness, explicit + late * damping, (not late) * damping)
     return Linear(*(free.T @ part @ free for part in parts))
 
 
-def _pulls(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[tuple[Floats, float, float]]:
+def _linear_forces(
+    model: mujoco.MjModel, data: mujoco.MjData
+) -> Iterator[tuple[Floats, float, float]]:
     """Yield Jacobian (nv,), stiffness and damping of springs, tendons and servos."""
     flags = int(model.opt.disableflags)
     springs, dampers = not flags & _SPRING, not flags & _DAMPER
@@ -106,35 +108,37 @@ def _pulls(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[tuple[Floats,
     for tendon in np.flatnonzero(model.tendon_stiffness + model.tendon_damping).tolist():
         low, high = model.tendon_lengthspring[tendon]
         taut = springs and not low < data.ten_length[tendon] < high
-        row = _row(model.nv, data.ten_J, *sparse, tendon)
+        row = _dense_row(model.nv, data.ten_J, *sparse, tendon)
         stiffness = float(model.tendon_stiffness[tendon])
         yield row, taut * stiffness, dampers * float(model.tendon_damping[tendon])
-    alone = getattr(model, "nout", model.nu) == model.nu  # of actuators with one moment each
+    alone = getattr(model, "nout", model.nu) == model.nu  # of actuators with a single moment
     if flags & int(mujoco.mjtDisableBit.mjDSBL_ACTUATION) or not alone:
         return
     sparse = data.moment_rownnz, data.moment_rowadr, data.moment_colind
     for actuator in np.flatnonzero(model.actuator_biastype == _AFFINE).tolist():
         _, length, speed = model.actuator_biasprm[actuator, :3].tolist()
-        row = _row(model.nv, data.actuator_moment, *sparse, actuator)
+        row = _dense_row(model.nv, data.actuator_moment, *sparse, actuator)
         yield row, max(-length, 0.0), max(-speed, 0.0)
 
 
-def _row(width: int, values: Floats, counts: Ids, starts: Ids, columns: Ids, row: int) -> Floats:
-    """Return a row of a sparse matrix in full."""
+def _dense_row(
+    width: int, values: Floats, counts: Ids, starts: Ids, columns: Ids, row: int
+) -> Floats:
+    """Return a row of a sparse matrix as a dense one."""
     found, start = np.zeros(width), int(starts[row])
     some = slice(start, start + int(counts[row]))
     found[np.ravel(columns)[some]] = np.ravel(values)[some]
     return found
 
 
-def _unheld(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
-    """Return (nv, k) the directions that no equality holds."""
+def _free_directions(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
+    """Return (nv, k) the directions that no equality constrains."""
     rows = np.zeros((data.ne, model.nv))
     if not data.ne:
         return np.eye(model.nv)
     if mujoco.mj_isSparse(model):
         for place, row in enumerate(rows):
-            row[:] = _row(
+            row[:] = _dense_row(
                 model.nv,
                 data.efc_J,
                 data.efc_J_rownnz,
@@ -158,14 +162,14 @@ def gain_step(linted: LintedModel) -> Iterator[Fault]:
         return
     start, data = next(iter(linted.starts.items()))
     late = integrator == _INTEGRATOR.mjINT_RK4 or bool(model.opt.disableflags & _EULERDAMP)
-    pulled = any(spring or damper for _, spring, damper in _pulls(model, data))
+    pulled = any(spring or damper for _, spring, damper in _linear_forces(model, data))
     if not pulled and not (late and model.dof_damping.any()):
-        return  # the damping of joints is taken implicitly, and holds at any step
+        return  # joint damping is implicit, and stable at any step
     linear = linear_model(model, data)
     weighs = linear.mass.size and np.linalg.eigvalsh(linear.mass).min() > mujoco.mjMINVAL
     if not weighs or not (found := growth(linear, timestep, integrator)) > _GROWS:
         return
-    # The largest step that holds, by bisection, rounded down to two digits.
+    # The largest stable step, by bisection, rounded down to two digits.
     low, high = 0.0, timestep
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
@@ -174,7 +178,7 @@ def gain_step(linted: LintedModel) -> Iterator[Fault]:
     implicit = growth(linear, timestep, int(_INTEGRATOR.mjINT_IMPLICITFAST)) <= _GROWS
     values = {"integrator": "implicitfast"} if implicit else {"timestep": f"{holds:g}"}
     name = _INTEGRATOR(integrator).name.removeprefix("mjINT_")
-    joint = _stiffest(model, data, timestep)
+    joint = _stiffest_joint(model, data, timestep)
     yield Fault(
         f"from {start}, a step of {timestep * 1e3:g} ms with {name} lets a small motion of "
         f"joint '{joint}' grow {found:.3g}-fold, without any control; {holds * 1e3:g} ms holds it",
@@ -183,11 +187,11 @@ def gain_step(linted: LintedModel) -> Iterator[Fault]:
     )
 
 
-def _stiffest(model: mujoco.MjModel, data: mujoco.MjData, timestep: float) -> str:
+def _stiffest_joint(model: mujoco.MjModel, data: mujoco.MjData, timestep: float) -> str:
     """Return the joint whose springs and damping are largest for its inertia, in one step."""
     load, mass = np.zeros(model.nv), np.empty((model.nv, model.nv))
     for row, unit in zip(mass, np.eye(model.nv), strict=True):
         mujoco.mj_mulM(model, data, row, unit)
-    for row, spring, damper in _pulls(model, data):
+    for row, spring, damper in _linear_forces(model, data):
         load += (timestep**2 * spring + 2 * timestep * damper) * row**2
     return name_of(model, "joint", int(model.dof_jntid[int(np.argmax(load / np.diag(mass)))]))

@@ -1,7 +1,7 @@
 """Comments that ignore rules: `<!-- contactlab: ignore RULE -->`, or `# ...` in a scene.yaml.
 
-One beside an element, or alone on the line above it, is about that element; one beside or above a
-file's first element, or in the scene's manifest, is about all of the model.
+A comment next to an element, or alone on the line above it, concerns that element. A comment next
+to or above the first element of a file, or in the scene's manifest, concerns the whole model.
 """
 
 import re
@@ -19,30 +19,30 @@ _ALONE = re.compile(r"\s*<!--(?:(?!-->).)*-->\s*")
 
 @dataclass(frozen=True)
 class Ignored:
-    """What comments of a model's files ignore.
+    """Rules that comments of a model's files ignore.
 
     Attributes:
-        everywhere: where a rule is ignored in all of the model, by rule.
-        beside: where a rule is ignored in a line, by file, line and rule.
+        everywhere: comment that ignores a rule in the whole model, by rule.
+        beside: comment that ignores a rule in a line, by file, line and rule.
     """
 
     everywhere: Mapping[str, str]
     beside: Mapping[tuple[Path, int, str], str]
 
     def __call__(self, rule: str, place: Place) -> str | None:
-        """Return which comment ignores a rule at a place; None if none does."""
+        """Return the comment that ignores a rule at a place, or None."""
         lines = range(place.line, place.last + 1)
         found = (self.beside.get((place.file, line, rule)) for line in lines)
         return next(filter(None, found), self.everywhere.get(rule))
 
     @property
     def rules(self) -> Mapping[str, str]:
-        """Where each rule is ignored that any comment names."""
+        """Comment that ignores each rule, by rule."""
         return {**{rule: at for (_, _, rule), at in self.beside.items()}, **self.everywhere}
 
 
 def ignored(source: SceneSource) -> Ignored:
-    """Return what the comments of a scene's files ignore."""
+    """Return the ignored rules of a scene's files."""
     everywhere, beside = dict[str, str](), dict[tuple[Path, int, str], str]()
     for name in source.content.files:
         file = source.content.root / name

@@ -28,7 +28,7 @@ from contactlab.scene.compile_model import (
 from contactlab.scene.scene_source import SceneSource
 
 IMPOSSIBLE = ("not_positive", "triangle", "balanced")
-"""Faults of an inertia itself; the others compare it with shapes, which are simplified."""
+"""Faults of an inertia itself; the others compare it with simplified shapes."""
 
 LIGHTEST, DENSEST = 50.0, 20000.0
 """Densities [kg/m^3] from foam and hollow shells to osmium, rounded."""
@@ -36,14 +36,14 @@ LIGHTEST, DENSEST = 50.0, 20000.0
 _MOST_BODIES_NAMED = 6
 
 # Shapes are simplified, so both bounds are generous.
-_OUTSIDE = 0.05  # fraction of its length by which a centre of mass may lie outside of a shape
-_SLACK = 2.0  # factor by which rms distances may exceed what fits into a shape
+_OUTSIDE = 0.05  # share of its length by which a center of mass may lie outside of a shape
+_SLACK = 2.0  # factor by which rms distances may exceed those that fit into a shape
 _LEAST_SPREAD_PER_LENGTH = 1 / 30
 """Smallest rms distance over length; 0.29 for a uniform rod, and 1/10 for any real body."""
 
 
-def in_words(faults: Iterable[InertiaFault]) -> Iterator[str]:
-    """Yield faults in words; of bodies beyond the same limit, all but the first by name only."""
+def fault_sentences(faults: Iterable[InertiaFault]) -> Iterator[str]:
+    """Yield faults in words; bodies beyond the same limit are listed by name after the first."""
     alike: dict[tuple[str, float], list[InertiaFault]] = {}
     for fault in faults:
         alike.setdefault((fault.kind, fault.limit), []).append(fault)
@@ -72,7 +72,7 @@ def density_faults(model: mujoco.MjModel, body: int) -> Iterator[InertiaFault]:
 
 
 def shape_faults(model: mujoco.MjModel, body: int) -> Iterator[InertiaFault]:
-    """Yield faults if a body's mass would lie outside its shape, or in too small a part of it."""
+    """Yield faults if the mass of a body would lie outside its shape, or in a tiny part of it."""
     name, moments, mass = model.body(body).name, model.body_inertia[body], _mass(model, body)
     spreads = np.sqrt(np.maximum(moments.sum() / 2 - moments, 0) / mass)
     length = 0.0
@@ -93,7 +93,7 @@ def _mass(model: mujoco.MjModel, body: int) -> float:
 
 
 def _outside(name: str, spans: Floats, places: Floats) -> Iterator[InertiaFault]:
-    """Yield a fault if a centre of mass, at places (3,) along axes, is outside spans (3, 2)."""
+    """Yield a fault if a center of mass, at (3,) along axes, is outside spans (3, 2)."""
     distances = np.maximum(spans[:, 0] - places, places - spans[:, 1])
     worst = int(np.argmax(distances))
     beyond, allowed = float(distances[worst]), float(_OUTSIDE * np.ptp(spans[worst]))
@@ -129,7 +129,7 @@ _ROUNDING = 1e-9  # the moments of a thin plate meet the triangle inequality onl
 def scene_inertia_faults(
     source: SceneSource, structure: Mapping[str, object] | None = None
 ) -> tuple[InertiaFault, ...]:
-    """Return the faults of a scene's model, as its file has it and as it compiles."""
+    """Return the inertia faults of a scene's model, in its file and compiled."""
     written: list[InertiaFault] = []
     model = compile_model(
         source, structure or {}, lambda spec: written.extend(written_inertia_faults(spec))
@@ -138,7 +138,7 @@ def scene_inertia_faults(
 
 
 def inertia_faults(model: mujoco.MjModel) -> tuple[InertiaFault, ...]:
-    """Return the faults of a compiled model's moving bodies, in the order of bodies."""
+    """Return the inertia faults of the moving bodies of a compiled model, in order."""
     moving = np.flatnonzero(model.body_weldid != 0).tolist()
     return tuple(fault for body in moving for fault in _body_faults(model, body))
 
@@ -148,7 +148,7 @@ def _body_faults(model: mujoco.MjModel, body: int) -> Iterator[InertiaFault]:
     if mass < 0 or moments.min() < 0:
         yield not_positive(name, mass, moments)
     elif mass > 0:
-        # A model may be edited after it was compiled.
+        # A model may be edited after compilation.
         if not closes(moments + _ROUNDING * moments.max()):
             yield open_triangle(name, moments, balanced=False)
         yield from density_faults(model, body)
@@ -159,7 +159,7 @@ _GEOM = mujoco.mjtGeom
 
 
 def solid_geoms(model: mujoco.MjModel, body: int) -> list[int]:
-    """Return the geoms of a body that have a volume: those that collide if any, else all."""
+    """Return the geoms of a body with a volume: those that collide if any, otherwise all."""
     geoms: list[int] = np.flatnonzero(model.geom_bodyid == body).tolist()
     solid = [geom for geom in geoms if int(model.geom_type[geom]) in _SOLIDS]
     touching = [geom for geom in solid if model.geom_contype[geom] or model.geom_conaffinity[geom]]
@@ -206,7 +206,7 @@ def mesh_vertices(model: mujoco.MjModel, mesh: int) -> Floats:
 
 
 def hull_volume(model: mujoco.MjModel, mesh: int) -> float:
-    """Return the volume of a mesh's convex hull [m^3], MuJoCo's own if it has one; 0 if flat."""
+    """Return the volume of a mesh's convex hull [m^3], MuJoCo's own if there is one; 0 if flat."""
     points = mesh_vertices(model, mesh)
     if model.mesh_graphadr[mesh] < 0:
         from scipy.spatial import ConvexHull, QhullError  # noqa: PLC0415 - it takes a while to load
@@ -216,14 +216,14 @@ def hull_volume(model: mujoco.MjModel, mesh: int) -> float:
         except QhullError:
             return 0.0
     corners = points[_hull_faces(model, mesh)]
-    # Of pyramids over its faces, from a point inside.
+    # sum over pyramids on its faces, from a point inside
     corners = corners - corners.mean(axis=(0, 1))
     heights = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
     return float(np.abs(heights).sum() / 6)
 
 
 def _hull_faces(model: mujoco.MjModel, mesh: int) -> np.ndarray:
-    """Return (n, 3) vertices of the faces of a mesh's hull, which end `mesh_graph`."""
+    """Return (n, 3) vertices of the hull faces, which end `mesh_graph`."""
     begin = int(model.mesh_graphadr[mesh])
     vertices, faces = model.mesh_graph[begin : begin + 2].tolist()
     first = begin + 2 + 3 * vertices + 3 * faces
@@ -232,7 +232,7 @@ def _hull_faces(model: mujoco.MjModel, mesh: int) -> np.ndarray:
 
 _BALL = 4 / 3 * math.pi
 _Shape = tuple[Callable[[float, float, float], float], Callable[[Floats, Floats], float]]
-# The volume from the sizes of a geom, and its reach from these and the magnitudes of a direction.
+# The volume from the sizes of a geom, and its reach from sizes and magnitudes of a direction.
 _SHAPES: dict[int, _Shape] = {
     int(_GEOM.mjGEOM_SPHERE): (lambda r, _, __: _BALL * r**3, lambda size, _: float(size[0])),
     int(_GEOM.mjGEOM_CAPSULE): (

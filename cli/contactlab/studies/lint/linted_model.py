@@ -1,4 +1,4 @@
-"""A model as its files have it and as it compiles, and the line of each of its parts."""
+"""A model from its files and compiled, with the line of each part."""
 
 import re
 import warnings
@@ -35,13 +35,13 @@ from contactlab.schema.task import QPOS0
 from contactlab.studies.lint.inertia import inertia_faults
 
 _KINDS = {**KINDS, "mesh": "meshes", "hfield": "hfields", "texture": "textures", "site": "sites"}
-_UNLINED = "key"  # of which MuJoCo keeps no lines
+_UNLINED = "key"  # MuJoCo keeps no lines of keyframes
 _LINE = re.compile(r":(\d+): does not compile")
-_LINKS = {"body": "link", "joint": "joint"}  # as URDF calls them
+_LINKS = {"body": "link", "joint": "joint"}  # names in URDF
 
 
 class Place(NamedTuple):
-    """Where an element's start tag is in a file: its first line and its last."""
+    """Start tag of an element in a file: its first and last line."""
 
     file: Path
     line: int
@@ -52,7 +52,7 @@ class Edit(NamedTuple):
     """A change of a file."""
 
     place: Place
-    text: str  # the element as it is then
+    text: str  # the changed element
     replacement: Replacement
 
     def __str__(self) -> str:
@@ -60,7 +60,7 @@ class Edit(NamedTuple):
 
 
 class Fault(NamedTuple):
-    """Where a model breaks a rule; without a place, in the first line of its main file."""
+    """A broken rule; without a place, it is reported in the first line of the main file."""
 
     message: str
     place: Place | None = None
@@ -68,7 +68,7 @@ class Fault(NamedTuple):
 
 
 def shown_path(path: Path) -> str:
-    """Return a path as reports have it: relative to the working directory if it is below."""
+    """Return a path for reports: relative to the working directory if it is below it."""
     here = Path.cwd()
     return (path.relative_to(here) if path.is_relative_to(here) else path).as_posix()
 
@@ -76,10 +76,10 @@ def shown_path(path: Path) -> str:
 class _Compiled(NamedTuple):
     spec: mujoco.MjSpec
     model: mujoco.MjModel | None
-    lines: Mapping[tuple[str, str], int]  # by kind and name, in the files as laid out
+    lines: Mapping[tuple[str, str], int]  # by kind and name, in the copied files
     origins: Origins
     root: Path
-    inertia: tuple[InertiaFault, ...]  # of what is written
+    inertia: tuple[InertiaFault, ...]  # of written inertias
     warned: tuple[str, ...]
     refused: str
 
@@ -90,10 +90,10 @@ class LintedModel:
 
     Attributes:
         source: the scene.
-        spec: what its files say. A rule must not change it.
-        warned: sentences that MuJoCo warned with.
+        spec: specification from its files. A rule must not change it.
+        warned: warnings of MuJoCo.
         refused: why MuJoCo does not compile it, or "".
-        inertia: faults of the inertias that its files write out.
+        inertia: faults of the written inertias.
     """
 
     source: SceneSource
@@ -103,12 +103,14 @@ class LintedModel:
     refused: str
     refused_at: Place | None
     inertia: tuple[InertiaFault, ...]
-    _origins: Mapping[tuple[str, str], Origin]  # of parts, by kind and name; files are the scene's
+    _origins: Mapping[
+        tuple[str, str], Origin
+    ]  # of parts, by kind and name, in the scene's own files
     _last: Mapping[str, Origin]  # of the last element of each tag
 
     @property
     def model(self) -> mujoco.MjModel:
-        """The compiled model, of one that compiles."""
+        """The compiled model; it must compile."""
         assert self.compiled is not None
         return self.compiled
 
@@ -156,23 +158,23 @@ class LintedModel:
         return name_of(self.model, kind, index)
 
     def place(self, kind: str, name: str | int) -> Place:
-        """Return the line of a part's element; the first of the main file if it has none."""
+        """Return the line of a part's element, or the first of the main file."""
         return self.place_at(self._origin(kind, name))
 
     def place_of(self, tag: str) -> Place:
-        """Return the line of the last element of a tag; the first of the main file without one."""
+        """Return the line of the last element of a tag, or the first of the main file."""
         return self.place_at(self._last.get(tag))
 
     def set(self, kind: str, name: str | int, /, **values: str) -> tuple[Edit, ...]:
-        """Return the change that sets attributes of a part's element; nothing if it has none."""
+        """Return the edit that sets attributes of a part's element, if it has one."""
         return self.set_at(self._origin(kind, name), values)
 
     def set_in(self, tag: str, /, **values: str) -> tuple[Edit, ...]:
-        """Return the change that sets attributes in the last element of a tag, or adds one."""
+        """Return the edit that sets attributes in the last element of a tag, or adds one."""
         return self.set_at(self._last.get(tag), values) or self.add(ET.Element(tag, values))
 
     def add(self, element: ET.Element) -> tuple[Edit, ...]:
-        """Return the change that adds an element at the end of MJCF's main file."""
+        """Return the edit that adds an element at the end of MJCF's main file."""
         if self.is_urdf:
             return ()
         data, (root, *_) = self._texts[self.main], self._elements[self.main]
@@ -198,13 +200,13 @@ class LintedModel:
         return self._origins.get((kind, named))
 
     def place_at(self, origin: Origin | None) -> Place:
-        """Return the line of an element; the first of the main file without one."""
+        """Return the line of an element, or the first of the main file."""
         file, number = origin or (self.main, 0)
         data, element = self._texts[file], self._elements[file][number]
         return Place(file, line_of(data, element.start), line_of(data, element.inner - 1))
 
     def set_at(self, origin: Origin | None, values: Mapping[str, str]) -> tuple[Edit, ...]:
-        """Return the change that sets attributes of an element of MJCF; nothing without one."""
+        """Return the edit that sets attributes of an MJCF element, if there is one."""
         if origin is None or self.is_urdf:
             return ()
         file, element = origin
@@ -213,14 +215,14 @@ class LintedModel:
         return (Edit(self.place_at(origin), text, change),)
 
     def tags(self) -> Iterator[tuple[ET.Element, Origin]]:
-        """Yield every element of the scene's files as written, and where it is."""
+        """Yield every element of the scene's files as written, with its origin."""
         for file in self._texts:
             for place, element in enumerate(parse(file).iter()):
                 yield element, (file, place)
 
 
 def edited(faults: Iterator[Fault]) -> Mapping[Path, bytes]:
-    """Return the files that the changes of some faults alter, as they are then."""
+    """Return the files that the edits of faults change, with the edits."""
     changes: dict[Path, set[Replacement]] = {}
     for fault in faults:
         for edit in fault.edits:
@@ -230,7 +232,7 @@ def edited(faults: Iterator[Fault]) -> Mapping[Path, bytes]:
 
 @contextmanager
 def linted_model(source: SceneSource) -> Generator[LintedModel]:
-    """Yield a scene's model, whose copy of files is there within; a SceneError if none is read."""
+    """Yield a scene's model; its copied files exist within the context."""
     with _laid_out(source) as (copy, origins):
         yield _linted(source, _compile(source, copy, origins))
 
@@ -265,10 +267,10 @@ def _linted(source: SceneSource, made: _Compiled) -> LintedModel:
 
 @contextmanager
 def _laid_out(source: SceneSource) -> Generator[tuple[SceneSource, Origins]]:
-    """Yield a copy of a scene whose text has a line for each element, and links to all else."""
+    """Yield a copy of a scene with one line per element, and links to other files."""
     content = source.content
     with TemporaryDirectory(prefix="contactlab-") as folder:
-        # Below folders of the same names, which paths may go up to.
+        # below folders of the same names, since paths may go up
         root = Path(folder).resolve() / content.root.relative_to(content.root.anchor)
         for file in content.files:
             target = root / file
@@ -290,7 +292,7 @@ def _laid_out(source: SceneSource) -> Generator[tuple[SceneSource, Origins]]:
 
 
 def _links(urdf: Path) -> Iterator[tuple[tuple[str, str], Origin]]:
-    """Yield the links and joints of a URDF, of which MuJoCo keeps no lines."""
+    """Yield the links and joints of a URDF, for which MuJoCo keeps no lines."""
     for place, element in enumerate(parse(urdf).iter()):
         for kind, tag in _LINKS.items():
             if element.tag == tag and (name := element.get("name")):

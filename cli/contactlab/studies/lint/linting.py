@@ -1,4 +1,4 @@
-"""Lints models: the rules, held against each model that files make up."""
+"""Runs the lint rules on each model."""
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
@@ -25,16 +25,16 @@ _MOST_EDITS = 4
 
 
 def lint(models: Sequence[str]) -> LintReport:
-    """Lint models; files that hold no model are skipped, parts of models are linted in these.
+    """Lint models; files without a model are skipped, included files are linted in their models.
 
     A SceneError says that there is no such file or scene.
     """
-    found, skipped = _subjects(models)
-    # Models that share a file share what is wrong there.
+    found, skipped = _split_models(models)
+    # Models that share a file share its findings.
     findings = {
         (finding.file, finding.line, finding.name, finding.message): finding
         for model in found
-        for finding in _findings(model)
+        for finding in _model_findings(model)
     }
     return LintReport(
         mujoco=VERSION,
@@ -44,8 +44,8 @@ def lint(models: Sequence[str]) -> LintReport:
     )
 
 
-def _subjects(models: Iterable[str]) -> tuple[list[str], list[str]]:
-    """Return what is linted for some references, and those of no model."""
+def _split_models(models: Iterable[str]) -> tuple[list[str], list[str]]:
+    """Return the models to lint, and the files without a model."""
     found, skipped = dict[str, None](), list[str]()
     for model in models:
         path = Path(model).expanduser()
@@ -54,7 +54,7 @@ def _subjects(models: Iterable[str]) -> tuple[list[str], list[str]]:
             continue
         if not path.is_file():
             raise SceneError(no_file(path, "model file", MODEL_SUFFIXES))
-        whole = list(map(str, _including(path)))
+        whole = list(map(str, _including_models(path)))
         if whole or _is_model(path):
             found |= dict.fromkeys(whole or [model])
         else:
@@ -63,7 +63,7 @@ def _subjects(models: Iterable[str]) -> tuple[list[str], list[str]]:
 
 
 def _is_model(path: Path) -> bool:
-    """Return whether an XML file holds a model; broken XML is taken for one.
+    """Return whether an XML file holds a model; broken XML counts as one.
 
     MJCF without bodies, and without an include that may have them, is a part of other models.
     """
@@ -75,8 +75,8 @@ def _is_model(path: Path) -> bool:
     return has_bodies if root.tag == "mujoco" else root.tag == "robot"
 
 
-def _including(part: Path) -> Iterator[Path]:
-    """Yield the models beside a file, or in the folder above, that include it."""
+def _including_models(part: Path) -> Iterator[Path]:
+    """Yield the models in the folder of a file, or the folder above, that include it."""
     name = part.name.encode()
     for folder in (part.parent, part.parent.parent):
         for path in sorted(folder.glob("*.xml")):
@@ -89,20 +89,22 @@ def _including(part: Path) -> Iterator[Path]:
             except SceneError:
                 continue
             if part.resolve() in (file.resolve() for file in files):
-                yield from list(_including(path)) or [path]
+                yield from list(_including_models(path)) or [path]
 
 
-def _findings(model: str) -> Iterator[PlacedFinding]:
-    """Yield what the rules find in a model, by line."""
+def _model_findings(model: str) -> Iterator[PlacedFinding]:
+    """Yield the findings in a model, by line."""
     try:
         source = find_scene(model)
         with linted_model(source) as linted:
-            yield from sorted(_made(linted), key=lambda finding: (finding.file, finding.line))
+            yield from sorted(
+                _rule_faults(linted), key=lambda finding: (finding.file, finding.line)
+            )
     except SceneError as error:
-        yield _unread(model, str(error))
+        yield _unreadable_finding(model, str(error))
 
 
-def _made(linted: LintedModel) -> Iterator[PlacedFinding]:
+def _rule_faults(linted: LintedModel) -> Iterator[PlacedFinding]:
     but = ignored(linted.source)
     for rule in RULES.values():
         if linted.compiled is not None or rule.of_refused:
@@ -136,14 +138,14 @@ def _finding(rule: Rule, fault: Fault, linted: LintedModel, but: Ignored) -> Pla
 
 
 def _unknown_rules(but: Ignored) -> Iterator[Fault]:
-    """Yield comments that ignore what is no rule."""
+    """Yield comments that ignore an unknown rule."""
     for rule, at in but.rules.items():
         if rule not in RULES:
-            yield Fault(f"no rule is called '{rule}', which is {at}")
+            yield Fault(f"unknown rule '{rule}', {at}")
 
 
-def _unread(model: str, error: str) -> PlacedFinding:
-    """Return the finding of files that cannot be read, at the line that the error names."""
+def _unreadable_finding(model: str, error: str) -> PlacedFinding:
+    """Return the finding of unreadable files, at the line that the error names."""
     place = _PLACED.match(error)
     return PlacedFinding(
         name=_UNREAD,
@@ -161,16 +163,16 @@ def _unread(model: str, error: str) -> PlacedFinding:
 
 
 def headline(report: LintReport) -> str:
-    """Return how much was found, in a sentence."""
+    """Return the number of findings in a sentence."""
     counts = {word: len(report.open(word)) for word in ("error", "warning", "note")}
-    told = [plural(count, word) for word, count in counts.items() if count]
-    accepted = sum(finding.waived is not None for finding in report.findings)
-    told += [f"{accepted} ignored"] if accepted else []
-    return f"{', '.join(told) or 'nothing found'} in {plural(len(report.models), 'model')}"
+    counts_text = [plural(count, word) for word, count in counts.items() if count]
+    waived = sum(finding.waived is not None for finding in report.findings)
+    counts_text += [f"{waived} ignored"] if waived else []
+    return f"{', '.join(counts_text) or 'nothing found'} in {plural(len(report.models), 'model')}"
 
 
 def report_of(report: LintReport) -> Report:
-    """Return what is written of a report."""
+    """Return the report for the writers."""
     return Report(
         title="contactlab lint",
         place=("lint",),
@@ -184,7 +186,7 @@ def report_of(report: LintReport) -> Report:
 
 
 def lint_lines(report: LintReport) -> Iterator[str]:
-    """Yield findings as compilers print them, the errors last, and how many there are."""
+    """Yield findings in the style of compilers, errors last, then the counts."""
     for word in ("note", "warning", "error"):
         for finding in report.open(word):
             yield f"{finding.file}:{finding.line}: {word}: {finding.message} [{finding.name}]"

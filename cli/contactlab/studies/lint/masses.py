@@ -1,4 +1,4 @@
-"""Rules of masses: inertias that no body has, and geoms for the eye that weigh."""
+"""Mass rules: impossible inertias, and visual geoms that have mass."""
 
 from collections.abc import Iterable, Iterator
 
@@ -7,21 +7,21 @@ import numpy as np
 from mujoco._specs import MjsGeom
 
 from contactlab.scene.compile_model import InertiaFault
-from contactlab.studies.lint.inertia import IMPOSSIBLE, in_words
+from contactlab.studies.lint.inertia import IMPOSSIBLE, fault_sentences
 from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel
 from contactlab.studies.lint.rules import rule
 
-_HEAVIER = 0.02  # share of a body's mass that matters
-_WATER = 1000.0  # density of what has none written [kg/m^3]
+_HEAVIER = 0.02  # share of a body's mass above which it is reported
+_WATER = 1000.0  # default density [kg/m^3]
 
 
-def _told(linted: LintedModel, faults: Iterable[InertiaFault]) -> Iterator[Fault]:
-    """Yield faults, those of one kind and limit together, at the first body."""
+def _combined_faults(linted: LintedModel, faults: Iterable[InertiaFault]) -> Iterator[Fault]:
+    """Yield faults at the first body, combined by kind and limit."""
     alike: dict[tuple[str, float], list[InertiaFault]] = {}
     for fault in faults:
         alike.setdefault((fault.kind, fault.limit), []).append(fault)
     for same in alike.values():
-        (words,) = in_words(same)
+        (words,) = fault_sentences(same)
         yield Fault(words, linted.place("body", same[0].body))
 
 
@@ -30,21 +30,25 @@ def inertia_impossible(linted: LintedModel) -> Iterator[Fault]:
     """A body that moves has no mass, or moments of inertia that no body has."""
     for fault in linted.inertia_faults:
         if fault.kind in IMPOSSIBLE:
-            (words,) = in_words([fault])
+            (words,) = fault_sentences([fault])
             yield Fault(words, linted.place("body", fault.body))
 
 
 @rule("density", "note")
 def density(linted: LintedModel) -> Iterator[Fault]:
     """A body is lighter than foam, or denser than any metal."""
-    yield from _told(linted, (fault for fault in linted.inertia_faults if fault.kind == "density"))
+    yield from _combined_faults(
+        linted, (fault for fault in linted.inertia_faults if fault.kind == "density")
+    )
 
 
 @rule("inertia-shape", "note")
 def inertia_shape(linted: LintedModel) -> Iterator[Fault]:
     """A body's inertia or centre of mass does not fit the shape of its geoms."""
     others = (*IMPOSSIBLE, "density")
-    yield from _told(linted, (fault for fault in linted.inertia_faults if fault.kind not in others))
+    yield from _combined_faults(
+        linted, (fault for fault in linted.inertia_faults if fault.kind not in others)
+    )
 
 
 @rule("visual-mass", "warn")
@@ -78,7 +82,7 @@ def visual_mass(linted: LintedModel) -> Iterator[Fault]:
 
 
 def _visual_geoms(linted: LintedModel) -> list[str]:
-    """Return the meshes without collisions whose mass nobody wrote, in inertias nobody wrote."""
+    """Return the visual meshes whose mass and body inertia are not written."""
     spec = linted.spec
     listed = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
     always = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
@@ -103,7 +107,7 @@ def _visual_geoms(linted: LintedModel) -> list[str]:
 
 
 def _without_mass(spec: mujoco.MjSpec, geoms: Iterable[str]) -> mujoco.MjModel | None:
-    """Compile a copy in which some geoms weigh nothing; None if it does not."""
+    """Compile a copy in which some geoms have no mass; None if it does not compile."""
     bare = spec.copy()
     for name in geoms:
         bare.geom(name).mass = 0

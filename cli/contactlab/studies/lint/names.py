@@ -1,4 +1,4 @@
-"""Rules of names: parts that are found by a number, since they have none."""
+"""Name rules: parts that must be found by a number, since they have no name."""
 
 from collections.abc import Iterator
 

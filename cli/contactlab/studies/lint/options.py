@@ -1,4 +1,4 @@
-"""Rules of options: values that no simulation can have, and gravity that is not in metres."""
+"""Option rules: impossible values, and gravity that is not in metres."""
 
 from collections.abc import Iterator
 

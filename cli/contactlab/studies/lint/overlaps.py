@@ -1,4 +1,4 @@
-"""Rules of shapes: geoms that overlap at a start, and hulls that fill what meshes leave open."""
+"""Shape rules: geoms that overlap at a start, and hulls that fill openings of meshes."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
@@ -9,16 +9,16 @@ import numpy as np
 
 from contactlab.scene.contact_pairs import half_extents
 from contactlab.schema.task import QPOS0
-from contactlab.studies.lint.borne import contact_rows, is_borne
 from contactlab.studies.lint.inertia import hull_volume, mesh_vertices
 from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel, Place
 from contactlab.studies.lint.rules import rule
+from contactlab.studies.lint.static_equilibrium import contact_rows, is_in_equilibrium
 
-_DEEP = 0.1  # share of half the thinner geom's extent, from which an overlap is no touch
+_DEEP = 0.1  # share of half the thinner geom's extent, above which an overlap is more than a touch
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 _NEAR = 2  # joints between two links that meet in one place, as in a wrist
 _MOUNTED = "one is fixed to the world, where that filter does not hold"
-_FILLED = 1.5  # volume of a hull over that of its mesh, from which it is another shape
+_FILLED = 1.5  # volume of a hull over that of its mesh, above which the shape differs
 
 
 class _Overlap(NamedTuple):
@@ -31,7 +31,7 @@ class _Overlap(NamedTuple):
 
 
 def _overlaps(linted: LintedModel, *, thrown: bool) -> dict[tuple[int, int], _Overlap]:
-    """Return the deepest overlap of each two bodies in any start; if asked, of those thrown apart.
+    """Return the deepest overlap of each two bodies in any start; if `thrown`, without held ones.
 
     Loads may hold an overlap, as of a handle in closed fingers.
     """
@@ -49,7 +49,7 @@ def _overlaps(linted: LintedModel, *, thrown: bool) -> dict[tuple[int, int], _Ov
             known = found.get((low, high))
             if overlap.share > max(_DEEP, known.share if known else 0.0):
                 rows = contact_rows(model, data, contact) if thrown else None
-                if rows is None or not is_borne(model, data, rows):
+                if rows is None or not is_in_equilibrium(model, data, rows):
                     found[low, high] = overlap
     return found
 
@@ -57,7 +57,7 @@ def _overlaps(linted: LintedModel, *, thrown: bool) -> dict[tuple[int, int], _Ov
 def _joined(linted: LintedModel, low: int, high: int) -> bool:
     """Return whether two bodies are links of one chain, at most two joints apart.
 
-    The world is a link of a URDF alone, whose base is fixed to it.
+    The world counts as a link only for a URDF, whose base is fixed to it.
     """
     model, ends = linted.model, {_link(linted.model, low), _link(linted.model, high)}
     for start in ends:
@@ -72,7 +72,7 @@ def _joined(linted: LintedModel, low: int, high: int) -> bool:
 
 
 def _link(model: mujoco.MjModel, body: int) -> int:
-    """Return the first body of those that are fixed to each other, but not of the world's."""
+    """Return the first of the bodies that are fixed to each other, without the world."""
     while model.body_parentid[body] and not model.body_jntnum[body]:
         body = int(model.body_parentid[body])
     return body
@@ -83,8 +83,8 @@ def _is_free(model: mujoco.MjModel, body: int) -> bool:
     return joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE
 
 
-def _words(linted: LintedModel, found: Sequence[_Overlap]) -> str:
-    """Return the deepest overlap in words, and how many more bodies overlap."""
+def _overlap_text(linted: LintedModel, found: Sequence[_Overlap]) -> str:
+    """Return the deepest overlap in words, and the number of other overlaps."""
     worst = max(found, key=lambda overlap: overlap.share)
     bodies = [linted.name("body", int(linted.model.geom_bodyid[geom])) for geom in worst.geoms]
     geoms = " - ".join(linted.name("geom", geom) for geom in worst.geoms)
@@ -95,7 +95,7 @@ def _words(linted: LintedModel, found: Sequence[_Overlap]) -> str:
     )
 
 
-def _place(linted: LintedModel, found: Sequence[_Overlap]) -> Place:
+def _overlap_place(linted: LintedModel, found: Sequence[_Overlap]) -> Place:
     worst = max(found, key=lambda overlap: overlap.share)
     return linted.place("body", max(int(linted.model.geom_bodyid[geom]) for geom in worst.geoms))
 
@@ -103,7 +103,7 @@ def _place(linted: LintedModel, found: Sequence[_Overlap]) -> Place:
 @rule("parent-filter", "warn")
 def parent_filter(linted: LintedModel) -> Iterator[Fault]:
     """Neighbouring links overlap in a start, and MuJoCo's filter of parents is not about them."""
-    near = _neighbours(linted)
+    near = _neighbor_overlaps(linted)
     mounted = {pair: one for pair, one in near.items() if _is_mounted(linted, *pair)}
     others = {pair: one for pair, one in near.items() if pair not in mounted}
     if others:
@@ -115,13 +115,13 @@ def parent_filter(linted: LintedModel) -> Iterator[Fault]:
 @rule("base-filter", "note")
 def base_filter(linted: LintedModel) -> Iterator[Fault]:
     """A base that MJCF fixes to the world overlaps links that it carries."""
-    near = _neighbours(linted)
+    near = _neighbor_overlaps(linted)
     mounted = {pair: one for pair, one in near.items() if _is_mounted(linted, *pair)}
     if mounted and not linted.is_urdf:
         yield _unfiltered(linted, mounted, _MOUNTED)
 
 
-def _neighbours(linted: LintedModel) -> dict[tuple[int, int], _Overlap]:
+def _neighbor_overlaps(linted: LintedModel) -> dict[tuple[int, int], _Overlap]:
     """Return the overlaps of links of one chain."""
     found = _overlaps(linted, thrown=False).items()
     return {pair: one for pair, one in found if _joined(linted, *pair)}
@@ -143,11 +143,11 @@ def _unfiltered(linted: LintedModel, found: Mapping[tuple[int, int], _Overlap], 
         ET.SubElement(contact, "exclude", body1=names[0], body2=names[1])
         edits += linted.add(contact)
     overlaps = list(found.values())
-    message = f"{_words(linted, overlaps)}; {why}"
-    return Fault(message, _place(linted, overlaps), tuple(edits))
+    message = f"{_overlap_text(linted, overlaps)}; {why}"
+    return Fault(message, _overlap_place(linted, overlaps), tuple(edits))
 
 
-def _apart(linted: LintedModel) -> list[_Overlap]:
+def _unjoined_overlaps(linted: LintedModel) -> list[_Overlap]:
     """Return the overlaps of bodies that are not joined."""
     found = _overlaps(linted, thrown=True).items()
     return [overlap for pair, overlap in found if not _joined(linted, *pair)]
@@ -156,17 +156,17 @@ def _apart(linted: LintedModel) -> list[_Overlap]:
 @rule("overlap", "warn")
 def overlap_in_keyframe(linted: LintedModel) -> Iterator[Fault]:
     """Bodies that are not joined overlap in a keyframe."""
-    if found := [overlap for overlap in _apart(linted) if overlap.start != QPOS0]:
-        message = f"{_words(linted, found)}; the first step throws them apart"
+    if found := [overlap for overlap in _unjoined_overlaps(linted) if overlap.start != QPOS0]:
+        message = f"{_overlap_text(linted, found)}; the first step throws them apart"
         yield Fault(message, linted.place("key", found[0].start))
 
 
 @rule("overlap-qpos0", "note")
 def overlap_in_qpos0(linted: LintedModel) -> Iterator[Fault]:
     """Bodies that are not joined overlap in the reference pose, and no keyframe is another."""
-    if found := [overlap for overlap in _apart(linted) if overlap.start == QPOS0]:
-        message = f"{_words(linted, found)}; start from a keyframe in which they do not"
-        yield Fault(message, _place(linted, found))
+    if found := [overlap for overlap in _unjoined_overlaps(linted) if overlap.start == QPOS0]:
+        message = f"{_overlap_text(linted, found)}; start from a keyframe in which they do not"
+        yield Fault(message, _overlap_place(linted, found))
 
 
 @rule("hull-fills-mesh", "note")

@@ -14,13 +14,13 @@ DOCS = "docs/lint.md"
 
 @dataclass(frozen=True)
 class Rule:
-    """One thing that a model should not have.
+    """A lint rule.
 
     Attributes:
         name: its id, in reports and in comments that ignore it.
-        level: of its findings: a gate is an error, which no author means.
-        function: yields where a model breaks it.
-        of_refused: whether it also judges what MuJoCo does not compile.
+        level: of its findings: a gate is an error, which no author intends.
+        function: yields the faults of a model.
+        of_refused: whether it also judges models that MuJoCo does not compile.
     """
 
     name: str
@@ -30,12 +30,12 @@ class Rule:
 
     @property
     def about(self) -> str:
-        """What it says, in a sentence."""
+        """The rule in a sentence."""
         return (inspect.getdoc(self.function) or "").partition("\n")[0]
 
     @property
     def docs(self) -> str:
-        """Where its reason, an example and the remedy are."""
+        """Link to its reason, an example and the fix."""
         return f"{DOCS}#{self.name}"
 
 
@@ -45,9 +45,9 @@ RULES: Registry[Rule] = Registry("rule")
 def rule(
     name: str, level: Level, *, of_refused: bool = False
 ) -> Callable[[RuleFunction], RuleFunction]:
-    """Declare a rule: the function yields where a `LintedModel` breaks it.
+    """Declare a rule: the function yields the faults of a `LintedModel`.
 
-    Its docstring begins with the sentence that reports have. A PluginError if a name is taken.
+    The first line of its docstring is used in reports. A PluginError if a name is taken.
     """
 
     def declare(function: RuleFunction) -> RuleFunction:

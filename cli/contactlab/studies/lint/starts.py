@@ -1,4 +1,4 @@
-"""Rules of starts: poses and controls outside of ranges, and angles in the wrong unit."""
+"""Start rules: poses and controls outside of ranges, and angles in the wrong unit."""
 
 import math
 import xml.etree.ElementTree as ET
@@ -14,11 +14,11 @@ from contactlab.scene.keyframes import start_data
 from contactlab.scene.model_draft import mjcf_text
 from contactlab.scene.task import keyframe_names
 from contactlab.schema.task import QPOS0
-from contactlab.studies.lint.borne import is_borne, limit_rows
 from contactlab.studies.lint.linted_model import Fault, LintedModel
 from contactlab.studies.lint.rules import rule
+from contactlab.studies.lint.static_equilibrium import is_in_equilibrium, limit_rows
 
-# Limits are soft: what rests against one lies a little beyond it.
+# Limits are soft, so a joint at rest against one lies slightly beyond it.
 _SOFT = 0.01  # of the range
 _ROUNDING = 1e-6  # of the range
 _WIDE = 8 * math.pi  # four turns
@@ -26,14 +26,14 @@ _JOINT = mujoco.mjtJoint
 
 
 class _Beyond(NamedTuple):
-    """A number outside of its range, and its place among those of its kind."""
+    """A number outside of its range, and its index among those of its kind."""
 
     name: str
     value: float
     low: float
     high: float
     place: int
-    borne: bool = False  # by loads that hold it there
+    held: bool = False  # held there by loads
 
     @property
     def nearest(self) -> float:
@@ -44,8 +44,8 @@ class _Beyond(NamedTuple):
         return f"{self.name} at {self.value:.4g}, outside of {self.low:.4g} to {self.high:.4g}"
 
 
-def _out_of_joints(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[_Beyond]:
-    """Yield the slides and hinges that a start has beyond their ranges, and whose limits act."""
+def _joints_out_of_range(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[_Beyond]:
+    """Yield the slides and hinges beyond their ranges at a start, if their limits act."""
     scalar = np.isin(model.jnt_type, (int(_JOINT.mjJNT_SLIDE), int(_JOINT.mjJNT_HINGE)))
     for joint in np.flatnonzero(scalar & (model.jnt_limited != 0)).tolist():
         low, high = model.jnt_range[joint].tolist()
@@ -53,16 +53,16 @@ def _out_of_joints(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[_Beyo
         value, slack = float(data.qpos[place]), _SOFT * (high - low)
         rows = limit_rows(data, joint)
         if rows is not None and not low - slack <= value <= high + slack:
-            name, borne = f"joint '{model.joint(joint).name}'", is_borne(model, data, rows)
-            yield _Beyond(name, value, low, high, place, borne=borne)
+            name, held = f"joint '{model.joint(joint).name}'", is_in_equilibrium(model, data, rows)
+            yield _Beyond(name, value, low, high, place, held=held)
 
 
-def _thrown(model: mujoco.MjModel, data: mujoco.MjData) -> list[_Beyond]:
-    """Return those that their limits push back, where no load holds them."""
-    return [one for one in _out_of_joints(model, data) if not one.borne]
+def _pushed_back(model: mujoco.MjModel, data: mujoco.MjData) -> list[_Beyond]:
+    """Return the joints that their limits push back, without a load that holds them."""
+    return [one for one in _joints_out_of_range(model, data) if not one.held]
 
 
-def _out_of_controls(model: mujoco.MjModel, controls: Floats) -> Iterator[_Beyond]:
+def _controls_out_of_range(model: mujoco.MjModel, controls: Floats) -> Iterator[_Beyond]:
     if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL or model.nu != len(
         model.actuator_ctrllimited
     ):
@@ -75,13 +75,13 @@ def _out_of_controls(model: mujoco.MjModel, controls: Floats) -> Iterator[_Beyon
             yield _Beyond(name, value, low, high, place)
 
 
-def _listed(found: list[_Beyond]) -> str:
+def _list_text(found: list[_Beyond]) -> str:
     more = f"; and {len(found) - 1} more" if len(found) > 1 else ""
     return f"{found[0]}{more}"
 
 
-def _nearest(values: Floats, found: list[_Beyond]) -> str:
-    """Return values with each of those found at the end of its range, as MJCF has them."""
+def _clip_text(values: Floats, found: list[_Beyond]) -> str:
+    """Return values with the given ones moved to the ends of their ranges, as MJCF text."""
     inside = np.array(values)
     for one in found:
         inside[one.place] = one.nearest
@@ -94,14 +94,14 @@ def keyframe_range(linted: LintedModel) -> Iterator[Fault]:
     model = linted.model
     for name in keyframe_names(model):
         data = linted.starts[name]
-        if found := _thrown(model, data):
-            edits = linted.set("key", name, qpos=_nearest(data.qpos, found))
-            message = f"keyframe '{name}' has {_listed(found)}; the limits push it back at once"
+        if found := _pushed_back(model, data):
+            edits = linted.set("key", name, qpos=_clip_text(data.qpos, found))
+            message = f"keyframe '{name}' has {_list_text(found)}; the limits push it back at once"
             yield Fault(message, linted.place("key", name), edits)
     reserved = model.nkey - len(keyframe_names(model))
-    if reserved and (found := _thrown(model, linted.reference)):
+    if reserved and (found := _pushed_back(model, linted.reference)):
         count = f"{reserved} keyframes are" if reserved > 1 else "a keyframe is"
-        message = f"{count} reserved by nkey, at {QPOS0}, which has {_listed(found)}"
+        message = f"{count} reserved by nkey, at {QPOS0}, which has {_list_text(found)}"
         yield Fault(message, linted.place_of("size"), linted.set_in("size", nkey="0"))
 
 
@@ -111,11 +111,11 @@ def keyframe_control(linted: LintedModel) -> Iterator[Fault]:
     model = linted.model
     for name in keyframe_names(model):
         if not len(linted.spec.key(name).ctrl):
-            continue  # nobody wrote them
+            continue  # not written in the file
         controls = start_data(model, name).ctrl
-        if found := list(_out_of_controls(model, controls)):
-            edits = linted.set("key", name, ctrl=_nearest(controls, found))
-            message = f"keyframe '{name}' has {_listed(found)}; what acts is clamped"
+        if found := list(_controls_out_of_range(model, controls)):
+            edits = linted.set("key", name, ctrl=_clip_text(controls, found))
+            message = f"keyframe '{name}' has {_list_text(found)}; what acts is clamped"
             yield Fault(message, linted.place("key", name), edits)
 
 
@@ -123,12 +123,12 @@ def keyframe_control(linted: LintedModel) -> Iterator[Fault]:
 def qpos0_range(linted: LintedModel) -> Iterator[Fault]:
     """The reference pose is outside of joints' ranges, and no keyframe gives another start."""
     model = linted.model
-    found = [] if keyframe_names(model) else list(_out_of_joints(model, linted.reference))
+    found = [] if keyframe_names(model) else list(_joints_out_of_range(model, linted.reference))
     if found:
         joint = int(np.searchsorted(model.jnt_qposadr, found[0].place, "right")) - 1
         frames = ET.Element("keyframe")
-        ET.SubElement(frames, "key", name="start", qpos=_nearest(model.qpos0, found))
-        message = f"{QPOS0} has {_listed(found)}; start from a keyframe, or set `ref`"
+        ET.SubElement(frames, "key", name="start", qpos=_clip_text(model.qpos0, found))
+        message = f"{QPOS0} has {_list_text(found)}; start from a keyframe, or set `ref`"
         yield Fault(message, linted.place("joint", joint), linted.add(frames))
 
 

@@ -1,7 +1,7 @@
-"""A panel as a folder that is simulated elsewhere, by a script that needs only `newton` and NumPy.
+"""A panel as a folder that a script simulates elsewhere; it needs only `newton` and NumPy.
 
-It has models, states and controls of the runs, what MuJoCo makes of them and by how much rounding
-changes that, and the sweep with its scene, by which the results are judged.
+The folder has the models, states and controls of the runs, the motion of MuJoCo with its noise
+floor, and the sweep with its scene, by which the results are judged.
 """
 
 import copy
@@ -27,13 +27,13 @@ from contactlab.resources import ADAPTERS, short_hash
 from contactlab.scene.model_files import relative_path
 from contactlab.schema.strict_model import InnerName, Model
 from contactlab.studies.parity.panel import Panel, roll_out
-from contactlab.studies.parity.rounding import cold, rounded, rounded_at_each_step
-from contactlab.studies.parity.run_parity import contact_counts, farthest, stepped_places
+from contactlab.studies.parity.rounding import round_starts, rounded_at_each_step, without_warmstart
+from contactlab.studies.parity.run_parity import contact_counts, max_difference, single_step_places
 
 ENGINE = "newton"
-"""Engine that a bundle is for; its adapter states what that can do."""
+"""Engine of a bundle; its adapter states what that engine can simulate."""
 _FILE = "bundle.json"
-_HEADROOM = 2  # room over MuJoCo's own peak, as its documentation advises
+_HEADROOM = 2  # factor over MuJoCo's own peak, as its documentation advises
 _ROWS = 10  # of constraints that a contact has at most, of condim 6 with a pyramid
 
 
@@ -62,14 +62,14 @@ class Bundle(Model):
 
     @classmethod
     def read(cls, folder: Path) -> "Bundle":
-        """Read what a folder has; a StoreError says that it is no bundle."""
+        """Read a folder; a StoreError says that it is not a bundle."""
         try:
             return cls.model_validate_json((folder / _FILE).read_bytes())
         except (OSError, ValidationError) as error:
             raise StoreError(f"{folder} has no {_FILE} that `--bundle` wrote") from error
 
     def panel(self, folder: Path) -> Panel:
-        """Return the runs of the sweep that lies in the folder."""
+        """Return the runs of the sweep in the folder."""
         overrides = Overrides(self.assign, self.only, self.limit)
         path = folder / f"{self.sweep}.yaml"
         return Panel.read(path, ENGINE, overrides, (), drive_option(self.drive))
@@ -89,7 +89,7 @@ def write_bundle(panel: Panel, overrides: Overrides, drive: str | None, folder: 
         _write_sweep(panel, made)
         runs, refused = _write_runs(panel, made)
         if not runs:
-            raise EngineError(f"no run can go elsewhere: {next(iter(refused.values()))}")
+            raise EngineError(f"no run can be simulated elsewhere: {next(iter(refused.values()))}")
         bundle = Bundle(
             sweep=panel.request.name,
             mujoco=mujoco.__version__,
@@ -102,7 +102,9 @@ def write_bundle(panel: Panel, overrides: Overrides, drive: str | None, folder: 
         )
         (made / _FILE).write_text(bundle.model_dump_json(indent=2), encoding="utf-8")
         if {run.run_id for run in bundle.panel(made).runs} != {run.run_id for run in panel.runs}:
-            raise OutputError("the sweep depends on files beside it, which no bundle can have")
+            raise OutputError(
+                "the sweep depends on files next to it, which a bundle cannot include"
+            )
         for script in (ADAPTERS / "bundle").glob("*.py"):
             shutil.copy(script, made)
         try:
@@ -133,11 +135,14 @@ def _write_runs(panel: Panel, folder: Path) -> tuple[list[BundledRun], dict[str,
     for group in panel.groups(refused):
         ours = PreparedRuns.of(panel.scene, *[run.ours for run in group])
         reference = ENGINES[MODEL_ENGINE]
-        rollouts = roll_out(reference, ours), roll_out(reference, cold(rounded(ours)))
+        rollouts = (
+            roll_out(reference, ours),
+            roll_out(reference, without_warmstart(round_starts(ours))),
+        )
         peaks = contact_counts(ours, rollouts[0])
         for run, member in enumerate(group):
             model = copy.copy(ours.models[run])
-            model.opt.disableflags = 0  # those that recording needs; with others, it is refused
+            model.opt.disableflags = 0  # flags that recording needs; runs with others are refused
             try:
                 mjcf = serve.mjcf_of(model)
                 arrays = _arrays(ours, run, rollouts)
@@ -159,13 +164,13 @@ def _write_runs(panel: Panel, folder: Path) -> tuple[list[BundledRun], dict[str,
 
 
 def _arrays(ours: PreparedRuns, run: int, rollouts: Sequence[Rollout]) -> Mapping[str, Floats]:
-    """Return what a run's file has: MuJoCo's run, its floor, controls, and steps to make singly."""
+    """Return the arrays of a run: MuJoCo's motion, its noise floor, controls, and single steps."""
     model, steps = ours.models[run], min(rollout.steps[run] for rollout in rollouts)
     inputs = ours.starts.inputs(run, model.opt.timestep, np.arange(steps))
     if inputs[:, model.nu :].any():
-        raise ValueError("forces on bodies drive it; drive it by actuators")
+        raise ValueError("the drive applies forces to bodies; use actuators instead")
     if not steps:
-        raise ValueError("MuJoCo makes no step of it")
+        raise ValueError("MuJoCo completes no step of it")
     (qpos, qvel), (around, _) = (
         np.split(rollout.state[run, : steps + 1, 1:], [model.nq, model.nq + model.nv], axis=1)[:2]
         for rollout in rollouts
@@ -174,7 +179,7 @@ def _arrays(ours: PreparedRuns, run: int, rollouts: Sequence[Rollout]) -> Mappin
     return {
         "qpos": qpos,
         "qvel": qvel,
-        "floor": np.maximum(farthest(qpos, around), farthest(qpos, single)),
+        "floor": np.maximum(max_difference(qpos, around), max_difference(qpos, single)),
         "ctrl": inputs[:, : model.nu],
-        "places": stepped_places(steps),
+        "places": single_step_places(steps),
     }

@@ -1,4 +1,4 @@
-"""An engine that ran elsewhere: the results that lie in a bundle's folder."""
+"""An engine that ran elsewhere: results in the folder of a bundle."""
 
 import json
 from collections import Counter
@@ -22,7 +22,7 @@ _SAME = 1e-9  # difference of MuJoCo's own coordinates from those in the bundle 
 class BundledEngine(AdaptedEngine):
     """Results of a bundle, instead of a process: of each run twice, then of its single steps.
 
-    What sensors measure, MuJoCo measures in its states.
+    Sensor values are measured by MuJoCo in the states of the engine.
     """
 
     def __init__(self, folder: Path, bundle: Bundle) -> None:
@@ -56,7 +56,7 @@ class BundledEngine(AdaptedEngine):
     ) -> dict[str, Any] | str:
         """Return the results of whole runs, at first and once more, then of single steps of one."""
         if operation != "simulate":
-            return "a bundle has no more than states"
+            return "a bundle has only states"
         ids = [runs.scene.run_id(run) for run in runs.resolved]
         prefix = ("", "again_", "step_")[min(self._asked[ids[0]], 2)]
         self._asked.update(set(ids))
@@ -75,11 +75,11 @@ class BundledEngine(AdaptedEngine):
                 told["state"].append(np.stack([states[row], states[row]]))
                 told["sensors"].append(np.zeros((1, runs.base.model.nsensordata)))
                 continue
-            # Of a run that MuJoCo did not complete, no more is compared.
+            # A run that MuJoCo did not complete is compared up to its end.
             rest = np.repeat(states[-1:], runs.steps + 1 - len(states), axis=0)
             states = np.concatenate([states, rest])
             told["state"].append(states)
-            told["sensors"].append(_measured(runs, row, states))
+            told["sensors"].append(_measure_quantity(runs, row, states))
         return {name: np.array(values) for name, values in told.items()} | {
             "cost": np.full(len(ids), np.nan)
         }
@@ -92,7 +92,7 @@ class BundledEngine(AdaptedEngine):
         return self._read[key]
 
     def _check_start(self, run_id: str, written: np.ndarray, here: np.ndarray) -> None:
-        """Refuse to judge what started from another state than MuJoCo has here."""
+        """Refuse results that started from another state than MuJoCo has here."""
         if np.abs(written - here).max(initial=0) > _SAME:
             raise StoreError(
                 f"MuJoCo {mujoco.__version__} here makes another run {run_id[:8]} than MuJoCo "
@@ -100,7 +100,7 @@ class BundledEngine(AdaptedEngine):
             )
 
 
-def _measured(runs: PreparedRuns, run: int, states: np.ndarray) -> np.ndarray:
+def _measure_quantity(runs: PreparedRuns, run: int, states: np.ndarray) -> np.ndarray:
     """Return (N, nsensordata) what sensors measure before each step of a run."""
     model = runs.models[run]
     inputs = runs.starts.inputs(run, model.opt.timestep, np.arange(runs.steps))

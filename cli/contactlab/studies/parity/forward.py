@@ -27,7 +27,7 @@ _STAGES: Mapping[Stage, Sequence[str]] = {
     "constraint forces": ("qfrc_constraint",),
     "acceleration": ("qacc",),
 }
-# Allowed differences: those of MuJoCo's skill for parity; units of joints' forces differ.
+# Tolerances of MuJoCo's own parity checks; units of joint forces differ.
 LIMITS = {
     limit.name: limit
     for limit in (
@@ -41,8 +41,8 @@ LIMITS = {
         Limit("qacc", "any", value=1e-1, relative=1e-2),
     )
 }
-FLOOR_FACTOR = 8.0  # how many times what rounding the state changes is allowed beside
-GRAZING = 1e-5  # from where contacts begin to act, or lie, that rounding decides about [m]
+FLOOR_FACTOR = 8.0  # allowed multiple of the effect of rounding the state
+GRAZING = 1e-5  # contact distance below which rounding decides whether a contact acts [m]
 _PARAMETERS = 1e-4  # relative difference of a contact's parameters that single precision explains
 _NONE = np.empty((0, 19))
 _GEOMS, _DISTANCE, _MARGIN, _FRICTION = slice(0, 2), 2, 3, slice(4, 9)
@@ -51,7 +51,7 @@ _OF_CONTACT = {"friction": _FRICTION, "solref": _SOLREF, "solimp": _SOLIMP}
 
 
 def forward(engine: SimulationEngine, runs: PreparedRuns) -> Forward | None:
-    """Return what an engine computes of the starts of runs; None if it does not tell."""
+    """Return the quantities that an engine computes at the starts of runs, or None."""
     if isinstance(engine, MujocoEngine):
         return _forward_by_mujoco(runs)
     if not isinstance(engine, AdaptedEngine) or not engine.goes_forward:
@@ -82,16 +82,16 @@ def _contact_rows(contact: Any) -> Floats:  # noqa: ANN401 - MuJoCo's view of it
 
 @dataclass(frozen=True)
 class ForwardStates:
-    """K states of a run, as both engines compute them, and MuJoCo once more of rounded ones."""
+    """K states of a run, as both engines compute them, and as MuJoCo computes rounded ones."""
 
     model: mujoco.MjModel
-    steps: Sequence[int]  # before which the states are
+    steps: Sequence[int]  # steps after the states
     ours: Forward
     theirs: Forward
     rounded: Forward
 
     def first_divergence(self) -> Divergence | None:
-        """Return the first stage that differs, where it differs most; None if none does."""
+        """Return the first stage that differs, where it differs most, or None."""
         for stage, names in _STAGES.items():
             found = [divergence for name in names for divergence in self._divergences(stage, name)]
             if found:
@@ -99,7 +99,7 @@ class ForwardStates:
         return None
 
     def _divergences(self, stage: Stage, name: str) -> Iterator[tuple[float, Divergence]]:
-        """Yield by how much more than is allowed states differ in a quantity."""
+        """Yield the excess over the tolerance of a quantity, by state."""
         if name not in self.theirs:
             return
         for place, step in enumerate(self.steps):
@@ -151,7 +151,7 @@ _Pair = tuple[int, int]
 
 
 def _by_pair(rows: Floats) -> dict[_Pair, Floats]:
-    """Return contacts (K, 19) by their pair of geoms, whichever is first, the deepest first."""
+    """Return contacts (K, 19) by pair of geoms in either order, the deepest first."""
     found: dict[_Pair, list[Floats]] = defaultdict(list)
     for row in rows[np.argsort(rows[:, _DISTANCE], kind="stable")] if len(rows) else rows:
         first, second = sorted(row[_GEOMS].astype(int).tolist())
@@ -170,7 +170,7 @@ class _MatchedContacts:
 
     @property
     def ambiguous(self) -> set[_Pair]:
-        """The pairs that graze, or whose contacts rounding changes in MuJoCo itself."""
+        """The grazing pairs, and those whose contacts rounding changes in MuJoCo itself."""
         pairs = self.ours.keys() | self.theirs.keys() | self.rounded.keys()
         return {
             pair
@@ -184,7 +184,7 @@ class _MatchedContacts:
         return [side[pair] for side in sides if pair in side]
 
     def mismatch(self) -> _Mismatch | None:
-        """Return how the first pair that is not ambiguous differs: in count, depth, parameters."""
+        """Return how the first unambiguous pair differs: in count, depth or parameters."""
         for pair in sorted((self.ours.keys() | self.theirs.keys()) - self.ambiguous):
             ours, theirs = self.ours.get(pair), self.theirs.get(pair)
             counts = _acting(ours), _acting(theirs)
@@ -223,7 +223,7 @@ def _acting(rows: Floats | None) -> int:
 
 
 def _apart(first: Floats | None, second: Floats | None) -> float:
-    """Return how far the farthest point that acts is from any that the other side has [m]."""
+    """Return the largest distance of an acting point from any point of the other side [m]."""
     if _acting(first) != _acting(second):
         return np.inf
     if first is None or second is None or not _acting(first):

@@ -1,4 +1,4 @@
-"""The panel: the runs of a sweep, and each as it is for MuJoCo and for another engine."""
+"""The panel: the runs of a sweep, each for MuJoCo and for another engine."""
 
 import json
 import math
@@ -35,7 +35,7 @@ _MOST_RUNS, _MOST_BYTES = 64, 64 << 20
 
 @dataclass(frozen=True)
 class PanelRun:
-    """One run: its values, and all that decides it for MuJoCo, and for the engine."""
+    """One run: its values, and its specification for MuJoCo and for the engine."""
 
     run: Run
     run_id: str
@@ -60,7 +60,7 @@ class Panel:
         changes: Sequence[str],
         drive: Drive | None,
     ) -> "Panel":
-        """Read a sweep as it is for an engine, with what is changed for the engine alone.
+        """Read a sweep for an engine, with the changes for the engine alone.
 
         A SweepFileError or a SceneError says what is wrong with it.
         """
@@ -100,7 +100,7 @@ class Panel:
         found: dict[str, str] = {}
         for run in self.runs:
             if isinstance(run.ours.drive, PolicyDrive):
-                found[run.run_id] = "a policy drives it; drive it by a file of recorded controls"
+                found[run.run_id] = "the drive is a policy; use a file of recorded controls instead"
             elif why := refusal(self.scene, run.theirs):
                 found[run.run_id] = why
         return found
@@ -145,7 +145,9 @@ class Panel:
         return told
 
 
-def from_states(runs: PreparedRuns, run: int, states: Floats, places: np.ndarray) -> PreparedRuns:
+def runs_from_states(
+    runs: PreparedRuns, run: int, states: Floats, places: np.ndarray
+) -> PreparedRuns:
     """Return one step from each of (K, nstate) states of a run, as its steps (K,) drive it."""
     model, count = runs.models[run], len(places)
     inputs = runs.starts.inputs(run, model.opt.timestep, places)
@@ -161,5 +163,5 @@ def from_states(runs: PreparedRuns, run: int, states: Floats, places: np.ndarray
 
 
 def roll_out(engine: SimulationEngine, runs: PreparedRuns) -> Rollout:
-    """Return what an engine makes of runs."""
+    """Return the rollout of runs by an engine."""
     return engine.roll_out(runs, Buffers())

@@ -1,4 +1,4 @@
-"""The floors: what rounding, and where the solver starts, make of MuJoCo itself."""
+"""Noise floors: the effect of rounding and of the solver's start on MuJoCo itself."""
 
 import copy
 from collections.abc import Callable
@@ -15,17 +15,17 @@ from contactlab.scene.model_names import PARTS
 _WARMSTART = int(mujoco.mjtDisableBit.mjDSBL_WARMSTART)
 
 
-def rounded(runs: PreparedRuns) -> PreparedRuns:
+def round_starts(runs: PreparedRuns) -> PreparedRuns:
     """Return runs that start from states, and with inputs, rounded to single precision."""
     arrays = {name: getattr(runs.starts, name) for name in PARTS}
     single = {name: array.astype(np.float32).astype(np.float64) for name, array in arrays.items()}
     return replace(runs, starts=runs.starts._replace(**single))
 
 
-def cold(runs: PreparedRuns) -> PreparedRuns:
-    """Return runs in which the solver starts from nothing in each step.
+def without_warmstart(runs: PreparedRuns) -> PreparedRuns:
+    """Return runs without warm starts of the solver.
 
-    It ends elsewhere within its tolerance, as that of another engine does.
+    Within its tolerance it ends at another solution, as the solver of another engine does.
     """
 
     def set_cold(model: mujoco.MjModel) -> None:
@@ -34,8 +34,8 @@ def cold(runs: PreparedRuns) -> PreparedRuns:
     return _changed(runs, set_cold)
 
 
-def converged(runs: PreparedRuns) -> PreparedRuns:
-    """Return runs whose solver goes on far below its tolerance, where another engine's may end."""
+def with_converged_solver(runs: PreparedRuns) -> PreparedRuns:
+    """Return runs whose solver converges far below its tolerance."""
 
     def set_exact(model: mujoco.MjModel) -> None:
         model.opt.tolerance *= 1e-4
@@ -53,8 +53,8 @@ def _changed(runs: PreparedRuns, change: Callable[[mujoco.MjModel], None]) -> Pr
 
 
 def rounded_at_each_step(runs: PreparedRuns, run: int, steps: int) -> Floats:
-    """Return (N + 1, nq) coordinates of a run of MuJoCo whose every state is rounded so."""
-    model, starts = runs.models[run], rounded(runs).starts
+    """Return (N + 1, nq) coordinates of a run of MuJoCo whose states are all rounded."""
+    model, starts = runs.models[run], round_starts(runs).starts
     data, found = mujoco.MjData(model), [starts.qpos[run]]
     data.qpos[:], data.qvel[:], data.act[:] = (
         array[run] for array in (starts.qpos, starts.qvel, starts.act)

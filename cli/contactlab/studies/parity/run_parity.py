@@ -12,15 +12,23 @@ from contactlab.engines import ENGINES
 from contactlab.engines.engine import PreparedRuns, Rollout, SimulationEngine
 from contactlab.mjcf import MODEL_ENGINE
 from contactlab.studies.parity.forward import FLOOR_FACTOR, LIMITS, ForwardStates, forward
-from contactlab.studies.parity.panel import from_states, roll_out
+from contactlab.studies.parity.panel import roll_out, runs_from_states
 from contactlab.studies.parity.parity_report import Divergence, Verdict
-from contactlab.studies.parity.rounding import cold, converged, rounded, rounded_at_each_step
+from contactlab.studies.parity.rounding import (
+    round_starts,
+    rounded_at_each_step,
+    with_converged_solver,
+    without_warmstart,
+)
 
-_MOST_STEPS, _MOST_FORWARD = 1_000, 24  # states of a run that step, and that are looked into
-_AROUND = 33  # states about one from which the solver ends as far from where it should
-_SAME = 1e-9  # a difference of coordinates that is none [m or rad]
-_RESOLVED = 1e-6  # and what single precision resolves of those of this size [m or rad]
-_RUN_FACTOR = 10.0  # how many times the largest of the floors so far a run may be off
+_MOST_STEPS, _MOST_FORWARD = (
+    1_000,
+    24,
+)  # single-step states of a run, and states whose quantities are compared
+_AROUND = 33  # neighboring states with similar convergence of the solver
+_SAME = 1e-9  # difference of coordinates that counts as zero [m or rad]
+_RESOLVED = 1e-6  # resolution of single precision for coordinates of this size [m or rad]
+_RUN_FACTOR = 10.0  # allowed multiple of the largest noise floor so far
 _BUFFERS = ("contactfull", "cnstrfull")
 
 
@@ -28,7 +36,7 @@ _BUFFERS = ("contactfull", "cnstrfull")
 class Comparison:
     """Runs of one structure by MuJoCo, and by another engine.
 
-    The rollouts are MuJoCo's, that of rounded states, and the engine's, made twice.
+    The rollouts are MuJoCo's, MuJoCo's with rounded states, and two of the engine.
     """
 
     engine: SimulationEngine
@@ -38,64 +46,67 @@ class Comparison:
 
     @classmethod
     def of(cls, engine: SimulationEngine, ours: PreparedRuns, theirs: PreparedRuns) -> "Comparison":
-        """Simulate runs by both; `theirs` are the same, but for what is changed for the engine."""
+        """Simulate runs by both; `theirs` has the changes for the engine alone."""
         reference = ENGINES[MODEL_ENGINE]
-        by_mujoco = roll_out(reference, ours), roll_out(reference, cold(rounded(ours)))
+        by_mujoco = (
+            roll_out(reference, ours),
+            roll_out(reference, without_warmstart(round_starts(ours))),
+        )
         twice = roll_out(engine, theirs), roll_out(engine, theirs)
         return cls(engine, reference, (ours, theirs), (*by_mujoco, *twice))
 
     def contacts(self, run: int) -> np.ndarray:
-        """Return (N,) how many contacts MuJoCo had in each step of a run."""
+        """Return (N,) the number of contacts of MuJoCo in each step of a run."""
         return contact_counts(self.both[0], self.rollouts[0])[run]
 
 
 def contact_counts(runs: PreparedRuns, rollout: Rollout) -> np.ndarray:
-    """Return (n, N) how many contacts there were in each step of each run."""
+    """Return (n, N) the number of contacts in each step of each run."""
     layout = runs.base.layout if rollout.slots is None else runs.base.layout.from_contacts()
     return rollout.sensors[:, :, layout.contacts]
 
 
 @dataclass(frozen=True)
 class SteppedStates:
-    """One step from K states of MuJoCo's run: velocities after it, by both and of rounded ones."""
+    """One step from K states of MuJoCo's run: velocities by both, and from rounded states."""
 
     places: np.ndarray  # (K,) steps
-    error: Floats  # (K,) greatest difference of a velocity
-    floors: Floats  # (K, nv) the same of each velocity, from rounded states
-    plain: Floats  # (K,) what is allowed without floors
+    error: Floats  # (K,) largest difference of a velocity
+    floors: Floats  # (K, nv) difference of each velocity from rounded states
+    plain: Floats  # (K,) tolerance without noise floors
     allowed: Floats  # (K,)
-    worst: np.ndarray  # (K,) the velocity that differs most
+    worst: np.ndarray  # (K,) index of the velocity that differs most
     velocities: tuple[Floats, Floats]  # (K, nv) by MuJoCo, by the engine
 
     @property
     def floor(self) -> Floats:
-        """(K,) the greatest difference of a velocity from rounded states."""
+        """(K,) the largest difference of a velocity from rounded states."""
         return self.floors.max(axis=1, initial=0)
 
     def sensitive_before(self, step: int, dofs: np.ndarray) -> bool:
-        """Return whether rounding a state before some step leads some velocities elsewhere."""
+        """Return whether rounding a state before some step changes some velocities."""
         moved = self.floors[:, dofs].max(axis=1, initial=0) > self.plain
         return bool(moved[self.places < step].any())
 
 
-def stepped_places(steps: int) -> np.ndarray:
-    """Return the steps (K,) of a run that are made by themselves: all, or 1,000 of more."""
+def single_step_places(steps: int) -> np.ndarray:
+    """Return the single steps (K,) of a run: all, or 1,000 of them."""
     return np.unique(np.linspace(0, steps - 1, min(steps, _MOST_STEPS)).round().astype(int))
 
 
-def stepped(comparison: Comparison, run: int, states: Floats) -> SteppedStates:
-    """Make one step from each of the states (N + 1, nstate) of a run; from 1,000 if it has more."""
+def step_once(comparison: Comparison, run: int, states: Floats) -> SteppedStates:
+    """Make one step from each of the states (N + 1, nstate) of a run, or from 1,000 of them."""
     engine, reference, (ours, theirs) = comparison.engine, comparison.reference, comparison.both
     last = len(states) - 1
-    places = stepped_places(last)
-    starts = from_states(ours, run, states[places], places)
+    places = single_step_places(last)
+    starts = runs_from_states(ours, run, states[places], places)
     model = ours.models[run]
     speeds = slice(1 + model.nq, 1 + model.nq + model.nv)
     sides = (
         (reference, starts),
-        (reference, rounded(starts)),
-        (engine, from_states(theirs, run, states[places], places)),
-        (reference, converged(starts)),
+        (reference, round_starts(starts)),
+        (engine, runs_from_states(theirs, run, states[places], places)),
+        (reference, with_converged_solver(starts)),
     )
     by_mujoco, by_rounded, by_engine, by_converged = (
         roll_out(by, runs).state[:, 1, speeds] for by, runs in sides
@@ -103,10 +114,10 @@ def stepped(comparison: Comparison, run: int, states: Floats) -> SteppedStates:
     before, after = states[places][:, speeds], states[places + 1][:, speeds]
     change = np.abs(by_mujoco - before).max(axis=1, initial=0)
     error, floors = np.abs(by_mujoco - by_engine), np.abs(by_mujoco - by_rounded)
-    # In the run the solver started from the step before: it ended elsewhere within its tolerance.
+    # In the run the solver was warm-started, so it ended elsewhere within its tolerance.
     ends = np.maximum(np.abs(by_mujoco - after), np.abs(by_mujoco - by_converged))
     noise = np.maximum(floors, ends).max(axis=1, initial=0)
-    step = model.opt.timestep  # what is allowed of an acceleration, over a step
+    step = model.opt.timestep  # tolerance of an acceleration, over a step
     plain = step * LIMITS["qacc"].allowed(change / step)
     allowed = plain + FLOOR_FACTOR * maximum_filter1d(noise, _AROUND)
     error = np.where(np.isfinite(error), error, np.inf)
@@ -114,11 +125,11 @@ def stepped(comparison: Comparison, run: int, states: Floats) -> SteppedStates:
     return SteppedStates(places, error.max(axis=1), floors, plain, allowed, worst, velocities)
 
 
-def looked_into(steps: SteppedStates, contacts: np.ndarray) -> np.ndarray:
-    """Return the steps (K,) whose states are worth a look, given (N,) contacts before each step.
+def select_states(steps: SteppedStates, contacts: np.ndarray) -> np.ndarray:
+    """Return the steps (K,) whose states are compared, from (N,) contacts before each step.
 
-    They are those whose single steps differ most, the start, the first one with contacts, the one
-    with most, and some along the run.
+    These are the steps with the largest differences, the start, the first with contacts, that with
+    most contacts, and some along the run.
     """
     excess = steps.error / steps.allowed
     worst = steps.places[np.argsort(-excess, kind="stable")[: _MOST_FORWARD // 3]]
@@ -127,35 +138,37 @@ def looked_into(steps: SteppedStates, contacts: np.ndarray) -> np.ndarray:
     return np.unique(np.concatenate([worst, touching, [int(contacts.argmax())], along]))
 
 
-def look_into(
+def compute_states(
     comparison: Comparison, run: int, states: Floats, places: np.ndarray
 ) -> ForwardStates:
-    """Return what both compute of the states of a run before some steps."""
+    """Return the quantities that both engines compute for states of a run."""
     engine, reference = comparison.engine, comparison.reference
-    ours, theirs = (from_states(side, run, states[places], places) for side in comparison.both)
-    sides = ((reference, ours), (engine, theirs), (reference, rounded(ours)))
+    ours, theirs = (runs_from_states(side, run, states[places], places) for side in comparison.both)
+    sides = ((reference, ours), (engine, theirs), (reference, round_starts(ours)))
     told = [forward(by, runs) or {} for by, runs in sides]
     return ForwardStates(ours.models[0], places.tolist(), *told)
 
 
 @dataclass(frozen=True)
 class WholeRun:
-    """A run by MuJoCo, of rounded states, and twice by the engine: (N + 1, nq) coordinates each."""
+    """A run by MuJoCo, by MuJoCo with rounded states, and twice by the engine: (N + 1, nq) each."""
 
     ours: Floats
     single: Floats  # every state is rounded
-    rounded: Floats  # the start is, and the solver starts from nothing
+    rounded: Floats  # rounded start, without warm starts
     theirs: Floats
     again: Floats
 
     def differences(self) -> tuple[Floats, Floats, Floats]:
-        """Return (N + 1,) differences from MuJoCo, of rounded states, and of the repetition."""
-        error = farthest(self.ours, self.theirs)
-        floor = np.maximum(farthest(self.ours, self.rounded), farthest(self.ours, self.single))
-        return error, floor, farthest(self.theirs, self.again)
+        """Return (N + 1,) differences of the engine, of rounded states, and of the repetition."""
+        error = max_difference(self.ours, self.theirs)
+        floor = np.maximum(
+            max_difference(self.ours, self.rounded), max_difference(self.ours, self.single)
+        )
+        return error, floor, max_difference(self.theirs, self.again)
 
     def divergence(self) -> Divergence | None:
-        """Return where a run leaves MuJoCo's farther than the floors explain."""
+        """Return the first difference from MuJoCo that the noise floors do not explain."""
         error, floor, repeat = self.differences()
         floors = np.maximum.accumulate(np.maximum(floor, repeat))
         beyond = np.flatnonzero(~(error <= _RESOLVED + _RUN_FACTOR * floors))
@@ -172,21 +185,21 @@ class WholeRun:
         )
 
 
-def farthest(first: Floats, second: Floats) -> Floats:
-    """Return (K,) the greatest difference in each of K rows."""
+def max_difference(first: Floats, second: Floats) -> Floats:
+    """Return (K,) the largest difference in each of K rows."""
     return np.abs(first - second).max(axis=1, initial=0)
 
 
 def buffers_divergence(rollout: Rollout, run: int) -> Divergence | None:
-    """Return that memory for contacts or constraints was too small for a run."""
+    """Return the divergence of a run whose memory for contacts or constraints was too small."""
     full = next((buffer for buffer in _BUFFERS if buffer in rollout.warnings[run]), None)
     return Divergence(stage="buffers", quantity=full, step=0) if full else None
 
 
 def step_divergence(steps: SteppedStates, ambiguous: AbstractSet[int]) -> Divergence | None:
-    """Return the single step that differs most, of those that differ by more than is allowed.
+    """Return the single step that differs most, of those above the tolerance.
 
-    From the states before some steps, rounding may lead elsewhere: these are ambiguous.
+    Steps from ambiguous states are ignored.
     """
     excess = np.where(np.isin(steps.places, list(ambiguous)), 0, steps.error / steps.allowed)
     place = int(excess.argmax())
@@ -204,7 +217,7 @@ def step_divergence(steps: SteppedStates, ambiguous: AbstractSet[int]) -> Diverg
 
 
 def _dofs_beside(model: mujoco.MjModel, divergence: Divergence) -> np.ndarray:
-    """Return the degrees of freedom of the kinematic tree that a coordinate belongs to."""
+    """Return the degrees of freedom of a coordinate's kinematic tree."""
     place = int(divergence.quantity.removeprefix("qpos[").removesuffix("]"))
     joint = int(np.searchsorted(model.jnt_qposadr, place, side="right")) - 1
     return np.flatnonzero(model.dof_treeid == model.dof_treeid[model.jnt_dofadr[joint]])
@@ -213,11 +226,11 @@ def _dofs_beside(model: mujoco.MjModel, divergence: Divergence) -> np.ndarray:
 def judge(
     comparison: Comparison, run: int
 ) -> tuple[Verdict, Divergence | None, dict[str, float | int]]:
-    """Return the verdict on a run, the first stage that differs, and what was measured."""
+    """Return the verdict on a run, the first stage that differs, and the measures."""
     rollouts = comparison.rollouts
     steps = min(rollout.steps[run] for rollout in rollouts)
     if not steps:
-        return "ambiguous", None, {}  # what is not even one step says nothing
+        return "ambiguous", None, {}  # no step was completed
     states = rollouts[0].state[run, : steps + 1]
     model = comparison.both[0].models[run]
     ours, *others = (
@@ -225,13 +238,17 @@ def judge(
     )
     whole = WholeRun(ours, rounded_at_each_step(comparison.both[0], run, steps), *others)
     error, floor, repeat = (float(difference.max()) for difference in whole.differences())
-    numbers: dict[str, float | int] = {"position": error, "floor": floor, "repeat": repeat}
+    numbers: dict[str, float | int] = {
+        "position": error,
+        "noise_floor": floor,
+        "repeat_difference": repeat,
+    }
     if full := buffers_divergence(rollouts[2], run):
         return "different", full, numbers
-    singles = stepped(comparison, run, states)
-    numbers |= {"step": float(singles.error.max()), "step_floor": float(singles.floor.max())}
-    places = looked_into(singles, comparison.contacts(run)[:steps])
-    looked = look_into(comparison, run, states, places)
+    singles = step_once(comparison, run, states)
+    numbers |= {"step": float(singles.error.max()), "step_noise_floor": float(singles.floor.max())}
+    places = select_states(singles, comparison.contacts(run)[:steps])
+    looked = compute_states(comparison, run, states, places)
     ambiguous = looked.ambiguous()
     numbers["ambiguous_states"] = len(ambiguous)
     found = looked.first_divergence() or step_divergence(singles, ambiguous)
@@ -244,4 +261,4 @@ def judge(
         return "ambiguous", None, numbers
     if left:
         return "different", left, numbers
-    return ("same" if error <= _SAME else "within floor"), None, numbers
+    return ("same" if error <= _SAME else "within noise floor"), None, numbers

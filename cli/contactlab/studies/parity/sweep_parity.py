@@ -1,4 +1,4 @@
-"""A whole panel by MuJoCo and by another engine: its runs, its checks, and what they amount to."""
+"""A panel of runs by MuJoCo and by another engine, with checks and a conclusion."""
 
 import math
 from collections import Counter
@@ -26,54 +26,54 @@ from contactlab.schema.comparison import ComparePolicy, MetricRule
 from contactlab.schema.evidence import Setting
 from contactlab.schema.finding import Finding, RunPair
 from contactlab.store.table_layout import as_written
-from contactlab.studies.parity.kept_runs import ComparedRun, KeptRuns
 from contactlab.studies.parity.panel import Panel, PanelRun
 from contactlab.studies.parity.parity_report import ClosedForm, Measured, ParityReport, RunParity
+from contactlab.studies.parity.run_cache import ComparedRun, RunCache
 from contactlab.studies.parity.run_parity import Comparison, judge
 
 Metrics = Mapping[str, float | str]
 SUCCESS, PENETRATION, ENERGY = "success", "penetration_mean", "energy"
-_REL = 0.05  # the practice's gate
+_REL = 0.05  # the gate of common practice
 _STABLE = "stable"
 _RULE = MetricRule(rel=_REL, level="gate")
-_LEAST_METRIC_CHANGE = 1e-6  # of any metric in its own unit: about what noise makes of 0
+_LEAST_METRIC_CHANGE = 1e-6  # of any metric in its own unit: noise about 0
 _ORACLE = "oracle_error"
 
 
 @dataclass(frozen=True)
 class ParityRequest:
-    """A panel, the engine that is judged, what is changed for it alone, and by what policy."""
+    """A panel, the judged engine, the changes for it alone, and the policy."""
 
     panel: Panel
     engine: SimulationEngine
     device: str
     changes: Sequence[str]
     policy: ComparePolicy
-    folder: Path | None = None  # keeps each run that is done, from which the same request goes on
+    folder: Path | None = None  # stores each finished run, so that the same request can be resumed
 
 
 def run(
     request: ParityRequest, begin: Callable[[int, int], None], done: Callable[[RunParity], None]
 ) -> ParityReport:
-    """Compare an engine with MuJoCo in all runs of a panel, telling how many there are.
+    """Compare an engine with MuJoCo in all runs of a panel.
 
-    And how many of them are kept already, then each of the others.
+    `begin` gets the number of runs and of those in the cache; `done` gets each other run.
     """
     panel, engine, policy = request.panel, request.engine, request.policy
-    rules = _rules(policy)
+    rules = _metric_rules(policy)
     refused = panel.refused(engine.refusal)
     told = {
-        member.run_id: _described(member, verdict="refused", reason=refused[member.run_id])
+        member.run_id: _describe_run(member, verdict="refused", reason=refused[member.run_id])
         for member in panel.runs
         if member.run_id in refused
     }
     versions = engine.name, engine.version, request.device, ENGINES[MODEL_ENGINE].version
-    kept = KeptRuns(request.folder, (*versions, rules))
+    cache = RunCache(request.folder, (*versions, rules))
     keys = {
-        member.run_id: kept.key(member.run_id, panel.scene.run_id(member.theirs))
+        member.run_id: cache.key(member.run_id, panel.scene.run_id(member.theirs))
         for member in panel.runs
     }
-    found = kept.found(keys)
+    found = cache.find(keys)
     begin(len(panel.runs) - len(told), len(found))
     told |= {run_id: compared.run for run_id, compared in found.items()}
     closed = [compared.errors for compared in found.values()]
@@ -86,16 +86,16 @@ def run(
         metrics = _metrics(panel, comparison)
         for place, member in enumerate(group):
             ours, *_, theirs = values = [side[place] for side in metrics]
-            judged = _judged(member, comparison, place, values, rules)
+            judged = _judge_run(member, comparison, place, values, rules)
             compared = ComparedRun(judged, (_number(ours, _ORACLE), _number(theirs, _ORACLE)))
-            kept.keep(keys[member.run_id], compared)
+            cache.add(keys[member.run_id], compared)
             told[member.run_id] = judged
             closed.append(compared.errors)
             done(judged)
     runs = [told[member.run_id] for member in panel.runs]
-    checks = list(_checks(runs, rules))
+    checks = list(_make_checks(runs, rules))
     checks = apply_waivers(checks, policy.waive, date.today())  # noqa: DTZ011
-    code, headline = _conclusion(checks, runs, engine.name)
+    code, headline = _conclude(checks, runs, engine.name)
     return ParityReport(
         sweep=panel.request.name,
         scene=panel.scene.name,
@@ -113,11 +113,13 @@ def run(
     )
 
 
-def _rules(policy: ComparePolicy) -> dict[str, MetricRule]:
-    """Return how each judged quantity is judged: three of the practice, and those of the policy."""
+def _metric_rules(policy: ComparePolicy) -> dict[str, MetricRule]:
+    """Return the rule of each judged quantity: three standard ones, and those of the policy."""
     known = (SUCCESS, PENETRATION, ENERGY, *METRICS)
     for name in policy.metrics:
-        PolicyError.unless_known(name, known, f"the policy has a rule for '{name}', which is none")
+        PolicyError.unless_known(
+            name, known, f"the policy has a rule for '{name}', which is not a metric"
+        )
     rules = dict.fromkeys((SUCCESS, PENETRATION, ENERGY), _RULE)
     given = {name: metric.model_dump(exclude_none=True) for name, metric in policy.metrics.items()}
     return rules | {name: _RULE.model_copy(update=rule) for name, rule in given.items()}
@@ -125,18 +127,18 @@ def _rules(policy: ComparePolicy) -> dict[str, MetricRule]:
 
 def _metrics(panel: Panel, comparison: Comparison) -> Sequence[Sequence[Metrics]]:
     """Return the metrics of each run by MuJoCo, of rounded states, and by the engine."""
-    # What is changed for the engine alone is its mistake: it is measured as if it were not.
+    # A change for the engine alone is a planted mistake: metrics are measured as if it were not.
     return [panel.metrics(comparison.both[0], rollout) for rollout in comparison.rollouts[:3]]
 
 
-def _described(member: PanelRun, **rest: Any) -> RunParity:  # noqa: ANN401 - fields of the report
+def _describe_run(member: PanelRun, **rest: Any) -> RunParity:  # noqa: ANN401 - fields of the report
     axes: dict[str, Setting] = {
         name: as_written(value) for name, value in member.run.values.items() if name != "engine"
     }
     return RunParity(run_id=member.run_id, axes=axes, seed=member.run.seed, **rest)
 
 
-def _judged(
+def _judge_run(
     member: PanelRun,
     comparison: Comparison,
     place: int,
@@ -146,20 +148,21 @@ def _judged(
     """Return how one run of a group compares."""
     error = comparison.rollouts[2].errors[place] or comparison.rollouts[3].errors[place]
     if error is not None:
-        return _described(member, verdict="failed", reason=error)
+        return _describe_run(member, verdict="failed", reason=error)
     verdict, first, numbers = judge(comparison, place)
-    measured = {name: _measured(name, rule, metrics) for name, rule in rules.items()}
+    measured = {name: _measure_quantity(name, rule, metrics) for name, rule in rules.items()}
     if verdict == "ambiguous":
         measured = {
-            name: reading.model_copy(update={"beyond": False}) for name, reading in measured.items()
+            name: reading.model_copy(update={"above_tolerance": False})
+            for name, reading in measured.items()
         }
     labels = str(metrics[0].get("label")), str(metrics[2].get("label"))
-    return _described(
-        member, verdict=verdict, first=first, labels=labels, measured=measured, **numbers
+    return _describe_run(
+        member, verdict=verdict, first_divergence=first, labels=labels, measured=measured, **numbers
     )
 
 
-def _measured(name: str, rule: MetricRule, metrics: Sequence[Metrics]) -> Measured:
+def _measure_quantity(name: str, rule: MetricRule, metrics: Sequence[Metrics]) -> Measured:
     """Return a quantity of a run by MuJoCo, of rounded states, and by the engine."""
     ours, rounded, theirs = (_number(metric, name) for metric in metrics)
     scale = {SUCCESS: 1.0, ENERGY: _number(metrics[0], "energy_range")}.get(name, abs(ours))
@@ -171,9 +174,9 @@ def _measured(name: str, rule: MetricRule, metrics: Sequence[Metrics]) -> Measur
     return Measured(
         mujoco=_finite(ours),
         engine=_finite(theirs),
-        rounded=_finite(rounded),
+        rounded_mujoco=_finite(rounded),
         difference=_finite(change / scale if scale else change and math.inf),
-        beyond=not both_lack and not change <= allowed,
+        above_tolerance=not both_lack and not change <= allowed,
     )
 
 
@@ -192,7 +195,7 @@ def _finite(value: float) -> float | None:
 _CODES = {"different": WORSE, "failed": NOT_COMPARABLE}
 
 
-def _checks(runs: Sequence[RunParity], rules: Mapping[str, MetricRule]) -> Iterator[Finding]:
+def _make_checks(runs: Sequence[RunParity], rules: Mapping[str, MetricRule]) -> Iterator[Finding]:
     """Yield the checks of a panel: that its runs can be compared, their stages, each quantity."""
     refused = [judged for judged in runs if judged.verdict == "refused"]
     compared = [judged for judged in runs if judged.verdict not in {"refused", "failed"}]
@@ -207,13 +210,13 @@ def _checks(runs: Sequence[RunParity], rules: Mapping[str, MetricRule]) -> Itera
     )
     others = [judged for judged in runs if judged.verdict != "refused"]
     codes = np.array([_CODES.get(other.verdict, SAME) for other in others], np.int8)
-    message = _told(Counter(other.verdict for other in others))
-    yield Subject("stages agree", "runs", "gate").finding(codes, message, _worst(others))
+    message = _verdict_counts(Counter(other.verdict for other in others))
+    yield Subject("stages agree", "runs", "gate").finding(codes, message, _worst_pairs(others))
     for name, rule in rules.items():
-        yield from _quantity(name, rule, compared)
+        yield from _quantity_checks(name, rule, compared)
 
 
-def _quantity(name: str, rule: MetricRule, runs: Sequence[RunParity]) -> Iterator[Finding]:
+def _quantity_checks(name: str, rule: MetricRule, runs: Sequence[RunParity]) -> Iterator[Finding]:
     """Yield the checks of a quantity: of its mean, and of each run."""
     told = [(run, run.measured[name]) for run in runs]
     told = [
@@ -228,25 +231,29 @@ def _quantity(name: str, rule: MetricRule, runs: Sequence[RunParity]) -> Iterato
             subject.finding(np.zeros(0, np.int8), "applies to no run") for subject in (mean, worst)
         )
         return
-    within = f"(within {format_percent(share)} and what rounding changes)"
+    tolerance = f"(tolerance {format_percent(share)} and the effect of rounding)"
     differences = [
         math.inf if reading.difference is None else reading.difference for _, reading in told
     ]
-    average, beyond = fmean(differences), [reading.beyond for _, reading in told]
-    shown = _means([reading for _, reading in told])
+    average, beyond = fmean(differences), [reading.above_tolerance for _, reading in told]
+    shown = _mean_text([reading for _, reading in told])
     code = WORSE if average > share and any(beyond) else SAME
-    message = f"{shown}runs differ by {format_percent(average)} {within}"
+    message = f"{shown}runs differ by {format_percent(average)} {tolerance}"
     yield mean.single(code, message, judged=len(told))
-    ranked = sorted(told, key=lambda entry: (not entry[1].beyond, -(entry[1].difference or 0)))
+    ranked = sorted(
+        told, key=lambda entry: (not entry[1].above_tolerance, -(entry[1].difference or 0))
+    )
     pairs = [
-        _pair(run, reading.mujoco, reading.engine) for run, reading in ranked if reading.beyond
+        _run_pair(run, reading.mujoco, reading.engine)
+        for run, reading in ranked
+        if reading.above_tolerance
     ]
     codes = np.where(beyond, WORSE, SAME).astype(np.int8)
-    yield worst.finding(codes, f"worst {format_percent(max(differences))} {within}", pairs)
+    yield worst.finding(codes, f"worst {format_percent(max(differences))} {tolerance}", pairs)
 
 
-def _means(measured: Sequence[Measured]) -> str:
-    """Return the means by both of the runs that both measured."""
+def _mean_text(measured: Sequence[Measured]) -> str:
+    """Return the means of both engines over the runs that both measured."""
     known = [
         (reading.mujoco, reading.engine)
         for reading in measured
@@ -258,17 +265,19 @@ def _means(measured: Sequence[Measured]) -> str:
     return f"{ours:.4g} -> {theirs:.4g}; "
 
 
-def _told(verdicts: Mapping[str, int]) -> str:
+def _verdict_counts(verdicts: Mapping[str, int]) -> str:
     return ", ".join(f"{plural(count)} {verdict}" for verdict, count in verdicts.items())
 
 
-def _worst(runs: Sequence[RunParity]) -> list[RunPair]:
+def _worst_pairs(runs: Sequence[RunParity]) -> list[RunPair]:
     return [
-        _pair(judged, "", str(judged.first)) for judged in runs if judged.verdict == "different"
+        _run_pair(judged, "", str(judged.first_divergence))
+        for judged in runs
+        if judged.verdict == "different"
     ]
 
 
-def _pair(run: RunParity, ours: float | str | None, theirs: float | str | None) -> RunPair:
+def _run_pair(run: RunParity, ours: float | str | None, theirs: float | str | None) -> RunPair:
     return RunPair(
         baseline_run=run.run_id,
         candidate_run=run.run_id,
@@ -278,9 +287,9 @@ def _pair(run: RunParity, ours: float | str | None, theirs: float | str | None) 
     )
 
 
-def _conclusion(checks: Sequence[Finding], runs: Sequence[RunParity], name: str) -> tuple[int, str]:
+def _conclude(checks: Sequence[Finding], runs: Sequence[RunParity], name: str) -> tuple[int, str]:
     """Return the exit code and the headline."""
-    counted = _told(Counter(judged.verdict for judged in runs))
+    counted = _verdict_counts(Counter(judged.verdict for judged in runs))
     failed, code = failed_names(checks), exit_code(checks)
     if any(check.outcome == "failed" and check.verdict == "not comparable" for check in checks):
         code = StoreError.exit_code
@@ -289,11 +298,11 @@ def _conclusion(checks: Sequence[Finding], runs: Sequence[RunParity], name: str)
     if code:
         fail = "fails" if len(failed) == 1 else "fail"
         return code, f"{name} differs: {plural(len(failed), 'check')} {fail}; {counted}"
-    return code, f"{name} does what MuJoCo does: {counted}"
+    return code, f"{name} agrees with MuJoCo: {counted}"
 
 
 def _closed_form(errors: Sequence[tuple[float, float]], scene: Scene) -> ClosedForm | None:
-    """Return how far both are from the scene's closed form; None if it has none."""
+    """Return the differences of both engines from the closed form; None without one."""
     known = [pair for pair in errors if all(map(math.isfinite, pair))]
     manifest = scene.source.manifest
     if not known or manifest is None or manifest.oracle is None:
@@ -302,5 +311,5 @@ def _closed_form(errors: Sequence[tuple[float, float]], scene: Scene) -> ClosedF
     limit = manifest.oracle.tolerance
     off = ("both" if theirs > limit else "mujoco") if ours > limit else None
     return ClosedForm(
-        mujoco=ours, engine=theirs, off=off or ("engine" if theirs > limit else "neither")
+        mujoco=ours, engine=theirs, inaccurate=off or ("engine" if theirs > limit else "neither")
     )

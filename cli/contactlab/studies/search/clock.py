@@ -1,10 +1,9 @@
-"""What changed models cost: ratios of times, measured in turns from the same states.
+"""Measures the cost of changed models as ratios of times, in turns from the same states.
 
-Times are those of a plain loop of `mj_step`, as whoever uses a model has it: with its sensors, and
-what Python adds to a step; where MuJoCo gives up, it resets the model and goes on. The search is
-steered by short stretches. What is claimed is measured on whole runs of the task, of the seeds that
-were searched and of fresh ones: iterations hang on the motion, so that seeds differ by more than
-turns do.
+Times are those of a plain loop of `mj_step`, as users run a model: with its sensors, and with the
+overhead of Python. If MuJoCo gives up, it resets the model and goes on. Short segments steer the
+search. Reported ratios are measured on whole runs of the task, with seeds of the search and fresh
+ones: iterations depend on the motion, so that seeds differ by more than turns do.
 """
 
 import copy
@@ -23,28 +22,34 @@ from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.prices import Price
 from contactlab.contact.trace_arrays import Floats
-from contactlab.studies.search.yardstick import Yardsticks, at_steps
+from contactlab.studies.search.reference_error import TaskReference, motion_at_steps
 
-_FEWEST_PLACES, _MOST_PLACES = 4, 12  # states of each phase that stretches begin in
-_STRETCH, _SHORTEST = 0.2, 0.04  # s of simulated time
-_TURN = 0.01  # s that the model as written is timed for in each turn, about
-_LEAST = 5e-3  # s that the slowest model of a turn is timed for in it
-_PIECE, _MOST_PIECES = 5e-4, 200  # s that a piece takes: others seldom share so few
-_MOST_RUNS = 100  # that make a piece, of a model that is over sooner
-_MOST_COMPARED, _COMPARING = 25, 0.2  # turns of two models; s of turns, where they are short
-_INSTANT = 1e-7  # s that nothing is timed to take less than
-_WHOLE_TURNS = 4  # of two models that are compared by whole runs
-_SEED_TURNS = 3  # of a seed; one, where time is short
-_FEWEST, _ENOUGH = 2, 6  # seeds that tell how they differ; so many that it is well known
-_RESETS = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-NARROW = 0.05
-"""Half-width of intervals that are wanted, as a share."""
-_OUTSIDE = 0.05
-_RESAMPLED = 200
+_MIN_SEGMENTS, _MAX_SEGMENTS = 4, 12  # states of each phase in which segments begin
+_MAX_SEGMENT_SECONDS, _MIN_SEGMENT_SECONDS = 0.2, 0.04  # s of simulated time
+_TURN_SECONDS = 0.01  # approximate s for which the model as written is timed in each turn
+_MIN_TURN_SECONDS = 5e-3  # s for which the slowest model is timed in each turn
+SLICE_SECONDS, _MAX_SLICES = (
+    5e-4,
+    200,
+)  # s per slice: other processes seldom interrupt such a short one
+_MAX_RUNS_PER_SLICE = 100  # runs per slice of a model that ends sooner
+_MAX_COMPARISON_TURNS, _COMPARISON_SECONDS = (
+    25,
+    0.2,
+)  # turns of two models; s of turns, if they are short
+_MIN_ELAPSED = 1e-7  # s; a shorter time counts as this
+_WHOLE_TURNS = 4  # turns of two models that are compared by whole runs
+_SEED_TURNS = 3  # turns of a seed; one if time is short
+_MIN_SEEDS, _ENOUGH_SEEDS = 2, 6  # seeds that show their spread, and seeds that show it well
+_AUTORESET_OFF = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+MAX_HALF_WIDTH = 0.05
+"""Target half-width of intervals, as a share of the ratio."""
+_SIGNIFICANCE = 0.05
+_RESAMPLINGS = 200
 
 
-class Stretch(NamedTuple):
-    """Parts of a phase: (M, nstate) states that they begin in, and (M, steps, width) inputs."""
+class Segment(NamedTuple):
+    """Segments of a phase: (M, nstate) initial states, and (M, steps, width) inputs."""
 
     starts: Floats
     inputs: Floats
@@ -52,69 +57,69 @@ class Stretch(NamedTuple):
     steps: int
 
 
-class Timed:
-    """A model that is ready to be run through stretches again and again.
+class TimedModel:
+    """A model that is ready to run through segments repeatedly.
 
     Attributes:
-        simulated: how long all of them are [s].
-        whole: thread time of all pieces, about [s]; infinite if MuJoCo refuses the model.
-        repeats: how often each piece is timed in a turn.
-        copies: how often there is each piece.
+        simulated: simulated time of all segments [s].
+        total_seconds: estimated thread time of all slices [s]; infinite if MuJoCo refuses it.
+        repeats: timings of each slice per turn.
+        copies: copies of each slice.
     """
 
-    def __init__(self, model: mujoco.MjModel, stretches: Sequence[Stretch]) -> None:
+    def __init__(self, model: mujoco.MjModel, stretches: Sequence[Segment]) -> None:
         self._model, self._data = model, mujoco.MjData(model)
         self._runs = [(each, row) for each in stretches for row in range(len(each.starts))]
         steps = sum(len(each.starts) * (each.steps - 1) for each in stretches)
         self.simulated = steps * float(model.opt.timestep)
         self.repeats = self.copies = 1
         self._ends, self._often = list[list[int]](), list[int]()
-        self.whole = math.inf
+        self.total_seconds = math.inf
         with suppress(mujoco.FatalError):
-            once = [self._once(*run) for run in self._runs]
+            once = [self._run_seconds(*run) for run in self._runs]
             for (stretch, _), spent in zip(self._runs, once, strict=True):
-                pieces = max(1, min(_MOST_PIECES, stretch.steps - 1, round(spent / _PIECE)))
+                pieces = max(1, min(_MAX_SLICES, stretch.steps - 1, round(spent / SLICE_SECONDS)))
                 self._ends.append(np.linspace(1, stretch.steps, pieces + 1).astype(int).tolist())
-                self._often.append(max(1, min(_MOST_RUNS, round(_PIECE / spent))))
-            self.whole = float(np.dot(once, self._often))
+                self._often.append(max(1, min(_MAX_RUNS_PER_SLICE, round(SLICE_SECONDS / spent))))
+            self.total_seconds = float(np.dot(once, self._often))
 
-    def taken(self) -> Floats:
-        """Return (P,) thread time of the pieces of all stretches, over their simulated time.
+    def elapsed(self) -> Floats:
+        """Return (P,) thread time of the slices of all segments, over their simulated time.
 
-        Of each piece the least of its repeats: what disturbs one only adds, and a piece is short
-        enough to be left alone now and then. Infinite if MuJoCo refuses the model, as it does
-        tendon equalities of bodies that sleep.
+        The least of the repeats of each slice counts: disturbances only add, and a slice is short
+        enough to be undisturbed now and then. Infinite if MuJoCo refuses the model, for example
+        tendon equalities of sleeping bodies.
         """
-        if math.isinf(self.whole):
+        if math.isinf(self.total_seconds):
             return np.full(1, np.inf)
-        spent = np.concatenate([self._spent(place) for place in range(len(self._runs))])
-        return np.maximum(spent, _INSTANT) / self.simulated
+        spent = np.concatenate([self._piece_seconds(place) for place in range(len(self._runs))])
+        return np.maximum(spent, _MIN_ELAPSED) / self.simulated
 
-    def _once(self, stretch: Stretch, row: int) -> float:
-        """Return the thread time of all steps of a run but the first, about [s]."""
-        return max(self._stepped(stretch, row, [1, stretch.steps])[0], _INSTANT)
+    def _run_seconds(self, stretch: Segment, row: int) -> float:
+        """Estimate the thread time of all steps of a run except the first [s]."""
+        return max(self._step_segment(stretch, row, [1, stretch.steps])[0], _MIN_ELAPSED)
 
-    def _spent(self, place: int) -> Floats:
-        """Return (copies * pieces,) thread time of all steps of a run but the first [s].
+    def _piece_seconds(self, place: int) -> Floats:
+        """Return (copies * slices,) thread time of all steps of a run except the first [s].
 
-        A run begins with the caches of the end of another: the first piece is made once before.
-        Where a piece is several runs, it is their mean.
+        A run begins with the caches of another one, so the first slice is run once before. If a
+        slice consists of several runs, their mean counts.
         """
         stretch, row = self._runs[place]
         ends, often = self._ends[place], self._often[place]
         least = np.full((self.copies, len(ends) - 1), np.inf)
-        self._stepped(stretch, row, ends[:2])
+        self._step_segment(stretch, row, ends[:2])
         for _ in range(self.repeats):
             for own in least:
-                runs = [self._stepped(stretch, row, ends) for _ in range(often)]
+                runs = [self._step_segment(stretch, row, ends) for _ in range(often)]
                 np.minimum(own, np.mean(runs, axis=0), out=own)
         return least.ravel() / self.copies
 
-    def _stepped(self, stretch: Stretch, row: int, ends: Sequence[int]) -> list[float]:
-        """Return the thread time of steps between some, the first of which is not timed [s]."""
+    def _step_segment(self, stretch: Segment, row: int, ends: Sequence[int]) -> list[float]:
+        """Return the thread time between the given steps; the first part is not timed [s]."""
         model, data, spec = self._model, self._data, stretch.spec
         inputs, taken = stretch.inputs[row], list[float]()
-        mujoco.mj_resetData(model, data)  # what slept wakes
+        mujoco.mj_resetData(model, data)  # wakes sleeping bodies
         mujoco.mj_setState(model, data, stretch.starts[row], INTEGRATION)
         for first, last in itertools.pairwise([0, *ends]):
             begin = time.thread_time()
@@ -126,168 +131,185 @@ class Timed:
         return taken[1:]
 
 
-Stepped = tuple[mujoco.MjModel, int]
-"""A model, and its step in fine ones."""
+ModelAtStep = tuple[mujoco.MjModel, int]
+"""A model, and its timestep in fine steps."""
 
 
 class Clock:
-    """Times models through parts of a task that are spread over its phases.
+    """Times models on segments of a task, spread over its phases.
 
-    Models that it is given are its own from then on: it sets their steps, since meshes make copies
-    large.
+    The clock sets the timesteps of the models that it gets, since copies of meshes are large.
     """
 
-    def __init__(self, yards: Yardsticks, base: mujoco.MjModel) -> None:
-        """Take the model as written, as its files make it."""
-        self._yards, self._written = yards, copy.copy(base)
-        # Stretches that begin at rest or in flight would tell nothing of contacts.
-        self._places, self._stretch = _MOST_PLACES // 2, _SHORTEST
-        self.base_seconds = float(self._timed(self._written, yards.finer).taken().sum())
+    def __init__(self, reference: TaskReference, base: mujoco.MjModel) -> None:
+        """Take the model as written, compiled from its files."""
+        self._reference, self._written = reference, copy.copy(base)
+        # Segments that begin at rest or in flight have no contacts, so they are spread over the
+        # phase.
+        self._segment_count, self._segment_seconds = _MAX_SEGMENTS // 2, _MIN_SEGMENT_SECONDS
+        self.base_seconds = float(
+            self._timed_model(self._written, reference.substeps).elapsed().sum()
+        )
         """Time of the model as written over simulated time."""
-        wanted = _TURN / self.base_seconds / len(yards.parts)
-        self._places = max(_FEWEST_PLACES, min(_MOST_PLACES, math.ceil(wanted / _STRETCH)))
-        self._stretch = min(_STRETCH, max(_SHORTEST, wanted / self._places))
+        wanted = _TURN_SECONDS / self.base_seconds / len(reference.phases)
+        self._segment_count = max(
+            _MIN_SEGMENTS, min(_MAX_SEGMENTS, math.ceil(wanted / _MAX_SEGMENT_SECONDS))
+        )
+        self._segment_seconds = min(
+            _MAX_SEGMENT_SECONDS, max(_MIN_SEGMENT_SECONDS, wanted / self._segment_count)
+        )
 
-    def prices(self, models: Sequence[Stepped], turns: int = 4) -> list[Price]:
-        """Return the time of models over that of the model as written, for the same motion."""
-        turn = Turn([self._timed(*each) for each in [(self._written, self._yards.finer), *models]])
-        taken = [turn.taken() for _ in range(turns)]
+    def time_ratios(self, models: Sequence[ModelAtStep], turns: int = 4) -> list[Price]:
+        """Return the times of models over the time of the model as written, for the same motion."""
+        turn = InterleavedTimer(
+            [
+                self._timed_model(*each)
+                for each in [(self._written, self._reference.substeps), *models]
+            ]
+        )
+        taken = [turn.elapsed() for _ in range(turns)]
         self.base_seconds = float(np.min([each[0] for each in taken], axis=0).sum())
-        return _told(taken)
+        return _ratios_over_turns(taken)
 
-    def compared(self, one: Stepped, other: Stepped, turns: int) -> Price:
-        """Return the time of one model over that of another, for the same motion.
+    def compare_segments(self, one: ModelAtStep, other: ModelAtStep, turns: int) -> Price:
+        """Return the time of one model over the time of another, for the same motion.
 
-        From so many turns, or more where they cost little.
+        It takes at least `turns` turns, and more if they are short.
         """
         begin, taken = time.thread_time(), list[list[Floats]]()
-        turn = Turn([self._timed(*other), self._timed(*one)])
+        turn = InterleavedTimer([self._timed_model(*other), self._timed_model(*one)])
         while len(taken) < turns or (
-            len(taken) < _MOST_COMPARED and time.thread_time() < begin + _COMPARING
+            len(taken) < _MAX_COMPARISON_TURNS and time.thread_time() < begin + _COMPARISON_SECONDS
         ):
-            taken.append(turn.taken())
-        return _told(taken)[0]
+            taken.append(turn.elapsed())
+        return _ratios_over_turns(taken)[0]
 
-    def compared_whole(self, one: Stepped, other: Stepped) -> Price:
-        """Return the time of one model over that of another, for whole runs of one seed."""
-        motions = [part.motion for part in self._yards.parts]
-        turn = self._turn(self._all_stepped([other, one]), motions, 0)
-        return _told([turn.taken() for _ in range(_WHOLE_TURNS)])[0]
+    def compare_whole_runs(self, one: ModelAtStep, other: ModelAtStep) -> Price:
+        """Return the time of one model over the time of another, for whole runs of one seed."""
+        motions = [part.motion for part in self._reference.phases]
+        turn = self._whole_run_timer(self._with_steps([other, one]), motions, 0)
+        return _ratios_over_turns([turn.elapsed() for _ in range(_WHOLE_TURNS)])[0]
 
-    def whole(
-        self, models: Sequence[Stepped], tasks: Iterable[Sequence[Motion]], until: float
+    def time_whole_runs(
+        self, models: Sequence[ModelAtStep], tasks: Iterable[Sequence[Motion]], until: float
     ) -> list[Price]:
-        """Return the time of models over that of the model as written, for whole runs of phases.
+        """Return the times of models over the time of the model as written, for whole runs.
 
-        Seeds of task after task are run while they leave an interval wider than wanted, until then
-        on the clock of `time.monotonic`; some are in any case, since one does not tell how they
-        differ.
+        Seeds of one task after the other are run until the interval is narrow enough, or until the
+        given time of `time.monotonic`. At least two are run, since one shows no spread.
         """
         made, taken = (
-            self._all_stepped([(self._written, self._yards.finer), *models]),
+            self._with_steps([(self._written, self._reference.substeps), *models]),
             list[Floats](),
         )
         for motions in tasks:
             for seed in range(motions[0].seeds):
-                if len(taken) < _FEWEST or time.monotonic() < until:
-                    taken.append(_seconds(self._turn(made, motions, seed), until))
-            late = len(taken) >= _FEWEST and time.monotonic() > until
-            if late or (len(taken) >= _ENOUGH and _all_narrow(_over_all(taken))):
+                if len(taken) < _MIN_SEEDS or time.monotonic() < until:
+                    taken.append(_seed_seconds(self._whole_run_timer(made, motions, seed), until))
+            late = len(taken) >= _MIN_SEEDS and time.monotonic() > until
+            if late or (len(taken) >= _ENOUGH_SEEDS and _all_narrow(_ratios_over_seeds(taken))):
                 break
         self.base_seconds = float(np.mean(taken, axis=0)[0])
-        return _over_all(taken)
+        return _ratios_over_seeds(taken)
 
-    def _turn(self, made: Sequence[Stepped], motions: Sequence[Motion], seed: int) -> "Turn":
-        """Return whole runs of a seed of motions by a model, and by others beside it."""
-        finer = self._yards.finer
-        return Turn(
+    def _whole_run_timer(
+        self, made: Sequence[ModelAtStep], motions: Sequence[Motion], seed: int
+    ) -> "InterleavedTimer":
+        """Return a timer of whole runs of one seed by several models."""
+        finer = self._reference.substeps
+        return InterleavedTimer(
             [
-                Timed(model, [whole_run(each, finer, seed, multiple) for each in motions])
+                TimedModel(model, [whole_run(each, finer, seed, multiple) for each in motions])
                 for model, multiple in made
             ]
         )
 
-    def _all_stepped(self, models: Sequence[Stepped]) -> list[Stepped]:
-        return [(self._stepped(*each), each[1]) for each in models]
+    def _with_steps(self, models: Sequence[ModelAtStep]) -> list[ModelAtStep]:
+        return [(self._step_segment(*each), each[1]) for each in models]
 
-    def _stepped(self, model: mujoco.MjModel, multiple: int) -> mujoco.MjModel:
-        model.opt.timestep = multiple * self._yards.step
-        model.opt.disableflags &= ~_RESETS  # as files have it: what records runs never resets
+    def _step_segment(self, model: mujoco.MjModel, multiple: int) -> mujoco.MjModel:
+        model.opt.timestep = multiple * self._reference.step
+        model.opt.disableflags &= ~_AUTORESET_OFF  # as in files; recording never resets
         return model
 
-    def _timed(self, model: mujoco.MjModel, multiple: int) -> Timed:
-        steps = max(2, round(self._stretch / (multiple * self._yards.step)))
-        stretches = list[Stretch]()
-        for yard in self._yards.parts:
+    def _timed_model(self, model: mujoco.MjModel, multiple: int) -> TimedModel:
+        steps = max(2, round(self._segment_seconds / (multiple * self._reference.step)))
+        stretches = list[Segment]()
+        for yard in self._reference.phases:
             which = yard.starts
-            places = np.linspace(0, len(which) - 1, min(self._places, len(which))).astype(int)
-            begun = yard.begun(multiple, which[places], steps)
-            stretches.append(Stretch(*begun, yard.motion.spec, steps))
-        return Timed(self._stepped(model, multiple), stretches)
+            places = np.linspace(0, len(which) - 1, min(self._segment_count, len(which))).astype(
+                int
+            )
+            begun = yard.starts_and_inputs(multiple, which[places], steps)
+            stretches.append(Segment(*begun, yard.motion.spec, steps))
+        return TimedModel(self._step_segment(model, multiple), stretches)
 
 
-class Turn:
-    """Models that take turns, from the first to the last and back again.
+class InterleavedTimer:
+    """Times models in turns, from the first to the last and back again.
 
-    A piece of a fast one takes as long as one of a slow one and is timed as often, and few pieces
-    have copies: of more, the least would be less disturbed, and the sum of fewer is chance.
+    A slice of a fast model takes as long as one of a slow model and is timed as often. Few slices
+    have copies: the minimum over more copies would be less disturbed, and a sum of fewer is chance.
     """
 
-    def __init__(self, timed: Sequence[Timed]) -> None:
-        self._timed, self._backwards = timed, False
-        slowest = max((one.whole for one in timed if math.isfinite(one.whole)), default=_LEAST)
+    def __init__(self, timed: Sequence[TimedModel]) -> None:
+        self._timed_model, self._backwards = timed, False
+        slowest = max(
+            (one.total_seconds for one in timed if math.isfinite(one.total_seconds)),
+            default=_MIN_TURN_SECONDS,
+        )
         for one in timed:
-            one.repeats = max(1, math.ceil(_LEAST / slowest))
-            if math.isfinite(one.whole):
-                one.copies = max(1, round(min(slowest, _LEAST) / one.whole))
+            one.repeats = max(1, math.ceil(_MIN_TURN_SECONDS / slowest))
+            if math.isfinite(one.total_seconds):
+                one.copies = max(1, round(min(slowest, _MIN_TURN_SECONDS) / one.total_seconds))
 
-    def taken(self) -> list[Floats]:
-        """Return the times of each model's pieces, as `Timed` has them."""
-        found = [np.empty(0)] * len(self._timed)
+    def elapsed(self) -> list[Floats]:
+        """Return the times of the slices of each model; see `TimedModel.elapsed`."""
+        found = [np.empty(0)] * len(self._timed_model)
         places = range(len(found))
         for place in reversed(places) if self._backwards else places:
-            found[place] = self._timed[place].taken()
+            found[place] = self._timed_model[place].elapsed()
         self._backwards = not self._backwards
         return found
 
 
-def _seconds(turn: Turn, until: float) -> Floats:
-    """Return the time of each model of a seed, from one turn where more would leave no others."""
-    begin, least = time.monotonic(), turn.taken()
+def _seed_seconds(turn: InterleavedTimer, until: float) -> Floats:
+    """Return the time of each model for a seed, from one turn if time is short."""
+    begin, least = time.monotonic(), turn.elapsed()
     lasts = time.monotonic() - begin
-    often = _SEED_TURNS if begin + _ENOUGH * _SEED_TURNS * lasts < until else 1
+    often = _SEED_TURNS if begin + _ENOUGH_SEEDS * _SEED_TURNS * lasts < until else 1
     for _ in range(often - 1):
-        least = [np.minimum(*each) for each in zip(least, turn.taken(), strict=True)]
+        least = [np.minimum(*each) for each in zip(least, turn.elapsed(), strict=True)]
     return np.array([pieces.sum() for pieces in least])
 
 
-def whole_run(motion: Motion, finer: int, seed: int, multiple: int) -> Stretch:
-    """Return a seed of a motion from its start to its end, by steps of so many fine ones."""
-    run = at_steps(motion, finer, np.array([seed]), multiple)
-    return Stretch(run.starts, run.inputs, run.spec, run.steps)
+def whole_run(motion: Motion, finer: int, seed: int, multiple: int) -> Segment:
+    """Return a seed of a motion from start to end, at a timestep of `multiple` fine steps."""
+    run = motion_at_steps(motion, finer, np.array([seed]), multiple)
+    return Segment(run.starts, run.inputs, run.spec, run.steps)
 
 
-def over_turns(base: Floats, model: Floats) -> Price:
-    """Return the ratio of the least times of pieces, and an interval by drawing turns again.
+def ratio_over_turns(base: Floats, model: Floats) -> Price:
+    """Return the ratio of the least slice times, with an interval by resampling turns.
 
     Args:
-        base: (T, P) times of pieces in turns, of the model as written.
+        base: (T, P) slice times by turn, of the model as written.
         model: (T, Q) of another model, in the same turns.
     """
     turns = len(base)
-    drawn = np.random.default_rng(0).integers(turns, size=(_RESAMPLED, turns))
+    drawn = np.random.default_rng(0).integers(turns, size=(_RESAMPLINGS, turns))
     below, above = (each[drawn].min(axis=1).sum(axis=1) for each in (base, model))
     ratio = float(model.min(axis=0).sum() / base.min(axis=0).sum())
-    low, high = np.quantile(above / below, [_OUTSIDE / 2, 1 - _OUTSIDE / 2])
+    low, high = np.quantile(above / below, [_SIGNIFICANCE / 2, 1 - _SIGNIFICANCE / 2])
     return Price(ratio, float(min(low, ratio)), float(max(high, ratio)))
 
 
-def over_seeds(base: Floats, model: Floats) -> Price:
-    """Return the ratio of the times that all seeds take, and the interval that seeds leave.
+def ratio_over_seeds(base: Floats, model: Floats) -> Price:
+    """Return the ratio of the total times of all seeds, with an interval over seeds.
 
-    Each seed is timed by itself, so that what it differs by has the noise of its times, too. Of a
-    ratio of sums, what seeds are off by is the residual from it, in first order (W. G. Cochran,
-    Sampling Techniques, 1977, 6.4), and n of them have n - 1 degrees of freedom.
+    Each seed is timed separately, so that differences of seeds contain the noise of times. For a
+    ratio of sums, the deviation of a seed is its residual, in first order (W. G. Cochran, Sampling
+    Techniques, 1977, 6.4), with n - 1 degrees of freedom.
 
     Args:
         base: (n,) times of seeds, of the model as written.
@@ -296,29 +318,33 @@ def over_seeds(base: Floats, model: Floats) -> Price:
     count, ratio = len(base), float(model.sum() / base.sum())
     off = model / ratio - base
     share = math.sqrt(count / (count - 1) * float(off @ off)) / float(base.sum())
-    half = float(stdtrit(count - 1, 1 - _OUTSIDE / 2)) * share
+    half = float(stdtrit(count - 1, 1 - _SIGNIFICANCE / 2)) * share
     return Price(ratio, ratio * math.exp(-half), ratio * math.exp(half))
 
 
-_REFUSED = Price(math.inf, math.inf, math.inf)
+_INFINITE_RATIO = Price(math.inf, math.inf, math.inf)
 
 
-def _over_all(taken: Sequence[Floats]) -> list[Price]:
-    """Return the price of each model but the first, of the times of all models by seed."""
+def _ratios_over_seeds(taken: Sequence[Floats]) -> list[Price]:
+    """Return the time ratio of each model to the first, from times by seed."""
     base, *models = np.array(taken).T
-    return [over_seeds(base, one) if np.isfinite(one).all() else _REFUSED for one in models]
+    return [
+        ratio_over_seeds(base, one) if np.isfinite(one).all() else _INFINITE_RATIO for one in models
+    ]
 
 
-def _told(taken: Sequence[Sequence[Floats]]) -> list[Price]:
-    """Return the price of each model but the first, of its times by turn."""
+def _ratios_over_turns(taken: Sequence[Sequence[Floats]]) -> list[Price]:
+    """Return the time ratio of each model to the first, from times by turn."""
     base, *models = (np.array(turns) for turns in zip(*taken, strict=True))
-    return [over_turns(base, one) if np.isfinite(one).all() else _REFUSED for one in models]
+    return [
+        ratio_over_turns(base, one) if np.isfinite(one).all() else _INFINITE_RATIO for one in models
+    ]
 
 
 def _all_narrow(prices: Sequence[Price]) -> bool:
-    return all(half_width(price) <= NARROW for price in prices)
+    return all(half_width(price) <= MAX_HALF_WIDTH for price in prices)
 
 
 def half_width(price: Price) -> float:
-    """Return half the interval of a price, as a share of it."""
+    """Return half the interval of a ratio, as a share of it."""
     return (price.high - price.low) / (2 * price.ratio)

@@ -1,4 +1,4 @@
-"""Time over error of all that was tried, with what decides as lines."""
+"""Chart of time over error of every candidate, with the target and the tolerance as lines."""
 
 from pathlib import Path
 
@@ -7,26 +7,26 @@ import altair as alt
 from contactlab.charts import Rows, layer_of
 from contactlab.palette import COLOURS, INK, OTHERS_COLOUR
 from contactlab.printable import percent
-from contactlab.schema.tune_report import Point, TuneReport
-from contactlab.studies.search.choice import described
+from contactlab.schema.tune_report import Candidate, TuneReport
+from contactlab.studies.search.configuration import format_settings
 
-_ALIKE = 1.03  # ratio of times, and of errors, of points that are drawn as one
-_GONE = 1e3  # of the limit: errors beyond it have no place in the picture
-_MARKS = ["as written", "recommended", "keeps the aim", "as accurate as now"]
+_MERGE_RATIO = 1.03  # ratio of times, and of errors, below which candidates are drawn as one
+_MAX_ERROR_RATIO = 1e3  # of the limit: larger errors are not drawn
+_MARKS = ["as written", "recommended", "meets target", "equal error"]
 _WIDTH, _HEIGHT = 520, 340
 
 
 def specification(report: TuneReport) -> alt.TopLevelMixin:
-    """Return the chart: the model as written, what is recommended, the aim and what it is from."""
-    rows = merged(report)
-    unit = "share of the real forces" if report.aim.unit == "1" else report.aim.unit
-    x = alt.X("time:Q").title("time, over that of the model as written").scale(type="log")
+    """Return the chart: candidates, the recommended one, the target and its source."""
+    rows = merge_candidates(report)
+    unit = "share of the real forces" if report.target.unit == "1" else report.target.unit
+    x = alt.X("time:Q").title("time, over the time as written").scale(type="log")
     y = alt.Y("error:Q").title(f"error [{unit}]").scale(type="log")
     tried = layer_of("tried", rows).encode(x=x, y=y, tooltip=["settings:N", "time:Q", "error:Q"])
     spans = layer_of("tried", rows).mark_rule(color=OTHERS_COLOUR)
     marked = [row for row in rows if row["what"]]
     special = layer_of("marked", marked).encode(x=x, y=y)
-    lines, seen = _lines(report), {row["what"] for row in marked}
+    lines, seen = _error_lines(report), {row["what"] for row in marked}
     colours = {mark: colour for mark, colour in zip(_MARKS, COLOURS, strict=False) if mark in seen}
     levels = layer_of("levels", lines).encode(y=alt.Y("error:Q"))
     # Side by side, since lines of nearly the same error are nearly one.
@@ -49,49 +49,58 @@ def specification(report: TuneReport) -> alt.TopLevelMixin:
     ).properties(width=_WIDTH, height=_HEIGHT, title=Path(report.model).name)
 
 
-def merged(report: TuneReport) -> Rows:
-    """Return a row for each point that can be told from others; both marks keep their own."""
-    shown: list[tuple[Point, str]] = [(report.now, "as written")]
+def merge_candidates(report: TuneReport) -> Rows:
+    """Return a row for each distinct candidate; marked candidates keep their own rows."""
+    shown: list[tuple[Candidate, str]] = [(report.current, "as written")]
     if report.recommended:
         shown.append((report.recommended, "recommended"))
-    if report.to_aim:
-        shown.append((report.to_aim.point, "keeps the aim"))
-    if report.as_accurate:
-        shown.append((report.as_accurate.point, "as accurate as now"))
-    shown += [(point, "") for point in report.points]
+    if report.meets_target:
+        shown.append((report.meets_target.candidate, "meets target"))
+    if report.equal_error:
+        shown.append((report.equal_error.candidate, "equal error"))
+    shown += [(candidate, "") for candidate in report.candidates]
     rows: Rows = []
-    for point, what in shown:
-        if point.price is None or not point.error or point.error > _GONE * report.aim.limit:
+    for candidate, what in shown:
+        if (
+            candidate.time_ratio is None
+            or not candidate.error
+            or candidate.error > _MAX_ERROR_RATIO * report.target.limit
+        ):
             continue
-        if not what and any(_alike(point, row["time"], row["error"]) for row in rows):
+        if not what and any(_is_close(candidate, row["time"], row["error"]) for row in rows):
             continue
         rows.append(
             {
-                "time": point.price.ratio,
-                "error": point.error,
-                "low": point.low or point.error,
-                "high": point.high or point.error,
+                "time": candidate.time_ratio.ratio,
+                "error": candidate.error,
+                "low": candidate.low or candidate.error,
+                "high": candidate.high or candidate.error,
                 "what": what,
-                "settings": described({"timestep": point.timestep, **point.settings}),
+                "settings": format_settings({"timestep": candidate.timestep, **candidate.settings}),
             }
         )
     return rows
 
 
-def _alike(point: Point, time: float, error: float) -> bool:
-    assert point.price
-    assert point.error
-    ratios = point.price.ratio / time, point.error / error
-    return all(1 / _ALIKE < ratio < _ALIKE for ratio in ratios)
+def _is_close(candidate: Candidate, time: float, error: float) -> bool:
+    assert candidate.time_ratio
+    assert candidate.error
+    ratios = candidate.time_ratio.ratio / time, candidate.error / error
+    return all(1 / _MERGE_RATIO < ratio < _MERGE_RATIO for ratio in ratios)
 
 
-def _lines(report: TuneReport) -> Rows:
-    aim = report.aim
-    if aim.unit != "1":
-        return [{"error": aim.limit, "text": f"asked for: {aim.limit:.2g} {aim.unit}"}]
-    lines: Rows = [{"error": aim.within, "text": f"tolerance {percent(aim.within)}"}]
-    if aim.uncertain:
-        lines.append({"error": aim.uncertain, "text": f"unknown anyway: {percent(aim.uncertain)}"})
-    if aim.kind == "error":
-        lines.append({"error": aim.limit, "text": f"asked for: {percent(aim.limit)}"})
+def _error_lines(report: TuneReport) -> Rows:
+    target = report.target
+    if target.unit != "1":
+        return [{"error": target.limit, "text": f"requested: {target.limit:.2g} {target.unit}"}]
+    lines: Rows = [{"error": target.tolerance, "text": f"tolerance {percent(target.tolerance)}"}]
+    if target.model_uncertainty:
+        lines.append(
+            {
+                "error": target.model_uncertainty,
+                "text": f"model uncertainty {percent(target.model_uncertainty)}",
+            }
+        )
+    if target.kind == "error":
+        lines.append({"error": target.limit, "text": f"requested: {percent(target.limit)}"})
     return lines

@@ -1,4 +1,4 @@
-"""From a model to the settings to use: the aim, the search, the written model, fresh seeds."""
+"""The tune study: target, search, written model, and verification on fresh seeds."""
 
 import copy
 import math
@@ -17,60 +17,72 @@ from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.error_budget import BudgetPrice
 from contactlab.schema.evidence import Setting
 from contactlab.schema.tune_report import (
+    EQUAL_ERROR_FOLDER,
     FOLDER,
-    FOLDER_AS_NOW,
-    FOLDER_OF_AIM,
     REPORT,
-    Aim,
-    AimKind,
-    Changed,
-    FewerVertices,
-    Kept,
-    Line,
-    OtherAnswer,
-    Point,
-    StayedApart,
+    TARGET_FOLDER,
+    AlternativeCandidate,
+    Candidate,
+    ChangedSetting,
+    FarPairs,
+    PatchedLine,
+    SimplifiedHulls,
+    SkippedSetting,
+    Target,
+    TargetKind,
     TuneReport,
 )
 from contactlab.store.table_layout import as_written
 from contactlab.studies.examine.changes import fresh
 from contactlab.studies.examine.examination import ExamineRequest, open_model
-from contactlab.studies.search.allowed_time import AllowedTime
-from contactlab.studies.search.answers import Answer, Answers, Wanted
-from contactlab.studies.search.choice import differing
 from contactlab.studies.search.clock import Clock
-from contactlab.studies.search.exercise import joined_seeds
-from contactlab.studies.search.forward import Growth, growth_of, joined_phases
-from contactlab.studies.search.levers import integrators_of, levers_of, may_sleep
-from contactlab.studies.search.searching import SAVES, Bound, Search, Space, Tried
-from contactlab.studies.search.subject import OFFERED_APART, SEARCHING, Subject
+from contactlab.studies.search.configuration import changed_settings
+from contactlab.studies.search.forward_error import Divergence, join_phases, measure_divergence
+from contactlab.studies.search.report_text import finite_or_none, sentence_of
+from contactlab.studies.search.search_space import find_integrators, find_parameters, may_sleep
+from contactlab.studies.search.settings_search import (
+    MIN_SPEEDUP_RATIO,
+    Bound,
+    Evaluation,
+    Search,
+    SearchSpace,
+)
+from contactlab.studies.search.stress_motions import join_seeds
+from contactlab.studies.search.time_limit import TimeLimit
 from contactlab.studies.search.tune_request import TuneRequest, refuse_contradictions
-from contactlab.studies.search.wording import finite, sentence_of
+from contactlab.studies.search.tuning_problem import (
+    OFFERED_DISTANCE,
+    SEARCH_TIME_SHARE,
+    TuningProblem,
+)
+from contactlab.studies.search.verification import CandidateVerifier, Goal, VerifiedCandidate
 from contactlab.studies.session import Session
 
-_LONGEST = 0.04  # s: steps of a window's length
-_TIMING = 0.3  # of the time that is left, to time what is answered
-_SEARCHED = 0.3  # of the time that is left, for a search at least, if a verdict may take the rest
-_LOOKED = 0.1  # of it, in any case
-_TURNS_APART = 5
-_MORE_SEEDS = 6  # times as many seeds as the search has, for the clock, where seeds differ
-_MUCH = 0.8  # ratio of times above which it is told what there is to save
+_MAX_STEP = 0.04  # s: the length of a window
+_TIMING_SHARE = 0.3  # share of the remaining time for timing a verified candidate
+_MIN_SEARCH_SHARE = (
+    0.3  # least share of the remaining time for the search, if a verdict may take the rest
+)
+_LEAST_SEARCH_SHARE = 0.1  # share of it in any case
+_COMPARISON_TURNS = 5
+_TIMING_SEED_FACTOR = 6  # seeds of the clock, in multiples of the search's seeds, if seeds differ
+_LARGE_SAVING_RATIO = 0.8  # ratio of times above which the unconstrained cost is reported
 
 
-def run(request: TuneRequest, session: Session, begin: float | None = None) -> TuneReport:
-    """Search for the settings that meet an aim, write the model with them, and verify it.
+def tune_model(request: TuneRequest, session: Session, begin: float | None = None) -> TuneReport:
+    """Search for settings that meet a target, write the model with them, and verify it.
 
-    The folder receives `tune.json`, and the model if something is recommended. The time allowed
+    The folder receives `tune.json`, and the model if something is recommended. The time limit
     began at `begin` on the clock of `time.monotonic`, by default now.
 
     Raises:
-        SceneError: there is no such model, it does not compile, or nothing is called as watched.
-        SweepFileError: the tolerance is no share, or options contradict each other.
-        EngineError: nothing moves, or MuJoCo is not what simulates.
-        ExpectationError: a forward error is asked for of a chaotic motion.
+        SceneError: there is no such model, it does not compile, or an observed name is unknown.
+        SweepFileError: the tolerance is not a share, or options contradict each other.
+        EngineError: nothing moves, or MuJoCo is not the engine.
+        ExpectationError: a forward error is requested for a chaotic motion.
         OutputError: the folder cannot be written, or has another model's results.
     """
-    allowed = AllowedTime(time.monotonic() if begin is None else begin, request.max_time)
+    allowed = TimeLimit(time.monotonic() if begin is None else begin, request.max_time)
     refuse_contradictions(request)
     session = replace(session, folder=session.folder.resolve())
     examined = open_model(
@@ -78,308 +90,332 @@ def run(request: TuneRequest, session: Session, begin: float | None = None) -> T
     )
     session.claim("tune", request.model)
     session.notify(f"tuning {request.model}: {examined.task.line}")
-    subject = Subject(request, examined, max(1, session.workers), allowed)
-    report = Study(request, session, subject, allowed).report()
+    problem = TuningProblem(request, examined, max(1, session.workers), allowed)
+    report = TuningStudy(request, session, problem, allowed).run_study()
     session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
     return report
 
 
-class Study:
-    """One model that is tuned."""
+class TuningStudy:
+    """The study of one model."""
 
     def __init__(
         self,
         request: TuneRequest,
         session: Session,
-        subject: Subject,
-        allowed: AllowedTime,
+        problem: TuningProblem,
+        allowed: TimeLimit,
     ) -> None:
         """Set up the search."""
-        self._request, self._session, self._subject = request, session, subject
-        self._allowed = allowed
-        self._growth: Growth | None = None
-        self._aim = self._aim_of()
-        self._clock = Clock(subject.yards, subject.model)
-        motions = subject.motions
-        levers, kept = levers_of(subject.own_model, motions)
-        self._kept = [*subject.kept, *kept]
-        space = Space(
-            subject.models,
-            subject.start,
-            subject.yards.finer,
-            max(subject.yards.finer, round(_LONGEST / subject.yards.step)),
+        self._request, self._session, self._problem = request, session, problem
+        self._time_limit = allowed
+        self._divergence: Divergence | None = None
+        self._target = self._find_target()
+        self._clock = Clock(problem.reference, problem.model)
+        motions = problem.motions
+        levers, kept = find_parameters(problem.own_model, motions)
+        self._skipped = [*problem.skipped, *kept]
+        space = SearchSpace(
+            problem.models,
+            problem.start,
+            problem.reference.substeps,
+            max(problem.reference.substeps, round(_MAX_STEP / problem.reference.step)),
             levers,
-            integrators_of(subject.own_model),
-            subject.hulled,
-            sleeps=may_sleep(subject.own_model),
+            find_integrators(problem.own_model),
+            problem.simplified,
+            may_sleep=may_sleep(problem.own_model),
         )
-        measure = subject.measure(subject.yards, motions)
-        search = Search(space, measure, self._clock, (), self._dearest(), math.inf)
-        known = Tried(search.now, measure.apart(subject.model, search.now.multiple))
-        self._wanted = self._all_wanted(known)
-        search.tried[search.now.key] = known
-        search.bounds = tuple(wanted.bound for wanted in self._wanted)
+        measure = problem.error_estimator(problem.reference, motions)
+        search = Search(space, measure, self._clock, (), self._max_time_ratio(), math.inf)
+        known = Evaluation(
+            search.current, measure.estimate_error(problem.model, search.current.multiple)
+        )
+        self._goals = self._find_goals(known)
+        search.evaluations[search.current.key] = known
+        search.bounds = tuple(goal.bound for goal in self._goals)
         self._search = search
-        self._answers = Answers(request, session, subject, search, self._aim, allowed)
+        self._verifier = CandidateVerifier(request, session, problem, search, self._target, allowed)
 
-    def _aim_of(self) -> Aim:
-        request, subject, unit = self._request, self._subject, "1"
-        kind: AimKind = "uncertainty" if request.error is None else "error"
+    def _find_target(self) -> Target:
+        request, problem, unit = self._request, self._problem, "1"
+        kind: TargetKind = "uncertainty" if request.error is None else "error"
         if request.real_time is not None:
             kind = "real time"
-        if request.at is not None:
-            kind = "watched"
-            self._growth = growth_of(joined_phases(subject.motions), subject.threads)
-            if self._growth.chaotic:
+        if request.error_at is not None:
+            kind = "forward error"
+            self._divergence = measure_divergence(join_phases(problem.motions), problem.threads)
+            if self._divergence.chaotic:
                 raise ExpectationError(
-                    f"{request.model}: no forward error can be asked for, the motion is "
-                    f"{self._growth.sentence}; leave --at out: the error budget has no such limit"
+                    f"{request.model}: a forward error is not available, since the motion is "
+                    f"{self._divergence.sentence}. Remove --error-at to use the error budget"
                 )
-            unit = subject.watched[0].unit
-        uncertain = subject.uncertain
+            unit = problem.observed[0].unit
+        uncertain = problem.model_uncertainty
         by = "" if uncertain is None else f"{uncertain.body}, {uncertain.phase}"
-        return Aim(
+        return Target(
             kind=kind,
-            limit=subject.limit,
+            limit=problem.limit,
             unit=unit,
-            within=subject.examined.task.within,
-            uncertain=uncertain.share if uncertain else None,
-            uncertain_by=by,
+            tolerance=problem.examined.task.within,
+            model_uncertainty=uncertain.error if uncertain else None,
+            uncertainty_source=by,
             real_time=request.real_time,
-            watched=tuple(request.watched) if request.at else (),
-            at=request.at,
-            growth=self._growth.sentence if self._growth else "",
+            observed=tuple(request.observed) if request.error_at else (),
+            error_at=request.error_at,
+            divergence=self._divergence.sentence if self._divergence else "",
         )
 
-    def _dearest(self) -> float | None:
+    def _max_time_ratio(self) -> float | None:
         if self._request.real_time is None:
             return None
         return 1 / (self._request.real_time * self._clock.base_seconds)
 
-    def _all_wanted(self, known: Tried) -> list[Wanted]:
-        """Return the answers that are wanted, in the order in which they are searched for.
+    def _find_goals(self, known: Evaluation) -> list[Goal]:
+        """Return the goals in the order of the search.
 
-        Where the model as written keeps the aim, one: the fastest that keeps it. Where it misses
-        that, the fastest that is as accurate as now, too, which costs no more than now; and where
-        it is beyond the tolerance, the fastest within that.
+        If the model as written meets the target: the fastest that meets it. Otherwise also the
+        fastest with no larger error, which costs no more than the model as written; and if that is
+        above the tolerance, the fastest within the tolerance.
         """
         assert known.error
-        aim, now = Bound.of(self._aim.limit), known.error.share
+        aim, now = Bound.of(self._target.limit), known.error.error
         if now <= aim.limit or self._request.real_time is not None:
-            return [Wanted(aim.or_as_now(now), FOLDER)]
-        as_now = Bound.as_now(now)
-        if self._aim.kind != "uncertainty":
-            return [Wanted(as_now, FOLDER_AS_NOW, sound=False), Wanted(aim, FOLDER)]
-        within = Bound.of(self._aim.within)
+            return [Goal(aim.or_as_current(now), FOLDER)]
+        as_current = Bound.as_current(now)
+        if self._target.kind != "uncertainty":
+            return [Goal(as_current, EQUAL_ERROR_FOLDER, must_be_sound=False), Goal(aim, FOLDER)]
+        within = Bound.of(self._target.tolerance)
         if now <= within.limit:
-            return [Wanted(as_now, FOLDER), Wanted(aim, FOLDER_OF_AIM)]
-        found = [Wanted(as_now, FOLDER_AS_NOW, sound=False), Wanted(within, FOLDER)]
-        return [*found, Wanted(aim, FOLDER_OF_AIM)] if aim.limit < within.limit else found
+            return [Goal(as_current, FOLDER), Goal(aim, TARGET_FOLDER)]
+        found = [Goal(as_current, EQUAL_ERROR_FOLDER, must_be_sound=False), Goal(within, FOLDER)]
+        return [*found, Goal(aim, TARGET_FOLDER)] if aim.limit < within.limit else found
 
-    def report(self) -> TuneReport:
-        """Search, write and verify what is found, and tell."""
-        search, answers = self._search, self._answers
-        answers.judge_now()
+    def run_study(self) -> TuneReport:
+        """Search, write and verify candidates, and return the report."""
+        search, verifier = self._search, self._verifier
+        verifier.judge_current()
         search.deadline = self._end_of_search()
-        search.run()
-        known = answers.known
-        if known.error is None or known.price is None:
+        search.run_search()
+        known = verifier.current
+        if known.error is None or known.time_ratio is None:
             raise ExpectationError(
                 f"{self._request.model}: {self._request.max_time:g} s are too short to measure the "
-                "model as written; give more with --max-time"
+                "model as written; allow more with --max-time"
             )
-        for folder in (FOLDER, FOLDER_AS_NOW, FOLDER_OF_AIM):
+        for folder in (FOLDER, EQUAL_ERROR_FOLDER, TARGET_FOLDER):
             rmtree(self._session.folder / folder, ignore_errors=True)
-        best, as_now, to_aim = self._answered()
-        keeps = best is not None and best.verified.keeps_aim
-        met = keeps or to_aim is not None or self._is_met(known)
-        nearest = None if met else search.nearest(self._aim.limit, answers.failed)
-        made = [answer for answer in (best, to_aim, as_now) if answer]
-        used = any("unused" in answer.tried.choice.cuts for answer in made)
-        edits = self._subject.exact if used else ModelEdits()
+        best, as_current, to_aim = self._verify_goals()
+        keeps = best is not None and best.verification.meets_target
+        met = keeps or to_aim is not None or self._meets_target(known)
+        nearest = None if met else search.closest_to(self._target.limit, verifier.rejected)
+        made = [answer for answer in (best, to_aim, as_current) if answer]
+        used = any("unused" in answer.evaluation.configuration.reductions for answer in made)
+        edits = self._problem.unused if used else ModelEdits()
         report = TuneReport(
             model=self._request.model,
-            scene_hash=self._subject.examined.scene.hash,
+            scene_hash=self._problem.examined.scene.hash,
             mujoco=VERSION,
-            task=self._subject.examined.task,
-            aim=self._aim,
+            task=self._problem.examined.task,
+            target=self._target,
             sentence="",
-            met=met,
-            now=self._point(known),
-            judged=answers.judged_now(),
-            recommended=self._point(best.tried) if best else None,
-            to_aim=self._other(to_aim),
-            stayed_apart=self._stayed_apart([answer.tried for answer in made]),
-            fewer_vertices=self._fewer_vertices(made),
-            nearest=self._point(nearest) if nearest else None,
-            binds=self._binds(nearest) if nearest else "",
-            bare=self._bare(best.tried if best else None, as_now.tried if as_now else None),
-            as_accurate=self._other(as_now),
+            target_met=met,
+            current=self._candidate(known),
+            current_verdict=verifier.current_verdict(),
+            recommended=self._candidate(best.evaluation) if best else None,
+            meets_target=self._alternative(to_aim),
+            far_pairs=self._report_far_pairs([answer.evaluation for answer in made]),
+            simplified_hulls=self._report_hulls(made),
+            closest=self._candidate(nearest) if nearest else None,
+            limiting_factor=self._limiting_factor(nearest) if nearest else "",
+            unconstrained_cost=self._unconstrained_cost(
+                best.evaluation if best else None, as_current.evaluation if as_current else None
+            ),
+            equal_error=self._alternative(as_current),
             real_time=1 / self._clock.base_seconds,
-            fine_step=self._subject.yards.step,
-            points=tuple(self._point(one) for one in search.tried.values() if one.error),
-            changes=tuple(self._changes(best.tried)) if best else (),
+            reference_step=self._problem.reference.step,
+            candidates=tuple(
+                self._candidate(one) for one in search.evaluations.values() if one.error
+            ),
+            changed_settings=tuple(self._changed_settings(best.evaluation)) if best else (),
             masked=edits.masked,
             excluded=edits.excluded,
-            sensors=edits.sensors,
-            flags=edits.unflagged,
-            kept=tuple(
-                Kept(name=one.name, reason=one.reason) for one in (*self._kept, *answers.kept)
+            removed_sensors=edits.sensors,
+            disabled_flags=edits.unflagged,
+            not_changed=tuple(
+                SkippedSetting(name=one.name, reason=one.reason)
+                for one in (*self._skipped, *verifier.skipped)
             ),
-            verified=best.verified if best else None,
-            file=self._file(best) if best else None,
-            lines=tuple(Line(**vars(change)) for change in best.written.changes) if best else (),
-            ended=search.ended,
-            seconds=time.monotonic() - self._allowed.begin,
+            verified=best.verification if best else None,
+            file=self._file_of(best) if best else None,
+            lines=tuple(PatchedLine(**vars(change)) for change in best.written.changes)
+            if best
+            else (),
+            timed_out=search.timed_out,
+            seconds=time.monotonic() - self._time_limit.begin,
         )
         return report.model_copy(update={"sentence": sentence_of(report)})
 
     def _end_of_search(self) -> float:
-        """Return when the search ends, on the clock of `time.monotonic`: verdicts are to follow."""
-        allowed, one = self._allowed, self._answers.to_judge
-        left, own = allowed.left, allowed.begin + SEARCHING * allowed.seconds
-        least = max(min(_SEARCHED * left, left - one), _LOOKED * left)
-        return min(own, time.monotonic() + max(least, left - len(self._wanted) * one))
+        """Return when the search ends, on the clock of `time.monotonic`; verdicts follow."""
+        allowed, one = self._time_limit, self._verifier.current_verification_time
+        left, own = allowed.remaining, allowed.begin + SEARCH_TIME_SHARE * allowed.seconds
+        least = max(min(_MIN_SEARCH_SHARE * left, left - one), _LEAST_SEARCH_SHARE * left)
+        return min(own, time.monotonic() + max(least, left - len(self._goals) * one))
 
-    def _answered(self) -> tuple[Answer | None, Answer | None, Answer | None]:
-        """Return what is recommended, what is as accurate as now, and what keeps the aim beside."""
-        by_folder = {wanted.folder: wanted for wanted in self._wanted}
-        best = self._answer(by_folder[FOLDER], len(self._wanted) - 1)
-        as_now = to_aim = None
-        own = by_folder.get(FOLDER_AS_NOW)
-        late = self._allowed.left < self._answers.to_judge
-        if own is None and best is None and not late and not self._answers.sound_now:
-            own = Wanted(by_folder[FOLDER].bound, FOLDER_AS_NOW, sound=False)
-        aim = None if best and best.verified.keeps_aim else by_folder.get(FOLDER_OF_AIM)
-        if own and not (best and self._is_as_good(best.tried, own.bound)):
-            as_now = self._answer(own, later=1 if aim else 0)
+    def _verify_goals(
+        self,
+    ) -> tuple[VerifiedCandidate | None, VerifiedCandidate | None, VerifiedCandidate | None]:
+        """Return the candidates: recommended, of equal error, and meeting the target."""
+        by_folder = {goal.folder: goal for goal in self._goals}
+        best = self._verify_goal(by_folder[FOLDER], len(self._goals) - 1)
+        as_current = to_aim = None
+        own = by_folder.get(EQUAL_ERROR_FOLDER)
+        late = self._time_limit.remaining < self._verifier.current_verification_time
+        if own is None and best is None and not late and not self._verifier.is_current_sound:
+            own = Goal(by_folder[FOLDER].bound, EQUAL_ERROR_FOLDER, must_be_sound=False)
+        aim = None if best and best.verification.meets_target else by_folder.get(TARGET_FOLDER)
+        if own and not (best and self._is_as_good(best.evaluation, own.bound)):
+            as_current = self._verify_goal(own, later=1 if aim else 0)
         if aim:
-            to_aim = self._answer(aim)
-        return best, as_now, to_aim
+            to_aim = self._verify_goal(aim)
+        return best, as_current, to_aim
 
-    def _answer(self, wanted: Wanted, later: int = 0) -> Answer | None:
-        """Return the best that holds, timed until that is claimed; None if that is no better.
+    def _verify_goal(self, goal: Goal, later: int = 0) -> VerifiedCandidate | None:
+        """Return the best verified and timed candidate, or None if it is not better.
 
-        So many answers come later.
+        `later` other goals follow.
         """
-        found = self._answers.of(wanted, later)
+        found = self._verifier.verify_best(goal, later)
         if found:
-            self._time_closely(found.tried)
-            if not self._answers.is_better(found.tried, wanted.bound):
-                self._answers.drop(wanted)
+            self._time_closely(found.evaluation)
+            if not self._verifier.is_better(found.evaluation, goal.bound):
+                self._verifier.drop_candidate(goal)
                 return None
         return found
 
-    def _is_as_good(self, tried: Tried, bound: Bound) -> bool:
-        """Return whether something costs no more than what keeps another bound."""
-        other = next(iter(self._search.ranked(bound)), None)
-        assert tried.price
+    def _is_as_good(self, tried: Evaluation, bound: Bound) -> bool:
+        """Return whether an evaluation takes no longer than the best candidate of another bound."""
+        other = next(iter(self._search.rank_candidates(bound)), None)
+        assert tried.time_ratio
         return other is None or (
-            other.price is not None and tried.price.ratio <= other.price.ratio / SAVES
+            other.time_ratio is not None
+            and tried.time_ratio.ratio <= other.time_ratio.ratio / MIN_SPEEDUP_RATIO
         )
 
-    def _is_met(self, known: Tried) -> bool:
+    def _meets_target(self, known: Evaluation) -> bool:
         assert known.error
-        if self._search.dearest is not None:
-            return self._search.dearest >= 1
-        return known.error.share <= self._aim.limit
+        if self._search.max_time_ratio is not None:
+            return self._search.max_time_ratio >= 1
+        return known.error.error <= self._target.limit
 
-    def _time_closely(self, tried: Tried) -> None:
-        """Time a choice on whole runs, beside the model as written, which is timed once more."""
-        both = [self._answers.known, tried]
-        models = [(self._search.space.made(one.choice), one.choice.multiple) for one in both]
-        until = time.monotonic() + _TIMING * self._allowed.left
-        prices = self._clock.whole(models, self._timed_tasks(), until)
+    def _time_closely(self, tried: Evaluation) -> None:
+        """Time a candidate and the model as written on whole runs."""
+        both = [self._verifier.current, tried]
+        models = [
+            (self._search.space.model_of(one.configuration), one.configuration.multiple)
+            for one in both
+        ]
+        until = time.monotonic() + _TIMING_SHARE * self._time_limit.remaining
+        prices = self._clock.time_whole_runs(models, self._timed_tasks(), until)
         for one, price in zip(both, prices, strict=True):
-            one.price = price
+            one.time_ratio = price
 
     def _timed_tasks(self) -> Iterator[Sequence[Motion]]:
-        """Yield the task by seeds of the search and fresh ones, then again and again by others."""
-        own, unseen = self._subject.motions, self._answers.motions
-        yield [joined_seeds(*pair) for pair in zip(own, unseen, strict=True)]
-        task = self._answers.task
-        for _ in range(_MORE_SEEDS):
+        """Yield the task with seeds of the search and fresh ones, then repeatedly with others."""
+        own, unseen = self._problem.motions, self._verifier.motions
+        yield [join_seeds(*pair) for pair in zip(own, unseen, strict=True)]
+        task = self._verifier.task
+        for _ in range(_TIMING_SEED_FACTOR):
             task = fresh(task)
-            yield self._subject.examined.motions_of(task)
+            yield self._problem.examined.motions_of(task)
 
-    def _file(self, answer: Answer) -> str:
+    def _file_of(self, answer: VerifiedCandidate) -> str:
         return str(answer.written.path.relative_to(self._session.folder))
 
-    def _other(self, answer: Answer | None) -> OtherAnswer | None:
-        return answer and OtherAnswer(
-            point=self._point(answer.tried),
-            changes=tuple(self._changes(answer.tried)),
-            verified=answer.verified,
-            file=self._file(answer),
+    def _alternative(self, answer: VerifiedCandidate | None) -> AlternativeCandidate | None:
+        return answer and AlternativeCandidate(
+            candidate=self._candidate(answer.evaluation),
+            changed_settings=tuple(self._changed_settings(answer.evaluation)),
+            verified=answer.verification,
+            file=self._file_of(answer),
         )
 
-    def _stayed_apart(self, made: Sequence[Tried]) -> StayedApart | None:
-        """Return what stayed apart, and what leaving it out saves of the first that was made."""
-        asked, price = self._request.apart is not None, None
-        subject = self._subject
-        if not asked and self._allowed.left < 0:
+    def _report_far_pairs(self, made: Sequence[Evaluation]) -> FarPairs | None:
+        """Return the far pairs, and the time without them, for the first verified candidate."""
+        asked, price = self._request.skip_pairs_beyond is not None, None
+        problem = self._problem
+        if not asked and self._time_limit.remaining < 0:
             return None
-        sparser = subject.sparser()
-        if sparser is None or (asked and not any("apart" in one.choice.cuts for one in made)):
+        sparser = problem.model_without_far_pairs()
+        if sparser is None or (
+            asked and not any("apart" in one.configuration.reductions for one in made)
+        ):
             return None
         if not asked:
-            choice = made[0].choice if made else self._search.now
-            before = self._search.space.made(choice)
-            own, without = self._clock.prices(
-                [(each, choice.multiple) for each in (before, choice.made(sparser))], _TURNS_APART
+            choice = made[0].configuration if made else self._search.current
+            before = self._search.space.model_of(choice)
+            own, without = self._clock.time_ratios(
+                [(each, choice.multiple) for each in (before, choice.apply_to(sparser))],
+                _COMPARISON_TURNS,
             )
             price = BudgetPrice(
                 ratio=without.ratio / own.ratio,
                 low=without.low / own.ratio,
                 high=without.high / own.ratio,
             )
-        return StayedApart(
-            margin=self._request.apart or OFFERED_APART,
-            geoms=subject.apart.masked,
-            bodies=subject.apart.excluded,
-            left_out=asked,
-            price=price,
+        return FarPairs(
+            distance=self._request.skip_pairs_beyond or OFFERED_DISTANCE,
+            geoms=problem.far_pairs.masked,
+            bodies=problem.far_pairs.excluded,
+            removed=asked,
+            time_ratio=price,
         )
 
-    def _fewer_vertices(self, made: Sequence[Answer]) -> FewerVertices | None:
-        if not any("hulls" in answer.tried.choice.cuts for answer in made):
+    def _report_hulls(self, made: Sequence[VerifiedCandidate]) -> SimplifiedHulls | None:
+        if not any("hulls" in answer.evaluation.configuration.reductions for answer in made):
             return None
-        assert self._request.hulls is not None
-        return FewerVertices(within=self._request.hulls, meshes=dict(self._subject.hull_vertices))
+        assert self._request.simplify_hulls is not None
+        return SimplifiedHulls(
+            max_distance=self._request.simplify_hulls, meshes=dict(self._problem.hull_vertices)
+        )
 
-    def _binds(self, nearest: Tried) -> str:
-        """Say which body, when, and which row keeps the aim from being met."""
+    def _limiting_factor(self, nearest: Evaluation) -> str:
+        """Return the body, time and row that keep the target from being met."""
         error = nearest.error
         assert error
-        if self._search.dearest is not None:
-            return "nothing that was tried is fast enough"
+        if self._search.max_time_ratio is not None:
+            return "no tested setting is fast enough"
         where = f"{error.body} at {error.time:.2f} s of {error.phase}"
-        if self._allowed.left < 0:
+        if self._time_limit.remaining < 0:
             return where
-        row = "the timestep"
-        made = self._search.space.made(nearest.choice)
+        row = "timestep"
+        made = self._search.space.model_of(nearest.configuration)
         made.opt.iterations, made.opt.tolerance = max(100, made.opt.iterations), 1e-12
         made.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
-        done = self._search.measure.apart(made, nearest.choice.multiple)
-        if done.share < 0.5 * error.share:
-            row = "the solver"
-        return f"{where}, by {row}"
+        done = self._search.estimator.estimate_error(made, nearest.configuration.multiple)
+        if done.error < 0.5 * error.error:
+            row = "solver"
+        return f"{row} error of {where}"
 
-    def _bare(self, *made: Tried | None) -> BudgetPrice | None:
-        """Time the model without constraints, unless something that was made saves a fifth."""
-        saving = [one.price and one.price.ratio < _MUCH for one in made if one]
-        if any(saving) or self._search.dearest is not None or self._allowed.left < 0:
+    def _unconstrained_cost(self, *made: Evaluation | None) -> BudgetPrice | None:
+        """Time the model without constraints, unless a verified candidate saves 20 %."""
+        saving = [
+            one.time_ratio and one.time_ratio.ratio < _LARGE_SAVING_RATIO for one in made if one
+        ]
+        if any(saving) or self._search.max_time_ratio is not None or self._time_limit.remaining < 0:
             return None
-        now = self._search.now
-        own = self._search.space.made(now)
+        now = self._search.current
+        own = self._search.space.model_of(now)
         bare = copy.copy(own)
         bare.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-        price = self._clock.compared((bare, now.multiple), (own, now.multiple), _TURNS_APART)
+        price = self._clock.compare_segments(
+            (bare, now.multiple), (own, now.multiple), _COMPARISON_TURNS
+        )
         return BudgetPrice(ratio=price.ratio, low=price.low, high=price.high)
 
-    def _changes(self, chosen: Tried) -> Iterator[Changed]:
-        model = self._subject.model
-        for name, after in self._answers.settings(chosen.choice).items():
+    def _changed_settings(self, chosen: Evaluation) -> Iterator[ChangedSetting]:
+        model = self._problem.model
+        for name, after in self._verifier.settings(chosen.configuration).items():
             before: object
             if name in FLAGS:
                 before = read_flag(model, name)
@@ -388,24 +424,24 @@ class Study:
                 before = int(model.geom(geom).condim[0])
             else:
                 before = read_option(model, name)
-            yield Changed(name=name, before=as_written(before), after=as_written(after))
+            yield ChangedSetting(name=name, before=as_written(before), after=as_written(after))
 
-    def _point(self, tried: Tried) -> Point:
-        error, price, choice = tried.error, tried.price, tried.choice
+    def _candidate(self, tried: Evaluation) -> Candidate:
+        error, price, choice = tried.error, tried.time_ratio, tried.configuration
         assert error
-        own = differing(choice.settings, self._subject.model)
+        own = changed_settings(choice.settings, self._problem.model)
         settings: dict[str, Setting] = {name: as_written(value) for name, value in own.items()}
-        return Point(
+        return Candidate(
             settings=settings,
-            timestep=float(f"{choice.multiple * self._subject.yards.step:.12g}"),
-            lighter="unused" in choice.cuts,
-            apart="apart" in choice.cuts,
-            hulls="hulls" in choice.cuts,
-            error=finite(error.share),
-            low=finite(error.low),
-            high=finite(error.high),
+            timestep=float(f"{choice.multiple * self._problem.reference.step:.12g}"),
+            removes_unused="unused" in choice.reductions,
+            removes_far_pairs="apart" in choice.reductions,
+            simplifies_hulls="hulls" in choice.reductions,
+            error=finite_or_none(error.error),
+            low=finite_or_none(error.low),
+            high=finite_or_none(error.high),
             body=error.body,
             phase=error.phase,
-            time=finite(error.time),
-            price=price and BudgetPrice(ratio=price.ratio, low=price.low, high=price.high),
+            time=finite_or_none(error.time),
+            time_ratio=price and BudgetPrice(ratio=price.ratio, low=price.low, high=price.high),
         )

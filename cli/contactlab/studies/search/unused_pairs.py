@@ -1,6 +1,6 @@
-"""What a model computes that changes no state: collisions that cannot be, sensors, flags.
+"""Parts of a model that change no state: impossible collisions, sensors and flags.
 
-And collisions of geoms that stayed apart in all that was run, which may go where the user says so.
+And collisions of far pairs, which are removed only on request.
 """
 
 import copy
@@ -21,23 +21,23 @@ _FULL = (mujoco.mjtWarning.mjWARN_CONTACTFULL, mujoco.mjtWarning.mjWARN_CNSTRFUL
 _SDF = int(mujoco.mjtGeom.mjGEOM_SDF)
 
 
-def untouched_geoms(model: mujoco.MjModel, runs: Sequence[Floats]) -> ModelEdits:
-    """Return what leaves out collisions of geoms that cannot touch, by proof from joint ranges.
+def unreachable_edits(model: mujoco.MjModel, runs: Sequence[Floats]) -> ModelEdits:
+    """Return edits that remove collisions of geoms that provably cannot touch.
 
-    Runs are configurations (T, nq), which show what joints their limits do not hold.
+    The proof uses joint ranges; for other joints, the visited configurations `runs` (T, nq).
     """
     pairs = filtered_pairs(model)
-    return left_out(model, pairs, unreachable_pairs(model, pairs, runs))
+    return exclusion_edits(model, pairs, unreachable_pairs(model, pairs, runs))
 
 
-def left_out(
+def exclusion_edits(
     model: mujoco.MjModel, pairs: Sequence[GeomPair], apart: Collection[GeomPair]
 ) -> ModelEdits:
-    """Return what leaves out collisions of pairs that are apart, of all that may touch.
+    """Return edits that remove collisions of pairs that stay apart.
 
-    What touches nothing is masked, and touches nothing that is added to the model later either;
-    else bodies are excluded of which no geoms can touch. Geoms that a flex may touch stay, and so
-    do bodies without names.
+    Geoms that touch nothing are masked, so they touch nothing that is added to the model later.
+    Otherwise pairs of bodies without touching geoms are excluded. Geoms that a flex may touch stay,
+    and so do unnamed bodies.
     """
     touching = [pair for pair in pairs if pair not in apart]
     flexes = np.bitwise_or.reduce([*model.flex_contype, *model.flex_conaffinity, 0])
@@ -45,8 +45,8 @@ def left_out(
     masked = {
         geom for geom in set(chain(*pairs)) - set(chain(*touching)) if not kinds[geom] & flexes
     }
-    left = _bodies(model, [pair for pair in pairs if masked.isdisjoint(pair)])
-    excluded = [map(model.body, bodies) for bodies in sorted(left - _bodies(model, touching))]
+    left = _body_pairs(model, [pair for pair in pairs if masked.isdisjoint(pair)])
+    excluded = [map(model.body, bodies) for bodies in sorted(left - _body_pairs(model, touching))]
     names = [(first.name, second.name) for first, second in excluded]
     return ModelEdits(
         masked=tuple(model.geom(geom).name for geom in sorted(masked)),
@@ -59,7 +59,7 @@ def pairs_within(
 ) -> set[GeomPair] | None:
     """Return the pairs of geoms that come within a distance [m] in any configuration (T, nq).
 
-    None if MuJoCo has no room for so many contacts: then nothing is known of others.
+    None if MuJoCo has no room for all contacts, so that nothing is known of the others.
     """
     wide = copy.copy(model)
     wide.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_OVERRIDE)
@@ -78,19 +78,19 @@ def pairs_within(
     return found | {pair for pair in filtered_pairs(model) if not {*pair}.isdisjoint(unmeasured)}
 
 
-def _bodies(model: mujoco.MjModel, pairs: Sequence[GeomPair]) -> set[tuple[int, int]]:
+def _body_pairs(model: mujoco.MjModel, pairs: Sequence[GeomPair]) -> set[tuple[int, int]]:
     places = np.sort(model.geom_bodyid[np.array(pairs, np.intp).reshape(-1, 2)], axis=1)
     return {(first, second) for first, second in places.tolist()}
 
 
-def sensors_of(model: mujoco.MjModel) -> tuple[str, ...]:
+def own_sensors(model: mujoco.MjModel) -> tuple[str, ...]:
     """Return the model's own sensors, by name or address."""
     names = (model.sensor(sensor).name or f"sensor[{sensor}]" for sensor in range(model.nsensor))
     return tuple(name for name in names if not name.startswith(PREFIX))
 
 
-def unread_flags(file: Path) -> tuple[str, ...]:
-    """Return the flags of a model's file that compute what no state depends on."""
+def unused_flags(file: Path) -> tuple[str, ...]:
+    """Return the flags of a model file that no state depends on."""
     try:
         bits = int(mujoco.MjSpec.from_file(str(file)).option.enableflags)
     except ValueError:
@@ -103,7 +103,7 @@ def unread_flags(file: Path) -> tuple[str, ...]:
 
 
 def with_flags(model: mujoco.MjModel, names: Sequence[str]) -> mujoco.MjModel:
-    """Return a model with flags that recording switches off, as its file has them."""
+    """Return a model with flags that recording turns off, as in its file."""
     for name in names:
         model.opt.enableflags |= int(getattr(mujoco.mjtEnableBit, f"mjENBL_{name.upper()}"))
     return model

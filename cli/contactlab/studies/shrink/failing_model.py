@@ -443,7 +443,7 @@ class FailingModel:
         return replace(
             self,
             start=self.start.after(model, steps),
-            begins=self.begins + passed,
+            start_time=self.begins + passed,
             duration=round(self.duration - passed, _DIGITS),
         )
 

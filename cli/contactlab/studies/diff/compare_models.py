@@ -1,0 +1,252 @@
+"""Compares two models: their shared parts, the quantities of these, and their motion."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from contactlab.mjcf import OPTIONS
+from contactlab.run.planned_runs import stored_sweep_scene
+from contactlab.run.sweep_request import SceneLoader
+from contactlab.scene.contact_pairs import may_touch, reaches
+from contactlab.scene.model_edits import FLAGS, read_flag, read_option
+from contactlab.scene.model_names import KINDS, name_of
+from contactlab.scene.mujoco_versions import VERSION
+from contactlab.scene.scene import Scene
+from contactlab.schema.diff_report import Difference, DiffReport
+from contactlab.store.finished_store import Store
+from contactlab.studies.diff.matching import MatchedParts, match_parts
+from contactlab.studies.diff.motion_change import motion_change
+from contactlab.studies.diff.quantities import QUANTITIES, Quantity, format_value, relative_change
+from contactlab.writers.report import Report, Section
+
+DEFAULT_TOLERANCE = 1e-4
+"""Relative change up to which quantities are equal: MuJoCo writes models with six digits."""
+_LEAST_LENGTH = 1e-3  # length of a part of unknown size, over the model's extent
+_MAIN_QUANTITY: dict[str, str] = {
+    "body": "mass",
+    "joint": "type",
+    "geom": "type",
+    "actuator": "transmission",
+}
+
+
+def diff(before: str, after: str, tolerance: float = DEFAULT_TOLERANCE) -> DiffReport:
+    """Compare two models, or the scenes of stores.
+
+    A SceneError says that there is no such model, or why it does not compile.
+    """
+    scenes = [find_model_scene(reference) for reference in (before, after)]
+    one, other = (scene.base({}).model for scene in scenes)
+    found = match_parts(one, other)
+    motion, no_motion_reason = motion_change(scenes[0], one, other, found)
+    return DiffReport(
+        mujoco=VERSION,
+        before=before,
+        after=after,
+        tolerance=tolerance,
+        matched={kind: len(both) for kind, both in found.both.items()},
+        differences=tuple(find_differences(one, other, tolerance, found)),
+        motion=motion,
+        no_motion_reason=no_motion_reason,
+    )
+
+
+def find_model_scene(reference: str) -> Scene:
+    """Return the scene that a reference names, or that a store has."""
+    folder = Path(reference).expanduser()
+    if (folder / "manifest.json").is_file():
+        store = Store.open(folder)
+        return stored_sweep_scene(store.manifest.sweep, store.scene_folder)
+    return SceneLoader(Path()).open(reference).with_effects("all")
+
+
+def find_differences(
+    one: mujoco.MjModel,
+    other: mujoco.MjModel,
+    tolerance: float = DEFAULT_TOLERANCE,
+    found: MatchedParts | None = None,
+) -> Iterator[Difference]:
+    """Yield the differences of two compiled models above a tolerance."""
+    found = found or match_parts(one, other)
+    yield from _option_differences(one, other, tolerance)
+    for kind, listed in QUANTITIES.items():
+        for before, after in found.both[kind]:
+            if kind == "geom" and not (_collides(one, before) or _collides(other, after)):
+                continue
+            yield from _part_differences((one, other), kind, (before, after), listed, tolerance)
+        for model, ids, is_new in ((one, found.gone, False), (other, found.new, True)):
+            for index in ids[kind]:
+                if kind != "geom" or _collides(model, index):
+                    yield _one_sided_difference(model, kind, index, is_new=is_new)
+    yield from _set_differences("exclude", _excludes(one), _excludes(other))
+    yield from _set_differences("filter", *_filters(one, other, found))
+
+
+def _option_differences(
+    one: mujoco.MjModel, other: mujoco.MjModel, tolerance: float
+) -> Iterator[Difference]:
+    """Yield differences of options and flags."""
+    for name in OPTIONS:
+        before, after = read_option(one, name), read_option(other, name)
+        share = relative_change("value", before, after, 1.0)
+        if share is None or share > tolerance:
+            told = format_value(before), format_value(after)
+            yield Difference(
+                kind="option",
+                name="",
+                quantity=name,
+                before=told[0],
+                after=told[1],
+                relative_change=share,
+            )
+    for name in FLAGS:
+        before, after = read_flag(one, name), read_flag(other, name)
+        if before != after:
+            words = ["enable" if state else "disable" for state in (before, after)]
+            yield Difference(
+                kind="flag",
+                name="",
+                quantity=name,
+                before=words[0],
+                after=words[1],
+                relative_change=None,
+            )
+
+
+def _part_differences(
+    models: tuple[mujoco.MjModel, mujoco.MjModel],
+    kind: str,
+    ids: tuple[int, int],
+    listed: tuple[Quantity, ...],
+    tolerance: float,
+) -> Iterator[Difference]:
+    length = _reference_length(models[0], kind, ids[0])
+    for quantity in listed:
+        before, after = (
+            quantity.read(model, index) for model, index in zip(models, ids, strict=True)
+        )
+        share = relative_change(quantity.measured, before, after, length)
+        if share is None or share > tolerance:
+            yield Difference(
+                kind=kind,
+                name=name_of(models[0], kind, ids[0]),
+                quantity=quantity.name,
+                before=format_value(before),
+                after=format_value(after),
+                unit=quantity.unit,
+                relative_change=share,
+            )
+
+
+def _reference_length(model: mujoco.MjModel, kind: str, index: int) -> float:
+    """Return the length that positions of a part are compared with [m]: the reach of its body."""
+    owners = {"body": None, "joint": model.jnt_bodyid, "geom": model.geom_bodyid}
+    least = _LEAST_LENGTH * float(model.stat.extent)
+    if kind not in owners:
+        return least
+    owner = owners[kind]
+    body = index if owner is None else int(owner[index])
+    inside = reaches(model)[body]
+    away = float(np.linalg.norm(model.body_pos[body]))
+    return float(max(least, inside, away))
+
+
+def _one_sided_difference(
+    model: mujoco.MjModel, kind: str, index: int, *, is_new: bool
+) -> Difference:
+    """Return the difference of a part that is in one model only."""
+    first = _MAIN_QUANTITY.get(kind)
+    quantity = next((one for one in QUANTITIES[kind] if one.name == first), QUANTITIES[kind][0])
+    told = format_value(quantity.read(model, index))
+    return Difference(
+        kind=kind,
+        name=name_of(model, kind, index),
+        quantity=quantity.name,
+        before="" if is_new else told,
+        after=told if is_new else "",
+        unit=quantity.unit,
+        relative_change=None,
+    )
+
+
+def _collides(model: mujoco.MjModel, geom: int) -> bool:
+    listed = np.isin(geom, [model.pair_geom1, model.pair_geom2])
+    return bool(model.geom_contype[geom] or model.geom_conaffinity[geom] or listed)
+
+
+def _excludes(model: mujoco.MjModel) -> set[str]:
+    pairs = (divmod(int(signature), 1 << 16) for signature in model.exclude_signature)
+    return {" - ".join(sorted(name_of(model, "body", body) for body in pair)) for pair in pairs}
+
+
+def _filters(
+    one: mujoco.MjModel, other: mujoco.MjModel, found: MatchedParts
+) -> tuple[set[str], set[str]]:
+    """Return the shared pairs of bodies that can touch, in the first model's names."""
+    names = {after: name_of(one, "body", before) for before, after in found.both["body"]}
+    own = {before: name_of(one, "body", before) for before, _ in found.both["body"]}
+    return _touching(one, own), _touching(other, names)
+
+
+def _touching(model: mujoco.MjModel, names: dict[int, str]) -> set[str]:
+    bodies = np.asarray(model.geom_bodyid)
+    pairs = {tuple(bodies[[*pair]].tolist()) for pair in np.argwhere(may_touch(model)).tolist()}
+    return {
+        " - ".join(sorted((names[first], names[second])))
+        for first, second in pairs
+        if first in names and second in names
+    }
+
+
+def _set_differences(kind: str, before: set[str], after: set[str]) -> Iterator[Difference]:
+    """Yield pairs of bodies that are in one model only."""
+    words = {"exclude": ("listed", ""), "filter": ("can touch", "cannot touch")}[kind]
+    for name in sorted(before ^ after):
+        told = words if name in before else words[::-1]
+        yield Difference(
+            kind=kind,
+            name=name,
+            quantity="bodies",
+            before=told[0],
+            after=told[1],
+            relative_change=None,
+        )
+
+
+def report_of(report: DiffReport) -> Report:
+    """Return the report for the writers."""
+    rows = tuple(
+        (
+            found.kind,
+            found.name,
+            found.quantity,
+            found.before or "none",
+            found.after or "none",
+            found.unit,
+            "" if found.relative_change is None else f"{100 * found.relative_change:.3g} %",
+        )
+        for found in report.differences
+    )
+    header = ("kind", "name", "quantity", "before", "after", "unit", "change")
+    parts = ", ".join(
+        f"{count} {KINDS[kind] if count > 1 else kind}"
+        for kind, count in report.matched.items()
+        if count
+    )
+    return Report(
+        title=f"contactlab diff {report.before} {report.after}",
+        place=("diff",),
+        headline=report.headline,
+        passed=not report.differences,
+        record=report,
+        facts=(
+            ("before", report.before),
+            ("after", report.after),
+            ("engine", f"mujoco {report.mujoco}"),
+            ("in both", parts),
+        ),
+        sections=(Section("", header=header, rows=rows),) if rows else (),
+        notes=(report.last_line,),
+    )

@@ -1,0 +1,88 @@
+"""The grip of a robot as a fact of its examination: in a keyframe, or of its own hand."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import mujoco
+
+from contactlab.errors import SceneError
+from contactlab.schema.examination import Fact
+from contactlab.schema.grip import GripReport
+from contactlab.schema.task import QPOS0
+from contactlab.studies.grip.fingers import find_hand
+from contactlab.studies.grip.grip_fixes import Grip
+from contactlab.studies.grip.gripping import GripRequest, judge_grip
+
+# A gripper has at most this share of the robot's mass. Legs, which would close on a box as well,
+# weigh more.
+_HAND = 0.2
+
+
+def grip_facts(reference: str, model: mujoco.MjModel, start: str) -> tuple[Fact, ...]:
+    """Judge whether the object held at the start, or otherwise the robot's own hand, stays in grip.
+
+    A robot that is fixed to the world is reported only if the object stays, since legs drop it.
+    """
+    for request in _requests(reference, start):
+        try:
+            carried = request.keyframe is not None or _is_carried(model)
+            if not carried and not _is_fixed(model):
+                continue
+            report = judge_grip(request)
+        except SceneError:
+            continue  # nothing is held, or there is no hand
+        return (_fact(report),) if carried or report.verdict != "drops" else ()
+    return ()
+
+
+def film_grip(reference: str, start: str, film: Callable[[Grip], None]) -> None:
+    """Film the grip of `grip_facts`.
+
+    Raises:
+        SceneError: there is none.
+    """
+    for request in _requests(reference, start):
+        try:
+            judge_grip(replace(request, film=film))
+        except SceneError:
+            continue
+        return
+    raise SceneError(f"{reference}: no gripper found; pass --keyframe or --base")
+
+
+def _requests(reference: str, start: str) -> Iterator[GripRequest]:
+    """Yield the grips to judge; the first possible one counts."""
+    mounted_hand = GripRequest(reference, fixes=False, placements=False)
+    if start != QPOS0:
+        yield replace(mounted_hand, keyframe=start)
+    yield mounted_hand
+
+
+def _is_carried(model: mujoco.MjModel) -> bool:
+    """Return whether the hand is a small part of the robot that carries it."""
+    base = find_hand(model).base
+    robot = int(model.body_rootid[base])
+    return bool(model.body_subtreemass[base] <= _HAND * model.body_subtreemass[robot])
+
+
+def _is_fixed(model: mujoco.MjModel) -> bool:
+    """Return whether the robot is fixed to the world."""
+    return bool(model.body_weldid[model.body_rootid[find_hand(model).base]] == 0)
+
+
+def _fact(report: GripReport) -> Fact:
+    speeds = [math.inf if drift.speed is None else drift.speed for drift in report.drifts]
+    worst = max(speeds, default=math.inf)
+    lost = math.isinf(worst)
+    first = min(
+        (drift.lost_after for drift in report.drifts if drift.lost_after is not None), default=0.0
+    )
+    where = f"keyframe {report.keyframe}" if report.keyframe else "its hand"
+    return Fact(
+        kind="grip",
+        place=report.base,
+        value=first if lost else worst,
+        unit="s" if lost else "m/s",
+        sentence=f"{where} ({report.base}) {report.sentence} (contactlab grip)",
+    )

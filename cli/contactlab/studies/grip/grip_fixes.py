@@ -1,0 +1,264 @@
+"""Tests fixes of a grip: changes of the solver, of the pads and of the squeeze."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from contactlab.budget.motion import Motion
+from contactlab.budget.prices import Price, prices
+from contactlab.budget.windows import replay
+from contactlab.contact.trace_arrays import Floats
+from contactlab.mjcf import OPTIONS
+from contactlab.scene.model_edits import read_option
+from contactlab.studies.grip.closing import Closing, Squeeze, close_at, measure_squeeze
+from contactlab.studies.grip.fingers import control_ranges
+from contactlab.studies.grip.grip_fixture import GripFixture
+from contactlab.studies.grip.grip_verdict import verdict_of
+from contactlab.studies.grip.holding import Drift, Load, directions, measure_drifts
+from contactlab.studies.grip.rollouts import repeat_input, roll_out
+
+_INPUTS = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_XFRC_APPLIED)
+_ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
+SECONDS = 2.0  # s of a run in each direction
+_ADAPTS = 0.5  # s for a held object to adapt to a change
+_TIMED = 0.4  # s of a timed run
+_WINDOW = 0.04  # s of a window
+_STIFFER, _MORE = 0.5, 2.0
+_IMPRATIO, _NOSLIP = 10.0, 3
+# A control squeezes if its full range adds this share of the force.
+_SQUEEZES = 0.02
+_SHARES = (0.125, 0.25, 0.5, 1.0)
+
+
+@dataclass(frozen=True)
+class Grip:
+    """An object in a hand.
+
+    Attributes:
+        fixture: hand and object.
+        held: the object in closed fingers.
+        load: the load on it.
+        names: names of the directions out of the hand and back.
+        closing: how the hand closes; None for a keyframe.
+    """
+
+    fixture: GripFixture
+    held: Squeeze
+    load: Load
+    names: tuple[str, str]
+    closing: Closing | None
+
+    def directions(self) -> dict[str, Floats]:
+        """Return the directions of loads."""
+        return directions(self.held, self.names)
+
+    def measure_drifts(self) -> tuple[Drift, ...]:
+        """Return the drifts in all directions; the first is without a further load."""
+        return measure_drifts(self.fixture, self.held, self.load, self.directions(), SECONDS)
+
+    def with_model(self, model: mujoco.MjModel) -> "Grip":
+        """Return the grip of a changed model: closed again, or continued from the keyframe."""
+        fixture = replace(self.fixture, model=model)
+        if self.closing is not None and self.held.approach is not None:
+            held = close_at(fixture, self.closing, self.held.approach, self.held.control)
+        else:
+            held = self._held_on(fixture, self.held.control)
+        return replace(self, fixture=fixture, held=replace(held, turn=self.held.turn))
+
+    def with_control(self, control: Floats) -> "Grip":
+        """Return the grip with another final control."""
+        if self.closing is not None and self.held.approach is not None:
+            held = close_at(self.fixture, self.closing, self.held.approach, control)
+        else:
+            held = self._held_on(self.fixture, control)
+        return replace(self, held=replace(held, turn=self.held.turn))
+
+    def _held_on(self, fixture: GripFixture, control: Floats) -> Squeeze:
+        """Continue from the keyframe to a control, with a weightless object."""
+        steps = max(2, round(_ADAPTS / fixture.model.opt.timestep))
+        share = np.minimum(1, np.linspace(0, 2, steps))[:, None]
+        controls = self.held.control + share * (control - self.held.control)
+        lifted = repeat_input(self.load.forces(np.zeros(3)), 1, steps)
+        rolled = roll_out(fixture.model, self.held.row[None], controls[None], lifted)
+        return measure_squeeze(fixture, rolled.rows[0], control, self.held.turn, rolled.qpos[0])
+
+
+@dataclass(frozen=True)
+class FixCandidate:
+    """A possible fix of a grip.
+
+    Attributes:
+        name: name in sentences.
+        against: the cause that it tests.
+        change: changes a copy of the model; the geoms are those of the hand that touch the object.
+        fields: fields of geoms that it changes.
+        is_both: whether it combines two others.
+    """
+
+    name: str
+    against: str
+    change: Callable[[mujoco.MjModel, Sequence[int]], None]
+    fields: tuple[str, ...] = ()
+    is_both: bool = False
+
+
+@dataclass(frozen=True)
+class TestedFix:
+    """A tested fix.
+
+    Attributes:
+        name, against: of the candidate.
+        options: changed settings by name.
+        drifts: drifts with it.
+        time_ratio: its time over that as written; None for a control.
+    """
+
+    name: str
+    against: str
+    options: Mapping[str, object]
+    drifts: tuple[Drift, ...]
+    time_ratio: Price | None
+
+
+def _elliptic(model: mujoco.MjModel, geoms: Sequence[int]) -> None:
+    del geoms
+    model.opt.impratio = _impratio(model)
+    model.opt.cone = _ELLIPTIC
+
+
+def _impratio(model: mujoco.MjModel) -> float:
+    """Return ten times the impratio under elliptic cones, or at least ten."""
+    own = model.opt.impratio if model.opt.cone == _ELLIPTIC else 1.0
+    return max(_IMPRATIO, _IMPRATIO * float(own))
+
+
+def _noslip(model: mujoco.MjModel, geoms: Sequence[int]) -> None:
+    del geoms
+    model.opt.noslip_iterations = _NOSLIP
+
+
+def _both(model: mujoco.MjModel, geoms: Sequence[int]) -> None:
+    _elliptic(model, geoms)
+    _noslip(model, geoms)
+
+
+def _friction(model: mujoco.MjModel, geoms: Sequence[int]) -> None:
+    model.geom_friction[list(geoms), 0] *= _MORE
+
+
+def _condim(model: mujoco.MjModel, geoms: Sequence[int]) -> None:
+    model.geom_condim[list(geoms)] = np.maximum(model.geom_condim[list(geoms)], 4)
+
+
+def _solref(model: mujoco.MjModel, geoms: Sequence[int]) -> None:
+    least = 2 * model.opt.timestep
+    for geom in geoms:
+        if model.geom_solref[geom, 0] > 0:
+            model.geom_solref[geom, 0] = max(least, _STIFFER * model.geom_solref[geom, 0])
+
+
+def fix_candidates(model: mujoco.MjModel) -> tuple[FixCandidate, ...]:
+    """Return the fixes to test on a model, the simplest first."""
+    elliptic = f"elliptic cones with impratio {_impratio(model):g}"
+    return (
+        FixCandidate(elliptic, "regularized", _elliptic),
+        FixCandidate(f"noslip {_NOSLIP}", "regularized", _noslip),
+        FixCandidate(f"{elliptic}, and noslip {_NOSLIP}", "regularized", _both, is_both=True),
+        FixCandidate("stiffer pads (half of solref)", "solref", _solref, ("geom_solref",)),
+        FixCandidate("pads that resist spin (condim 4)", "condim", _condim, ("geom_condim",)),
+        FixCandidate("twice the pads' friction", "friction", _friction, ("geom_friction",)),
+    )
+
+
+def run_fixes(grip: Grip, within: float) -> list[TestedFix]:
+    """Test and time each fix; combine two only if neither of them holds."""
+    model, geoms = grip.fixture.model, grip.held.geoms
+    changed, found = dict[str, mujoco.MjModel](), list[TestedFix]()
+    for candidate in fix_candidates(model):
+        other = model.__copy__()
+        candidate.change(other, geoms)
+        settings = changed_settings(model, other, geoms, candidate.fields)
+        held = any(verdict_of(each.drifts, within) == "holds" for each in found)
+        if settings and not (candidate.is_both and held):
+            changed[candidate.name] = other
+            drifts = grip.with_model(other).measure_drifts()
+            found.append(TestedFix(candidate.name, candidate.against, settings, drifts, None))
+    costs = _prices(grip, changed)
+    found = [replace(each, time_ratio=costs.get(each.name)) for each in found]
+    if (more := double_squeeze(grip)) is not None:
+        control, times = more
+        drifts = grip.with_control(control).measure_drifts()
+        found.append(TestedFix(f"{times:.2g} times the squeeze", "squeeze", {}, drifts, None))
+    return found
+
+
+def changed_settings(
+    model: mujoco.MjModel, other: mujoco.MjModel, geoms: Sequence[int], fields: Sequence[str]
+) -> dict[str, object]:
+    """Return the options, and the fields of geoms, that differ between two models."""
+    found = {name: read_option(other, name) for name in OPTIONS}
+    settings = {name: value for name, value in found.items() if value != read_option(model, name)}
+    for field in fields:
+        for geom in geoms:
+            old, new = getattr(model, field)[geom], getattr(other, field)[geom]
+            if np.any(old != new):
+                name = f"{field}[{model.geom(geom).name}]"
+                settings[name] = new.item() if np.ndim(new) == 0 else tuple(map(float, new))
+    return settings
+
+
+def _prices(grip: Grip, changed: Mapping[str, mujoco.MjModel]) -> Mapping[str, Price]:
+    model = grip.fixture.model
+    steps = max(2, round(_TIMED / model.opt.timestep))
+    down = grip.directions()[grip.names[1]]
+    forces = grip.load.forces(grip.load.gravity * down).ravel()
+    inputs = np.tile(np.concatenate([grip.held.control, forces]), (1, steps, 1))
+    motion = Motion(model, grip.held.row[None], inputs, _INPUTS, "held")
+    run = replay(motion, _WINDOW, 1)
+    made = {name: (lambda other=other: other, 1) for name, other in changed.items()}
+    return prices(motion, run, made)
+
+
+def weakest_finger_force(held: Squeeze) -> float:
+    """Return the force of the finger that presses least, of those that press [N]."""
+    return min((force for force in held.forces if force > 0), default=0.0)
+
+
+def double_squeeze(grip: Grip) -> tuple[Floats, float] | None:
+    """Return a control with twice the squeeze, or the largest possible, and its factor.
+
+    None if the control ranges leave nothing to add.
+    """
+    ends, control = control_ranges(grip.fixture.model), grip.held.control
+    own = sum(grip.held.forces)
+    target = grip.closing.closed if grip.closing else _squeezing_ends(grip, ends, own)
+    if own <= 0 or np.allclose(target, control, rtol=0, atol=1e-9 * (1 + np.abs(ends).max())):
+        return None
+    best, most = control, own
+    for share in _SHARES:
+        tried = control + share * (target - control)
+        force = sum(grip.with_control(tried).held.forces)
+        if force > most:
+            best, most = tried, force
+        if most >= _MORE * own:
+            break
+    return (best, most / own) if most > own * (1 + _SQUEEZES) else None
+
+
+def _squeezing_ends(grip: Grip, ends: Floats, own: float) -> Floats:
+    """Return the ends of control ranges that add to the squeeze."""
+    target = grip.held.control.copy()
+    for control in range(len(target)):
+        for end in ends[control]:
+            if end == target[control]:
+                continue
+            # A twentieth of the way shows the sign, and moves little else.
+            tried = grip.held.control.copy()
+            tried[control] += (end - tried[control]) / 20
+            more = sum(grip.with_control(tried).held.forces) - own
+            if 20 * more > _SQUEEZES * own:
+                target[control] = end
+                break
+    return target

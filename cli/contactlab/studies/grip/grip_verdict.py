@@ -1,0 +1,116 @@
+"""The verdict on a grip, and its causes."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from contactlab.schema.grip import CauseKind, GripVerdict
+from contactlab.studies.grip.holding import Drift
+
+_DEEP_SHARE = 0.1  # share of half of the object's width
+_HALVED_SHARE = 0.5
+
+
+def worst_drift(drifts: Sequence[Drift]) -> Drift:
+    """Return the drift that is lost first, or otherwise the fastest."""
+    lost = [drift for drift in drifts if drift.trend == "lost"]
+    if lost:
+        return min(lost, key=lambda drift: drift.lost)
+    return max(drifts, key=lambda drift: drift.speed)
+
+
+def verdict_of(drifts: Sequence[Drift], within: float) -> GripVerdict:
+    """Return the verdict: drops if a drift is lost, creeps if one is faster than `within` [m/s]."""
+    worst = worst_drift(drifts)
+    if worst.trend == "lost":
+        return "drops"
+    return "creeps" if worst.speed > within else "holds"
+
+
+def worst_speed(drifts: Sequence[Drift]) -> float:
+    """Return the speed of the worst drift [m/s]; infinite if it is lost."""
+    return worst_drift(drifts).speed
+
+
+@dataclass(frozen=True)
+class GripEvidence:
+    """Measurements from which causes are derived.
+
+    Attributes:
+        word: the verdict.
+        speed: of the worst drift [m/s]; infinite if lost.
+        idle: speed without a load [m/s].
+        pressed: whether two sides press on the object.
+        pull, weight: smallest holding force, and weight of the object [N].
+        deep: depth over half of the object's width.
+        tried: speeds with fixes, by the cause that they test.
+    """
+
+    word: GripVerdict
+    speed: float
+    idle: float
+    pressed: bool
+    pull: float
+    weight: float
+    deep: float
+    tried: Mapping[str, float]
+
+    def is_halved_by(self, name: str) -> bool:
+        """Return whether a fix halves the speed at least, or holds an object that was lost."""
+        left = self.tried.get(name, math.inf)
+        return math.isfinite(left) and left <= _HALVED_SHARE * self.speed
+
+
+def causes(known: GripEvidence) -> list[tuple[CauseKind, str]]:
+    """Return why an object does not stay, the first cause first; each is shown by an experiment."""
+    found = list[tuple[CauseKind, str]]()
+    if known.word != "holds" and (first := _first_cause(known)) is not None:
+        found.append(first)
+    if known.deep > _DEEP_SHARE:
+        share = f"{known.deep:.0%} of half of its width"
+        found.append(("deep penetration", f"the fingers penetrate it by {share}"))
+    return found
+
+
+_BY_EXPERIMENT: tuple[tuple[str, CauseKind, str], ...] = (
+    ("squeeze", "weak squeeze", "more squeeze halves the speed"),
+    ("friction", "Coulomb's limit", "twice the friction halves the speed"),
+    ("solref", "deep penetration", "stiffer contacts halve the speed"),
+    ("condim", "shape", "it turns about its contacts: torsional friction halves the speed"),
+)
+
+
+def _first_cause(known: GripEvidence) -> tuple[CauseKind, str] | None:
+    if not known.pressed:
+        return "shape", "it slips out while the fingers close, before it is loaded"
+    if known.word == "drops" and known.pull < known.weight:
+        return _weak_squeeze_cause(known)
+    if known.idle > _HALVED_SHARE * known.speed:
+        return "shape", "it moves as fast without a load: the fingers push it"
+    if known.is_halved_by("regularized"):
+        return "regularized friction", _regularized_cause(known)
+    for against, kind, text in _BY_EXPERIMENT:
+        if known.is_halved_by(against):
+            return kind, text
+    unknown: CauseKind = "unknown"
+    return (unknown, "no tested change halves the speed") if known.tried else None
+
+
+def _weak_squeeze_cause(known: GripEvidence) -> tuple[CauseKind, str]:
+    held = f"the fingers hold {known.pull:.3g} N, the object weighs {known.weight:.3g} N"
+    if known.is_halved_by("squeeze"):
+        return "weak squeeze", f"{held}; more squeeze holds it"
+    if known.is_halved_by("friction"):
+        return "Coulomb's limit", f"{held}; more friction holds it"
+    return "weak squeeze", f"{held}, and neither more friction nor more squeeze is enough"
+
+
+def _regularized_cause(known: GripEvidence) -> str:
+    text = "MuJoCo's friction is regularized, so that a held body creeps under any load"
+    more = known.tried.get("friction", math.nan)
+    if math.isnan(more) or more < _HALVED_SHARE * known.speed:
+        return text
+    if not math.isfinite(more):
+        return f"{text}; twice the friction makes it worse: the object is lost"
+    change = "makes it worse" if more > known.speed else "does not fix it"
+    return f"{text}; twice the friction {change}: {1e3 * more:.2g} mm/s"

@@ -1,0 +1,38 @@
+"""Checks whether an initial violation is held by load or will be pushed out.
+
+A violated constraint requests an acceleration, `efc_aref`. In a start at rest, such as a lid on its
+stop or a handle in closed fingers, loads and other constraints balance it, and the acceleration is
+nearly zero. Without a balancing load, it is nearly the requested one.
+"""
+
+import mujoco
+import numpy as np
+
+_PUSHED_SHARE = 0.5  # share of the requested acceleration: 0 at rest, about 1 for a free body
+
+
+def is_in_equilibrium(model: mujoco.MjModel, data: mujoco.MjData, rows: slice) -> bool:
+    """Return whether loads balance the mean of some constraint rows.
+
+    The data is from `mj_forward`. A violation that grows is not in equilibrium.
+    """
+    acceleration = np.empty(data.nefc)
+    mujoco.mj_mulJacVec(model, data, acceleration, data.qacc)
+    target = float(data.efc_aref[rows].mean())
+    return bool(target > 0 and acceleration[rows].mean() < _PUSHED_SHARE * target)
+
+
+def limit_rows(data: mujoco.MjData, joint: int) -> slice | None:
+    """Return the row of a joint's limit, if it acts."""
+    limits = data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT)
+    rows = np.flatnonzero(limits & (data.efc_id == joint))
+    return slice(int(rows[0]), int(rows[0]) + 1) if rows.size else None
+
+
+def contact_rows(model: mujoco.MjModel, data: mujoco.MjData, contact: int) -> slice | None:
+    """Return the rows of a contact whose mean is along its normal, if it acts."""
+    first, size = int(data.contact.efc_address[contact]), int(data.contact.dim[contact])
+    if first < 0:
+        return None
+    elliptic = size == 1 or model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
+    return slice(first, first + (1 if elliptic else 2 * (size - 1)))

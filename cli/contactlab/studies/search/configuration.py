@@ -1,0 +1,111 @@
+"""A configuration under test: changes of the model as written."""
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import mujoco
+
+from contactlab.scene.model_edits import (
+    FLAGS,
+    EditTargets,
+    is_as_written,
+    read_flag,
+    read_option,
+    write_settings,
+)
+from contactlab.store.table_layout import as_written
+
+Reduction = Literal["unused", "apart", "hulls"]
+"""Parts that a configuration removes: whatever changes no state, collisions of far pairs, and
+vertices of convex hulls."""
+Reductions = frozenset[Reduction]
+AS_WRITTEN: Reductions = frozenset()
+Key = tuple[object, ...]
+"""Identifies a configuration."""
+_NO_TARGETS = EditTargets((), (), None)
+INTEGRATOR = "integrator"
+UNUSED_FLAGS = int(mujoco.mjtEnableBit.mjENBL_ENERGY) | int(mujoco.mjtEnableBit.mjENBL_FWDINV)
+"""Flags that no state depends on; studies record without them."""
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """Changes of the model as written.
+
+    Attributes:
+        settings: values by axis, as in a sweep, without the timestep.
+        multiple: timestep in fine steps of the search.
+        reductions: parts that it removes.
+    """
+
+    settings: Mapping[str, object] = field(default_factory=dict[str, object])
+    multiple: int = 1
+    reductions: Reductions = AS_WRITTEN
+
+    @property
+    def key(self) -> Key:
+        """Identifies the configuration."""
+        own = sorted((name, str(value)) for name, value in self.settings.items())
+        return (self.multiple, self.reductions, *own)
+
+    def with_settings(self, settings: Mapping[str, object]) -> "Configuration":
+        """Return the configuration with more settings, which replace its own."""
+        return replace(self, settings={**self.settings, **settings})
+
+    def with_reverted(
+        self, settings: Mapping[str, object], before: "Configuration"
+    ) -> "Configuration":
+        """Return the configuration with some settings as in another one."""
+        kept = {name: value for name, value in self.settings.items() if name not in settings}
+        own = {name: before.settings[name] for name in settings if name in before.settings}
+        return replace(self, settings={**kept, **own})
+
+    def with_step(self, multiple: int) -> "Configuration":
+        """Return the configuration with another timestep."""
+        return replace(self, multiple=multiple)
+
+    def with_reductions(self, reductions: Reductions) -> "Configuration":
+        """Return the configuration with other reductions."""
+        return replace(self, reductions=reductions)
+
+    def apply_to(self, model: mujoco.MjModel) -> mujoco.MjModel:
+        """Return a changed copy of a model, at the timestep of the model."""
+        made = copy.copy(model)
+        unread = int(model.opt.enableflags) & UNUSED_FLAGS
+        write_settings(made, dict(self.settings), _NO_TARGETS)
+        made.opt.enableflags |= unread
+        return made
+
+
+def changed_settings(settings: Mapping[str, object], model: mujoco.MjModel) -> dict[str, object]:
+    """Return the settings that differ from those of a model."""
+    return {name: value for name, value in settings.items() if not _is_set(model, name, value)}
+
+
+def _is_set(model: mujoco.MjModel, name: str, value: object) -> bool:
+    if name in FLAGS:
+        return read_flag(model, name) == value
+    if "[" in name:
+        return is_as_written(model, name, value)
+    return read_option(Configuration({name: value}).apply_to(model), name) == read_option(
+        model, name
+    )
+
+
+def format_settings(settings: Mapping[str, object]) -> str:
+    """Return settings in one line; settings of many parts are counted, flags are on or off."""
+    single = {name: as_written(value) for name, value in settings.items() if "[" not in name}
+    words = {True: "on", False: "off"}
+    parts = [
+        f"{name} {words[value] if isinstance(value, bool) else value}"
+        for name, value in single.items()
+    ]
+    fields: dict[tuple[str, str], int] = {}
+    for name, value in settings.items():
+        if "[" in name:
+            key = name.partition("[")[0], str(as_written(value))
+            fields[key] = fields.get(key, 0) + 1
+    parts += [f"{name} {value} of {count}" for (name, value), count in fields.items()]
+    return ", ".join(parts)

@@ -1,0 +1,305 @@
+"""The influence and the cost of each feature and part of a model, in its task and under load.
+
+Each is removed alone from the model as written, in windows along the motion of that model. The
+motions are the task, the task with gravity tilted, so that standing bodies must hold, and the task
+with twice its controls and pushes.
+"""
+
+import copy
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from operator import eq
+
+import mujoco
+import numpy as np
+
+from contactlab.budget import Motion
+from contactlab.budget.measuring import reference_of
+from contactlab.budget.motion import INTEGRATION
+from contactlab.budget.prices import Price
+from contactlab.budget.rows import ROWS, Row
+from contactlab.budget.showing import shown_rows
+from contactlab.budget.windows import without_sensors
+from contactlab.plan.task_options import AS_INFERRED, TaskOptions
+from contactlab.scene.model_names import geom_words, name_of
+from contactlab.scene.mujoco_versions import VERSION
+from contactlab.schema.error_budget import BudgetPrice
+from contactlab.schema.parts_report import REPORT, PartEffect, PartKind, PartsReport, PartVerdict
+from contactlab.studies.examine.examination import ExamineRequest, open_model
+from contactlab.studies.search.clock import Clock
+from contactlab.studies.search.reference_error import ErrorEstimate, TaskReference
+from contactlab.studies.search.stress_motions import (
+    TILT_DEGREES,
+    double_inputs,
+    state_bytes,
+    tilt_gravity,
+)
+from contactlab.studies.search.tune_request import refuse_metrics
+from contactlab.studies.search.unused_pairs import unreachable_edits
+from contactlab.studies.session import Session
+
+_MEASURING_SHARE = 0.85  # of the time limit, after which no measurement starts
+_SAFEGUARDS = ("clamps", "limits", "margin")
+_TIMING_TURNS = 5
+_TENDON_FIELDS = tuple(
+    field
+    for field in (
+        "tendon_stiffness",
+        "tendon_stiffnesspoly",
+        "tendon_damping",
+        "tendon_dampingpoly",
+        "tendon_frictionloss",
+    )
+    if hasattr(mujoco.MjModel, field)
+)
+"""Fields by which a tendon pulls within its limits, if this MuJoCo has them."""
+_CANNOT_TOUCH = "cannot touch, whatever their joints do within their ranges"
+
+Removal = Callable[[mujoco.MjModel], None]
+
+
+@dataclass(frozen=True)
+class PartsRequest:
+    """The model to ablate, its settings and task, and the wall time limit [s]."""
+
+    model: str
+    assign: Sequence[str] = ()
+    task: TaskOptions = AS_INFERRED
+    max_time: float = 120.0
+
+
+@dataclass(frozen=True)
+class Feature:
+    """A feature or part of a model, and the function that removes it from a copy."""
+
+    kind: PartKind
+    name: str
+    removal: Removal
+    exercised: bool
+    proof: str = ""
+    safeguard: bool = False
+
+
+def ablate_model(request: PartsRequest, session: Session) -> PartsReport:
+    """Remove one part after the other, and write the report to `parts.json`.
+
+    Raises:
+        SceneError: there is no such model, or it does not compile.
+        SweepFileError: a setting is wrong, or the tolerance is not a share.
+        EngineError: nothing moves, or MuJoCo is not what simulates.
+        OutputError: the folder cannot be written, or has another model's results.
+    """
+    begin = time.monotonic()
+    refuse_metrics(request.task)
+    asked = ExamineRequest(request.model, request.assign, request.task, ("budget",))
+    examined = open_model(asked, session)
+    session.claim("parts", request.model)
+    session.notify(f"removing parts of {request.model}: {examined.task.line}")
+    motions = examined.motions
+    threads = max(1, session.workers)
+    loaded = stress_motions_of(motions)
+    reference = TaskReference.run_references(loaded, 1, threads).complete_phases()
+    parts = find_features(loaded, [part.positions for part in reference.phases], threads)
+    clock = Clock(reference, motions[0].model)
+    measured, timed_out = list[tuple[Feature, ErrorEstimate | None, Price | None]](), False
+    same = reference.velocities_around(reference_of)
+    for part in parts:
+        timed_out = timed_out or time.monotonic() > begin + _MEASURING_SHARE * request.max_time
+        estimate = ratio = None
+        if part.exercised and not part.proof and not timed_out:
+
+            def without(model: mujoco.MjModel, own: Removal = part.removal) -> mujoco.MjModel:
+                changed = reference_of(model, 1)
+                own(changed)
+                return changed
+
+            estimate = reference.error_against(without, same)
+        if not timed_out:
+            (ratio,) = clock.time_ratios(
+                [(_changed_model(motions[0].model, part.removal), 1)], _TIMING_TURNS
+            )
+        measured.append((part, estimate, ratio))
+    (noise_floor,) = clock.time_ratios([(copy.copy(motions[0].model), 1)], _TIMING_TURNS)
+    report = PartsReport(
+        model=request.model,
+        scene_hash=examined.scene.hash,
+        mujoco=VERSION,
+        task=examined.task,
+        tilt=TILT_DEGREES,
+        tolerance=examined.task.within,
+        parts=tuple(_effect_of(*each, examined.task.within) for each in measured),
+        noise_floor=_time_ratio(noise_floor),
+        timed_out=timed_out,
+        seconds=time.monotonic() - begin,
+    )
+    session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
+    return report
+
+
+def stress_motions_of(motions: Sequence[Motion]) -> list[Motion]:
+    """Return the motions of a task, then with gravity tilted, then with twice the inputs."""
+    return [*motions, *map(tilt_gravity, motions), *map(double_inputs, motions)]
+
+
+def _changed_model(model: mujoco.MjModel, *changes: Removal) -> mujoco.MjModel:
+    made = copy.copy(model)
+    for change in changes:
+        change(made)
+    return made
+
+
+def _effect_of(
+    part: Feature, estimate: ErrorEstimate | None, ratio: Price | None, tolerance: float
+) -> PartEffect:
+    verdict: PartVerdict = "needed"
+    if part.proof:
+        verdict = "unused"
+    elif not part.exercised or estimate is None:
+        verdict = "not exercised"
+    elif estimate.error <= tolerance:
+        verdict = "below the tolerance"
+    safeguard = "a safeguard" if verdict == "not exercised" else "a safeguard, kept"
+    reason = part.proof or (safeguard if part.safeguard else "")
+    if part.exercised and not part.proof and estimate is None:
+        verdict, reason = "not measured", "the time limit was reached"
+    return PartEffect(
+        kind=part.kind,
+        name=part.name,
+        verdict=verdict,
+        exercised=part.exercised,
+        error=estimate.error if estimate and math.isfinite(estimate.error) else None,
+        body=estimate.body if estimate else "",
+        phase=estimate.phase if estimate else "",
+        time=estimate.time if estimate else None,
+        time_ratio=_time_ratio(ratio),
+        reason=reason,
+    )
+
+
+def _time_ratio(price: Price | None) -> BudgetPrice | None:
+    return price and BudgetPrice(ratio=price.ratio, low=price.low, high=price.high)
+
+
+def find_features(
+    motions: Sequence[Motion], positions: Sequence[np.ndarray], threads: int
+) -> list[Feature]:
+    """Return the features and parts of a model, and whether any step uses each of them.
+
+    A part that no step uses, and that has no proof, is checked: without it, the motions must be
+    the same bit for bit. Otherwise it counts as exercised.
+    """
+    model = motions[0].model
+    found = [*_budget_features(motions), *_model_parts(model, find_active(motions), positions)]
+    own = [*state_bytes(motions, threads)]
+
+    def unused(parts: Sequence[Feature]) -> bool:
+        changes = [part.removal for part in parts]
+        others = [
+            replace(motion, model=_changed_model(motion.model, *changes)) for motion in motions
+        ]
+        return all(map(eq, own, state_bytes(others, threads)))
+
+    idle = [part for part in found if not (part.exercised or part.proof)]
+    if unused(idle):
+        return found
+    used = [part for part in idle if not unused([part])]
+    return [replace(part, exercised=True) if part in used else part for part in found]
+
+
+def _budget_features(motions: Sequence[Motion]) -> Iterator[Feature]:
+    model = motions[0].model
+    rows = [row for row in ROWS if row.kind == "effect" and row.uses(model)]
+    shown = {name for motion in motions for name in shown_rows(motion, rows)}
+    for row in rows:
+        without, safeguard = _row_removal(row, model), row.name in _SAFEGUARDS
+        yield Feature("feature", row.summary, without, row.name in shown, safeguard=safeguard)
+
+
+def _row_removal(row: Row, model: mujoco.MjModel) -> Removal:
+    return lambda changed: row.changes[0](changed, model)
+
+
+@dataclass(frozen=True)
+class ActiveFeatures:
+    """Ids of the parts that any step of a motion uses."""
+
+    geoms: frozenset[int]
+    limits: frozenset[int]
+    tendons: frozenset[int]
+    actuators: frozenset[int]
+
+
+def find_active(motions: Sequence[Motion]) -> ActiveFeatures:
+    """Step through motions, and find the geoms, limits, tendons and actuators that act."""
+    geoms, limits, tendons, actuators = set[int](), set[int](), set[int](), set[int]()
+    limited = (mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT, mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON)
+    for motion in motions:
+        model = without_sensors(motion.model)
+        data = mujoco.MjData(model)
+        for seed in range(motion.seeds):
+            mujoco.mj_setState(model, data, motion.starts[seed], INTEGRATION)
+            rows = motion.rows(seed, np.arange(motion.steps))
+            for step in range(motion.steps):
+                if rows is not None:
+                    mujoco.mj_setState(model, data, rows[step], motion.spec)
+                mujoco.mj_step(model, data)
+                geoms.update(data.contact.geom[data.contact.exclude == 0].ravel().tolist())
+                kinds = np.asarray(data.efc_type[: data.nefc])
+                limits.update(np.asarray(data.efc_id)[: data.nefc][kinds == limited[0]].tolist())
+                tendons.update(np.asarray(data.efc_id)[: data.nefc][kinds == limited[1]].tolist())
+                actuators.update(np.flatnonzero(data.actuator_force).tolist())
+    model = motions[0].model
+    pulling = (
+        tendon
+        for tendon in range(model.ntendon)
+        if any(np.any(getattr(model, field)[tendon]) for field in _TENDON_FIELDS)
+    )
+    return ActiveFeatures(
+        frozenset(geoms), frozenset(limits), frozenset({*tendons, *pulling}), frozenset(actuators)
+    )
+
+
+def _model_parts(
+    model: mujoco.MjModel, used: ActiveFeatures, positions: Sequence[np.ndarray]
+) -> Iterator[Feature]:
+    yield from _collision_parts(model, used, positions)
+    for joint in _nonzero_ids(model.jnt_limited):
+        without, name = _zero_fields(joint, "jnt_limited"), name_of(model, "joint", joint)
+        yield Feature("limit", name, without, joint in used.limits, safeguard=True)
+    for tendon in range(model.ntendon):
+        without = _zero_fields(tendon, *_TENDON_FIELDS, "tendon_limited")
+        yield Feature("tendon", name_of(model, "tendon", tendon), without, tendon in used.tendons)
+    for actuator in range(model.nu):
+        without = _zero_fields(actuator, "actuator_gainprm", "actuator_biasprm")
+        name = name_of(model, "actuator", actuator)
+        yield Feature("actuator", name, without, actuator in used.actuators)
+
+
+def _collision_parts(
+    model: mujoco.MjModel, used: ActiveFeatures, positions: Sequence[np.ndarray]
+) -> Iterator[Feature]:
+    unused, words = unreachable_edits(model, positions), geom_words(model)
+    for geom in _nonzero_ids(model.geom_contype | model.geom_conaffinity):
+        without, name = (
+            _zero_fields(geom, "geom_contype", "geom_conaffinity"),
+            name_of(model, "geom", geom),
+        )
+        proof = f"they {_CANNOT_TOUCH}" if name in unused.masked else ""
+        yield Feature("geom", words.get(name, name), without, geom in used.geoms, proof)
+    for one, other in unused.excluded:
+        proof = f"their bodies {_CANNOT_TOUCH}"
+        yield Feature("pair", f"{one} - {other}", lambda _: None, exercised=False, proof=proof)
+
+
+def _nonzero_ids(field: np.ndarray) -> list[int]:
+    return np.flatnonzero(field).tolist()
+
+
+def _zero_fields(index: int, *fields: str) -> Removal:
+    def change(model: mujoco.MjModel) -> None:
+        for field in fields:
+            getattr(model, field)[index] = 0
+
+    return change

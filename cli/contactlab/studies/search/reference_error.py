@@ -1,0 +1,359 @@
+"""Errors of changed models against the reference: the model as written at a fine timestep.
+
+Every candidate starts in each window from the state of the reference. So all candidates are
+compared from the same states, whatever their timesteps, and chaos does not matter.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from contactlab.budget import Motion
+from contactlab.budget.defects import defects, paths
+from contactlab.budget.measuring import WINDOW, reference_of, run_at_once
+from contactlab.budget.motion import pulls, without_delays
+from contactlab.budget.rows import GRAVITY_AS_REAL, ROWS, disabled
+from contactlab.budget.windows import Observer, Run, body_name, judged_bodies, replay
+from contactlab.contact.trace_arrays import Floats
+
+_MIN_WINDOW_STEPS = (
+    2  # steps per window, so that rounding a window to whole steps leaves something to compare
+)
+_REFERENCE_POINTS = (
+    4  # points of the reference within a step of the candidate, on either side of an end
+)
+_STATIONARY_SHARE = 1e-6
+_UNCERTAINTY_ROWS = "unknown"
+_RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
+
+
+@dataclass(frozen=True)
+class ErrorEstimate:
+    """Error of a candidate: in its worst body, and where.
+
+    Attributes:
+        error: residual force as a share of the real forces, mean over seeds; infinite if MuJoCo
+            gave up.
+        body, phase: the worst.
+        time: when its worst window begins [s since the phase began].
+        low, high: least and largest over seeds.
+    """
+
+    error: float
+    body: str
+    phase: str
+    time: float
+    low: float
+    high: float
+
+
+class PhaseReference:
+    """The reference motion of one phase, which candidates are compared with."""
+
+    def __init__(self, motion: Motion, finer: int, workers: int, *, every: int = 1) -> None:
+        """Run the phase at its step over `finer`; use only one in `every` windows."""
+        self._motion = without_delays(motion)
+        self._substeps, self._workers = finer, workers
+        self.step = float(motion.model.opt.timestep) / finer
+        self._reference_model = reference_of(motion.model, finer)
+        steps = max(1, round(WINDOW / motion.model.opt.timestep))
+        inputs = self._motion.inputs.repeat(finer, axis=1)
+        fine = replace(self._motion, model=self._reference_model, inputs=inputs)
+        window = min(steps, motion.steps) * float(motion.model.opt.timestep)
+        self._run: Run = replay(fine, window, workers)
+        self._bodies = judged_bodies(motion.model)
+        self._observe = Observer(motion.model, motion.starts[0], self._bodies, workers)
+        self._cached_reference = (0, np.empty(0))
+        whole = np.flatnonzero(self._run.begins % self._run.steps == 0)
+        chosen = [
+            (seed, window, stood_for)
+            for seed in range(motion.seeds)
+            for window, stood_for in zip(*subsample_windows(whole, every), strict=True)
+            if self._run.valid[seed, window]
+        ]
+        self._windows = np.array([place[:2] for place in chosen], int).reshape(-1, 2)
+        self._window_weights = np.array(
+            [place[2] for place in chosen]
+        )  # (M,) number of windows that each stands for
+
+    @property
+    def motion(self) -> Motion:
+        """The phase, with controls that act on actuators without delay."""
+        return self._motion
+
+    @property
+    def windows(self) -> int:
+        """Number of windows of comparison; 0 if MuJoCo gave up on the reference."""
+        return len(self._windows)
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The model as written, as it moves in the phase."""
+        return self._motion.model
+
+    @property
+    def positions(self) -> Floats:
+        """(T, nq) joint positions at the steps of the run."""
+        own = self._run.kept[:, : -1 : self._substeps, : self._motion.model.nq]
+        return own[np.isfinite(own).all(axis=2)]
+
+    @cached_property
+    def _observed(self) -> np.ndarray:
+        names = [body_name(self._motion.model, int(body)) for body in self._bodies]
+        watched = self._motion.watched
+        return np.flatnonzero([not watched or name in watched for name in names])
+
+    @cached_property
+    def _real_impulses(self) -> Floats:
+        """(M, B) real impulses of windows over mass [m/s], which errors are a share of."""
+        model, run, rate = self._motion.model, self._run, self._substeps
+        gravity = 0.0 if disabled(model, "gravity") else 1.0
+        fall = pulls(self._motion, gravity * model.opt.gravity)[..., self._bodies]
+        found = np.empty((len(self._windows), len(self._bodies)))
+        for place, (seed, window) in enumerate(self._windows):
+            begin = int(run.begins[window])
+            kept = run.kept[seed, begin : begin + run.steps + 1 : rate]
+            speed = self._observe(kept)[0]
+            span = slice(begin // rate, (begin + run.steps) // rate)
+            weight = GRAVITY_AS_REAL * model.opt.timestep * fall[seed, span].sum(axis=0)
+            found[place] = paths(speed[None])[0] + weight
+            if not window:
+                found[place] += np.linalg.norm(speed[0], axis=-1)
+        return found
+
+    def estimate_error(
+        self, model: mujoco.MjModel, multiple: int, against: "Floats | None" = None
+    ) -> ErrorEstimate:
+        """Compare a model with the reference; its step is `multiple` fine steps.
+
+        `against` (M, K, B, 6) replaces the reference around the ends of the windows.
+        """
+        ends, which = self._window_ends(multiple)
+        if not len(which):
+            return ErrorEstimate(math.inf, "", self._motion.name, 0.0, math.inf, math.inf)
+        own = self.velocities_around(model, multiple)
+        fine = self._reference_around(ends, which, multiple) if against is None else against
+        found = defects(own, fine)
+        begin = self._run.begins[which[:, 1]]
+        kept = np.isin(
+            self._windows[:, 0] * len(self._run.begins) + self._windows[:, 1],
+            which[:, 0] * len(self._run.begins) + which[:, 1],
+        )
+        length = (ends[0] - begin[0]) / self._run.steps
+        return self._worst_body(
+            found / length, self._real_impulses[kept], which, self._window_weights[kept, None]
+        )
+
+    def _worst_body(
+        self, each: Floats, real_each: Floats, which: np.ndarray, stood_for: Floats
+    ) -> ErrorEstimate:
+        found, real = each * stood_for, real_each * stood_for
+        seeds = np.unique(which[:, 0])
+        shares = np.empty((len(seeds), len(self._bodies)))
+        for place, seed in enumerate(seeds):
+            own = which[:, 0] == seed
+            whole = real[own].sum(axis=0)
+            whole = np.maximum(whole, _STATIONARY_SHARE * whole.max()) + 1e-300
+            shares[place] = found[own].sum(axis=0) / whole
+        mean = shares.mean(axis=0)
+        body = int(self._observed[np.argmax(mean[self._observed])])
+        worst = which[int(np.argmax(each[:, body]))]
+        time = float(self._run.begins[worst[1]] * self.step)
+        name = body_name(self._motion.model, int(self._bodies[body]))
+        own = shares[:, body]
+        return ErrorEstimate(
+            float(mean[body]), name, self._motion.name, time, float(own.min()), float(own.max())
+        )
+
+    def _window_ends(self, multiple: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return (M,) fine steps at which windows end, and the (M, 2) windows that fit."""
+        count = max(_MIN_WINDOW_STEPS, round(self._run.steps / multiple))
+        ends = self._run.begins[self._windows[:, 1]] + count * multiple
+        fits = ends + multiple < self._run.kept.shape[1]
+        return ends[fits], self._windows[fits]
+
+    def _reference_around(self, ends: np.ndarray, which: np.ndarray, multiple: int) -> Floats:
+        """Return (M, K, B, 6) velocities of the reference around the ends of windows.
+
+        Configurations of one step are tried in a row, so those of the last step are cached.
+        """
+        if multiple != self._cached_reference[0]:
+            self._cached_reference = multiple, self._observe_reference(ends, which, multiple)
+        return self._cached_reference[1]
+
+    def _observe_reference(self, ends: np.ndarray, which: np.ndarray, multiple: int) -> Floats:
+        stride = max(1, multiple // _REFERENCE_POINTS)
+        places = sorted({*range(-multiple, multiple + 1, stride), 0, multiple})
+        # The end itself must be in the middle, where defects expect it.
+        half = [place for place in places if place > 0]
+        places = [-place for place in half[::-1]] + [0, *half]
+        kept = np.stack(
+            [
+                self._run.kept[seed, end + np.array(places)]
+                for (seed, _), end in zip(which, ends, strict=True)
+            ]
+        )
+        return self._observe(kept)[0]
+
+    def velocities_around(self, model: mujoco.MjModel, multiple: int) -> Floats:
+        """Return (M, 3, B, 6) velocities of a model one step before, at and after window ends."""
+        _, which = self._window_ends(multiple)
+        count = max(_MIN_WINDOW_STEPS, round(self._run.steps / multiple))
+        motion = self.motion_of(model, multiple, which, count + 1)
+        run = replay(motion, (count + 1) * float(motion.model.opt.timestep), self._workers)
+        return self._observe(run.kept[:, count - 1 : count + 2])[0]
+
+    def motion_of(
+        self, model: mujoco.MjModel, multiple: int, which: np.ndarray, steps: int
+    ) -> Motion:
+        """Return M motions, as seeds of one motion, that begin where (M, 2) windows do."""
+        own = run_at_once(model)
+        own.opt.timestep = multiple * self.step
+        starts, inputs = self.starts_and_inputs(multiple, which, steps)
+        return replace(self._motion, model=own, starts=starts, inputs=inputs)
+
+    def starts_and_inputs(
+        self, multiple: int, which: np.ndarray, steps: int
+    ) -> tuple[Floats, Floats]:
+        """Return initial states (M, nstate) of (M, 2) windows, and (M, steps, width) inputs.
+
+        A step that covers several steps of the run gets the mean of their inputs.
+        """
+        begins = self._run.begins[which[:, 1]]
+        inputs = held_inputs(self._motion, self._substeps, which[:, 0], begins, multiple, steps)
+        return self._run.starts[which[:, 0], which[:, 1]], inputs
+
+    @property
+    def starts(self) -> np.ndarray:
+        """(M, 2) seeds and windows that candidates begin in."""
+        return self._windows
+
+    def model_uncertainty(self) -> ErrorEstimate | None:
+        """Return the effect of friction +-10 % and masses +-5 %; None without either.
+
+        Both sides have the model's own step, and a converged solver.
+        """
+        rate, found = self._substeps, list[ErrorEstimate]()
+        base = reference_of(self._motion.model, 1)
+        _, which = self._window_ends(rate)
+        if not len(which):
+            return None
+        same = self.velocities_around(base, rate)
+        for row in (row for row in ROWS if row.kind == _UNCERTAINTY_ROWS and row.uses(base)):
+            for change in row.changes:
+                varied = reference_of(self._motion.model, 1)
+                change(varied, self._motion.model)
+                apart = self.estimate_error(varied, rate, same)
+                if math.isfinite(apart.error):
+                    found.append(replace(apart, phase=f"{apart.phase}: {row.name}"))
+        return max(found, key=lambda apart: apart.error, default=None)
+
+
+def subsample_windows(windows: np.ndarray, every: int) -> tuple[np.ndarray, Floats]:
+    """Return the first window and one in `every` of the others, with the number each stands for.
+
+    In the first window constraints take up their load, which happens once.
+    """
+    first, others = windows[:1], windows[1:]
+    chosen = others[(every - 1) // 2 :: every]
+    stood_for = np.full(len(chosen), len(others) / max(len(chosen), 1))
+    return np.concatenate([first, chosen]), np.concatenate([np.ones(len(first)), stood_for])
+
+
+def held_inputs(
+    motion: Motion, finer: int, seeds: np.ndarray, begins: np.ndarray, multiple: int, steps: int
+) -> Floats:
+    """Return (M, steps, width) inputs of seeds from fine steps (M,) on, one row per longer step.
+
+    A step that covers several steps of the motion gets the mean of their inputs.
+    """
+    if not motion.inputs.shape[2]:
+        return np.empty((len(seeds), steps, 0))
+    fine = begins[:, None] + np.arange(steps * multiple)
+    rows = motion.inputs[seeds[:, None], np.minimum(fine // finer, motion.steps - 1)]
+    return rows.reshape(len(seeds), steps, multiple, -1).mean(axis=2)
+
+
+def motion_at_steps(motion: Motion, finer: int, seeds: np.ndarray, multiple: int) -> Motion:
+    """Return seeds of a motion from start to end, with inputs for steps of `multiple` fine steps.
+
+    The model of the motion is unchanged; another model makes the steps.
+    """
+    own = without_delays(motion)
+    steps = max(_MIN_WINDOW_STEPS, round(own.steps * finer / multiple))
+    rows = held_inputs(own, finer, seeds, np.zeros(len(seeds), int), multiple, steps)
+    return replace(own, starts=own.starts[seeds], inputs=rows)
+
+
+@dataclass(frozen=True)
+class TaskReference:
+    """The references of the phases of a task, which are judged one by one; the worst counts."""
+
+    phases: Sequence[PhaseReference]
+    substeps: int
+
+    @classmethod
+    def run_references(
+        cls, motions: Sequence[Motion], finer: int, workers: int, every: int = 1
+    ) -> "TaskReference":
+        """Run the references of phases."""
+        found = [PhaseReference(motion, finer, workers, every=every) for motion in motions]
+        return cls(found, finer)
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether MuJoCo completed the reference of every phase."""
+        return all(part.windows for part in self.phases)
+
+    def complete_phases(self) -> "TaskReference":
+        """Return the phases with a complete reference; all of them if there is none."""
+        return replace(self, phases=[part for part in self.phases if part.windows] or self.phases)
+
+    @property
+    def step(self) -> float:
+        """The fine step [s]."""
+        return self.phases[0].step
+
+    def estimate_error(self, model: mujoco.MjModel, multiple: int) -> ErrorEstimate:
+        """Return the largest error of a model, over phases.
+
+        The step of the reference itself adds an error of first order, which is corrected here
+        unless either motion uses RK4.
+        """
+        worst = self.uncorrected_error(model, multiple)
+        rest = 1.0
+        if multiple > 1 and _RK4 not in (model.opt.integrator, self.phases[0].model.opt.integrator):
+            rest = multiple / (multiple - 1)
+        return replace(
+            worst, error=worst.error * rest, low=worst.low * rest, high=worst.high * rest
+        )
+
+    def uncorrected_error(self, model: mujoco.MjModel, multiple: int) -> ErrorEstimate:
+        """Return the same without the correction for the step of the reference."""
+        found = [part.estimate_error(model, multiple) for part in self.phases]
+        return max(found, key=lambda apart: apart.error)
+
+    def velocities_around(
+        self, made: Callable[[mujoco.MjModel, int], mujoco.MjModel]
+    ) -> list[Floats]:
+        """Return velocities around window ends at the step of the run, by phase."""
+        return [part.velocities_around(made(part.model, 1), self.substeps) for part in self.phases]
+
+    def error_against(
+        self, made: Callable[[mujoco.MjModel], mujoco.MjModel], same: Sequence[Floats]
+    ) -> ErrorEstimate:
+        """Return the largest error of a changed model against velocities of the same steps."""
+        found = [
+            part.estimate_error(made(part.model), self.substeps, own)
+            for part, own in zip(self.phases, same, strict=True)
+        ]
+        return max(found, key=lambda apart: apart.error)
+
+    def model_uncertainty(self) -> ErrorEstimate | None:
+        """Return the largest model uncertainty, over phases."""
+        found = [apart for part in self.phases if (apart := part.model_uncertainty())]
+        return max(found, key=lambda apart: apart.error, default=None)

@@ -1,0 +1,196 @@
+"""Sentences of a tune report."""
+
+import math
+from collections.abc import Iterator
+
+from contactlab.budget.prices import Price
+from contactlab.printable import percent
+from contactlab.schema.error_budget import BudgetPrice
+from contactlab.schema.tune_report import Candidate, TuneReport
+from contactlab.studies.search.configuration import format_settings
+from contactlab.studies.search.settings_search import EQUAL_ERROR_RATIO
+
+UNVERIFIED = "the time limit left no time to verify the next candidate"
+"""Why the search ended without a verdict."""
+_NOT_VERIFIED = "The time limit left no time to verify"
+_MORE_TIME = "Allow more with --max-time."
+_TWO_DIGITS = 0.1  # smallest ratio of which two decimals have two significant digits
+
+
+def error_text(error: float | None, unit: str) -> str:
+    """Return an error with its unit; a share in percent."""
+    if error is None:
+        return "unknown"
+    return percent(error) if unit == "1" else f"{error:.2e} {unit}"
+
+
+def time_ratio_text(price: Price | BudgetPrice) -> str:
+    """Return a ratio of times with its interval, such as `x0.80 (0.78 to 0.82)`."""
+    ratio, low, high = (
+        f"{part:.2f}" if part >= _TWO_DIGITS else f"{part:.2g}"
+        for part in (price.ratio, price.low, price.high)
+    )
+    return f"x{ratio} ({low} to {high})"
+
+
+def is_faster(price: Price | BudgetPrice, noise_floor: Price | BudgetPrice) -> bool:
+    """Return whether a ratio of times is below 1, and below the noise floor.
+
+    The noise floor is the ratio of the model as written to itself, from the same turns.
+    """
+    return price.high < min(1.0, noise_floor.low)
+
+
+def finite_or_none(number: float) -> float | None:
+    """Return a number, or None if JSON has no such number."""
+    return float(number) if math.isfinite(number) else None
+
+
+def settings_text(candidate: Candidate, current: Candidate) -> str:
+    """Return the settings of a candidate in a line, with its timestep if that was changed."""
+    step = {} if candidate.timestep == current.timestep else {"timestep": candidate.timestep}
+    return format_settings({**step, **candidate.settings}) or "the model as written"
+
+
+def no_speedup_text(report: TuneReport) -> str:
+    """Explain why no tested change saves 20 %; empty if one does."""
+    current, unconstrained = report.current, report.unconstrained_cost
+    if unconstrained is None or current.error is None:
+        return ""
+    limit = report.target.limit
+    if current.error > limit:
+        limit = EQUAL_ERROR_RATIO * current.error
+    measured = [one for one in report.candidates if one.error is not None]
+    same_step = [one for one in measured if one.timestep == current.timestep]
+    good = [
+        (one.time_ratio.ratio, one)
+        for one in same_step
+        if one.time_ratio and (one.error or 0.0) <= limit
+    ]
+    parts = [f"x{unconstrained.ratio:.2f} without contacts and other constraints"]
+    if good:
+        ratio, best = min(good, key=lambda pair: pair[0])
+        parts.append(f"x{min(ratio, 1.0):.2f} at best ({settings_text(best, current)})")
+    longer = [
+        one for one in measured if one.timestep > current.timestep and (one.error or 0.0) > limit
+    ]
+    if longer:
+        next_one = min(longer, key=lambda one: (one.timestep, one.error))
+        error = error_text(next_one.error, report.target.unit)
+        parts.append(f"the next longer timestep, {next_one.timestep:g} s, has an error of {error}")
+    return f"time at the same timestep: {', '.join(parts)}"
+
+
+def sentence_of(report: TuneReport) -> str:
+    """Return the result in a few sentences."""
+    best, verified, target = report.recommended, report.verified, report.target
+    current, options = error_text(report.current.error, target.unit), list(_extra_options(report))
+    if best and best.time_ratio and verified:
+        fresh = f"{error_text(verified.error, target.unit)} on fresh seeds"
+        head = (
+            f"Recommended: {time_ratio_text(best.time_ratio)} time, error "
+            f"{error_text(best.error, target.unit)}, {fresh} (current {current})."
+        )
+        if _is_above_tolerance(report):
+            limit = percent(target.tolerance)
+            head = f"The error as written is above the tolerance of {limit}. {head}"
+    else:
+        head = no_recommendation_text(report, has_options=bool(options))
+    text = " ".join([head, *options])
+    return f"{text} {_MORE_TIME}" if _NOT_VERIFIED in text else text
+
+
+def no_recommendation_text(report: TuneReport, *, has_options: bool) -> str:
+    """Say that no change is recommended, and why."""
+    unit = report.target.unit
+    current = error_text(report.current.error, unit)
+    above = _is_above_tolerance(report) and report.target.real_time is None
+    error = f"{'Numerical error' if unit == '1' else 'Forward error'} is {current}"
+    if above:
+        error += f", above the tolerance of {percent(report.target.tolerance)}"
+    if (likely := _unverified_candidate(report)) and likely.time_ratio:
+        goal = "within the tolerance" if above else "faster"
+        settings = settings_text(likely, report.current)
+        ratio, its_error = time_ratio_text(likely.time_ratio), error_text(likely.error, unit)
+        return (
+            f"{error}. {_NOT_VERIFIED} a candidate that may be {goal}: {settings}, {ratio} time, "
+            f"error {its_error}."
+        )
+    tested = "setting tested in time" if report.timed_out else "tested setting"
+    if above:
+        return f"{error}, and no {tested} that is numerically accurate is within it."
+    if has_options:
+        return f"No accurate {tested} is faster with an error of at most {current}, as written."
+    return f"No change recommended. {error}, and no {tested} within the tolerance is faster."
+
+
+def _unverified_candidate(report: TuneReport) -> Candidate | None:
+    """Return the fastest candidate that may be recommended, if time was short; or None."""
+    current = report.current.error
+    if current is None or not _has_unverified(report):
+        return None
+    rejected, above = {skipped.name for skipped in report.not_changed}, _is_above_tolerance(report)
+    limit = report.target.tolerance
+    if not above:
+        limit = max(report.target.limit, EQUAL_ERROR_RATIO * current)
+    found = [
+        (one.time_ratio.ratio, one)
+        for one in report.candidates
+        if one.time_ratio
+        and (above or is_faster(one.time_ratio, report.current.time_ratio or one.time_ratio))
+        and (one.error or 0.0) <= limit
+        and settings_text(one, report.current) not in rejected
+    ]
+    return min(found, key=lambda pair: pair[0])[1] if found else None
+
+
+def _has_unverified(report: TuneReport) -> bool:
+    return any(skipped.reason == UNVERIFIED for skipped in report.not_changed)
+
+
+def _is_above_tolerance(report: TuneReport) -> bool:
+    error, target = report.current.error, report.target
+    return target.unit == "1" and (error is None or error > target.tolerance)
+
+
+def _extra_options(report: TuneReport) -> Iterator[str]:
+    """Yield sentences on the candidates besides the recommended one."""
+    target = report.target
+    limit = error_text(target.limit, target.unit)
+    if report.equal_error and report.equal_error.candidate.time_ratio:
+        ratio = time_ratio_text(report.equal_error.candidate.time_ratio)
+        yield f"Equally accurate as written, with the same verdict: {ratio} time."
+    if report.meets_target and report.meets_target.candidate.time_ratio:
+        ratio = time_ratio_text(report.meets_target.candidate.time_ratio)
+        yield (
+            f"The model as written misses the target of {limit}{_strict_target_note(report)}; "
+            f"settings that meet it: {ratio} time."
+        )
+    elif closest := report.closest:
+        which = f"{settings_text(closest, report.current)}, error "
+        which += error_text(closest.error, target.unit)
+        which += (
+            f" at {time_ratio_text(closest.time_ratio)} time"
+            if closest.time_ratio
+            else ", not timed"
+        )
+        tested = "setting tested in time" if report.timed_out else "tested setting"
+        goal = f"the target of {limit}"
+        if target.real_time is not None:
+            goal = f"the target of {target.real_time:g}x real time"
+        elif closest.error is not None and closest.error <= target.limit:
+            if _has_unverified(report):
+                yield f"{_NOT_VERIFIED} a candidate for {goal}: {which}."
+                return
+            goal += " on fresh seeds as well"
+        factor = f"; limiting factor: {report.limiting_factor}" if report.limiting_factor else ""
+        yield f"No {tested} meets {goal}. Closest: {which}{factor}."
+
+
+def _strict_target_note(report: TuneReport) -> str:
+    """Note that the target is strict because the model uncertainty is small."""
+    target, current = report.target, report.current.error
+    uncertainty = target.model_uncertainty
+    if uncertainty is None or current is None or uncertainty >= target.limit:
+        return ""
+    return f" (the model uncertainty is only {percent(uncertainty)})"

@@ -1,0 +1,71 @@
+"""The grip that an examination tells: of what a keyframe holds, or a hand that an arm carries."""
+
+from pathlib import Path
+
+import mujoco
+import pytest
+from tests.grip.grippers import claw, claw_with_bar
+from tests.grip.test_fingers import arm
+
+from contactlab.errors import SceneError
+from contactlab.schema.task import QPOS0
+from contactlab.studies.grip.grip_fact import film_grip, grip_facts
+from contactlab.studies.grip.grip_fixes import Grip
+from contactlab.studies.grip.gripping import GripRequest, judge_grip
+
+DOG = """<mujoco><worldbody><body name="trunk" pos="0 0 .4"><freejoint/>
+  <geom type="box" size=".2 .1 .05" mass="5"/>
+  <body name="left" pos="0 .1 0"><joint name="left" axis="1 0 0" range="-60 60"/>
+    <geom type="capsule" size=".02" fromto="0 0 0 0 0 -.3" mass="1"/></body>
+  <body name="right" pos="0 -.1 0"><joint name="right" axis="1 0 0" range="-60 60"/>
+    <geom type="capsule" size=".02" fromto="0 0 0 0 0 -.3" mass="1"/></body>
+  </body></worldbody>
+  <actuator><motor joint="left" ctrlrange="-5 5"/><motor joint="right" ctrlrange="-5 5"/></actuator>
+</mujoco>"""
+
+
+def saved(folder: Path, text: str) -> tuple[str, mujoco.MjModel]:
+    path = folder / "robot.xml"
+    path.write_text(text, encoding="utf-8")
+    return str(path), mujoco.MjModel.from_xml_path(str(path))
+
+
+def test_a_start_that_holds_an_object_is_judged_as_it_is(tmp_path: Path) -> None:
+    """The number is that of `contactlab grip --keyframe`; no change is run for it."""
+    reference, model = saved(tmp_path, claw_with_bar(8, 0.1))
+    (fact,) = grip_facts(reference, model, "held")
+    speeds = judge_grip(GripRequest(reference, keyframe="held", fixes=False)).drifts
+    assert fact.value == pytest.approx(max(drift.speed or 0 for drift in speeds), rel=1e-9)
+    assert fact.sentence.startswith("keyframe held (claw) creeps: body bar goes")
+
+
+def test_the_hand_of_an_arm_is_judged(tmp_path: Path) -> None:
+    reference, model = saved(tmp_path, arm("each finger"))
+    (fact,) = grip_facts(reference, model, QPOS0)
+    assert fact.place == "palm"
+    assert fact.unit == "m/s"
+
+
+@pytest.mark.parametrize(("start", "bodies"), [("held", {"bar"}), (QPOS0, {"contactlab/object"})])
+def test_a_film_is_of_the_grip_that_is_told(tmp_path: Path, start: str, bodies: set[str]) -> None:
+    """Of the bar in its keyframe; without one, of the usual object on a mounted hand."""
+    reference, _ = saved(tmp_path, claw_with_bar(8, 0.1))
+    filmed = list[Grip]()
+    film_grip(reference, start, filmed.append)
+    assert {grip.fixture.model.body(grip.fixture.body).name for grip in filmed} == bodies
+
+
+def test_a_film_of_no_grip_is_refused(tmp_path: Path) -> None:
+    cup = '<mujoco><worldbody><body><freejoint/><geom size=".1"/></body></worldbody></mujoco>'
+    with pytest.raises(SceneError, match="grips nothing"):
+        film_grip(saved(tmp_path, cup)[0], QPOS0, lambda _: None)
+
+
+@pytest.mark.parametrize("dog", [DOG, DOG.replace("<freejoint/>", "")])
+def test_legs_are_no_hand(dog: str, tmp_path: Path) -> None:
+    assert grip_facts(*saved(tmp_path, dog), QPOS0) == ()
+
+
+def test_a_hand_that_stands_alone_is_judged(tmp_path: Path) -> None:
+    (fact,) = grip_facts(*saved(tmp_path, claw()), QPOS0)
+    assert fact.sentence.startswith("its hand (claw) creeps")

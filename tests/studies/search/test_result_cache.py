@@ -1,0 +1,240 @@
+"""The same question is not searched again; any other question is."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from contactlab.plan.task_options import read_task_options
+from contactlab.scene.mujoco_versions import VERSION
+from contactlab.schema.error_budget import BudgetPrice
+from contactlab.schema.tune_report import REPORT, Candidate, SkippedSetting, Target, TuneReport
+from contactlab.studies.examine.examination import ExamineRequest, open_model
+from contactlab.studies.search.report_text import UNVERIFIED, no_speedup_text, sentence_of
+from contactlab.studies.search.result_cache import find_cached_report
+from contactlab.studies.search.tune_request import TuneRequest
+from contactlab.studies.session import Session
+
+BALL = """<mujoco><worldbody><body><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
+TASK = read_task_options(drive="none", duration="0.1s")
+
+
+@pytest.fixture
+def asked(tmp_path: Path) -> TuneRequest:
+    """A question, whose answer lies in `before`, with the model that was written."""
+    path = tmp_path / "ball.xml"
+    path.write_text(BALL)
+    request = TuneRequest(str(path), TASK, error=0.02)
+    opened = ExamineRequest(str(path), task=TASK, sections=("budget",))
+    examined = open_model(opened, Session(tmp_path))
+    now = Candidate(
+        settings={},
+        timestep=0.002,
+        removes_unused=False,
+        removes_far_pairs=False,
+        simplifies_hulls=False,
+        error=0.01,
+        low=0.01,
+        high=0.01,
+        body="body[1]",
+        phase="free",
+        time=0.0,
+        time_ratio=None,
+    )
+    report = TuneReport(
+        model=str(path),
+        scene_hash=examined.scene.hash,
+        mujoco=VERSION,
+        task=examined.task,
+        target=Target(
+            kind="error",
+            limit=0.02,
+            unit="1",
+            tolerance=0.1,
+            model_uncertainty=None,
+            uncertainty_source="",
+            real_time=None,
+            observed=(),
+            error_at=None,
+            divergence="",
+        ),
+        sentence="an answer",
+        target_met=True,
+        current=now,
+        current_verdict=None,
+        recommended=now,
+        meets_target=None,
+        far_pairs=None,
+        simplified_hulls=None,
+        closest=None,
+        limiting_factor="",
+        unconstrained_cost=None,
+        equal_error=None,
+        real_time=1.0,
+        reference_step=0.001,
+        candidates=(now,),
+        changed_settings=(),
+        masked=(),
+        excluded=(),
+        removed_sensors=(),
+        disabled_flags=(),
+        not_changed=(),
+        verified=None,
+        file="tuned/tuned.xml",
+        lines=(),
+        timed_out=False,
+        seconds=1.0,
+    )
+    written = tmp_path / "before" / "tuned" / "tuned.xml"
+    written.parent.mkdir(parents=True)
+    written.write_text(BALL)
+    (tmp_path / "before" / REPORT).write_text(report.model_dump_json())
+    return request
+
+
+def found(request: TuneRequest, folder: Path) -> TuneReport | None:
+    return find_cached_report(
+        request, Session(folder / "out"), (folder / "none", folder / "before")
+    )
+
+
+def test_the_answer_to_the_same_question_is_copied_with_its_model(
+    asked: TuneRequest, tmp_path: Path
+) -> None:
+    report = found(asked, tmp_path)
+    assert report
+    assert report.sentence == "an answer"
+    out = tmp_path / "out"
+    assert (out / "tuned" / "tuned.xml").read_text() == BALL
+    assert TuneReport.model_validate_json((out / REPORT).read_text()) == report
+    # In its own folder it stays as it is.
+    again = find_cached_report(asked, Session(out), (out,))
+    assert again == report
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"error": 0.03},
+        {"error": None},
+        {"real_time": 5.0, "error": None},
+        {"drop_sensors": True},
+        {"skip_pairs_beyond": 0.05},
+        {"simplify_hulls": 0.001},
+        {"task": read_task_options(drive="none", duration="0.2s")},
+        {"task": read_task_options(drive="none", duration="0.1s", tolerance=["1%"])},
+    ],
+)
+def test_another_question_is_searched(
+    asked: TuneRequest, change: dict[str, object], tmp_path: Path
+) -> None:
+    assert found(replace(asked, **change), tmp_path) is None  # pyright: ignore[reportArgumentType]
+    assert not (tmp_path / "out").exists()
+
+
+def test_another_model_and_lost_files_and_short_times_are_no_answer(
+    asked: TuneRequest, tmp_path: Path
+) -> None:
+    path, before = Path(asked.model), tmp_path / "before"
+    path.write_text(BALL.replace('".1"', '".2"'))
+    assert found(asked, tmp_path) is None
+    path.write_text(BALL)
+    stored = (before / REPORT).read_text()
+    (before / REPORT).write_text(stored.replace('"timed_out":false', '"timed_out":true'))
+    assert found(asked, tmp_path) is None
+    (before / REPORT).write_text(stored)
+    (before / "tuned" / "tuned.xml").unlink()
+    assert found(asked, tmp_path) is None
+
+
+def test_what_saves_no_fifth_is_told_with_what_there_is_to_save(
+    asked: TuneRequest, tmp_path: Path
+) -> None:
+    """The cheapest as accurate at the own step, and the longer step that is not."""
+    report = found(asked, tmp_path)
+    assert report
+    assert not no_speedup_text(report)
+    price = BudgetPrice(ratio=0.5, low=0.4, high=0.6)
+    off = BudgetPrice(ratio=0.93, low=0.9, high=0.95)
+    own = report.current.model_copy(update={"settings": {"island": False}, "time_ratio": off})
+    rough = own.model_copy(
+        update={"settings": {"cone": "elliptic"}, "error": 0.03, "time_ratio": price}
+    )
+    longer = report.current.model_copy(update={"timestep": 0.003, "error": 0.04})
+    points = (report.current, own, rough, longer)
+    assert no_speedup_text(
+        report.model_copy(update={"unconstrained_cost": price, "candidates": points})
+    ) == (
+        "time at the same timestep: x0.50 without contacts and other constraints, x0.93 at best "
+        "(island off), the next longer timestep, 0.003 s, has an error of 4 %"
+    )
+
+
+def test_what_no_time_was_left_to_judge_is_not_told_to_be_kept(
+    asked: TuneRequest, tmp_path: Path
+) -> None:
+    """Of what was tried, the fastest within the limit that did not fail before."""
+    report = found(asked, tmp_path)
+    assert report
+    twin = BudgetPrice(ratio=1.0, low=0.98, high=1.02)
+    now = report.current.model_copy(update={"time_ratio": twin})
+    fast, faster, failed, rough = (
+        now.model_copy(
+            update={
+                "timestep": step,
+                "error": error,
+                "time_ratio": BudgetPrice(ratio=ratio, low=ratio, high=ratio),
+            }
+        )
+        for step, error, ratio in (
+            (0.004, 0.01, 0.5),
+            (0.008, 0.02, 0.25),
+            (0.01, 0.02, 0.2),
+            (0.02, 0.5, 0.1),
+        )
+    )
+    ended = {"current": now, "recommended": None, "candidates": (now, fast, faster, failed, rough)}
+    kept = (SkippedSetting(name="timestep 0.01", reason="on fresh seeds: tunneling"),)
+    told = sentence_of(report.model_copy(update={**ended, "not_changed": kept}))
+    assert told.startswith("No change recommended.")
+    kept = (*kept, SkippedSetting(name="tuned", reason=UNVERIFIED))
+    assert sentence_of(report.model_copy(update={**ended, "not_changed": kept})) == (
+        "Numerical error is 1 %. The time limit left no time to verify a candidate that may be "
+        "faster: timestep 0.008, x0.25 (0.25 to 0.25) time, error 2 %. Allow more with --max-time."
+    )
+
+
+def test_what_may_keep_the_aim_is_told_apart_from_what_failed(
+    asked: TuneRequest, tmp_path: Path
+) -> None:
+    report = found(asked, tmp_path)
+    assert report
+    now = report.current.model_copy(update={"error": 0.05})
+    near = now.model_copy(update={"timestep": 0.001, "error": 0.015})
+    missed = {"current": now, "recommended": None, "closest": near, "limiting_factor": "the ball"}
+    kept = (SkippedSetting(name="meets_target", reason=UNVERIFIED),)
+    told = sentence_of(report.model_copy(update={**missed, "not_changed": kept}))
+    assert told.endswith(
+        "The time limit left no time to verify a candidate for the target of 2 %: timestep 0.001, "
+        "error 1.5 %, not timed. Allow more with --max-time."
+    )
+    told = sentence_of(report.model_copy(update=missed))
+    assert told.endswith(
+        "No tested setting meets the target of 2 % on fresh seeds as well. Closest: timestep 0.001, "
+        "error 1.5 %, not timed; limiting factor: the ball."
+    )
+    # A model beyond the tolerance is told to be so, with what may keep that.
+    near = near.model_copy(update={"time_ratio": BudgetPrice(ratio=2.0, low=2.0, high=2.0)})
+    now = now.model_copy(update={"error": 0.5})
+    missed = {**missed, "current": now, "candidates": (now, near), "closest": None}
+    told = sentence_of(report.model_copy(update={**missed, "not_changed": kept}))
+    assert told == (
+        "Numerical error is 50 %, above the tolerance of 10 %. The time limit left no time to verify "
+        "a candidate that may be within the tolerance: timestep 0.001, x2.00 (2.00 to 2.00) time, "
+        "error 1.5 %. Allow more with --max-time."
+    )
+    told = sentence_of(report.model_copy(update=missed))
+    assert told == (
+        "Numerical error is 50 %, above the tolerance of 10 %, and no tested setting that is "
+        "numerically accurate is within it."
+    )
