@@ -57,7 +57,7 @@ def test_a_film_is_of_the_grip_that_is_told(tmp_path: Path, start: str, bodies: 
 
 def test_a_film_of_no_grip_is_refused(tmp_path: Path) -> None:
     cup = '<mujoco><worldbody><body><freejoint/><geom size=".1"/></body></worldbody></mujoco>'
-    with pytest.raises(SceneError, match="grips nothing"):
+    with pytest.raises(SceneError, match="no gripper found"):
         film_grip(saved(tmp_path, cup)[0], QPOS0, lambda _: None)
 
 

@@ -74,13 +74,15 @@ def test_costs_are_medians_of_each_engine_over_mujoco(both: Store) -> None:
 def parity(store: Store, **changes: Any) -> ParityReport:
     """Return a report of the impulse law's runs, the first of which differs."""
     ids = [each.run_id for each in store.records() if each.engine.name == "impulse"]
-    share = Measured(mujoco=2.0, engine=2.2, rounded=2.0, difference=0.1, beyond=True)
+    share = Measured(
+        mujoco=2.0, engine=2.2, rounded_mujoco=2.0, difference=0.1, above_tolerance=True
+    )
     runs = [
         RunParity(run_id=each, axes={"timestep": 0.001}, seed=0, verdict="same", position=1e-12)
         for each in ids
     ]
     first = Divergence(stage="contacts", quantity="count of <a> - b", step=4, mujoco=8, engine=4)
-    differs = {"verdict": "different", "first": first, "measured": {"energy": share}}
+    differs = {"verdict": "different", "first_divergence": first, "measured": {"energy": share}}
     told = {"sweep": "tried", "scene": "ball_drop", "engine": "impulse", "version": "1",
             "mujoco": "4", "device": "", "exit_code": 1, "headline": "impulse differs",
             "verdicts": {}, "findings": (), "closed_form": None,

@@ -76,8 +76,9 @@ class DiffReport(Model):
         """The change in motion in words."""
         if self.motion is None:
             return f"motion: {self.no_motion_reason}"
+        motion = self.motion
         return (
-            f"motion: the second model needs a residual force of {100 * self.motion.error:.2g} % of "
-            f"the real forces to move as the first, in the worst body, {self.motion.body} (windows of "
-            f"{1e3 * self.motion.window:.0f} ms of one second; {self.motion.task})"
+            f"motion: the second model needs a residual force of {100 * motion.error:.2g} % of the "
+            f"real forces to move as the first, in the worst body, {motion.body} (windows of "
+            f"{1e3 * motion.window:.0f} ms of one second; {motion.task})"
         )

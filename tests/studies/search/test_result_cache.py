@@ -220,8 +220,8 @@ def test_what_may_keep_the_aim_is_told_apart_from_what_failed(
     )
     told = sentence_of(report.model_copy(update=missed))
     assert told.endswith(
-        "No tested setting meets the target of 2 % on fresh seeds as well. Closest: timestep 0.001, "
-        "error 1.5 %, not timed; limiting factor: the ball."
+        "No tested setting meets the target of 2 % on fresh seeds as well. Closest: timestep "
+        "0.001, error 1.5 %, not timed; limiting factor: the ball."
     )
     # A model beyond the tolerance is told to be so, with what may keep that.
     near = near.model_copy(update={"time_ratio": BudgetPrice(ratio=2.0, low=2.0, high=2.0)})
@@ -229,9 +229,9 @@ def test_what_may_keep_the_aim_is_told_apart_from_what_failed(
     missed = {**missed, "current": now, "candidates": (now, near), "closest": None}
     told = sentence_of(report.model_copy(update={**missed, "not_changed": kept}))
     assert told == (
-        "Numerical error is 50 %, above the tolerance of 10 %. The time limit left no time to verify "
-        "a candidate that may be within the tolerance: timestep 0.001, x2.00 (2.00 to 2.00) time, "
-        "error 1.5 %. Allow more with --max-time."
+        "Numerical error is 50 %, above the tolerance of 10 %. The time limit left no time to "
+        "verify a candidate that may be within the tolerance: timestep 0.001, x2.00 (2.00 to 2.00) "
+        "time, error 1.5 %. Allow more with --max-time."
     )
     told = sentence_of(report.model_copy(update=missed))
     assert told == (

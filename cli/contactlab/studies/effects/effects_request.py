@@ -131,7 +131,7 @@ class AblationSetup:
         return [*fixed, *self.scenarios[0]]
 
     def compared_with_recordings(self) -> "AblationSetup":
-        """Return the setup with recorded runs as scenarios, and other recorded runs to verify with."""
+        """Return the setup with recorded runs as scenarios, and others for verification."""
         if (recorded := self.scene.recorded) is None:
             raise SceneError(f"{self.reference}: error {REALITY} needs a scene with a `recording`")
         drawn = np.random.default_rng(0).permutation(recorded.numbers).tolist()

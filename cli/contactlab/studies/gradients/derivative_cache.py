@@ -28,7 +28,7 @@ class DerivativeCache:
 
     @classmethod
     def of(cls, session: Session, question: Mapping[str, object]) -> "DerivativeCache":
-        """Read the derivatives of a question by the same code; an OutputError if they are damaged."""
+        """Read the derivatives of a question and code; an OutputError if they are damaged."""
         code = definitions(), hash_of_packages([__name__.rpartition(".")[0]])
         asked = short_hash([*code, to_json(question).decode()])
         return cls(session, asked, session.read(CACHE_FILE, _CachedDerivatives).get(asked, {}))

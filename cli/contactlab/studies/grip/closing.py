@@ -502,7 +502,7 @@ def squeeze(fixture: GripFixture, closing: Closing, centre: Floats | None = None
 def _find_room(
     fixture: GripFixture, closing: Closing, point: Floats, turn: Floats
 ) -> tuple[float, Approach]:
-    """Return the initial overlap of an object with the hand [m], and an approach with least overlap.
+    """Return the least initial overlap of an object with the hand [m], and its approach.
 
     The fingers start opened, or at the first place with room, such as curled around the object.
     """

@@ -23,7 +23,7 @@ def grip_lines(report: GripReport) -> list[str]:
 
 
 def _where(report: GripReport) -> str:
-    place = f"keyframe {report.keyframe}" if report.keyframe else "on a mounted hand, its base held"
+    place = f"keyframe {report.keyframe}" if report.keyframe else "hand with its base fixed"
     return f"{place}; motion relative to {report.base}; tolerance {_speed(report.tolerance)}"
 
 

@@ -50,7 +50,7 @@ class GrippedObject:
         return f"a {self.shape} of {sizes} mm and {weight}"
 
     def scaled(self, factor: float) -> "GrippedObject":
-        """Return the object with scaled extents and the same mass; a mesh or a body is unchanged."""
+        """Return the object with scaled extents; its mass, and a mesh or body, are unchanged."""
         across, second, third = (factor * length for length in self.size)
         return replace(self, size=(across, second, third))
 

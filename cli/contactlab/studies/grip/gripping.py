@@ -444,7 +444,8 @@ def _sentence(
         text = f"drops {what}: lost after {worst.lost:.2g} s, {worst.name}{reason}"
     else:
         end = f", lost after {worst.lost:.3g} s" if math.isfinite(worst.lost) else ""
-        text = f"creeps: {what} moves at {_speed(worst.speed)} {worst.name}, {worst.trend}{end}{reason}"
+        speed = _speed(worst.speed)
+        text = f"creeps: {what} moves at {speed} {worst.name}, {worst.trend}{end}{reason}"
     best = next((each for each in fixes if each.verdict == "holds"), None)
     if best is None:
         return f"{text}. No tested fix holds it" if fixes else text

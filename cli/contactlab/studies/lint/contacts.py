@@ -121,8 +121,8 @@ def solref_step(linted: LintedModel) -> Iterator[Fault]:
             else "and refsafe, which would raise it, is off"
         )
         yield Fault(
-            f"{users[0].attribute} {mjcf_text(solref)} of {_users_text(linted, users)} is below two "
-            f"timesteps ({2e3 * step:g} ms): {end}",
+            f"{users[0].attribute} {mjcf_text(solref)} of {_users_text(linted, users)} is below "
+            f"two timesteps ({2e3 * step:g} ms): {end}",
             linted.place(users[0].kind, users[0].number),
             _set_solref(linted, users, acts),
         )
@@ -173,8 +173,8 @@ def solref_mixed(linted: LintedModel) -> Iterator[Fault]:
     for solref, users in _users_by_solref(linted, lambda solref: solref[0] * solref[1] < 0):
         attribute = users[0].attribute
         yield Fault(
-            f"{attribute} {mjcf_text(solref)} of {_users_text(linted, users)} is of neither form: write "
-            "both above 0, or -stiffness and -damping",
+            f"{attribute} {mjcf_text(solref)} of {_users_text(linted, users)} is of neither form: "
+            "write both above 0, or -stiffness and -damping",
             linted.place(users[0].kind, users[0].number),
             _set_solref(linted, users, _DEFAULT),
         )
@@ -245,8 +245,9 @@ def contact_softness(linted: LintedModel) -> Iterator[Fault]:
     ):
         if users[0].kind in ("geom", "pair"):
             yield Fault(
-                f"solref {mjcf_text(solref)} of {_users_text(linted, users)} is softer than MuJoCo's "
-                f"default: 1 / sqrt(K) is {1e3 * softness(solref):.3g} ms, not {1e3 * limit:g}",
+                f"solref {mjcf_text(solref)} of {_users_text(linted, users)} is softer than "
+                f"MuJoCo's default: 1 / sqrt(K) is {1e3 * softness(solref):.3g} ms, not "
+                f"{1e3 * limit:g}",
                 linted.place(users[0].kind, users[0].number),
                 _set_solref(linted, users, _DEFAULT),
             )

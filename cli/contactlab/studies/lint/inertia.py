@@ -42,7 +42,7 @@ _LEAST_SPREAD_PER_LENGTH = 1 / 30
 """Smallest rms distance over length; 0.29 for a uniform rod, and 1/10 for any real body."""
 
 
-def fault_sentences(faults: Iterable[InertiaFault]) -> Iterator[str]:
+def in_words(faults: Iterable[InertiaFault]) -> Iterator[str]:
     """Yield faults in words; bodies beyond the same limit are listed by name after the first."""
     alike: dict[tuple[str, float], list[InertiaFault]] = {}
     for fault in faults:

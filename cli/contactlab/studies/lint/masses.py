@@ -7,7 +7,7 @@ import numpy as np
 from mujoco._specs import MjsGeom
 
 from contactlab.scene.compile_model import InertiaFault
-from contactlab.studies.lint.inertia import IMPOSSIBLE, fault_sentences
+from contactlab.studies.lint.inertia import IMPOSSIBLE, in_words
 from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel
 from contactlab.studies.lint.rules import rule
 
@@ -21,7 +21,7 @@ def _combined_faults(linted: LintedModel, faults: Iterable[InertiaFault]) -> Ite
     for fault in faults:
         alike.setdefault((fault.kind, fault.limit), []).append(fault)
     for same in alike.values():
-        (words,) = fault_sentences(same)
+        (words,) = in_words(same)
         yield Fault(words, linted.place("body", same[0].body))
 
 
@@ -30,7 +30,7 @@ def inertia_impossible(linted: LintedModel) -> Iterator[Fault]:
     """A body that moves has no mass, or moments of inertia that no body has."""
     for fault in linted.inertia_faults:
         if fault.kind in IMPOSSIBLE:
-            (words,) = fault_sentences([fault])
+            (words,) = in_words([fault])
             yield Fault(words, linted.place("body", fault.body))
 
 

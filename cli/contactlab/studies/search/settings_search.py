@@ -309,7 +309,7 @@ class Search:
         return self._faster_of(base.with_reductions(self.space.simplified), base)
 
     def _faster_of(self, choice: Configuration, base: Configuration) -> Configuration:
-        """Return a configuration if it is faster than `base` and adds no error, otherwise `base`."""
+        """Return a configuration if it is faster than `base` without added error, or `base`."""
         most = max(self._error_of(base) + _LOSSLESS_SHARE * self.bound.limit, self.bound.accepted)
         return choice if self._saves_time(choice, base) and self._error_of(choice) <= most else base
 
