@@ -44,7 +44,7 @@ def test_a_name_that_is_no_text_is_refused(contactlab: Run, tmp_path: Path) -> N
     (tmp_path / name).write_text("version: 1\nscene: ball_drop\nduration: 0.01\n")
     code, _, err = contactlab("sweep", name, "-o", "store", "--workers", "0")
     assert code == 2
-    assert "is no UTF-8 text; rename it" in err
+    assert "is not UTF-8 text; rename it" in err
     assert not (tmp_path / "store").exists()
 
 

@@ -178,17 +178,17 @@ def test_a_model_made_anew_is_written_too(tmp_path: Path) -> None:
     [
         (
             "Stubborn",
-            r"reset\(\) of the environment writes geom_friction over what the sweep sets",
+            r"reset\(\) of the environment overwrites values of the sweep: geom_friction",
             0,
         ),
         ("Failing", r"environment: line \d+ of push_env.py: ValueError: out of ideas", 2 * SKIP),
         ("Unheard", "made no step by mujoco.mj_step", 0),
         ("Looping", "cut: the environment was reset within a step", 3 * SKIP),
         ("Unrewarded", r"step\(\) of the environment returned the reward nan", SKIP),
-        ("Unplaced", "qpos is not finite where an episode begins", 0),
-        ("Rough", "geom_solimp is not finite where an episode begins", 0),
-        ("Other", "the model is not that of the sweep: it differs in .*names", 0),
-        ("Slowing", r"step\(\) of the environment writes opt.timestep under way", SKIP),
+        ("Unplaced", "qpos is not finite at the start of an episode", 0),
+        ("Rough", "geom_solimp is not finite at the start of an episode", 0),
+        ("Other", "the model differs from that of the sweep in .*names", 0),
+        ("Slowing", r"step\(\) of the environment changes opt.timestep", SKIP),
         ("Closed", r"no action_space with seed\(\) and sample\(\)", 0),
     ],
 )
@@ -250,7 +250,11 @@ def test_a_replay_finds_what_a_seed_does_not_decide(tmp_path: Path) -> None:
         ("NoModel", {}, "push_env.py:NoModel: NoModel has no MuJoCo model and data"),
         ("nothing", {}, "push_env.py:nothing: NoneType has no MuJoCo model and data"),
         ("Push", {"drive": "hold"}, "an environment takes actions of a policy, or of its own"),
-        ("Push", {"axes": {"perturbation": [0.5]}}, "perturbation: an environment starts as"),
+        (
+            "Push",
+            {"axes": {"perturbation": [0.5]}},
+            r"perturbation: reset\(seed=...\) sets the start of an environment",
+        ),
         ("Push", {"axes": {"engine": ["mujoco"]}}, "engine"),
         ("Push", {"knife_edge": True}, "knife_edge needs steps of MuJoCo's own"),
         ("Push", {"accuracy": {}}, "accuracy needs steps of MuJoCo's own"),
@@ -320,9 +324,7 @@ def test_a_manifest_says_what_is_asked_of_an_environment(tmp_path: Path) -> None
 
     with (tmp_path / "scene.yaml").open("a", encoding="utf-8") as file:
         file.write("perturb: {coordinates: [x], scale: 0.1}\n")
-    with pytest.raises(
-        SweepFileError, match=r"perturb: the environment push_env.py:Push has its own"
-    ):
+    with pytest.raises(SweepFileError, match=r"perturb: the environment push_env.py:Push sets it"):
         contactlab.sweep(sweep, output=tmp_path / "other", workers=0, allow_code=True)
 
 

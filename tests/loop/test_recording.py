@@ -208,7 +208,7 @@ def test_data_of_another_model_is_refused(model: mujoco.MjModel, tmp_path: Path)
         ({"monitor": ["ghost"]}, "no geom or body 'ghost' can touch"),
         ({"monitor": ["nobody"]}, "no geom or body 'nobody' can touch"),
         ({"monitor": [("floor", "nobody")]}, "no body 'floor' in the model"),
-        ({"monitor": [("shell", "geom[3]")]}, "filters keep shell-geom"),
+        ({"monitor": [("shell", "geom[3]")]}, "filters exclude contacts of shell-geom"),
         ({"monitor": [{"geoms": ["shell"]}]}, "geoms"),
         ({"scene": {"subject": "nobody"}}, "subject 'nobody' is not a body"),
         ({"scene": {"holds": 1}}, "holds"),
@@ -278,7 +278,7 @@ def test_its_code_is_not_here_to_replay(start: Start, tmp_path: Path) -> None:
     with start() as recording:
         recording.step(3)
     store = contactlab.open(tmp_path / "mine")
-    with pytest.raises(SceneError, match="so it is not simulated again"):
+    with pytest.raises(SceneError, match="so it cannot be repeated"):
         replay(store, next(iter(store.records())).run_id)
 
 
@@ -291,7 +291,7 @@ def test_no_episode_begins_with_what_is_no_number(
     recording.reset(total_reward=float("nan"))
     mujoco.mj_resetData(model, recording.data)
     getattr(model if hasattr(model, name) else recording.data, name)[:] = np.nan
-    with pytest.raises(SceneError, match=f"{name} is not finite where an episode begins"):
+    with pytest.raises(SceneError, match=f"{name} is not finite at the start of an episode"):
         recording.step()
     recording.close()
     (record,) = _records(tmp_path)

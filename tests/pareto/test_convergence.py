@@ -125,4 +125,6 @@ def test_above_a_floor_the_order_needs_three_clear_steps() -> None:
     floor = 1e-3
     found = order(steps(floor + 1e2 * STEPS**2), floor)
     assert found.slope is None
-    assert "0 of 3 or more timesteps have an error above three times the floor" in str(found.reason)
+    assert "0 of at least 3 timesteps have an error above three times the floor" in str(
+        found.reason
+    )

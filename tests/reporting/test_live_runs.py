@@ -182,7 +182,7 @@ def test_changes_of_numbers_are_switches_and_those_of_the_structure_are_not(stor
 def test_without_the_browsers_part_the_error_says_how_to_build_it(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(browser_build, "_BUILT", tmp_path)
+    monkeypatch.setattr(browser_build, "_BUILD_FOLDER", tmp_path)
     with pytest.raises(OutputError, match="make live"):
         find_build()
 

@@ -47,14 +47,14 @@ NEWER = """
 import sys
 if any(each.endswith("contactlab") for each in sys.orig_argv):
     import contactlab.run.ray.connection as connecting
-    enter = connecting._connect
+    enter = connecting._connect_ray
 
     def entering(address, workers):
         enter(address, workers)
         from contactlab.run.ray import executor as ray_executor
         ray_executor.version = lambda name: "9.9"
 
-    connecting._connect = entering
+    connecting._connect_ray = entering
 """
 PASSES = """
 version: 1

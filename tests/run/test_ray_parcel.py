@@ -91,14 +91,14 @@ def process(task: Task) -> Iterator[Any]:
         return ray_worker.run_on_worker(sweep, lambda: pack_bundle(task), pickle.dumps(job))
 
     yield run
-    for worker in INNER._workers.values():
+    for worker in INNER._workers_by_token.values():
         worker.close()
-    INNER._workers.clear()
+    INNER._workers_by_token.clear()
 
 
 def number(token: str) -> int:
     """Return the number of the process that is kept."""
-    (worker,) = INNER._workers[token]._workers.values()
+    (worker,) = INNER._workers_by_token[token]._workers.values()
     return worker.process.pid
 
 
@@ -108,7 +108,7 @@ def test_a_worker_is_kept_between_jobs_of_one_sweep(process: Any) -> None:
     assert len(process(1)) == 1
     assert number("one") == first
     assert len(process(1, "another")) == 1
-    assert list(INNER._workers) == ["another"]
+    assert list(INNER._workers_by_token) == ["another"]
     with pytest.raises(ProcessLookupError):
         os.kill(first, 0)
 

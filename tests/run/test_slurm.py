@@ -79,7 +79,7 @@ def flown(
         return [Task(part, next(numbers), next(most)) for part in parts]
 
     monkeypatch.setattr(SlurmExecutor, "submit", submit)
-    monkeypatch.setattr(arrays, "_INTERVAL", 0)
+    monkeypatch.setattr(arrays, "_POLL_SECONDS", 0)
     flying = Arrays(executor, folder, {}, map(job, range(count)), Stop())
     return [*flying.results()]
 

@@ -42,7 +42,7 @@ _EQUAL_RATIO = 1e-9
 
 
 class _ComparisonTimes(NamedTuple):
-    """Times [s] at which a run is restarted from its reference's state, if any, and compared."""
+    """Times [s] of restarts of a run from its reference's state, if any, and of comparisons."""
 
     begins: Floats
     ends: Floats
@@ -118,7 +118,7 @@ def discretization_errors(
 
 
 def _sample_count(family: Sequence[PlannedModel]) -> int:
-    """Return the number of times of each run for which the reference may keep its state."""
+    """Return the number of kept reference states for each run."""
     model = family[0].prepared.model
     state = 8 * (1 + model.nq + model.nv + model.na)
     timesteps = len({run.run.timestep for run in family})
@@ -152,7 +152,6 @@ def _spread_numbers(first: int, last: int, most: int) -> Floats:
 def _compare_whole(
     reference: ReferenceSolution, run: PlannedModel, times: _ComparisonTimes
 ) -> Note:
-    """Compare a whole run with its reference, by trajectory and by invariants."""
     sampled = reference.family.integrate(run.prepared, times.ends, run.start)
     if sampled is None:
         return {}

@@ -3,7 +3,7 @@
 Runs that differ only in discretization settings converge to one limit as the timestep goes to 0,
 and so share a reference. All other settings change the limit: contact parameters (solref, solimp,
 friction, condim, margin, gap), cone and impratio, gravity and the like, and settings of the
-manifest. Of settings that look numerical, these are part of the model:
+manifest. These settings look numerical, but are part of the model:
 - noslip_iterations, noslip_tolerance: the noslip pass removes slip that the contact model has; the
   remaining slip depends on its iterations, at any timestep.
 - refsafe: without it solref is used as written at any timestep; with it only if the timestep is

@@ -16,7 +16,7 @@ from contactlab.contact.trace_arrays import Floats
 
 _BISECTIONS = 60
 IMPEDANCE_RANGE = (1e-4, 0.9999)
-"""Bounds to which MuJoCo clips an impedance."""
+"""MuJoCo clips an impedance to these bounds."""
 _REFSAFE_STEPS = 2
 STABLE_STEP, RESOLVED_STEP = 0.8, 0.2
 """Largest steps, times sqrt(K), without energy gain in impacts, and with accurate restitution."""
@@ -81,13 +81,15 @@ def damping_ratio_of(restitution: ArrayLike) -> Floats:
     if not np.all((wanted > 0) & (wanted <= 1)):
         raise ValueError(f"restitution must be above 0 and at most 1, not {restitution}")
     # e < 1 / zeta^2 everywhere, so the root lies below 1 / sqrt(e).
-    return _bisect(
+    return _bisect_root(
         np.zeros_like(wanted), 1 / np.sqrt(wanted), lambda zeta: restitution_of(zeta) > wanted
     )
 
 
-def _bisect(low: Floats, high: Floats, is_below: Callable[[Floats], NDArray[np.bool_]]) -> Floats:
-    """Return the values between two bounds at which `is_below` becomes false."""
+def _bisect_root(
+    low: Floats, high: Floats, is_below: Callable[[Floats], NDArray[np.bool_]]
+) -> Floats:
+    """Return the values between two bounds from where `is_below` is false."""
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2
         below = is_below(middle)
@@ -133,7 +135,7 @@ def _rest_penetration(*given: tuple[tuple[int, ...], bytes]) -> Floats:
     # d is monotonic in r, so the right side lies between its values at the surface and far below.
     surface, deep = carried(np.zeros_like(scale)), carried(np.full_like(scale, np.inf))
     low, high = np.minimum(surface, deep), np.maximum(surface, deep)
-    return _bisect(low, high, lambda depth: carried(depth) > depth)
+    return _bisect_root(low, high, lambda depth: carried(depth) > depth)
 
 
 def stiffness_at_rest(

@@ -47,7 +47,7 @@ class Barrier:
 
 @dataclass(frozen=True)
 class HoldWindow:
-    """Start and end of the time in which n runs should hold their subject, each (n,) [s]."""
+    """Start and end of the time of holding the subject in n runs, each (n,) [s]."""
 
     start: Floats
     stop: Floats
@@ -62,7 +62,7 @@ class ExpectedContact:
     window: Floats  # (n, 2) start and end [s]; NaN in runs without the requirement
     word: ContactWord  # required behavior whenever they touch
     end: End | None = None  # the contact that it refers to: each pair's first or last
-    timed: bool = False  # whether times are given, between which they should always touch
+    timed: bool = False  # whether times are given; between them, the pairs should always touch
     force: tuple[float, float] = (-np.inf, np.inf)
     """Least and greatest sum of their normal forces [N]."""
     depth: float = np.inf  # greatest penetration [m]
@@ -82,7 +82,7 @@ class Part:
     low: float = -np.inf
     """Least position, length or control [m, rad or unit of control]; -inf without a limit."""
     high: float = np.inf  # the greatest; inf without a limit
-    margin: float = 0.0  # distance from an end at which a joint's or a tendon's limit begins to act
+    margin: float = 0.0  # distance from an end, within it a joint's or a tendon's limit acts
     reach: float = 0.0  # reach of the body of a joint from its frame [m]
     bodies: tuple[str, ...] = ()  # the bodies that it moves, or acts on
 
@@ -180,14 +180,14 @@ class Setup:
     steered: bool  # whether a drive keeps changing the controls
     passive: bool  # whether only gravity and contact act, so that energy cannot grow
     conservative: bool  # whether it is passive, and loses energy in contacts only
-    quaternions: tuple[int, ...]  # indices in qpos at which a unit quaternion starts
+    quaternions: tuple[int, ...]  # start indices of unit quaternions in qpos
     free_bodies: tuple[FreeBody, ...]  # bodies on free joints
     barriers: tuple[Barrier, ...]
     """Fixed surfaces that free bodies of monitored pairs must not pass."""
     thickness: Floats
     """(P,) half the smallest extent [m] of each pair's thinnest geom; inf for planes."""
     reaches: Floats  # (P,) greatest extent of each pair's smallest geom [m]; inf for planes
-    widths: Floats  # (P,) width of each pair's solimp, over which its impedance rises [m]
+    widths: Floats  # (P,) width of each pair's solimp; its impedance rises over it [m]
     masses: Floats  # (P,) mass of the lighter side of each pair [kg]
     slots: NDArray[np.int32]  # (P,) contact slots recorded for each pair
     duration: Floats  # (n,) requested simulated time [s]
@@ -202,7 +202,7 @@ class Setup:
     speculative: NDArray[np.bool_] | None = None
     """(n,) whether the engine makes contacts ahead of touch, with distances that are not depths;
     None if no run does."""
-    hold: HoldWindow | None = None  # time in which the subject should be held; None if not at all
+    hold: HoldWindow | None = None  # time of holding the subject; None without a hold
     limits_act: NDArray[np.bool_] | None = None
     """(n,) whether limits of joints and tendons are on; None if all are."""
     mechanism: Mechanism | None = None
@@ -249,8 +249,8 @@ class Joints:
     lengths: Floats
     """(scalars,) factors that convert their differences to meters: 1 for a slide [1], for a hinge
     the reach of the moved bodies [m]."""
-    points: tuple[int, ...]  # indices in qpos at which the position of a free joint starts
-    rotations: tuple[int, ...]  # indices in qpos at which a unit quaternion starts
+    points: tuple[int, ...]  # start indices of positions of free joints in qpos
+    rotations: tuple[int, ...]  # start indices of unit quaternions in qpos
     reaches: Floats
     """(rotations,) factors that convert their angles to meters: the reach of the rotated bodies
     [m]."""

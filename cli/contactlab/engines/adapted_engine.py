@@ -88,13 +88,13 @@ class AdaptedEngine(SimulationEngine):
         return user_cache() / f"{name}-{short_hash(self.requirements)}"
 
     @property
-    def _python(self) -> Path:
+    def _find_python(self) -> Path:
         return self.environment / "bin" / "python"
 
     @property
     def version(self) -> str:
         """The installed version; empty if none is installed, or its Python is gone."""
-        if not self._python.exists():
+        if not self._find_python.exists():
             return ""
         folders = [str(folder) for folder in self.environment.glob("lib/python*/site-packages")]
         found = distributions(name=self._adapter.PACKAGE, path=folders) if folders else ()
@@ -182,7 +182,7 @@ class AdaptedEngine(SimulationEngine):
     def _process(self) -> "_EngineProcess":
         if self.absence:
             raise EngineError(self.absence)
-        command = [str(self._python), "-P", str(SERVER), str(self._file)]
+        command = [str(self._find_python), "-P", str(SERVER), str(self._file)]
         return _EngineProcess(self.name, command)
 
 
@@ -195,7 +195,7 @@ class _EngineProcess:
 
     def ask(self, request: Mapping[str, object], tick: Callable[[], None]) -> dict[str, Any] | str:
         """Return the answer to a request, or an error message; call back as work gets done."""
-        process = self._process or self._start()
+        process = self._process or self._start_process()
         assert process.stdin is not None
         assert process.stdout is not None
         try:
@@ -212,8 +212,8 @@ class _EngineProcess:
             return f"the {self._name} process failed: {reason}"
         return answer
 
-    def _start(self) -> subprocess.Popen[bytes]:
-        # Its output would be taken for this command's; what it says of kernels is of no use.
+    def _start_process(self) -> subprocess.Popen[bytes]:
+        # Its output would be mixed with this command's, and its messages about kernels are useless.
         self._process = subprocess.Popen(  # noqa: S603
             self._command,
             stdin=subprocess.PIPE,
@@ -226,7 +226,6 @@ class _EngineProcess:
 
 
 def _end_process(process: subprocess.Popen[bytes]) -> int:
-    """End a process, and return its exit code."""
     for pipe in (process.stdin, process.stdout):
         with suppress(OSError):
             assert pipe is not None

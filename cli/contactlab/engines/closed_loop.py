@@ -227,7 +227,7 @@ class _Flight:
     def _ask_policy(self, call: int, step: int) -> Floats:
         """Return (n, nu) the policy's controls for its observations before a step."""
         try:
-            returned = np.asarray(self._policy(*self._observe(call, step)))
+            returned = np.asarray(self._policy(*self._observe_states(call, step)))
         except _POLICY_ERRORS as error:
             raise self._policy_failure(f", at {step * self._timestep:g} s", error) from error
         if returned.shape != self._controls.shape:
@@ -256,7 +256,7 @@ class _Flight:
             )
             self._end_runs([run], step)
 
-    def _observe(self, call: int, step: int) -> tuple[Floats, Floats, Floats, Floats]:
+    def _observe_states(self, call: int, step: int) -> tuple[Floats, Floats, Floats, Floats]:
         """Return copies of (n,) times, (n, nq) and (n, nv) noisy states, and sensor data."""
         model, state = self._models[0], self._arrays.state[:, step]
         velocity = 1 + model.nq
@@ -335,7 +335,6 @@ class _Flight:
         self._active = [run for run in self._active if run not in runs]
 
     def _results(self, count: int) -> list[_RunResult]:
-        """Return the results of the first runs."""
         warnings, every = self._batch.warning[:, :, _COUNT_INDEX], [*chain(*self._sampled)] or [1.0]
         weights = np.array(self._ends) * [mean(samples or every) for samples in self._sampled]
         cost = self._cpu_seconds * weights / max(weights.sum(), np.finfo(float).tiny)
@@ -405,11 +404,11 @@ def load_code(what: str, file: Path, name: str) -> Callable[..., object]:
         raise SceneError(f"{what} {file}: {in_one_line(error, __file__)}") from error
     found = getattr(module, name, None)
     if not callable(found):
-        raise SceneError(f"{what} {file}: it has no class {name}{_classes(module)}")
+        raise SceneError(f"{what} {file}: it has no class {name}{_policy_classes(module)}")
     return found
 
 
-def _classes(module: ModuleType) -> str:
+def _policy_classes(module: ModuleType) -> str:
     classes = [item for item in vars(module).items() if isinstance(item[1], type)]
     own = [name for name, kind in classes if kind.__module__ == module.__name__]
     return f"; write one of {', '.join(own)}" if own else ""

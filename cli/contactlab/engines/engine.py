@@ -304,7 +304,7 @@ class ChecksRuns(Protocol):
         proceed: Proceed = proceed_always,
         judge: Judge | None = None,
     ) -> SelfChecks:
-        """Return the self-checks of completed runs; of the first ones if told to stop.
+        """Return the self-checks of completed runs; of the first ones after a request to stop.
 
         With a `judge`, they include the backward error of each.
         """

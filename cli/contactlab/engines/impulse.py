@@ -130,7 +130,6 @@ def _require_gravity_alone(starts: InitialStates) -> None:
 def _simulate_run(
     base: CompiledScene, ball: _PointMass, start: InitialStates, arrays: RolloutArrays, run: int
 ) -> None:
-    """Simulate one run and record it."""
     state, sensors = arrays.state[run], arrays.sensors[run]
     count, first = ball.axes.shape[1], 1 + base.model.nq
     position, velocity = ball.axes @ start.qpos[0, :count], ball.axes @ start.qvel[0, :count]

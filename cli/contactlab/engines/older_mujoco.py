@@ -276,7 +276,6 @@ def measure_contacts(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
 def _point_velocities(
     model: mujoco.MjModel, data: mujoco.MjData, geoms: np.ndarray, points: Floats
 ) -> tuple[Floats, Floats]:
-    """Return the velocities of points on the bodies of geoms, and their angular velocities."""
     bodies = model.geom_bodyid[geoms]
     spatial = data.cvel[bodies]
     offset = points - data.subtree_com[model.body_rootid[bodies]]

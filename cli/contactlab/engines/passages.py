@@ -156,17 +156,18 @@ class _StepSearch:
         while share < 1:
             data.qpos[:] = self._states[step, : model.nq]
             mujoco.mj_integratePos(model, data.qpos, velocity, share * model.opt.timestep)
-            distance = self._distance(pair)
+            distance = self._geom_distance(pair)
             if distance <= 0 and share == 0:
                 return False
             deepest = max(deepest, -distance)
             share += max(distance, ahead) / moved
         data.qpos[:] = self._states[step + 1, : model.nq]
         return (
-            deepest > _MIN_OVERLAP * half_extents(model)[[*pair]].min() and self._distance(pair) > 0
+            deepest > _MIN_OVERLAP * half_extents(model)[[*pair]].min()
+            and self._geom_distance(pair) > 0
         )
 
-    def _distance(self, pair: tuple[int, int]) -> float:
+    def _geom_distance(self, pair: tuple[int, int]) -> float:
         mujoco.mj_kinematics(self._model, self._data)
         return mujoco.mj_geomDistance(self._model, self._data, *pair, 1e3, None)
 

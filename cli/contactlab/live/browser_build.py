@@ -6,7 +6,7 @@ from pathlib import Path
 
 from contactlab.errors import OutputError
 
-_BUILT = Path(__file__).parent / "built"
+_BUILD_FOLDER = Path(__file__).parent / "built"
 
 
 @dataclass(frozen=True)
@@ -20,12 +20,12 @@ class BrowserBuild:
 
 
 def find_build() -> BrowserBuild:
-    """Return what was built; an OutputError says how to build it."""
+    """Return the build; raise an OutputError with the build command without one."""
     try:
-        facts = json.loads((_BUILT / "build.json").read_text(encoding="utf-8"))
+        facts = json.loads((_BUILD_FOLDER / "build.json").read_text(encoding="utf-8"))
         return BrowserBuild(
-            script=(_BUILT / "page.js").read_text(encoding="utf-8"),
-            engine=(_BUILT / "engine.wasm.gz").read_bytes(),
+            script=(_BUILD_FOLDER / "page.js").read_text(encoding="utf-8"),
+            engine=(_BUILD_FOLDER / "engine.wasm.gz").read_bytes(),
             mujoco=facts["mujoco"],
             licences=tuple((name, text) for name, text in facts["licences"].items()),
         )

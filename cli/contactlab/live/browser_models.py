@@ -1,7 +1,7 @@
-"""Models for the browser's MuJoCo: compiled bytes or MJCF, and what a run changes of them.
+"""Models for the browser's MuJoCo: compiled bytes or MJCF, and the changes of a run.
 
 A browser whose MuJoCo has the version that compiled a model reads its bytes. Another version gets
-MJCF, and over it every real number that was compiled, since MJCF is written with few digits.
+MJCF, and all real numbers of the compiled model in addition, since MJCF is written with few digits.
 """
 
 import copy
@@ -24,7 +24,7 @@ from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 
 Numbers = NDArray[np.float64] | NDArray[np.float32]
-Change = tuple[list[int], list[float]]  # flat places in a field, and the numbers there
+Change = tuple[list[int], list[float]]  # flat indices in a field, and the numbers there
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,13 +32,13 @@ class BrowserModel:
     """A structure of a scene, compiled without recording sensors and without pictures."""
 
     model: mujoco.MjModel
-    spec: mujoco.MjSpec | None  # what it was compiled from; None where it came compiled
-    fields: Mapping[str, bytes]  # the files of its height fields, by the names that its MJCF has
-    textures: Sequence[Texture] = ()  # of its materials, for whoever draws it
+    spec: mujoco.MjSpec | None  # its source; None if it was already compiled
+    fields: Mapping[str, bytes]  # files of its height fields, by their names in its MJCF
+    textures: Sequence[Texture] = ()  # of its materials, for drawing
 
     @classmethod
     def of(cls, scene: Scene, run: RunSpec) -> "BrowserModel":
-        """Compile the structure of a run; a SceneError says why it cannot."""
+        """Compile the structure of a run; raise a SceneError with the reason if that fails."""
         specs: list[mujoco.MjSpec] = []
         fields: dict[str, bytes] = {}
 
@@ -46,7 +46,7 @@ class BrowserModel:
             remove(spec, run.without)
             _without_pictures(spec)
             specs.append(spec)
-            # What is written into a model is compiled in a folder that goes again.
+            # Files written for a model are compiled in a folder that is removed afterwards.
             folder = Path(spec.modelfiledir) / (spec.meshdir or "")
             for element in spec.hfields:
                 if element.file:
@@ -58,22 +58,22 @@ class BrowserModel:
 
     @property
     def compiled(self) -> bytes:
-        """The compiled model, which MuJoCo of the same version alone reads."""
-        model = _without_rays(self.model)
+        """The compiled model; only MuJoCo of the same version can read it."""
+        model = _without_drawing_data(self.model)
         buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
         mujoco.mj_saveModel(model, None, buffer)
         return buffer.tobytes()
 
     @cached_property
     def mjcf(self) -> str:
-        """The model as one MJCF document; nothing if it came compiled."""
+        """The model as one MJCF document; empty if it was already compiled."""
         return self.spec.to_xml() if self.spec else ""
 
     @cached_property
     def alone(self) -> tuple[str, Mapping[str, bytes]]:
-        """The MJCF as versions before MuJoCo 4 read it, and its files, which are named in it.
+        """The MJCF for versions before MuJoCo 4, and its files by the names in it.
 
-        A mesh is what was compiled, in its author's frame, so that it compiles to itself.
+        A mesh is written as compiled, in its author's frame, so that it compiles to itself.
         """
         root = ET.fromstring(self.mjcf)  # noqa: S314 - written by MuJoCo
         files: dict[str, bytes] = {}
@@ -83,8 +83,8 @@ class BrowserModel:
                 found = self.model.mesh(element.get("name", Path(file).stem))
                 name, content = f"{place}.msh", _mesh_file(self.model, found.id)
                 element.attrib.pop("content_type", None)
-                # Its class may have others.
-                element.attrib.update(_AS_IT_IS)
+                # The class of the mesh may set other values.
+                element.attrib.update(_UNCHANGED_MESH)
             else:
                 name, content = f"{place}{Path(file).suffix}", self.fields[file]
             files[name] = content
@@ -93,43 +93,43 @@ class BrowserModel:
             for folder in ("meshdir", "texturedir", "assetdir", "strippath"):
                 compiler.attrib.pop(folder, None)
         for actuator in root.iterfind("./actuator/*"):
-            # They know no such attribute, which is written out even where it says the only one.
+            # Older versions do not know this attribute, which is written even with its only value.
             actuator.attrib.pop("input", None)
         return ET.tostring(root, encoding="unicode"), files
 
     @property
     def numbers(self) -> dict[str, Numbers]:
-        """Every real number of the model by field, flat, but for what follows from meshes.
+        """Every real number of the model by field, flat, except for those derived from meshes.
 
-        Of equal meshes, versions may number faces of hulls in another order.
+        Versions may number the faces of hulls of equal meshes in different orders.
         """
         return {
             name: np.ravel(value)
-            for name, value in _fields(self.model).items()
-            if value.dtype.kind == "f" and value.size and not _OF_MESHES.match(name)
+            for name, value in _numeric_fields(self.model).items()
+            if value.dtype.kind == "f" and value.size and not _MESH_FIELDS.match(name)
         }
 
 
-_AS_IT_IS = {"scale": "1 1 1", "refpos": "0 0 0", "refquat": "1 0 0 0"}
-_DRAWN = ("mesh_normal", "mesh_texcoord", "mesh_facenormal", "mesh_facetexcoord")
-_OF_MESHES = re.compile("bvh_|mesh_(?!vert$|pos$|quat$)")
-_RAYS = {
+_UNCHANGED_MESH = {"scale": "1 1 1", "refpos": "0 0 0", "refquat": "1 0 0 0"}
+_DRAWN_FIELDS = ("mesh_normal", "mesh_texcoord", "mesh_facenormal", "mesh_facetexcoord")
+_MESH_FIELDS = re.compile("bvh_|mesh_(?!vert$|pos$|quat$)")
+_RAY_SENSORS = {
     int(kind)
     for name, kind in mujoco.mjtSensor.__members__.items()
     if any(word in name for word in ("RANGEFINDER", "TACTILE", "USER", "PLUGIN"))
 }
 
 
-def _without_rays(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Return a model without what only drawing and rays look at: half of a mesh's bytes, and more.
+def _without_drawing_data(model: mujoco.MjModel) -> mujoco.MjModel:
+    """Return a model without data that only drawing and rays use: half of a mesh's bytes, and more.
 
-    Where something may cast a ray, or has a signed distance, the model stays as it is.
+    A model with ray sensors or signed distances keeps its bounding volumes.
     """
     lighter = copy.copy(model)
-    for name in _DRAWN:
+    for name in _DRAWN_FIELDS:
         getattr(lighter, name)[:] = 0
     if (
-        _RAYS & {*model.sensor_type.tolist()}
+        _RAY_SENSORS & {*model.sensor_type.tolist()}
         or (model.geom_type == mujoco.mjtGeom.mjGEOM_SDF).any()
     ):
         return lighter
@@ -154,7 +154,7 @@ def _mesh_file(model: mujoco.MjModel, mesh: int) -> bytes:
 
 
 def _without_pictures(spec: mujoco.MjSpec) -> None:
-    """Remove textures and skins, which no motion hangs on."""
+    """Remove textures and skins, which do not affect the motion."""
     for material in spec.materials:
         material.textures = [""] * len(material.textures)
     for element in (*spec.textures, *spec.skins):
@@ -162,8 +162,8 @@ def _without_pictures(spec: mujoco.MjSpec) -> None:
 
 
 def changes(before: mujoco.MjModel, after: mujoco.MjModel) -> dict[str, Change]:
-    """Return what tells two models of one layout apart, by field."""
-    old, new = _fields(before), _fields(after)
+    """Return the differences of two models of one layout, by field."""
+    old, new = _numeric_fields(before), _numeric_fields(after)
     return {
         name: difference(old[name].ravel(), value.ravel())
         for name, value in new.items()
@@ -172,13 +172,12 @@ def changes(before: mujoco.MjModel, after: mujoco.MjModel) -> dict[str, Change]:
 
 
 def difference(before: np.ndarray, after: np.ndarray) -> Change:
-    """Return the places at which two flat arrays differ, and the numbers of the second there."""
+    """Return the indices at which two flat arrays differ, and the second's numbers there."""
     places = np.flatnonzero(before != after)
     return places.tolist(), after[places].tolist()
 
 
-def _fields(model: mujoco.MjModel) -> dict[str, np.ndarray]:
-    """Return the numbers of a model by the path that the browser finds them at."""
+def _numeric_fields(model: mujoco.MjModel) -> dict[str, np.ndarray]:
     owners = {"": model, "opt.": model.opt, "stat.": model.stat}
     return {
         prefix + name: value

@@ -1,4 +1,4 @@
-"""Rows of an error budget as changes of a run's model that a reader turns on and off."""
+"""Rows of an error budget as changes of a run's model that a reader can switch on and off."""
 
 import copy
 import math
@@ -11,19 +11,19 @@ from contactlab.budget.rows import Row
 from contactlab.budget.verdict import percent
 from contactlab.schema.error_budget import BudgetReport, BudgetRow
 
-_NEVER = "not exercised"
-_LEAST = 1e-4
+_NOT_EXERCISED = "not exercised"
+_SMALLEST_SHARE = 1e-4
 
 
 def rows_of(report: BudgetReport) -> Iterator[tuple[Row, str]]:
-    """Yield the rows of a budget, the largest share first, and what the budget says of each."""
+    """Yield the rows of a budget, with the largest share first, and the effect of each in words."""
     worst: dict[str, BudgetRow] = {}
     for row in (row for phase in report.phases for row in phase.rows):
-        if row.name not in worst or _size(row) > _size(worst[row.name]):
+        if row.name not in worst or _share_size(row) > _share_size(worst[row.name]):
             worst[row.name] = row
     found = [row for row in ROWS if row.name in worst]
-    for row in sorted(found, key=lambda row: -_size(worst[row.name])):
-        yield row, _told(worst[row.name])
+    for row in sorted(found, key=lambda row: -_share_size(worst[row.name])):
+        yield row, _effect_text(worst[row.name])
 
 
 def switched(model: mujoco.MjModel, row: Row) -> Iterator[tuple[str, mujoco.MjModel]]:
@@ -37,16 +37,16 @@ def switched(model: mujoco.MjModel, row: Row) -> Iterator[tuple[str, mujoco.MjMo
         yield name, made
 
 
-def _size(row: BudgetRow) -> float:
-    """Return a row's share; infinity where the engine gave up, -1 if it is not exercised."""
+def _share_size(row: BudgetRow) -> float:
+    """Return a row's share; infinity if the engine failed, -1 if it is not exercised."""
     if not row.exercised:
         return -1.0
     return math.inf if row.share is None else row.share
 
 
-def _told(row: BudgetRow) -> str:
+def _effect_text(row: BudgetRow) -> str:
     if not row.exercised:
-        return _NEVER
+        return _NOT_EXERCISED
     if row.share is None:
         return "ends it"
-    return percent(row.share) if row.share >= _LEAST else f"< {percent(_LEAST)}"
+    return percent(row.share) if row.share >= _SMALLEST_SHARE else f"< {percent(_SMALLEST_SHARE)}"

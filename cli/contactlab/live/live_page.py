@@ -1,4 +1,4 @@
-"""The page that simulates: runs, models and MuJoCo's WebAssembly build in one HTML file."""
+"""Writes the page that simulates: runs, models and MuJoCo's WebAssembly build in one HTML file."""
 
 import base64
 import gzip
@@ -32,9 +32,9 @@ from contactlab.store.atomic_files import atomic_write
 from contactlab.store.finished_store import Store
 
 MOST_BYTES = 16_000_000
-_PACKAGE = __name__.rpartition(".")[0]
-_MOST_RUNS = 8
-_LEVEL = 9
+_PACKAGE_NAME = __name__.rpartition(".")[0]
+_MAX_RUNS = 8
+_COMPRESSION_LEVEL = 9
 
 
 def write_live_page(
@@ -43,20 +43,20 @@ def write_live_page(
     run_ids: Sequence[str] = (),
     examination: Examination | None = None,
 ) -> tuple[str, ...]:
-    """Write runs of a store as a page that simulates them, offline; return what it leaves out.
+    """Write runs of a store as an offline page that simulates them; return the others' reasons.
 
     Without ids there is a run of each label, the worst first. Runs of an examination's task have
-    what it says, and its budget's rows and changes as switches. A StoreError says that there is no
-    such run; an OutputError that the browser's part is not built, that the page is larger than
-    16 MB, or that it cannot be written.
+    its sentence, and its budget's rows and changes as switches. A StoreError says that there is no
+    such run; an OutputError that the browser's part is not built, that the page is larger than 16
+    MB, or that it cannot be written.
     """
     build = find_build()
     runs = LiveRuns(store, examination)
-    chosen = [runs.run(run) for run in run_ids or _telling(store)]
-    document = _Document(build, runs)
+    chosen = [runs.run(run) for run in run_ids or _representative_runs(store)]
+    document = _PageContent(build, runs)
     page = document.of(store, chosen)
     environment = Environment(
-        loader=PackageLoader(_PACKAGE, ""),
+        loader=PackageLoader(_PACKAGE_NAME, ""),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -66,7 +66,7 @@ def write_live_page(
     size = len(text.encode())
     if size > MOST_BYTES:
         raise OutputError(
-            f"the page has {size / 1e6:.0f} MB, {MOST_BYTES / 1e6:.0f} at most; "
+            f"the page has {size / 1e6:.0f} MB, but at most {MOST_BYTES / 1e6:.0f} are allowed; "
             "choose fewer runs with --run, or a model with smaller meshes"
         )
     with atomic_write(target) as temporary:
@@ -74,47 +74,46 @@ def write_live_page(
     return tuple(f"run {entry['id']}: {entry['why']}" for entry in document.entries if entry["why"])
 
 
-def _telling(store: Store) -> list[str]:
-    """Return ids of a run of each label, the worst first, and of more of the worst ones."""
+def _representative_runs(store: Store) -> list[str]:
     labels = store.columns.coded("label")
     ranks = {name: place for place, name in enumerate(LABELS)}
     worst = np.array([ranks.get(str(name), len(ranks)) for name in labels.values])[labels.codes]
     order = np.argsort(worst, kind="stable")
     leaders = order[np.unique(worst[order], return_index=True)[1]]
-    chosen = list(dict.fromkeys([*leaders.tolist(), *order.tolist()]))[:_MOST_RUNS]
+    chosen = list(dict.fromkeys([*leaders.tolist(), *order.tolist()]))[:_MAX_RUNS]
     return [store.columns.run_id(row) for row in chosen]
 
 
 @dataclass
-class _Document:
-    """What the page holds: JSON, beside compressed models."""
+class _PageContent:
+    """The content of the page: JSON, and compressed models."""
 
     build: BrowserBuild
     runs: LiveRuns
     entries: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])  # of the runs
     _blobs: list[str] = field(default_factory=list[str])
     _inputs: dict[bytes, int] = field(default_factory=dict[bytes, int])
-    _courses: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
+    _input_entries: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
 
     @cached_property
-    def _same(self) -> bool:
+    def _has_same_version(self) -> bool:
         """Whether the browser's MuJoCo has the version that compiles the models here."""
         return self.build.mujoco == mujoco.__version__
 
     def of(self, store: Store, chosen: Sequence[LiveRun]) -> dict[str, Any]:
-        """Return what the template of the page takes."""
-        self.entries += [self._run(store, run) for run in chosen]
+        """Return the values for the template of the page."""
+        self.entries += [self._run_entry(store, run) for run in chosen]
         examined = self.runs.examination
         name = Path(examined.model).name if examined else store.manifest.sweep.name
         data = {
             "store": name,
             "engine": self.build.mujoco,
             "runs": self.entries,
-            "models": [self._model(place) for place in range(len(self.runs.models))],
-            "inputs": self._courses,
-            "flags": _flags(),
+            "models": [self._model_entry(place) for place in range(len(self.runs.models))],
+            "inputs": self._input_entries,
+            "flags": _flag_bits(),
         }
-        style = files(_PACKAGE).joinpath("style.css").read_text(encoding="utf-8")
+        style = files(_PACKAGE_NAME).joinpath("style.css").read_text(encoding="utf-8")
         scripts, styles = (
             "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
             for text in (self.build.script, style)
@@ -132,29 +131,31 @@ class _Document:
             "licences": self.build.licences,
         }
 
-    def _blob(self, data: bytes) -> int:
-        self._blobs.append(base64.b64encode(gzip.compress(data, _LEVEL, mtime=0)).decode())
+    def _add_blob(self, data: bytes) -> int:
+        self._blobs.append(
+            base64.b64encode(gzip.compress(data, _COMPRESSION_LEVEL, mtime=0)).decode()
+        )
         return len(self._blobs) - 1
 
-    def _model(self, place: int) -> dict[str, Any]:
+    def _model_entry(self, place: int) -> dict[str, Any]:
         found: BrowserModel = self.runs.models[place]
         entry: dict[str, Any] = {
             "geoms": [visible(name) for name in self.runs.geom_names(place)],
             "mjcf": found.mjcf,
-            "textures": [self._texture(texture) for texture in found.textures],
+            "textures": [self._texture_entry(texture) for texture in found.textures],
         }
-        if self._same:
-            return entry | {"bytes": self._blob(found.compiled)}
+        if self._has_same_version:
+            return entry | {"bytes": self._add_blob(found.compiled)}
         if not found.mjcf:
             return entry
         text, files = found.alone
         return entry | {
             "alone": text,
-            "files": {name: self._blob(data) for name, data in files.items()},
+            "files": {name: self._add_blob(data) for name, data in files.items()},
             "numbers": pack(found.numbers),
         }
 
-    def _texture(self, texture: Texture) -> dict[str, Any]:
+    def _texture_entry(self, texture: Texture) -> dict[str, Any]:
         entry: dict[str, Any] = {
             "material": texture.material,
             "mean": texture.mean,
@@ -164,10 +165,10 @@ class _Document:
         if texture.picture is None:
             return entry
         height, width, _ = texture.picture.shape
-        blob = self._blob(texture.picture.tobytes())
+        blob = self._add_blob(texture.picture.tobytes())
         return entry | {"width": width, "height": height, "blob": blob}
 
-    def _run(self, store: Store, run: LiveRun) -> dict[str, Any]:
+    def _run_entry(self, store: Store, run: LiveRun) -> dict[str, Any]:
         record = run.record
         reasons = [
             f"{visible(each.label)}: {visible(each.reason)}" if each.label != "stable" else "stable"
@@ -176,7 +177,7 @@ class _Document:
         entry: dict[str, Any] = {
             "id": record.run_id,
             "label": visible(record.label),
-            "reasons": [*self._sentence(), *reasons],
+            "reasons": [*self._examination_sentence(), *reasons],
             "axes": [[visible(name), value_text(value)] for name, value in record.axes.items()],
             "version": record.engine.version,
             "notes": [visible(note) for note in run.notes],
@@ -186,70 +187,72 @@ class _Document:
             (qpos, qvel), times = run.motion.end, run.motion.times
             poses = {"times": times, "poses": run.motion.qpos.ravel().astype(np.float32)}
             entry |= {"end": pack({"qpos": qpos, "qvel": qvel}), "ghost": pack(poses)}
-        why = run.why or self._unread(run)
-        if run.variant is None or run.variant.model.nplugin or self._unread(run):
-            return entry | {"why": visible(why), "film": _film(store, record.run_id)}
+        why = run.why or self._unreadable_reason(run)
+        if run.variant is None or run.variant.model.nplugin or self._unreadable_reason(run):
+            return entry | {"why": visible(why), "film": _film_source(store, record.run_id)}
         base = self.runs.models[run.variant.base].model
         return entry | {
-            **self._whole(run.variant, base),
-            "sliders": [self._slider(slider, run.variant) for slider in run.sliders],
-            "switches": list(filter(None, (_switch(each, run.variant) for each in run.switches))),
+            **self._variant_entry(run.variant, base),
+            "sliders": [self._slider_entry(slider, run.variant) for slider in run.sliders],
+            "switches": list(
+                filter(None, (_switch_entry(each, run.variant) for each in run.switches))
+            ),
         }
 
-    def _sentence(self) -> Sequence[str]:
+    def _examination_sentence(self) -> Sequence[str]:
         examined = self.runs.examination
         return [visible(examined.sentence)] if examined else []
 
-    def _unread(self, run: LiveRun) -> str:
-        """Return why the browser's MuJoCo cannot read the model of a run; nothing if it may."""
-        if run.variant is None or self._same or self.runs.models[run.variant.base].mjcf:
+    def _unreadable_reason(self, run: LiveRun) -> str:
+        """Return the reason why the browser's MuJoCo cannot read a run's model; empty if it can."""
+        if run.variant is None or self._has_same_version or self.runs.models[run.variant.base].mjcf:
             return ""
         return (
             f"its model is stored as MuJoCo {mujoco.__version__} compiled it, which "
             f"{self.build.mujoco} does not read"
         )
 
-    def _whole(self, variant: Variant, base: mujoco.MjModel) -> dict[str, Any]:
+    def _variant_entry(self, variant: Variant, base: mujoco.MjModel) -> dict[str, Any]:
         return {
             "model": variant.base,
             "fields": changes(base, variant.model),
             "parts": pack(variant.parts),
-            "inputs": self._course(variant),
+            "inputs": self._input_place(variant),
             "steps": variant.steps,
         }
 
-    def _slider(self, slider: Slider, run: Variant) -> dict[str, Any]:
+    def _slider_entry(self, slider: Slider, run: Variant) -> dict[str, Any]:
         return {
             "name": visible(slider.name),
             "unit": slider.unit,
             "own": slider.own,
             "stops": [
-                {"text": visible(stop.text), **self._stop(stop, run)} for stop in slider.stops
+                {"text": visible(stop.text), **self._stop_entry(stop, run)} for stop in slider.stops
             ],
         }
 
-    def _stop(self, stop: Variant, run: Variant) -> dict[str, Any]:
-        """Return what tells a variant from its run; all of it where the structure is another."""
+    def _stop_entry(self, stop: Variant, run: Variant) -> dict[str, Any]:
+        """Return the differences of a variant from its run; all of it for another structure."""
         if stop.base != run.base:
-            return self._whole(stop, self.runs.models[stop.base].model)
+            return self._variant_entry(stop, self.runs.models[stop.base].model)
         parts = {
             name: difference(run.parts[name], value)
             for name, value in stop.parts.items()
             if value.tobytes() != run.parts[name].tobytes()
         }
         entry = {"fields": changes(run.model, stop.model), "moved": parts, "steps": stop.steps}
-        inputs = self._course(stop)
-        return entry if inputs == self._course(run) else entry | {"inputs": inputs}
+        inputs = self._input_place(stop)
+        return entry if inputs == self._input_place(run) else entry | {"inputs": inputs}
 
-    def _course(self, variant: Variant) -> int | None:
-        """Return the place of the inputs that change over time; None where none do."""
+    def _input_place(self, variant: Variant) -> int | None:
+        """Return the place of the inputs that change over time; None if none do."""
         signals = variant.start.signals[0]
         if not signals.places.size:
             return None
         key = b"".join(part.tobytes() for part in signals_of(signals))
         if key not in self._inputs:
-            self._inputs[key] = len(self._courses)
-            self._courses.append(
+            self._inputs[key] = len(self._input_entries)
+            self._input_entries.append(
                 {
                     "places": signals.places.tolist(),
                     "knots": signals.levels.shape[1],
@@ -259,8 +262,8 @@ class _Document:
         return self._inputs[key]
 
 
-def _switch(switch: Switch, run: Variant) -> dict[str, Any] | None:
-    """Return what a switch changes of its run; None if it is nothing, or the structure."""
+def _switch_entry(switch: Switch, run: Variant) -> dict[str, Any] | None:
+    """Return the changes of a switch; None for no change, or for another structure."""
     if switch.variant.base != run.base or not (fields := changes(run.model, switch.variant.model)):
         return None
     words = {name: visible(getattr(switch, name)) for name in ("kind", "name", "summary", "told")}
@@ -268,19 +271,17 @@ def _switch(switch: Switch, run: Variant) -> dict[str, Any] | None:
 
 
 def signals_of(signals: Signals) -> tuple[np.ndarray, ...]:
-    """Return the arrays that decide signals."""
+    """Return the arrays that determine signals."""
     return signals.places, signals.times, signals.levels
 
 
-def _film(store: Store, run: str) -> str | None:
-    """Return the film of a stored run as the source of an image; None where none can be drawn."""
+def _film_source(store: Store, run: str) -> str | None:
     with suppress(ContactlabError):
         return next((film.source for film in film_of(store, run)), None)
     return None
 
 
-def _flags() -> dict[str, dict[str, int]]:
-    """Return the bits of engine flags by field and name of MJCF."""
+def _flag_bits() -> dict[str, dict[str, int]]:
     bits = {"disable": mujoco.mjtDisableBit, "enable": mujoco.mjtEnableBit}
     return {
         f"opt.{kind}flags": {

@@ -1,4 +1,4 @@
-"""What a page that simulates holds of each run: start, inputs, settings, stored end, sliders."""
+"""The data of each run for a page that simulates: start, inputs, settings, stored end, sliders."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -31,7 +31,7 @@ _GHOST_RATE = 60.0  # stored poses per simulated second
 
 @dataclass(frozen=True)
 class Variant:
-    """A run as it is, or with another value of one axis, which `text` says."""
+    """A run unchanged, or with another value of one axis, written in `text`."""
 
     base: int  # place of its structure among the models
     model: mujoco.MjModel
@@ -41,13 +41,13 @@ class Variant:
 
     @property
     def parts(self) -> dict[str, Floats]:
-        """The numbers of its start by part, flat."""
+        """Flat numbers of its start, by part."""
         return {name: np.ravel(getattr(self.start, name)) for name in PARTS}
 
 
 @dataclass(frozen=True)
 class Slider:
-    """An axis whose value can be changed, and the place of the run's own value."""
+    """An axis with a changeable value, and the place of the run's own value."""
 
     name: str
     unit: str
@@ -57,7 +57,7 @@ class Slider:
 
 @dataclass(frozen=True)
 class Switch:
-    """A change of a run that is made or not: of what kind, what it is, and what is known of it."""
+    """An optional change of a run: its kind, its name, its summary and its known effect."""
 
     kind: str
     name: str
@@ -68,7 +68,7 @@ class Switch:
 
 @dataclass(frozen=True)
 class StoredMotion:
-    """What is stored of a run's motion, or came out of it again here, bit for bit."""
+    """The stored motion of a run, or the same motion simulated again, bit for bit."""
 
     times: Floats  # (T,) [s]
     qpos: Floats  # (T, nq) there
@@ -77,7 +77,7 @@ class StoredMotion:
 
 @dataclass(frozen=True)
 class LiveRun:
-    """One run: all that a browser simulates it from, or `why` none can."""
+    """One run: all data for a browser's simulation, or `why` it is impossible."""
 
     record: EvidenceRecord
     variant: Variant | None
@@ -92,7 +92,7 @@ class LiveRun:
 class LiveRuns:
     """Runs of a store, prepared for a page; each of their structures is compiled once.
 
-    Of a model that was examined, the rows of its budget and the changes that mend it are switches.
+    For an examined model, the rows of its budget and the proposed changes are switches.
     """
 
     store: Store
@@ -105,7 +105,7 @@ class LiveRuns:
         return stored_sweep_scene(self.store.manifest.sweep, self.store.scene_folder)
 
     def geom_names(self, place: int) -> list[str]:
-        """Return the names of the geoms of a structure, its bodies' where they have none."""
+        """Return the names of the geoms of a structure, or their bodies' if they have none."""
         model = self.models[place].model
         geoms = [model.geom(index) for index in range(model.ngeom)]
         return [geom.name or model.body(int(geom.bodyid[0])).name for geom in geoms]
@@ -114,27 +114,27 @@ class LiveRuns:
         """Return one run, with its sliders; a StoreError if the store has none of this id."""
         record = self.store.record(run_id)
         try:
-            return self._prepared(record)
+            return self._prepare_run(record)
         except ContactlabError as error:
             return LiveRun(record, None, why=str(error))
 
-    def _prepared(self, record: EvidenceRecord) -> LiveRun:
+    def _prepare_run(self, record: EvidenceRecord) -> LiveRun:
         find_engine(record.engine.name)
         axes, controls = canonical_values(self._scene, record.axes), self.store.controls(record)
         resolved = resolve_record(self._scene, record)
         runs = PreparedRuns.of(self._scene, resolved)
         starts = stored_start(record, runs.prepared[0], runs.starts)
         runs = replace(runs, starts=starts, steps=record.steps_asked).repeating([controls])
-        variant = replace(self._variant(resolved, runs.starts), steps=record.steps)
-        motion = self._motion(record, runs)
-        if why := _never(record, variant.model):
+        variant = replace(self._add_variant(resolved, runs.starts), steps=record.steps)
+        motion = self._stored_motion(record, runs)
+        if why := _impossible_reason(record, variant.model):
             return LiveRun(record, variant, motion, why=why)
-        sliders = tuple(self._sliders(record, axes, variant, controls))
-        switches = (*self._mending(record, axes, controls), *self._rows(variant))
-        notes = tuple(_notes(record, motion))
+        sliders = tuple(self._axis_sliders(record, axes, variant, controls))
+        switches = (*self._change_switches(record, axes, controls), *self._budget_switches(variant))
+        notes = tuple(_run_notes(record, motion))
         return LiveRun(record, variant, motion, sliders, switches, notes)
 
-    def _variant(self, resolved: RunSpec, start: InitialStates, text: str = "") -> Variant:
+    def _add_variant(self, resolved: RunSpec, start: InitialStates, text: str = "") -> Variant:
         key = repr((dict(resolved.structure), sorted(resolved.without)))
         if key not in self._places:
             model = BrowserModel.of(self._scene, resolved)
@@ -144,11 +144,11 @@ class LiveRuns:
         model = self._scene.prepare(resolved, start, self.models[base].model).model
         return Variant(base, model, start, resolved.steps, text)
 
-    def _motion(self, record: EvidenceRecord, runs: PreparedRuns) -> StoredMotion | None:
-        """Return a run's stored motion, or the same one made again; None without either."""
+    def _stored_motion(self, record: EvidenceRecord, runs: PreparedRuns) -> StoredMotion | None:
+        """Return a run's stored motion, or the same one simulated again; None without either."""
         if record.trace is not None and not self.store.manifest.traces_left_out:
             trace = self.store.trace(record)
-            return _thinned(trace.time, trace.qpos, trace.qvel)
+            return _thin_poses(trace.time, trace.qpos, trace.qvel)
         if record.engine.name != MODEL_ENGINE or record.trajectory_hash is None:
             return None
         rollout, model = find_engine(MODEL_ENGINE).roll_out(runs, Buffers()), runs.models[0]
@@ -156,9 +156,9 @@ class LiveRuns:
             return None
         rows = rollout.state[0, : rollout.steps[0] + 1]
         speed = 1 + model.nq
-        return _thinned(rows[:, 0], rows[:, 1:speed], rows[:, speed : speed + model.nv])
+        return _thin_poses(rows[:, 0], rows[:, 1:speed], rows[:, speed : speed + model.nv])
 
-    def _sliders(
+    def _axis_sliders(
         self,
         record: EvidenceRecord,
         axes: Mapping[str, object],
@@ -174,11 +174,11 @@ class LiveRuns:
                     place = len(stops)
                     stops.append(replace(variant, text=text))
                     continue
-                stops.append(self._with({**axes, spec.name: value}, record, controls, text))
+                stops.append(self._with_axes({**axes, spec.name: value}, record, controls, text))
             if len(stops) > 1:
                 yield Slider(spec.name, spec.unit, place, tuple(stops))
 
-    def _with(
+    def _with_axes(
         self,
         axes: Mapping[str, object],
         record: EvidenceRecord,
@@ -190,15 +190,14 @@ class LiveRuns:
         start = self._scene.starts([resolved])
         if controls is not None:
             start = start.acted_on([controls])
-        return self._variant(resolved, start, text)
+        return self._add_variant(resolved, start, text)
 
-    def _mending(
+    def _change_switches(
         self,
         record: EvidenceRecord,
         axes: Mapping[str, object],
         controls: RecordedControls | None,
     ) -> Iterator[Switch]:
-        """Yield the changes that an examination proposes, but those of the structure."""
         for change in self.examination.changes if self.examination else ():
             specs = {name: self._scene.catalogue.find(name) for name in change.settings}
             if change.is_structural or None in specs.values():
@@ -209,11 +208,11 @@ class LiveRuns:
                 if spec is not None
             }
             cost = f"{change.price.ratio:.2g} x time" if change.price else ""
-            variant = self._with({**axes, **values}, record, controls)
+            variant = self._with_axes({**axes, **values}, record, controls)
             said = ", ".join(f"{name} {value_text(value)}" for name, value in values.items())
-            yield Switch("Changes that mend it", change.name, said, cost, variant)
+            yield Switch("Proposed changes", change.name, said, cost, variant)
 
-    def _rows(self, variant: Variant) -> Iterator[Switch]:
+    def _budget_switches(self, variant: Variant) -> Iterator[Switch]:
         budget = self.examination.budget if self.examination else None
         for row, told in rows_of(budget) if budget else ():
             for name, model in switched(variant.model, row):
@@ -221,8 +220,7 @@ class LiveRuns:
                 yield Switch("Rows of the budget", name, row.summary, told, changed)
 
 
-def _thinned(time: Floats, qpos: Floats, qvel: Floats) -> StoredMotion | None:
-    """Return so many poses as a film has; None if there is none."""
+def _thin_poses(time: Floats, qpos: Floats, qvel: Floats) -> StoredMotion | None:
     if not len(time):
         return None
     wanted = np.arange(time[0], time[-1], 1 / _GHOST_RATE)
@@ -230,19 +228,19 @@ def _thinned(time: Floats, qpos: Floats, qvel: Floats) -> StoredMotion | None:
     return StoredMotion(time[shown], qpos[shown], (qpos[-1].copy(), qvel[-1].copy()))
 
 
-def _never(record: EvidenceRecord, model: mujoco.MjModel) -> str:
-    """Return why no browser simulates a run; nothing if one may."""
+def _impossible_reason(record: EvidenceRecord, model: mujoco.MjModel) -> str:
+    """Return the reason why no browser can simulate a run; empty if one can."""
     if model.nplugin:
-        return "its model needs plug-ins of the engine, which no browser has"
+        return "its model needs plug-ins of the engine, which browsers lack"
     if record.engine.name not in {MODEL_ENGINE, LOOP_ENGINE}:
-        return f"the engine '{record.engine.name}' computed it, which no browser has"
+        return f"the engine '{record.engine.name}' computed it, which browsers lack"
     return ""
 
 
-def _notes(record: EvidenceRecord, motion: StoredMotion | None) -> Iterator[str]:
+def _run_notes(record: EvidenceRecord, motion: StoredMotion | None) -> Iterator[str]:
     if record.engine.name == LOOP_ENGINE:
-        yield "A loop made this run: its controls are replayed, not what its code did besides."
+        yield "A loop made this run: its controls are replayed, but not other actions of its code."
     if record.status != "ok":
         yield f"The run ended after {record.steps} steps: {record.status_reason or record.status}."
     if motion is None:
-        yield "No trace of it is stored, and it does not come out again here: there is no ghost."
+        yield "No trace is stored, and the run is not reproducible here, so there is no ghost."

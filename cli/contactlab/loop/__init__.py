@@ -1,1 +1,1 @@
-"""Loops over MuJoCo's steps that somebody else makes, recorded as runs of a store."""
+"""Records loops of users over MuJoCo's steps as runs of a store."""

@@ -1,8 +1,7 @@
 """Environments as the scenes of sweeps: an episode is a run.
 
-The scene is the model that the environment has when it is made, as it was compiled; its file of
-Python lies beside it in the store. Code runs only where the user allows it, to find the model and
-to play episodes.
+The scene is the compiled model of the environment at its creation; its Python file is stored next
+to it. Code runs only where the user allows it, to find the model and to play episodes.
 """
 
 import os
@@ -39,12 +38,12 @@ from contactlab.schema.strict_model import is_inner_name
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.table_layout import LOOP_COLUMNS
 
-_CODE = ".py:"
-_MODEL = f"model{BINARY}"
-_USUAL_DURATION = 2.0  # of an environment that says nothing of its length [s]
-_OTHERS_TO_SAY = ("initial", "structure", "control", "recording", "perturb", "keyframe")
-_ASK_AGAIN = ("knife_edge", "accuracy", "timing")
-_opened: list[TemporaryDirectory[str]] = []  # removed when the process ends
+_CODE_SUFFIX = ".py:"
+_MODEL_FILE = f"model{BINARY}"
+_DEFAULT_DURATION = 2.0  # of an environment without a known length [s]
+_FIXED_OPTIONS = ("initial", "structure", "control", "recording", "perturb", "keyframe")
+_REPEATING_OPTIONS = ("knife_edge", "accuracy", "timing")
+_scene_folders: list[TemporaryDirectory[str]] = []  # removed when the process ends
 
 
 @dataclass(frozen=True)
@@ -53,18 +52,18 @@ class Environment:
 
     name: str
     folder: Path
-    columns = LOOP_COLUMNS  # of the table of its runs, besides those of all sweeps
+    columns = LOOP_COLUMNS  # of the table of its runs, in addition to those of all sweeps
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Its file of Python, if it has one."""
-        file, code, _ = self.name.rpartition(_CODE)
+        """Its Python file, if it has one."""
+        file, code, _ = self.name.rpartition(_CODE_SUFFIX)
         return (self.folder / Path(f"{file}.py").expanduser(),) if code else ()
 
-    def open(self, said: SceneManifest | None, allowed: bool) -> SceneSource:
-        """Make the environment, and return the scene of its model, given what a manifest says.
+    def open(self, given_manifest: SceneManifest | None, allowed: bool) -> SceneSource:
+        """Create the environment, and return the scene of its model and of a manifest, if any.
 
-        Raises a SceneError if its code is not allowed, or fails, or steps no MuJoCo.
+        Raises a SceneError if its code is not allowed, fails, or does not step MuJoCo.
         """
         if not allowed:
             raise SceneError(
@@ -72,23 +71,26 @@ class Environment:
                 "it: `contactlab sweep FILE --allow-code`, or allow_code=True in Python; studies, "
                 "such as tradeoff and tune, need steps of MuJoCo's own"
             )
-        if said and (others := [option for option in _OTHERS_TO_SAY if getattr(said, option)]):
-            raise SceneError(f"{others[0]}: the environment {self.name} has its own; leave it out")
+        if given_manifest and (
+            fixed := [option for option in _FIXED_OPTIONS if getattr(given_manifest, option)]
+        ):
+            raise SceneError(
+                f"{fixed[0]}: the environment {self.name} sets it; remove it from the manifest"
+            )
         env = self.make()
         try:
             model, _ = simulation(bare(env))
         except SceneError as error:
             raise SceneError(f"environment {self.name}: {error}") from error
-        kept = TemporaryDirectory(prefix="contactlab-")
-        _opened.append(kept)
-        folder = Path(kept.name)
-        mujoco.mj_saveModel(model, str(folder / _MODEL))
-        self._write(folder, said or _usual(self.name, env))
+        temporary = TemporaryDirectory(prefix="contactlab-")
+        _scene_folders.append(temporary)
+        folder = Path(temporary.name)
+        mujoco.mj_saveModel(model, str(folder / _MODEL_FILE))
+        self._write_manifest(folder, given_manifest or _default_manifest(self.name, env))
         name = self.files[0].stem if self.files else self.name.replace("/", "-")
-        return replace(stored_scene(folder, _MODEL, name), environment=self)
+        return replace(stored_scene(folder, _MODEL_FILE, name), environment=self)
 
-    def _write(self, folder: Path, said: SceneManifest) -> None:
-        """Write the manifest of a scene, and the files that it names, beside its model."""
+    def _write_manifest(self, folder: Path, said: SceneManifest) -> None:
         for file in self.files:
             shutil.copyfile(file, folder / file.name)
         for beside in drive_files(said.drive):
@@ -98,25 +100,25 @@ class Environment:
             shutil.copyfile(self.folder / beside, folder / beside)
         named = Path(self.name).name if self.files else self.name
         effects = {**said.effects, "base": "all"}
-        fixed = {"model": _MODEL, "environment": named, "effects": effects}
+        fixed = {"model": _MODEL_FILE, "environment": named, "effects": effects}
         manifest = said.model_copy(update=fixed)
         text = manifest.model_dump_json(indent=2, by_alias=True, exclude_defaults=True)
         (folder / MANIFEST).write_text(text, encoding="utf-8")
 
     def make(self) -> Any:  # noqa: ANN401 - whatever it is
-        """Return the environment, by its code; a SceneError says why there is none."""
-        if folder := os.environ.get(PACKAGES):  # What both have is this Python's, as its MuJoCo.
+        """Return the environment from its code; raise a SceneError if that fails."""
+        if folder := os.environ.get(PACKAGES):  # Packages of this Python, as its MuJoCo, go first.
             site.addsitedir(folder)
         try:
             with redirect_stdout(sys.stderr), code_limit():
-                return self._factory()()
+                return self._load_factory()()
         except SceneError:
             raise
         except (Exception, SystemExit) as error:
-            what = f"environment {self.name}: {in_one_line(error, __file__)}"
-            raise SceneError(what) from error
+            message = f"environment {self.name}: {in_one_line(error, __file__)}"
+            raise SceneError(message) from error
 
-    def _factory(self) -> Callable[[], Any]:
+    def _load_factory(self) -> Callable[[], Any]:
         if not self.files:
             try:
                 import gymnasium  # noqa: PLC0415 # pyright: ignore[reportMissingImports] - an extra
@@ -128,48 +130,49 @@ class Environment:
             return lambda: gymnasium.make(self.name)
         if not self.files[0].is_file():
             raise SceneError(f"environment {self.name}: there is no file {self.files[0]}")
-        return load_code("environment", self.files[0], self.name.rpartition(_CODE)[2])
+        return load_code("environment", self.files[0], self.name.rpartition(_CODE_SUFFIX)[2])
 
     def refusal(self, run: RunSpec) -> str | None:
-        """Return why an episode cannot be such a run; None if it can."""
+        """Return the reason why an episode cannot be such a run; None if it can."""
         drive = run.drive
         if isinstance(drive, PolicyDrive):
             if drive.latency_seconds or drive.noise != ObservationNoise():
-                return "a policy has no latency or noise in an environment; leave them out"
+                return "a policy has no latency or noise in an environment; remove them"
         elif drive != "none":
             return (
                 "an environment takes actions of a policy, or of its own action_space; write "
-                "`drive: {policy: FILE.py:CLASS}`, or leave `drive` out"
+                "`drive: {policy: FILE.py:CLASS}`, or remove `drive`"
             )
         for name in sorted(run.changed & {*START_SETTINGS}):
-            return f"{name}: an environment starts as its reset(seed=...) says; leave it out"
+            return f"{name}: reset(seed=...) sets the start of an environment; remove {name}"
         for name in sorted(run.changed & run.without):
-            return f"{name}: the model of an environment is compiled with it; leave it out"
+            return f"{name}: the model of an environment is already compiled; remove {name}"
         return None
 
     def lacking(self, sweep: Sweep) -> Mapping[str, str]:
-        """Return what is null in its records, and why; a SweepFileError if the sweep wants it."""
-        for name in _ASK_AGAIN:
+        """Return null fields of its records with reasons; a SweepFileError if one is needed."""
+        for name in _REPEATING_OPTIONS:
             if getattr(sweep, name):
                 raise SweepFileError(f"{name} needs steps of MuJoCo's own, not of an environment")
         return lacking_checks(
-            "only the environment's own code makes its steps", "an episode takes its own time"
+            "only the environment's own code makes its steps",
+            "the duration of an episode depends on the environment's own code",
         )
 
     def seconds_per_step(self, runs: PreparedRuns) -> float:
-        """Return what MuJoCo alone takes for a step [s], from where its model begins."""
+        """Return MuJoCo's own time for a step [s], from the initial state of its model."""
         (model,) = runs.models
         begin = time.thread_time()
         mujoco.mj_step(model, mujoco.MjData(model), nstep=runs.steps)
         return (time.thread_time() - begin) / runs.steps
 
     def player(self, scene: Scene, policy: PolicyClass | None) -> Player:
-        """Return what plays its episodes; by the store's copy of its file if that is not here."""
+        """Return the player of its episodes; it uses the store's copy of a missing file."""
         here = self if all(file.is_file() for file in self.files) else scene.source.environment
         copies = scene.source.environment.files
         for file, copy in zip(here.files, copies, strict=True):
             if file.read_bytes() != copy.read_bytes():
-                raise SceneError(f"environment {file} is not what it was when the sweep began")
+                raise SceneError(f"environment {file} has changed since the sweep began")
         return Player(scene, here.make, policy)
 
     def again(self, record: EvidenceRecord, runs: PreparedRuns, allowed: bool) -> Rollout:
@@ -189,10 +192,9 @@ class Environment:
         return rollout
 
 
-def _usual(name: str, env: Any) -> SceneManifest:  # noqa: ANN401 - as above
-    """Return what is said of an environment that has no manifest."""
+def _default_manifest(name: str, env: Any) -> SceneManifest:  # noqa: ANN401 - as above
     most = getattr(getattr(env, "spec", None), "max_episode_steps", None)
     step = getattr(bare(env), "dt", None)
-    long = float(most * step) if most and step else _USUAL_DURATION
+    seconds = float(most * step) if most and step else _DEFAULT_DURATION
     about = {"title": name, "description": "Episodes of an environment."}
-    return SceneManifest.model_validate({"version": 1, **about, "duration": long})
+    return SceneManifest.model_validate({"version": 1, **about, "duration": seconds})

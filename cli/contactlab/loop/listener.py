@@ -1,4 +1,4 @@
-"""Listens to the steps of one simulation, whatever code makes them, until an episode is whole."""
+"""Listens to the steps of one simulation, made by any code, until an episode is complete."""
 
 import copy
 from abc import ABC, abstractmethod
@@ -8,7 +8,10 @@ from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
-from mujoco import mj_step, mj_step2  # by themselves, since `listening` replaces the module's
+from mujoco import (
+    mj_step,
+    mj_step2,
+)  # as names of their own, since `listening` replaces the module's
 
 from contactlab.accuracy.reference import PlannedModel
 from contactlab.engines import Rollout
@@ -17,17 +20,17 @@ from contactlab.loop.reader import INPUTS, LoopReader, LoopSteps, Since
 from contactlab.schema.evidence import Loop
 from contactlab.store.store_files import time_now
 
-_OF_CONTACTS = tuple(
+_CONTACT_FIELDS = tuple(
     f"{of}_{name}"
     for of in ("geom", "pair")
     for name in ("friction", "solref", "solimp", "margin", "gap")
 )
-_OF_STARTS = ("qpos", "qvel", "act", *INPUTS)
-_FOR_THE_EYE = ("vis", "tex", "mat_", "skin", "light", "cam", "name", "text")
+_START_FIELDS = ("qpos", "qvel", "act", *INPUTS)
+_VISUAL_PREFIXES = ("vis", "tex", "mat_", "skin", "light", "cam", "name", "text")
 
 
 class Episode(NamedTuple):
-    """An episode as a run: as it was made, what its setup and its record say besides."""
+    """An episode as a run: its plan, its rollout, and further fields of its setup and record."""
 
     plan: PlannedModel
     rollout: Rollout
@@ -37,10 +40,10 @@ class Episode(NamedTuple):
 
 
 class Listener(ABC):
-    """Reads the steps of one MjData as they are made.
+    """Reads the steps of one MjData while they are made.
 
     Attributes:
-        closed: why no more steps are read; empty while they are.
+        closed: the reason why no more steps are read; empty while they are.
     """
 
     def __init__(self, reader: LoopReader) -> None:
@@ -61,42 +64,42 @@ class Listener(ABC):
     def step(self, count: int = 1) -> None:
         """Make steps, as `mujoco.mj_step(model, data, count)` does, and record each."""
         if self.closed or self._reader.look():
-            self._attend()
+            self._handle_changes()
         self._reader.make_steps(count)
 
     def mj_step(self, model: mujoco.MjModel, data: mujoco.MjData, nstep: int = 1) -> None:
-        """Do what `mujoco.mj_step` does; steps of the recorded data are recorded."""
+        """Do the same as `mujoco.mj_step`, and record steps of the recorded data."""
         if data is self._reader.data:
             self.step(nstep)
         else:
             mj_step(model, data, nstep)
 
     def mj_step2(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Do what `mujoco.mj_step2` does, after `mj_step1`; likewise."""
+        """Do the same as `mujoco.mj_step2` after `mj_step1`, and record steps of the data."""
         if data is self._reader.data:
-            self._attend()
+            self._handle_changes()
         mj_step2(model, data)
         if data is self._reader.data:
             self._reader.read_step()
 
     @contextmanager
     def listening(self) -> Generator[None]:
-        """Record what other code steps meanwhile by `mujoco.mj_step` or `mujoco.mj_step2`."""
+        """Record the steps of other code by `mujoco.mj_step` or `mujoco.mj_step2` meanwhile."""
         mujoco.mj_step, mujoco.mj_step2 = self.mj_step, self.mj_step2
         try:
             yield
         finally:
             mujoco.mj_step, mujoco.mj_step2 = mj_step, mj_step2
 
-    def _attend(self) -> None:
-        """Notice what happened since the last step, before the next one."""
+    def _handle_changes(self) -> None:
+        """Handle changes since the last step, before the next one."""
         if self.closed:
             raise OutputError(self.closed)
         reader = self._reader
         while since := reader.look():
             match since:
                 case Since.NEVER:
-                    _check_start(reader.model, reader.data)
+                    _check_finite_start(reader.model, reader.data)
                     reader.clear()
                     self._before, self._set = copy.copy(reader.model), []
                     self._started = time_now()
@@ -106,21 +109,25 @@ class Listener(ABC):
                     reader.start()
                 case Since.ELSEWHERE:
                     missed = reader.data.time > reader.time
-                    self._cut("the data was stepped without the recording" if missed else None)
+                    self._cut_episode(
+                        "the data was stepped without the recording" if missed else None
+                    )
                 case _ if reader.is_large:
-                    self._cut("an episode's record takes 1 GiB at most; the next goes on from here")
+                    self._cut_episode(
+                        "an episode's record is limited to 1 GiB; the next continues here"
+                    )
                 case _:
                     reader.grow(2 * reader.room)
 
     @abstractmethod
-    def _cut(self, why: str | None) -> None:
-        """End the episode before its next step; no reason is given where its time went back."""
+    def _cut_episode(self, why: str | None) -> None:
+        """End the episode before its next step; there is no reason if its time decreased."""
 
-    def _taken(self) -> LoopSteps:
+    def _take_steps(self) -> LoopSteps:
         return self._reader.taken([0, *self._set])
 
-    def _noticed(self, expected: mujoco.MjModel, unchecked: str) -> Loop:
-        """Return what was noticed of the episode, whose model should have been the expected one."""
+    def _loop_record(self, expected: mujoco.MjModel, unchecked: str) -> Loop:
+        """Return changes of the episode's model and state, against an expected model."""
         return Loop(
             unchecked=unchecked,
             changed=changed_fields(expected, self._before),
@@ -129,31 +136,31 @@ class Listener(ABC):
         )
 
 
-def _check_start(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Raise a SceneError for what no record can say of the start of an episode: no numbers."""
-    for part, names in ((model, _OF_CONTACTS), (data, _OF_STARTS)):
+def _check_finite_start(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Raise a SceneError for values that no record can hold at the start: no finite numbers."""
+    for part, names in ((model, _CONTACT_FIELDS), (data, _START_FIELDS)):
         for name in names:
             if not np.isfinite(getattr(part, name)).all():
-                raise SceneError(f"{name} is not finite where an episode begins")
+                raise SceneError(f"{name} is not finite at the start of an episode")
 
 
 def known_of(steps: LoopSteps) -> Mapping[str, object]:
-    """Return what is known of a setup: what acts from outside may give energy."""
+    """Return known properties of a setup: external inputs may add energy."""
     driven = {"steered": True, "passive": False, "conservative": False}
     return driven if steps.is_driven else {}
 
 
 def changed_fields(before: mujoco.MjModel, after: mujoco.MjModel) -> tuple[str, ...]:
-    """Return the fields of a model that are not as they were, but for what is only seen."""
+    """Return the changed fields of a model, except for purely visual ones."""
     return tuple(
         name
-        for name, old, new in _fields(before, after)
+        for name, old, new in _physical_fields(before, after)
         if np.asarray(old).tobytes() != np.asarray(new).tobytes()
     )
 
 
 def write_fields(model: mujoco.MjModel, wanted: mujoco.MjModel) -> None:
-    """Write what differs in the fields of another model of the same parts, in place."""
+    """Copy differing fields from another model with the same parts, in place."""
     for name in changed_fields(wanted, model):
         _, is_option, option = name.rpartition("opt.")
         of, to = (wanted.opt, model.opt) if is_option else (wanted, model)
@@ -164,10 +171,10 @@ def write_fields(model: mujoco.MjModel, wanted: mujoco.MjModel) -> None:
             setattr(to, option, value)
 
 
-def _fields(*models: mujoco.MjModel) -> Generator[tuple[Any, ...]]:
+def _physical_fields(*models: mujoco.MjModel) -> Generator[tuple[Any, ...]]:
     first = models[0]
     for name in dir(first):
-        seen = name.startswith(_FOR_THE_EYE) or name.endswith(("rgba", "matid", "group"))
+        seen = name.startswith(_VISUAL_PREFIXES) or name.endswith(("rgba", "matid", "group"))
         if not seen and isinstance(getattr(first, name), np.ndarray):
             yield name, *(getattr(model, name) for model in models)
     for name in dir(first.opt):

@@ -1,4 +1,4 @@
-"""Plays episodes of an environment, each with the model of one run, and acts in them."""
+"""Plays episodes of an environment, each with the model and the policy of one run."""
 
 import copy
 import math
@@ -23,32 +23,37 @@ from contactlab.scene.scene import Scene
 from contactlab.schema.drive import PolicyDrive
 
 SUCCESS = ("success", "is_success")
-_UNCHECKED = "backward errors and repeats: only the environment's own code makes its steps"
-_MISTAKES = (Exception, SystemExit)
+_UNCHECKED_TEXT = "backward errors and repeats: only the environment's own code makes its steps"
+_CODE_ERRORS = (Exception, SystemExit)
 _TIMESTEP = "opt.timestep"
-_FEW, _MANY = 4, 5  # what step() returns: one or two of the numbers say whether the episode ended
+_SHORT_RESULT, _LONG_RESULT = (
+    4,
+    5,
+)  # lengths of step()'s result, with one or two flags for the end of the episode
 
 Act = Callable[[Any], Any]
-"""Returns an action, given what the environment observed last."""
-_USUAL_RATE = PolicyDrive.model_fields["rate"].default
-_SNAP = 1e-6  # a time so little before that of a call, in periods, is that of the call
+"""Returns an action for the last observation of the environment."""
+_DEFAULT_RATE = PolicyDrive.model_fields["rate"].default
+_SNAP_PERIODS = (
+    1e-6  # a time up to this much before that of a call, in periods, counts as that time
+)
 
 
 class FailureError(Exception):
-    """An episode cannot be what its run asks for; the message says why."""
+    """An episode does not satisfy the request of its run; the message gives the reason."""
 
 
 class _CutError(Exception):
-    """An episode ended within a step of its environment; the message says why."""
+    """An episode ended within a step of its environment; the message gives the reason."""
 
 
 class Player:
-    """Plays runs as episodes of one environment, which is made again where one failed.
+    """Plays runs as episodes of one environment, which is created again after a failure.
 
     Args:
-        scene: the store's, with the model that the environment had when the sweep was planned.
-        make: makes the environment.
-        policy: what acts in it; None draws from its action_space.
+        scene: the scene of the store, with the environment's model from the planning of the sweep.
+        make: creates the environment.
+        policy: the policy that acts in it; None for random actions of its action_space.
     """
 
     def __init__(self, scene: Scene, make: Callable[[], Any], policy: PolicyClass | None) -> None:
@@ -56,58 +61,58 @@ class Player:
         self._env: Any = None
 
     def play(self, plan: PlannedModel) -> Episode:
-        """Return the episode of a run; of one that failed, what there is of it, and why."""
+        """Return the episode of a run; a failed one with its finished part and the reason."""
         model = plan.prepared.model
-        # This one stands in for an environment that cannot be made, or not reset.
+        # This listener replaces that of an environment that cannot be created or reset.
         spare = listener = _EpisodeListener(self._scene, plan, model, mujoco.MjData(model))
-        said: dict[str, Any] = {"success": None, "total_reward": None}
-        failed: str | None = None
+        fields: dict[str, Any] = {"success": None, "total_reward": None}
+        failure: str | None = None
         try:
             with redirect_stdout(sys.stderr):
-                observation = self._reset(plan)
+                observation = self._reset_environment(plan)
                 own = simulation(bare(self._env))
                 listener = _EpisodeListener(self._scene, plan, *own)
-                self._go_through(plan, listener, observation, said)
+                self._step_until_end(plan, listener, observation, fields)
         except _CutError as error:
-            said |= {"status": "stopped", "status_reason": f"cut: {error}"}
+            fields |= {"status": "stopped", "status_reason": f"cut: {error}"}
         except MemoryError:
             raise
-        except _MISTAKES as error:
+        except _CODE_ERRORS as error:
             plain = isinstance(error, FailureError | SceneError)
-            failed = str(error) if plain else f"environment: {in_one_line(error, __file__)}"
+            failure = str(error) if plain else f"environment: {in_one_line(error, __file__)}"
             self._env = None
-        return (listener if listener.steps else spare).episode(said, failed)
+        return (listener if listener.steps else spare).episode(fields, failure)
 
-    def _reset(self, plan: PlannedModel) -> Any:  # noqa: ANN401 - whatever it observes
-        """Reset the environment with a run's model and seed; return what it observes."""
+    def _reset_environment(self, plan: PlannedModel) -> Any:  # noqa: ANN401 - whatever it observes
+        """Reset the environment with a run's model and seed; return its observation."""
         if self._env is None:
             self._env = self._make()
         base, wanted = self._scene.base({}).model, plan.prepared.model
         model, data = simulation(bare(self._env))
-        _check_parts(model, base)
+        _check_same_parts(model, base)
         write_fields(model, wanted)
         mujoco.mj_resetData(model, data)
         answer = self._env.reset(seed=plan.run.seed)
         again, data = simulation(bare(self._env))
         if again is not model:
-            _check_parts(again, base)
+            _check_same_parts(again, base)
             write_fields(again, wanted)
             mujoco.mj_forward(again, data)
         kept = {*changed_fields(base, wanted), _TIMESTEP}
         if lost := [name for name in changed_fields(wanted, again) if name in kept]:
             raise FailureError(
-                f"reset() of the environment writes {', '.join(lost)} over what the sweep sets"
+                f"reset() of the environment overwrites values of the sweep: {', '.join(lost)}"
             )
         return answer[0] if isinstance(answer, tuple) else answer
 
-    def _go_through(
+    def _step_until_end(
         self,
         plan: PlannedModel,
         listener: "_EpisodeListener",
         observation: Any,  # noqa: ANN401 - as above
-        said: dict[str, Any],
+        fields: dict[str, Any],
     ) -> None:
-        """Make steps until the environment or the run ends; keep what is said of them."""
+        """Make steps until the environment or the run ends; add their results to `said`."""
         env, ended, total = self._env, False, 0.0
         act = actor_of(env, self._policy, plan, self._scene.base({}).model, listener.data)
         while not ended and listener.steps < plan.run.steps:
@@ -119,7 +124,7 @@ class Player:
                     "step() of the environment made no step by mujoco.mj_step or mujoco.mj_step2, "
                     "called by these names"
                 )
-            if not isinstance(answer, tuple) or len(answer) not in (_FEW, _MANY):
+            if not isinstance(answer, tuple) or len(answer) not in (_SHORT_RESULT, _LONG_RESULT):
                 raise FailureError(
                     "step() of the environment returns observation, reward, terminated, truncated "
                     "and info"
@@ -129,18 +134,18 @@ class Player:
             if not math.isfinite(total):
                 raise FailureError(f"step() of the environment returned the reward {reward}")
             if listener.model.opt.timestep != plan.prepared.model.opt.timestep:
-                raise FailureError(f"step() of the environment writes {_TIMESTEP} under way")
-            told = [bool(info[name]) for name in SUCCESS if name in info]
-            said |= {"total_reward": total, **({"success": told[0]} if told else {})}
+                raise FailureError(f"step() of the environment changes {_TIMESTEP}")
+            successes = [bool(info[name]) for name in SUCCESS if name in info]
+            fields |= {"total_reward": total, **({"success": successes[0]} if successes else {})}
 
 
-def _check_parts(model: mujoco.MjModel, base: mujoco.MjModel) -> None:
+def _check_same_parts(model: mujoco.MjModel, base: mujoco.MjModel) -> None:
     if differing := other_parts(model, base):
-        raise FailureError(f"the model is not that of the sweep: it differs in {differing}")
+        raise FailureError(f"the model differs from that of the sweep in {differing}")
 
 
 class _EpisodeListener(Listener):
-    """Listens to one episode, which ends where its time goes back."""
+    """Listens to one episode, which ends when its time decreases."""
 
     def __init__(
         self, scene: Scene, plan: PlannedModel, model: mujoco.MjModel, data: mujoco.MjData
@@ -153,18 +158,18 @@ class _EpisodeListener(Listener):
         """Number of steps that were made."""
         return self._reader.steps
 
-    def _cut(self, why: str | None) -> None:
+    def _cut_episode(self, why: str | None) -> None:
         raise _CutError(why or "the environment was reset within a step")
 
     def episode(self, said: dict[str, Any], failed: str | None) -> Episode:
-        """Return the episode, with what is said of it, and why it failed if it did."""
+        """Return the episode with further fields, and the reason of a failure, if any."""
         reader, made, plan = self._reader, self.steps, self._plan
         if not made:
-            # One row, of which nothing is measured.
+            # One row, which is not measured.
             mujoco.mj_forward(reader.model, reader.data)
-            self._attend()
+            self._handle_changes()
             reader.read_step()
-        steps, before = self._taken(), self._before
+        steps, before = self._take_steps(), self._before
         start, count = steps.starts(before), len(steps.rows)
         resolved = replace(plan.run, duration=count * before.opt.timestep)
         pairs = {
@@ -174,7 +179,7 @@ class _EpisodeListener(Listener):
         rollout = steps.rollout(PreparedRuns(self._scene, [resolved], [prepared], start, count))
         rollout = replace(rollout, steps=rollout.steps if made else (0,), errors=(failed,))
         own = replace(plan, run=resolved, prepared=prepared, start=start)
-        loop = self._noticed(plan.prepared.model, _UNCHECKED)
+        loop = self._loop_record(plan.prepared.model, _UNCHECKED_TEXT)
         said = {**said, "loop": loop, "duration": plan.run.duration}
         return Episode(own, rollout, known_of(steps), self._started, said)
 
@@ -186,7 +191,7 @@ def actor_of(
     model: mujoco.MjModel,
     data: mujoco.MjData,
 ) -> Act:
-    """Return what acts in the episode of a run that begins now; a FailureError if nothing can."""
+    """Return a function of actions for an episode that begins now; a FailureError without one."""
     if policy is not None:
         assert isinstance(plan.run.drive, PolicyDrive)
         return _policy_actor(policy(copy.copy(model)), plan.run.drive.rate, data)
@@ -201,18 +206,18 @@ def actor_of(
 
 
 def _policy_actor(policy: Any, rate: float, data: mujoco.MjData) -> Act:  # noqa: ANN401 - code
-    """Return a policy that acts on each observation, or else on the state at its rate."""
+    """Return a policy that acts on each observation, or on the state at its rate."""
     if not hasattr(policy, "act"):
         return _StateActor(policy, rate, data)
-    if rate != _USUAL_RATE:
+    if rate != _DEFAULT_RATE:
         raise FailureError(
-            "a policy with act() acts in each step of the environment: leave out rate"
+            "a policy with act() acts in each step of the environment; remove its rate"
         )
     return policy.act
 
 
 class _StateActor:
-    """Asks a policy at its rate what it does in a state; its action stays until the next one."""
+    """Asks a policy at its rate for the action in a state; it stays until the next one."""
 
     def __init__(self, policy: Policy, rate: float, data: mujoco.MjData) -> None:
         self._policy, self._rate, self._data, self._start = policy, rate, data, data.time
@@ -220,17 +225,17 @@ class _StateActor:
 
     def __call__(self, _: object) -> Any:  # noqa: ANN401 - as environments take them
         time = self._data.time - self._start
-        due = int(np.floor(time * self._rate + _SNAP)) + 1
-        if due > self._calls + 1:
+        due_calls = int(np.floor(time * self._rate + _SNAP_PERIODS)) + 1
+        if due_calls > self._calls + 1:
             raise FailureError(
-                f"the policy is to act at {self._rate:g} Hz, but the environment asks for actions "
+                f"the policy should act at {self._rate:g} Hz, but the environment asks for actions "
                 f"at {self._calls / time:g} Hz; lower the rate of the drive"
             )
-        if due > self._calls:
-            self._calls, self._action = due, self._asked(time)
+        if due_calls > self._calls:
+            self._calls, self._action = due_calls, self._ask_policy(time)
         return self._action
 
-    def _asked(self, time: float) -> Any:  # noqa: ANN401 - likewise
+    def _ask_policy(self, time: float) -> Any:  # noqa: ANN401 - likewise
         data = self._data
         parts = (np.array(time), data.qpos, data.qvel, data.sensordata)
         returned = np.asarray(self._policy(*(part.copy()[None] for part in parts)))

@@ -1,6 +1,6 @@
-"""Reads the steps of a loop as they are made, in the shape of a rollout that contactlab stepped.
+"""Reads the steps of a loop while they are made, in the shape of contactlab's own rollouts.
 
-Row k has the state before step k, what acted in it, and its inputs, with the bits of a sweep's run.
+Row k has the state before step k, the forces in it, and its inputs, with the bits of a sweep's run.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,7 +10,7 @@ from functools import partial
 
 import mujoco
 import numpy as np
-from mujoco import mj_step  # by itself, since a recording may replace the module's
+from mujoco import mj_step  # as a name of its own, since a recording may replace the module's
 
 from contactlab.contact.trace_arrays import OTHERS, SLOT_WIDTH, Floats, RecordedControls
 from contactlab.engines.contact_kernel import Kernel, recorded_slots, usable_kernel
@@ -26,9 +26,9 @@ from contactlab.scene.initial_states import InitialStates, quaternions
 from contactlab.scene.model_names import known_id
 from contactlab.scene.timed_inputs import Signals
 
-_FIRST_STEPS = 1024
-_ROUNDING = 1e-12
-_MOST_BYTES_OF_A_RECORDING = 1 << 30
+_FIRST_STEP_COUNT = 1024
+_NORM_TOLERANCE = 1e-12
+_MAX_EPISODE_BYTES = 1 << 30
 _STATE = int(STATE)
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 _FWDINV = int(mujoco.mjtEnableBit.mjENBL_FWDINV)
@@ -39,9 +39,9 @@ class Since(IntEnum):
     """Event since the last step; the kernel has the same numbers."""
 
     SAME = 0
-    NEVER = 1  # there was none, and no start
+    NEVER = 1  # there was no step and no start
     ELSEWHERE = 2  # another time
-    SET = 3  # another state at that time
+    SET = 3  # another state at the same time
     FULL = 4  # there is no room for another step
 
 
@@ -51,11 +51,11 @@ class LoopSteps:
 
     Attributes:
         state: (N + 1, nstate) time since the start, qpos, qvel and act; row k is before step k.
-        rows: (N, width) what sensors would measure, as the scene's layout says.
+        rows: (N, width) sensor values, in the scene's layout.
         slots: (1, N, S, 23) contact slots of each pair.
-        fields: (N, ...) by name, what MjData had after each step.
+        fields: (N, ...) by name, values of MjData after each step.
         inputs: (N, inputs) in the order of `InitialStates`.
-        warnings: (kinds) how often MuJoCo warned.
+        warnings: (kinds) number of MuJoCo's warnings.
     """
 
     state: Floats
@@ -67,30 +67,30 @@ class LoopSteps:
 
     @property
     def is_driven(self) -> bool:
-        """True if anything from outside changed or pushed."""
+        """True if any external input changed or pushed."""
         pushed = self.fields["xfrc_applied"].any() or self.fields["qfrc_applied"].any()
         return bool(pushed or (self.inputs != self.inputs[0]).any())
 
     def starts(self, model: mujoco.MjModel) -> InitialStates:
-        """Return how the episode began, and all inputs that changed in it."""
+        """Return the start of the episode, and all inputs that changed in it."""
         ends = [1, 1 + model.nq, 1 + model.nq + model.nv]
         _, qpos, qvel, act = np.split(self.state[:1], ends, axis=1)
         inputs = np.split(self.inputs[:1], np.cumsum([model.nu, 6 * model.nbody]), axis=1)
         places = np.flatnonzero((self.inputs != self.inputs[0]).any(axis=0))
         signals = Signals.none()
         if len(places):
-            times, levels = self._held(self.inputs[:, places], model).knots
+            times, levels = self._held_levels(self.inputs[:, places], model).knots
             signals = Signals(places, times[None], levels)
         return InitialStates(qpos, qvel, act, *inputs, signals=(signals,))
 
     def rollout(self, runs: PreparedRuns) -> Rollout:
-        """Return the episode as a rollout of one run, whose time nobody took."""
+        """Return the episode as a rollout of one run, without its cost in time."""
         (model,), count = runs.models, runs.steps
         recorder, controls = Recorder(runs.models, count, 1), self.fields["ctrl"]
         for name, field in recorder.fields.items():
             np.copyto(field, self.fields[name])
         recorder.enter(0, 0, model, runs.starts, self.state)
-        held = [self._held(controls, model)] if (controls != controls[0]).any() else ()
+        held = [self._held_levels(controls, model)] if (controls != controls[0]).any() else ()
         arrays = RolloutArrays(self.state[None], self.rows[None], self.fields["solver_niter"][None])
         rollout = recorded(arrays, np.full(1, np.nan), self.warnings[None], [None], held)
         rollout = replace(recorder.told(rollout), slots=self.slots)
@@ -98,7 +98,7 @@ class LoopSteps:
             rollout.work[:, :, OTHERS] = np.nan
         return with_loads(runs, rollout)
 
-    def _held(self, levels: Floats, model: mujoco.MjModel) -> RecordedControls:
+    def _held_levels(self, levels: Floats, model: mujoco.MjModel) -> RecordedControls:
         """Return (N, ...) levels of steps, each until the next that differs."""
         kept = np.flatnonzero(np.append(True, (np.diff(levels, axis=0) != 0).any(axis=1)))
         times = np.append(kept, len(levels)) * model.opt.timestep
@@ -109,51 +109,59 @@ class LoopReader:
     """Reads the steps of one MjData into arrays that grow."""
 
     def __init__(self, base: CompiledScene, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Raise a SceneError for what sleeps, whose contacts MuJoCo does not keep."""
+        """Raise a SceneError for models with sleep; MuJoCo does not keep sleeping contacts."""
         if model.opt.enableflags & PERSISTENT:
-            raise SceneError("contacts of what sleeps cannot be read; turn the flag `sleep` off")
+            raise SceneError(
+                "contacts of sleeping bodies cannot be read; turn the flag `sleep` off"
+            )
         self.model, self.data, self._base = model, data, base
         self._arrays = dict[str, np.ndarray]()
         self.clear()
 
     def clear(self) -> None:
-        """Begin an episode, of which is read what the model needs as it is now.
+        """Begin an episode and read from the model's current state.
 
-        What it is read into is written over by the next one: fresh memory takes longer to write.
+        The next episode overwrites the arrays of the last one, since writes to fresh memory take
+        longer.
         """
         forces = Books([self.model], 0, 1).forces
         names = (*INPUTS, "qfrc_applied", "solver_niter", *forces)
         self._views = {name: np.asarray(getattr(self.data, name)) for name in names}
         kernel = usable_kernel()
-        sizes = 1 + self.model.nq + self.model.nv + self.model.na, _width(self._base)
+        sizes = 1 + self.model.nq + self.model.nv + self.model.na, _row_width(self._base)
         rows = {"states": np.empty(sizes[0]), "rows": np.empty(sizes[1]), **self._views}
-        if _kinds(rows) != _kinds({name: array[0] for name, array in self._arrays.items()}):
+        if _array_kinds(rows) != _array_kinds(
+            {name: array[0] for name, array in self._arrays.items()}
+        ):
             self._arrays = {
                 name: np.empty((1, *row.shape), row.dtype) for name, row in rows.items()
             }
-        given = self._base, self.model, self.data, self._views
-        self._steps = _KernelSteps(*given, kernel) if kernel else _PlainSteps(*given)
+        task = self._base, self.model, self.data, self._views
+        self._steps = _KernelSteps(*task, kernel) if kernel else _PlainSteps(*task)
         self.look, self.start = self._steps.look, self._steps.start
         self.read_step = self._steps.read_step
         self._splits = self.model.opt.integrator == _RK4
         self._read = self._steps.read_left if self._splits else self.read_step
-        self._warned, self._warnings = self._counts(), np.zeros(len(self._counts()), np.int64)
-        if self.room < _FIRST_STEPS:
-            self.grow(_FIRST_STEPS)
+        self._warned, self._warnings = (
+            self._warning_counts(),
+            np.zeros(len(self._warning_counts()), np.int64),
+        )
+        if self.room < _FIRST_STEP_COUNT:
+            self.grow(_FIRST_STEP_COUNT)
         self._steps.into(self._arrays)
 
     @property
     def steps(self) -> int:
-        """Number of steps that were read."""
+        """Number of steps read."""
         return self._steps.count()
 
     @property
     def room(self) -> int:
-        """For how many steps there is room."""
+        """Number of steps for which there is room."""
         return len(self._arrays["rows"]) - 1
 
     def grow(self, room: int) -> None:
-        """Have room for so many steps, or more."""
+        """Make room for at least a number of steps."""
         last = self._arrays
         self._arrays = {
             name: np.empty((room + 1, *array.shape[1:]), array.dtype)
@@ -166,7 +174,7 @@ class LoopReader:
     @property
     def is_large(self) -> bool:
         """True if twice as many steps would take more than 1 GiB."""
-        return 2 * sum(array.nbytes for array in self._arrays.values()) > _MOST_BYTES_OF_A_RECORDING
+        return 2 * sum(array.nbytes for array in self._arrays.values()) > _MAX_EPISODE_BYTES
 
     @property
     def time(self) -> float:
@@ -176,7 +184,7 @@ class LoopReader:
     def make_steps(self, count: int) -> None:
         """Make steps as `mj_step` does, and read each."""
         model, data, read = self.model, self.data, self._read
-        make = self._make_split if self._splits else mj_step
+        make = self._make_split_step if self._splits else mj_step
         if count == 1:
             make(model, data)
             read()
@@ -187,8 +195,8 @@ class LoopReader:
             make(model, data)
             read()
 
-    def _make_split(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Make a step whose last stage would leave contacts of its own."""
+    def _make_split_step(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Make a step and read its start's contacts before the last stage of RK4 replaces them."""
         mujoco.mj_checkPos(model, data)
         mujoco.mj_checkVel(model, data)
         mujoco.mj_forward(model, data)
@@ -198,14 +206,14 @@ class LoopReader:
         self._steps.read_acting()
         mujoco.mj_RungeKutta(model, data, 4)
 
-    def _counts(self) -> np.ndarray:
+    def _warning_counts(self) -> np.ndarray:
         return np.array(self.data.warning.number, np.int64)
 
-    def taken(self, given: Sequence[int]) -> LoopSteps:
+    def taken(self, set_steps: Sequence[int]) -> LoopSteps:
         """Return the episode so far; raise a MemoryError if there was too little memory.
 
-        Code gave the states before some steps. MuJoCo takes what quaternions they have as unit
-        ones, and so are they recorded.
+        `given` are the steps before which code set the state. MuJoCo normalizes quaternions in such
+        states, and so does the record.
         """
         count, slots = self.steps, self._steps.slots()
         fields = {name: self._arrays[name][:count] for name in self._views}
@@ -213,20 +221,22 @@ class LoopReader:
         states[:, 0] -= states[0, 0]
         for place in quaternions(self.model):
             part = states[:, 1 + place : 5 + place]
-            norms = np.linalg.norm(part[[*given]], axis=1, keepdims=True)
-            part[[*given]] /= np.where((norms > 0) & (np.abs(norms - 1) > _ROUNDING), norms, 1)
+            norms = np.linalg.norm(part[[*set_steps]], axis=1, keepdims=True)
+            part[[*set_steps]] /= np.where(
+                (norms > 0) & (np.abs(norms - 1) > _NORM_TOLERANCE), norms, 1
+            )
         inputs = np.concatenate([fields[name].reshape(count, -1) for name in INPUTS], axis=1)
-        warned = self._counts()
+        warned = self._warning_counts()
         # A reset cleared the counts.
         warnings = np.where(warned < self._warned, warned, warned - self._warned)
         return LoopSteps(states, self._arrays["rows"][:count], slots, fields, inputs, warnings)
 
 
-def _kinds(rows: Mapping[str, np.ndarray]) -> dict[str, object]:
+def _array_kinds(rows: Mapping[str, np.ndarray]) -> dict[str, object]:
     return {name: (row.shape, row.dtype) for name, row in rows.items()}
 
 
-def _width(base: CompiledScene) -> int:
+def _row_width(base: CompiledScene) -> int:
     return base.layout.lengths + base.model.ntendon
 
 
@@ -244,21 +254,21 @@ class _PlainSteps:
         held = base.holding
         names = (held.subject, held.holder) if held else ()
         self._bodies = [known_id(model, "body", name) for name in names]
-        pairs = [(pair.bodies, *_ids(model, pair), pair.slots) for pair in base.pairs]
+        pairs = [(pair.bodies, *_side_ids(model, pair), pair.slots) for pair in base.pairs]
         self._pairs = np.array(pairs, np.int64).reshape(-1, 4)
         self._filled = [list[Floats]() for _ in pairs]
         self._count, self._begun = 0, False
 
     def count(self) -> int:
-        """Return how many steps were read."""
+        """Return the number of steps read."""
         return self._count
 
     def into(self, arrays: Mapping[str, np.ndarray]) -> None:
-        """Write into arrays, by step."""
+        """Set the arrays to write into, by step."""
         self._arrays = arrays
 
     def look(self) -> int:
-        """Return what happened since the last step."""
+        """Return the event since the last step."""
         last = self._arrays["states"][self._count]
         now = np.empty_like(last)
         mujoco.mj_getState(self._model, self._data, now, _STATE)
@@ -271,25 +281,25 @@ class _PlainSteps:
         return Since.SAME if self._count < len(self._arrays["rows"]) - 1 else Since.FULL
 
     def start(self) -> None:
-        """Read the state that the next step starts from."""
+        """Read the initial state of the next step."""
         self._begun = True
         state = self._arrays["states"][self._count]
         mujoco.mj_getState(self._model, self._data, state, _STATE)
 
     def read_step(self) -> None:
-        """Read a step that was made, and kept what acted in it."""
+        """Read a finished step that kept its contacts and forces."""
         self.read_acting()
         self.read_left()
 
     def read_left(self) -> None:
-        """Read what a step left that was made."""
+        """Read the results of a finished step."""
         for name, view in self._views.items():
             self._arrays[name][self._count] = view
         self._count += 1
         self.start()
 
     def read_acting(self) -> None:
-        """Read contacts, and what sensors would measure, of a step from its start."""
+        """Read contacts and sensor values of a step at its start."""
         model, data, own = self._model, self._data, self._data.energy.copy()
         moved, start = (data.qpos.copy(), data.qvel.copy()), self._arrays["states"][self._count, 1:]
         data.qpos[:], data.qvel[:] = np.split(start[: model.nq + model.nv], [model.nq])
@@ -321,7 +331,7 @@ class _PlainSteps:
 
 
 class _KernelSteps(_PlainSteps):
-    """Reads steps by the kernel: a call before each, and one after it."""
+    """Reads steps by the kernel: one call before each, and one after it."""
 
     def __init__(
         self,
@@ -333,7 +343,7 @@ class _KernelSteps(_PlainSteps):
     ) -> None:
         super().__init__(base, model, data, views)
         self._kernel, self._kept = kernel, np.empty(model.nq + model.nv)
-        sizes = len(self._pairs), _width(base), base.free, *(self._bodies or (-1, -1))
+        sizes = len(self._pairs), _row_width(base), base.free, *(self._bodies or (-1, -1))
         self._handle: int | None = kernel.open_loop(self._pairs.ctypes.data, *sizes)
         if not self._handle:
             raise MemoryError
@@ -347,11 +357,11 @@ class _KernelSteps(_PlainSteps):
         self._kernel.close_recording(self._handle)
 
     def count(self) -> int:
-        """Return how many steps were read."""
+        """Return the number of steps read."""
         return self._kernel.steps_of(self._handle)
 
     def into(self, arrays: Mapping[str, np.ndarray]) -> None:
-        """Write into arrays, by step."""
+        """Set the arrays to write into, by step."""
         self._arrays = arrays
         fields = [(arrays[name], view) for name, view in self._views.items()]
         addresses = [(array.ctypes.data, view.ctypes.data, view.nbytes) for array, view in fields]
@@ -367,10 +377,10 @@ class _KernelSteps(_PlainSteps):
             raise MemoryError
         sizes = len(self._pairs), 1, self.count()
         recorded = recorded_slots(self._kernel, self._handle, sizes, self)
-        # More steps may follow, for which this memory is needed.
+        # Further steps may need this memory.
         return tuple(array.copy() if array.strides[1] else array for array in recorded)
 
 
-def _ids(model: mujoco.MjModel, pair: MonitoredPair) -> list[int]:
+def _side_ids(model: mujoco.MjModel, pair: MonitoredPair) -> list[int]:
     sides = zip(pair.sides, pair.geoms, strict=True)
     return [known_id(model, "body", name) if pair.bodies else own[0] for name, own in sides]

@@ -1,7 +1,7 @@
-"""Somebody's own loop, recorded: each episode becomes a run of a store, as one of a sweep.
+"""Records a user's own loop: each episode becomes a run of a store, like one of a sweep.
 
-The scene of the store is the model as it was compiled. It does not know how long an episode will
-be, nor how many there are; so the store's identity is completed when the recording is closed.
+The scene of the store is the model as it was compiled. The number and length of episodes are not
+known in advance, so the store's identity is completed when the recording is closed.
 """
 
 import hashlib
@@ -44,12 +44,15 @@ from contactlab.store.store_writer import StoreWriter, open_writer
 from contactlab.store.table_layout import LOOP_COLUMNS
 
 Monitored = str | Sequence[str] | Mapping[str, object]
-"""A geom or body with all that it may touch, two geoms or two bodies, or an entry of `pairs`."""
+"""A geom or body with all its possible contacts, two geoms or bodies, or an entry of `pairs`."""
 
-_UNCHECKED = "backward errors and repeats: the code that made the steps is not in the store"
-_LONG = 1e6  # how long an episode may last [s]; a hold without an end lasts as long as its episode
-_MODEL = f"model{BINARY}"
-_USUAL = {"title": "A recorded loop", "description": "The model that a loop of one's own stepped."}
+_UNCHECKED_TEXT = "backward errors and repeats: the code that made the steps is not in the store"
+_MAX_DURATION_S = 1e6  # longest episode [s]; a hold without an end lasts as long as its episode
+_MODEL_FILE = f"model{BINARY}"
+_DEFAULT_TEXTS = {
+    "title": "A recorded loop",
+    "description": "The model that a loop of one's own stepped.",
+}
 
 
 def record(
@@ -66,14 +69,16 @@ def record(
 
     Within `with contactlab.record(model, data, "results/mine") as recording:`, steps are made by
     `recording.step()`, and a reset of the data begins another episode. `monitor` has names of geoms
-    or bodies, for all that these may touch; two names, for a pair of geoms or bodies; or entries of
-    `pairs` as in a scene's manifest. Left out, what can touch is monitored, up to 64 pairs.
-    `scene` has other keys of a manifest, as `subject`, `hold`, `thresholds` and `pairs`; `trace`
-    says of which episodes traces are kept, and `fresh` replaces a store. One that was interrupted
-    goes on.
+    or bodies, with all their possible contacts; two names, for a pair of geoms or bodies; or
+    entries of `pairs` as in a scene's manifest. Without it, all possible contacts are monitored, up
+    to 64 pairs.
+
+    `scene` has other keys of a manifest, such as `subject`, `hold`, `thresholds` and `pairs`;
+    `trace` chooses the episodes with stored traces, and `fresh` replaces a store. An interrupted
+    recording is continued.
 
     Raises:
-        SceneError: the data is of another model, or nothing that is monitored can touch.
+        SceneError: the data is of another model, or no monitored pair can touch.
         OutputError: the store cannot be written, is in use, or is finished.
     """
     if data.model is not model:
@@ -83,20 +88,20 @@ def record(
     if (folder / store_files.MANIFEST).is_file() and not fresh:
         raise OutputError(f"{folder} has a finished recording; name another, or add fresh=True")
     name = folder.absolute().name
-    sweep, manifest = _declared(model, name, monitor, trace, scene or {})
+    sweep, manifest = _read_declarations(model, name, monitor, trace, scene or {})
     with ExitStack() as opening, TemporaryDirectory() as written:
         text = manifest.model_dump_json(indent=2, by_alias=True, exclude_defaults=True)
         (Path(written) / MANIFEST).write_text(text, encoding="utf-8")
-        mujoco.mj_saveModel(model, str(Path(written) / _MODEL))
-        source = stored_scene(Path(written), _MODEL, name)
+        mujoco.mj_saveModel(model, str(Path(written) / _MODEL_FILE))
+        source = stored_scene(Path(written), _MODEL_FILE, name)
         own = Scene(source, ENGINES)
         if not own.base({}).pairs:
-            raise SceneError("no two geoms of the model can touch, so nothing is monitored")
+            raise SceneError("no two geoms of the model can touch, so there is no pair to monitor")
         unknown: dict[str, Any] = {
             "source": "",
             "overrides": (),
             "runs_asked": 0,
-            "plan_hash": _hash([]),
+            "plan_hash": _hash_ids([]),
         }
         known = identity_fields(name, own, sweep)
         identity = SweepIdentity(**known, lacking=lacking_checks(), **unknown)
@@ -110,11 +115,11 @@ def record(
 
 
 class Recording(Listener):
-    """A loop over MuJoCo's steps that is recorded; made by `contactlab.record`.
+    """A recorded loop over MuJoCo's steps; created by `contactlab.record`.
 
     Attributes:
         store: the folder of the store.
-        episodes: how many episodes the store has.
+        episodes: number of episodes in the store.
     """
 
     def __init__(
@@ -126,7 +131,7 @@ class Recording(Listener):
         self._writer, self._worker, self._opened = writer, worker, opened
 
     def __repr__(self) -> str:
-        """Say what is recorded, where, and by which command it is read."""
+        """Return the number of episodes, their store, and the command that reads it."""
         count = f"{self.episodes} episode{'s' if self.episodes != 1 else ''}"
         labels = ", ".join(f"{number} {label}" for label, number in self._labels.most_common())
         said = f"{count} in {self.store}{f': {labels}' if labels else ''}"
@@ -137,36 +142,36 @@ class Recording(Listener):
         return f"{said}\nnext: contactlab report {shell_word(self.store)}"
 
     def follow(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """End the episode and record another simulation, as environments make when they are reset.
+        """End the episode and record another simulation, such as environments create at a reset.
 
-        What differs in its model stands in the records. Raises a SceneError if the model has other
-        parts, or names them otherwise.
+        Differences of its model are recorded. Raises a SceneError if the model has other parts or
+        names.
         """
         if data is self._reader.data:
             return
-        self._end(None)
+        self._end_episode(None)
         base = self._worker.scene.base({})
         if differing := other_parts(model, base.model):
             raise SceneError(
-                f"the model has other parts than that of {self.store} ({differing}); "
-                "record it in a store of its own"
+                f"the model and that of {self.store} have different parts ({differing}); "
+                "record it in a separate store"
             )
         self._reader = LoopReader(base, model, data)
 
     def reset(self, *, success: bool | None = None, total_reward: float | None = None) -> None:
-        """End the episode, if it has a step, and say how it went; the next step begins another.
+        """End the episode, if it has a step, with its success and reward; the next step begins one.
 
-        The data is not touched. Resets of the data are noticed without it.
+        The data is not changed. Resets of the data are noticed without this call.
         """
-        self._end(None, success=success, total_reward=total_reward)
+        self._end_episode(None, success=success, total_reward=total_reward)
 
     def close(self, error: BaseException | None = None) -> None:
-        """End the episode and finish the store; an error that ended the loop is said of it."""
+        """End the episode and finish the store. Record an error that ended the loop."""
         if self.closed:
             return
         self.closed = f"the recording of {self.store} is closed"
         with self._opened:
-            self._end(error and f"the loop ended by {in_one_line(error, __file__)}")
+            self._end_episode(error and f"the loop ended by {in_one_line(error, __file__)}")
             if not self.episodes:
                 self._writer.discard()
                 if error is None:
@@ -176,7 +181,7 @@ class Recording(Listener):
                     )
                 return
             ids = [str(row["run_id"]) for row in self._writer.rows()]
-            update = {"runs_asked": len(ids), "plan_hash": _hash(ids)}
+            update = {"runs_asked": len(ids), "plan_hash": _hash_ids(ids)}
             identity = self._writer.identity.model_copy(update=update)
             run = self._worker.scene.resolve({}, 0, 1.0)
             columns = [*measured_columns([run]), *LOOP_COLUMNS]
@@ -191,22 +196,22 @@ class Recording(Listener):
         if error is None:
             sys.stderr.write(f"{self!r}\n")
 
-    def _cut(self, why: str | None) -> None:
-        self._end(why)
+    def _cut_episode(self, why: str | None) -> None:
+        self._end_episode(why)
 
-    def _end(
+    def _end_episode(
         self,
         cut: str | None,
         *,
         success: bool | None = None,
         total_reward: float | None = None,
     ) -> None:
-        """Store the episode, if it has a step; it may have been cut."""
+        """Store the episode, if it has a step; a reason is given if it was cut."""
         reader, scene, model = self._reader, self._worker.scene, self._before
         if not reader.steps:
             reader.clear()
             return
-        steps = self._taken()
+        steps = self._take_steps()
         made, base = len(steps.rows), scene.base({})
         duration = made * model.opt.timestep
         (run,) = scene.planned({}, [self.episodes], duration, self.episodes)
@@ -216,9 +221,9 @@ class Recording(Listener):
         rollout = steps.rollout(PreparedRuns(scene, [run], [prepared], start, made))
         said: dict[str, object] = {
             "success": None if success is None else bool(success),
-            # What is no number is no return.
+            # A return that is not finite is not stored.
             "total_reward": total if math.isfinite(total) else None,
-            "loop": self._noticed(base.model, _UNCHECKED),
+            "loop": self._loop_record(base.model, _UNCHECKED_TEXT),
         }
         if cut:
             said |= {"status": "stopped", "status_reason": f"cut after {made} steps: {cut}"}
@@ -231,19 +236,24 @@ class Recording(Listener):
         reader.clear()
 
 
-def _declared(
+def _read_declarations(
     model: mujoco.MjModel,
     name: str,
     monitor: Sequence[Monitored] | None,
     trace: str,
     said: Mapping[str, Any],
 ) -> tuple[Sweep, SceneManifest]:
-    """Return what a sweep file and a manifest would say; a SceneError if that is wrong."""
-    entries = [entry for one in monitor or () for entry in _entries(model, one)]
-    fixed = {"version": 1, "model": _MODEL, "duration": _LONG, "effects": {"base": "all"}}
-    own = {**_USUAL, **said, **fixed, "pairs": [*entries, *said.get("pairs", ())]}
+    """Return a sweep and a manifest from the arguments; raise a SceneError for wrong ones."""
+    entries = [entry for one in monitor or () for entry in _pair_entries(model, one)]
+    fixed = {
+        "version": 1,
+        "model": _MODEL_FILE,
+        "duration": _MAX_DURATION_S,
+        "effects": {"base": "all"},
+    }
+    own = {**_DEFAULT_TEXTS, **said, **fixed, "pairs": [*entries, *said.get("pairs", ())]}
     if "hold" in said:
-        own["hold"] = {"to": _LONG, **said["hold"]}
+        own["hold"] = {"to": _MAX_DURATION_S, **said["hold"]}
     try:
         manifest = SceneManifest.model_validate(own)
         sweep = Sweep(version=1, scene=name, effects={"base": "all"}, trace=trace)
@@ -253,12 +263,12 @@ def _declared(
     touch = may_touch(model)
     for pair in declared_pairs(model, manifest.pairs):
         if not colliding(touch, pair):
-            raise SceneError(f"monitor: MuJoCo's filters keep {pair.name} from touching")
+            raise SceneError(f"monitor: MuJoCo's filters exclude contacts of {pair.name}")
     return sweep, manifest
 
 
-def _entries(model: mujoco.MjModel, monitored: Monitored) -> list[Mapping[str, object]]:
-    """Return what is monitored as entries of a manifest; a SceneError if nothing can touch it."""
+def _pair_entries(model: mujoco.MjModel, monitored: Monitored) -> list[Mapping[str, object]]:
+    """Return monitored pairs as entries of a manifest; raise a SceneError if none can touch."""
     if isinstance(monitored, Mapping):
         return [monitored]
     names = [name_of(model, "geom", geom) for geom in range(model.ngeom)]
@@ -275,14 +285,14 @@ def _entries(model: mujoco.MjModel, monitored: Monitored) -> list[Mapping[str, o
 
 def lacking_checks(
     why: str = "the code that made the steps is not here to repeat them",
-    cost: str = "a recorded loop takes its own time",
+    cost: str = "the duration of a recorded loop depends on its own code",
 ) -> dict[str, str]:
-    """Return what recorded loops have not, and why."""
+    """Return the fields that recorded loops lack, with reasons."""
     return {
         **{name: why for name, metric in METRICS.items() if metric.kind == "check"},
         "cost": cost,
     }
 
 
-def _hash(ids: Sequence[str]) -> str:
+def _hash_ids(ids: Sequence[str]) -> str:
     return hashlib.sha256("".join(ids).encode()).hexdigest()[:32]

@@ -1,4 +1,4 @@
-"""Where environments keep the model and data of MuJoCo that they step."""
+"""Finds the model and data of MuJoCo that an environment steps."""
 
 from typing import Any
 
@@ -6,20 +6,20 @@ import mujoco
 
 from contactlab.errors import SceneError
 
-_PARTS = ("nq", "nv", "na", "nu", "nbody", "njnt", "ngeom", "ntendon", "nmocap", "names")
+_PART_FIELDS = ("nq", "nv", "na", "nu", "nbody", "njnt", "ngeom", "ntendon", "nmocap", "names")
 
 
 def simulation(env: Any) -> tuple[mujoco.MjModel, mujoco.MjData]:  # noqa: ANN401 - any environment
     """Return the model and data of MuJoCo that an environment steps; a SceneError if it has none.
 
-    Those of dm_control and robosuite are wrapped once more.
+    Those of dm_control and robosuite have another wrapper.
     """
     for holder in (env, *(getattr(env, name, None) for name in ("physics", "sim", "_physics"))):
         model, data = (getattr(holder, name, None) for name in ("model", "data"))
         if model is not None and data is not None:
-            return _unwrapped(model, "_model"), _unwrapped(data, "_data")
+            return _unwrap_object(model, "_model"), _unwrap_object(data, "_data")
     raise SceneError(
-        f"{type(env).__name__} has no MuJoCo model and data; give those that it steps to "
+        f"{type(env).__name__} has no MuJoCo model and data; pass those that it steps to "
         "contactlab.record"
     )
 
@@ -30,10 +30,9 @@ def bare(env: Any) -> Any:  # noqa: ANN401 - likewise
 
 
 def other_parts(model: mujoco.MjModel, known: mujoco.MjModel) -> str:
-    """Return which parts of a model are not those of another; empty if all are."""
-    return ", ".join(part for part in _PARTS if getattr(model, part) != getattr(known, part))
+    """Return the parts of a model that differ from those of another; empty if none do."""
+    return ", ".join(part for part in _PART_FIELDS if getattr(model, part) != getattr(known, part))
 
 
-def _unwrapped(wrapped: Any, own: str) -> Any:  # noqa: ANN401 - likewise
-    """Return what dm_control and robosuite wrap."""
+def _unwrap_object(wrapped: Any, own: str) -> Any:  # noqa: ANN401 - likewise
     return getattr(wrapped, "ptr", getattr(wrapped, own, wrapped))

@@ -20,11 +20,11 @@ from contactlab.schema.coverage import Coverage
 
 Failures = dict[int, list[str]]  # error messages of metrics and labels, by run
 
-_Result = TypeVar("_Result")
+_RunResult = TypeVar("_RunResult")
 
 
 class AppliedLabel(NamedTuple):
-    """A label that applies to a run: the reason, the first step at which it applies, its bodies.
+    """A label that applies to a run: the reason, its first step, and its bodies.
 
     A label of the whole run has no bodies.
     """
@@ -112,11 +112,11 @@ def _add_causes(context: Context, run: int, labels: list[AppliedLabel]) -> Itera
 
 def _measure_or_fail(
     name: str,
-    measure: Callable[[MeasuredRuns], Sequence[_Result]],
+    measure: Callable[[MeasuredRuns], Sequence[_RunResult]],
     runs: MeasuredRuns,
     failures: Failures,
-    missing: _Result,
-) -> Sequence[_Result]:
+    missing: _RunResult,
+) -> Sequence[_RunResult]:
     """Return the measurements of each run; for a failed run, `missing` and the error message."""
     count = runs.context.trace.runs
     try:
@@ -129,7 +129,7 @@ def _measure_or_fail(
             failures.setdefault(0, []).append(reason)
             return [missing]
     # Measure runs one by one, so that a run's result does not depend on the other runs.
-    results: list[_Result] = []
+    results: list[_RunResult] = []
     for run in range(count):
         alone: Failures = {}
         results += _measure_or_fail(name, measure, runs.only(run), alone, missing)

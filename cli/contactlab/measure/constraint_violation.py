@@ -125,7 +125,7 @@ def constraint_violation_rest(context: Context) -> Floats:
     )
 
 
-def _overshoots(runs: MeasuredRuns) -> Found:
+def _limit_overshoots(runs: MeasuredRuns) -> Found:
     """Yield runs in which a limit yields, and which are not the motion of their model."""
     context, limit = runs.context, runs.limits[TOLERANCE.name]
     for run in () if context.setup.steered else unresolved_runs(context):
@@ -164,4 +164,4 @@ def constraint_violated(runs: MeasuredRuns) -> Found:
             beyond = None if each.course is None else each.course[run, begin:] > most
             step = begin + (0 if beyond is None else first_step(beyond))
             yield run, Onset(f"{reason} (limit {most:.3g} {each.unit})", step, tuple(bodies))
-    yield from _overshoots(runs)
+    yield from _limit_overshoots(runs)

@@ -81,7 +81,6 @@ def _rows_by_part(
 
 
 def _row_by_field(names: Iterable[str], values: Sequence[float]) -> dict[str, Any]:
-    """Return the values of a row that are not NaN."""
     return {
         name: _END_CODES[int(value)] if name == "ends" else value
         for name, value in zip(names, values, strict=True)

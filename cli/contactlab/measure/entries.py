@@ -58,11 +58,11 @@ class Metric:
     Attributes:
         unit: its unit; `1` for counts and ratios, `any` if it depends on the scene.
         better: which direction is an improvement; `none` if it depends on the user's goal.
-        resolution: magnitude below which the value is 0, in its unit.
+        resolution: smaller magnitudes count as 0, in its unit.
         definition: its definition as text, with its source.
         function: the metric of every run of a context, (n,); NaN if it does not apply.
         name: its name in sweeps, evidence and reports.
-        tolerance: change, in its unit, below which an effect counts as leaving it unchanged.
+        tolerance: smaller changes, in its unit, count as no effect.
         version: grows whenever the definition changes.
         kind: `physics` for a result of the simulated physics, `work` for the solver's settings and
             work, `check` for a number that only the second pass measures, `detail` for a number
@@ -113,7 +113,7 @@ class MetricOptions(TypedDict, total=False):
 
 
 class Onset(NamedTuple):
-    """The reason why a label applies to a run, the first step at which it does, and its bodies.
+    """The reason why a label applies to a run, its first step, and its bodies.
 
     Without bodies it belongs to the whole run, and holds whatever is observed.
     """

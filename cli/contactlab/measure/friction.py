@@ -59,7 +59,7 @@ _FRICTION_FIELDS = slice(
 _MIN_PEAK_RATIO = 0.99  # smallest ratio of the next to the last peak force; bounces lose more
 # Slip between two switches of a chattering pair that hops, in half extents; trembling has 0.003.
 _MIN_HOP_SLIP = 0.02
-_MIN_CONTACT_SHARE = 0.9  # share of the time in contact below which a pair hops
+_MIN_CONTACT_SHARE = 0.9  # a pair hops if its share of the time in contact is smaller
 # Smallest share of the time in contact that the middle half of the events of chatter spans.
 _MIN_EVENT_SPREAD = 0.25
 Events = tuple[NDArray[np.intp], NDArray[np.intp]]
@@ -68,7 +68,7 @@ Events = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 @cached
 def switch_masks(context: Context) -> NDArray[np.bool_]:
-    """Return (R, n, N - 1) the steps at which pairs change between stick and slide."""
+    """Return (R, n, N - 1) the steps with a change of pairs between stick and slide."""
     series = context.net.series
     masks = np.zeros(series.mode[..., 1:].shape, np.bool_)
     for row in runs_where((series.mode == SLIDE).any(axis=(1, 2))):
@@ -127,7 +127,7 @@ def _creep_speeds(context: Context) -> Floats:
 
 @metric("1", "lower", 1e-9, kind="detail")
 def crept(context: Context) -> Floats:
-    """Distance by which sticking bodies creep during the run, over their size.
+    """Creep distance of sticking bodies during the run, over their size.
 
     Median slip of pairs that stick through the last half, by less than 0.9 of the friction bound,
     and neither roll nor slow down. Each pair counts over the greatest extent of its smaller geom;
@@ -208,7 +208,6 @@ def creep(runs: MeasuredRuns) -> Found:
 
 
 def _bodies_of_part(context: Context, part: str) -> tuple[str, ...]:
-    """Return the bodies of a creeping part: a free body, or a pair."""
     names = context.pairs.names
     return bodies_of_pair(context, names.index(part)) if part in names else (part,)
 
@@ -269,7 +268,7 @@ def chatter(runs: MeasuredRuns) -> Found:
 
 @cached
 def hold_switch_masks(context: Context) -> NDArray[np.bool_]:
-    """Return (R, n, N - 1) the steps at which the mode of pairs changes within the hold window.
+    """Return (R, n, N - 1) the steps with a mode change of pairs within the hold window.
 
     Contact that a sticking pair loses or regains counts too; sliding pairs hop.
     """
@@ -310,7 +309,7 @@ def lost_contacts(context: Context, row: int) -> Spans:
 
 @cached
 def _all_lost_contacts(context: Context) -> dict[int, Spans]:
-    """Return the gaps in which pairs lose contact while they stick, by row of pairs."""
+    """Return the gaps of lost contact of sticking pairs, by row of pairs."""
     bears = bearing(context)
     parts = (bears[..., :-1] > bears[..., 1:]).any(axis=(1, 2))
     return {row: lost_contacts(context, row) for row in runs_where(np.asarray(parts))}

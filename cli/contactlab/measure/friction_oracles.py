@@ -14,7 +14,7 @@ _ROD_HALF_LENGTH = 0.5
 _ROD_RADIUS = 0.01
 _INTEGRATION_STEPS = 100
 _ROLLING_SLIP_SHARE = (
-    0.05  # share of the initial slip below which a ball rolls; soft contact creeps by less
+    0.05  # a ball rolls below this share of its initial slip; soft contact creeps by less
 )
 _SPHERE_FACTOR = 3.5  # 1 + m r^2 / I of a homogeneous sphere
 

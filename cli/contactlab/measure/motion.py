@@ -40,7 +40,7 @@ _ENERGY_GAIN = Threshold(
 )
 _DRIFT = Threshold("drift", None, "m", "Set it if bodies should stay.")
 _REST_SPEED = Threshold("rest_speed", None, "m/s", "Set it if bodies should come to rest.")
-_SETTLED_SHARE = 1e-6  # share of the peak kinetic energy below which a run has settled
+_SETTLED_SHARE = 1e-6  # a run has settled below this share of the peak kinetic energy
 _START_DEPTH_SHARE = 0.1  # allowed depth of a start, as a share of the thinner body's half extent
 
 
@@ -354,7 +354,7 @@ def _first_name(names: Sequence[str]) -> str:
 
 
 def _first_step_of(masks: list[NDArray[np.bool_]]) -> int:
-    """Return the first step at which any of some masks is true; 0 if none is."""
+    """Return the first true step of any of some masks; 0 if none is true."""
     return first_step(np.logical_or.reduce(masks))
 
 

@@ -33,7 +33,7 @@ _NORMAL_FORCE = FORCE.start
 _TANGENTIAL_FORCE = slice(FORCE.start + 1, FORCE.stop)
 _SLIP_FIELDS = slice(LINEAR_VELOCITY.start + 1, LINEAR_VELOCITY.stop)
 _FRAME_FIELDS = slice(NORMAL.start, TANGENT.stop)
-_FORCELESS_SHARE = 1e-9  # share of a run's largest normal force below which directions are rounding
+_FORCELESS_SHARE = 1e-9  # below this share of a run's largest normal force, directions are rounding
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ def _sum_slots(columns: _SlotColumns, cone: _Cone) -> tuple[Floats, Floats, Floa
     """
     normal, force = columns.normal.sum(axis=0), columns.force.sum(axis=0)
     impulse = (columns.velocity * columns.normal).sum(axis=0)
-    sums = np.stack((_modulus(force), cone.norm(force), _modulus(impulse)))
+    sums = np.stack((_complex_modulus(force), cone.norm(force), _complex_modulus(impulse)))
     frame = columns.frame
     if frame is not None:
         differ = (frame[:, 1:] != frame[:, :1]).any(axis=(0, 1))
@@ -200,7 +200,7 @@ def _sum_in_world(
     return np.stack((np.sqrt(square), used, np.sqrt((impulse * impulse).sum(axis=0))))
 
 
-def _modulus(pair: Complexes) -> Floats:
+def _complex_modulus(pair: Complexes) -> Floats:
     """Return magnitudes, faster than `abs`, which guards against overflow."""
     return np.sqrt(pair.real * pair.real + pair.imag * pair.imag)
 

@@ -173,7 +173,7 @@ def flip_time(context: Context) -> tuple[Floats, Floats]:
 
 
 def middle_axis_flip(inertia: Floats, turning: Floats) -> Floats:
-    """Return (n,) the time [s] at which the rotation about the middle axis changes sign.
+    """Return (n,) the time [s] of the sign change of the rotation about the middle axis.
 
     Euler's equations keep ``w1^2 + b1 w2^2`` and ``w3^2 + b3 w2^2``, with axis 2 the middle one, so
     that dt = dw2 / (c sqrt(p q)), with p and q those squares: Carlson's integral R_F. `inertia` (n,

@@ -44,12 +44,12 @@ _STANDOFF = Threshold(
     "1",
     "Contacts may carry load as far outside of a geom as they may rest inside of it.",
 )
-_RESTING_SHARE = 0.9  # share of the last half in which a pair must touch to count as resting
+_RESTING_SHARE = 0.9  # a pair must touch in this share of the last half to count as resting
 _STEADY_CONTACT_SHARE = (
-    0.5  # share of the last fifth in which a steady pair must touch; sliding ones hop
+    0.5  # a steady pair must touch in this share of the last fifth; sliding ones hop
 )
 _DRIVEN_DEEP_SHARE = (
-    0.75  # share of it in which a pair under a drive must be deep to count as resting
+    0.75  # a pair under a drive must be deep in this share of it to count as resting
 )
 _SOFT_DIVISOR = (
     1.5  # divisor of the half extent for the allowed depth of pairs with such a wide solimp
@@ -57,9 +57,9 @@ _SOFT_DIVISOR = (
 _MIN_FORCE_SHARE = 1e-6  # smallest force that counts, as a share of the weight
 # Depth in half extents that a geom may reach on either side: it may be thin across.
 _MAX_DIP_DEPTH = 1.1
-_MAX_DIP_STEPS = 2  # steps in which it must then turn back; pads that sink in stay longer
+_MAX_DIP_STEPS = 2  # it must turn back within these steps; pads that sink in stay longer
 _IDLE_DEPTH_RATIO = 0.9  # smallest ratio of the first to the largest depth of an idle pair
-_MAX_DIP_SECONDS = 0.1  # longest time [s] for which a geom may dip beyond its middle
+_MAX_DIP_SECONDS = 0.1  # longest dip [s] of a geom beyond its middle
 
 
 @metric("m", "lower", 1e-9, requires="depth", equivalence=True, heading="depth [m]")
@@ -79,7 +79,7 @@ def penetration_mean(context: Context) -> Floats:
 
 
 def mean_depths(context: Context, inside: NDArray[np.bool_] | np.bool_) -> Floats:
-    """Return (R, n) mean depths [m] of pairs over those steps (n, N) in which they touch."""
+    """Return (R, n) mean depths [m] of pairs over their touching steps (n, N)."""
     touching, depth = contact_depths(context)
     return (depth * inside).sum(axis=-1) / count(touching & inside)
 
@@ -147,12 +147,15 @@ def standoff(context: Context) -> Floats:
     Mean positive distance, weighted by normal force; worst pair. Forces below a millionth of the
     weight do not count. Not defined for speculative contacts.
     """
-    worst, speculative = worst_pair(context, _standoffs(context)), context.setup.speculative
+    worst, speculative = (
+        worst_pair(context, _relative_standoffs(context)),
+        context.setup.speculative,
+    )
     return worst if speculative is None else np.where(speculative, np.nan, worst)
 
 
-def _standoffs(context: Context) -> Floats:
-    """Return (R, n) distances at which contacts carry load, over half extents of thinner geoms."""
+def _relative_standoffs(context: Context) -> Floats:
+    """Return (R, n) distances of loaded contacts, over half extents of thinner geoms."""
     force, places = context.net.series.normal.mean(axis=-1), context.pairs.places
     shares = context.net.standoff / context.setup.thickness[places, None]
     return np.where(
@@ -208,7 +211,7 @@ def contact_at_distance(runs: MeasuredRuns) -> Found:
     for run, part, limit in runs.over("standoff"):
         reason = f"contacts carry load at {part:.3g} of the thinner body's half extent"
         reason = f"{reason} (limit {limit:g})"
-        bodies = bodies_beyond(runs.context, _standoffs(runs.context), run, limit)
+        bodies = bodies_beyond(runs.context, _relative_standoffs(runs.context), run, limit)
         yield run, Onset(reason, first_step(runs.context.trace.contacts[run] > 0), bodies)
 
 
@@ -316,7 +319,7 @@ def _turns_back(context: Context, row: int, run: int, deep: slice) -> bool:
 
 
 def _find_crossings(context: Context) -> Found:
-    """Find the first step in which the center of a stopped geom passes a barrier's mid-plane."""
+    """Find the first step with the center of a stopped geom beyond a barrier's mid-plane."""
     for barrier in context.setup.barriers:
         place = context.position(barrier.body)
         if barrier.centre.any():
@@ -355,7 +358,7 @@ PRESSED = Threshold(
     "half as hard.",
 )
 _MIN_SQUEEZE_SHARE = 0.5
-_MAX_WEIGHTS = 1e9  # larger loads in weights occur only along directions in which no joint moves
+_MAX_WEIGHTS = 1e9  # larger loads in weights occur only along directions without joint motion
 
 
 def _lighter_weights(context: Context) -> Floats:

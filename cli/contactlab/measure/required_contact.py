@@ -92,7 +92,7 @@ class _RequiredStretch:
         return self.expected.word in ({"slides"} if mode == STICK else {"sticks", "rolls"})
 
     def in_mode(self, row: int, mode: int) -> Mask:
-        """Return (N,) the steps in which a pair is in a mode that it must not be in.
+        """Return (N,) the steps of a pair in a forbidden mode.
 
         If the requirement is for the first or last mode only, these are the steps until the other
         mode first lasts, or after it last did.
@@ -145,7 +145,6 @@ class _RequiredStretch:
 
 
 def _required_stretches(context: Context, hold: float) -> Iterator[_RequiredStretch]:
-    """Yield the requirements of pairs in each run."""
     time = context.trace.time[:, :-1] + _STEP_ROUNDING * context.trace.timestep[:, None]
     for expected in context.setup.expected:
         if isinstance(expected, ExpectedContact) and expected.pairs:

@@ -66,7 +66,6 @@ class _RequiredPath(NamedTuple):
 
 @cached
 def _required_paths(context: Context) -> list[_RequiredPath]:
-    """Return the path of each body with a requirement, in each run."""
     paths, time = list[_RequiredPath](), context.trace.time
     slack = _STEP_ROUNDING * context.trace.timestep[:, None]
     for expected in context.setup.expected:
@@ -95,7 +94,7 @@ def motion_margins(context: Context, hold: float) -> Floats:
 def _path_margin(context: Context, path: _RequiredPath, hold: float) -> float:
     limit = path.expected.limit
     if path.expected.word == "passes":
-        _, offset = _crossings(path.place)
+        _, offset = _plane_crossings(path.place)
         height = np.abs(path.place[:, 2])
         return float(1 - offset.min() / limit if len(offset) else -height.min() / limit)
     amount, _ = _path_departure(path)
@@ -110,7 +109,7 @@ def _path_margin(context: Context, path: _RequiredPath, hold: float) -> float:
 def _steps_without_contact(
     context: Context, path: _RequiredPath
 ) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """Return steps, and a mask of those in which the holder does not touch the body."""
+    """Return steps, and a mask of those without contact of holder and body."""
     rows = context.pairs.rows[[*path.expected.pairs]]
     steps = path.states[path.states < context.trace.steps]
     touching = (context.net.series.mode[rows, path.run] != NO_CONTACT).any(axis=0)
@@ -118,7 +117,6 @@ def _steps_without_contact(
 
 
 def _find_faults(context: Context, path: _RequiredPath, hold: float) -> Iterator[Fault]:
-    """Yield the first violation by a body."""
     expected, states = path.expected, path.states
     if expected.word == "passes":
         yield from _missed_hole(path)
@@ -159,8 +157,8 @@ def _path_departure(path: _RequiredPath) -> tuple[Floats, str]:
     return moved + 2 * np.sin(half) * expected.reach, "m"
 
 
-def _crossings(place: Floats) -> tuple[NDArray[np.intp], Floats]:
-    """Return the states before which a path (M, 3) crosses a hole's plane, and the offsets.
+def _plane_crossings(place: Floats) -> tuple[NDArray[np.intp], Floats]:
+    """Return the states after crossings of a path (M, 3) and a hole's plane, and the offsets.
 
     The path is in the frame of the hole, with the plane across its z axis; offsets are distances to
     that axis.
@@ -176,7 +174,7 @@ def _crossings(place: Floats) -> tuple[NDArray[np.intp], Floats]:
 def _missed_hole(path: _RequiredPath) -> Iterator[Fault]:
     """Yield the violation that a path does not cross the plane of a hole near enough."""
     height, limit = path.place[:, 2], path.expected.limit
-    before, offset = _crossings(path.place)
+    before, offset = _plane_crossings(path.place)
     if not len(before):
         away = _amount_text(float(np.nanmin(np.abs(height))), "m")
         yield f"it stays on one side, {away} away", int(path.states[-1])

@@ -1,4 +1,4 @@
-"""The margin by which runs meet the requirements in `must`."""
+"""Margins of runs to the requirements in `must`."""
 
 import numpy as np
 

@@ -21,7 +21,7 @@ _MIN_OSCILLATION = 0.15  # smallest amplitude of a step-to-step oscillation, ove
 _MIN_SPEEDS = 3  # fewest speeds that can show an oscillation
 _MIN_MOVING_SPEED = 0.1  # smallest speed of a moving body [rad/s, or mean body sizes a second]
 _MIN_SATURATED_SHARE = 0.5  # share of steps with all iterations used
-_MIN_RATTLE_SHARE = 0.1  # share of the first half's steps in which the number of contacts changes
+_MIN_RATTLE_SHARE = 0.1  # share of the first half's steps with a change of the number of contacts
 # Whether degrees of freedom are translations, by kind of joint.
 _IS_TRANSLATION = {
     "free": [True] * 3 + [False] * 3,

@@ -26,7 +26,7 @@ _MAX_IMPACTS = 5
 _MIN_SPEED_RATIO = 0.3
 _MAX_OFF_CENTER = 0.1  # largest share of a lever arm across the surface in a central impact
 _CORNER_CONTACTS = 4  # contacts of two boxes, or a box and the floor, face to face
-_RESTING_SHARE = 0.9  # share of the last fifth in which a pair at rest touches
+_RESTING_SHARE = 0.9  # a pair at rest touches in this share of the last fifth
 _TRUNK_MASS_KG = 10.0
 _BALL_INERTIA_SHARE = (
     2 / 7

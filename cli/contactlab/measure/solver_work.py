@@ -128,7 +128,7 @@ def _has_constraints(context: Context) -> NDArray[np.bool_]:
 
 
 def stuck_share(context: Context) -> Floats:
-    """Return (n,) the share of the steps with constraints in which all iterations were used."""
+    """Return (n,) the share of steps with all iterations used, among those with constraints."""
     constrained = _has_constraints(context)
     return count(saturated(context) & constrained) / count(constrained)
 

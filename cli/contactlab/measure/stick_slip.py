@@ -26,7 +26,7 @@ ENTER_USAGE, LEAVE_USAGE = 0.999, 0.98
 ENTER_SLIP, LEAVE_SLIP = 5e-4, 2.5e-4  # slip speeds over gravity: times of a free fall [s]
 IMPACT = 10 * ENTER_SLIP
 """Fall time that gives the least speed of an impact [s]; hops of resting bodies are slower."""
-HELD_USAGE = 0.9  # share of the friction bound below which a sticking pair holds
+HELD_USAGE = 0.9  # a sticking pair holds below this share of the friction bound
 LONGEST_GAP = 0.1  # longest gap between contacts [s] that holds the mode
 Modes = NDArray[np.int8]
 Rows = NDArray[np.intp]
@@ -37,7 +37,7 @@ _SEPARATED = 3  # stands for NO_CONTACT among the events, where 0 means that not
 
 @dataclass(frozen=True)
 class Spans:
-    """Stretches of steps [start, stop) in which a condition holds, in order of run and time."""
+    """Stretches of steps [start, stop) with a condition, in order of run and time."""
 
     run: Rows
     start: Rows

@@ -117,6 +117,5 @@ def _cut_line(place: Place) -> tuple[str, int, int]:
 
 
 def _terminal_width(text: str) -> int:
-    """Return the width of a text in columns of a terminal."""
     wide = sum(unicodedata.east_asian_width(character) in "WF" for character in text)
     return len(text) + wide - sum(unicodedata.combining(character) != 0 for character in text)

@@ -13,7 +13,7 @@ from contactlab.plan.yaml_document import Document, read_text
 from contactlab.schema.sweep_schema import IncludeFile
 
 # One cell and its end: a quoted text, in which "" stands for a quote, or a text without commas.
-_CELL = re.compile(r'\s*(?:"((?:[^"]|"")*)"|([^,]*?))\s*(,|$)')
+_CSV_CELL = re.compile(r'\s*(?:"((?:[^"]|"")*)"|([^,]*?))\s*(,|$)')
 
 
 def read_rows(context: SweepContext, folder: Path) -> tuple[RowValues, ...]:
@@ -91,7 +91,7 @@ def _table_rows(context: SweepContext, source: SourceText) -> Iterator[RowValues
 
 def _read_cells(source: SourceText, number: int) -> Iterator[tuple[str, Place]]:
     line, start = source.lines[number - 1], 0
-    while match := _CELL.match(line, start):
+    while match := _CSV_CELL.match(line, start):
         group = 2 if match.group(1) is None else 1
         text, begin = match.group(group), match.start(group)
         yield text.replace('""', '"'), Place(source, number, begin + 1, max(len(text), 1))
@@ -102,7 +102,7 @@ def _read_cells(source: SourceText, number: int) -> Iterator[tuple[str, Place]]:
 
 
 def _parse_cell(text: str) -> object:
-    """Return the value of a cell: a number, true or false, or else the text."""
+    """Return the value of a cell: a number, true or false, or the text."""
     if text.lower() in {"true", "false"}:
         return text.lower() == "true"
     for read in (int, float):

@@ -121,7 +121,6 @@ def _assign(document: Document, option: ParsedOption, path: KeyPath) -> None:
 
 
 def _axis_value(document: Document, option: ParsedOption, path: KeyPath, role: object) -> object:
-    """Return the new form of an axis, with its role in the file."""
     kept = {} if role is None else {"role": role}
     call, place = _CALL.fullmatch(option.value), option.place
     if option.value == "all":

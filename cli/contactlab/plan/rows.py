@@ -284,7 +284,6 @@ def _axis_values(context: SweepContext, path: KeyPath, axis: Axis) -> list[objec
 
 
 def _known_values(context: SweepContext, name: str) -> Sequence[object]:
-    """Return all values of an axis, if there are few."""
     spec = context.find(name)
     return (spec.known or spec.choices) if spec else ()
 

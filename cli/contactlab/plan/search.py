@@ -37,7 +37,7 @@ _UNMEASURED_COST = 1e12
 
 
 def searched_axes(sweep: Sweep) -> tuple[str, ...]:
-    """Return the searched axes: those named, or all that are drawn, or else all grids."""
+    """Return the searched axes: those named, or all that are drawn, or all grids."""
     assert sweep.search is not None
     if sweep.search.axes:
         return sweep.search.axes
@@ -140,7 +140,7 @@ class Trials:
             self._add_trials(self._nearest_places(self._starts))
             return
         if self._waiting is None:
-            self._waiting = self._descents(self._starts)
+            self._waiting = self._sorted_descents(self._starts)
         going, rest = self._waiting[:_PARALLEL_DESCENTS], self._waiting[_PARALLEL_DESCENTS:]
         self._waiting = [descent for descent in going if not self._is_finished(*descent)] + rest
         if not self._waiting:
@@ -158,7 +158,7 @@ class Trials:
             if len(self._tried) < self._most:
                 self._tried[place] = None
 
-    def _cost(self, wanted: Floats) -> float:
+    def _trial_cost(self, wanted: Floats) -> float:
         """Return the minimised value at the point nearest to (k,).
 
         A _PauseError says that the point is tried in this round, or that no more trials are
@@ -171,11 +171,13 @@ class Trials:
         value = self._measured[place]
         return _UNMEASURED_COST if value is None else self._sign * value
 
-    def _descents(self, starts: Floats) -> list[tuple[Floats, float]]:
+    def _sorted_descents(self, starts: Floats) -> list[tuple[Floats, float]]:
         """Return starts and sides of simplexes: the best first, at a distance from better ones."""
         apart = len(starts) ** (-1 / self._axes)
         found = list[tuple[Floats, float]]()
-        for place in np.argsort([self._cost(start) for start in starts], kind="stable").tolist():
+        for place in np.argsort(
+            [self._trial_cost(start) for start in starts], kind="stable"
+        ).tolist():
             if all(np.abs(starts[place] - better).max() > apart for better, _ in found):
                 found.append((starts[place], apart / 2))
         return found
@@ -183,18 +185,18 @@ class Trials:
     def _is_finished(self, start: Floats, side: float) -> bool:
         """Return whether a descent from (k,) ends without a further trial."""
         try:
-            self._descend(start, side)
+            self._run_descent(start, side)
         except _PauseError:
             return False
         return True
 
-    def _descend(self, start: Floats, side: float) -> None:
+    def _run_descent(self, start: Floats, side: float) -> None:
         """Descend from (k,) until the simplex, with a given side at first, is small."""
         from scipy.optimize import minimize  # noqa: PLC0415 - it takes a while to load
 
         inwards = np.where(start < 0.5, side, -side)  # keeps the simplex whole at a bound
         minimize(
-            self._cost,
+            self._trial_cost,
             start,
             method="Nelder-Mead",
             bounds=[(0.0, 1.0)] * self._axes,

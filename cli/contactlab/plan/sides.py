@@ -12,10 +12,12 @@ from contactlab.schema.setting_values import SI_UNITS
 Side = Callable[[Mapping[str, object]], object]
 """Returns the side of a boundary on which a run lies, from its row."""
 FAILED = "failed"
-_STABLE = "stable"
-_COMPARISON = re.compile(r"[<>=!]")
-_UNITS = "|".join(sorted(map(re.escape, SI_UNITS), key=len, reverse=True))
-_AMOUNT = re.compile(rf"(?<![\w.])(\d*\.?\d+(?:e[-+]?\d+)?)\s*(%|(?:{_UNITS})(?![\w/]))")
+_STABLE_LABEL = "stable"
+_COMPARISON_PATTERN = re.compile(r"[<>=!]")
+_UNIT_PATTERN = "|".join(sorted(map(re.escape, SI_UNITS), key=len, reverse=True))
+_AMOUNT_PATTERN = re.compile(
+    rf"(?<![\w.])(\d*\.?\d+(?:e[-+]?\d+)?)\s*(%|(?:{_UNIT_PATTERN})(?![\w/]))"
+)
 
 
 def side_of(where: str, required: frozenset[str]) -> Side:
@@ -27,7 +29,7 @@ def side_of(where: str, required: frozenset[str]) -> Side:
         case "label":
             return lambda row: row["label"]
         case "outcome":
-            return lambda row: row["label"] == _STABLE
+            return lambda row: row["label"] == _STABLE_LABEL
         case "must":
             return lambda row: required.isdisjoint(_all_labels(row))
         case _:
@@ -49,7 +51,7 @@ def counted(share: str, required: frozenset[str]) -> Side:
     """
     match share:
         case "failed":
-            return lambda row: row["label"] != _STABLE
+            return lambda row: row["label"] != _STABLE_LABEL
         case "must":
             return lambda row: not required.isdisjoint(_all_labels(row))
         case word if word.isidentifier():
@@ -75,7 +77,7 @@ def read_limit(text: str) -> Expression:
 
     Raises an ExpressionError for any other text; its places are those of the text in SI.
     """
-    return Expression(_AMOUNT.sub(_amount_in_si, text))
+    return Expression(_AMOUNT_PATTERN.sub(_amount_in_si, text))
 
 
 def _amount_in_si(amount: re.Match[str]) -> str:
@@ -119,6 +121,6 @@ def check_limit(
         near = [*words, *metrics] if text == name else metrics
         hint = suggestion(name, near) or "`contactlab list metrics` has them all"
         document.add("unknown-metric", place, f"unknown metric '{name}'", hint)
-    if not unknown and not _COMPARISON.search(text):
+    if not unknown and not _COMPARISON_PATTERN.search(text):
         message = f"'{text}' has no limit with runs on both sides"
         document.add("no-limit", place, message, f"write {text} > VALUE, or {known}")

@@ -1,4 +1,4 @@
-"""A commented sweep file to start from: the scene as it is, and a few values near it."""
+"""A commented sweep file to start from: the scene unchanged, and a few values near its own."""
 
 import json
 import re
@@ -10,11 +10,11 @@ from contactlab.schema.vocabulary import Vocabulary
 
 SCHEMA_NAME = "contactlab-sweep.schema.json"
 _MAX_LISTED_NAMES = 40
-_SEEDS = len(SEEDS)
+_SEED_COUNT = len(SEEDS)
 _FEW_STEPS_OF_TIMECONST = (
     4  # in a time constant of solref with fewer timesteps, no longer timesteps are proposed
 )
-_ERROR = "backward_error"
+_ERROR_METRIC = "backward_error"
 _LINE_WIDTH = 100  # of the list of axes
 _PLAIN_WORD = re.compile(r"[A-Za-z][\w.-]*")
 
@@ -54,7 +54,7 @@ def starter(
         f"duration: {_yaml_value(duration):<12}# s of simulated time",
         f"{driven:<22}# auto: the controls of the keyframe, else exercise; none; hold;",
         f"{'':<22}# {{noise: 0.3, rate: 10}}, {{file: controls.csv}} or {{policy: FILE.py:CLASS}}",
-        f"seeds: {_SEEDS:<15}# a count, or a list such as [0, 7]",
+        f"seeds: {_SEED_COUNT:<15}# a count, or a list such as [0, 7]",
         "",
         "# The sweep is the product of its axes; of each, the first value is the scene's own.",
         "# An axis is a list, or one of",
@@ -77,7 +77,7 @@ def starter(
         *(["# expect:               # makes the sweep a test"] if expected else []),
         *([f"#   - {{where: {{timestep: {timestep}}}, label: {expected}}}"] if expected else []),
         "trace: all            # all, flagged, none or sample:N; without one, a run has no film",
-        "trace_format: compact # or messages, which viewers open as they are",
+        "trace_format: compact # or messages, which viewers open unchanged",
         "",
         *_axis_list(vocabulary),
     ]
@@ -86,12 +86,12 @@ def starter(
 
 def _tolerance_lines(vocabulary: Vocabulary) -> list[str]:
     """Return the lines that make a sweep end in a recommendation: error tolerance and checks."""
-    if _ERROR not in vocabulary.metrics:
+    if _ERROR_METRIC not in vocabulary.metrics:
         return []
     return [
-        "# The cheapest settings within these are recommended. The first is of the model's own",
-        "# motion: phantom forces over real ones, measured of every run.",
-        f"tolerances: {{{_ERROR}: 10%}}",
+        "# The cheapest settings within these are recommended. The first bounds the",
+        "# numerical error of the motion: residual forces over real ones, measured in every run.",
+        f"tolerances: {{{_ERROR_METRIC}: 10%}}",
         "checks: all           # or flagged: of runs that are not stable alone",
     ]
 
@@ -143,7 +143,6 @@ def _axis_line(name: str, values: Sequence[object], vocabulary: Vocabulary) -> s
 
 
 def _yaml_value(value: object) -> str:
-    """Return a value as YAML writes it within brackets."""
     if isinstance(value, tuple):
         return f"[{', '.join(_yaml_value(part) for part in value)}]"
     if isinstance(value, float):

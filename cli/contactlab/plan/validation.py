@@ -194,7 +194,6 @@ def _bound_example(wording: str) -> str:
 
 
 def _model_at(loc: tuple[str | int, ...], model: type[BaseModel]) -> type[BaseModel]:
-    """Return the model of the mapping at a location, from the model of the whole file."""
     tagged = {**FORMS, **DRIVE_FORMS}
     for part in loc:
         if isinstance(part, str) and part.startswith("@") and part[1:] in tagged:

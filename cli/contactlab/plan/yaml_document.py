@@ -21,7 +21,7 @@ from contactlab.schema.strict_model import check_extent
 KeyPath = tuple[str | int, ...]
 MOST_NODES = 1_000_000
 # YAML 1.2's own definition of a number; the loader does not recognize `.5e3`.
-_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_FLOAT_PATTERN = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _LINE_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 _TAG_PREFIX = "tag:yaml.org,2002:"
 
@@ -107,7 +107,7 @@ class Document:
         return data
 
     def key(self, path: KeyPath) -> Place:
-        """Return the place of the key at a path, or else of the value."""
+        """Return the place of the key at a path, or of the value without one."""
         return self.keys.get(path) or self.value(path)
 
 
@@ -217,22 +217,22 @@ class _YamlReader:
         try:
             check_extent(text)
             root = cast("Node | None", self.yaml.compose(text))
-            return None if root is None else self._data(_check_size(root), path)
+            return None if root is None else self._node_data(_check_size(root), path)
         except MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
-            place = self._place(cast("StreamMark", mark)) if mark else Place(self.source, 1, 1)
-            self._fail(_syntax_message(error), place)
+            place = self._mark_place(cast("StreamMark", mark)) if mark else Place(self.source, 1, 1)
+            self._add_syntax_error(_syntax_message(error), place)
         except ReaderError as error:
             before = text[: cast("int", error.position)].split("\n")
             place = Place(self.source, len(before), len(before[-1]) + 1)
-            self._fail("a character that YAML does not allow", place)
+            self._add_syntax_error("a character that YAML does not allow", place)
         except (YAMLError, ValueError) as error:
-            self._fail(str(error), Place(self.source, 1, 1))
+            self._add_syntax_error(str(error), Place(self.source, 1, 1))
         except RecursionError:
-            self._fail("nested too deeply", Place(self.source, 1, 1))
+            self._add_syntax_error("nested too deeply", Place(self.source, 1, 1))
         return None
 
-    def _place(self, start: StreamMark, end: StreamMark | None = None) -> Place:
+    def _mark_place(self, start: StreamMark, end: StreamMark | None = None) -> Place:
         column = max(start.column + 1 + self.shift, 1)
         place = Place(self.source, start.line + 1, column)
         if end is None:
@@ -240,21 +240,21 @@ class _YamlReader:
         last = end.column + self.shift if end.line == start.line else len(place.text.rstrip())
         return replace(place, width=max(last + 1 - column, 1))
 
-    def _data(self, node: Node, path: KeyPath) -> object:
-        self.document.values[path] = self._place(node.start_mark, node.end_mark)
+    def _node_data(self, node: Node, path: KeyPath) -> object:
+        self.document.values[path] = self._mark_place(node.start_mark, node.end_mark)
         if isinstance(node, MappingNode):
-            return self._mapping(node, path)
+            return self._mapping_data(node, path)
         if isinstance(node, SequenceNode):
             items = cast("list[Node]", node.value)
-            return [self._data(item, (*path, index)) for index, item in enumerate(items)]
-        return self._scalar(cast("ScalarNode", node))
+            return [self._node_data(item, (*path, index)) for index, item in enumerate(items)]
+        return self._scalar_data(cast("ScalarNode", node))
 
-    def _mapping(self, node: MappingNode, path: KeyPath) -> dict[str, object]:
+    def _mapping_data(self, node: MappingNode, path: KeyPath) -> dict[str, object]:
         data: dict[str, object] = {}
         for key, value in self._merged_entries(node):
-            place, name = self._place(key.start_mark, key.end_mark), str(key.value)
+            place, name = self._mark_place(key.start_mark, key.end_mark), str(key.value)
             if not isinstance(key, ScalarNode):
-                self._fail("a key must be a single word", place)
+                self._add_syntax_error("a key must be a single word", place)
                 continue
             if name in data:
                 first = self.document.keys[(*path, name)]
@@ -262,7 +262,7 @@ class _YamlReader:
                 self.document.add("duplicate-key", place, message, f"first given {first.spot}")
                 continue
             self.document.keys[(*path, name)] = place
-            data[name] = self._data(value, (*path, name))
+            data[name] = self._node_data(value, (*path, name))
         return data
 
     def _merged_entries(self, node: MappingNode) -> Iterator[tuple[Node, Node]]:
@@ -284,23 +284,25 @@ class _YamlReader:
             if isinstance(source, MappingNode):
                 yield from self._merged_entries(source)
             else:
-                place = self._place(source.start_mark, source.end_mark)
-                self._fail("`<<` takes a mapping, or a list of mappings", place)
+                place = self._mark_place(source.start_mark, source.end_mark)
+                self._add_syntax_error("`<<` takes a mapping, or a list of mappings", place)
 
-    def _scalar(self, node: ScalarNode) -> object:
+    def _scalar_data(self, node: ScalarNode) -> object:
         text, tag = str(node.value), str(node.tag)
-        if not node.style and tag == f"{_TAG_PREFIX}str" and _FLOAT.fullmatch(text):
+        if not node.style and tag == f"{_TAG_PREFIX}str" and _FLOAT_PATTERN.fullmatch(text):
             return float(text)
         if tag == f"{_TAG_PREFIX}timestamp":
             return text
         try:
             return self.yaml.constructor.construct_object(node)
         except (MarkedYAMLError, ValueError):
-            place = self._place(node.start_mark, node.end_mark)
-            self._fail(f"{text!r} cannot be read as {tag.removeprefix(_TAG_PREFIX)}", place)
+            place = self._mark_place(node.start_mark, node.end_mark)
+            self._add_syntax_error(
+                f"{text!r} cannot be read as {tag.removeprefix(_TAG_PREFIX)}", place
+            )
             return None
 
-    def _fail(self, message: str, place: Place) -> None:
+    def _add_syntax_error(self, message: str, place: Place) -> None:
         self.document.add("syntax", place, message)
 
 

@@ -103,7 +103,6 @@ def _open_stores(places: Sequence[Address], *, may_lack: bool) -> tuple[list[Sto
 
 
 def _check_same_sweep(stores: Sequence[Store]) -> None:
-    """Check that all stores are of one sweep, and of one grid."""
     first = stores[most_common([store.manifest.sweep for store in stores])]
     for other in stores:
         ours, theirs = first.manifest, other.manifest
@@ -215,10 +214,10 @@ def _publish_store(store: StoreWriter, stores: Sequence[Store], identity: SweepI
     times = min(each.started for each in manifests), max(each.finished for each in manifests)
     tables = {store.address: store.path / TABLE for store in stores}
     written = joined_provenance([each.provenance for each in manifests])
-    store.join(tables, written, times, _conclusion(stores[0], identity))
+    store.join(tables, written, times, _merge_conclusion(stores[0], identity))
 
 
-def _conclusion(store: Store, identity: SweepIdentity) -> Concluded:
+def _merge_conclusion(store: Store, identity: SweepIdentity) -> Concluded:
     """Return the function that concludes over all runs together, once they are stored."""
     expected = any(expectation.get("mean") for expectation in identity.resolved["expect"])
     if not expected or identity.whole:

@@ -94,7 +94,6 @@ def _budgets_of_run(
 
 
 def _axis_range(axis: Sampled) -> tuple[float, float, float]:
-    """Return the start, the middle and the end of an axis."""
     if isinstance(axis, Loguniform):
         low, high = axis.loguniform
         return low, math.sqrt(low * high), high

@@ -77,7 +77,6 @@ def _differing_settings(
 
 
 def _stored_settings(settings: Mapping[str, Any]) -> dict[str, object]:
-    """Return settings as stored in the table, without nulls."""
     return {
         name: [*value] if isinstance(value, tuple) else value
         for name, value in settings.items()

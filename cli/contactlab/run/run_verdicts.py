@@ -163,7 +163,6 @@ _MOTIONS = {
 
 
 def _first_exceeded_limit(trace: Trace, run: int, model: mujoco.MjModel) -> str | None:
-    """Return the first joint that exceeds its limit, and the step."""
     beyond: list[tuple[int, str]] = []
     for joint in np.flatnonzero(np.asarray(model.jnt_limited)).tolist():
         low, high = model.jnt_range[joint]

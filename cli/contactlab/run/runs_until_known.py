@@ -37,7 +37,6 @@ class RunsUntilKnown(ChosenRuns):
             yield from self._next_runs(places)
 
     def _next_runs(self, places: list[int]) -> list[int]:
-        """Return the next runs of a configuration."""
         count = min(_FIRST_RUNS, len(places))
         while True:
             missing = [place for place in places[:count] if not self.is_known(place)]

@@ -8,7 +8,7 @@ from contactlab.schema.evidence import SweepIdentity, WholeGrid
 from contactlab.schema.sweep_schema import Sweep
 
 _SHARD_TEXT = re.compile(r"([0-9]{1,9})/([0-9]{1,9})")
-# Keys whose results depend on runs of other shards.
+# Keys with results that depend on runs of other shards.
 _KEYS_OF_ALL_RUNS = ("refine", "until", "search", "accuracy", "timing")
 
 

@@ -181,7 +181,6 @@ def _run_remaining(session: SweepSession) -> None:
 
 
 def _run_missing(session: SweepSession) -> None:
-    """Make the runs that are not stored yet."""
     index, store, executor = session.index, session.store, session.executor
     done = index.count(store.done)
     native = session.task.policy is None and isinstance(executor, LocalPool)

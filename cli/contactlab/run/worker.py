@@ -201,7 +201,6 @@ class Worker:
         return rollout, self._measured_groups(runs, rollout, trace, setup)
 
     def _trace_and_setup(self, runs: PreparedRuns, rollout: Rollout) -> tuple[Trace, Setup]:
-        """Return the trace of runs, and the setup for its measurement."""
         done = len(rollout.steps)
         resolved, models = runs.resolved[:done], runs.models[:done]
         manifest, sweep = self.scene.source.manifest, self._task.sweep

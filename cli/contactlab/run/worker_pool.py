@@ -76,7 +76,7 @@ class WorkerPool:
         """Yield the results of jobs as they finish; see `Executor`."""
         queue, silent = takewhile(lambda _: not stop.is_set, jobs), count(1)
         for marker, job in zip(self._markers, islice(queue, len(self._markers)), strict=False):
-            self._send(marker, job)
+            self._send_job(marker, job)
         while busy := [worker for worker in self._workers.values() if worker.job is not None]:
             if stop.is_set:
                 request_stop(busy)
@@ -89,10 +89,10 @@ class WorkerPool:
                     kill_workers([worker])
                     del self._workers[worker.marker]
                 if (job := next(queue, None)) is not None:
-                    self._send(worker.marker, job)
+                    self._send_job(worker.marker, job)
                 yield result
 
-    def _send(self, marker: Path, job: Job) -> None:
+    def _send_job(self, marker: Path, job: Job) -> None:
         if worker := self._workers.get(marker):
             send_job(worker, job)
         else:

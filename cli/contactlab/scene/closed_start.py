@@ -22,9 +22,9 @@ _CLOSED_TOLERANCE = (
 )
 _SINGULAR_RATIO = 1e-9  # relative singular value below which rows count as redundant
 _DENSE_JACOBIAN = int(mujoco.mjtJacobian.mjJAC_DENSE)
-_EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
-_LIMIT = int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT)
-_JOINT = int(mujoco.mjtEq.mjEQ_JOINT)
+_EQUALITY_ROW = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+_LIMIT_ROW = int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT)
+_JOINT_TYPES = int(mujoco.mjtEq.mjEQ_JOINT)
 _ROTATIONAL_JOINTS = [int(mujoco.mjtJoint.mjJNT_BALL), int(mujoco.mjtJoint.mjJNT_HINGE)]
 
 
@@ -77,12 +77,12 @@ def _row_violations(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Floats,
     """
     mujoco.mj_fwdPosition(model, data)
     kinds, ids = data.efc_type, data.efc_id
-    apart = np.where(kinds == _EQUALITY, data.efc_pos, np.minimum(data.efc_pos, 0))
+    apart = np.where(kinds == _EQUALITY_ROW, data.efc_pos, np.minimum(data.efc_pos, 0))
     turns = np.isin(model.jnt_type, _ROTATIONAL_JOINTS)
     angles = np.zeros(len(kinds), bool)
-    angles[kinds == _LIMIT] = turns[ids[kinds == _LIMIT]]
-    joined = kinds == _EQUALITY
-    joined[joined] = model.eq_type[ids[joined]] == _JOINT
+    angles[kinds == _LIMIT_ROW] = turns[ids[kinds == _LIMIT_ROW]]
+    joined = kinds == _EQUALITY_ROW
+    joined[joined] = model.eq_type[ids[joined]] == _JOINT_TYPES
     angles[joined] = turns[model.eq_obj1id[ids[joined]]]
     return apart, np.where(angles, 1.0, moving_extent(model, data))
 

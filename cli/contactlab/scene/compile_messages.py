@@ -12,8 +12,8 @@ import mujoco
 
 from contactlab.errors import did_you_mean, suggestion
 
-_PREFIX = re.compile(r"^(?:XML )?(?:Error: )*(?:Schema violation: )?")
-_ELEMENT = re.compile(r"Element '([^']*)'")
+_MESSAGE_PREFIX = re.compile(r"^(?:XML )?(?:Error: )*(?:Schema violation: )?")
+_ELEMENT_TAG = re.compile(r"Element '([^']*)'")
 _ELEMENT_NAME = re.compile(r"Element name '([^']*)'")
 # A line of the schema with an element and its first attributes.
 _SCHEMA_ELEMENT = re.compile(r"^( *)(\w+) \(.\)\s+(.*)$")
@@ -24,10 +24,10 @@ _SYMBOL_VALUES = {"mjMINVAL": f"{mujoco.mjMINVAL:g}", "mjMAXVAL": "1e10"}
 
 def in_words(lines: Sequence[str], model: Path) -> Iterator[str]:
     """Yield the reasons why a model does not compile, from the lines of MuJoCo's error."""
-    message = _PREFIX.sub("", lines[0])
+    message = _MESSAGE_PREFIX.sub("", lines[0])
     rest = " ".join(lines[1:])
-    element = next(iter(_ELEMENT.findall(rest)), "")
-    for pattern, words in _EXPLANATIONS.items():
+    element = next(iter(_ELEMENT_TAG.findall(rest)), "")
+    for pattern, words in _ERROR_EXPLANATIONS.items():
         if found := re.search(pattern, message):
             yield words(found, element, model)
             break
@@ -36,12 +36,11 @@ def in_words(lines: Sequence[str], model: Path) -> Iterator[str]:
             message = message.replace(symbol, value)
         named = next(iter(_ELEMENT_NAME.findall(rest)), "")
         yield f"{named}: {message}" if named and named not in message else message
-        yield from (line for line in lines[1:] if not _ELEMENT.search(line) and not named)
+        yield from (line for line in lines[1:] if not _ELEMENT_TAG.search(line) and not named)
 
 
 @cache
 def _mjcf_schema() -> Mapping[str, set[str]]:
-    """Return the elements of MJCF, each with its allowed attributes."""
     found: dict[str, set[str]] = {}
     name = ""
     for line in mujoco.mj_printSchema(False, False).splitlines():
@@ -55,7 +54,6 @@ def _mjcf_schema() -> Mapping[str, set[str]]:
 
 @cache
 def _enum_keywords() -> frozenset[str]:
-    """Return the keywords in MuJoCo's enumerations, such as `box`, `hinge`, `rk4`."""
     kinds = [getattr(mujoco, name) for name in dir(mujoco) if name.startswith("mjt")]
     members = [name for kind in kinds for name in getattr(kind, "__members__", ())]
     return frozenset(name.rpartition("_")[2].lower() for name in members)
@@ -139,7 +137,7 @@ def _bad_joint_type_text(_: re.Match[str], element: str, model: Path) -> str:
     return f"type of <joint> cannot be '{odd}'; {hint}"
 
 
-_EXPLANATIONS: Mapping[str, Callable[[re.Match[str], str, Path], str]] = {
+_ERROR_EXPLANATIONS: Mapping[str, Callable[[re.Match[str], str, Path], str]] = {
     r"unrecognized element": _unknown_element_text,
     r"unrecognized attribute: '([^']*)'": _unknown_attribute_text,
     r"invalid keyword: '([^']*)'": _unknown_keyword_text,

@@ -162,7 +162,7 @@ _FOLDER_HINT = {
     False: '<compiler meshdir="FOLDER"/>, relative to the model',
     True: '<mujoco><compiler meshdir="FOLDER" strippath="true"/></mujoco> within <robot>',
 }
-_BRACES = re.compile(r"\{([^{}]*)\}")
+_BRACE_TEXT = re.compile(r"\{([^{}]*)\}")
 
 
 def compile_model(
@@ -249,7 +249,6 @@ def warn_once(source: SceneSource, text: str, kind: type[ModelWarning]) -> None:
 
 @contextmanager
 def _model_file(source: SceneSource, structure: Mapping[str, object]) -> Generator[Path]:
-    """Yield the model file, in a copy of the scene if something must be written into it."""
     content = source.content
     moved = content.copied and content.absolute
     if not structure and not moved:
@@ -284,7 +283,7 @@ def _write_structure(
             raise SceneError(f"structure '{name}': no element of the model matches {entry.element}")
         for element in elements:
             element.set(
-                entry.attribute, _BRACES.sub(partial(_computed_text, name, value), entry.text)
+                entry.attribute, _BRACE_TEXT.sub(partial(_computed_text, name, value), entry.text)
             )
 
 

@@ -32,8 +32,8 @@ _MAX_PAIR_SLOTS = 50
 """Most contacts of two geoms in MuJoCo: mjMAXCONPAIR; only height fields need this many."""
 _HEIGHT_FIELD_SLOTS = 400
 """Slots for all contacts with height fields; each slot takes 184 bytes per step."""
-_GEOM = mujoco.mjtGeom
-_SURFACE_TYPES = (int(_GEOM.mjGEOM_PLANE), int(_GEOM.mjGEOM_HFIELD))
+_GEOM_OBJECT = mujoco.mjtGeom
+_SURFACE_TYPES = (int(_GEOM_OBJECT.mjGEOM_PLANE), int(_GEOM_OBJECT.mjGEOM_HFIELD))
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def detected_pairs(model: mujoco.MjModel, keyframe: str = QPOS0) -> tuple[Monito
     pairs = geom_pairs(may_touch(model))
     if len(pairs) > MAX_PAIRS:
         pairs = _touching_pairs(model, {QPOS0, keyframe})[:MAX_PAIRS]
-    rough = [bool((model.geom_type[[*pair]] == _GEOM.mjGEOM_HFIELD).any()) for pair in pairs]
+    rough = [bool((model.geom_type[[*pair]] == _GEOM_OBJECT.mjGEOM_HFIELD).any()) for pair in pairs]
     shared = min(_MAX_PAIR_SLOTS, max(_BODY_PAIR_SLOTS, _HEIGHT_FIELD_SLOTS // max(sum(rough), 1)))
     slots = [shared if is_rough else None for is_rough in rough]
     return tuple(_geom_pair(model, *pair, most) for pair, most in zip(pairs, slots, strict=True))
@@ -116,11 +116,11 @@ def _colliding_geoms(model: mujoco.MjModel, name: str) -> tuple[int, ...]:
 
 def _geom_pair_slots(first: int, second: int) -> int:
     shapes = {first, second}
-    if _GEOM.mjGEOM_HFIELD in shapes:
+    if _GEOM_OBJECT.mjGEOM_HFIELD in shapes:
         return mujoco.mjMAXCONPAIR
-    if _GEOM.mjGEOM_SPHERE in shapes:
+    if _GEOM_OBJECT.mjGEOM_SPHERE in shapes:
         return 1
-    return 2 if _GEOM.mjGEOM_CAPSULE in shapes else 8
+    return 2 if _GEOM_OBJECT.mjGEOM_CAPSULE in shapes else 8
 
 
 def colliding(touch: NDArray[np.bool_], pair: MonitoredPair) -> list[tuple[int, int]]:

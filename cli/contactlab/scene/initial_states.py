@@ -156,13 +156,13 @@ class InitialStateRule:
     """Rule that makes the initial states of one structure."""
 
     state: Floats  # one state of `InitialStates` in a row, of a keyframe or of `QPOS0`
-    starts: Mapping[str, int]  # the index at which each part starts
+    starts: Mapping[str, int]  # the start index of each part
     # Expressions over the initial values, with the indices that each sets.
     formulas: tuple[tuple[Expression, tuple[int, ...]], ...]
     profiles: tuple[ControlProfile, ...]  # the inputs over time
     # Indices that a seed perturbs, with the largest change [m, rad, m/s or rad/s].
     perturbed: Mapping[int, float]
-    quaternions: tuple[int, ...]  # indices at which unit quaternions start
+    quaternions: tuple[int, ...]  # start indices of unit quaternions
     recorded: "RecordedRuns | None" = None  # runs that start as recorded
     first_as_written: bool = False  # whether the seed 0 perturbs nothing
 

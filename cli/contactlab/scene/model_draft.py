@@ -336,7 +336,7 @@ class Draft:
                 key = attributes({"name": name, "qpos": text})
                 self.added.append(f"<keyframe><key{key}/></keyframe>")
 
-    def _replacements(self) -> Iterator[tuple[Path, list[Replacement]]]:
+    def _text_replacements(self) -> Iterator[tuple[Path, list[Replacement]]]:
         for path, data in self.before.items():
             elements = elements_of(data)
             found = [
@@ -358,12 +358,12 @@ class Draft:
         """Return the text of each file with the changes applied."""
         return {
             path: replaced(self.before[path], replacements)
-            for path, replacements in self._replacements()
+            for path, replacements in self._text_replacements()
         }
 
     def changes(self, folder: Path) -> Iterator[Change]:
         """Yield the changes of the files, with paths relative to a folder."""
-        for path, replacements in self._replacements():
+        for path, replacements in self._text_replacements():
             for replacement in replacements:
                 line = line_of(self.before[path], replacement.start)
                 text = replacement.text.decode(errors="replace")

@@ -176,7 +176,6 @@ def _convert_urdf(urdf: Path, mjcf: Path, resources: Mapping[str, Path], *, fuse
 
 
 def _place_scene(source: SceneSource, folder: Path, name: str) -> SceneSource:
-    """Copy a written scene into its folder, with its main file under a name."""
     root, model = source.content.root, source.model.with_name(name)
     if model != source.model and model.exists():
         raise SceneError(f"the model has another file {name}; choose another name")

@@ -129,7 +129,6 @@ def _is_at_least(version: str) -> bool:
 
 @cache
 def _version_numbers(version: str) -> tuple[int, ...]:
-    """Return the first three numbers of a version such as 4.0.1.dev2."""
     return tuple(int(part) for part in version.split(".")[:3] if part.isdigit())
 
 

@@ -60,7 +60,6 @@ _MJCF_SPELLING = {"EULER": "Euler", "RK4": "RK4", "PGS": "PGS", "CG": "CG", "NEW
 
 
 def _enum_keywords(enum: object, prefix: str) -> tuple[str, ...]:
-    """Return the keywords of a MuJoCo enum in MJCF's spelling."""
     return tuple(_MJCF_SPELLING.get(name, name.lower()) for name in enum_members(enum, prefix))
 
 

@@ -235,7 +235,6 @@ def _single_row_jumps(moved: Floats, part: RecordedPart) -> NDArray[np.intp]:
 
 
 def _joint_parts(model: mujoco.MjModel) -> Iterator[RecordedPart]:
-    """Yield the recordable parts of the state of each joint."""
     hinge, slide = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
     for index in range(model.njnt):
         joint = model.joint(index)

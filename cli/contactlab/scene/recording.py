@@ -118,7 +118,6 @@ class RecordedRuns:
         self._rows.note(mistake, np.array(without, np.intp))
 
     def _find_start_row(self, rows: slice) -> int | None:
-        """Return the row at which the run of some rows starts, or None."""
         times, rule = self._rows.times[rows], self._rule
         if rule.before_contact is None:
             late = times - times[0] >= rule.time - 1e-9
@@ -181,7 +180,6 @@ class RecordedRuns:
         return np.nan
 
     def _check_motion(self) -> None:
-        """Check whether free bodies fall and rest like those of the model."""
         rows, gravity = self._rows, np.array(self._model.opt.gravity)
         runs = [rows.runs[start] for start in self._starts]
         ends = np.array([run.stop - 1 for run in runs], np.intp)

@@ -114,7 +114,6 @@ def _requirement_window(
 
 
 def _unknown_pair(requirement: Requirement, base: CompiledScene) -> str | None:
-    """Return the mistake if no monitored pair has the name."""
     (name,) = requirement.names
     if _find_pairs(base, name):
         return None
@@ -165,7 +164,6 @@ def _expected_contact(
 
 
 def _unknown_name(requirement: Requirement, model: mujoco.MjModel) -> str | None:
-    """Return the mistake if the model lacks a name."""
     bodies, sites = _object_names(model, _BODY), _object_names(model, _SITE)
     holder = () if requirement.holder is None else (requirement.holder,)
     for name, kind in (
@@ -179,7 +177,6 @@ def _unknown_name(requirement: Requirement, model: mujoco.MjModel) -> str | None
 
 
 def _unmonitored_contact(requirement: Requirement, base: CompiledScene) -> str | None:
-    """Return the mistake if a requirement depends on contacts that are not monitored."""
     body, holder = requirement.names[0], requirement.holder
     if holder is not None and not _pairs_between(base, body, holder):
         return (
@@ -239,7 +236,9 @@ def _object_id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
 
 def _pairs_between(base: CompiledScene, one: str, other: str) -> tuple[int, ...]:
     """Return the monitored pairs of two bodies, including all descendants of each."""
-    trees = [_subtree(base.model, _object_id(base.model, _BODY, name)) for name in (one, other)]
+    trees = [
+        _body_subtree(base.model, _object_id(base.model, _BODY, name)) for name in (one, other)
+    ]
     # Descendants of the first body do not hold it, even if they are also below the second.
     trees[1] -= trees[0]
     found: list[int] = []
@@ -250,7 +249,7 @@ def _pairs_between(base: CompiledScene, one: str, other: str) -> tuple[int, ...]
     return tuple(found)
 
 
-def _subtree(model: mujoco.MjModel, root: int) -> set[int]:
+def _body_subtree(model: mujoco.MjModel, root: int) -> set[int]:
     tree = {root}
     for body in range(root + 1, model.nbody):
         if int(model.body_parentid[body]) in tree:

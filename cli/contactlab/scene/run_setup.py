@@ -102,7 +102,7 @@ def make_setup(
         passive=passive,
         conservative=passive and all(map(is_conservative, distinct)),
         free_bodies=tuple(bodies.values()),
-        barriers=tuple(_barriers(base, bodies)),
+        barriers=tuple(_find_barriers(base, bodies)),
         **_mechanism_entries(base),
         **_pair_entries(base, models[0]),
         slots=np.array([pair.slots for pair in base.pairs], np.int32),
@@ -128,7 +128,7 @@ def _mechanism_entries(base: CompiledScene) -> Mapping[str, Any]:
 def _pair_entries(base: CompiledScene, model: mujoco.MjModel) -> Mapping[str, Any]:
     """Return the setup entries of each pair, which runs of the model share."""
     return {
-        "thickness": _thicknesses(base),
+        "thickness": _half_thicknesses(base),
         "reaches": np.array([_smallest_diameter(base.model, pair) for pair in base.pairs]),
         "widths": np.array([effective_parameters(model, pair).solimp[2] for pair in base.pairs]),
         "masses": np.array([lighter_mass(base.model, pair) for pair in base.pairs]),
@@ -223,7 +223,7 @@ def _free_bodies(models: Sequence[mujoco.MjModel]) -> dict[int, FreeBody]:
     return bodies
 
 
-def _barriers(base: CompiledScene, bodies: Mapping[int, FreeBody]) -> Iterator[Barrier]:
+def _find_barriers(base: CompiledScene, bodies: Mapping[int, FreeBody]) -> Iterator[Barrier]:
     """Yield the planes and boxes fixed to the world that free bodies can touch."""
     for root, wall in _find_walls(base):
         if body := bodies.get(root):
@@ -261,7 +261,7 @@ def _find_walls(base: CompiledScene) -> list[tuple[int, Mapping[str, Any]]]:
     return walls
 
 
-def _thicknesses(base: CompiledScene) -> Floats:
+def _half_thicknesses(base: CompiledScene) -> Floats:
     """Return (P,) half the smallest extent of each pair's thinnest geom that can collide [m].
 
     If geoms differ in the width of their solimp, only the widest deform.

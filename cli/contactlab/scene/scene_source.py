@@ -173,7 +173,6 @@ def stored_scene(folder: Path, model: str, name: str) -> SceneSource:
 
 
 def _list_models(folder: Path) -> str:
-    """Return the first few models of a folder as text, or that it has none."""
     names = sorted(path.name for path in folder.iterdir() if path.suffix in MODEL_SUFFIXES)
     if not names:
         return "an .xml or .urdf file; it has none"

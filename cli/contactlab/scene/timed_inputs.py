@@ -189,7 +189,6 @@ def _inputs_set_at_start(model: mujoco.MjModel, manifest: SceneManifest) -> dict
 def _padded_knots(
     profile: ControlProfile, initial: Mapping[str, float], most: int
 ) -> tuple[list[float], list[float]]:
-    """Return a profile's knots, padded with the last one."""
     times = [computed(instant, initial) for instant in profile.times]
     if times != sorted(times):
         raise SceneError(

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 _MAX_SIMILAR = 32
 _SHOWN_COLUMNS = ("run_id", "label", "label_reason")
 _MAX_SHOWN_ROWS = 20
-_Content = TypeVar("_Content")
+_StoreContent = TypeVar("_StoreContent")
 
 
 @dataclass(frozen=True, repr=False)
@@ -270,8 +270,8 @@ class Store:
         return self._read_trace(run, read_messages)
 
     def _read_trace(
-        self, run: EvidenceRecord | str, read: Callable[[Path, object], _Content]
-    ) -> _Content:
+        self, run: EvidenceRecord | str, read: Callable[[Path, object], _StoreContent]
+    ) -> _StoreContent:
         record = self.record(run) if isinstance(run, str) else run
         if record.trace is None:
             raise StoreError(
@@ -334,7 +334,6 @@ _WRITER_HINT = "`contactlab sweep` writes one"
 
 
 def _address_suggestion(address: Address) -> str:
-    """Return a suggestion for an address without a store."""
     if not isinstance(address, Path) or not address.parent.is_dir():
         return f"; {_WRITER_HINT}"
     if address.is_file():

@@ -275,7 +275,6 @@ class RunColumns:
 
     @cached_property
     def _group_ends(self) -> NDArray[np.int64]:
-        """End row of each row group."""
         meta = self._file.metadata
         sizes = [meta.row_group(group).num_rows for group in range(meta.num_row_groups)]
         return np.cumsum(np.array(sizes, np.int64))

@@ -104,7 +104,6 @@ def merge_tables(
 
 
 def _original_schema(stored: pa.Schema) -> pa.Schema:
-    """Return the schema with which a stored table was written."""
     return table_schema([replace(column_of(f), type=as_made(f.type)) for f in stored])
 
 
@@ -218,7 +217,9 @@ class _RowReader:
 
     def table(self, spans: NDArray[np.void]) -> pa.Table:
         """Return rows, including their shared fields."""
-        own = pa.concat_tables([self._rows(block) for block in _line_blocks(self._lines, spans)])
+        own = pa.concat_tables(
+            [self._all_rows(block) for block in _line_blocks(self._lines, spans)]
+        )
         if (spans["shared"] == spans["start"]).all():
             return own
         _, firsts, places = np.unique(spans["shared"], return_index=True, return_inverse=True)
@@ -230,7 +231,7 @@ class _RowReader:
         columns = [_fill_nulls(*pair, number_array(places)) for pair in pairs]
         return pa.table(columns, schema=self._schema)
 
-    def _rows(self, block: bytes) -> pa.Table:
+    def _all_rows(self, block: bytes) -> pa.Table:
         """Return the own fields of rows, with nulls for missing ones."""
         try:
             # The parser takes time for every possible field.
@@ -507,7 +508,7 @@ class _StreamDigest:
         if _is_repetition(data, width):
             self.repeat(data[:width].tobytes(), len(values))
         elif len(data):
-            self._hasher().update(data)
+            self._new_hasher().update(data)
 
     def repeat(self, item: bytes, times: int) -> None:
         """Add an item `times` times."""
@@ -515,13 +516,13 @@ class _StreamDigest:
             self._item = item if times else self._item
             self._times += times
         else:
-            self._hasher().update(item * times)
+            self._new_hasher().update(item * times)
 
     def hexdigest(self) -> str:
-        """Return the digest of what was added."""
+        """Return the digest of the added values."""
         return (self._digest or _repetition_hash(self._item, self._times)).hexdigest()
 
-    def _hasher(self) -> Any:  # noqa: ANN401 - hashlib has no name for it
+    def _new_hasher(self) -> Any:  # noqa: ANN401 - hashlib has no name for it
         if self._digest is None:
             self._digest = _repetition_hash(self._item, self._times).copy()
         return self._digest

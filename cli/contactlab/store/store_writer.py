@@ -192,7 +192,6 @@ class StoreWriter:
 
 
 def _shared_fields(provenance: Provenance, times: tuple[str, str]) -> dict[str, Any]:
-    """Return the fields that all records of a store share about its making."""
     started, finished = times
     return {"provenance": provenance.model_dump(), "started": started, "finished": finished}
 

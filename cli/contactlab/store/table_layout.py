@@ -256,7 +256,7 @@ def column_of(field: pa.Field) -> Column:
 
 
 def as_made(kind: pa.DataType) -> pa.DataType:
-    """Return a stored type as it was before storing: Parquet renames entries of lists."""
+    """Return the original type of a stored one: Parquet renames entries of lists."""
     if pa.types.is_list(kind):
         return pa.list_(as_made(kind.value_type))
     if pa.types.is_struct(kind):

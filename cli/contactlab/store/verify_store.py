@@ -278,7 +278,6 @@ def _seed_count(sweep: SweepIdentity) -> int:
 
 
 def _check_controls(store: Store) -> Iterator[str]:
-    """Yield missing or changed recorded controls."""
     if "controls" not in store.columns.schema.names:
         return
     for sha256 in sorted(store.columns.values("controls") - {None}):

@@ -1,4 +1,4 @@
-"""Evidence that the fixture gives to a test: a recorder, and statements about its record."""
+"""Evidence that the fixture gives to a test: a recorder, and assertions about its record."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,18 +17,18 @@ from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import write_baseline
 
-_STABLE = "stable"
-_HOW = (
+_STABLE_LABEL = "stable"
+_DECLARATION_HINT = (
     'record with scene={"subject": "mug", "hold": {"from": 1.0, "relative_to": "hand"}}, which '
-    "says what should be held, by what and since when"
+    "declares the held body, its holder and the start of the hold"
 )
 
 
 class ContactEvidence:
-    """Records a loop of a test, and says whether it went well.
+    """Records a loop of a test, and judges it.
 
-    Each statement ends the recording. It is true, or raises an AssertionError that names the
-    episode, its label, the reason, the step, and where to look.
+    Each statement ends the recording. It is true, or raises an AssertionError with the episode, its
+    label, the reason, the step, and the place of its evidence.
 
     Attributes:
         folder: the store.
@@ -39,7 +39,7 @@ class ContactEvidence:
         self._recording: Recording | None = None
 
     def record(self, model: mujoco.MjModel, data: mujoco.MjData, **how: Any) -> Recording:  # noqa: ANN401
-        """Record a loop as `contactlab.record` does, in a store of the test's own."""
+        """Record a loop like `contactlab.record`, in the test's own store."""
         __tracebackhide__ = True
         if self._recording is not None:
             raise OutputError("a test records once; more episodes go into the same recording")
@@ -47,36 +47,36 @@ class ContactEvidence:
         return self._recording
 
     def stable(self) -> bool:
-        """State that every episode was recorded as a whole, and got no label."""
+        """State that every episode was recorded completely, and has no label."""
         __tracebackhide__ = True
-        self._require(
-            _said(episode)
-            for episode in self._episodes()
-            if episode.label != _STABLE or episode.status != "ok"
+        self._raise_faults(
+            _episode_faults(episode)
+            for episode in self._finished_episodes()
+            if episode.label != _STABLE_LABEL or episode.status != "ok"
         )
         return True
 
     def held(self, subject: str, by: str) -> bool:
-        """State that every episode held a body as its recording says that it should."""
+        """State that every episode held a body as declared in its recording."""
         __tracebackhide__ = True
-        episodes = self._episodes()
-        manifest = read_manifest(self._store().scene_folder / MANIFEST)
+        episodes = self._finished_episodes()
+        manifest = read_manifest(self._open_store().scene_folder / MANIFEST)
         hold = manifest.hold
         if hold is None or (manifest.subject, hold.relative_to or "world") != (subject, by):
             declared = [] if hold is None else [str(manifest.subject), hold.relative_to or "world"]
             near = [suggestion(name, declared) for name in (subject, by) if name not in declared]
-            hint = next(filter(None, near), _HOW)
-            raise AssertionError(f"nobody said when {by} should hold {subject}; {hint}")
-        self._require(_not_held(episode) for episode in episodes)
+            hint = next(filter(None, near), _DECLARATION_HINT)
+            raise AssertionError(f"no declaration says when {by} should hold {subject}; {hint}")
+        self._raise_faults(_missed_hold(episode) for episode in episodes)
         return True
 
     def within(self, baseline: str | Path) -> bool:
-        """State that nothing is worse than in a baseline, episode by episode.
+        """State that no episode is worse than in a baseline.
 
-        With `--contact-baseline update` what was recorded becomes the baseline instead.
+        With `--contact-baseline update`, the recorded evidence becomes the baseline instead.
         """
         __tracebackhide__ = True
-        self._episodes()
+        self._finished_episodes()
         place = Path(baseline)
         if self._update:
             write_baseline(self.folder, place)
@@ -93,56 +93,54 @@ class ContactEvidence:
             f"  {check.name}: {check.verdict} in {check.failing} of {check.judged}"
             for check in failing
         ]
-        self._require(["\n".join(lines)] if compared.exit_code else [])
+        self._raise_faults(["\n".join(lines)] if compared.exit_code else [])
         return True
 
     def close(self) -> None:
-        """End the recording, as its `with` block does."""
+        """End the recording, like its `with` block."""
         if self._recording is not None:
             self._recording.close()
 
-    def _store(self) -> Store:
+    def _open_store(self) -> Store:
         return Store.open(self.folder)
 
-    def _episodes(self) -> list[EvidenceRecord]:
+    def _finished_episodes(self) -> list[EvidenceRecord]:
         __tracebackhide__ = True
         if self._recording is None:
             raise AssertionError(
                 "nothing was recorded; begin with contact_evidence.record(model, data)"
             )
         self.close()
-        return list(self._store().records())
+        return list(self._open_store().records())
 
-    def _require(self, found: Any) -> None:  # noqa: ANN401 - any strings
+    def _raise_faults(self, found: Any) -> None:  # noqa: ANN401 - any strings
         __tracebackhide__ = True
         wrong = [fault for fault in found if fault]
         if wrong:
-            raise AssertionError("\n".join([*wrong, *self._places()]))
+            raise AssertionError("\n".join([*wrong, *self._evidence_places()]))
 
-    def _places(self) -> Iterator[str]:
+    def _evidence_places(self) -> Iterator[str]:
         yield f"store: {self.folder}  (contactlab show {shell_word(self.folder)})"
         page = self.folder.with_name(f"{self.folder.name}.html")
         try:
-            write_page(self._store(), page)
+            write_page(self._open_store(), page)
             yield f"page: {page.absolute().as_uri()}"
         except ContactlabError as error:
             yield f"page: none, since {error}"
 
 
-def _said(episode: EvidenceRecord) -> str:
-    """Return what is wrong with an episode: how it ended, and each label."""
+def _episode_faults(episode: EvidenceRecord) -> str:
     name = f"episode {episode.seed} (run {episode.run_id[:8]})"
     ended = [] if episode.status == "ok" else [f"{name} {episode.status}: {episode.status_reason}"]
-    labels = (label for label in episode.labels if label.label != _STABLE)
+    labels = (label for label in episode.labels if label.label != _STABLE_LABEL)
     found = [f"{name} is {label.label} at step {label.step}: {label.reason}" for label in labels]
     return "\n".join([*ended, *found])
 
 
-def _not_held(episode: EvidenceRecord) -> str:
-    """Return why an episode did not hold what it should; empty if it did."""
+def _missed_hold(episode: EvidenceRecord) -> str:
     name = f"episode {episode.seed} (run {episode.run_id[:8]})"
     if episode.metrics["hold_contact"] is None:
-        return f"{name} ended after {episode.duration:g} s, before it should hold anything"
+        return f"{name} ended after {episode.duration:g} s, before the start of the hold"
     labels = [label for label in episode.labels if label.label in labels_with("grip")]
     return "\n".join(
         f"{name} is {label.label} at step {label.step}: {label.reason}" for label in labels

@@ -1,4 +1,4 @@
-"""Options and the fixture; what they need is imported when a test asks for it."""
+"""Options and the fixture; their dependencies are imported when a test uses it."""
 
 import re
 from collections.abc import Iterator
@@ -21,19 +21,19 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption(
         "--contact-evidence",
         metavar="FOLDER",
-        help="keep what contact_evidence records here, in a folder for each test",
+        help="keep records of contact_evidence here, in a folder for each test",
     )
     group.addoption(
         "--contact-baseline",
         choices=("check", "update"),
         default="check",
-        help="update: accept what is recorded as the baselines that tests name",
+        help="update: accept the records as the baselines that tests name",
     )
 
 
 @pytest.fixture
 def contact_evidence(request: pytest.FixtureRequest) -> "Iterator[ContactEvidence]":
-    """Record a loop, and judge what it did."""
+    """Record a loop, and judge it."""
     from contactlab.testing.evidence import ContactEvidence  # noqa: PLC0415 - see the module
 
     kept = request.config.getoption("--contact-evidence")

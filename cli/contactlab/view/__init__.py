@@ -1,1 +1,1 @@
-"""A stored run to look at: films, pictures, files for 3D viewers, the interactive viewer."""
+"""Shows stored runs: films, pictures, files for 3D viewers, the interactive viewer."""

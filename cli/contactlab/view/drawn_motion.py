@@ -1,4 +1,4 @@
-"""Motion drawn of a stored run: poses by kinematics, forces from the trace."""
+"""The drawn motion of a stored run: poses by kinematics, forces from the trace."""
 
 import re
 from collections.abc import Sequence
@@ -20,15 +20,15 @@ from contactlab.view.drawn_shapes import BodyShape, poses, shapes
 
 Rows = NDArray[np.intp]
 
-# The sphere is at most so many radii of the largest moving body: beyond, that body would be a dot.
-_MOST_RADII_OF_LARGEST_BODY = 25.0
-# Nine in ten arrows are at most about as long as the first fraction of the sphere's radius; arrows
-# are cut at the second.
+# Largest radius of the sphere in radii of the largest moving body, which would otherwise be a dot.
+_MAX_BODY_RADII = 25.0
+# Nine in ten arrows are at most about as long as the first fraction of the sphere's radius. Longer
+# arrows are cut at the second fraction.
 _USUAL_ARROW, _LONGEST_ARROW = 0.5, 1.0
 _USUAL_PERCENTILE = 90
-# A camera that follows a body sees so many of its radii, and so much of the whole at least and at
-# most.
-_AROUND, _LEAST_FOCUS, _MOST_FOCUS = 3.0, 0.1, 0.75
+# Radius of the view of a camera that follows a body, in radii of the body, and its smallest and
+# largest share of the whole view.
+_FOCUS_RADII, _SMALLEST_FOCUS, _LARGEST_FOCUS = 3.0, 0.1, 0.75
 _SCALAR_JOINTS = (mujoco.mjtJoint.mjJNT_HINGE.value, mujoco.mjtJoint.mjJNT_SLIDE.value)
 
 
@@ -42,7 +42,7 @@ class ContactForces(NamedTuple):
     force: Floats  # (K, 3) force on the pair's second side, world frame [N]
 
     def of(self, frame: int) -> slice:
-        """Return where the forces of a frame are."""
+        """Return the slice of the forces of a frame."""
         start, stop = np.searchsorted(self.frame, (frame, frame + 1))
         return slice(int(start), int(stop))
 
@@ -56,14 +56,14 @@ class JointMotion(NamedTuple):
 
 
 class Stage(NamedTuple):
-    """A sphere that a camera sees."""
+    """The sphere in the view of a camera."""
 
     centre: Floats  # (3,) world frame [m]
     radius: float  # [m]
 
 
 class RunEvent(NamedTuple):
-    """A label that begins to apply, or applies to the whole run."""
+    """The start of a label, or a label of the whole run."""
 
     row: int  # the state row, the last one for the whole run
     time: float  # of that row [s]
@@ -74,7 +74,7 @@ class RunEvent(NamedTuple):
 
 @dataclass(frozen=True)
 class BodyMotion:
-    """F frames of a run with B bodies, the first of which is the world."""
+    """F frames of a run with B bodies, the first of them the world."""
 
     bodies: tuple[str, ...]  # (B) their names
     moving: NDArray[np.bool_]  # (B,) whether each can move
@@ -88,26 +88,26 @@ class BodyMotion:
     forces: ContactForces
     """Contact forces; of each pair and frame, those of the step with the largest net force up to
     the next frame."""
-    stage: Stage  # what the camera sees
+    stage: Stage  # sphere in the camera's view
     scale: float  # length of an arrow per newton [m/N]
     longest: float  # length at which arrows are cut [m]
-    followed: int | None = None  # the body that the camera follows, if it does not see the whole
-    closeness: float = 0.0  # radius of the sphere around it that the camera sees [m]
+    followed: int | None = None  # the body that the camera follows; None if it sees the whole
+    closeness: float = 0.0  # radius of the sphere around that body in the camera's view [m]
 
     def view(self, frame: int) -> Stage:
-        """Return what the camera sees in a frame."""
+        """Return the sphere in the camera's view in a frame."""
         if self.followed is None:
             return self.stage
         return Stage(self.positions[frame, self.followed], self.closeness)
 
     @property
     def centre(self) -> Floats:
-        """(3,) of the sphere that the camera sees, world frame [m]."""
+        """(3,) centre of the sphere in the camera's view, world frame [m]."""
         return self.stage.centre
 
     @property
     def radius(self) -> float:
-        """Of the sphere that the camera sees [m]."""
+        """Radius of the sphere in the camera's view [m]."""
         return self.stage.radius
 
     @property
@@ -121,10 +121,10 @@ class BodyMotion:
 def read_motion(
     prepared: PreparedModel, trace: StoredTrace, rate: float, times: Sequence[float] = ()
 ) -> BodyMotion:
-    """Return what is drawn of a run, up to its first state that is not finite.
+    """Return the drawn motion of a run, up to its first state that is not finite.
 
     The trace holds every configuration, so that nothing is simulated again. There are `rate` frames
-    per simulated second; `times` [s] get frames of their own. A StoreError says that not even the
+    per simulated second; `times` [s] get their own frames. A StoreError says that not even the
     start state is finite.
     """
     model = prepared.model
@@ -166,7 +166,7 @@ def joint_motion(model: mujoco.MjModel, qpos: Floats, qvel: Floats) -> JointMoti
 
 
 def run_events(labels: Sequence[LabelEntry], time: Floats) -> tuple[RunEvent, ...]:
-    """Return where each label but `stable` begins, in order of the times (N + 1,) of states [s]."""
+    """Return the start of each label except `stable`, in order of time (N + 1,) of states [s]."""
     events: list[RunEvent] = []
     for label in labels:
         known = LABELS.get(label.label)
@@ -180,29 +180,29 @@ def run_events(labels: Sequence[LabelEntry], time: Floats) -> tuple[RunEvent, ..
 def following(motion: BodyMotion, bodies: Sequence[int]) -> BodyMotion | None:
     """Return a motion with arrows and a stage for a camera that follows the smaller moving body.
 
-    The bodies are the indices of a pair's two. None if none moves, or if a camera that follows one
-    shows little less than the whole.
+    The bodies are the indices of a pair's two. None if neither moves, or if a camera that follows
+    one would show little less than the whole.
     """
-    sizes = {body: _extent(motion, body) for body in bodies if motion.moving[body]}
+    sizes = {body: _body_radius(motion, body) for body in bodies if motion.moving[body]}
     sizes = {body: size for body, size in sizes.items() if size > 0}
     if not sizes:
         return None
     body = min(sizes, key=lambda index: sizes[index])
-    radius = max(_AROUND * sizes[body], _LEAST_FOCUS * motion.radius)
-    if radius > _MOST_FOCUS * motion.radius:
+    radius = max(_FOCUS_RADII * sizes[body], _SMALLEST_FOCUS * motion.radius)
+    if radius > _LARGEST_FOCUS * motion.radius:
         return None
     scale, longest = arrow_scale(motion.forces.force, radius)
     return replace(motion, followed=body, closeness=radius, scale=scale, longest=longest)
 
 
-def _extent(motion: BodyMotion, body: int) -> float:
-    """Return the radius of a sphere around a body's origin that holds its shapes [m]."""
+def _body_radius(motion: BodyMotion, body: int) -> float:
+    """Return the radius of a sphere around a body's origin that contains its shapes [m]."""
     own = [shape for shape in motion.shapes if shape.body == body]
-    return max((float(np.linalg.norm(e.position)) + _radius(e) for e in own), default=0.0)
+    return max((float(np.linalg.norm(e.position)) + _shape_radius(e) for e in own), default=0.0)
 
 
 def failing_pair(record: EvidenceRecord, pairs: Sequence[StoredPair]) -> str | None:
-    """Return the pair that the worst label's reason names, else the one with the largest force."""
+    """Return the pair in the worst label's reason, or the one with the largest force."""
     reason = record.labels[0].reason if record.labels else ""
     named = [
         pair.name for pair in pairs if re.search(rf"(?<!\w){re.escape(pair.name)}(?!\w)", reason)
@@ -215,7 +215,7 @@ def failing_pair(record: EvidenceRecord, pairs: Sequence[StoredPair]) -> str | N
 
 
 def widened(motion: BodyMotion, positions: Floats, rotations: Floats) -> BodyMotion:
-    """Return a motion whose stage holds its bodies also at other poses (F, B, 3) [m], (F, B, 4)."""
+    """Return a motion with a stage that also contains other poses (F, B, 3) [m], (F, B, 4)."""
     both = [
         np.concatenate(parts)
         for parts in ((motion.positions, positions), (motion.rotations, rotations))
@@ -229,17 +229,19 @@ def widened(motion: BodyMotion, positions: Floats, rotations: Floats) -> BodyMot
 def telling_moments(
     motion: BodyMotion, trace: StoredTrace, events: Sequence[RunEvent], pair: str | None, most: int
 ) -> list[float]:
-    """Return up to `most` times [s] worth a picture, in order.
+    """Return up to `most` informative times [s] for pictures, in order.
 
-    They are where labels begin, where each pair's force is largest, that of the failing `pair`
-    first, start and end of what is in view, and then the middle of the longest gap.
+    They are the starts of labels, the times of each pair's largest force, first that of the failing
+    `pair`, start and end of the visible motion, and then the middle of the longest gap.
     """
     time = trace.time[: motion.rows[-1] + 1]
     far = np.linalg.norm(motion.positions[:, motion.moving] - motion.centre, axis=2)
     in_view = motion.time[(far <= motion.radius).any(axis=1)]
     start, end = (in_view if len(in_view) else motion.time)[[0, -1]].tolist()
     pairs = sorted(trace.pairs, key=lambda series: series.name != pair)
-    peaks = [float(time[row]) for series in pairs if (row := _peak(series, len(time))) is not None]
+    peaks = [
+        float(time[row]) for series in pairs if (row := _peak_step(series, len(time))) is not None
+    ]
     begins = [event.time for event in events]
     wanted = [start, *begins[:2], *peaks[:1], end, *begins[2:], *peaks[1:]]
     chosen = sorted(
@@ -251,8 +253,8 @@ def telling_moments(
     return chosen
 
 
-def _peak(pair: StoredPair, rows: int) -> int | None:
-    """Return the step in which a pair's force is largest, of those before a state row."""
+def _peak_step(pair: StoredPair, rows: int) -> int | None:
+    """Return the step with a pair's largest force before a state row."""
     force = np.nan_to_num(np.hypot(pair.normal, pair.tangential))[pair.steps < rows]
     return int(pair.steps[np.argmax(force)]) if len(force) and force.max() > 0 else None
 
@@ -264,33 +266,33 @@ def scene_sphere(
     rotations: Floats,
     contacts: Floats,
 ) -> Stage:
-    """Return a sphere around all that moves, or around the contacts.
+    """Return a sphere around all moving shapes, or around the contacts.
 
-    Of bodies (B,) the poses are (F, B, 3) [m] and (F, B, 4); contact points are (K, 3) [m].
+    The poses of bodies (B,) are (F, B, 3) [m] and (F, B, 4); contact points are (K, 3) [m].
     """
     seen = [shape for shape in shapes if moving[shape.body] or not moving.any()]
     if not seen:
         return Stage(np.zeros(3), 1.0)
-    middles = np.stack([_middles(shape, positions, rotations) for shape in seen], axis=1)
-    sizes = np.array([_radius(shape) for shape in seen])
+    middles = np.stack([_shape_centres(shape, positions, rotations) for shape in seen], axis=1)
+    sizes = np.array([_shape_radius(shape) for shape in seen])
     low = (middles - sizes[:, None]).min(axis=(0, 1))
     high = (middles + sizes[:, None]).max(axis=(0, 1))
     centre = (low + high) / 2
     radius = float((np.linalg.norm(middles - centre, axis=2) + sizes).max())
-    widest = _MOST_RADII_OF_LARGEST_BODY * float(sizes.max())
+    widest = _MAX_BODY_RADII * float(sizes.max())
     if radius <= widest:
         return Stage(centre, radius)
     middle = contacts if len(contacts) else middles[0]
     return Stage(np.median(middle, axis=0), widest)
 
 
-def _middles(shape: BodyShape, positions: Floats, rotations: Floats) -> Floats:
-    """Return where the middle of a shape is (F, 3) [m]."""
+def _shape_centres(shape: BodyShape, positions: Floats, rotations: Floats) -> Floats:
+    """Return (F, 3) the centre of a shape [m]."""
     return positions[:, shape.body] + rotate(rotations[:, shape.body], shape.position)
 
 
-def _radius(shape: BodyShape) -> float:
-    """Return the radius of a sphere around a shape's middle that holds it [m]."""
+def _shape_radius(shape: BodyShape) -> float:
+    """Return the radius of a sphere around a shape's centre that contains it [m]."""
     if shape.form == "mesh":
         return float(np.linalg.norm(shape.vertices, axis=1).max(initial=0))
     return float(shape.size.max() if shape.form == "ellipsoid" else np.linalg.norm(shape.size)) / 2
@@ -299,7 +301,7 @@ def _radius(shape: BodyShape) -> float:
 def arrow_scale(force: Floats, radius: float) -> tuple[float, float]:
     """Return the length of arrows per newton [m/N], 1, 2 or 5 times 10^k, and the longest [m].
 
-    The forces are (K, 3) [N], and the radius [m] is that of the sphere that the camera sees.
+    The forces are (K, 3) [N], and the radius [m] is that of the sphere in the camera's view.
     """
     strength = np.linalg.norm(force, axis=1)
     pushing = strength[strength > 0]
@@ -320,8 +322,8 @@ def frame_rows(time: Floats, rate: float, times: Sequence[float] = ()) -> Rows:
 
 
 def frame_times(time: Floats, rate: float) -> Floats:
-    """Return the times of frames at a rate, from the first state to the last at most [s]."""
-    # Rounding must not cost the frame of the last state.
+    """Return the times of frames at a rate, between the first and the last state [s]."""
+    # Rounding must not remove the frame of the last state.
     count = int((time[-1] - time[0]) * rate * (1 + 1e-9)) + 1
     return time[0] + np.arange(count) / rate
 
@@ -335,7 +337,7 @@ def peak_forces(pairs: Sequence[StoredPair], rows: Rows) -> ContactForces:
     """Return, for each frame and pair, the contact forces of the step with the largest net force.
 
     A frame covers the steps from its state to the next frame's, so that an impact of a single step
-    is seen at any rate; the last frame covers the step before it.
+    is visible at any rate; the last frame covers the step before it.
     """
     parts = [_forces_of_pair(pair, index, rows) for index, pair in enumerate(pairs)]
     none = np.empty(0, np.intp)
@@ -348,7 +350,7 @@ def peak_forces(pairs: Sequence[StoredPair], rows: Rows) -> ContactForces:
 
 
 def _forces_of_pair(pair: StoredPair, index: int, rows: Rows) -> ContactForces:
-    entries, frames = _strongest(pair, rows)
+    entries, frames = _strongest_entries(pair, rows)
     counts = pair.contacts[entries]
     ends = np.cumsum(pair.contacts)[entries]
     within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -364,7 +366,7 @@ def _forces_of_pair(pair: StoredPair, index: int, rows: Rows) -> ContactForces:
     )
 
 
-def _strongest(pair: StoredPair, rows: Rows) -> tuple[Rows, Rows]:
+def _strongest_entries(pair: StoredPair, rows: Rows) -> tuple[Rows, Rows]:
     """Return the entry of the step with the largest net force in each frame, and the frames."""
     final = np.flatnonzero(pair.steps == rows[-1] - 1)
     entries = np.append(np.arange(len(pair.steps)), final)

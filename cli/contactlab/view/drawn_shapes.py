@@ -18,28 +18,31 @@ class BodyShape:
 
     name: str  # unique in the model
     body: int  # index of its body
-    form: Form  # what it is; a cylinder's axis is its z axis
+    form: Form  # its kind; a cylinder's axis is its z axis
     size: Floats  # (3,) full extents along its own axes [m]; ones for a mesh
     position: Floats  # (3,) of its centre in the body's frame [m]
     rotation: Floats  # (4,) unit quaternion w, x, y, z to the body's frame
     colour: Floats  # (4,) red, green, blue and opacity, 0 to 1
-    vertices: Floats  # (V, 3) of a mesh in its own frame [m]; else none
-    triangles: Integers  # (T, 3) indices of a mesh's vertices; else none
+    vertices: Floats  # (V, 3) of a mesh in its own frame [m]; empty for other forms
+    triangles: Integers  # (T, 3) indices of a mesh's vertices; empty for other forms
 
 
-# As in MuJoCo's viewers, which hide the groups above.
+# MuJoCo's viewers also hide the groups above.
 _VISIBLE_GROUPS = 3
 _UNSET_COLOUR = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
-_GEOM = mujoco.mjtGeom
-# The form of a kind of geom, and which of its half sizes lie along its three axes.
-_SOLIDS: dict[int, tuple[Form, list[int]]] = {
-    int(_GEOM.mjGEOM_SPHERE): ("ellipsoid", [0, 0, 0]),
-    int(_GEOM.mjGEOM_ELLIPSOID): ("ellipsoid", [0, 1, 2]),
-    int(_GEOM.mjGEOM_BOX): ("box", [0, 1, 2]),
-    int(_GEOM.mjGEOM_CYLINDER): ("cylinder", [0, 0, 1]),
-    int(_GEOM.mjGEOM_CAPSULE): ("cylinder", [0, 0, 1]),
+_GEOM_TYPES = mujoco.mjtGeom
+# Form of a kind of geom, and the indices of its half sizes along its three axes.
+_SOLID_FORMS: dict[int, tuple[Form, list[int]]] = {
+    int(_GEOM_TYPES.mjGEOM_SPHERE): ("ellipsoid", [0, 0, 0]),
+    int(_GEOM_TYPES.mjGEOM_ELLIPSOID): ("ellipsoid", [0, 1, 2]),
+    int(_GEOM_TYPES.mjGEOM_BOX): ("box", [0, 1, 2]),
+    int(_GEOM_TYPES.mjGEOM_CYLINDER): ("cylinder", [0, 0, 1]),
+    int(_GEOM_TYPES.mjGEOM_CAPSULE): ("cylinder", [0, 0, 1]),
 }
-_SURFACES = {int(kind) for kind in (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_SDF, _GEOM.mjGEOM_HFIELD)}
+_SURFACE_TYPES = {
+    int(kind)
+    for kind in (_GEOM_TYPES.mjGEOM_MESH, _GEOM_TYPES.mjGEOM_SDF, _GEOM_TYPES.mjGEOM_HFIELD)
+}
 _NO_VERTICES = np.empty((0, 3))
 _NO_TRIANGLES = np.empty((0, 3), np.int32)
 
@@ -60,7 +63,7 @@ def poses(model: mujoco.MjModel, qpos: Floats) -> tuple[Floats, Floats]:
 
 
 def shapes(model: mujoco.MjModel) -> tuple[BodyShape, ...]:
-    """Return the parts that are drawn: geoms of groups 0 to 2, or all of a body without such."""
+    """Return the drawn parts: geoms of groups 0 to 2, or all geoms of a body without such."""
     low = model.geom_group < _VISIBLE_GROUPS
     visible_bodies = set(model.geom_bodyid[low].tolist())
     geoms = [
@@ -69,38 +72,38 @@ def shapes(model: mujoco.MjModel) -> tuple[BodyShape, ...]:
         if low[geom] or int(model.geom_bodyid[geom]) not in visible_bodies
     ]
     return tuple(
-        shape for geom in geoms if _colour(model, geom)[3] for shape in _shapes_of(model, geom)
+        shape for geom in geoms if _geom_colour(model, geom)[3] for shape in _shapes_of(model, geom)
     )
 
 
 def _shapes_of(model: mujoco.MjModel, geom: int) -> Iterator[BodyShape]:
     kind, size = int(model.geom_type[geom]), model.geom_size[geom].copy()
-    if kind in _SOLIDS:
-        form, axes = _SOLIDS[kind]
-        yield _shape(model, geom, form, 2 * size[axes])
-    if kind == _GEOM.mjGEOM_CAPSULE:
+    if kind in _SOLID_FORMS:
+        form, axes = _SOLID_FORMS[kind]
+        yield _geom_shape(model, geom, form, 2 * size[axes])
+    if kind == _GEOM_TYPES.mjGEOM_CAPSULE:
         for end, place in (("/top", size[1]), ("/bottom", -size[1])):
             offset = np.array([0.0, 0.0, place])
-            yield _shape(model, geom, "ellipsoid", np.full(3, 2 * size[0]), offset, end)
-    elif kind == _GEOM.mjGEOM_PLANE:
-        yield _plane(model, geom, size)
-    elif kind in _SURFACES:
-        read = _field if kind == _GEOM.mjGEOM_HFIELD else _surface
+            yield _geom_shape(model, geom, "ellipsoid", np.full(3, 2 * size[0]), offset, end)
+    elif kind == _GEOM_TYPES.mjGEOM_PLANE:
+        yield _plane_box(model, geom, size)
+    elif kind in _SURFACE_TYPES:
+        read = _height_field_surface if kind == _GEOM_TYPES.mjGEOM_HFIELD else _mesh_surface
         vertices, triangles = read(model, int(model.geom_dataid[geom]))
-        plain = _shape(model, geom, "mesh", np.ones(3))
+        plain = _geom_shape(model, geom, "mesh", np.ones(3))
         yield replace(plain, vertices=vertices, triangles=triangles)
 
 
-def _plane(model: mujoco.MjModel, geom: int, size: Floats) -> BodyShape:
-    """Return a thin box below the plane; an infinite plane gets a finite one, beyond the scene."""
+def _plane_box(model: mujoco.MjModel, geom: int, size: Floats) -> BodyShape:
+    """Return a thin box below the plane; an infinite plane gets one larger than the scene."""
     reach = float(model.stat.extent)
     half = np.where(size[:2] > 0, size[:2], 3 * reach)
     thickness = reach / 100
     below = np.array([0.0, 0.0, -thickness / 2])
-    return _shape(model, geom, "box", np.array([*(2 * half), thickness]), below)
+    return _geom_shape(model, geom, "box", np.array([*(2 * half), thickness]), below)
 
 
-def _shape(
+def _geom_shape(
     model: mujoco.MjModel,
     geom: int,
     form: Form,
@@ -108,7 +111,7 @@ def _shape(
     offset: Floats | None = None,
     suffix: str = "",
 ) -> BodyShape:
-    """Return a shape in the geom's frame, or off its centre by a vector in that frame."""
+    """Return a shape in the geom's frame, or shifted from its centre by a vector in that frame."""
     rotation, moved = model.geom_quat[geom].copy(), np.zeros(3)
     if offset is not None:
         mujoco.mju_rotVecQuat(moved, offset, rotation)
@@ -119,20 +122,20 @@ def _shape(
         size=size,
         position=model.geom_pos[geom] + moved,
         rotation=rotation,
-        colour=_colour(model, geom),
+        colour=_geom_colour(model, geom),
         vertices=_NO_VERTICES,
         triangles=_NO_TRIANGLES,
     )
 
 
-def _surface(model: mujoco.MjModel, mesh: int) -> tuple[Floats, Integers]:
+def _mesh_surface(model: mujoco.MjModel, mesh: int) -> tuple[Floats, Integers]:
     start, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
     first, faces = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
     vertices = model.mesh_vert[start : start + count].astype(np.float64)
     return vertices, model.mesh_face[first : first + faces].copy()
 
 
-def _field(model: mujoco.MjModel, field: int) -> tuple[Floats, Integers]:
+def _height_field_surface(model: mujoco.MjModel, field: int) -> tuple[Floats, Integers]:
     """Return a height field's upper side, each of its cells as two triangles."""
     rows, columns = int(model.hfield_nrow[field]), int(model.hfield_ncol[field])
     start = int(model.hfield_adr[field])
@@ -149,8 +152,8 @@ def _field(model: mujoco.MjModel, field: int) -> tuple[Floats, Integers]:
     return vertices, cells.reshape(-1, 3)
 
 
-def _colour(model: mujoco.MjModel, geom: int) -> Floats:
-    """Return a geom's colour, or its material's where it has none of its own."""
+def _geom_colour(model: mujoco.MjModel, geom: int) -> Floats:
+    """Return a geom's colour, or its material's if it has none of its own."""
     own, material = model.geom_rgba[geom], int(model.geom_matid[geom])
     if material >= 0 and np.array_equal(own, _UNSET_COLOUR):
         own = model.mat_rgba[material]

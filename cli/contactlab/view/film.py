@@ -1,4 +1,4 @@
-"""A run as a film or a sheet of pictures, which MuJoCo draws without a display."""
+"""Draws a run as a film or a sheet of pictures, by MuJoCo's renderer without a display."""
 
 import ctypes.util
 import importlib
@@ -33,35 +33,38 @@ from contactlab.view.drawn_motion import BodyMotion, Stage, frame_times, nearest
 Picture = NDArray[np.uint8]
 
 _AZIMUTH, _ELEVATION = 120.0, -18.0
-_MARGIN = 1.05
-_MOST_GEOMS_OF_A_SCENE = 20_000
+_DISTANCE_MARGIN = 1.05
+_MAX_SCENE_GEOMS = 20_000
 # An arrow's radius as a fraction of the sphere's, and at most of its own length.
-_RADIUS, _MOST_RADIUS = 0.015, 0.1
-_SOLID = 0.45
-_AMBIENT = 0.35
-# The map of shadows: texels to a pixel, and most of them; half the time of a software's picture.
-_SHADOW, _LARGEST_SHADOW = 3, 2048
-# Of more triangles, shadows and several samples a pixel take nine tenths of a software's time.
-_MOST_TRIANGLES = 50_000
-_BACKGROUND = (0.74, 0.79, 0.86, 1.0)
+_ARROW_RADIUS, _MAX_ARROW_RADIUS = 0.015, 0.1
+_BODY_OPACITY = 0.45
+_AMBIENT_LIGHT = 0.35
+# Map of shadows: texels per pixel, and the largest number. In software, it takes half the time.
+_SHADOW_TEXELS, _MAX_SHADOW_TEXELS = 3, 2048
+# With more triangles, shadows and several samples per pixel take nine tenths of software's time.
+_MAX_SHADED_TRIANGLES = 50_000
+_BACKGROUND_COLOUR = (0.74, 0.79, 0.86, 1.0)
 # The background's distance as a fraction of the farthest visible one.
-_WALL = 0.5
-_TRAIL, _TRAIL_COLOUR = 60, (0.10, 0.27, 0.98)  # most pieces of a trail; red, green, blue
-_GHOST = (0.95, 0.45, 0.1, 0.35)  # what was recorded
+_WALL_DISTANCE = 0.5
+_MAX_TRAIL_PIECES, _TRAIL_COLOUR = (
+    60,
+    (0.10, 0.27, 0.98),
+)  # largest number of pieces; red, green, blue
+_GHOST_COLOUR = (0.95, 0.45, 0.1, 0.35)  # color of recorded motion
 _ARROW = mujoco.mjtGeom.mjGEOM_ARROW
-_PLACING = (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight, mujoco.mj_tendon)
+_PLACEMENT_STAGES = (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight, mujoco.mj_tendon)
 # The values of MUJOCO_GL, each with its system library.
-_BACKENDS = {"egl": "EGL", "osmesa": "OSMesa", "glfw": "glfw"}
-_REMEDY = (
+_BACKEND_LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa", "glfw": "glfw"}
+_OPENGL_REMEDY = (
     "install EGL or OSMesa (Debian: apt install libegl1 libgl1-mesa-dri, or libosmesa6) and choose "
     "with MUJOCO_GL=egl or MUJOCO_GL=osmesa; .mcap and .rrd files need neither"
 )
-# Half the size of the encoder's default, and no visible difference.
+# Half the size of the encoder's default, without a visible difference.
 _H264_OPTIONS = {"crf": "20"}
-_PAPER, _INK = (255, 255, 255), (40, 44, 52)
-_BORDER = 6
-# The whole scene is so many times smaller than a pair's; the longest bar, of the width.
-_INSET, _LONGEST_BAR = 4, 0.2
+_PAPER_COLOUR, _INK_COLOUR = (255, 255, 255), (40, 44, 52)
+_BORDER_PIXELS = 6
+# Size of the picture over that of the inset; longest bar as a share of the width.
+_INSET_FACTOR, _MAX_BAR_SHARE = 4, 0.2
 
 
 class _Screen(Protocol):
@@ -73,18 +76,22 @@ class _Screen(Protocol):
 
 @contextmanager
 def graphics(width: int, height: int) -> Generator[_Screen]:
-    """Make an off-screen OpenGL context of this size the current one; a SceneError without any."""
-    asked = os.environ.get("MUJOCO_GL", "").lower()
-    installed = [name for name in ("egl", "osmesa") if ctypes.util.find_library(_BACKENDS[name])]
-    found = [asked] if asked in _BACKENDS else installed
+    """Make an off-screen OpenGL context of this size current; raise a SceneError without OpenGL."""
+    requested = os.environ.get("MUJOCO_GL", "").lower()
+    installed = [
+        name for name in ("egl", "osmesa") if ctypes.util.find_library(_BACKEND_LIBRARIES[name])
+    ]
+    found = [requested] if requested in _BACKEND_LIBRARIES else installed
     if not found:
-        raise SceneError(f"no pictures: there is no OpenGL to draw with; {_REMEDY}")
+        raise SceneError(f"no pictures: there is no OpenGL to draw with; {_OPENGL_REMEDY}")
     name = found[0]
     try:
         screen: _Screen = importlib.import_module(f"mujoco.{name}").GLContext(width, height)
         screen.make_current()
     except Exception as error:
-        raise SceneError(f"no pictures: {name} does not work here ({error}); {_REMEDY}") from error
+        raise SceneError(
+            f"no pictures: {name} does not work here ({error}); {_OPENGL_REMEDY}"
+        ) from error
     try:
         yield screen
     finally:
@@ -101,48 +108,50 @@ def draw_pictures(
 ) -> Generator[Picture]:
     """Yield a picture (height, width, 3) of some frames of a motion, by configuration (nq,).
 
-    What was `recorded` of bodies (nq,), NaN for others, is drawn as a ghost beside them.
-
-    The model's off-screen buffer is set to the size, width and height [pixels]. Without the name
-    of one of its cameras, one sees the whole motion; or the body that it follows, with the whole as
-    an inset. A SceneError says that there is no OpenGL, no camera of this name, or nothing to see.
+    `recorded` configurations (nq,), with NaN for other bodies, are drawn as a ghost in addition.
+    The model's off-screen buffer is set to the size, width and height [pixels]. Without the name of
+    one of its cameras, the view shows the whole motion, or the body that it follows with the whole
+    as an inset. A SceneError says that there is no OpenGL, no camera of this name, or nothing to
+    draw.
     """
-    _refuse_nothing(model)
+    _require_drawable(model)
     width, height = size
     set_looks(model, size)
-    named = None if camera is None else _camera_of(model, camera)
+    named = None if camera is None else _model_camera(model, camera)
     areas = [mujoco.MjrRect(0, 0, width, height)]
     if named is None and motion.followed is not None:
-        areas.append(mujoco.MjrRect(0, 0, width // _INSET, height // _INSET))
+        areas.append(mujoco.MjrRect(0, 0, width // _INSET_FACTOR, height // _INSET_FACTOR))
     option = mujoco.MjvOption()
     option.flags[mujoco.mjtVisFlag.mjVIS_TRANSPARENT] = True
-    data, scene = mujoco.MjData(model), mujoco.MjvScene(model, _MOST_GEOMS_OF_A_SCENE)
+    data, scene = mujoco.MjData(model), mujoco.MjvScene(model, _MAX_SCENE_GEOMS)
     with graphics(width, height) as screen:
         context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
         try:
             for frame, configuration in frames.items():
                 pictures: list[Picture] = []
                 for stage, area in zip((motion.view(frame), motion.stage), areas, strict=False):
-                    view = named or _camera_on(model, stage, width / height)
-                    # Contacts were stored: without collision detection, all else is placed.
+                    view = named or _stage_camera(model, stage, width / height)
+                    # Contacts are stored, so everything is placed without collision detection.
                     data.qpos[:] = configuration
-                    _place(model, data)
+                    _place_objects(model, data)
                     everything = mujoco.mjtCatBit.mjCAT_ALL.value
                     mujoco.mjv_updateScene(model, data, option, None, view, everything, scene)
-                    _decorate(scene, model, motion, frame)
+                    _add_decorations(scene, model, motion, frame)
                     if frame in recorded:
                         _draw_ghost(scene, model, data, recorded[frame], option)
-                    # Another film may have been drawn since.
+                    # Another film may have been drawn in the meantime.
                     screen.make_current()
-                    pictures.append(_drawn(scene, area, context))
+                    pictures.append(_draw_scene(scene, area, context))
                 yield _with_inset(*pictures)
         finally:
-            # What a context made is deleted by number, in whichever context is the current one.
+            # Objects of a context are deleted by number, in the current context.
             screen.make_current()
             context.free()
 
 
-def _drawn(scene: mujoco.MjvScene, area: mujoco.MjrRect, context: mujoco.MjrContext) -> Picture:
+def _draw_scene(
+    scene: mujoco.MjvScene, area: mujoco.MjrRect, context: mujoco.MjrContext
+) -> Picture:
     picture = np.empty((area.height, area.width, 3), np.uint8)
     mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, context)
     mujoco.mjr_render(area, scene, context)
@@ -150,37 +159,36 @@ def _drawn(scene: mujoco.MjvScene, area: mujoco.MjrRect, context: mujoco.MjrCont
     return picture[::-1]
 
 
-def _refuse_nothing(model: mujoco.MjModel) -> None:
+def _require_drawable(model: mujoco.MjModel) -> None:
     if not model.ngeom + model.ntendon + model.nflex + model.nskin:
-        raise SceneError("no pictures: no body of the model has a geom; give those that move one")
+        raise SceneError("no pictures: no body of the model has a geom; add geoms to moving bodies")
 
 
 def set_looks(model: mujoco.MjModel, size: tuple[int, int]) -> None:
-    """Set what pictures of a size need of a model: bright, with moving bodies translucent."""
+    """Prepare a model for pictures of a size: bright, with translucent moving bodies."""
     model.vis.global_.offwidth, model.vis.global_.offheight = size
-    model.vis.quality.shadowsize = min(_LARGEST_SHADOW, _SHADOW * max(size))
+    model.vis.quality.shadowsize = min(_MAX_SHADOW_TEXELS, _SHADOW_TEXELS * max(size))
     meshes = model.geom_dataid[model.geom_type == mujoco.mjtGeom.mjGEOM_MESH]
-    if model.mesh_facenum[meshes].sum() > _MOST_TRIANGLES:
+    if model.mesh_facenum[meshes].sum() > _MAX_SHADED_TRIANGLES:
         model.light_castshadow[:], model.vis.quality.offsamples = 0, 0
-    # So that arrows show.
-    model.vis.map.alpha = _SOLID
-    model.vis.headlight.ambient[:] = np.maximum(model.vis.headlight.ambient, _AMBIENT)
+    # Arrows must be visible.
+    model.vis.map.alpha = _BODY_OPACITY
+    model.vis.headlight.ambient[:] = np.maximum(model.vis.headlight.ambient, _AMBIENT_LIGHT)
 
 
-def _decorate(
+def _add_decorations(
     scene: mujoco.MjvScene, model: mujoco.MjModel, motion: BodyMotion, frame: int
 ) -> None:
-    """Add the forces and the trail of a frame, and a background."""
     draw_background(model, scene)
     _draw_trail(scene, motion, frame)
     _draw_forces(scene, motion, frame)
 
 
 def _draw_trail(scene: mujoco.MjvScene, motion: BodyMotion, frame: int) -> None:
-    """Add the way that the body which is looked at came, up to a frame; the older, the fainter."""
+    """Add the path of the followed body up to a frame; older parts are fainter."""
     body = int(np.argmax(motion.moving)) if motion.followed is None else motion.followed
-    rows = np.unique(np.linspace(0, frame, min(frame + 1, _TRAIL)).astype(int))
-    way, radius = motion.positions[rows, body], _RADIUS * motion.view(frame).radius
+    rows = np.unique(np.linspace(0, frame, min(frame + 1, _MAX_TRAIL_PIECES)).astype(int))
+    way, radius = motion.positions[rows, body], _ARROW_RADIUS * motion.view(frame).radius
     for place, (begin, end) in enumerate(itertools.pairwise(way), 1):
         if scene.ngeom < scene.maxgeom and np.linalg.norm(end - begin) > radius:
             colour = (*_TRAIL_COLOUR, place / len(way))
@@ -193,16 +201,16 @@ def _with_inset(picture: Picture, inset: Picture | None = None) -> Picture:
     shown = picture.copy()
     if inset is not None:
         height, width, _ = inset.shape
-        right = shown.shape[1] - _BORDER
-        shown[_BORDER : _BORDER + height, right - width : right] = inset
-        frame = shown[_BORDER : _BORDER + height, right - width : right]
+        right = shown.shape[1] - _BORDER_PIXELS
+        shown[_BORDER_PIXELS : _BORDER_PIXELS + height, right - width : right] = inset
+        frame = shown[_BORDER_PIXELS : _BORDER_PIXELS + height, right - width : right]
         for edge in (frame[:2], frame[-2:], frame[:, :2], frame[:, -2:]):
-            edge[:] = _PAPER
+            edge[:] = _PAPER_COLOUR
     return shown
 
 
-def _place(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    for place in _PLACING:
+def _place_objects(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    for place in _PLACEMENT_STAGES:
         place(model, data)
 
 
@@ -213,34 +221,34 @@ def _draw_ghost(
     recorded: Floats,
     option: mujoco.MjvOption,
 ) -> None:
-    """Add the geoms that what was recorded (nq,) places elsewhere, NaN for what was not."""
+    """Add the geoms that a recorded configuration (nq,) places elsewhere; NaN if not recorded."""
     before, first = data.geom_xpos.copy(), scene.ngeom
     turned = data.geom_xmat.copy()
     data.qpos[:] = np.where(np.isnan(recorded), data.qpos, recorded)
-    _place(model, data)
+    _place_objects(model, data)
     moved = (data.geom_xpos != before).any(axis=1) | (data.geom_xmat != turned).any(axis=1)
     moving = mujoco.mjtCatBit.mjCAT_DYNAMIC.value
     mujoco.mjv_addGeoms(model, data, option, mujoco.MjvPerturb(), moving, scene)
     for geom in scene.geoms[first : scene.ngeom]:
         is_geom = geom.objtype == mujoco.mjtObj.mjOBJ_GEOM.value
-        geom.rgba[:] = _GHOST if is_geom and moved[geom.objid] else 0
+        geom.rgba[:] = _GHOST_COLOUR if is_geom and moved[geom.objid] else 0
 
 
 def draw_background(model: mujoco.MjModel, scene: mujoco.MjvScene) -> None:
-    """Put a bright wall behind everything where a model has no sky: MuJoCo would leave it black."""
+    """Put a bright wall behind everything if a model has no sky, instead of MuJoCo's black."""
     if (model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX).any():
         return
     eye = scene.camera[0]
-    far = _WALL * eye.frustum_far
+    far = _WALL_DISTANCE * eye.frustum_far
     half = 2 * far / eye.frustum_near * max(eye.frustum_top, eye.frustum_width, eye.frustum_near)
     up, back = eye.up.astype(float), -eye.forward.astype(float)
     turn = np.stack([np.cross(up, back), up, back], axis=1)
-    wall = _new_geom(scene, mujoco.mjtGeom.mjGEOM_BOX, _BACKGROUND)
+    wall = _new_geom(scene, mujoco.mjtGeom.mjGEOM_BOX, _BACKGROUND_COLOUR)
     wall.pos, wall.size, wall.mat = eye.pos + far * eye.forward, (half, half, far * 1e-3), turn
     wall.emission, wall.specular, wall.reflectance = 0.2, 0.0, 0.0
 
 
-def _camera_of(model: mujoco.MjModel, name: str) -> mujoco.MjvCamera:
+def _model_camera(model: mujoco.MjModel, name: str) -> mujoco.MjvCamera:
     names = [model.camera(index).name for index in range(model.ncam)]
     if name not in names:
         known = f"; it has {', '.join(names)}" if names else "; leave --camera out"
@@ -250,33 +258,33 @@ def _camera_of(model: mujoco.MjModel, name: str) -> mujoco.MjvCamera:
     return camera
 
 
-def _camera_on(model: mujoco.MjModel, stage: Stage, aspect: float) -> mujoco.MjvCamera:
+def _stage_camera(model: mujoco.MjModel, stage: Stage, aspect: float) -> mujoco.MjvCamera:
     camera = mujoco.MjvCamera()
     camera.lookat[:] = stage.centre
-    camera.distance = _distance(model, stage, aspect)
+    camera.distance = _camera_distance(model, stage, aspect)
     camera.azimuth, camera.elevation = _AZIMUTH, _ELEVATION
     return camera
 
 
-def _distance(model: mujoco.MjModel, stage: Stage, aspect: float) -> float:
-    """Return how far from a stage's centre a camera sees all of it [m]."""
+def _camera_distance(model: mujoco.MjModel, stage: Stage, aspect: float) -> float:
+    """Return the distance of a camera that sees all of a stage from its centre [m]."""
     half = math.radians(float(model.vis.global_.fovy)) / 2
     narrow = min(half, math.atan(math.tan(half) * aspect))
-    return _MARGIN * stage.radius / math.sin(narrow)
+    return _DISTANCE_MARGIN * stage.radius / math.sin(narrow)
 
 
 def force_bar(
     model: mujoco.MjModel, stage: Stage, size: tuple[int, int], scale: float
 ) -> tuple[float, int]:
-    """Return a round force [N], and how long its arrow is at a stage's centre [pixels].
+    """Return a round force [N], and the length of its arrow at a stage's centre [pixels].
 
-    The arrow has a scale [m/N] and lies across the view.
+    The arrow has a scale [m/N] and is perpendicular to the view.
     """
     width, height = size
     half = math.radians(float(model.vis.global_.fovy)) / 2
-    across = 2 * math.tan(half) * _distance(model, stage, width / height)
+    across = 2 * math.tan(half) * _camera_distance(model, stage, width / height)
     pixels = height / across * scale
-    most = _LONGEST_BAR * width / pixels
+    most = _MAX_BAR_SHARE * width / pixels
     decade = 10.0 ** math.floor(math.log10(most))
     force = max(digit * decade for digit in (1, 2, 5) if digit * decade <= most * (1 + 1e-9))
     return force, round(force * pixels)
@@ -290,10 +298,11 @@ def _draw_forces(scene: mujoco.MjvScene, motion: BodyMotion, frame: int) -> None
         if scene.ngeom == scene.maxgeom:
             return
         width = min(
-            _RADIUS * motion.view(frame).radius, _MOST_RADIUS * float(np.linalg.norm(arrow))
+            _ARROW_RADIUS * motion.view(frame).radius,
+            _MAX_ARROW_RADIUS * float(np.linalg.norm(arrow)),
         )
         geom = _new_geom(scene, _ARROW, MODE_COLOURS[mode])
-        # MuJoCo draws an arrow half as long as it is told.
+        # MuJoCo draws an arrow at half its length.
         mujoco.mjv_connector(geom, _ARROW.value, width, point, point + 2 * arrow)
 
 
@@ -302,7 +311,7 @@ def _new_geom(
 ) -> mujoco.MjvGeom:
     geom, rgba = scene.geoms[scene.ngeom], np.array(colour, np.float32)
     mujoco.mjv_initGeom(geom, kind.value, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
-    # Not set by this: whatever the memory held would decide whether the geom casts a shadow.
+    # mjv_initGeom does not set the category; old memory would decide about a shadow of the geom.
     geom.category = mujoco.mjtCatBit.mjCAT_DECOR.value
     scene.ngeom += 1
     return geom
@@ -312,8 +321,8 @@ def _new_geom(
 class RunPictures:
     """The pictures of a run, drawn when they are written; qpos is (F, nq), of the frames.
 
-    The camera is one of the model, or the motion's own; `said` are words for frames. A film
-    shows what is between two times.
+    The camera is one of the model, or the motion's own; `said` are words for frames. A film shows
+    the motion between two times.
     """
 
     replay: PreparedReplay
@@ -323,24 +332,24 @@ class RunPictures:
     camera: str | None
     recorded: Mapping[int, Floats]
     said: Mapping[int, str]
-    between: tuple[float, float] = (-math.inf, math.inf)  # what a film shows [s]
+    between: tuple[float, float] = (-math.inf, math.inf)  # time range of a film [s]
 
     def film(self, rate: float) -> Iterator[Picture]:
         """Yield a film's pictures, `rate` per simulated second."""
         time = self.motion.time
         times, (begin, end) = frame_times(time, rate), self.between
         shown = Counter(nearest(time, times[(times >= begin) & (times <= end)]).tolist())
-        for count, picture in zip(shown.values(), self._draw(list(shown)), strict=True):
+        for count, picture in zip(shown.values(), self._draw_frames(list(shown)), strict=True):
             yield from repeat(picture, count)
 
     def sheet(self, times: Sequence[float]) -> list[Picture]:
         """Return a sheet's pictures, at times [s]."""
         wanted: list[int] = nearest(self.motion.time, np.array(times)).tolist()
         frames = sorted(set(wanted))
-        drawn = dict(zip(frames, self._draw(frames), strict=True))
+        drawn = dict(zip(frames, self._draw_frames(frames), strict=True))
         return [drawn[frame] for frame in wanted]
 
-    def _draw(self, frames: Sequence[int]) -> Iterator[Picture]:
+    def _draw_frames(self, frames: Sequence[int]) -> Iterator[Picture]:
         record, model, motion = self.replay.record, self.replay.prepared.model, self.motion
         chosen = {frame: self.qpos[frame] for frame in frames}
         run = f"{record.scene} {record.run_id[:8]}: {record.label}"
@@ -354,7 +363,7 @@ class RunPictures:
 
 
 def side_by_side(first: Iterator[Picture], second: Iterator[Picture]) -> Iterator[Picture]:
-    """Yield pairs of pictures of one size beside each other; the shorter film keeps its last."""
+    """Yield pairs of pictures of one size, left and right; the shorter film keeps its last."""
     left = right = np.empty(0, np.uint8)
     for one, other in zip_longest(first, second):
         left, right = (left if one is None else one), (right if other is None else other)
@@ -362,7 +371,7 @@ def side_by_side(first: Iterator[Picture], second: Iterator[Picture]) -> Iterato
 
 
 def recorded_poses(motion: RecordedMotion | None, times: Floats) -> dict[int, Floats]:
-    """Return what was recorded of a run (nq,) nearest to some times (F,) [s], by their index."""
+    """Return recorded configurations (nq,) of a run nearest to some times (F,) [s], by index."""
     if motion is None:
         return {}
     rows: list[int] = nearest(motion.times[0][np.isfinite(motion.times[0])], times).tolist()
@@ -394,36 +403,36 @@ def captioned(
 ) -> Picture:
     """Return a picture with a line of words below it; its height is even, as H.264 requires.
 
-    The first of them stand there as far as there is room. A bar of so many pixels shows how long
-    the arrow of a force [N] is.
+    The line has as many of the words, from the first, as there is room for. A bar of a number of
+    pixels shows the length of the arrow of a force [N].
     """
     height, width, _ = picture.shape
     size = max(10, width // 40)
-    strip = size + 2 * _BORDER
-    image = Image.new("RGB", (width, (height + strip + 1) // 2 * 2), _PAPER)
+    strip = size + 2 * _BORDER_PIXELS
+    image = Image.new("RGB", (width, (height + strip + 1) // 2 * 2), _PAPER_COLOUR)
     image.paste(Image.fromarray(picture))
-    top, middle, right = height + _BORDER // 2, height + strip // 2, width - _BORDER
+    top, middle, right = height + _BORDER_PIXELS // 2, height + strip // 2, width - _BORDER_PIXELS
     pen, font = ImageDraw.Draw(image), ImageFont.load_default(size)
     if bar is not None:
         force, pixels = bar
         label, left = newtons(force), right - pixels
-        pen.line((left, middle, right, middle), _INK, 2)
+        pen.line((left, middle, right, middle), _INK_COLOUR, 2)
         for end in (left, right):
-            pen.line((end, middle - size // 3, end, middle + size // 3), _INK, 2)
-        right = left - _BORDER - math.ceil(pen.textlength(label, font))
-        pen.text((right, top), label, _INK, font)
+            pen.line((end, middle - size // 3, end, middle + size // 3), _INK_COLOUR, 2)
+        right = left - _BORDER_PIXELS - math.ceil(pen.textlength(label, font))
+        pen.text((right, top), label, _INK_COLOUR, font)
     lines = ["   ".join(words[: len(words) - left_out]) for left_out in range(len(words))]
-    fitting = (line for line in lines if pen.textlength(line, font) < right - 3 * _BORDER)
-    pen.text((_BORDER, top), next(fitting, words[0]), _INK, font)
+    fitting = (line for line in lines if pen.textlength(line, font) < right - 3 * _BORDER_PIXELS)
+    pen.text((_BORDER_PIXELS, top), next(fitting, words[0]), _INK_COLOUR, font)
     return np.asarray(image)
 
 
 def write_sheet(target: Path, pictures: Sequence[Picture], most: int = 3) -> None:
-    """Write pictures of one size as one PNG, row by row, at most so many in a row."""
+    """Write pictures of one size as one PNG, row by row, with at most `most` in a row."""
     columns = min(len(pictures), most)
     rows = math.ceil(len(pictures) / columns)
     height, width, _ = pictures[0].shape
-    sheet = Image.new("RGB", (columns * width, rows * height), _PAPER)
+    sheet = Image.new("RGB", (columns * width, rows * height), _PAPER_COLOUR)
     for index, picture in enumerate(pictures):
         row, column = divmod(index, columns)
         sheet.paste(Image.fromarray(picture), (column * width, row * height))

@@ -1,4 +1,4 @@
-"""Files that Foxglove and Lichtblick need beside a trace: a layout, a schema of `/evidence`.
+"""Writes files that Foxglove and Lichtblick need with a trace: a layout, a schema of `/evidence`.
 
 Source: layouts as the apps export them; message paths at
 https://docs.foxglove.dev/docs/visualization/message-path-syntax.
@@ -26,13 +26,13 @@ PLOTS = {
     "Penetration [m]": "penetration",
     "Slip speed [m/s]": "slip_speed",
 }
-_MOST_JOINTS = 8
-# What viewers read of a schema: https://docs.foxglove.dev/docs/sdk/schemas.
-_VIEWED = ("boolean", "string", "number", "integer")
+_MAX_JOINTS = 8
+# Types of a schema that viewers read: https://docs.foxglove.dev/docs/sdk/schemas.
+_VIEWED_TYPES = ("boolean", "string", "number", "integer")
 
 
 def layout_file(target: Path) -> Path:
-    """Return where the layout of a trace file is written: beside it."""
+    """Return the path of the layout of a trace file, in the same folder."""
     return target.with_suffix(".layout.json")
 
 
@@ -48,27 +48,27 @@ def layout(motion: BodyMotion) -> Node:
     plots: Node = {}
     for title, field in PLOTS.items() if topics else ():
         paths = {pair: message_path(topic, field) for pair, topic in topics.items()}
-        plots[f"Plot!{field}"] = _plot(title, paths)
-    joints = motion.joints.names[:_MOST_JOINTS]
+        plots[f"Plot!{field}"] = _plot_panel(title, paths)
+    joints = motion.joints.names[:_MAX_JOINTS]
     if joints:
         paths = {
             name: f"{JOINTS}.joints[:]{{name=={json.dumps(name)}}}.position" for name in joints
         }
-        plots["Plot!joints"] = _plot("Joints [m, rad]", paths)
+        plots["Plot!joints"] = _plot_panel("Joints [m, rad]", paths)
     panels = {
         "3D!scene": _scene_panel(motion),
         "Log!events": {"topicToRender": EVENTS, "minLogLevel": 1},
         "RawMessages!evidence": {"topicPath": EVIDENCE_TOPIC},
         **plots,
     }
-    below = _split("row", "Log!events", "RawMessages!evidence", 50)
-    left = _split("column", "3D!scene", below, 70)
+    below = _split_panels("row", "Log!events", "RawMessages!evidence", 50)
+    left = _split_panels("column", "3D!scene", below, 70)
     return {
         "configById": panels,
         "globalVariables": {},
         "userNodes": {},
         "playbackConfig": {"speed": 1},
-        "layout": _split("row", left, _stacked(list(plots)), 58) if plots else left,
+        "layout": _split_panels("row", left, _stack_panels(list(plots)), 58) if plots else left,
     }
 
 
@@ -93,7 +93,7 @@ def _scene_panel(motion: BodyMotion) -> Node:
     }
 
 
-def _plot(title: str, paths: Mapping[str, str]) -> Node:
+def _plot_panel(title: str, paths: Mapping[str, str]) -> Node:
     series = [
         {"value": path, "label": name, "enabled": True, "timestampMethod": "receiveTime"}
         for name, path in paths.items()
@@ -106,42 +106,48 @@ def message_path(topic: str, field: str) -> str:
     return f"{topic if _PLAIN_TOPIC.fullmatch(topic) else json.dumps(topic)}.{field}"
 
 
-def _stacked(panels: list[str]) -> str | Node:
+def _stack_panels(panels: list[str]) -> str | Node:
     """Return panels below each other, all of the same height."""
     first, *others = panels
-    return _split("column", first, _stacked(others), 100 / len(panels)) if others else first
+    return (
+        _split_panels("column", first, _stack_panels(others), 100 / len(panels))
+        if others
+        else first
+    )
 
 
-def _split(direction: str, first: str | Node, second: str | Node, share: float) -> Node:
+def _split_panels(direction: str, first: str | Node, second: str | Node, share: float) -> Node:
     return {"direction": direction, "first": first, "second": second, "splitPercentage": share}
 
 
 def evidence_schema() -> bytes:
-    """Return the JSON Schema of `/evidence` in what viewers read: no references, unions or null.
+    """Return the JSON Schema of `/evidence` as viewers read it: no references, unions or null.
 
-    A property is left out where a value may be of several types; viewers show it all the same.
-    Where there is no value a record has null.
+    A property with values of several types is omitted; viewers show it nevertheless. A record has
+    null for a missing value.
     """
     schema = EvidenceRecord.model_json_schema(mode="serialization")
-    plain = _viewed(schema, schema.get("$defs", {}))
+    plain = _viewed_schema(schema, schema.get("$defs", {}))
     assert plain is not None, "a record is an object"
     return json.dumps(plain).encode()
 
 
-def _viewed(node: Node, definitions: Mapping[str, Node]) -> Node | None:
+def _viewed_schema(node: Node, definitions: Mapping[str, Node]) -> Node | None:
     """Return a schema without references and null; None if its values are of several types."""
     if "$ref" in node:
-        return _viewed(definitions[node["$ref"].rpartition("/")[2]], definitions)
+        return _viewed_schema(definitions[node["$ref"].rpartition("/")[2]], definitions)
     if "anyOf" in node:
         some = [option for option in node["anyOf"] if option.get("type") != "null"]
-        return _viewed(some[0], definitions) if len(some) == 1 else None
+        return _viewed_schema(some[0], definitions) if len(some) == 1 else None
     kind = node.get("type", "string" if "const" in node or "enum" in node else None)
-    told = {"type": kind, **{key: node[key] for key in ("description",) if key in node}}
+    typed = {"type": kind, **{key: node[key] for key in ("description",) if key in node}}
     if kind == "object":
-        parts = {n: _viewed(part, definitions) for n, part in node.get("properties", {}).items()}
-        return {**told, "properties": {n: part for n, part in parts.items() if part is not None}}
+        parts = {
+            n: _viewed_schema(part, definitions) for n, part in node.get("properties", {}).items()
+        }
+        return {**typed, "properties": {n: part for n, part in parts.items() if part is not None}}
     if kind == "array":
         first = node.get("items") or next(iter(node.get("prefixItems", [])), {})
-        items = _viewed(first, definitions) if isinstance(first, dict) else None
-        return None if items is None else {**told, "items": items}
-    return told if kind in _VIEWED else None
+        items = _viewed_schema(first, definitions) if isinstance(first, dict) else None
+        return None if items is None else {**typed, "items": items}
+    return typed if kind in _VIEWED_TYPES else None

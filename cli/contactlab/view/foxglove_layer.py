@@ -1,4 +1,4 @@
-"""A trace file with a 3D layer of Foxglove's own messages: poses, shapes, contact arrows.
+"""Writes a trace file with a 3D layer of Foxglove's own messages: poses, shapes, contact arrows.
 
 Source: the message schemas at https://docs.foxglove.dev/docs/sdk/schemas; quaternions there are
 x, y, z, w, and an arrow points along +x of its pose.
@@ -46,16 +46,16 @@ from contactlab.view.foxglove_files import (
     write_layout,
 )
 
-_WORLD = 0
+_WORLD_BODY = 0
 # An arrow's head as a fraction of its length; its diameter as a fraction of the sphere's radius,
 # and at most of its own length.
-_HEAD, _DIAMETER, _MOST_DIAMETER = 0.25, 0.02, 0.15
+_HEAD_SHARE, _ARROW_DIAMETER, _MAX_DIAMETER_SHARE = 0.25, 0.02, 0.15
 
 
 def write_with_layer(
     source: Path, target: Path, motion: BodyMotion, events: Sequence[RunEvent] = ()
 ) -> None:
-    """Write a trace file again with the 3D layer and events added, and a layout beside it.
+    """Write a trace file again with the 3D layer and events added, and a layout in the same folder.
 
     An OutputError says that a file cannot be written.
     """
@@ -64,17 +64,17 @@ def write_with_layer(
     forces = [(row, contact_forces(motion, frame)) for frame, row in enumerate(rows)]
     joints = [(row, joint_states(motion, frame)) for frame, row in enumerate(rows)]
     channels = (
-        _channel(SCENE, SceneUpdate, [(rows[0], scene(motion))]),
-        _channel("/tf", FrameTransforms, poses),
-        _channel(FORCES, SceneUpdate, forces),
-        _channel(JOINTS, JointStates, joints if motion.joints.names else []),
-        _channel(EVENTS, Log, [(event.row, event_log(event)) for event in events]),
+        _added_channel(SCENE, SceneUpdate, [(rows[0], scene(motion))]),
+        _added_channel("/tf", FrameTransforms, poses),
+        _added_channel(FORCES, SceneUpdate, forces),
+        _added_channel(JOINTS, JointStates, joints if motion.joints.names else []),
+        _added_channel(EVENTS, Log, [(event.row, event_log(event)) for event in events]),
     )
     copy_trace(source, target, channels, {RECORD_SCHEMA_NAME: evidence_schema()})
     write_layout(layout_file(target), motion)
 
 
-def _channel(
+def _added_channel(
     topic: str, kind: type[Message], messages: Iterable[tuple[int, Message]]
 ) -> AddedChannel:
     encoded = [(row, message.SerializeToString(deterministic=True)) for row, message in messages]
@@ -82,11 +82,11 @@ def _channel(
 
 
 def descriptors(message: type[Message]) -> bytes:
-    """Return a FileDescriptorSet that defines a message and all that it uses."""
+    """Return a FileDescriptorSet that defines a message and all its dependencies."""
     pending, files = [message.DESCRIPTOR.file], {}
     while pending:
         file = pending.pop()
-        # A file that is needed again moves to the end, behind all that need it.
+        # A file that is needed again moves to the end, after all its users.
         files.pop(file.name, None)
         files[file.name] = file
         pending += file.dependencies
@@ -97,16 +97,16 @@ def descriptors(message: type[Message]) -> bytes:
 
 
 def transforms(motion: BodyMotion, frame: int) -> FrameTransforms:
-    """Return where every body but the world is in a frame."""
-    time = _timestamp(motion.time[frame])
+    """Return the poses of all bodies except the world in a frame."""
+    time = _timestamp_message(motion.time[frame])
     return FrameTransforms(
         transforms=[
             FrameTransform(
                 timestamp=time,
-                parent_frame_id=motion.bodies[_WORLD],
+                parent_frame_id=motion.bodies[_WORLD_BODY],
                 child_frame_id=motion.bodies[body],
-                translation=_vector(motion.positions[frame, body]),
-                rotation=_quaternion(motion.rotations[frame, body]),
+                translation=_vector_message(motion.positions[frame, body]),
+                rotation=_quaternion_message(motion.rotations[frame, body]),
             )
             for body in range(1, len(motion.bodies))
         ]
@@ -114,12 +114,12 @@ def transforms(motion: BodyMotion, frame: int) -> FrameTransforms:
 
 
 def scene(motion: BodyMotion) -> SceneUpdate:
-    """Return what the bodies look like, each as an entity that moves with its body's frame."""
-    time, entities = _timestamp(motion.time[0]), dict[str, SceneEntity]()
+    """Return the shapes of the bodies, each as an entity that moves with its body's frame."""
+    time, entities = _timestamp_message(motion.time[0]), dict[str, SceneEntity]()
     for shape in sorted(motion.shapes, key=lambda drawn: drawn.body):
         name = motion.bodies[shape.body]
         entity = SceneEntity(timestamp=time, frame_id=name, id=name, frame_locked=True)
-        _add(entities.setdefault(name, entity), shape)
+        _add_shape(entities.setdefault(name, entity), shape)
     return SceneUpdate(entities=entities.values())
 
 
@@ -132,13 +132,15 @@ def contact_forces(motion: BodyMotion, frame: int) -> SceneUpdate:
     return SceneUpdate(
         entities=[
             SceneEntity(
-                timestamp=_timestamp(motion.time[frame]),
-                frame_id=motion.bodies[_WORLD],
+                timestamp=_timestamp_message(motion.time[frame]),
+                frame_id=motion.bodies[_WORLD_BODY],
                 id=FORCES.lstrip("/"),
                 metadata=[
                     KeyValuePair(key=key, value=f"{value:g}") for key, value in scale.items()
                 ],
-                arrows=[_arrow(*arrow, _DIAMETER * motion.radius) for arrow in arrows],
+                arrows=[
+                    _arrow_message(*arrow, _ARROW_DIAMETER * motion.radius) for arrow in arrows
+                ],
             )
         ]
     )
@@ -149,22 +151,22 @@ def joint_states(motion: BodyMotion, frame: int) -> JointStates:
     names, positions, velocities = motion.joints
     parts = zip(names, positions[frame].tolist(), velocities[frame].tolist(), strict=True)
     joints = [JointState(name=name, position=at, velocity=speed) for name, at, speed in parts]
-    return JointStates(timestamp=_timestamp(motion.time[frame]), joints=joints)
+    return JointStates(timestamp=_timestamp_message(motion.time[frame]), joints=joints)
 
 
 def event_log(event: RunEvent) -> Log:
     """Return a label as a line of the log; a severe one as an error."""
     return Log(
-        timestamp=_timestamp(event.time),
+        timestamp=_timestamp_message(event.time),
         level=Log.ERROR if event.is_severe else Log.WARNING,
         message=f"{event.label}: {event.reason}",
         name="contactlab",
     )
 
 
-def _add(entity: SceneEntity, shape: BodyShape) -> None:
-    pose, colour = _pose(shape.position, shape.rotation), _colour(shape.colour)
-    size = _vector(shape.size)
+def _add_shape(entity: SceneEntity, shape: BodyShape) -> None:
+    pose, colour = _pose_message(shape.position, shape.rotation), _colour_message(shape.colour)
+    size = _vector_message(shape.size)
     if shape.form == "box":
         entity.cubes.append(CubePrimitive(pose=pose, size=size, color=colour))
     elif shape.form == "ellipsoid":
@@ -179,38 +181,38 @@ def _add(entity: SceneEntity, shape: BodyShape) -> None:
         entity.triangles.append(mesh)
 
 
-def _arrow(point: Floats, arrow: Floats, mode: int, diameter: float) -> ArrowPrimitive:
+def _arrow_message(point: Floats, arrow: Floats, mode: int, diameter: float) -> ArrowPrimitive:
     length = float(np.linalg.norm(arrow))
-    thickness = min(diameter, _MOST_DIAMETER * length)
+    thickness = min(diameter, _MAX_DIAMETER_SHARE * length)
     return ArrowPrimitive(
-        pose=_pose(point, rotation_from_x(arrow)),
-        shaft_length=(1 - _HEAD) * length,
+        pose=_pose_message(point, rotation_from_x(arrow)),
+        shaft_length=(1 - _HEAD_SHARE) * length,
         shaft_diameter=thickness,
-        head_length=_HEAD * length,
+        head_length=_HEAD_SHARE * length,
         head_diameter=2 * thickness,
-        color=_colour(np.array(MODE_COLOURS[mode])),
+        color=_colour_message(np.array(MODE_COLOURS[mode])),
     )
 
 
-def _timestamp(time: float) -> Timestamp:
+def _timestamp_message(time: float) -> Timestamp:
     seconds, nanos = divmod(round(time * 1e9), 10**9)
     return Timestamp(seconds=seconds, nanos=nanos)
 
 
-def _pose(position: Floats, rotation: Floats) -> Pose:
-    return Pose(position=_vector(position), orientation=_quaternion(rotation))
+def _pose_message(position: Floats, rotation: Floats) -> Pose:
+    return Pose(position=_vector_message(position), orientation=_quaternion_message(rotation))
 
 
-def _vector(values: Floats) -> Vector3:
+def _vector_message(values: Floats) -> Vector3:
     x, y, z = values.tolist()
     return Vector3(x=x, y=y, z=z)
 
 
-def _quaternion(values: Floats) -> Quaternion:
+def _quaternion_message(values: Floats) -> Quaternion:
     w, x, y, z = values.tolist()
     return Quaternion(x=x, y=y, z=z, w=w)
 
 
-def _colour(values: Floats) -> Color:
+def _colour_message(values: Floats) -> Color:
     red, green, blue, opacity = values.tolist()
     return Color(r=red, g=green, b=blue, a=opacity)

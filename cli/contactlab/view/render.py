@@ -1,4 +1,4 @@
-"""A stored run to look at: as a file, whose suffix says which kind, or in MuJoCo's viewer."""
+"""Writes a stored run as a file with the format of its suffix, or shows it in MuJoCo's viewer."""
 
 import math
 import time
@@ -33,25 +33,26 @@ from contactlab.view.foxglove_files import layout_file
 if TYPE_CHECKING:
     from contactlab.view.film import RunPictures
 
-_VIEWERS = (".mcap", ".rrd")
-_FILMS = {".mp4": 30, ".gif": 25}  # frames per second
-_SHEET = ".png"
-_SIDES = (64, 4096)
-_SPEEDS = (0.001, 1000.0)
-_SIZE = (640, 480)
-# Frames per second of viewers' files, and of the steps that a sheet's arrows stand for.
-_RATE = 60.0
-_MOMENTS, _MOMENTS_OF_TWO = 6, 3
+_VIEWER_SUFFIXES = (".mcap", ".rrd")
+_FILM_RATES = {".mp4": 30, ".gif": 25}  # frames per second
+_SHEET_SUFFIX = ".png"
+_SIDE_LIMITS = (64, 4096)
+_SPEED_LIMITS = (0.001, 1000.0)
+_DEFAULT_SIZE = (640, 480)
+# Frames per second of viewers' files, and of the steps that a sheet's arrows represent.
+_FRAME_RATE = 60.0
+_MOMENT_COUNT, _MOMENT_COUNT_OF_TWO = 6, 3
 
 
 @dataclass(frozen=True)
 class PictureOptions:
     """View of pictures: their width and height [pixels], and the camera of the model.
 
-    Without a camera, one sees the failing pair, and the whole motion as an inset. A film's speed is
-    in simulated seconds per second, a sheet's pictures are `at` times [s] or, without any, where
-    labels begin and forces peak. Another run of the store is drawn `beside`, if one is named. A
-    film shows what is `between` two times [s]; pictures are of what is `around` a body, if given.
+    Without a camera, the view shows the failing pair, and the whole motion as an inset. A film's
+    speed is in simulated seconds per second. A sheet has pictures `at` times [s] or, without any,
+    at starts of labels and peaks of forces. `beside` names another run of the store, drawn on the
+    right. A film shows the motion `between` two times [s]; pictures follow the body `around`, if
+    given.
     """
 
     size: tuple[int, int] | None = None
@@ -63,15 +64,17 @@ class PictureOptions:
     around: str | None = None
 
 
-_DEFAULT = PictureOptions()
+_DEFAULT_OPTIONS = PictureOptions()
 
 
-def render(store: Store, run: str, target: Path, options: PictureOptions = _DEFAULT) -> BodyMotion:
+def render(
+    store: Store, run: str, target: Path, options: PictureOptions = _DEFAULT_OPTIONS
+) -> BodyMotion:
     """Write a stored run as .mcap with a 3D layer, .rrd, .mp4, .gif or .png.
 
     Everything comes from the stored trace and scene; nothing is simulated again. An OutputError
-    says what of suffix, options, file and libraries is wrong, a StoreError that there is no such
-    run or trace, a SceneError that there is no OpenGL to draw with, or no such camera.
+    reports a wrong suffix, option, file or library, a StoreError that there is no such run or
+    trace, a SceneError that there is no OpenGL to draw with, or no such camera.
     """
     _check_options(target, options)
     replay = prepare_replay(store, run)
@@ -81,7 +84,7 @@ def render(store: Store, run: str, target: Path, options: PictureOptions = _DEFA
         raise OutputError(
             f"--at {outside[0]:g}: choose a time within the run, {start:g} to {end:g} s"
         )
-    if target.suffix.lower() in _VIEWERS:
+    if target.suffix.lower() in _VIEWER_SUFFIXES:
         return _write_for_viewer(store, replay, trace, target)
     runs = [(replay, trace)]
     if options.beside is not None:
@@ -103,7 +106,7 @@ def write_file(  # noqa: PLR0913 - one argument an option
     between: tuple[float, float] | None = None,
     around: str | None = None,
 ) -> str | None:
-    """Write a run as `render` does; return what its arrows mean and what else was written."""
+    """Write a run like `render`; return the meaning of its arrows and the other written files."""
     options = PictureOptions(size, camera, speed, tuple(at), beside, between, around)
     motion = render(store, run, target, options)
     notes: list[str] = []
@@ -120,7 +123,7 @@ def write_file(  # noqa: PLR0913 - one argument an option
 def _write_for_viewer(
     store: Store, replay: PreparedReplay, trace: StoredTrace, target: Path
 ) -> BodyMotion:
-    motion = read_motion(replay.prepared, trace, _RATE)
+    motion = read_motion(replay.prepared, trace, _FRAME_RATE)
     events = run_events(replay.record.labels, trace.time[: motion.rows[-1] + 1])
     if target.suffix.lower() == ".rrd":
         with optional("rerun", target.suffix):
@@ -138,7 +141,7 @@ def _write_for_viewer(
 def _write_pictures(
     runs: Sequence[tuple[PreparedReplay, StoredTrace]], target: Path, options: PictureOptions
 ) -> BodyMotion:
-    """Write a film or a sheet of one run, or of two beside each other, seen from one place."""
+    """Write a film or a sheet of one run, or of two with the same view."""
     suffix = target.suffix.lower()
     with optional("view", target.suffix):
         from contactlab.view.film import (  # noqa: PLC0415 - an extra
@@ -147,14 +150,14 @@ def _write_pictures(
             write_mp4,
             write_sheet,
         )
-    rate = _FILMS.get(suffix, _RATE) / (options.speed or 1.0)
-    is_sheet = suffix == _SHEET
-    most = _MOMENTS if len(runs) == 1 else _MOMENTS_OF_TWO
-    telling = {time for run in runs for time in _moments(*run, most)} if is_sheet else ()
-    times = options.at or sorted(telling)
+    rate = _FILM_RATES.get(suffix, _FRAME_RATE) / (options.speed or 1.0)
+    is_sheet = suffix == _SHEET_SUFFIX
+    most = _MOMENT_COUNT if len(runs) == 1 else _MOMENT_COUNT_OF_TWO
+    moments = {time for run in runs for time in _sheet_times(*run, most)} if is_sheet else ()
+    times = options.at or sorted(moments)
     pictures = [_run_pictures(*run, rate, times, options) for run in runs]
     if len(pictures) > 1:
-        pictures = _seen_alike(pictures)
+        pictures = _with_same_view(pictures)
     if is_sheet:
         sheets = [iter(picture.sheet(times)) for picture in pictures]
         if len(sheets) > 1:
@@ -164,13 +167,14 @@ def _write_pictures(
     else:
         films = [picture.film(rate) for picture in pictures]
         write_film = write_mp4 if suffix == ".mp4" else write_gif
-        write_film(target, side_by_side(*films) if len(films) > 1 else films[0], _FILMS[suffix])
+        write_film(
+            target, side_by_side(*films) if len(films) > 1 else films[0], _FILM_RATES[suffix]
+        )
     return pictures[0].motion
 
 
-def _moments(replay: PreparedReplay, trace: StoredTrace, most: int) -> list[float]:
-    """Return the times of a sheet's pictures: where labels begin, force peaks, start and end."""
-    motion = read_motion(replay.prepared, trace, _RATE)
+def _sheet_times(replay: PreparedReplay, trace: StoredTrace, most: int) -> list[float]:
+    motion = read_motion(replay.prepared, trace, _FRAME_RATE)
     events = run_events(replay.record.labels, trace.time[: motion.rows[-1] + 1])
     return telling_moments(motion, trace, events, failing_pair(replay.record, trace.pairs), most)
 
@@ -191,26 +195,25 @@ def _run_pictures(
         ghosts = np.stack([recorded[frame] for frame in range(len(qpos))])
         motion = widened(motion, *poses(model, np.where(np.isnan(ghosts), qpos, ghosts)))
     pair = failing_pair(replay.record, trace.pairs)
-    bodies = [] if pair is None else _bodies_of(replay, pair)
+    bodies = [] if pair is None else _pair_bodies(replay, pair)
     if options.around is not None:
         bodies = [body for body, name in enumerate(motion.bodies) if name == options.around]
     if bodies and options.camera is None and not recorded:
         motion = following(motion, bodies) or motion
     begins = [(label.step, label.label) for label in replay.record.labels if label.step is not None]
     said = {int(np.searchsorted(motion.rows, step)): label for step, label in reversed(begins)}
-    size = options.size or _SIZE
+    size = options.size or _DEFAULT_SIZE
     between = options.between or (-math.inf, math.inf)
     return RunPictures(replay, motion, qpos, size, options.camera, recorded, said, between)
 
 
-def _bodies_of(replay: PreparedReplay, name: str) -> list[int]:
-    """Return the indices of the bodies of a monitored pair."""
+def _pair_bodies(replay: PreparedReplay, name: str) -> list[int]:
     [pair] = [known for known in replay.runs.base.pairs if known.name == name]
     return [int(replay.prepared.model.geom_bodyid[geoms[0]]) for geoms in pair.geoms]
 
 
-def _seen_alike(pictures: Sequence["RunPictures"]) -> list["RunPictures"]:
-    """Return the pictures of runs from the place that sees both, with arrows of one scale."""
+def _with_same_view(pictures: Sequence["RunPictures"]) -> list["RunPictures"]:
+    """Return the pictures of runs from a view that includes both, with arrows of one scale."""
     motions = [picture.motion for picture in pictures]
     low = np.min([motion.centre - motion.radius for motion in motions], axis=0)
     high = np.max([motion.centre + motion.radius for motion in motions], axis=0)
@@ -223,29 +226,30 @@ def _seen_alike(pictures: Sequence["RunPictures"]) -> list["RunPictures"]:
         np.concatenate([motion.forces.force for motion in motions]),
     )
     scale, longest = arrow_scale(forces, radius)
-    alike = {"stage": stage, "scale": scale, "longest": longest, "followed": None}
-    return [replace(picture, motion=replace(picture.motion, **alike)) for picture in pictures]
+    shared = {"stage": stage, "scale": scale, "longest": longest, "followed": None}
+    return [replace(picture, motion=replace(picture.motion, **shared)) for picture in pictures]
 
 
 def _check_options(target: Path, options: PictureOptions) -> None:
-    """Check the kind of a file, and that each option applies to it."""
     suffix = target.suffix.lower()
-    known = (*_VIEWERS, *_FILMS, _SHEET)
+    known = (*_VIEWER_SUFFIXES, *_FILM_RATES, _SHEET_SUFFIX)
     if suffix not in known:
         raise OutputError(f"cannot write {target}: end its name in {', '.join(known)}")
     if not target.parent.is_dir():
         raise OutputError(f"cannot write {target}: there is no folder {target.parent}")
-    if options.at and suffix != _SHEET:
-        raise OutputError(f"--at is for {_SHEET} only; leave it out for {suffix}")
-    if options.speed is not None and suffix not in _FILMS:
-        raise OutputError(f"--speed is for {' and '.join(_FILMS)} only; leave it out for {suffix}")
-    if suffix in _VIEWERS and (options.size or options.camera or options.beside):
+    if options.at and suffix != _SHEET_SUFFIX:
+        raise OutputError(f"--at is for {_SHEET_SUFFIX} only; leave it out for {suffix}")
+    if options.speed is not None and suffix not in _FILM_RATES:
+        raise OutputError(
+            f"--speed is for {' and '.join(_FILM_RATES)} only; leave it out for {suffix}"
+        )
+    if suffix in _VIEWER_SUFFIXES and (options.size or options.camera or options.beside):
         names = "--size, --camera and --side-by-side"
         raise OutputError(f"{names} are for pictures; leave them out for {suffix}")
-    low, high = _SIDES
+    low, high = _SIDE_LIMITS
     if options.size and any(side % 2 or not low <= side <= high for side in options.size):
         raise OutputError(f"--size takes even numbers from {low} to {high}, as in 640x480")
-    slowest, fastest = _SPEEDS
+    slowest, fastest = _SPEED_LIMITS
     if options.speed is not None and not slowest <= options.speed <= fastest:
         raise OutputError(f"--speed takes {slowest:g} to {fastest:g}; 0.1 is slow motion")
 
@@ -259,7 +263,7 @@ def open_viewer(model: mujoco.MjModel, start: InitialStates) -> None:
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        # Checked beforehand: without a display, MuJoCo's viewer ends the process.
+        # Without a display, MuJoCo's viewer would end the process.
         has_display = bool(glfw.init())
     if not has_display:
         raise SceneError("no display for the viewer; replay without --view")
@@ -276,14 +280,14 @@ def open_viewer(model: mujoco.MjModel, start: InitialStates) -> None:
     with window:
         while window.is_running():
             tick = time.perf_counter()
-            _drive(model, data, start)
+            _apply_driven_inputs(model, data, start)
             mujoco.mj_step(model, data)
             window.sync()
             time.sleep(max(0.0, model.opt.timestep - (time.perf_counter() - tick)))
 
 
-def _drive(model: mujoco.MjModel, data: mujoco.MjData, start: InitialStates) -> None:
-    """Set the inputs that change over time; the others are the user's."""
+def _apply_driven_inputs(model: mujoco.MjModel, data: mujoco.MjData, start: InitialStates) -> None:
+    """Set the inputs that change over time; the user sets the others."""
     step = np.array([round(data.time / model.opt.timestep)])
     inputs = start.inputs(0, model.opt.timestep, step)[0]
     own = np.concatenate(

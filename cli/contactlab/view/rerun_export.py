@@ -1,4 +1,4 @@
-"""A run as a Rerun recording: shapes, poses, contact arrows and time series.
+"""Writes a run as a Rerun recording: shapes, poses, contact arrows and time series.
 
 Source: the archetypes at https://ref.rerun.io/docs/python; quaternions there are x, y, z, w.
 """
@@ -20,51 +20,53 @@ from contactlab.view.drawn_motion import BodyMotion, RunEvent
 from contactlab.view.drawn_shapes import BodyShape
 from contactlab.view.foxglove_files import PLOTS
 
-_SPACE, _BODIES, _FORCES = "space", "bodies", "contact_forces"
-_EVENTS, _JOINTS = "events", "joints"
-_XYZW = [1, 2, 3, 0]
+_SPACE_ENTITY, _BODY_ENTITY, _FORCE_ENTITY = "space", "bodies", "contact_forces"
+_EVENT_ENTITY, _JOINT_ENTITY = "events", "joints"
+_XYZW_ORDER = [1, 2, 3, 0]
 
 
 def write_rrd(
     path: Path, trace: StoredTrace, motion: BodyMotion, events: Sequence[RunEvent] = ()
 ) -> None:
-    """Write a run as a Rerun recording, with events and the trace's time series, a value a step.
+    """Write a run as a Rerun recording with events and time series of the trace, a value per step.
 
     An OutputError says that the file cannot be written.
     """
     recording = rr.RecordingStream("contactlab", recording_id=trace.metadata["run_id"])
-    # By way of memory: a full disk must be an error here, not a line in Rerun's log.
+    # The recording goes through memory, so that a full disk is an error here, not a log line.
     memory = recording.memory_recording()
-    recording.send_blueprint(_blueprint(motion))
+    recording.send_blueprint(_viewer_blueprint(motion))
     recording.log("record", rr.TextDocument(trace.record_json.decode()), static=True)
     _send_bodies(recording, motion)
     _send_forces(recording, motion)
     _send_events(recording, events)
     for name, values in zip(motion.joints.names, motion.joints.position.T, strict=True):
-        entity = _entity(_JOINTS, name)
-        recording.send_columns(entity, [_index(motion.time)], rr.Scalars.columns(scalars=values))
-    for name, values in _series(trace):
-        index = _index(trace.time[: len(values)])
+        entity = _entity_path(_JOINT_ENTITY, name)
+        recording.send_columns(
+            entity, [_time_column(motion.time)], rr.Scalars.columns(scalars=values)
+        )
+    for name, values in _time_series(trace):
+        index = _time_column(trace.time[: len(values)])
         recording.send_columns(name, [index], rr.Scalars.columns(scalars=values))
     with atomic_write(path) as temporary:
         temporary.write_bytes(memory.drain_as_bytes() or b"")
     recording.disconnect()
 
 
-def _blueprint(motion: BodyMotion) -> rrb.Blueprint:
+def _viewer_blueprint(motion: BodyMotion) -> rrb.Blueprint:
     plots = [
         rrb.TimeSeriesView(
             name=title,
             origin="/",
-            contents=[f"/{_entity('pairs', pair, name)}" for pair in motion.pairs],
+            contents=[f"/{_entity_path('pairs', pair, name)}" for pair in motion.pairs],
         )
         for title, name in PLOTS.items()
     ]
     if motion.joints.names:
-        plots.append(rrb.TimeSeriesView(name="Joints [m, rad]", origin=f"/{_JOINTS}"))
-    space = rrb.Spatial3DView(name="Scene", origin=f"/{_SPACE}")
+        plots.append(rrb.TimeSeriesView(name="Joints [m, rad]", origin=f"/{_JOINT_ENTITY}"))
+    space = rrb.Spatial3DView(name="Scene", origin=f"/{_SPACE_ENTITY}")
     below = rrb.Tabs(
-        rrb.TextLogView(name="Events", origin=f"/{_EVENTS}"),
+        rrb.TextLogView(name="Events", origin=f"/{_EVENT_ENTITY}"),
         rrb.TextDocumentView(name="Record", origin="/record"),
     )
     left = rrb.Vertical(space, below, row_shares=[3, 1])
@@ -76,25 +78,25 @@ def _send_events(recording: rr.RecordingStream, events: Sequence[RunEvent]) -> N
         return
     levels = ["ERROR" if event.is_severe else "WARN" for event in events]
     texts = [f"{event.label}: {event.reason}" for event in events]
-    index = _index(np.array([event.time for event in events]))
-    recording.send_columns(_EVENTS, [index], rr.TextLog.columns(text=texts, level=levels))
+    index = _time_column(np.array([event.time for event in events]))
+    recording.send_columns(_EVENT_ENTITY, [index], rr.TextLog.columns(text=texts, level=levels))
 
 
 def _send_bodies(recording: rr.RecordingStream, motion: BodyMotion) -> None:
-    index = _index(motion.time)
+    index = _time_column(motion.time)
     for body, name in enumerate(motion.bodies):
         if body:
             poses = rr.Transform3D.columns(
                 translation=motion.positions[:, body],
-                quaternion=motion.rotations[:, body][:, _XYZW],
+                quaternion=motion.rotations[:, body][:, _XYZW_ORDER],
             )
-            recording.send_columns(_entity(_SPACE, _BODIES, name), [index], poses)
+            recording.send_columns(_entity_path(_SPACE_ENTITY, _BODY_ENTITY, name), [index], poses)
     for shape in motion.shapes:
-        path = _entity(_SPACE, _BODIES, motion.bodies[shape.body], shape.name)
-        recording.log(path, _archetype(shape), static=True)
+        path = _entity_path(_SPACE_ENTITY, _BODY_ENTITY, motion.bodies[shape.body], shape.name)
+        recording.log(path, _shape_archetype(shape), static=True)
 
 
-def _archetype(shape: BodyShape) -> rr.AsComponents:
+def _shape_archetype(shape: BodyShape) -> rr.AsComponents:
     if shape.form == "mesh":
         return rr.Mesh3D(
             vertex_positions=rotate(shape.rotation, shape.vertices) + shape.position,
@@ -104,7 +106,7 @@ def _archetype(shape: BodyShape) -> rr.AsComponents:
     half = shape.size / 2
     look: dict[str, Any] = {
         "centers": [shape.position],
-        "quaternions": [shape.rotation[_XYZW]],
+        "quaternions": [shape.rotation[_XYZW_ORDER]],
         "colors": [shape.colour],
         "fill_mode": rr.components.FillMode.Solid,
     }
@@ -125,10 +127,12 @@ def _send_forces(recording: rr.RecordingStream, motion: BodyMotion) -> None:
         radii=np.full(len(forces.frame), 0.01 * motion.radius),
     )
     columns = arrows.partition(lengths=lengths)
-    recording.send_columns(_entity(_SPACE, _FORCES), [_index(motion.time)], columns)
+    recording.send_columns(
+        _entity_path(_SPACE_ENTITY, _FORCE_ENTITY), [_time_column(motion.time)], columns
+    )
 
 
-def _series(trace: StoredTrace) -> Iterator[tuple[str, Floats]]:
+def _time_series(trace: StoredTrace) -> Iterator[tuple[str, Floats]]:
     yield "energy/kinetic", trace.kinetic
     yield "energy/potential", trace.potential
     yield "solver/contacts", trace.contacts.astype(np.float64)
@@ -142,13 +146,13 @@ def _series(trace: StoredTrace) -> Iterator[tuple[str, Floats]]:
             "mode": pair.mode.astype(np.float64),
         }
         for name, values in columns.items():
-            yield _entity("pairs", pair.name, name), pair.over(len(trace.kinetic), values)
+            yield _entity_path("pairs", pair.name, name), pair.over(len(trace.kinetic), values)
 
 
-def _index(time: Floats) -> rr.TimeColumn:
-    """Return times [s] in the nanoseconds that trace files have."""
+def _time_column(time: Floats) -> rr.TimeColumn:
+    """Return times [s] in the nanoseconds of trace files."""
     return rr.TimeColumn("time", duration=np.rint(time * 1e9).astype("timedelta64[ns]"))
 
 
-def _entity(*parts: str) -> str:
+def _entity_path(*parts: str) -> str:
     return rr.new_entity_path(list(parts)).lstrip("/")

@@ -1,4 +1,4 @@
-"""Films of configurations with contact forces, of a motion that no store has."""
+"""Writes films of configurations with contact forces, for a motion without a store."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class Chapter:
     """A part of a film.
 
     Attributes:
-        words: that stand below it.
+        words: caption below it.
         states: (F, nstate) states of mjSTATE_INTEGRATION, one for each frame.
     """
 
@@ -39,7 +39,7 @@ class Chapter:
 
 
 def check_film(target: Path) -> None:
-    """Check that a film can be written; an OutputError says why not."""
+    """Check that a film can be written; raise an OutputError with the reason if not."""
     if target.suffix.lower() not in RATES:
         raise OutputError(f"cannot write {target}: end its name in {' or '.join(RATES)}")
     with optional("view", target.suffix):
@@ -55,12 +55,12 @@ def write_states(
     size: tuple[int, int],
     rate: int,
 ) -> None:
-    """Write a film of states, seen around a body, each chapter with its words.
+    """Write a film of states, with the view around a body, each chapter with its words.
 
-    It has a size in pixels and so many states a second.
+    It has a size in pixels and shows `rate` states per second.
 
     Raises:
-        OutputError: the file's ending is no film's, or what it needs is not installed.
+        OutputError: the file's suffix is not a film's, or a required library is not installed.
         SceneError: there is no OpenGL to draw with.
     """
     check_film(target)
@@ -72,7 +72,7 @@ def write_states(
         write_mp4,
     )
 
-    qpos, motion = _motion(model, chapters, around)
+    qpos, motion = _states_motion(model, chapters, around)
     words = [word for each in chapters for word in repeat(each.words, len(each.states))]
     drawn = draw_pictures(model, motion, dict(enumerate(qpos)), size)
     bar = None
@@ -87,10 +87,10 @@ def write_states(
     write(target, pictures(), rate)
 
 
-def _motion(
+def _states_motion(
     model: mujoco.MjModel, chapters: Sequence[Chapter], around: int
 ) -> tuple[Floats, BodyMotion]:
-    """Return (F, nq) configurations, and what is drawn of them."""
+    """Return (F, nq) configurations, and their drawn motion."""
     states = np.concatenate([each.states for each in chapters])
     data, qpos = mujoco.MjData(model), np.empty((len(states), model.nq))
     frames, points, forces = list[int](), list[Floats](), list[Floats]()
@@ -107,7 +107,7 @@ def _motion(
             frames.append(frame)
             points.append(data.contact[place].pos.copy())
             forces.append(data.contact[place].frame.reshape(3, 3).T @ force[:3])
-    found = ContactForces(
+    contact_forces = ContactForces(
         frame=np.array(frames, np.intp),
         pair=np.zeros(len(frames), np.intp),
         mode=np.full(len(frames), STICK, np.int8),
@@ -118,8 +118,8 @@ def _motion(
     parts, moving = shapes(model), model.body_weldid != 0
     near = np.isin(np.arange(model.nbody), around)
     stage = scene_sphere(parts, near, positions[:1], rotations[:1], positions[0, around][None])
-    stage = stage._replace(radius=_WIDE * stage.radius)
-    scale, longest = arrow_scale(found.force, stage.radius)
+    stage = stage._replace(radius=_VIEW_RADII * stage.radius)
+    scale, longest = arrow_scale(contact_forces.force, stage.radius)
     return qpos, BodyMotion(
         bodies=tuple(model.body(index).name for index in range(model.nbody)),
         moving=moving,
@@ -130,11 +130,11 @@ def _motion(
         rotations=rotations,
         joints=joint_motion(model, qpos, np.zeros((len(qpos), model.nv))),
         pairs=("contacts",),
-        forces=found,
+        forces=contact_forces,
         stage=stage,
         scale=scale,
         longest=longest,
     )
 
 
-_WIDE = 4.0  # radii of the body that a film is around
+_VIEW_RADII = 4.0  # radii of the body that a film is around

@@ -1,4 +1,4 @@
-"""Start Ray on this machine, or connect to a cluster that runs; nothing of it calls home."""
+"""Starts Ray on this machine, or connects to a running cluster; no part of it calls home."""
 
 import atexit
 import logging
@@ -16,35 +16,35 @@ from typing import Any
 from contactlab.errors import ClusterError, optional
 from contactlab.run.tasks import Executor
 
-# Usage statistics are off, and would go nowhere: turning them off still leaves a look-up.
-_ENVIRONMENT = {
+# Usage statistics are off. Ray still looks up their address, so it points to this machine.
+_RAY_ENVIRONMENT = {
     "RAY_USAGE_STATS_ENABLED": "0",
     "RAY_USAGE_STATS_REPORT_URL": "http://127.0.0.1:9/",
     # Nodes run what is installed there; no environment is packed and sent by `uv run`.
     "RAY_ENABLE_UV_RUN_RUNTIME_ENV": "0",
-    # As other executors do: Ray would have its workers give way to all else, almost for ever on a
-    # busy machine.
+    # Like in other executors. Ray's workers would yield to all other processes, on a busy machine
+    # almost forever.
     "RAY_worker_niceness": "0",
     # Ray would print messages about nodes and workers among the results.
     "RAY_DEDUP_LOGS_SKIP_REGEX": ".*",
     # Silences a warning about graphics cards.
     "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",
 }
-# How long a cluster may take to open a connection, and to answer [s].
+# Time limits for a cluster to open a connection, and to answer [s].
 _CONNECT_TIMEOUT, _ANSWER_TIMEOUT = 5.0, 20.0
-# Of the object store, for results in flight; a journal line takes a few kB.
-_RESULT_BYTES = 100 << 20
+# Size of the object store, for results in flight; a journal line takes a few kB.
+_OBJECT_STORE_BYTES = 100 << 20
 
 
 @contextmanager
 def ray_cluster(address: str | None, workers: int | None) -> Generator[Executor]:
     """Yield a Ray cluster as an executor.
 
-    It is the one at HOST:PORT, or for `auto` the one that runs on this machine; so many jobs may be
-    on it at once. Without an address one is started here, with so many CPUs or one for each core.
-    Raises a ClusterError if it cannot be reached; an OutputError if Ray is not installed.
+    It is the one at HOST:PORT, or for `auto` the one on this machine; `workers` is then the number
+    of jobs at a time. Without an address, one is started here, with `workers` CPUs or one for each
+    core. Raises a ClusterError if it cannot be reached; an OutputError if Ray is not installed.
     """
-    for name, value in _ENVIRONMENT.items():
+    for name, value in _RAY_ENVIRONMENT.items():
         os.environ.setdefault(name, value)
     with optional("ray", "running on a cluster"):
         import ray  # noqa: PLC0415 - an extra, which reads the environment first
@@ -52,56 +52,56 @@ def ray_cluster(address: str | None, workers: int | None) -> Generator[Executor]
 
     before = signal.getsignal(signal.SIGTERM)
     try:
-        _connect(address, workers)
+        _connect_ray(address, workers)
         if before is not None and signal.getsignal(signal.SIGTERM) is not before:
-            # Ray's own handler would end this process without a word.
+            # Ray's own handler would end this process without a message.
             signal.signal(signal.SIGTERM, before)
         yield RayExecutor(workers if address else None)
     finally:
         ray.shutdown()
 
 
-def _connect(address: str | None, workers: int | None) -> None:
+def _connect_ray(address: str | None, workers: int | None) -> None:
     import ray  # noqa: PLC0415 - as above
 
     quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.ERROR}
     if address is None:
-        here = {"num_cpus": workers, "object_store_memory": _RESULT_BYTES}
-        with _nowhere():
+        here = {"num_cpus": workers, "object_store_memory": _OBJECT_STORE_BYTES}
+        with _in_empty_folder():
             ray.init("local", include_dashboard=False, **here, **quiet)
         return
     _check_address(address)
     try:
-        with _nowhere():
+        with _in_empty_folder():
             ray.init(address, **quiet)
     except (ConnectionError, RuntimeError, ValueError) as error:
         raise ClusterError(f"no Ray cluster at {address}: {error}") from error
 
 
 @contextmanager
-def _nowhere() -> Generator[None]:
-    """Be in an empty folder for a while: Ray's workers import modules of the one it starts in.
+def _in_empty_folder() -> Generator[None]:
+    """Work in an empty folder: Ray's workers import modules from the folder where it starts.
 
-    The current folder may be a stranger's, with a `numpy.py` that is none.
+    The current folder may be a stranger's, with a malicious `numpy.py`.
     """
     folder = mkdtemp(prefix="contactlab-nowhere-")
-    # As long as a worker may look there, nobody else may make a folder of that name.
+    # The folder exists as long as a worker may look there, so that no user can create one there.
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     with chdir(folder):
         yield
 
 
 def _check_address(address: str) -> None:
-    """Ask the cluster whether it is there, in another process: Ray itself waits for minutes."""
+    """Ask the cluster for its health, in another process: Ray itself waits for minutes."""
     if address.startswith("ray://"):
         raise ClusterError(
             f"{address}: the sweep must run on a node of the cluster; write auto, or the HOST:PORT "
-            "that its nodes were started with"
+            "of its head node"
         )
     if address != "auto":
         _check_port(address)
-    given = [] if address == "auto" else ["--address", address]
-    command = [sys.executable, "-P", "-m", "ray.scripts.scripts", "health-check", *given]
+    options = [] if address == "auto" else ["--address", address]
+    command = [sys.executable, "-P", "-m", "ray.scripts.scripts", "health-check", *options]
     try:
         done = subprocess.run(  # noqa: S603
             command, capture_output=True, text=True, timeout=_ANSWER_TIMEOUT, check=False
@@ -112,7 +112,7 @@ def _check_address(address: str) -> None:
             "its head, and is it up?"
         ) from error
     if done.returncode:
-        raise ClusterError(f"no Ray cluster at {address}: {_why(done.stderr)}")
+        raise ClusterError(f"no Ray cluster at {address}: {_failure_reason(done.stderr)}")
 
 
 def _check_port(address: str) -> None:
@@ -125,8 +125,8 @@ def _check_port(address: str) -> None:
         raise ClusterError(f"no Ray cluster at {address}: {error}") from error
 
 
-def _why(printed: str) -> str:
+def _failure_reason(printed: str) -> str:
     if "InvalidAuthToken" in printed:
-        return "it asks for a token; set RAY_AUTH_MODE=token, with the cluster's RAY_AUTH_TOKEN"
+        return "it requires a token; set RAY_AUTH_MODE=token, with the cluster's RAY_AUTH_TOKEN"
     lines = printed.strip().splitlines()
-    return lines[-1] if lines else "it is not well"
+    return lines[-1] if lines else "its health check failed"

@@ -1,4 +1,4 @@
-"""Runs jobs as tasks of a Ray cluster; each counts once, whatever happens to the nodes."""
+"""Runs jobs as tasks of a Ray cluster; each counts once, even if nodes fail."""
 
 import pickle
 import secrets
@@ -30,9 +30,9 @@ from contactlab.run.tasks import Crashed, Job, Result, Stop, Task
 from contactlab.store.atomic_files import TEMPORARY_SUFFIX
 from contactlab.store.store_files import TRACES
 
-MAX_LOSSES = 3  # how often a job may lose its node before it is taken to be the cause
-_LOST = (NodeDiedError, ObjectLostError, RaySystemError, WorkerCrashedError)
-# How long a request to stop may go unnoticed, and how long processes may take to end [s].
+MAX_LOSSES = 3  # lost nodes of a job until it is considered the cause
+_LOSS_ERRORS = (NodeDiedError, ObjectLostError, RaySystemError, WorkerCrashedError)
+# Longest delay until a request to stop is noticed, and time limit for processes to end [s].
 _STOP_INTERVAL, _END_TIMEOUT = 0.5, 10.0
 
 
@@ -40,26 +40,26 @@ _STOP_INTERVAL, _END_TIMEOUT = 0.5, 10.0
 class RayExecutor:
     """The cluster that this process is connected to.
 
-    So many jobs may be on it at once; None for two for each CPU, so that none idles.
+    At most `max_jobs` jobs are on it at a time; None for two per CPU, so that no CPU is idle.
     """
 
     max_jobs: int | None = None
 
     @property
     def workers(self) -> int:
-        """How many jobs run at once; CPUs may come and go."""
+        """Number of jobs that run at a time; CPUs may come and go."""
         cpus = max(1, int(ray.cluster_resources().get("CPU", 0)))
         return min(cpus, self.max_jobs or cpus)
 
     def run(self, task: Task, jobs: Iterable[Job], stop: Stop) -> Iterator[Result]:
-        """Yield the results of jobs as they come; see `Executor`."""
+        """Yield the results of jobs when they are ready; see `Executor`."""
         if not ray.cluster_resources().get("CPU"):
             raise ClusterError(
                 "no node of the cluster has CPUs; start one: ray start --address=..."
             )
         cloudpickle.register_pickle_by_value(ray_node)
         with published_requirements(task) as requirements:
-            # In a list, a reference is fetched only by processes that do not have it yet.
+            # References in a list are fetched only by processes that do not have them yet.
             shared = [ray.put(requirements), ray.put(pack_bundle(task))]
             remote: Any = ray.remote(num_cpus=1, max_retries=0)(ray_node.run_job)
 
@@ -67,39 +67,39 @@ class RayExecutor:
                 return remote.remote(requirements.token, shared, pickle.dumps(job))
 
             queue = takewhile(lambda _: not stop.is_set, jobs)
-            yield from InFlight(send, queue, self._capacity, stop).results()
+            yield from InFlight(send, queue, self._job_capacity, stop).results()
 
-    def _capacity(self) -> int:
+    def _job_capacity(self) -> int:
         return self.max_jobs or 2 * self.workers
 
 
 @dataclass
 class InFlight:
-    """The jobs that are on a cluster: sent, cancelled, and sent again if their node was lost.
+    """The jobs on a cluster: sent, cancelled, and sent again if their node was lost.
 
-    `send` returns a reference to a job's result. Once `stop` is set, jobs that have not begun are
-    cancelled, and the others may end with a part of their runs.
+    `send` returns a reference to a job's result. Once `stop` is set, waiting jobs are cancelled,
+    and the others may end with a part of their runs.
     """
 
     send: Callable[[Job], Any]
     queue: Iterator[Job]
     capacity: Callable[[], int]
     stop: Stop
-    # Each job by its reference, and how often its node was lost.
+    # Each job by its reference, and the number of its lost nodes.
     _sent: dict[Any, tuple[Job, int]] = field(default_factory=dict[Any, tuple[Job, int]])
 
     def results(self) -> Iterator[Result]:
-        """Yield the result of every job, once; whoever leaves early ends those in flight."""
+        """Yield the result of every job, once; an early exit cancels those in flight."""
         try:
-            while self._fill():
+            while self._send_jobs():
                 ready, _ = ray.wait(list(self._sent), timeout=_STOP_INTERVAL)
                 for reference in ready:
-                    if (result := self._result(reference)) is not None:
+                    if (result := self._read_result(reference)) is not None:
                         yield result
         finally:
-            self._end()
+            self._cancel_jobs()
 
-    def _fill(self) -> bool:
+    def _send_jobs(self) -> bool:
         """Send as many jobs as fit, or cancel all; return whether any are in flight."""
         if self.stop.is_set:
             for reference in self._sent:
@@ -109,7 +109,7 @@ class InFlight:
                 self._sent[self.send(job)] = job, 0
         return bool(self._sent)
 
-    def _result(self, reference: Any) -> Result | None:  # noqa: ANN401 - as Ray types it
+    def _read_result(self, reference: Any) -> Result | None:  # noqa: ANN401 - as Ray types it
         """Return the result of a job; None if it is sent again or was cancelled."""
         job, losses = self._sent.pop(reference)
         try:
@@ -118,7 +118,7 @@ class InFlight:
             return None
         except OutOfMemoryError:
             return Crashed(job, "out of memory: the cluster ended the worker", timed_out=False)
-        except _LOST as error:
+        except _LOSS_ERRORS as error:
             return self._send_again(job, losses + 1, type(error).__name__)
         except RayTaskError as error:
             last = str(error).strip().splitlines()[-1]
@@ -136,7 +136,7 @@ class InFlight:
             self._sent[self.send(job)] = job, losses
         return None
 
-    def _end(self) -> None:
+    def _cancel_jobs(self) -> None:
         for reference in self._sent:
             ray.cancel(reference, force=True)
         if self._sent:
@@ -145,7 +145,7 @@ class InFlight:
 
 @contextmanager
 def published_requirements(task: Task) -> Generator[NodeRequirements]:
-    """Yield what nodes must have; meanwhile the store holds a sentinel file that they must see."""
+    """Yield requirements on nodes; meanwhile the store has a sentinel file that they must see."""
     token = secrets.token_hex(8)
     engine = task.identity.engine
     versions = {"contactlab": version("contactlab"), engine.name: engine.version}

@@ -1,7 +1,7 @@
-"""Entry of a node of a Ray cluster: checks of whether it fits, then jobs.
+"""Entry of a node of a Ray cluster: checks its requirements, then runs jobs.
 
-This module is sent to nodes by value, since a node may have another contactlab, or none. So
-nothing else of contactlab is imported before the node is known to fit.
+This module is sent to nodes by value, since a node may have another contactlab, or none. Therefore
+nothing else of contactlab is imported before the requirements are checked.
 """
 
 import os
@@ -14,15 +14,15 @@ from typing import Any
 
 import ray
 
-_accepted: set[str] = set()  # tokens of the sweeps whose requirements this process meets
+_accepted_tokens: set[str] = set()  # tokens of the sweeps whose requirements this process meets
 
 
 @dataclass(frozen=True)
 class NodeRequirements:
     """Requirements on a node to run jobs of a sweep, which the token identifies.
 
-    It must see the sentinel, a file that the sweep made in the store's folder, and be able to write
-    beside it; there is none if the store is no folder.
+    It must see the sentinel, a file that the sweep created in the store's folder, and be able to
+    write in the same folder; there is no sentinel if the store is not a folder.
     """
 
     token: str
@@ -31,27 +31,27 @@ class NodeRequirements:
 
 
 def refusal(requirements: NodeRequirements) -> str | None:
-    """Return why jobs cannot be run here, in words; None if they can."""
-    reason = _wrong_version(requirements) or _wrong_store(requirements.sentinel)
+    """Return the reason why jobs cannot be run here; None if they can."""
+    reason = _version_fault(requirements) or _store_fault(requirements.sentinel)
     return f"node {platform.node()} ({ray.util.get_node_ip_address()}) {reason}" if reason else None
 
 
 def run_job(token: str, shared: Sequence[Any], job: bytes) -> Any:  # noqa: ANN401 - see below
-    """Return a job's result, the exception that ended it, or why this node refuses it, in words.
+    """Return a job's result, the exception that ended it, or the reason for a refusal of this node.
 
-    References to the requirements and to the task's bundle are shared, and fetched where needed.
+    References to the requirements and to the task's bundle are shared, and fetched on demand.
     """
     requirements, bundle = shared
-    if token not in _accepted:
+    if token not in _accepted_tokens:
         if (refused := refusal(ray.get(requirements))) is not None:
             return refused
-        _accepted.add(token)
+        _accepted_tokens.add(token)
     from contactlab.run.ray.worker import run_on_worker  # noqa: PLC0415 - see the top
 
     return run_on_worker(token, lambda: ray.get(bundle), job)
 
 
-def _wrong_version(requirements: NodeRequirements) -> str | None:
+def _version_fault(requirements: NodeRequirements) -> str | None:
     for name, ours in requirements.versions.items():
         try:
             theirs = f"{name} {version(name)}"
@@ -65,7 +65,7 @@ def _wrong_version(requirements: NodeRequirements) -> str | None:
     return None
 
 
-def _wrong_store(sentinel: Path | None) -> str | None:
+def _store_fault(sentinel: Path | None) -> str | None:
     if sentinel is None:
         return None
     store = sentinel.parent.parent

@@ -1,4 +1,4 @@
-"""Find the cluster that a sweep's arrays go to, and what each of their tasks asks for."""
+"""Creates the executor of a SLURM cluster from the resources that each task requests."""
 
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -6,23 +6,23 @@ from contextlib import contextmanager
 from contactlab.errors import ClusterError, optional
 from contactlab.run.tasks import Executor
 
-_TASKS = 16  # of an array where nobody says how many
+_DEFAULT_TASKS = 16  # default number of tasks of an array
 
 
 @contextmanager
 def slurm_arrays(address: str | None, workers: int | None) -> Generator[Executor]:
-    """Yield arrays of so many tasks as an executor.
+    """Yield arrays of `workers` tasks as an executor.
 
-    The address is what each task asks for, as submitit names it: `timeout_min=240,cpus=8`, and
-    `cluster=local` for processes of this machine instead. Raises a ClusterError if it is none, or
-    there is no SLURM; an OutputError if submitit is not installed.
+    The address has the resources of each task, by submitit's names: `timeout_min=240,cpus=8`, and
+    `cluster=local` for processes of this machine instead. Raises a ClusterError if it is invalid,
+    or there is no SLURM; an OutputError if submitit is not installed.
     """
     with optional("slurm", "running on a SLURM cluster"):
         import submitit  # noqa: PLC0415 - an extra
     from contactlab.run.slurm.executor import SlurmExecutor  # noqa: PLC0415 - as above
 
-    asked = dict(map(_entry, filter(None, (address or "").split(","))))
-    cluster, cpus = asked.pop("cluster", "slurm"), asked.pop("cpus", 1)
+    requested = dict(map(_parse_entry, filter(None, (address or "").split(","))))
+    cluster, cpus = requested.pop("cluster", "slurm"), requested.pop("cpus", 1)
     if not isinstance(cpus, int) or cpus < 1 or cluster not in {"slurm", "local"}:
         raise ClusterError(f"--address {address}: write cpus=N, and cluster=slurm or local")
     if cluster == "slurm" and submitit.SlurmExecutor.affinity() < 0:
@@ -30,7 +30,7 @@ def slurm_arrays(address: str | None, workers: int | None) -> Generator[Executor
             "there is no SLURM here (no srun); run the command where sbatch is, or try it out with "
             "--address cluster=local"
         )
-    executor = SlurmExecutor(workers or _TASKS, cpus, str(cluster), asked)
+    executor = SlurmExecutor(workers or _DEFAULT_TASKS, cpus, str(cluster), requested)
     try:
         executor.check()
     except (NameError, TypeError, ValueError) as error:
@@ -38,9 +38,9 @@ def slurm_arrays(address: str | None, workers: int | None) -> Generator[Executor
     yield executor
 
 
-def _entry(text: str) -> tuple[str, int | str]:
-    name, given, value = text.partition("=")
-    if not given or not name.isidentifier():
+def _parse_entry(text: str) -> tuple[str, int | str]:
+    name, separator, value = text.partition("=")
+    if not separator or not name.isidentifier():
         raise ClusterError(
             f"--address {text}: write NAME=VALUE,..., such as timeout_min=240,cpus=8"
         )

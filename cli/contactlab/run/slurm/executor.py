@@ -1,4 +1,4 @@
-"""Runs jobs as tasks of arrays that submitit submits; each counts once, whatever becomes of it."""
+"""Runs jobs as tasks of arrays that submitit submits; each counts once, even after failures."""
 
 import os
 import pickle
@@ -21,14 +21,14 @@ from contactlab.run.task_bundle import pack_bundle
 from contactlab.run.tasks import Crashed, Job, Result, Stop, Task
 
 _JOBS_OF_A_TASK = 256  # at most; a job is up to 32 runs, or 512 short ones
-MAX_LOSSES = 3  # how often a task may be lost before its first job is taken to be the cause
-_INTERVAL = 0.5  # between two looks for results [s]
-_SAFE = "PYTHONSAFEPATH"
+MAX_LOSSES = 3  # losses of a task until its first job is considered the cause
+_POLL_SECONDS = 0.5  # between two checks for results [s]
+_SAFE_PATH_VARIABLE = "PYTHONSAFEPATH"
 
 
 @dataclass(frozen=True)
 class SlurmExecutor:
-    """Arrays of so many tasks, each with so many CPUs; what else tasks ask for is submitit's."""
+    """Arrays of tasks, with a number of CPUs per task; submitit interprets the other parameters."""
 
     tasks: int
     cpus: int
@@ -37,11 +37,11 @@ class SlurmExecutor:
 
     @property
     def workers(self) -> int:
-        """How many jobs run at once."""
+        """Number of jobs that run at a time."""
         return self.tasks * self.cpus
 
     def run(self, task: Task, jobs: Iterable[Job], stop: Stop) -> Iterator[Result]:
-        """Yield the results of jobs as they come; see `Executor`."""
+        """Yield the results of jobs when they are ready; see `Executor`."""
         beside = task.store.absolute().parent if isinstance(task.store, Path) else Path.cwd()
         folder = Path(mkdtemp(prefix=".contactlab-slurm-", dir=beside))
         (folder / BUNDLE).write_bytes(pack_bundle(task))
@@ -56,100 +56,100 @@ class SlurmExecutor:
 
     def submit(self, folder: Path, parts: Sequence[Part]) -> list[Any]:
         """Submit parts as the tasks of one array."""
-        executor = self._submitter(folder)
-        with _nothing_of_the_current_folder(), executor.batch():
+        executor = self._create_submitter(folder)
+        with _without_current_folder(), executor.batch():
             return [executor.submit(part) for part in parts]
 
     def check(self) -> None:
         """Raise submitit's own error if it knows no such parameters."""
         with TemporaryDirectory() as folder:
-            self._submitter(Path(folder))
+            self._create_submitter(Path(folder))
 
-    def _submitter(self, folder: Path) -> submitit.AutoExecutor:
+    def _create_submitter(self, folder: Path) -> submitit.AutoExecutor:
         executor = submitit.AutoExecutor(folder / "logs", self.cluster)
         executor.update_parameters(name="contactlab", cpus_per_task=self.cpus, **self.parameters)
         return executor
 
 
 @contextmanager
-def _nothing_of_the_current_folder() -> Generator[None]:
-    """Have Python import nothing of the folder that a task starts in, which may be a stranger's."""
-    before = os.environ.get(_SAFE)
-    os.environ[_SAFE] = "1"
+def _without_current_folder() -> Generator[None]:
+    """Keep Python from importing modules of a task's folder, which may be a stranger's."""
+    before = os.environ.get(_SAFE_PATH_VARIABLE)
+    os.environ[_SAFE_PATH_VARIABLE] = "1"
     try:
         yield
     finally:
-        os.environ.pop(_SAFE)
+        os.environ.pop(_SAFE_PATH_VARIABLE)
         if before is not None:
-            os.environ[_SAFE] = before
+            os.environ[_SAFE_PATH_VARIABLE] = before
 
 
 @dataclass
 class Arrays:
-    """The tasks that are submitted, the jobs of each that have no result yet, and their losses."""
+    """The submitted tasks, the jobs of each that have no result yet, and their losses."""
 
     executor: SlurmExecutor
     folder: Path
     versions: dict[str, str]
     queue: Iterator[Job]
     stop: Stop
-    _flying: dict[Any, tuple[tuple[Job, ...], int]] = field(
+    _active: dict[Any, tuple[tuple[Job, ...], int]] = field(
         default_factory=dict[Any, tuple[tuple[Job, ...], int]]
     )
 
     def results(self) -> Iterator[Result]:
         """Yield the result of every job, once."""
-        while self._fill():
-            ended = [task for task in self._flying if task.done()]
-            yield from self._collected()
+        while self._submit_jobs():
+            ended = [task for task in self._active if task.done()]
+            yield from self._collect_results()
             for task in ended:
-                lost = self._end(task)
+                lost = self._end_task(task)
                 if lost is not None:
                     yield lost
             if not ended:
-                time.sleep(_INTERVAL)
+                time.sleep(_POLL_SECONDS)
 
     def cancel(self) -> None:
         """End all tasks."""
-        for task in self._flying:
+        for task in self._active:
             task.cancel()
-        self._flying.clear()
+        self._active.clear()
 
-    def _fill(self) -> bool:
-        """Submit jobs to as many tasks as are free, or none; return whether any are under way."""
+    def _submit_jobs(self) -> bool:
+        """Submit jobs to the free tasks, or none; return whether any task is active."""
         if self.stop.is_set:
             (self.folder / STOP).touch()
-            for task in self._flying:
+            for task in self._active:
                 if task.state == "PENDING":
                     task.cancel()
-        elif free := self.executor.tasks - len(self._flying):
+        elif free := self.executor.tasks - len(self._active):
             jobs = list(islice(self.queue, free * _JOBS_OF_A_TASK))
-            self._submit([tuple(jobs[place::free]) for place in range(free)], 0)
-        return bool(self._flying)
+            self._submit_parts([tuple(jobs[place::free]) for place in range(free)], 0)
+        return bool(self._active)
 
-    def _submit(self, several: Iterable[tuple[Job, ...]], losses: int) -> None:
+    def _submit_parts(self, several: Iterable[tuple[Job, ...]], losses: int) -> None:
         parts = [
             Part(self.folder, jobs, self.executor.cpus, self.versions) for jobs in several if jobs
         ]
         if parts:
             tasks = self.executor.submit(self.folder, parts)
-            self._flying |= {
+            self._active |= {
                 task: (part.jobs, losses) for task, part in zip(tasks, parts, strict=True)
             }
 
-    def _collected(self) -> Iterator[Result]:
-        """Yield the results that have come, and take them out of what is under way."""
+    def _collect_results(self) -> Iterator[Result]:
+        """Yield the new results, and remove them from the active jobs."""
         for file in sorted(self.folder.glob(f"*{RESULT}")):
             result: Result = pickle.loads(file.read_bytes())  # noqa: S301 - our own
             done = {*runs_of(result)}
-            for task, (jobs, losses) in self._flying.items():
-                self._flying[task] = unfinished(jobs, done), losses
+            for task, (jobs, losses) in self._active.items():
+                self._active[task] = unfinished(jobs, done), losses
             file.unlink()
             yield result
 
-    def _end(self, task: Any) -> Crashed | None:  # noqa: ANN401 - as submitit types it
-        """Take leave of a task; what it has not done is submitted again, or is why it was lost."""
-        jobs, losses = self._flying.pop(task)
+    def _end_task(self, task: Any) -> Crashed | None:  # noqa: ANN401 - as submitit types it
+        """End a task; its remaining jobs are submitted again, or one is the cause of its loss."""
+        jobs, losses = self._active.pop(task)
         try:
             if (error := task.result()) is not None:
                 raise error
@@ -159,7 +159,7 @@ class Arrays:
         if not jobs or self.stop.is_set:
             return None
         if losses + 1 < MAX_LOSSES:
-            self._submit([jobs], losses + 1)
+            self._submit_parts([jobs], losses + 1)
             return None
-        self._submit([jobs[1:]], 0)
+        self._submit_parts([jobs[1:]], 0)
         return Crashed(jobs[0], f"its task was lost {MAX_LOSSES} times: {reason}", timed_out=False)

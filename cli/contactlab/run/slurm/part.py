@@ -1,7 +1,7 @@
-"""What one task of an array does: jobs on worker processes of its node, results into a folder.
+"""One task of an array: runs jobs on worker processes of its node, and writes results to a folder.
 
-The folder is on a file system that all nodes share. A result is a file of it, renamed into its
-place when it is whole, so that what a task has done outlives the task.
+The folder is on a file system that all nodes share. A result is a file in it, renamed into its
+place when it is complete, so that finished results outlive the task.
 """
 
 import pickle
@@ -25,12 +25,12 @@ from contactlab.store.atomic_files import write_file
 
 BUNDLE, STOP = "task.bundle", "stop"
 RESULT = ".result"
-_STOP_INTERVAL = 1.0  # how long a request to stop may go unnoticed [s]
+_STOP_INTERVAL = 1.0  # longest delay until a request to stop is noticed [s]
 
 
 @dataclass(frozen=True)
 class Part:
-    """Some jobs of a sweep, which one task of an array runs, begun again where it is requeued."""
+    """Some jobs of a sweep, which one task of an array runs; a requeued task begins again."""
 
     folder: Path
     jobs: tuple[Job, ...]
@@ -38,16 +38,16 @@ class Part:
     versions: Mapping[str, str]
 
     def __call__(self) -> ContactlabError | None:
-        """Run the jobs that have no result yet; return the error that is to end the sweep."""
+        """Run the jobs without a result; return the error that should end the sweep."""
         try:
             self._check_versions()
-            self._run()
+            self._run_jobs()
         except ContactlabError as error:
             return error
         return None
 
     def checkpoint(self) -> DelayedSubmission:
-        """Return what goes on once this task was preempted, or reached its time limit."""
+        """Return the continuation of this task after a preemption or its time limit."""
         return DelayedSubmission(self)
 
     def _check_versions(self) -> None:
@@ -58,8 +58,8 @@ class Part:
                     "the same versions on every node"
                 )
 
-    def _run(self) -> None:
-        with TemporaryDirectory(prefix="contactlab-") as own, self._watched() as stop:
+    def _run_jobs(self) -> None:
+        with TemporaryDirectory(prefix="contactlab-") as own, self._watch_stop_file() as stop:
             task = unpack_bundle((self.folder / BUNDLE).read_bytes(), Path(own))
             left = unfinished(self.jobs, stored_runs(self.folder))
             for result in LocalPool(self.workers).run(task, left, stop):
@@ -67,8 +67,8 @@ class Part:
                 write_file(name, pickle.dumps(result))
 
     @contextmanager
-    def _watched(self) -> Generator[Stop]:
-        """Yield what is set once the sweep asks its tasks to stop."""
+    def _watch_stop_file(self) -> Generator[Stop]:
+        """Yield a stop that is set once the sweep asks its tasks to stop."""
         stop, ended = Stop(), threading.Event()
 
         def watch() -> None:
@@ -86,7 +86,7 @@ class Part:
 
 
 def runs_of(result: Result) -> Iterator[str]:
-    """Yield the ids of the runs that a result is of."""
+    """Yield the ids of the runs in a result."""
     if isinstance(result, Crashed):
         yield from (run.run_id for run in result.job)
     else:
@@ -94,7 +94,7 @@ def runs_of(result: Result) -> Iterator[str]:
 
 
 def unfinished(jobs: tuple[Job, ...], done: set[str]) -> tuple[Job, ...]:
-    """Return the jobs that have runs without a result, of each what is left of it."""
+    """Return the jobs with runs without a result, reduced to these runs."""
     left = (tuple(run for run in job if run.run_id not in done) for job in jobs)
     return tuple(filter(None, left))
 

@@ -125,7 +125,6 @@ class Driving:
         return self._resting_only(signals.at_steps(run.timestep))
 
     def _resting_only(self, signals: Signals) -> Signals:
-        """Return signals without controls that are driven otherwise."""
         other = np.setdiff1d(np.arange(self._model.nu), self._resting)
         return signals.without(np.isin(signals.places, other)) if other.size else signals
 

@@ -21,13 +21,13 @@ _KNOTS_PER_PERIOD = 12
 _NOISE_STREAM, _EXCITATION_STREAM = 3, 4
 
 CONTROL_RATE = 50.0
-"""Rate at which the controls of an excitation change [Hz]; they are held in between."""
+"""Rate of changes of the controls of an excitation [Hz]; they are held in between."""
 _MIN_SINE_HZ, _MAX_SINE_HZ = 0.5, 1.5  # frequencies of its sines [Hz]
 _RANGE_SHARE = 0.7  # share of a control's range that a sine covers
-_GROWTH_SECONDS = 0.2  # time in which sines grow to full amplitude [s]
+_GROWTH_SECONDS = 0.2  # growth time of sines to full amplitude [s]
 PUSH_TIME = 0.05
 """Duration of a push [s]."""
-_PUSH_MOMENTS = 8  # number of different times at which bodies are pushed
+_PUSH_MOMENTS = 8  # number of different times of pushes on bodies
 _STANDARD_GRAVITY = 9.81
 # Limits for an actuator without a range: the acceleration of its joint [rad/s^2 or m/s^2],
 # its speed [rad/s or m/s], and its length [rad or m].
@@ -82,7 +82,7 @@ def _servo_lengths(model: mujoco.MjModel, actuator: int) -> Floats:
 
 
 def _servo_control(model: mujoco.MjModel, actuator: int, lengths: Floats) -> Floats:
-    """Return the controls at which a position servo's force is zero at rest at some lengths."""
+    """Return the controls for zero force of position servos at rest at some lengths."""
     bias = model.actuator_biasprm[actuator]
     return (-bias[1] * lengths - bias[0]) / model.actuator_gainprm[actuator, 0]
 

@@ -34,11 +34,10 @@ EFFECTS: Registry[Effect] = Registry("effect")
 
 
 def _flag_effect(name: str, kind: Kind, what: str, *, studied: bool = True) -> Effect:
-    """Return the effect of one of MuJoCo's flags, which has the same name."""
     return Effect(name, kind, what, by_flag(name), studied=studied)
 
 
-_EFFECTS = (
+_EFFECT_LIST = (
     _flag_effect("contact", "physical", "normal force between bodies that touch").needed_by(
         "geoms that can touch", proofs.no_contact, feature="contact"
     ),
@@ -228,7 +227,7 @@ _EFFECTS = (
     ),
 )
 
-for effect in _EFFECTS:
+for effect in _EFFECT_LIST:
     supported = effect.switch.flag is None or effect.switch.flag in FLAGS
     if supported and effect.name not in EFFECTS:
         EFFECTS.add(effect)

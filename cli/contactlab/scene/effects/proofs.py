@@ -20,7 +20,7 @@ _JOINT_TYPES = mujoco.mjtJoint
 # With more geoms, touchable pairs are not computed: the table of all pairs would be too large.
 _MAX_GEOMS = 2000
 _ROUND_SHAPES = {int(_GEOM_TYPES.mjGEOM_SPHERE), int(_GEOM_TYPES.mjGEOM_CAPSULE)}
-_BOX, _CYLINDER = int(_GEOM_TYPES.mjGEOM_BOX), int(_GEOM_TYPES.mjGEOM_CYLINDER)
+_BOX_GEOM, _CYLINDER_GEOM = int(_GEOM_TYPES.mjGEOM_BOX), int(_GEOM_TYPES.mjGEOM_CYLINDER)
 # Fields of the model; some versions lack some of them.
 DAMPING = "dof_damping", "dof_dampingpoly", "actuator_damping", "actuator_dampingpoly"
 FRICTION_LOSS = "dof_frictionloss", "tendon_frictionloss"
@@ -35,9 +35,12 @@ TENDON_EFFECTS = (
 # Pairs with a special collision function; others use the general one.
 _SPECIAL_PAIRS = (
     {(first, second) for first in _ROUND_SHAPES for second in _ROUND_SHAPES if first <= second}
-    | {(int(_GEOM_TYPES.mjGEOM_PLANE), shape) for shape in (*_ROUND_SHAPES, _BOX, _CYLINDER)}
-    | {(shape, _BOX) for shape in (*_ROUND_SHAPES, _BOX)}
-    | {(int(_GEOM_TYPES.mjGEOM_SPHERE), _CYLINDER)}
+    | {
+        (int(_GEOM_TYPES.mjGEOM_PLANE), shape)
+        for shape in (*_ROUND_SHAPES, _BOX_GEOM, _CYLINDER_GEOM)
+    }
+    | {(shape, _BOX_GEOM) for shape in (*_ROUND_SHAPES, _BOX_GEOM)}
+    | {(int(_GEOM_TYPES.mjGEOM_SPHERE), _CYLINDER_GEOM)}
 )
 
 
@@ -139,7 +142,6 @@ def _is_free_sphere(model: mujoco.MjModel, body: int, geom: int) -> bool:
 
 
 def _can_rotate(model: mujoco.MjModel, body: int) -> bool:
-    """Return whether a joint between a body and the world can rotate the body."""
     while body:
         first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
         if any(model.jnt_type[first : first + count] != _JOINT_TYPES.mjJNT_SLIDE):
@@ -204,8 +206,8 @@ def _falls_straight(run: RunState) -> bool:
     """Return whether only spheres fall, straight and onto horizontal planes, and never slide.
 
     The contact lies under the sphere's center, so no force turns it. Elliptic cones treat the
-    normal separately. Of pyramids, only those with a coefficient of 1 in three dimensions add up to
-    the same normal force.
+    normal separately. Among pyramids, only those with a coefficient of 1 in three dimensions add up
+    to the same normal force.
     """
     model, gravity = run.model, np.asarray(run.model.opt.gravity)
     if not run.straight or not run.facts.level or gravity[:2].any():

@@ -86,7 +86,6 @@ def compacted(
 def _encode_block(
     channel: int, row: int, time: int, parts: Sequence[Records], timestep: float
 ) -> MessageGroup:
-    """Return the message that contains these records as a block."""
     sizes = [len(part.rows) * part.layout.packed for part in parts]
     head = message_head(len(parts) * _GROUP_HEAD.size + sum(sizes), channel, time)
 
@@ -166,7 +165,6 @@ def _message_group(
 
 
 def _read_block(channel: Channel, content: bytes) -> Iterator[tuple[MessageLayout, Items]]:
-    """Yield the groups of messages of a block."""
     start = 0
     while start < len(content):
         count, size, timestep = _GROUP_HEAD.unpack_from(content, start)
@@ -190,7 +188,6 @@ def _read_block(channel: Channel, content: bytes) -> Iterator[tuple[MessageLayou
 
 
 def _message_layout(channel: Channel, size: int) -> MessageLayout:
-    """Return the layout of messages of a length, in a channel."""
     if channel.topic != STATE_TOPIC:
         return contacts_record(int(point_counts(np.array(size))))
     sizes = int(channel.metadata["nq"]), int(channel.metadata["nv"])

@@ -151,7 +151,6 @@ def encode_file(
 def _encode_chunk(
     stream: MessageStream, rows: slice, position: int, packed: bytes | None
 ) -> _Chunk:
-    """Return a chunk at a position in the file."""
     stop = stream.offsets[rows.stop, 0] if rows.stop < len(stream.times) else len(stream.data)
     content = stream.data[stream.offsets[rows.start, 0] : stop].data
     compressed = packed or SCRATCH.compressor.compress(content)

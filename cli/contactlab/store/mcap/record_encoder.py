@@ -114,6 +114,5 @@ def overlapping_numbers(items: Items, width: int) -> Unsigned:
 
 
 def _encode_index(channel: int, entries: bytes) -> bytes:
-    """Return a MessageIndex record of entries, each a time and an offset."""
     length = len(entries)
     return INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + length, channel, length) + entries

@@ -101,7 +101,6 @@ _PUBLISHED = {
 
 
 def _parse_message(name: str) -> MessageType:
-    """Return a message of the published schema."""
     fields = _PROTO_FIELD.findall(_PUBLISHED[name][1])
     return MessageType(
         name,

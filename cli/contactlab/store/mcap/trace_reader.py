@@ -44,7 +44,7 @@ from contactlab.store.mcap.trace_messages import (
 ACTIVATIONS = "activations"
 """Entry of a trace's metadata: actuator activations, which are hashed but not in the trace."""
 
-_Content = TypeVar("_Content")
+_TraceContent = TypeVar("_TraceContent")
 _Number = TypeVar("_Number", bound=np.generic)
 
 
@@ -144,7 +144,9 @@ def read_messages(path: Path, shown_path: object = None) -> bytes:
     return _read_file(path, shown_path, expanded)
 
 
-def _read_file(path: Path, shown_path: object, form: Callable[[bytes], _Content]) -> _Content:
+def _read_file(
+    path: Path, shown_path: object, form: Callable[[bytes], _TraceContent]
+) -> _TraceContent:
     shown_path = shown_path or path
     try:
         data = path.read_bytes()

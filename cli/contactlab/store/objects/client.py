@@ -227,7 +227,6 @@ def _check_environment(address: ObjectAddress, error: type[ContactlabError]) -> 
 
 
 def _client_options(prefix: str) -> "ClientConfig":
-    """Return the options of requests, including those from the environment."""
     options: ClientConfig = {
         "connect_timeout": _CONNECT_TIMEOUT,
         "read_timeout": _READ_TIMEOUT,

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from contactlab.store.objects.client import ObjectClient, StoredObject
 
-LEASE = 30.0  # time after which an unchanged lock of another machine is taken over [s]
+LEASE = 30.0  # an unchanged lock of another machine is taken over after this time [s]
 _RENEWALS = 6  # number of renewals of a lock in that time
 _RELEASE_TIMEOUT = 5.0  # longest time for releasing a lock [s]
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
