@@ -174,7 +174,7 @@ def _figures(
     if folder == Path("list"):
         from contactlab.page.paper_figures import figure_list
 
-        return Listing(("figure", "what it shows"), figure_list(read_report_data(store, criteria)))
+        return Listing(("figure", "contents"), figure_list(read_report_data(store, criteria)))
     written, missing = write_figures(store, folder, formats, criteria, width)
     for name, why in missing.items():
         say(f"no figure '{name}': {why}")

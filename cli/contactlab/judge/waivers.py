@@ -99,19 +99,19 @@ def unused_waivers(findings: Sequence[Finding], waivers: Sequence[Waiver]) -> li
         and not any(
             finding.outcome in _FAILING or finding.waived
             for finding in findings
-            if _covers(waiver, finding)
+            if _matches_finding(waiver, finding)
         )
     ]
 
 
-def _covers(waiver: Waiver, finding: Finding) -> bool:
+def _matches_finding(waiver: Waiver, finding: Finding) -> bool:
     return waiver.check == finding.name and waiver.group in {None, finding.group}
 
 
 def _apply_waiver(finding: Finding, waivers: Sequence[Waiver], today: date) -> Finding:
     if finding.outcome not in _FAILING:
         return finding
-    waiver = next((waiver for waiver in waivers if _covers(waiver, finding)), None)
+    waiver = next((waiver for waiver in waivers if _matches_finding(waiver, finding)), None)
     if waiver is None:
         return finding
     if waiver.until is not None and waiver.until < today:

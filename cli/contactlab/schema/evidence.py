@@ -382,7 +382,7 @@ class SweepIdentity(Model):
     @field_validator("overrides")
     @classmethod
     def _rename_filters(cls, overrides: tuple[str, ...]) -> tuple[str, ...]:
-        """Rename `--only`, the name of `--where` in stores that were written before 0.3."""
+        # `--only` is the name of `--where` in stores that were written before 0.3.
         return tuple(re.sub(r"^--only ", "--where ", override) for override in overrides)
 
 

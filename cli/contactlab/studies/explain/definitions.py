@@ -65,7 +65,7 @@ def _key(word: str) -> str:
 
 
 def _definitions() -> Definitions:
-    """Return all definitions, those of a word in the order of their importance."""
+    # Those of a word are in the order of their importance.
     known: dict[str, list[Callable[[], Iterator[str]]]] = {}
     headed = {metric.heading: metric for metric in METRICS.values() if metric.heading}
     limits = {name: each for name, each in THRESHOLDS.items() if name not in LABELS}
@@ -96,7 +96,7 @@ def _definitions() -> Definitions:
 
 @cache
 def _scene_axes() -> Definitions:
-    """Return the axes that shipped scenes add, such as `drop_height`."""
+    # Axes that shipped scenes add, such as `drop_height`.
     known: dict[str, list[Callable[[], Iterator[str]]]] = {}
     for scene in resources.scene_names():
         manifest = find_scene(scene).manifest

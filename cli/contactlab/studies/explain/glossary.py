@@ -40,13 +40,13 @@ def read_glossary() -> tuple[Term, ...]:
     """Read every term, in the order of the file."""
     contexts = tomllib.loads(_FILE.read_text(encoding="utf-8"))
     return tuple(
-        _term(word, context, entry)
+        _read_term(word, context, entry)
         for context, entries in contexts.items()
         for word, entry in cast("Mapping[str, object]", entries).items()
     )
 
 
-def _term(word: str, context: str, entry: object) -> Term:
+def _read_term(word: str, context: str, entry: object) -> Term:
     if isinstance(entry, str):
         return Term(word, context, entry)
     parts = cast("Mapping[str, object]", entry)
@@ -62,5 +62,5 @@ def glossary_page() -> str:
         if term.context != context:
             context = term.context
             lines += [f"\n## {context[0].upper()}{context[1:]}\n", "| term | means |", "|---|---|"]
-        lines.append(f"| {term.word} | {term.definition} |")
+        lines.append(f"| `{term.word}` | {term.definition} |")
     return "\n".join(lines).replace("\n\n\n", "\n\n") + "\n"
