@@ -1,1 +1,1 @@
-"""Cost of accuracy in time: fronts, orders, floors and a recommendation, from stored runs."""
+"""Time that accuracy costs: fronts, orders, floors and a recommendation, from stored runs."""

@@ -1,4 +1,4 @@
-"""Creates the trade-off report of a store: fronts, recommendations, blockers and notes."""
+"""From a store to the trade-off report: fronts, recommendations, blockers and notes."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -45,7 +45,7 @@ from contactlab.schema.tradeoff_report import (
 )
 from contactlab.store.finished_store import Store
 
-_DEFAULT_CRITERIA = Criteria()
+_DEFAULT = Criteria()
 
 
 def analyze(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
@@ -90,7 +90,7 @@ def analyze(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
         recommendation=_recommendation(store, chosen),
         robust=_recommendation(store, safe),
         next_step=_next_step(feasible_front(possible), best) if best else None,
-        blockers=tuple(_find_blockers(evaluated)),
+        blockers=tuple(_blockers(evaluated)),
         notes=(),
     )
     short = sum(configuration.cases < report.runs_per_configuration for configuration in evaluated)
@@ -98,7 +98,7 @@ def analyze(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
     return report.model_copy(update={"notes": tuple(notes)})
 
 
-_COVERAGE_COLUMNS = ("coverage", "drive")
+_COVERAGE = ("coverage", "drive")
 
 
 def _not_exercised(store: Store, runs: StoredRuns) -> Iterator[str]:
@@ -109,13 +109,13 @@ def _not_exercised(store: Store, runs: StoredRuns) -> Iterator[str]:
             concerned.setdefault(feature, []).append(name)
     if not concerned:
         return
-    exercised = Exercised.of(store.columns.distinct(_COVERAGE_COLUMNS), enough=concerned.keys())
+    exercised = Exercised.of(store.columns.distinct(_COVERAGE), enough=concerned.keys())
     for feature, names in concerned.items():
         if lack := exercised.lack([feature]):
             yield f"{', '.join(names)}: not tested: {lack}"
 
 
-def _front_point(summary: Configuration) -> FrontPoint:
+def _point(summary: Configuration) -> FrontPoint:
     return FrontPoint(**summary.model_dump(include={*FrontPoint.model_fields}))
 
 
@@ -134,7 +134,7 @@ def _next_step(front: Sequence[Evaluated], chosen: Evaluated) -> NextStep | None
     after = next_more_accurate(front, chosen)
     if after is None:
         return None
-    here, there = _front_point(chosen.summary), _front_point(after.summary)
+    here, there = _point(chosen.summary), _point(after.summary)
     return NextStep(
         configuration=there.configuration,
         time_ratio=there.time / here.time,
@@ -164,7 +164,7 @@ def _measurement_notes(report: TradeoffReport) -> Iterator[str]:
             "times are of the recorded runs on a busy machine, accurate to 10 % at best; "
             "sweep with `timing: {rounds: 3}`"
         )
-    elif time.spread is not None and time.spread > _NOISY_SPREAD:
+    elif time.spread is not None and time.spread > _NOISY:
         yield (
             f"rounds of the timing pass differ by {time.spread:.0%}, median over minimum: "
             "smaller differences between configurations are noise"
@@ -178,7 +178,7 @@ def _measurement_notes(report: TradeoffReport) -> Iterator[str]:
         yield f"{unknown} of {len(found)} configurations have runs without {report.error.name}"
 
 
-def _report_notes(
+def _notes(
     report: TradeoffReport, runs: StoredRuns, chosen: Evaluated | None, short: int
 ) -> Iterator[str]:
     yield from _measurement_notes(report)
@@ -221,8 +221,8 @@ class ToleranceTable:
     """The c configurations of n runs without their tolerances."""
 
     configuration: NDArray[np.integer]  # (n,) the configuration of each run
-    # Metric to (c,) value that tolerances bound: its largest magnitude over a configuration's runs;
-    # NaN if a run has no value.
+    # Metric to (c,) what tolerances are compared with: its largest magnitude over a configuration's
+    # runs; NaN if a run has no value.
     worst: Mapping[str, Floats]
     # (c,) whether a configuration is feasible without tolerances.
     otherwise_feasible: NDArray[np.bool_]

@@ -29,7 +29,7 @@ class Criteria:
 
 
 def find_store(source: str, target: Address | None = None) -> Address | None:
-    """Return the store that a text names; None for a sweep; only a sweep may have a target."""
+    """Return the store that a text names; None for a sweep, which alone may have a target."""
     address = parse_address(source)
     is_folder = isinstance(address, Path) and address.is_dir()
     if isinstance(address, Path) and not is_folder:
@@ -55,7 +55,7 @@ def error_measure(
     """Return the error of the criteria, or the first with a tolerance, or the first measured.
 
     Raises a SweepFileError if the store has no such column; a StoreError if no run has a value of
-    it, or of any error, although not every run failed.
+    it, or of any error, though not every run failed.
     """
     if criteria.metric is not None:
         _check_number(store, criteria.metric)

@@ -29,9 +29,9 @@ def pareto_front(time: Floats, error: Floats) -> list[int]:
 
 
 EQUALLY_FAST = 1.05
-"""Two timing passes of one build agree within this ratio, on an idle machine."""
+"""Ratio of times within which two timing passes of one build agree, on an idle machine."""
 
-MORE_ACCURATE = 1.05  # a configuration counts as more accurate from this ratio of errors
+MORE_ACCURATE = 1.05  # ratio of errors from which a configuration counts as more accurate
 
 SAFE_MARGIN = 1.25  # margin of every tolerance that the robust recommendation keeps
 
@@ -41,10 +41,10 @@ def equally_fast(
 ) -> list[Evaluated]:
     """Return the feasible configurations that are as fast as the fastest of them, within noise.
 
-    They are within 5 % of the smallest time, and keep a least margin to every tolerance. The most
+    Those are within 5 % of the least time, and keep a least margin to every tolerance; the most
     accurate comes first, and equally accurate ones in the order of the plan, so that noise of the
     times decides nothing. With a baseline, those within 5 % of the most accurate count as equally
-    accurate, and the one with most of its values comes first.
+    accurate, and the one that has most of its values comes first.
     """
     feasible = [
         (configuration.summary.time, configuration)
@@ -54,16 +54,14 @@ def equally_fast(
         and all(m is None or m >= least_margin for m in configuration.summary.margins.values())
     ]
     limit = EQUALLY_FAST * min((time for time, _ in feasible), default=0.0)
-    near = sorted(
-        (configuration for time, configuration in feasible if time <= limit), key=_known_error
-    )
+    near = sorted((configuration for time, configuration in feasible if time <= limit), key=_error)
     if baseline is None or not near:
         return near
-    same = MORE_ACCURATE * _known_error(near[0])
+    same = MORE_ACCURATE * _error(near[0])
 
     def preference(configuration: Evaluated) -> tuple[bool, int]:
         changed = sum(configuration.values[name] != value for name, value in baseline.items())
-        return (True, 0) if _known_error(configuration) > same else (False, changed)
+        return (True, 0) if _error(configuration) > same else (False, changed)
 
     return sorted(near, key=preference)
 
@@ -93,14 +91,12 @@ def front_of(configurations: Sequence[Configuration]) -> list[int]:
 
 
 def next_more_accurate(front: Sequence[Evaluated], chosen: Evaluated) -> Evaluated | None:
-    """Return the cheapest on a front with an error smaller by a factor of at least 1.05."""
-    limit = _known_error(chosen) / MORE_ACCURATE
-    return next(
-        (configuration for configuration in front if _known_error(configuration) < limit), None
-    )
+    """Return the cheapest on a front whose error is smaller by a factor of 1.05 at least."""
+    limit = _error(chosen) / MORE_ACCURATE
+    return next((configuration for configuration in front if _error(configuration) < limit), None)
 
 
-def _known_error(configuration: Evaluated) -> float:
+def _error(configuration: Evaluated) -> float:
     return np.inf if configuration.summary.error is None else configuration.summary.error
 
 
