@@ -91,7 +91,7 @@ class Evaluation:
             for motions in (examined.motions, examined.motions_of(fresh(examined.task)))
         )
         yards = TaskReference.run_references(self.own, 1, 1)
-        positions = [part.positions for part in yards.parts]
+        positions = [part.positions for part in yards.phases]
         self.parts = {
             (part.kind, part.name): part for part in find_features(self.own, positions, 1)
         }

@@ -293,7 +293,7 @@ def error_of(original: str, slow: str, duration: float) -> float:
     finer = max(1, round(8 * motions[0].model.opt.timestep / own.opt.timestep))
     finer = next(rate for rate in range(finer, 999) if _is_whole(own, motions[0].model, rate))
     yards = TaskReference.run_references(motions, finer, 1)
-    return yards.apart(own, round(own.opt.timestep / yards.step)).share
+    return yards.estimate_error(own, round(own.opt.timestep / yards.step)).error
 
 
 def _is_whole(own: mujoco.MjModel, slow: mujoco.MjModel, rate: int) -> bool:

@@ -100,8 +100,8 @@ def answers_of(report: TuneReport) -> dict[str, tuple[Candidate, str]]:
     if report.recommended and report.file:
         found["recommended"] = report.recommended, report.file
     for name, other in (
-        ("as accurate", report.equal_error),
-        ("keeps the aim", report.meets_target),
+        ("equal error", report.equal_error),
+        ("meets target", report.meets_target),
     ):
         if other:
             found[name] = other.candidate, other.file

@@ -198,7 +198,7 @@ def measure(folder: Path) -> str:
         assert claimed
         parts.append(f"{name}: error claimed {claimed:.3%}, measured {found:.3%}")
         parts[-1] += f" ({found / claimed - 1:+.1%})"
-    now = f"as written {report.current.error or np.nan:.3%}, aim {report.target.limit:.3%}"
+    now = f"as written {report.current.error or np.nan:.3%}, target {report.target.limit:.3%}"
     return f"{folder.name}: {'; '.join(parts) or 'kept'}; {now}"
 
 

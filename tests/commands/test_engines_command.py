@@ -51,7 +51,7 @@ def test_an_engine_is_added_once(contactlab: Any, cache: Path, tmp_path: Path) -
     listed = json.loads(contactlab("list", "engines", "--format", "json").out)
     assert {each["size"] for each in listed if each["engine"] == "warp"} == {5}
     again = contactlab("engines", "add", "warp")
-    assert (again.code, again.out, again.err) == (0, "warp 9.8 is here\n", "")
+    assert (again.code, again.out, again.err) == (0, "warp 9.8 is already installed\n", "")
 
 
 def test_what_cannot_be_installed_leaves_nothing(

@@ -35,7 +35,7 @@ def test_readers(contactlab: Any, swept: str, at: str) -> None:
         ("render", at, swept, "-o", "run.mcap"): "run.mcap",
         ("baseline", "update", at, "baseline"): f"holds the 4 runs of {at}",
         ("compare", "baseline", at): "same: no check",
-        ("tradeoff", at, "--error", "oracle_error", "--tolerance", "oracle_error=50%"): "oracle",
+        ("tradeoff", at, "--metric", "oracle_error", "--tolerance", "oracle_error=50%"): "oracle",
     }.items():
         code, out, err = contactlab(*arguments)
         assert (code, expected in out) == (0, True), (arguments, out, err)

@@ -57,7 +57,7 @@ SMOKES: dict[str, tuple[str, int, str]] = {
     "lint": ("{folder}/ball.xml", 0, "nothing found"),
     "diff": ("{folder}/ball.xml {folder}/ball.xml", 0, "no difference"),
     "shrink": ("{store} {run}", 2, "not the model alone"),
-    "gradients": ("{folder}/ball.xml --of nothing", 2, "no such coordinate"),
+    "gradients": ("{folder}/ball.xml --output-coordinate nothing", 2, "no such coordinate"),
     "grip": ("{folder}/ball.xml", 2, "no actuator"),
     "engines": ("add nobody", 2, "nobody"),
     "traces": ("expand {store}", 0, ""),

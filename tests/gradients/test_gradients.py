@@ -258,7 +258,7 @@ def test_a_map_goes_on_where_it_ended(tmp_path: Path, monkeypatch: pytest.Monkey
         ("x", ["solref.stiffness"], [], "it is no number of this scene"),
         ("x", ["friction.slide"], ["friction.slide=0"], "take a place farther from its end"),
         ("x", ["push"], ["push=1,2", "speed=0,1", "depth=0,1"], "a map has two axes"),
-        ("x", ["push"], ["cone=elliptic,pyramidal"], "axes of numbers"),
+        ("x", ["push"], ["cone=elliptic,pyramidal"], "must be numeric"),
     ],
 )
 def test_mistakes_are_told_before_anything_runs(

@@ -36,7 +36,7 @@ def test_a_start_that_holds_an_object_is_judged_as_it_is(tmp_path: Path) -> None
     (fact,) = grip_facts(reference, model, "held")
     speeds = judge_grip(GripRequest(reference, keyframe="held", fixes=False)).drifts
     assert fact.value == pytest.approx(max(drift.speed or 0 for drift in speeds), rel=1e-9)
-    assert fact.sentence.startswith("keyframe held (claw) creeps: body bar goes")
+    assert fact.sentence.startswith("keyframe held (claw) creeps: body bar moves at")
 
 
 def test_the_hand_of_an_arm_is_judged(tmp_path: Path) -> None:

@@ -78,7 +78,7 @@ def test_the_planted_friction_explains_the_recordings(sweeper: Any) -> None:
     assert verify(store.address) == []
     assert list(recomputed_problems(store)) == []
     assert replay(store, rows[3]["run_id"]).equal
-    report = analyze(store, Criteria(error="reality"))
+    report = analyze(store, Criteria(metric="reality"))
     assert report.scenarios == ("recorded_run",)
     errors = {each.configuration["friction.slide"]: each.error for each in report.configurations}
     assert errors[1.0] == pytest.approx(np.mean([row["reality"] for row in wrong]))

@@ -58,4 +58,4 @@ def shrink(
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise OutputError(f"{folder} is not empty; choose another folder with -o")
     request = ShrinkRequest(opened, run, folder, seconds_of(max_time))
-    return shrunk(request, lambda part: say(f"trying to remove {part}"))
+    return shrunk(request, say)

@@ -56,8 +56,8 @@ def _failure(report: "TradeoffReport | TuneReport", given: Given) -> Expectation
     from contactlab.pareto.recommendation import blocker_texts
 
     reason = "".join(f": {text}" for text in blocker_texts(report)[:1])
-    which = "of mujoco" if report.front else f"of {len(report.configurations)}"
-    return ExpectationError(f"no configuration {which} is feasible{reason}")
+    which = "mujoco's" if report.front else str(len(report.configurations))
+    return ExpectationError(f"none of {which} configurations is feasible{reason}")
 
 
 @command(

@@ -98,7 +98,7 @@ def tune(
     allow_code: opt.AllowCode = False,
     **task: Unpack[opt.TaskParameters],
 ) -> "TuneReport":
-    """Find faster settings of the same accuracy, and write the model with them.
+    """Find faster settings of equal accuracy, and write the model.
 
     The target is the fastest settings whose numerical error is at most the effect of friction
     known to 10 % and masses known to 5 %, at least 1 %, and at most the tolerance. If an accurate

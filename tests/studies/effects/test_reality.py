@@ -56,7 +56,7 @@ def test_rolling_friction_is_asked_for_where_it_was(
     tmp_path: Path, condim: int, asked: bool
 ) -> None:
     """Rolling friction changes every roll, but only one of two recordings has it."""
-    request = EffectsRequest(rolled(tmp_path, condim), rounds=None, error="reality")
+    request = EffectsRequest(rolled(tmp_path, condim), rounds=None, metric="reality")
     report = ablation.find_smallest_set(request, Session(tmp_path / "stores", 0))
     found: dict[str, EffectFinding] = {each.effect: each for each in report.effects}
     rolling = found["rolling_friction"]
@@ -118,4 +118,4 @@ def test_runs_that_end_early_matter_and_other_labels_do_not() -> None:
 
 def test_a_scene_without_a_recording_is_refused() -> None:
     with pytest.raises(SceneError, match="needs a scene with a `recording`"):
-        _ = EffectsRequest("box_slide", error="reality").setup
+        _ = EffectsRequest("box_slide", metric="reality").setup

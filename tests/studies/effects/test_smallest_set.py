@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.studies.configuration_runs import ConfigurationRows
-from contactlab.studies.effects.ablation import SmallestSetSearch, merged
+from contactlab.studies.effects.ablation import SmallestSetSearch, merge_names
 from contactlab.studies.effects.effect_toggles import Changed, judged_metrics
 
 NAMES = ("air", "damper", "elliptic", "noslip", "spring")
@@ -41,7 +41,7 @@ def test_small_changes_cannot_add_up(
 
     setup = SimpleNamespace(tolerances={"drift": TOLERANCE}, seeds=(0,))
     trials: Any = SimpleNamespace(setup=setup, run=ran)
-    free = SmallestSetSearch(trials, outcome(0.0)).smallest(order[:certain], order[certain:])
+    free = SmallestSetSearch(trials, outcome(0.0)).find_smallest(order[:certain], order[certain:])
     assert drift(free) <= TOLERANCE
     assert set(order[:certain]) <= set(free)
-    assert all(drift(merged(free, [name])) > TOLERANCE for name in NAMES if name not in free)
+    assert all(drift(merge_names(free, [name])) > TOLERANCE for name in NAMES if name not in free)

@@ -121,7 +121,7 @@ def test_told_intervals_have_the_truth_in_nineteen_of_twenty(
     tries = [_Machine(width, spread, number) for number in range(300)]
     prices = list[Price]()
     for machine in tries:
-        monkeypatch.setattr(clock, "_turn", machine.turn)
+        monkeypatch.setattr(clock, "_whole_run_timer", machine.turn)
         prices += clock.time_whole_runs([(motion.model, 2)], [[motion]] * 8, math.inf)
     assert all(price.low <= price.ratio <= price.high for price in prices)
     within = np.mean([price.low <= 0.5 <= price.high for price in prices])
@@ -145,13 +145,13 @@ class _Disturbed:
     """A clock of steps that take so long each, or twice as long half of the time, by spells."""
 
     def __init__(self) -> None:
-        self.current = 0.0
+        self.now = 0.0
         self._spells = np.random.default_rng(0).uniform(1e-3, 3e-3, 10_000).cumsum()
 
     def step(self, model: mujoco.MjModel, _: mujoco.MjData) -> None:
         """Take the time of a step, which is a tenth of what it simulates."""
-        slow = np.searchsorted(self._spells, self.current) % 2
-        self.current += 0.1 * model.opt.timestep * (1 + slow)
+        slow = np.searchsorted(self._spells, self.now) % 2
+        self.now += 0.1 * model.opt.timestep * (1 + slow)
 
 
 def test_what_slows_a_machine_down_at_times_favours_no_fast_model(

@@ -213,7 +213,9 @@ def test_a_run_that_begins_later_ends_where_the_whole_one_does(steps: int) -> No
     )  # fmt: skip
     whole = FailingModel(text, start, 0.06)
     later = whole.later(steps)
-    assert (later.begins, later.duration) == pytest.approx((steps * 0.002, 0.06 - steps * 0.002))
+    assert (later.start_time, later.duration) == pytest.approx(
+        (steps * 0.002, 0.06 - steps * 0.002)
+    )
     assert played(later) == pytest.approx(played(whole), abs=1e-12)
 
 

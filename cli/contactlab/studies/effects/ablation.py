@@ -204,7 +204,7 @@ def _finding_of(
         verdict="not exercised" if lack else verdict,
         reason=lack or toggle.proof or change.reason,
         settings=_as_written(toggle.values),
-        metric_changes=change.changes,
+        metric_changes=change.metric_changes,
         within_spread=change.within_spread,
         labels=dict(change.labels),
         time_ratio=ratio,

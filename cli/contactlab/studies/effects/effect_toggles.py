@@ -177,21 +177,21 @@ class ConfigurationDifference:
     """The difference between matched pairs of runs of two configurations."""
 
     # The change of every metric, in the scenario where it is largest; largest first.
-    changes: tuple[MetricChange, ...]
+    metric_changes: tuple[MetricChange, ...]
     # Changes to labels that the base has with no seed, by runs.
     labels: Mapping[str, int]
 
     @property
     def is_significant(self) -> bool:
         """Whether any change exceeds both tolerance and spread."""
-        return bool(self.labels) or any(change.significant for change in self.changes)
+        return bool(self.labels) or any(change.significant for change in self.metric_changes)
 
     @property
     def within_spread(self) -> tuple[str, ...]:
         """Metrics that change by more than the tolerance, but less than the spread over seeds."""
         return tuple(
             change.metric
-            for change in self.changes
+            for change in self.metric_changes
             if change.change is not None and change.tolerance < abs(change.change) <= change.spread
         )
 
@@ -200,11 +200,11 @@ class ConfigurationDifference:
         """The largest change, as text."""
         if self.labels:
             return ", ".join(self.labels)
-        if worst := next((change for change in self.changes if change.significant), None):
+        if worst := next((change for change in self.metric_changes if change.significant), None):
             return _change_text(worst)
-        if [change.metric for change in self.changes] == [REALITY]:
-            return _change_text(self.changes[0])
-        for change in self.changes:
+        if [change.metric for change in self.metric_changes] == [REALITY]:
+            return _change_text(self.metric_changes[0])
+        for change in self.metric_changes:
             if change.metric in self.within_spread:
                 return (
                     f"{change.metric} changes by {change.change:.3g} {change.unit}, within the "

@@ -409,14 +409,14 @@ class FailingModel:
         text: MJCF, without keyframes.
         start: where its parts begin, and what drives it.
         duration: of its run [s].
-        begins: when in the stored run it begins [s].
+        start_time: when in the stored run it begins [s].
         pairs: that its runs monitor, if both sides are left.
     """
 
     text: str
     start: Start = field(compare=False)
     duration: float
-    begins: float = 0.0
+    start_time: float = 0.0
     pairs: tuple[MonitoredPair, ...] = field(default=(), compare=False)
 
     def spec(self) -> mujoco.MjSpec:
@@ -443,7 +443,7 @@ class FailingModel:
         return replace(
             self,
             start=self.start.after(model, steps),
-            start_time=self.begins + passed,
+            start_time=self.start_time + passed,
             duration=round(self.duration - passed, _DIGITS),
         )
 

@@ -84,7 +84,7 @@ class _Failure:
         return bool(other.bodies) and other.bodies <= self.bodies
 
 
-def run(request: ShrinkRequest, begins: Callable[[str], None] = lambda _: None) -> ShrinkReport:
+def run(request: ShrinkRequest, notify: Callable[[str], None] = lambda _: None) -> ShrinkReport:
     """Shrink the model of a stored run, and write it with what runs it.
 
     Raises:
@@ -107,10 +107,10 @@ def run(request: ShrinkRequest, begins: Callable[[str], None] = lambda _: None) 
     text = as_one_file(scene, runs.resolved[0], runs.starts)
     whole = FailingModel(text, start, record.duration, pairs=runs.base.pairs)
     with TemporaryDirectory(prefix="contactlab-") as folder:
-        begins("the model as one file")
+        notify("running the model as one file")
         trials = _reproducing(whole, record, Path(folder), _judged_by(request.store, scene))
         trials.end = begun + request.seconds
-        smallest = _smallest(whole, trials, begins)
+        smallest = _smallest(whole, trials, notify)
         entry = trials.failed[smallest].labels[0]
         report = ShrinkReport(
             run=record.run_id,
@@ -120,7 +120,7 @@ def run(request: ShrinkRequest, begins: Callable[[str], None] = lambda _: None) 
             stored_reason=record.labels[0].reason,
             before=sizes(whole.compiled()),
             after=sizes(smallest.compiled()),
-            start_time=smallest.begins,
+            start_time=smallest.start_time,
             duration=smallest.duration,
             stored_duration=record.duration,
             models_run=trials.count,
@@ -252,9 +252,9 @@ def _yaml(data: Mapping[str, Any]) -> str:
     return text.getvalue()
 
 
-def _smallest(model: FailingModel, trials: _Trials, begins: Callable[[str], None]) -> FailingModel:
+def _smallest(model: FailingModel, trials: _Trials, notify: Callable[[str], None]) -> FailingModel:
     """Return the model without all that can go; what went last may let go what stayed before."""
-    begins("its time")
+    notify("shortening the run")
     model = _shorter(_later(_shorter(model, trials), trials), trials)
     # Thousands of vertices are read and hulled anew in each trial.
     coarser = model.coarser(model.parts("meshes"), _VERTICES[-1])
@@ -263,11 +263,11 @@ def _smallest(model: FailingModel, trials: _Trials, begins: Callable[[str], None
     while True:
         before = model.text
         for kind in PARTS:
-            begins(f"its {kind}")
+            notify(f"removing {kind}")
             model = _without(model, kind, partial(FailingModel.without, kind=kind), trials)
-        begins("its joints")
+        notify("removing joints")
         model = _without(model, "joints", FailingModel.still, trials)
-        begins("its options and meshes")
+        notify("simplifying options and meshes")
         for changed in _plainer(model):
             if trials.over:
                 break
