@@ -52,7 +52,7 @@ def run(asked: argparse.Namespace) -> None:
     with ThreadPoolExecutor(asked.jobs) as pool:
         work = partial(_examined, asked.wheels, kind, asked.seconds)
         for entry in pool.map(work, wanted):
-            said = entry.refused or (entry.examination.sentence if entry.examination else "")
+            said = entry.refused or (entry.examination.headline if entry.examination else "")
             print(f"{entry.cpu or 0:6.1f} s  {entry.word:12} {entry.name}: {said}", flush=True)
 
 
@@ -69,7 +69,7 @@ def current(
 
 def tune(asked: argparse.Namespace) -> None:
     """Add what tune recommends to current records of sound models that have it not."""
-    for entry, _, _ in current(asked, lambda entry: entry.sound and entry.tuned is None):
+    for entry, _, _ in current(asked, lambda entry: entry.passed and entry.tuned is None):
         done = _process(asked.wheels, "tuned", asked.seconds, entry.family)
         again = recorded(entry.family[0])
         said = again.tuned.sentence if again and again.tuned else _last_line(done)
@@ -105,19 +105,19 @@ def views(asked: argparse.Namespace) -> bool:
 
 
 def mended(asked: argparse.Namespace) -> bool:
-    """Judge models with the changes of current records anew; return whether all are sound."""
+    """Judge models with the fixes of current records again; return whether all pass."""
     whole = True
-    for entry, file, folder in current(asked, lambda entry: entry.mending):
-        sound, text = judged_again(entry, file, folder)
-        whole &= sound
-        print(f"{'sound' if sound else 'NOT sound':9} {entry.name}: {text}", flush=True)
+    for entry, file, folder in current(asked, lambda entry: entry.working_fix):
+        passed, text = judged_again(entry, file, folder)
+        whole &= passed
+        print(f"{'passes' if passed else 'FAILS':9} {entry.name}: {text}", flush=True)
     return whole
 
 
 def nearer(asked: argparse.Namespace) -> bool:
     """Print whether changes come nearer to what is meant, in plain MuJoCo; return whether all."""
     whole = True
-    for entry, file, folder in current(asked, lambda entry: entry.changed):
+    for entry, file, folder in current(asked, lambda entry: entry.fixed):
         for name, near, text in nearer_of(entry, file, folder):
             whole &= near
             word = "nearer" if near else "NOT nearer"
@@ -171,7 +171,7 @@ def _read_news(changelog: Path) -> str:
 
 _OF_CURRENT = {
     "confirm": (confirm, "ask plain MuJoCo again for the causes that current records name"),
-    "mended": (mended, "judge models with the changes that mend them on seeds not seen before"),
+    "mended": (mended, "judge models with their working fixes on unused seeds"),
     "nearer": (nearer, "ask plain MuJoCo whether changes of current records come nearer"),
     "views": (views, "ask stability, check and sweep for what they say, the cheapest first"),
 }

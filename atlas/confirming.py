@@ -10,14 +10,14 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from atlas.entry import ROOT, Confirmation, Entry
-from atlas.mending import written_changes
+from atlas.mending import write_fixed_models
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.schema.examination import Examination
-from contactlab.studies.examine.changes import SOFT_ROWS, fresh
+from contactlab.studies.examine.fixes import SOFT_ROWS, with_new_seeds
 from contactlab.studies.examine.task_motions import task_motions
 
 SCRIPT = "atlas/confirm.py"
-_STEPS = ("run", "reference")  # rows that are of the steps
+_STEPS = ("numerical error", "reference")  # reasons that concern the steps
 _OF_LABELS = {
     "constraint_violated": ["--of", "limit"],
     "tunneling": ["--of", "depth"],
@@ -84,11 +84,11 @@ def nearer(entry: Entry, file: Path, folder: Path) -> Iterator[tuple[str, bool, 
     soft = (SOFT_ROWS[each.label][0] for each in report.labels if each.label in SOFT_ROWS)
     softness = next(soft, row)
     write_inputs(file, folder / "inputs.npz", unseen=True)
-    for change, written in written_changes(entry, file, folder):
-        of = softness if change.physics and change.removes == "labels" else row
+    for fix, written in write_fixed_models(entry, file, folder):
+        of = softness if fix.changes_model and fix.removes == "labels" else row
         options = ["--of", of, "--inputs", str(folder / "inputs.npz")]
         code, text = _run(file, [*options, "--against", str(written)])
-        yield change.name, code == 0, text
+        yield fix.name, code == 0, text
 
 
 def asked_again(entry: Entry, file: Path, folder: Path) -> Entry:
@@ -96,14 +96,12 @@ def asked_again(entry: Entry, file: Path, folder: Path) -> Entry:
     options = questions(entry)
     confirmation = confirmed(entry, file, options) if options else None
     shown = {
-        change.name: still_shown(confirmation, written)
-        for change, written in written_changes(entry, file, folder)
+        fix.name: still_shown(confirmation, written)
+        for fix, written in write_fixed_models(entry, file, folder)
         if confirmation and confirmation.holds
     }
-    changed = tuple(
-        each.model_copy(update={"shown": shown.get(each.name)}) for each in entry.changed
-    )
-    return entry.model_copy(update={"confirmation": confirmation, "changed": changed})
+    fixed = tuple(each.model_copy(update={"shown": shown.get(each.name)}) for each in entry.fixed)
+    return entry.model_copy(update={"confirmation": confirmation, "fixed": fixed})
 
 
 def still_shown(before: Confirmation, file: Path) -> bool | None:
@@ -122,7 +120,7 @@ def write_inputs(model: Path, file: Path, seed: int = 0, *, unseen: bool = False
     """
     scene = SceneLoader(Path()).open(str(model)).with_effects("all")
     task = scene.task({}, None)
-    motions = task_motions(scene, {}, fresh(task) if unseen else task)
+    motions = task_motions(scene, {}, with_new_seeds(task) if unseen else task)
     rows = np.concatenate([motion.inputs[seed] for motion in motions])
     np.savez(file, start=motions[0].starts[seed], rows=rows, spec=motions[0].spec)
 
@@ -133,12 +131,12 @@ def _cause(entry: Entry) -> list[str]:
     if report is None:
         return []
     labels = [_OF_LABELS[label.label] for label in report.labels if label.label in _OF_LABELS]
-    if entry.word == "not sound" and labels:
+    if entry.word == "fails" and labels:
         return [*labels[0]]
     for reason in report.budget.reasons if report.budget else ():
         if reason.row in _STEPS and (raised := _raised(report, reason.phase)):
             return ["--of", "refsafe", "--body", raised]
-        drift = "loss" if (reason.share or 0.0) < 0 else "gain"
+        drift = "loss" if (reason.error or 0.0) < 0 else "gain"
         of = {**dict.fromkeys(_STEPS, "run"), "energy": drift}.get(reason.row, reason.row)
         return ["--of", of, "--body", reason.body]
     return []
@@ -148,8 +146,8 @@ def _raised(report: Examination, phase: str) -> str:
     """Return the body whose motion in a phase hangs on constants that the step raises, or ""."""
     assert report.budget is not None
     rows = (row for one in report.budget.phases if one.name == phase for row in one.rows)
-    shares = {row.body: row.share or 0.0 for row in rows if row.name == "refsafe"}
-    found = (body for body, share in shares.items() if share > report.budget.within)
+    shares = {row.body: row.error or 0.0 for row in rows if row.name == "refsafe"}
+    found = (body for body, share in shares.items() if share > report.budget.tolerance)
     return next(found, None) or ""
 
 

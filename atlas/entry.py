@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 import mujoco
-from pydantic import ValidationError, model_validator
+from pydantic import ValidationError
 
 from contactlab.schema.evidence import Setting
 from contactlab.schema.examination import Examination
@@ -22,24 +22,23 @@ RELEASES = "releases"
 _JUDGING = ("accuracy", "budget", "judge", "measure", "studies/examine")
 """Packages of contactlab that a verdict hangs on."""
 _MENDING = {
-    "changes.py",
-    "physical.py",
-    "prices.py",
-    "primitives.py",
-    "remedies.py",
-    "separated.py",
+    "field_changes.py",
+    "fixes.py",
+    "primitive_fixes.py",
+    "start_fixes.py",
+    "time_ratios.py",
 }
-"""Their files that look for changes, and judge none."""
+"""Their files that search fixes, and do not judge."""
 
 
-class Changed(Model):
-    """What the same command says of the model with a change, written into its files."""
+class FixedModel(Model):
+    """The verdict of the same command on the model with a fix, written into its files."""
 
-    name: str = about("The change.")
-    physics: bool = about("Whether it makes another model.")
-    accept: str = about("What `--accept` calls it, if it makes another model.", default="")
-    sound: bool = about("Whether its verdict is another, and sound.")
-    sentence: str
+    name: str = about("The fix.")
+    changes_model: bool = about("Whether it makes another model.")
+    apply: str = about("Its name for `--apply`, if it makes another model.", default="")
+    passed: bool = about("Whether the model passes, and the first reason is gone.")
+    headline: str
     nearer: bool | None = about(
         "Whether it is nearer than before to the motion of the original at its finest step, on "
         "fresh seeds; null if not known.",
@@ -83,7 +82,7 @@ class Tuned(Model):
 class Entry(Model):
     """One family of near-equal files, by the first of them that is a robot or a scene."""
 
-    entry_version: Literal[2] = 2
+    entry_version: Literal[3] = 3
     name: str = about("Wheel and path.")
     wheel: str
     version: str
@@ -97,44 +96,22 @@ class Entry(Model):
     refused: str = about("Why it has no verdict; else empty.", default="")
     lint: dict[str, int] = about("Findings by severity.", default={})
     examination: Examination | None = None
-    sound: bool | None = None
+    passed: bool | None = None
     cpu: float | None = about("Of the examination [s].", default=None)
     max_cpu: int | None = about("What it was given, `--max-cpu` [s].", default=None)
     rate: float | None = about("Simulated over CPU time of MuJoCo's steps of it.", default=None)
-    changed: tuple[Changed, ...] = about(
-        "Its changes, those of computation first, as far as the first that is sound.",
+    fixed: tuple[FixedModel, ...] = about(
+        "The model with its fixes, those that keep the model first, up to the first that passes.",
         default=(),
     )
     confirmation: Confirmation | None = None
     grip: Gripped | None = about("Null where nothing closes, or holds the object.", default=None)
     tuned: Tuned | None = None
 
-    @model_validator(mode="before")
-    @classmethod
-    def _of_older_form(cls, stored: object) -> object:
-        """Read one that knew one change at most, no bound of a run, or a path of a machine."""
-        match stored:
-            case {"entry_version": 1, "changed": changed, **others}:
-                stored = {**others, "changed": [changed] if changed else []}
-            case _:
-                pass
-        match stored:
-            case {"examination": {"budget": {"phases": [*phases], **budget}, **report}, **others}:
-                budget = {**budget, "phases": [_without_check(phase) for phase in phases]}
-                stored = {**others, "examination": {**report, "budget": budget}}
-            case _:
-                pass
-        match stored:
-            case {"wheel": str(wheel), "examination": {"facts": [*facts], **report}, **others}:
-                facts = [_by_wheel(fact, wheel) for fact in facts]
-                return {**others, "wheel": wheel, "examination": {**report, "facts": facts}}
-            case _:
-                return stored
-
     @property
-    def mending(self) -> Changed | None:
-        """The change with which it is sound; None if it needs or has none."""
-        return next((change for change in self.changed if change.sound), None)
+    def working_fix(self) -> FixedModel | None:
+        """The fix with which it passes; None if none is needed or known."""
+        return next((fixed for fixed in self.fixed if fixed.passed), None)
 
     @property
     def flagged(self) -> bool:
@@ -144,34 +121,18 @@ class Entry(Model):
 
     @property
     def word(self) -> str:
-        """The verdict in a word or two."""
+        """The verdict in a word."""
         report = self.examination
         if report is None:
             return "refused"
-        word = report.budget.verdict if report.budget else "sound"
-        return "not sound" if word in {"sound", "model"} and not self.sound else word
+        word = report.budget.verdict if report.budget else "ok"
+        return "fails" if word in {"ok", "depends"} and not self.passed else word
 
     def save(self, folder: Path) -> None:
         """Write its record into a folder of records."""
         file = record_of(self.family[0], folder)
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(self.model_dump_json() + "\n", encoding="utf-8")
-
-
-def _without_check(phase: dict[str, object]) -> dict[str, object]:
-    """Return a phase of a budget that may have a ratio of references, which none has now."""
-    return {"most": None, **{name: value for name, value in phase.items() if name != "check"}}
-
-
-def _by_wheel(fact: dict[str, object], wheel: str) -> dict[str, object]:
-    """Return a fact whose file is named from its wheel on, not from where the wheel was."""
-    match fact:
-        case {"kind": "file", "place": str(place), "sentence": str(sentence)}:
-            above = place[: max(place.find(f"{wheel}/"), 0)]
-            told = {"place": place.removeprefix(above), "sentence": sentence.removeprefix(above)}
-            return {**fact, **told}
-        case _:
-            return fact
 
 
 def records_of(kind: str) -> Path:

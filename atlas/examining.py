@@ -19,8 +19,8 @@ import contactlab
 from atlas.confirming import confirmed, questions, still_shown
 from atlas.entry import (
     RECORDS,
-    Changed,
     Entry,
+    FixedModel,
     Gripped,
     Tuned,
     film_of,
@@ -34,8 +34,8 @@ from contactlab.errors import ContactlabError, SceneError
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.model_writer import write_model
 from contactlab.schema.examination import Examination
-from contactlab.studies.examine.changes import edits_of
 from contactlab.studies.examine.examination import ExamineRequest, open_model
+from contactlab.studies.examine.fixes import edits_of
 from contactlab.studies.session import Session
 
 _VIEWS = ("labels", "budget", "facts", "checks")
@@ -105,12 +105,12 @@ def _verdict(family: tuple[Robot, ...], robot: Robot, folder: Path) -> Entry:
     before, file = _cpu(), str(robot.file)
     place = folder / "examined"
     report = contactlab.examine(
-        file, only=[*_VIEWS], max_cpu=f"{MAX_CPU}s", workers=1, output=place
+        file, section=[*_VIEWS], max_cpu=f"{MAX_CPU}s", workers=1, output=place
     )
     return _entry(family, robot).model_copy(
         update={
             "examination": _kept(report, robot),
-            "sound": report.sound,
+            "passed": report.passed,
             "cpu": round(_cpu() - before, 1),
             "max_cpu": MAX_CPU,
         }
@@ -126,7 +126,7 @@ def _whole(family: tuple[Robot, ...], robot: Robot, folder: Path) -> Entry:
         update={
             "lint": {word: len(lint.open(word)) for word in ("error", "warning", "note")},
             "examination": _kept(report, robot),
-            "sound": report.sound,
+            "passed": report.passed,
             "cpu": round(cpu, 1),
             "max_cpu": MAX_CPU,
         }
@@ -137,7 +137,7 @@ def _whole(family: tuple[Robot, ...], robot: Robot, folder: Path) -> Entry:
         entry = entry.model_copy(update={"confirmation": confirmation})
     return entry.model_copy(
         update={
-            "changed": tuple(_changed(report, entry, file, folder)),
+            "fixed": tuple(_fixed(report, entry, file, folder)),
             "grip": _gripped(file),
             "rate": _shown(family, file, folder),
         }
@@ -175,36 +175,36 @@ def _shown(family: tuple[Robot, ...], file: str, folder: Path) -> float:
     return float(f"{real_time(motions):.2g}")
 
 
-def _changed(report: Examination, entry: Entry, file: str, folder: Path) -> Iterator[Changed]:
-    """Examine the model with each change, until one is sound."""
+def _fixed(report: Examination, entry: Entry, file: str, folder: Path) -> Iterator[FixedModel]:
+    """Examine the model with each fix, until one passes."""
     scene = SceneLoader(Path()).open(file).with_effects("all")
     cause = _named(report)
-    for place, change in enumerate(sorted(report.changes, key=lambda change: change.physics)):
+    for place, fix in enumerate(sorted(report.fixes, key=lambda fix: fix.changes_model)):
         try:
-            written = write_model(scene, edits_of(change, scene), folder / f"changed{place}", "")
-        except SceneError:  # the change says that it has no lines, and why
+            written = write_model(scene, edits_of(fix, scene), folder / f"fixed{place}", "")
+        except SceneError:  # the fix says why it has no lines
             continue
         after = contactlab.examine(
             written.path,
-            only=[*_VIEWS],
+            section=[*_VIEWS],
             max_cpu=f"{MAX_CPU}s",
             workers=1,
             output=folder / f"of{place}",
         )
-        apart, before = change.apart, change.before
+        distance, before = fix.distance_to_reference, fix.distance_before
         asked = entry.confirmation
-        changed = Changed(
-            name=change.name,
-            physics=change.physics,
-            accept=change.accept,
-            sound=after.sound and (not cause or cause != _named(after)),
-            sentence=after.sentence,
-            nearer=None if apart is None else before is None or apart < before,
+        fixed = FixedModel(
+            name=fix.name,
+            changes_model=fix.changes_model,
+            apply=fix.apply,
+            passed=after.passed and (not cause or cause != _named(after)),
+            headline=after.headline,
+            nearer=None if distance is None else before is None or distance < before,
             patch=patch if len(patch := written.patch.decode()) <= _LONGEST_PATCH else "",
             shown=still_shown(asked, written.path) if asked and asked.holds else None,
         )
-        yield changed
-        if changed.sound:
+        yield fixed
+        if fixed.passed:
             return
 
 
@@ -232,13 +232,13 @@ def _kept(report: Examination, robot: Robot) -> Examination:
     """Return a report without what hangs on this machine, or can be asked for again."""
     place = f"{robot.file.parent}/"
     lines = [
-        change.model_copy(
+        fix.model_copy(
             update={
-                "lines": tuple(line.replace(place, "") for line in change.lines),
-                "unwritten": change.unwritten.replace(place, ""),
+                "lines": tuple(line.replace(place, "") for line in fix.lines),
+                "no_patch_reason": fix.no_patch_reason.replace(place, ""),
             }
         )
-        for change in report.changes
+        for fix in report.fixes
     ]
     wheels_at = f"{robot.wheel.place.parent}/"
     facts = [
@@ -251,7 +251,7 @@ def _kept(report: Examination, robot: Robot) -> Examination:
         for fact in report.facts
     ]
     left_out = {"written": None, "evidence": None, "page": None, "checks": (), "contacts": ()}
-    told = {"model": robot.name, "changes": tuple(lines), "facts": tuple(facts)}
+    told = {"model": robot.name, "fixes": tuple(lines), "facts": tuple(facts)}
     return report.model_copy(update={**left_out, **told})
 
 

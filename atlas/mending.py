@@ -1,4 +1,4 @@
-"""Judges models with the changes that their records name, on seeds that nothing was chosen by."""
+"""Judges models with the fixes of their records, on unused seeds."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -6,46 +6,45 @@ from pathlib import Path
 from atlas.entry import Entry
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.model_writer import write_model
-from contactlab.schema.examination import ModelChange
-from contactlab.studies.examine.changes import edits_of, fresh
+from contactlab.schema.examination import Fix
 from contactlab.studies.examine.examination import ExamineRequest, open_model
+from contactlab.studies.examine.fixes import edits_of, with_new_seeds
 from contactlab.studies.session import Session
 
 
-def written_changes(entry: Entry, file: Path, folder: Path) -> Iterator[tuple[ModelChange, Path]]:
-    """Yield the changes that an entry has judged, and the model with each, from its own words."""
+def write_fixed_models(entry: Entry, file: Path, folder: Path) -> Iterator[tuple[Fix, Path]]:
+    """Yield the fixes that an entry has judged, and the file of the model with each."""
     scene = SceneLoader(Path()).open(str(file)).with_effects("all")
-    changes = entry.examination.changes if entry.examination else ()
-    by_name = {change.name: change for change in changes}
-    for place, changed in enumerate(entry.changed):
-        change = by_name[changed.name]
-        yield change, write_model(scene, edits_of(change, scene), folder / str(place), "").path
+    fixes = {fix.name: fix for fix in (entry.examination.fixes if entry.examination else ())}
+    for place, fixed in enumerate(entry.fixed):
+        fix = fixes[fixed.name]
+        yield fix, write_model(scene, edits_of(fix, scene), folder / str(place), "").path
 
 
 def judged_again(entry: Entry, file: Path, folder: Path) -> tuple[bool, str]:
-    """Return whether a model is sound with the change that mends it, and what is said of it.
+    """Return whether a model passes with its working fix, and its verdict in words.
 
-    As in a record, what the verdict named first must be gone too.
+    As in a record, the first reason of the verdict must be gone too.
     """
-    report, mending = entry.examination, entry.mending
+    report, working = entry.examination, entry.working_fix
     assert report is not None
-    assert mending is not None
-    found = written_changes(entry, file, folder)
-    (model,) = (place for change, place in found if change.name == mending.name)
+    assert working is not None
+    models = write_fixed_models(entry, file, folder)
+    (model,) = (place for fix, place in models if fix.name == working.name)
     reasons = report.budget.reasons if report.budget else ()
     return unseen_verdict(model, folder / "judged", [reason.row for reason in reasons[:1]])
 
 
 def unseen_verdict(model: Path, folder: Path, gone: Sequence[str] = ()) -> tuple[bool, str]:
-    """Return whether a model is sound on seeds that neither its task nor its changes have.
+    """Return whether a model passes on seeds that neither its task nor its fixes have used.
 
-    And what its runs say. None of some rows of its budget may lead what it names.
+    And its verdict in words. No row of `gone` may be its first reason.
     """
     request = ExamineRequest(str(model), sections=("labels", "budget"), max_cpu=0)
     examined = open_model(request, Session(folder, 0))
-    examined.task = fresh(fresh(examined.task))
+    examined.task = with_new_seeds(with_new_seeds(examined.task))
     verdict, judged = examined.verdict, examined.judged
     leading = judged.reasons[:1]
-    sound = verdict.sound and not verdict.labels and judged.word in {"sound", "model"}
-    sound &= not any(reason.row in gone for reason in leading)
-    return sound, "; ".join([verdict.line, *(reason.sentence for reason in leading)])
+    passed = verdict.is_accurate and not verdict.labels and judged.word in {"ok", "depends"}
+    passed &= not any(reason.row in gone for reason in leading)
+    return passed, "; ".join([verdict.line, *(reason.sentence for reason in leading)])

@@ -1,35 +1,37 @@
-"""Asks each view of a model for what its examination says, and tells where two contradict."""
+"""Compares the views of a model with its examination, and lists contradictions."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 import contactlab
+from contactlab.reporting.examination import first_fix
 from contactlab.schema.examination import Examination
 from contactlab.schema.task import Task
+from contactlab.studies.examine.examination_lines import examination_lines
 from contactlab.studies.task_verdict import run_labels
 
 
 class Answer(NamedTuple):
-    """What a view says of a model's task; None where it is not asked."""
+    """Answer of a view about a model's task; None for what it does not have."""
 
     line: str
     labels: Mapping[str, Mapping[str, int]]  # runs by label, by phase
-    shares: Mapping[str, float | None] | None = None  # phantom forces over real ones, by phase
-    word: str | None = None  # of the numerics
-    sound: bool | None = None
+    errors: Mapping[str, float | None] | None = None  # numerical errors by phase
+    numerics: str | None = None  # verdict on the numerics
+    passed: bool | None = None
 
 
 def of_report(report: Examination) -> Answer:
-    """Return what a section of an examination says that judges a task."""
-    assert report.verdict is not None
-    phases = report.verdict.phases
+    """Return the answer of a section of an examination that judges a task."""
+    assert report.task_verdict is not None
+    phases = report.task_verdict.phases
     return Answer(
         report.task.line,
         {phase.name: phase.labels for phase in phases},
-        {phase.name: phase.share for phase in phases},
-        report.verdict.word,
-        report.sound,
+        {phase.name: phase.numerical_error for phase in phases},
+        report.task_verdict.verdict,
+        report.passed,
     )
 
 
@@ -69,62 +71,59 @@ def apart(whole: Answer, view: Answer) -> Iterator[str]:
 
 
 def contradictions(report: Examination) -> Iterator[str]:
-    """Yield what parts of one examination say against each other."""
+    """Yield contradictions between parts of one examination."""
     yield from _of_numerics(report)
     yield from _of_labels(report)
-    yield from _of_sentence(report)
-    yield from _of_changes(report)
+    yield from _of_head(report)
+    yield from _of_fixes(report)
 
 
 def _of_numerics(report: Examination) -> Iterator[str]:
-    verdict, budget = report.verdict, report.budget
+    verdict, budget = report.task_verdict, report.budget
     if verdict is None or budget is None:
         return
-    own = {phase.name: phase.run.share for phase in budget.phases}
-    shares = {phase.name: phase.share for phase in verdict.phases}
-    if own != shares:
-        yield f"the budget has shares {own}, the verdict {shares}"
-    if (verdict.word == "sound") != (budget.verdict in {"sound", "model"}):
-        yield f"numerics are {verdict.word}, the budget {budget.verdict}"
-    if report.sound and not (verdict.sound and not verdict.labels):
-        yield f"checks call it sound, where {verdict.line}"
+    own = {phase.name: phase.numerical_error.error for phase in budget.phases}
+    errors = {phase.name: phase.numerical_error for phase in verdict.phases}
+    if own != errors:
+        yield f"the budget has numerical errors {own}, the verdict {errors}"
+    if (verdict.verdict == "ok") != (budget.verdict in {"ok", "depends"}):
+        yield f"the numerics are {verdict.verdict}, the budget {budget.verdict}"
+    if report.passed and not (verdict.is_accurate and not verdict.labels):
+        yield f"the checks pass, although {verdict.line}"
 
 
 def _of_labels(report: Examination) -> Iterator[str]:
-    """Yield labels that the verdict does not count, or the sentence does not have."""
-    told: dict[str, dict[str, int]] = {}
+    """Yield labels that the verdict does not count, or the text does not have."""
+    runs: dict[str, dict[str, int]] = {}
+    text = " ".join(examination_lines(report))
     for label in report.labels:
-        told.setdefault(label.phase, {})[label.label] = label.runs
-        if label.label not in report.sentence:
-            yield f"runs are labelled {label.label}, and the sentence does not say so"
-    phases = report.verdict.phases if report.verdict else ()
+        runs.setdefault(label.phase, {})[label.label] = label.runs
+        if label.label not in text:
+            yield f"runs are labelled {label.label}, and the text does not say so"
+    phases = report.task_verdict.phases if report.task_verdict else ()
     counted = {phase.name: phase.labels for phase in phases if phase.labels}
-    if counted != told:
-        yield f"labels are {told}, the verdict counts {counted}"
+    if counted != runs:
+        yield f"labels are {runs}, the verdict counts {counted}"
 
 
-def _of_sentence(report: Examination) -> Iterator[str]:
-    """Yield what the sentence says against the verdict and the changes that it sums up."""
-    said, first = report.sentence, next(iter(report.changes), None)
-    removing = first.name if first and first.removes == "verdict" else ""
-    opens = not said.startswith(("unresolved", "not resolved", "not sound"))
-    if opens != report.sound:
-        yield f"it is {'' if report.sound else 'not '}sound, and the sentence says: {said}"
-    if removing and f"removed by {removing}" not in said:
-        yield f"{removing} is the first change, and the sentence names another"
-    if not removing and "; removed by " in said:
-        yield "the sentence names a change, and none is told"
+def _of_head(report: Examination) -> Iterator[str]:
+    """Yield contradictions between the headline, the fix, and the verdict and fixes."""
+    if not report.headline.startswith(report.verdict or ""):
+        yield f"the verdict is {report.verdict}, and the headline says: {report.headline}"
+    if (report.verdict in {"ok", "depends"}) != report.passed:
+        yield f"the verdict is {report.verdict}, and the checks {'pass' * report.passed or 'fail'}"
+    if report.fixes and not report.fix.startswith(first_fix(report.fixes).name):
+        yield f"{first_fix(report.fixes).name} is the first fix, and the head names: {report.fix}"
 
 
-def _of_changes(report: Examination) -> Iterator[str]:
-    """Yield changes that are told otherwise than the budget has them."""
-    remedies = report.budget.remedies if report.budget else ()
-    tried = {remedy.name: remedy for remedy in remedies}
-    for change in report.changes:
-        remedy = tried.get(change.name)
-        if change.removes != "verdict":
+def _of_fixes(report: Examination) -> Iterator[str]:
+    """Yield fixes that differ from those of the budget."""
+    tried = {fix.name: fix for fix in (report.budget.fixes if report.budget else ())}
+    for fix in report.fixes:
+        own = tried.get(fix.name)
+        if fix.removes != "verdict":
             continue
-        if remedy is None or not remedy.removes:
-            yield f"{change.name} is told, and the budget does not say that it removes it"
-        elif (remedy.price, remedy.share) != (change.price, change.share):
-            yield f"{change.name} has two prices or shares"
+        if own is None or not own.removes:
+            yield f"{fix.name} is reported, and the budget does not say that it removes the cause"
+        elif (own.time_ratio, own.error) != (fix.time_ratio, fix.error):
+            yield f"{fix.name} has two time ratios or errors"

@@ -46,7 +46,7 @@ def driven(model: mujoco.MjModel, step: float, integrator: int) -> Motion:
 
 def share(motion: Motion, settings: Settings = PLAIN) -> float:
     """Return the run's share in percent."""
-    return 100 * error_budget([motion], rows=(), settings=settings).share
+    return 100 * error_budget([motion], rows=(), settings=settings).error
 
 
 def smooth_reference(model: mujoco.MjModel, rate: int) -> mujoco.MjModel:

@@ -23,8 +23,8 @@ from contactlab.budget.motion import INTEGRATION
 from contactlab.parts import register_parts
 from contactlab.plan.task_options import TaskOptions
 from contactlab.schema.parts_report import REPORT, PartEffect, PartsReport
-from contactlab.studies.examine.changes import fresh
 from contactlab.studies.examine.examination import ExamineRequest, open_model
+from contactlab.studies.examine.fixes import with_new_seeds
 from contactlab.studies.search.model_ablation import (
     PartsRequest,
     Removal,
@@ -88,7 +88,7 @@ class Evaluation:
         examined = open_model(asked, Session(Path()))
         self.own, self.fresh = (
             stress_motions_of(motions)
-            for motions in (examined.motions, examined.motions_of(fresh(examined.task)))
+            for motions in (examined.motions, examined.motions_of(with_new_seeds(examined.task)))
         )
         yards = TaskReference.run_references(self.own, 1, 1)
         positions = [part.positions for part in yards.phases]

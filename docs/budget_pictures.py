@@ -53,23 +53,26 @@ def draw(budget: ErrorBudget, file: str, title: str) -> None:
     """Write the picture of a budget's first phase."""
     verdict = judge(budget)
     phase = budget_report(budget, verdict).phases[0]
-    shown = [phase.run, *(row for row in phase.rows if row.exercised and (row.share or 0) > _LEAST)]
+    exercised = (row for row in phase.rows if row.exercised and (row.error or 0) > _LEAST)
+    shown = [phase.numerical_error, *exercised]
     rows = [bar_of(row) for row in sorted(shown, key=lambda row: _KINDS.index(row.kind))]
-    subtitle = f"{verdict.word} within 10 % (dashed); phantom forces over real ones, worst body"
+    subtitle = (
+        f"{verdict.word} (tolerance 10 %, dashed): residual force over real forces, worst body"
+    )
     chart = chart_of(rows).properties(title=alt.Title(title, subtitle=subtitle))
     save_figure(chart, _FOLDER / file)
     sys.stdout.write("\n".join([*budget_lines(budget, verdict), "", ""]))
 
 
 def bar_of(row: BudgetRow) -> dict[str, object]:
-    """Return a row as a bar: its share, its least and largest seed, and where it is largest."""
-    share = row.share or 0.0
-    low, high = row.seeds or (share, share)
+    """Return a row as a bar: its error, its least and largest seed, and its worst body."""
+    error = row.error or 0.0
+    low, high = row.seeds or (error, error)
     return {
-        "row": "the run" if row.name == "run" else row.name,
+        "row": row.name,
         "kind": row.kind,
         "from": _LEAST,
-        "share": min(share, _MOST),
+        "error": min(error, _MOST),
         "low": max(low, _LEAST),
         "high": min(high, _MOST),
         "body": row.body,
@@ -80,16 +83,16 @@ def chart_of(rows: Rows) -> alt.LayerChart | alt.FacetChart:
     """Return bars over a logarithmic axis, with seeds as whiskers and the tolerance as a line."""
     names = [row["row"] for row in rows]
     across = alt.Y("row:N").sort(names).title(None).axis(minExtent=_NAMES)
-    axis = alt.Axis(format="%", values=[1e-3, 1e-2, 0.1, 1, 10], title="share")
+    axis = alt.Axis(format="%", values=[1e-3, 1e-2, 0.1, 1, 10], title="error")
     along = alt.X("from:Q").scale(type="log", domain=[_LEAST, _MOST]).axis(axis)
     base = layer_of("rows", rows).encode(y=across)
     colour = word_colours("kind", _KINDS, COLOURS[: len(_KINDS)])
-    bars = base.mark_bar(height=_STEP - 6).encode(x=along, x2="share:Q", color=colour)
+    bars = base.mark_bar(height=_STEP - 6).encode(x=along, x2="error:Q", color=colour)
     seeds = base.mark_rule(color=INK).encode(x=alt.X("low:Q"), x2="high:Q")
     bodies = base.encode(x="high:Q", text="body:N")
     texts = haloed(bodies, align="left", dx=5, fontSize=10)
-    line = layer_of("tolerance", [{"share": 0.1}]).mark_rule(color=INK, strokeDash=[4, 3])
-    tolerance = line.encode(x="share:Q")
+    line = layer_of("tolerance", [{"error": 0.1}]).mark_rule(color=INK, strokeDash=[4, 3])
+    tolerance = line.encode(x="error:Q")
     return alt.layer(bars, tolerance, seeds, *texts).properties(
         width=_WIDTH, height=alt.Step(_STEP)
     )

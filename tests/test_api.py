@@ -144,7 +144,7 @@ def test_a_missing_store_is_named(tmp_path: Path) -> None:
 
 
 STUDIES: dict[str, Callable[[Path], Any]] = {
-    "check": lambda folder: contactlab.check("ball_drop", only=["task"], output=folder, workers=0),
+    "check": lambda folder: contactlab.check("ball_drop", check=["task"], output=folder, workers=0),
     "stability": lambda folder: contactlab.stability(["free_fall"], output=folder, workers=0),
 }
 
@@ -153,8 +153,8 @@ STUDIES: dict[str, Callable[[Path], Any]] = {
 @pytest.mark.parametrize("name", ["check", "stability"])
 def test_a_study_reports_what_its_command_prints(name: str, tmp_path: Path) -> None:
     report = STUDIES[name](tmp_path / "api")
-    arguments = {"check": ["ball_drop", "--only", "task"], "stability": ["free_fall"]}
-    command = [sys.executable, "-c", "from contactlab.__main__ import main; main()", name]
+    arguments = {"check": ["ball_drop", "--check", "task"], "stability": ["free_fall"]}
+    command = [sys.executable, "-c", "from contactlab.command_line.main import main; main()", name]
     printed = subprocess.run(
         [*command, *arguments[name], "--workers", "0", "--format", "json", "-o", tmp_path / "cli"],
         capture_output=True,

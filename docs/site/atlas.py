@@ -13,8 +13,8 @@ from pathlib import Path
 from atlas.confirming import SCRIPT
 from atlas.entry import (
     ROOT,
-    Changed,
     Entry,
+    FixedModel,
     Gripped,
     entries,
     film_of,
@@ -31,40 +31,40 @@ from contactlab.studies.examine.examination_lines import examination_lines
 
 _STATIC = "_static/atlas"
 _COLOURS = {
-    "sound": "#3f7d58",
-    "model": "#8a6d1d",
-    "not sound": "#b3261e",
-    "unresolved": "#b3261e",
-    "not resolved": "#7a4b8f",
+    "ok": "#3f7d58",
+    "depends": "#8a6d1d",
+    "fails": "#b3261e",
+    "inaccurate": "#b3261e",
+    "undecided": "#7a4b8f",
     "refused": "#666",
 }
-_WORDS = {"model": "softness decides"}
 _SCRIPT = (Path(__file__).with_name("atlas.js")).read_text(encoding="utf-8")
 _MEANINGS = {
-    "sound": "in each 40 ms the simulation moves as its model does, to within 10 % of the real "
-    "forces",
-    "model": "it is sound, as numerics go, but more than 10 % of how it moves hangs on soft "
-    "contacts, limits or cones: that may be meant",
-    "unresolved": "at its own step the simulation is not the motion of its model: it moves as if "
-    "phantom forces of more than 10 % of the real ones acted, or gains or loses energy",
-    "not resolved": "even at an eighth of its step the motion still changes: nothing can be said",
-    "not sound": "as numerics go it is sound, but its runs show what none should, such as a limit "
-    "that gives way, or a body deeper than its middle in another",
+    "ok": "in each 40 ms the numerical error (residual force as a share of the real forces) is at "
+    "most 10 %, and no failure label holds",
+    "depends": "the numerics are fine, but a modeling choice (soft contacts, limits or friction "
+    "cones) changes the motion by more than 10 %: that may be intended",
+    "inaccurate": "at its own time step the numerical error is above 10 %, or the run gains or "
+    "loses energy",
+    "undecided": "even at an eighth of the time step the motion still changes, so the numerical "
+    "error is not known",
+    "fails": "the numerics are fine, but a failure label holds, such as a joint limit that yields, "
+    "or a body deeper than its middle in another",
 }
-"""What each verdict says of a model under its task."""
+"""Meaning of each verdict on a model under its task."""
 _INTRODUCTION = """---
 hide-toc: true
 myst:
   html_meta:
-    description: "Which public MuJoCo and URDF robot models simulate soundly, which do not, and the
-      change that mends each: {judged} robots and scenes, with patches and scripts."
+    description: "Which public MuJoCo and URDF robot models simulate correctly, which do not, and
+      the fix of each: {judged} robots and scenes, with patches and scripts."
 ---
 # Atlas of public robots
 
-Can these models be trusted in MuJoCo as they are? What `contactlab MODEL` says of {judged} robots
-and scenes as public Python packages carry them, with MuJoCo {mujoco}. Each page has its film and
-error budget, the change that mends it as a patch, the command that says it again, and a script in
-plain MuJoCo that shows the cause. [What a verdict means](#what-a-verdict-means).
+Can these models be trusted in MuJoCo as published? These are the verdicts of `contactlab MODEL`
+on {judged} robots and scenes of public Python packages, with MuJoCo {mujoco}. Each page has a film,
+the error budget, the fix as a patch, the command that repeats the verdict, and a script in plain
+MuJoCo that shows the cause. [Meaning of the verdicts](#what-a-verdict-means).
 
 {counted}
 {changed}
@@ -74,16 +74,16 @@ plain MuJoCo that shows the cause. [What a verdict means](#what-a-verdict-means)
 _NOTES = """
 ## What a verdict means
 
-It is on the model *under one task*: rest under neutral controls, then sines through its own
-actuators and pushes, or a keyframe held by its own controls. It is no verdict on a robot, nor on
-what a policy does with it. One of each family of near-equal files was examined.
+A verdict is on the model *under one task*: rest with constant controls, then sines through its own
+actuators and pushes, or a keyframe held by its own controls. It is not a verdict on the robot, nor
+on a policy. One of each family of near-equal files was examined.
 
 {meanings}
 
 ## What is not known
 
-{silent}{older}A change was judged again on fresh seeds, and, written into the model, by the same
-command; a dash says that none is needed. Causes are looked for in plain MuJoCo
+{silent}{older}A fix was judged again on new seeds, and, written into the model, by the same
+command; a dash says that no fix is needed. Causes are looked for in plain MuJoCo
 by `{script}`, whose controls are drawn anew: where it does not show them, the row says no. "Times
 real time" is that of plain steps on one core, while others were busy. A hand has a cell if it holds
 a box, creeping or not: two legs that close on it drop it, as a weak hand does. {tuned}
@@ -91,22 +91,22 @@ Licences are those of wheels, and single models may have others.
 """
 _SILENT = "Of {names} there was no answer within the limit of CPU. "
 _TUNED = """"Tune saves" is the share of the time that what `contactlab tune` recommends takes
-less, of sound models, where asked."""
+less, for models that pass, if it was run."""
 _UNTUNED = "`contactlab tune` was not asked."
 _OLDER = "{count} are by an older judge, and say so. "
 _NONE = "-"
-_MEANT = "none found: it may be meant"
+_INTENDED = "none found: it may be intended"
 _HEAD = (
     "model",
     "verdict",
-    "mended by",
+    "fix",
     "cause in plain MuJoCo",
     "other releases",
     "grip",
     "times real time",
     "tune saves",
 )
-_FILTERS = ("gripper", "unresolved", "softness decides", "file must change")
+_FILTERS = ("gripper", "inaccurate", "depends", "file must change")
 """What a click filters by."""
 _IN_THE_FILE = ("overlap", "equality", "inertia", "force", "file")
 """Kinds of facts that tell what is wrong in a file, so that no setting mends it."""
@@ -141,7 +141,7 @@ def _write_files(entry: Entry, folder: Path) -> None:
         "json": entry.model_dump_json(indent=2) + "\n",
         "svg": badge(entry),
         **({"sh": script(entry)} if entry.confirmation else {}),
-        **({"patch": patched.patch} if (patched := entry.mending) and patched.patch else {}),
+        **({"patch": patched.patch} if (patched := entry.working_fix) and patched.patch else {}),
     }
     for ending, text in files.items():
         (folder / f"{slug(entry)}.{ending}").write_text(text, encoding="utf-8")
@@ -182,14 +182,9 @@ def slug(entry: Entry) -> str:
     return "-".join(kept).replace(".", "-")
 
 
-def shown_word(entry: Entry) -> str:
-    """Return the verdict as tables and badges have it."""
-    return _WORDS.get(entry.word, entry.word)
-
-
 def badge(entry: Entry) -> str:
     """Return a picture of the verdict, as pages of projects show them."""
-    word, colour = shown_word(entry), _COLOURS[entry.word]
+    word, colour = entry.word, _COLOURS[entry.word]
     right = 7 * len(word) + 12
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{76 + right}" height="20" role="img" '
@@ -208,7 +203,7 @@ def script(entry: Entry) -> str:
     needs = "contactlab's checkout, MuJoCo and NumPy" if "\n" in command else "MuJoCo and NumPy"
     said = "shown" if shown.holds else "not shown"
     return f"""#!/bin/sh
-# {shown_word(entry)}: {entry.name}, with MuJoCo {entry.mujoco}.
+# {entry.word}: {entry.name}, with MuJoCo {entry.mujoco}.
 # It needs {needs}, and confirm.py beside it. It printed:
 # {said}: {shown.shown}
 set -e
@@ -223,33 +218,35 @@ def _install(entry: Entry) -> str:
     return shlex.join(["pip", "install", "--no-deps", "--target", entry.wheel, wheel])
 
 
-def mended(entry: Entry) -> str:
-    """Return what makes a model sound, or that nothing does; empty if nothing is needed."""
+def fix_text(entry: Entry) -> str:
+    """Return the working fix of a model, or why there is none; empty if none is needed."""
     report = entry.examination
-    if (change := entry.mending) is not None:
+    if (change := entry.working_fix) is not None:
         return f"{change.name}{_kind(change)}"
-    if report is None or entry.word == "sound":
+    if report is None or entry.word == "ok":
         return ""
-    if entry.word == "model" and not _untried(report):
-        return _MEANT
+    if entry.word == "depends" and not _fixes_not_tried(report):
+        return _INTENDED
     return (
-        "not found in the time it had" if _untried(report) else "no setting: the file must change"
+        "not found in the time it had"
+        if _fixes_not_tried(report)
+        else "no setting: the file must change"
     )
 
 
-def _untried(report: Examination) -> list[str]:
+def _fixes_not_tried(report: Examination) -> list[str]:
     """Return the changes that there was no time for."""
     rows = {row.name for row in ROWS}
-    return [name for name in report.untried if name not in rows]
+    return [name for name in report.not_tried if name not in rows]
 
 
-def _kind(change: Changed) -> str:
-    return " (another model)" if change.physics else ""
+def _kind(fix: FixedModel) -> str:
+    return " (changes the model)" if fix.changes_model else ""
 
 
 def _shown(entry: Entry) -> str:
     """Return whether plain MuJoCo shows the cause, and no longer in the changed model."""
-    shown, change = entry.confirmation, entry.mending
+    shown, change = entry.confirmation, entry.working_fix
     if shown is None:
         return _NONE
     after = ", gone with the change" if change is not None and change.shown is False else ""
@@ -288,7 +285,7 @@ def _saving(entry: Entry) -> float | None:
 
 def _others(entry: Entry, others: Mapping[str, Entry]) -> str:
     """Return which releases have another verdict, and which it is."""
-    apart = [f"{name}: {shown_word(one)}" for name, one in others.items() if one.word != entry.word]
+    apart = [f"{name}: {one.word}" for name, one in others.items() if one.word != entry.word]
     return ", ".join(apart) or ("the same" if others else _NONE)
 
 
@@ -331,8 +328,7 @@ def _index(
         tuned=_TUNED if any(entry.tuned for entry in judged) else _UNTUNED,
         script=SCRIPT,
         meanings="\n".join(
-            f"- **{_WORDS.get(word, word).capitalize()}**: {meaning}."
-            for word, meaning in _MEANINGS.items()
+            f"- **{word.capitalize()}**: {meaning}." for word, meaning in _MEANINGS.items()
         ),
     )
     yield "## Without a verdict\n"
@@ -341,14 +337,13 @@ def _index(
 
 def _counted_verdicts(judged: Sequence[Entry]) -> str:
     """Return how many have each verdict, a cause that plain MuJoCo shows, and a change."""
-    words = Counter(map(shown_word, judged)).most_common()
-    red = [entry for entry in judged if entry.word != "sound"]
-    mending = sum(entry.mending is not None for entry in red)
+    words = Counter(entry.word for entry in judged).most_common()
+    red = [entry for entry in judged if entry.word != "ok"]
+    fixed = sum(entry.working_fix is not None for entry in red)
     asked = [shown.holds for entry in judged if (shown := entry.confirmation)]
     return (
         f"{', '.join(f'{count} {word}' for word, count in words)}. Of the {len(red)} that are not "
-        f"sound, or hang on softness, a change mends {mending}; of {len(asked)} causes plain "
-        f"MuJoCo shows {sum(asked)}."
+        f"ok, {fixed} have a fix. Of {len(asked)} causes, plain MuJoCo shows {sum(asked)}."
     )
 
 
@@ -397,7 +392,7 @@ def _grippers(hands: Sequence[Entry]) -> Iterator[str]:
     for entry in hands:
         name, now = _breakable(_plain(_short(entry.name))), _grip(entry)
         link = f"[{name}](atlas/{slug(entry)}.md) of {entry.wheel}"
-        yield f"| {link} | {now} | {_plain(_held_by(entry)) or _NONE} | {shown_word(entry)} |"
+        yield f"| {link} | {now} | {_plain(_held_by(entry)) or _NONE} | {entry.word} |"
 
 
 def _held_by(entry: Entry) -> str:
@@ -428,8 +423,8 @@ def _cells(
     saved = _NONE if saving is None else percent(saving) if saving else "nothing"
     return (
         (link, _short(name)),
-        (f'<span title="{_MEANINGS.get(entry.word, "")}">{dot}{shown_word(entry)}</span>', ""),
-        (html.escape(mended(entry)) or _NONE, ""),
+        (f'<span title="{_MEANINGS.get(entry.word, "")}">{dot}{entry.word}</span>', ""),
+        (html.escape(fix_text(entry)) or _NONE, ""),
         (_shown(entry), ""),
         (html.escape(_others(entry, others)), ""),
         (grip, _gripped(entry)),
@@ -484,35 +479,35 @@ def _headed(entry: Entry, report: Examination) -> Iterator[str]:
     yield f"""---
 myst:
   html_meta:
-    description: "{_attribute(f"{entry.name} of {entry.wheel} in MuJoCo: {report.sentence}")}"
+    description: "{_attribute(f"{entry.name} of {entry.wheel} in MuJoCo: {report.headline}")}"
 ---"""
     yield f"# {_short(entry.name)} of {entry.wheel}\n"
-    yield f"![contactlab: {shown_word(entry)}](../{_STATIC}/{slug(entry)}.svg)\n"
-    yield f"**{shown_word(entry).capitalize()}**: {_MEANINGS[entry.word]}"
+    yield f"![contactlab: {entry.word}](../{_STATIC}/{slug(entry)}.svg)\n"
+    yield f"**{entry.word.capitalize()}**: {_MEANINGS[entry.word]}"
     yield "([under which task](../atlas.md#what-a-verdict-means))."
-    if entry.word == "not sound":
+    if entry.word == "fails":
         yield from (f"In {label.phase}, {_plain(label.reason)}." for label in report.labels[:1])
 
 
 def _advised(entry: Entry) -> Iterator[str]:
     """Yield what to do, in a sentence."""
-    report, change = entry.examination, entry.mending
+    report, change = entry.examination, entry.working_fix
     assert report is not None
     if change is not None:
         kind = (
-            "makes another model of it" if change.physics else "computes the same model otherwise"
+            "changes the model" if change.changes_model else "computes the same model differently"
         )
-        yield f"With **{_plain(change.name)}**, which {kind}, it is sound: the patch is"
+        yield f"With **{_plain(change.name)}**, which {kind}, it passes: the patch is"
         yield "[below](#what-was-tried).\n" if change.patch else "not kept.\n"
-    elif entry.word == "sound":
+    elif entry.word == "ok":
         yield "\n"
-    elif untried := _untried(report):
-        yield "No change that was tried makes it sound, and there was no time for"
-        yield f"[{len(untried)} more](#what-contactlab-says).\n"
-    elif entry.word == "model":
-        yield "No change that was tried removes it: what is soft may be meant so.\n"
+    elif skipped := _fixes_not_tried(report):
+        yield "No fix that was tried removes the cause, and there was no time for"
+        yield f"[{len(skipped)} more](#what-contactlab-says).\n"
+    elif entry.word == "depends":
+        yield "No fix that was tried removes it: the modeling choice may be intended.\n"
     else:
-        yield "No setting that was tried makes it sound: the file must change.\n"
+        yield "No setting that was tried removes the cause: the file must change.\n"
         wrong = [fact.sentence for fact in report.facts if fact.kind in _IN_THE_FILE]
         yield from (f"- {_plain(said)}" for said in wrong)
         yield "\n"
@@ -528,23 +523,23 @@ def _from(entry: Entry) -> str:
 
 
 def _tried(entry: Entry) -> Iterator[str]:
-    """Yield what each change did, what tune recommends, and what plain MuJoCo shows."""
+    """Yield the effect of each fix, the recommendation of tune, and the answer of plain MuJoCo."""
     page, shown = f"../{_STATIC}/{slug(entry)}", entry.confirmation
     report = entry.examination
     assert report is not None
-    for changed in entry.changed:
-        kind = "another model" if changed.physics else "the same model, computed otherwise"
-        near = "is nearer" if changed.nearer else "was not shown to be nearer"
-        yield f"- With {changed.name} ({kind}), the same command says:"
-        yield f"  *{_plain(changed.sentence)}*. It {near} to the original at its finest step than"
+    for fixed in entry.fixed:
+        kind = "another model" if fixed.changes_model else "the same model"
+        near = "is nearer" if fixed.nearer else "was not shown to be nearer"
+        yield f"- With {fixed.name} ({kind}), the same command says:"
+        yield f"  *{_plain(fixed.headline)}*. It {near} to the original at its finest step than"
         yield "  before."
-        if changed.shown is not None:
-            word = "still shows" if changed.shown else "no longer shows"
+        if fixed.shown is not None:
+            word = "still shows" if fixed.shown else "no longer shows"
             yield f"  Plain MuJoCo {word} the cause."
-        if changed.sound and changed.patch:
-            yield f"\n  ```diff\n{_indented(changed.patch)}\n  ```\n\n  [The patch]({page}.patch)."
-    if not entry.changed and entry.flagged:
-        yield "- No change removes it, so none was written. Tried:"
+        if fixed.passed and fixed.patch:
+            yield f"\n  ```diff\n{_indented(fixed.patch)}\n  ```\n\n  [The patch]({page}.patch)."
+    if not entry.fixed and entry.flagged:
+        yield "- No fix removes the cause, so none was written. Tried:"
         yield f"  {_plain(_names(report)) or 'none'}."
     elif not entry.flagged:
         yield "- Nothing to change."
@@ -558,8 +553,8 @@ def _tried(entry: Entry) -> Iterator[str]:
 
 
 def _names(report: Examination) -> str:
-    """Return the changes that were tried, in words."""
-    return ", ".join(remedy.name for remedy in report.budget.remedies) if report.budget else ""
+    """Return the names of the fixes that were tried."""
+    return ", ".join(fix.name for fix in report.budget.fixes) if report.budget else ""
 
 
 def _released(entry: Entry, others: Mapping[str, Entry]) -> Iterator[str]:
@@ -567,8 +562,8 @@ def _released(entry: Entry, others: Mapping[str, Entry]) -> Iterator[str]:
         return
     yield "\n## Other releases of MuJoCo\n\n| MuJoCo | verdict | |\n|---|---|---|"
     for name, one in {entry.mujoco: entry, **others}.items():
-        said = one.examination.sentence if one.examination else one.refused
-        yield f"| {name} | {shown_word(one)} | {_plain(said)} |"
+        said = one.examination.headline if one.examination else one.refused
+        yield f"| {name} | {one.word} | {_plain(said)} |"
 
 
 def _indented(text: str) -> str:

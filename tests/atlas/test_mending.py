@@ -13,4 +13,4 @@ def test_a_change_that_leaves_its_cause_is_seen(tmp_path: Path) -> None:
         file.write_text(SPRING.format(step=step, integrator=integrator))
         found, said = unseen_verdict(file, tmp_path / integrator)
         assert found == sound
-        assert said.startswith(f"numerics {'sound' if sound else 'unresolved'}")
+        assert said.startswith(f"numerics {'ok' if sound else 'inaccurate'}")

@@ -7,9 +7,9 @@ import pytest
 from atlas.__main__ import compare
 from atlas.comparing import differences
 from atlas.entry import (
-    Changed,
     Confirmation,
     Entry,
+    FixedModel,
     Gripped,
     Tuned,
     entries,
@@ -54,13 +54,13 @@ def test_no_part_of_an_examination_contradicts_another() -> None:
 
 
 def test_what_is_planted_into_a_record_is_told() -> None:
-    (report, *_) = (entry.examination for entry in JUDGED if entry.sound)
+    (report, *_) = (entry.examination for entry in JUDGED if entry.passed)
     assert report
     assert report.budget
-    lies = {"sentence": f"unresolved: {report.sentence}", "labels": ()}
-    budget = report.budget.model_copy(update={"verdict": "unresolved"})
+    lies = {"headline": f"inaccurate: {report.headline}", "labels": ()}
+    budget = report.budget.model_copy(update={"verdict": "inaccurate"})
     said = [*contradictions(report.model_copy(update={**lies, "budget": budget}))]
-    assert [each.split()[0] for each in said] == ["numerics", "it"]
+    assert [" ".join(each.split()[:2]) for each in said] == ["the numerics", "the verdict"]
 
 
 def _said(before: Entry, after: Entry | None) -> list[str]:
@@ -97,14 +97,6 @@ def test_records_are_known_by_their_place_and_those_of_releases_with_them(tmp_pa
     assert list(entries(tmp_path)) == [JUDGED[0]]
 
 
-def test_a_record_that_knew_one_change_is_still_read() -> None:
-    change = {"name": "half the step", "physics": False, "sound": True, "sentence": "", "nearer": 1}
-    stored = JUDGED[0].model_dump(mode="json") | {"entry_version": 1}
-    assert not Entry.model_validate(stored | {"changed": None}).changed
-    (read,) = Entry.model_validate(stored | {"changed": change}).changed
-    assert (read.name, read.sound) == ("half the step", True)
-
-
 @pytest.mark.parametrize("place", ["newest section", "fragment", "older section", "readme"])
 def test_a_changed_verdict_has_to_be_named_in_a_fragment_or_the_newest_section(
     place: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -129,36 +121,38 @@ def test_a_changed_verdict_has_to_be_named_in_a_fragment_or_the_newest_section(
 
 
 def test_a_mended_robot_has_a_script_that_installs_its_wheel() -> None:
-    kept = Changed(name="RK4", physics=False, sound=False, sentence="no")
-    mending = Changed(name="half", physics=True, sound=True, sentence="yes", patch="-a\n+b\n")
+    kept = FixedModel(name="RK4", changes_model=False, passed=False, headline="no")
+    working = FixedModel(
+        name="half", changes_model=True, passed=True, headline="yes", patch="-a\n+b\n"
+    )
     shown = Confirmation(
         command="python atlas/confirm.py a/b.xml --of run", holds=True, shown="9 %"
     )
     entry = JUDGED[0].model_copy(
         update={
-            "changed": (kept, mending.model_copy(update={"shown": False})),
+            "fixed": (kept, working.model_copy(update={"shown": False})),
             "confirmation": shown,
         }
     )
-    assert entry.mending
-    assert entry.mending.name == "half"
-    assert atlas.mended(entry) == "half (another model)"
+    assert entry.working_fix
+    assert entry.working_fix.name == "half"
+    assert atlas.fix_text(entry) == "half (changes the model)"
     text = atlas.script(entry).splitlines()
     assert text[-1] == "python confirm.py a/b.xml --of run"
     assert text[-2].endswith(f"--target {entry.wheel} {entry.wheel}=={entry.version}")
 
 
 @pytest.mark.parametrize(
-    ("untried", "told"),
-    [(("condim 1",), "none found: it may be meant"), (("RK4",), "not found in the time it had")],
+    ("not_tried", "told"),
+    [(("condim 1",), "none found: it may be intended"), (("RK4",), "not found in the time it had")],
 )
 def test_softness_without_a_change_may_be_meant_and_rows_are_no_changes(
-    untried: tuple[str, ...], told: str
+    not_tried: tuple[str, ...], told: str
 ) -> None:
-    soft = next(entry for entry in JUDGED if entry.word == "model")
+    soft = next(entry for entry in JUDGED if entry.word == "depends")
     assert soft.examination
-    report = soft.examination.model_copy(update={"untried": untried})
-    assert atlas.mended(soft.model_copy(update={"examination": report, "changed": ()})) == told
+    report = soft.examination.model_copy(update={"not_tried": not_tried})
+    assert atlas.fix_text(soft.model_copy(update={"examination": report, "fixed": ()})) == told
 
 
 def test_pages_name_the_command_the_licence_and_the_files(tmp_path: Path) -> None:
@@ -173,7 +167,7 @@ def test_pages_name_the_command_the_licence_and_the_files(tmp_path: Path) -> Non
         assert entry.licence in page
         static = tmp_path / "_static/atlas"
         assert Entry.model_validate_json((static / f"{name}.json").read_bytes()) == entry
-        assert atlas.shown_word(entry) in (static / f"{name}.svg").read_text()
+        assert entry.word in (static / f"{name}.svg").read_text()
 
 
 @pytest.mark.parametrize(
@@ -196,7 +190,7 @@ def test_a_hand_has_a_cell_and_a_part_of_its_page(
     index = (tmp_path / "atlas.md").read_text()
     assert f">{cell}<small>" in index
     assert '<td data-order="0.25">25 %</td>' in index
-    assert f"| {cell} | noslip 3 | {atlas.shown_word(bare)} |" in index
+    assert f"| {cell} | noslip 3 | {bare.word} |" in index
     first, second = ((tmp_path / f"atlas/{atlas.slug(each)}.md").read_text() for each in known)
     assert f"{word}: a box of 30x40x40 mm goes \\<away\\>" in first
     assert f"contactlab grip {bare.name}" in first

@@ -34,8 +34,8 @@ def test_what_falls_freely_has_no_error(gravity: str) -> None:
     xml = f"""<mujoco><option timestep=".005" gravity="{gravity}"/><worldbody>
         <body><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
     phase = measured(motion_of(xml, 0.4, qvel=[1, 2, 3, 0, 0, 0]))
-    assert 0 <= phase.run.share < 1e-13
-    assert judge(error_budget([motion_of(xml, 0.4)])).word == "sound"
+    assert 0 <= phase.run.error < 1e-13
+    assert judge(error_budget([motion_of(xml, 0.4)])).word == "ok"
 
 
 OSCILLATOR = """<mujoco><option timestep="{step}" gravity="0 0 0"/><worldbody><body>
@@ -78,7 +78,7 @@ def test_an_oscillator_has_the_error_of_its_closed_form(stiffness: float) -> Non
         phase = measured(
             motion_of(OSCILLATOR.format(step=step, stiffness=stiffness), 0.8, qpos=[0.1])
         )
-        assert phase.run.share == pytest.approx(oscillator_share(step, stiffness, 0.8), rel=1e-9)
+        assert phase.run.error == pytest.approx(oscillator_share(step, stiffness, 0.8), rel=1e-9)
 
 
 def test_a_check_reaches_the_limit_of_fine_references() -> None:
@@ -90,27 +90,27 @@ def test_a_check_reaches_the_limit_of_fine_references() -> None:
         motion = motion_of(OSCILLATOR.format(step=step, stiffness=400), 0.8, qpos=[0.1])
         exact = oscillator_share(step, 400, 0.8, 64)
         checked = measured(motion, replace(PLAIN, check=True))
-        assert checked.run.share == pytest.approx(exact, rel=0.05)
-        assert checked.most == checked.run.share  # What converges leaves nothing in doubt
-        assert measured(motion).run.share < 0.75 * exact
+        assert checked.run.error == pytest.approx(exact, rel=0.05)
+        assert checked.upper_bound == checked.run.error  # What converges leaves nothing in doubt
+        assert measured(motion).run.error < 0.75 * exact
 
 
 @pytest.mark.parametrize(
     ("share", "most", "word"),
     [
-        (0.08, 0.1, "sound"),
-        (0.08, 0.11, "not resolved"),
-        (0.001, np.inf, "not resolved"),
-        (0.08, np.nan, "sound"),
-        (0.11, 0.3, "unresolved"),
+        (0.08, 0.1, "ok"),
+        (0.08, 0.11, "undecided"),
+        (0.001, np.inf, "undecided"),
+        (0.08, np.nan, "ok"),
+        (0.11, 0.3, "inaccurate"),
     ],
 )
 def test_only_what_may_be_off_by_more_is_not_resolved(share: float, most: float, word: str) -> None:
     phase = measured(motion_of(WATCHED, 0.04))
-    run = replace(phase.run, shares=np.full(len(phase.bodies), share))
-    verdict = judge(ErrorBudget((replace(phase, run=run, most=most),)), within=0.1)
+    run = replace(phase.run, errors=np.full(len(phase.bodies), share))
+    verdict = judge(ErrorBudget((replace(phase, run=run, upper_bound=most),)), tolerance=0.1)
     assert verdict.word == word
-    assert len(verdict.reasons) == (word != "sound")
+    assert len(verdict.reasons) == (word != "ok")
 
 
 def test_the_limit_of_fine_steps_is_that_of_first_order() -> None:
@@ -126,7 +126,7 @@ def test_euler_is_of_first_order() -> None:
         measured(
             motion_of(OSCILLATOR.format(step=step, stiffness=400), 0.8, qpos=[0.1]),
             replace(PLAIN, check=True),
-        ).run.share
+        ).run.error
         for step in (0.005, 0.0025, 0.00125)
     ]
     for coarse, fine in pairwise(shares):
@@ -137,7 +137,7 @@ def test_euler_is_of_first_order() -> None:
 def test_robots_converge_too() -> None:
     """Over impacts and friction, averaged over seeds, as no trajectory of them does."""
     shares = [
-        measured(walker(step, seeds=4, seconds=0.4)).run.share for step in (0.01, 0.005, 0.0025)
+        measured(walker(step, seeds=4, seconds=0.4)).run.error for step in (0.01, 0.005, 0.0025)
     ]
     for coarse, fine in pairwise(shares):
         assert 1.5 < coarse / fine < 3.2
@@ -172,13 +172,13 @@ def test_millimetres_and_grams_give_the_same_numbers() -> None:
     """
     settings = Settings(places=False)
     one, other = (measured(scaled(*units), settings) for units in ((1, 1), (1000, 1000)))
-    assert one.run.share > 1e-4
-    np.testing.assert_allclose(one.run.shares, other.run.shares, rtol=1e-6)
+    assert one.run.error > 1e-4
+    np.testing.assert_allclose(one.run.errors, other.run.errors, rtol=1e-6)
     np.testing.assert_allclose(one.energy, other.energy, rtol=1e-6, atol=1e-12)
     np.testing.assert_allclose(one.energy_rk4, other.energy_rk4, rtol=1e-6, atol=1e-12)
     for row, same in zip(one.rows, other.rows, strict=True):
         assert row.exercised == same.exercised
-        np.testing.assert_allclose(row.shares, same.shares, rtol=1e-5, atol=1e-9)
+        np.testing.assert_allclose(row.errors, same.errors, rtol=1e-5, atol=1e-9)
 
 
 SLOPE = """<mujoco><option timestep=".002" gravity="{}"/><worldbody>
@@ -213,8 +213,8 @@ def test_a_weight_that_is_applied_is_as_real_as_gravity(where: str) -> None:
     The box lands softly in the first window and then rests: nothing but weight is real any more.
     """
     there, here = measured(on_a_slope("gravity")).run, measured(on_a_slope(where)).run
-    assert 1e-5 < there.share < 0.01
-    assert here.share == pytest.approx(there.share, rel=1e-6)
+    assert 1e-5 < there.error < 0.01
+    assert here.error == pytest.approx(there.error, rel=1e-6)
 
 
 def slow_shares(motion: Motion) -> np.ndarray:
@@ -309,11 +309,11 @@ def test_batches_equal_an_obvious_loop() -> None:
     slow = slow_shares(motion)
     shares = slow.sum(axis=1).mean(axis=0)
     assert shares.max() > 1e-3
-    np.testing.assert_allclose(phase.run.shares, shares, rtol=1e-4)
+    np.testing.assert_allclose(phase.run.errors, shares, rtol=1e-4)
     for body, name in enumerate(phase.bodies):
-        run = measured(replace(motion, watched=(name,))).run
+        run = measured(replace(motion, observed=(name,))).run
         seed, window = np.unravel_index(slow[..., body].argmax(), slow.shape[:2])
-        assert run.share == pytest.approx(shares[body], rel=1e-4)
+        assert run.error == pytest.approx(shares[body], rel=1e-4)
         np.testing.assert_allclose(run.seeds, slow[..., body].sum(axis=1), rtol=1e-4)
         assert (run.seed, run.time) == (seed, pytest.approx(0.04 * window))
 
@@ -337,38 +337,36 @@ def test_watched_bodies_are_the_columns_of_all() -> None:
     assert whole.bodies == ("ball", "box")
     times = dict[str, float]()
     for body, name in enumerate(whole.bodies):
-        watched = measured(replace(motion, watched=(name, "sign")), settings)
+        watched = measured(replace(motion, observed=(name, "sign")), settings)
         assert watched.bodies == (name,)
         np.testing.assert_array_equal(watched.energy, whole.energy)
         assert watched.run.place == f"contact world - {name}"
         times[name] = watched.run.time
         for row, column in zip((watched.run, *watched.rows), (whole.run, *whole.rows), strict=True):
-            np.testing.assert_array_equal(row.shares, column.shares[body : body + len(row.shares)])
-            np.testing.assert_array_equal(row.seeds.mean(axis=0), row.share)
+            np.testing.assert_array_equal(row.errors, column.errors[body : body + len(row.errors)])
+            np.testing.assert_array_equal(row.seeds.mean(axis=0), row.error)
             if column.exercised and column.body == body:
                 assert (row.time, row.place) == (column.time, column.place)
     assert times["ball"] >= 0.2
     assert times["box"] < 0.2
-    both = measured(replace(motion, watched=("box", "ball")), settings)
+    both = measured(replace(motion, observed=("box", "ball")), settings)
     assert (both.run.body, both.run.time) == (whole.run.body, whole.run.time)
 
 
 def test_none_of_the_watched_bodies_moves() -> None:
-    with pytest.raises(
-        EngineError, match=r"none of the watched bodies moves .*those that do: ball"
-    ):
-        measured(replace(motion_of(WATCHED, 0.1), watched=("sign",)))
+    with pytest.raises(EngineError, match=r"no observed body moves .*those that do: ball"):
+        measured(replace(motion_of(WATCHED, 0.1), observed=("sign",)))
 
 
 def test_no_bit_depends_on_the_number_of_workers() -> None:
     one, other = (error_budget([walker()], workers=count).phases[0] for count in (1, 3))
     for row, same in zip((one.run, *one.rows), (other.run, *other.rows), strict=True):
-        np.testing.assert_array_equal(row.shares, same.shares)
+        np.testing.assert_array_equal(row.errors, same.errors)
         np.testing.assert_array_equal(row.seeds, same.seeds)
         assert (row.body, row.place, row.exercised) == (same.body, same.place, same.exercised)
     np.testing.assert_array_equal(one.energy, other.energy)
     np.testing.assert_array_equal(one.energy_rk4, other.energy_rk4)
-    assert (one.most, one.peak) == (other.most, other.peak)
+    assert (one.upper_bound, one.worst_window) == (other.upper_bound, other.worst_window)
 
 
 def test_no_bit_depends_on_the_looks_before() -> None:
@@ -378,7 +376,7 @@ def test_no_bit_depends_on_the_looks_before() -> None:
     one = replace(motion, starts=motion.starts[:1], inputs=motion.inputs[:1])
     alone = PhaseMeasure(one, rows, settings)
     begun = PhaseMeasure(motion, rows, settings, begun=alone.looked)
-    assert np.isnan(begun.first_look().most)
+    assert np.isnan(begun.first_look().upper_bound)
     assert repr(begun.budget()) == repr(PhaseMeasure(motion, rows, settings).budget())
 
 
@@ -395,7 +393,7 @@ def test_an_event_in_the_last_steps_is_not_missed() -> None:
         solref="-40000 -10"/><body name="ball" pos="0 0 1"><freejoint/><geom size=".1"
         solref="-40000 -10"/></body></worldbody></mujoco>"""
     phase = measured(motion_of(xml, 0.43))
-    assert phase.run.share > 0.005
+    assert phase.run.error > 0.005
     assert phase.run.time == pytest.approx(0.39)
 
 
@@ -406,17 +404,17 @@ def test_what_stands_still_is_sound() -> None:
         </mujoco>"""
     for option, height in (("", 0.0499), ('gravity="0 0 0"', 0.051)):
         budget = error_budget([motion_of(box.format(option, height), 1.0)])
-        assert judge(budget).word == "sound"
-        assert not np.isnan(budget.share)
-        assert abs(budget.phases[0].energy_share) < 0.01
+        assert judge(budget).word == "ok"
+        assert not np.isnan(budget.error)
+        assert abs(budget.phases[0].energy_drift) < 0.01
 
 
 def test_idle_time_in_another_phase_hides_nothing() -> None:
     busy, idle = walker(0.01, seconds=0.4), walker(0.01, seconds=2.0)
     idle = replace(idle, inputs=0 * idle.inputs)
-    alone = error_budget([busy], rows=[]).share
-    assert error_budget([busy, idle], rows=[]).share == pytest.approx(
-        max(alone, error_budget([idle], rows=[]).share)
+    alone = error_budget([busy], rows=[]).error
+    assert error_budget([busy, idle], rows=[]).error == pytest.approx(
+        max(alone, error_budget([idle], rows=[]).error)
     )
 
 

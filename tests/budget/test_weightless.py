@@ -26,25 +26,25 @@ def phases(limit: float, damping: str = "") -> tuple[Motion, Motion]:
     return rest, motion_of(xml, 0.5, controls=push, qpos=[-0.5], name="driven")
 
 
-def share(motion: Motion, row: str) -> float:
+def error_of(motion: Motion, row: str) -> float:
     found = error_budget([motion], rows=[row], settings=FAST, workers=1).worst(row)
     assert found is not None
-    return found[1].share
+    return found[1].error
 
 
 def test_a_hair_beyond_a_limit_is_nothing_beside_what_a_body_does_else() -> None:
     """Alone, the arm's drift hangs on the limit; it is next to none."""
     rest, driven = phases(limit=1e-8)
     usual = usual_changes([rest, driven])
-    assert share(rest, "limit softness") > 0.1
-    assert share(replace(rest, usual=usual), "limit softness") < 1e-4
+    assert error_of(rest, "limit softness") > 0.1
+    assert error_of(replace(rest, usual=usual), "limit softness") < 1e-4
 
 
 def test_what_moves_as_usual_reads_as_it_did() -> None:
     """It changes its velocity by more than a tenth of the usual, which is the mean of both."""
     rest, driven = phases(limit=1e-8, damping='damping=".02"')
     usual = usual_changes([rest, driven])
-    assert share(driven, "damping") == share(replace(driven, usual=usual), "damping") > 0
+    assert error_of(driven, "damping") == error_of(replace(driven, usual=usual), "damping") > 0
 
 
 def test_what_is_usual_is_the_mean_acceleration() -> None:
@@ -70,6 +70,6 @@ def test_where_something_weighs_nothing_is_usual() -> None:
     for motion in heavy:
         motion.model.opt.gravity[2] = -9.81
     usual = usual_changes(heavy)
-    assert share(heavy[0], "limit softness") == share(
+    assert error_of(heavy[0], "limit softness") == error_of(
         replace(heavy[0], usual=usual), "limit softness"
     )

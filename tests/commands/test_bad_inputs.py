@@ -134,7 +134,7 @@ OF_OPTIONS = [
     Bad("sound.xml -o folder.json", "folder.json", "write the name of a file"),
     Bad("sound.xml --write sound.xml", "sound.xml exists", "choose another file with --write"),
     Bad("sound.xml --write a.urdf", "--write a.urdf", "name it as in new.xml"),
-    Bad("sound.xml --write a.xml --only budget", "no change is tried", "add --only changes"),
+    Bad("sound.xml --write a.xml --section budget", "no fix is tried", "add --section fixes"),
     Bad("sound.xml --write /proc/a.xml", "/proc/a.xml", "choose another file with --write"),
     Bad("sound.xml --observe nobody", "'nobody'", "it has: "),
     Bad("sound.xml --drive noise=-1", "--drive noise=-1", "write a number greater than 0"),

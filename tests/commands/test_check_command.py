@@ -43,13 +43,13 @@ def _own(tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_an_error_fails(contactlab: Run) -> None:
-    code, out, err = contactlab(*FALLS, "--only", "must")
+    code, out, err = contactlab(*FALLS, "--check", "requirements")
     assert code == 1
     assert "fails requirements_broken" in err
-    assert "must: seed 0: still(box, 1 mm): moves by up to" in out
+    assert "requirements: seed 0: still(box, 1 mm): moves by up to" in out
     assert re.search("^FAIL requirements broken 1", out, re.MULTILINE)
     # A check that was not asked for fails nothing.
-    assert contactlab(*FALLS, "--only", "inertia")[0] == 0
+    assert contactlab(*FALLS, "--check", "inertia")[0] == 0
 
 
 WAIVERS = """version: 1
@@ -60,14 +60,14 @@ waive:
 
 
 @pytest.mark.long
-def test_a_waived_finding_fails_no_job(contactlab: Run, tmp_path: Path) -> None:
-    file = tmp_path / "waivers.yaml"
+def test_what_is_accepted_fails_no_job(contactlab: Run, tmp_path: Path) -> None:
+    file = tmp_path / "accepted.yaml"
     file.write_text(WAIVERS)
-    only = (*FALLS, "--only", "must", "--only", "inertia", "--accept", str(file))
+    only = (*FALLS, "--check", "requirements", "--check", "inertia", "--waive", str(file))
     code, out, _ = contactlab(*only)
     assert code == 0
     assert "waived: it is meant to fall" in " ".join(out.split())
-    stale = "'impossible_bodies' is accepted (it was odd once), but does not fail: remove it"
+    stale = "'impossible_bodies' is waived (it was odd once), but does not fail: remove the waiver"
     assert stale in " ".join(out.split())
     file.write_text(WAIVERS.replace("max: 3", "max: 0"))
     assert contactlab(*only)[0] == 1
@@ -81,7 +81,7 @@ def test_a_waived_finding_fails_no_job(contactlab: Run, tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_outputs_for_jobs(contactlab: Run) -> None:
-    only = (*FALLS, "--only", "must", "--only", "inertia")
+    only = (*FALLS, "--check", "requirements", "--check", "inertia")
     code, out, _ = contactlab(*only, "--format", "junit")
     assert code == 1
     XSD.validate(out)
@@ -102,9 +102,9 @@ def test_a_model_that_passes_as_json(contactlab: Run, tmp_path: Path) -> None:
     assert data == json.loads((tmp_path / "out/examination.json").read_text())
     Draft202012Validator(json_schemas()["examination.schema.json"]).validate(data)
     report = Examination.model_validate(data)
-    assert report.sound
+    assert report.passed
     assert report.sections == ("checks",)
-    assert [check.name for check in report.checks] == ["task", "must", "inertia", "repeat"]
+    assert [check.name for check in report.checks] == ["task", "requirements", "inertia", "repeat"]
     assert {check.verdict for check in report.checks} <= {"pass", "not applicable"}
     reference = json.loads((tmp_path / "out/reference.json").read_text())
     Draft202012Validator(json_schemas()["reference.schema.json"]).validate(reference)
@@ -121,8 +121,8 @@ def test_a_model_that_passes_as_json(contactlab: Run, tmp_path: Path) -> None:
 def test_runs_start_from_the_keyframe(
     contactlab: Run, keyframe: str | None, height: float, tmp_path: Path
 ) -> None:
-    option = ("--keyframe", keyframe) if keyframe else ()
-    contactlab(*SHORT, *option, "--only", "must", "-o", "out")
+    option = ("--start", keyframe) if keyframe else ()
+    contactlab(*SHORT, *option, "--check", "requirements", "-o", "out")
     store = Store.open(tmp_path / "out/run")
     assert store.table["seed"].to_pylist() == [0, 1, 2]
     first = store.table["run_id"][0].as_py()
@@ -136,8 +136,8 @@ def test_runs_start_from_the_keyframe(
     [
         (["gone.xml"], ["no model file gone.xml"]),
         (["ball_drp"], ["did you mean 'ball_drop'?"]),
-        (["own.xml", "--only", "repet"], ["no check 'repet'", "did you mean 'repeat'?"]),
-        (["own.xml", "--keyframe", "hig"], ["--keyframe hig", "write one of high, low, qpos0"]),
+        (["own.xml", "--check", "repet"], ["no check 'repet'", "did you mean 'repeat'?"]),
+        (["own.xml", "--start", "hig"], ["--start hig", "write one of high, low, qpos0"]),
         (["own.xml", "--set", "timestp=1"], ["did you mean 'timestep'?"]),
         (["own.xml", "--set", "cone=round", "--set", "impratio=-1"], ["'round'", "above 0"]),
         (["own.xml", "--set", "solref=0.02 1,0.005 1"], ["one value, not 2"]),

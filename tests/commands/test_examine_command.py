@@ -89,16 +89,16 @@ def shares(rows: tuple[BudgetRow, ...]) -> dict[str, object]:
 
 @pytest.mark.long
 def test_it_is_the_budget_of_the_phases_that_mj_step_makes(arm: str) -> None:
-    report = package.examine(arm, only=["budget"], duration=0.3, workers=1)
+    report = package.examine(arm, section=["budget"], duration=0.3, workers=1)
     assert report.budget
     budget = error_budget(stepped(arm, 0.3), workers=1)
     verdict = judge(budget, 0.1)
     assert report.budget.verdict == verdict.word
     assert [phase.name for phase in report.budget.phases] == ["neutral", "excitement"]
     for phase, measured in zip(report.budget.phases, budget.phases, strict=True):
-        assert phase.run.share == measured.run.share
-        assert {row.name: row.share for row in phase.rows if row.exercised} == {
-            row.name: row.share for row in measured.rows if row.exercised
+        assert phase.numerical_error.error == measured.run.error
+        assert {row.name: row.error for row in phase.rows if row.exercised} == {
+            row.name: row.error for row in measured.rows if row.exercised
         }
 
 
@@ -124,34 +124,36 @@ INPUTS = sum(
 @pytest.mark.long
 def test_the_verdict_hangs_on_no_clock(arm: str) -> None:
     """Without time, what judges is measured as with it, and what was left out is named."""
-    parts = ["budget", "changes"]
-    whole = package.examine(arm, only=parts, duration=0.2, workers=1)
-    short = package.examine(arm, only=parts, duration=0.2, workers=1, max_cpu="1ms")
+    parts = ["budget", "fixes"]
+    whole = package.examine(arm, section=parts, duration=0.2, workers=1)
+    short = package.examine(arm, section=parts, duration=0.2, workers=1, max_cpu="1ms")
     assert whole.budget
     assert short.budget
-    assert not whole.untried
+    assert not whole.not_tried
     assert short.budget.reasons == whole.budget.reasons
     for phase, all_of in zip(short.budget.phases, whole.budget.phases, strict=True):
         kept = tuple(row for row in all_of.rows if row.kind in {"numerics", "model"})
-        assert shares((phase.run, *phase.rows)) == shares((all_of.run, *kept))
-        assert {row.name for row in all_of.rows} - {row.name for row in kept} <= {*short.untried}
+        assert shares((phase.numerical_error, *phase.rows)) == shares(
+            (all_of.numerical_error, *kept)
+        )
+        assert {row.name for row in all_of.rows} - {row.name for row in kept} <= {*short.not_tried}
     assert "not tried, to end in time: " in "\n".join(examination_lines(short))
 
 
 @pytest.mark.long
 def test_workers_change_no_bit(arm: str) -> None:
-    parts = ["budget", "changes"]
+    parts = ["budget", "fixes"]
     one, two = (
-        package.examine(arm, only=parts, duration=0.2, workers=count).budget for count in (1, 2)
+        package.examine(arm, section=parts, duration=0.2, workers=count).budget for count in (1, 2)
     )
     assert one
     assert two
     assert one.reasons == two.reasons
-    assert {remedy.name: remedy.share for remedy in one.remedies} == {
-        remedy.name: remedy.share for remedy in two.remedies
-    }
+    assert {fix.name: fix.error for fix in one.fixes} == {fix.name: fix.error for fix in two.fixes}
     for first, second in zip(one.phases, two.phases, strict=True):
-        assert shares((first.run, *first.rows)) == shares((second.run, *second.rows))
+        assert shares((first.numerical_error, *first.rows)) == shares(
+            (second.numerical_error, *second.rows)
+        )
 
 
 @pytest.mark.long
@@ -164,7 +166,7 @@ def test_a_report_fits_its_schema(arm: str, contactlab: Run, tmp_path: Path) -> 
     assert json.loads((tmp_path / "arm.json").read_text()) == data
     report = Examination.model_validate_json(printed.out)
     assert report.budget
-    assert printed.code == (0 if report.sound else 1)
+    assert printed.code == (0 if report.passed else 1)
     assert max(map(len, examination_lines(report))) <= 80
     lines = examination_lines(report, full=True)
     assert max(map(len, lines)) <= 80
@@ -172,7 +174,7 @@ def test_a_report_fits_its_schema(arm: str, contactlab: Run, tmp_path: Path) -> 
     for phase in report.budget.phases:
         idle = ", ".join(row.name for row in phase.rows if not row.exercised)
         assert idle
-        assert f"never exercised: {idle} energy drift" in words
+        assert f"not exercised by the task: {idle} energy drift" in words
     # Times count from the beginning of the run, where the table has them.
     excitement = report.budget.phases[1]
     [gravity] = [row for row in excitement.rows if row.name == "gravity"]
@@ -195,26 +197,26 @@ def test_an_unstable_servo_is_named_with_what_mends_it(tmp_path: Path, contactla
     assert not list(tmp_path.rglob("MUJOCO_LOG.TXT"))
     report = Examination.model_validate_json(printed.out)
     assert report.budget
-    assert report.sentence.startswith("unresolved: ")
-    assert "left_knee" in report.sentence
-    mends = [remedy.name for remedy in report.budget.remedies if remedy.removes]
+    assert report.headline.startswith("inaccurate: ")
+    assert any("left_knee" in cause for cause in report.why)
+    mends = [fix.name for fix in report.budget.fixes if fix.removes]
     assert "implicitfast" in mends
-    assert 1 <= len(report.changes) <= 3
-    assert [change.name for change in report.changes] == mends[: len(report.changes)]
+    assert 1 <= len(report.fixes) <= 3
+    assert [change.name for change in report.fixes] == mends[: len(report.fixes)]
     # The same model comes before others.
-    kinds = [change.physics for change in report.changes]
+    kinds = [change.changes_model for change in report.fixes]
     assert kinds == sorted(kinds)
-    assert not any(change.unwritten for change in report.changes)
-    (line,) = report.changes[0].lines
+    assert not any(change.no_patch_reason for change in report.fixes)
+    (line,) = report.fixes[0].lines
     assert line.startswith("servo.xml:1: <option ")
     for settings in ({"integrator": "implicitfast"}, {"timestep": 0.005 / 16}):
-        mended = package.examine(path, only=["labels"], duration=0.3, set=settings).verdict
+        mended = package.examine(path, section=["labels"], duration=0.3, set=settings).task_verdict
         assert mended
-        assert mended.word != "unresolved", settings
-    assert "the model with the changes: new/sound.xml" in examination_lines(report)
+        assert mended.verdict != "inaccurate", settings
+    assert "fixed model: new/sound.xml" in examination_lines(report)
     assert (tmp_path / "new/sound.patch").is_file()
-    judged = package.examine(tmp_path / "new/sound.xml", duration=0.3, only=["labels", "budget"])
-    assert judged.sound
+    judged = package.examine(tmp_path / "new/sound.xml", duration=0.3, section=["labels", "budget"])
+    assert judged.passed
     assert_options_alone_differ(path, tmp_path / "new/sound.xml")
 
 
@@ -238,27 +240,28 @@ def test_another_model_is_written_only_where_it_is_accepted(
 ) -> None:
     (tmp_path / "servo.xml").write_text(SERVO)
     asked = "servo.xml", "--duration", "0.3", "--write", "new/sound.xml"
-    printed = contactlab(*asked, "--accept", "armature", "--format", "json")
+    printed = contactlab(*asked, "--apply", "armature", "--format", "json")
     report = Examination.model_validate_json(printed.out)
-    (armature,) = (change for change in report.changes if change.accept == "armature")
-    assert armature.physics
-    assert armature.apart is not None
-    assert armature.before is None or armature.apart < armature.before
+    (armature,) = (change for change in report.fixes if change.apply == "armature")
+    assert armature.changes_model
+    assert armature.distance_to_reference is not None
+    before = armature.distance_before
+    assert before is None or armature.distance_to_reference < before
     (line,) = armature.lines
     assert line.startswith('servo.xml:4: <joint name="left_knee" axis="0 1 0" armature="')
     made = mujoco.MjModel.from_xml_path(str(tmp_path / "new/sound.xml"))
     assert made.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
     assert made.joint("left_knee").armature[0] == armature.settings["dof_armature[left_knee]"]
-    words = "servo.xml", "--duration", "0.05", "--drive", "hold", "--only", "changes"
-    printed = contactlab(*words, "--write", "new/other.xml", "--accept", "exclude")
-    assert "no change is called exclude here" in printed.err
+    words = "servo.xml", "--duration", "0.05", "--drive", "hold", "--section", "fixes"
+    printed = contactlab(*words, "--write", "new/other.xml", "--apply", "exclude")
+    assert "no fix is called exclude here" in printed.err
     only = ["labels", "budget"]
-    assert package.examine(tmp_path / "new/sound.xml", duration=0.3, only=only).sound
+    assert package.examine(tmp_path / "new/sound.xml", duration=0.3, section=only).passed
 
 
 def test_what_is_accepted_is_written_somewhere(arm: str) -> None:
     with pytest.raises(SweepFileError, match="--write FILE"):
-        package.examine(arm, accept=["gains"])
+        package.examine(arm, apply=["gains"])
 
 
 def test_a_joint_beyond_its_range_is_a_fact(tmp_path: Path) -> None:
@@ -346,7 +349,7 @@ def test_a_force_before_touch_is_told(tmp_path: Path) -> None:
     motions = task_motions(scene, {}, scene.task({}, 0.3))
     found = {fact.kind: fact for fact in facts(motions, [0.0] * len(motions))}
     assert 0.015 - 1e-3 < found["margin"].value <= 0.02
-    assert "before touch (margin): contact world - box" in found["margin"].sentence
+    assert "before the geoms touch (margin): contact world - box" in found["margin"].sentence
     assert "depth" not in found
 
 
@@ -364,18 +367,20 @@ def test_a_depth_of_rounding_is_a_touch() -> None:
 
 @pytest.mark.long
 def test_only_watched_bodies_count(arm: str) -> None:
-    report = package.examine(arm, only=["budget"], duration=0.1, observe=["upper"])
+    report = package.examine(arm, section=["budget"], duration=0.1, watch=["upper"])
     assert report.budget
-    assert report.task.watched == ("upper",)
+    assert report.task.observed == ("upper",)
     for phase in report.budget.phases:
         assert phase.bodies == ("upper",)
-        assert {row.body for row in (phase.run, *phase.rows) if row.exercised} == {"upper"}
-    whole = package.examine(arm, only=["budget"], duration=0.1)
+        assert {row.body for row in (phase.numerical_error, *phase.rows) if row.exercised} == {
+            "upper"
+        }
+    whole = package.examine(arm, section=["budget"], duration=0.1)
     assert whole.budget
     for some, every in zip(report.budget.phases, whole.budget.phases, strict=True):
-        assert some.run.share is not None
-        assert every.run.share is not None
-        assert some.run.share <= every.run.share
+        assert some.numerical_error.error is not None
+        assert every.numerical_error.error is not None
+        assert some.numerical_error.error <= every.numerical_error.error
 
 
 def test_a_phase_that_no_seed_reaches_is_left_out(tmp_path: Path) -> None:
@@ -396,8 +401,8 @@ def test_bad_input_is_named(arm: str) -> None:
         package.examine(arm, observe=["nobody"])
     with pytest.raises(EngineError, match="impulse"):
         package.examine(arm, set={"engine": "impulse"})
-    with pytest.raises(OutputError, match="add --only labels"):
-        package.examine(arm, only=["facts"], output="page.html")
+    with pytest.raises(OutputError, match="add --section labels"):
+        package.examine(arm, section=["facts"], output="page.html")
 
 
 @pytest.mark.long
@@ -410,12 +415,12 @@ def test_a_model_has_one_page(arm: str, contactlab: Run, tmp_path: Path) -> None
     report = Examination.model_validate_json((folder / "examination.json").read_text())
     page = (folder / "page.html").read_text()
     assert all(text in page for text in ("Error budget", report.task.line, ">gravity</th>"))
-    assert report.sentence.split(":")[0] in page
+    assert report.headline.split(":")[0] in page
     shown = report._repr_html_()  # pyright: ignore[reportPrivateUsage]
     assert "<td>gravity</td>" in shown
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
-    alone = ("--duration", "0.1", "--workers", "1", "-o", "own.html", "--only", "budget")
-    printed = contactlab(arm, *alone, "--only", "labels")
+    alone = ("--duration", "0.1", "--workers", "1", "-o", "own.html", "--section", "budget")
+    printed = contactlab(arm, *alone, "--section", "labels")
     assert "page: own.html" in printed.out
     left = {path for path in tmp_path.rglob("*") if path not in before}
     assert left == {tmp_path / "own.html"}
@@ -423,4 +428,4 @@ def test_a_model_has_one_page(arm: str, contactlab: Run, tmp_path: Path) -> None
 
 def test_a_wrong_section_is_named(arm: str) -> None:
     with pytest.raises(SweepFileError, match=r"no section 'label'.*did you mean 'labels'"):
-        package.examine(arm, only=["label"])
+        package.examine(arm, section=["label"])

@@ -73,7 +73,7 @@ def words(command: str, data: Any) -> str:
             failed = [each["name"] for each in data["checks"] if each["verdict"] == "fail"]
             return f"{len(data['checks'])} checks; fails {', '.join(failed) or 'none'}"
         case "stability":
-            return data["sentence"]
+            return data["headline"]
         case "effects":
             return f"{len(data['smallest_set']['off'])} of {len(data['effects'])} can be left out"
         case _:

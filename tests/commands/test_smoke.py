@@ -27,12 +27,12 @@ SMOKES: dict[str, tuple[str, int, str]] = {
     ),
     "effects": ("{folder}/none.xml", 2, "none.xml"),
     "check": (
-        "{folder}/ball.xml --only task --duration 0.2 --workers 0 -o {folder}/check.json",
+        "{folder}/ball.xml --check task --duration 0.2 --workers 0 -o {folder}/check.json",
         0,
-        "phantom forces",
+        "numerical error",
     ),
     "examine": (
-        "{folder}/ball.xml --only budget --drive none --duration 0.1 --workers 0",
+        "{folder}/ball.xml --section budget --drive none --duration 0.1 --workers 0",
         0,
         "sound within 10 %",
     ),

@@ -15,7 +15,7 @@ from contactlab.live.browser_models import changes as changes_of
 from contactlab.live.live_runs import LiveRuns
 from contactlab.scene.model_draft import fields_of
 from contactlab.scene.scene import Scene
-from contactlab.schema.examination import Examination, ModelChange
+from contactlab.schema.examination import Examination, Fix
 from contactlab.store.finished_store import Store
 
 SWEEP = """
@@ -154,10 +154,12 @@ def test_what_is_stored_of_a_motion_is_its_end_and_poses(store: Store) -> None:
     assert live.motion.times[-1] == trace.time[-1]
 
 
-def change(name: str, **keys: object) -> ModelChange:
-    asked = {"name": name, "physics": True, "accept": "", "removes": "verdict", "lines": ()}
-    return ModelChange.model_validate(
-        {"share": 0, "apart": 0, "before": 0, "price": None, **asked, **keys}
+def change(name: str, **keys: object) -> Fix:
+    asked = {"name": name, "changes_model": True, "apply": "", "removes": "verdict", "lines": ()}
+    return Fix.model_validate(
+        {"error": 0, "distance_to_reference": 0, "distance_before": 0, "time_ratio": None}
+        | asked
+        | keys
     )
 
 
@@ -166,11 +168,11 @@ def test_changes_of_numbers_are_switches_and_those_of_the_structure_are_not(stor
     settings = {"impratio": 10.0}
     changes = (
         change("friction", settings=settings),
-        change("parted", settings=settings, excluded=(("world", "ball"),)),
-        change("freed", settings=settings, freed=("ball",)),
+        change("parted", settings=settings, excluded_pairs=(("world", "ball"),)),
+        change("freed", settings=settings, added_free_joints=("ball",)),
         change("unknown", settings={"no_such_axis": 1.0}),
     )
-    examined = Examination.model_construct(changes=changes, budget=None)
+    examined = Examination.model_construct(fixes=changes, budget=None)
     live = LiveRuns(store, examined).run(next(iter(store.records())).run_id)
     (switch,) = live.switches
     assert switch.name == "friction"

@@ -25,7 +25,7 @@ def model() -> mujoco.MjModel:
 
 def found(name: str, share: float | None, *, exercised: bool = True) -> BudgetRow:
     nothing = dict.fromkeys(
-        ("seeds", "median", "by_mass", "body", "place", "speed", "seed", "time", "price")
+        ("seeds", "median", "by_mass", "body", "place", "speed", "seed", "time", "time_ratio")
     )
     return BudgetRow.model_validate(
         {
@@ -35,13 +35,13 @@ def found(name: str, share: float | None, *, exercised: bool = True) -> BudgetRo
             "kind": "model",
             "exercised": exercised,
             "infinite": exercised and share is None,
-            "share": share,
+            "error": share,
         }
     )
 
 
 def phase(*rows: BudgetRow) -> BudgetPhase:
-    return BudgetPhase.model_construct(name="", run=rows[0], rows=rows)
+    return BudgetPhase.model_construct(name="", numerical_error=rows[0], rows=rows)
 
 
 def test_the_worst_phase_counts_and_what_is_not_exercised_is_last() -> None:

@@ -1,4 +1,4 @@
-"""A servo too stiff for its step moves under phantom forces; its twin and chaos do not."""
+"""A servo too stiff for its step has a numerical error; its twin and chaos do not."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -90,9 +90,9 @@ def test_a_servo_too_stiff_for_its_step_is_found(checked: Checked) -> None:
     """It shakes at its step; its reference, of a quarter of it, comes to rest."""
     record = checked(SERVO.format(gain=10_000), 1.0, "flagged")
     reasons = {entry.label: entry.reason for entry in record.labels}
-    assert reasons["step_dependent"].startswith("numerical error of ")
+    assert reasons["step_dependent"].startswith("numerical error ")
     assert record.backward_error_body == "body[1]"
-    assert "; numerical: numerical error of" in reasons["chatter"]
+    assert "; cause: the numerics (numerical error" in reasons["chatter"]
 
 
 def test_a_looser_tolerance_lets_it_pass(checked: Checked) -> None:
@@ -124,8 +124,8 @@ def test_it_is_the_number_of_the_runs_own_budget(tmp_path: Path) -> None:
     settings = Settings(check=False, energy=False)
     (phase,) = error_budget([motion], rows=["solver"], settings=settings, workers=2).phases
     found = backward_error(runs, 0)
-    run, energy = phase.run, phase.energy_from
-    assert found == (run.share, "body[1]", run.time, phase.energy_share, "body[1]", energy.time)
+    run, energy = phase.run, phase.energy_origin
+    assert found == (run.error, "body[1]", run.time, phase.energy_drift, "body[1]", energy.time)
 
 
 @pytest.mark.parametrize("text", [SERVO.format(gain=10_000), SHOVED])

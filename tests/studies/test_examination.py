@@ -1,50 +1,181 @@
-"""An examination in one sentence: when it was, counted from the beginning of the run."""
+"""The head of an examination: its verdict, its causes, and its fix."""
 
 import re
+from collections.abc import Sequence
+from typing import Any
 
 import pytest
 
-from contactlab.budget import ErrorBudget, Verdict
-from contactlab.budget.verdict import Reason
+from contactlab.schema.error_budget import BudgetPhase, BudgetReason, BudgetReport, BudgetRow
+from contactlab.schema.examination import Examination, Fact, Fix, RunLabel
+from contactlab.schema.finding import Finding
 from contactlab.schema.task import Phase, Task
-from contactlab.studies.examine import examination
+from contactlab.schema.verdict import VerdictWord
+from contactlab.studies.examine.conclusion import conclude
+from contactlab.studies.examine.examination_lines import examination_lines
+
+WORDS: tuple[VerdictWord, ...] = ("inaccurate", "undecided", "depends", "ok")
+OVERLAP = Fact(kind="overlap", place="", value=0.02, unit="m", sentence="the start overlaps")
+LABEL = RunLabel(
+    label="tunneling", phase="held", runs=2, reason="mug is in the table", seed=0, time=0.5
+)
 
 
-def said(phase: str, time: float) -> str:
-    """Return the sentence of a task whose excitement begins 1.5 s after its rest."""
-    task = Task(
-        start="home",
-        drive="exercise",
-        own_controls=True,
-        duration=4.0,
-        phases=(
-            Phase(name="held", begin=0.0, end=1.5),
-            Phase(name="excitement", begin=1.5, end=4.0),
-        ),
+def row(name: str, error: float | None, kind: Any = "numerics") -> BudgetRow:
+    known = error is not None
+    return BudgetRow(
+        name=name, summary="", kind=kind, exercised=known, infinite=False, error=error, seeds=None,
+        median=None, by_mass=None, body="mug" if known else None, place="floor - mug", speed=None,
+        seed=0, time=0.3, time_ratio=None,
+    )  # fmt: skip
+
+
+def phase(name: str, error: float) -> BudgetPhase:
+    rows = (row("step", error), row("cone", 0.4, "model"), row("contact softness", 0.2, "model"))
+    return BudgetPhase(
+        name=name, timestep=0.01, steps=100, seeds=3, window=0.04, windows=25, bodies=("mug",),
+        numerical_error=row("numerical error", error), rows=rows, energy_drift=0.0,
+        excess_path=0.0, worst_window=0.0, upper_bound=error, limit_factor=1.0,
+        invalid_windows=0.0, warnings=(),
+    )  # fmt: skip
+
+
+def examined(
+    word: VerdictWord,
+    *,
+    name: str = "held",
+    time: float | None = 0.2,
+    **keys: Any,
+) -> Examination:
+    """Return an examination whose excitation begins 1.5 s after its rest, not concluded."""
+    phases = (
+        Phase(name="held", begin=0.0, end=1.5),
+        Phase(name="excitation", begin=1.5, end=4.0),
     )
-    reason = Reason("unresolved", phase, "run", 0.4, "mug", "floor - mug", time, "40 % of it")
-    verdict = Verdict("unresolved", 0.1, (reason,))
-    return examination._sentence(  # pyright: ignore[reportPrivateUsage]
-        verdict, (), task, ErrorBudget(())
+    task = Task(start="home", drive="exercise", own_controls=True, duration=4.0, phases=phases)
+    reasons = ()
+    if word != "ok":
+        named = {"depends": "cone", "undecided": "reference"}.get(word, "numerical error")
+        sentence = "numerical error 40 % in mug"
+        where: Any = {"body": "mug", "place": "floor - mug", "time": time, "sentence": sentence}
+        reasons = (BudgetReason(verdict=word, phase=name, row=named, error=0.4, **where),)
+    budget = BudgetReport(
+        tolerance=0.1,
+        verdict=word,
+        reasons=reasons,
+        phases=(phase("held", 0.04), phase("excitation", 0.02)),
     )
+    sections: Any = ("labels", "budget", "facts", "checks", "fixes")
+    report = Examination(model="mug.xml", mujoco="4.0.0", task=task, sections=sections)
+    return report.model_copy(update={"budget": budget, **keys})
+
+
+def fix(name: str = "half the step", **keys: Any) -> Fix:
+    return Fix(
+        name=name, changes_model=False, apply="", settings={}, error=0.02,
+        distance_to_reference=None, distance_before=None, time_ratio=None,
+        lines=("mug.xml:3: <option timestep=\"0.001\"/>",),
+    ).model_copy(update=keys)  # fmt: skip
+
+
+def failure(name: str) -> Finding:
+    return Finding(
+        name=name, kind="task", level="gate", outcome="failed", verdict="unmet", judged=1,
+        failing=1, message=f"{name} 2 (limit 0)",
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("time", [0.0, 0.25, 1.2])
-@pytest.mark.parametrize(("phase", "begin"), [("held", 0.0), ("excitement", 1.5)])
-def test_a_time_counts_from_the_beginning_of_the_run(phase: str, begin: float, time: float) -> None:
+@pytest.mark.parametrize(("name", "begin"), [("held", 0.0), ("excitation", 1.5)])
+def test_a_time_counts_from_the_beginning_of_the_run(name: str, begin: float, time: float) -> None:
     """A reason's counts from the beginning of its phase."""
-    found = re.search(r" at (\d+\.\d+) s", said(phase, time))
+    (cause,) = conclude(examined("inaccurate", name=name, time=time)).why
+    found = re.search(r", (\d+\.\d+) s", cause)
     assert found is not None
     assert float(found[1]) == pytest.approx(begin + time, abs=0.005)
 
 
 def test_where_no_time_is_known_the_phase_is_named() -> None:
-    sentence = said("excitement", float("nan"))
-    assert "in the phase excitement" in sentence
-    assert re.search(r" at \d", sentence) is None
+    (cause,) = conclude(examined("inaccurate", name="excitation", time=None)).why
+    assert "in the phase excitation" in cause
+    assert re.search(r"\d s", cause) is None
 
 
-@pytest.mark.parametrize("late", [False, True])
-def test_that_nothing_helps_is_not_said_of_what_was_not_tried(late: bool) -> None:
-    words = examination._remedied((), late=late)  # pyright: ignore[reportPrivateUsage]
-    assert ("no time to try changes" in words) == late
+@pytest.mark.parametrize("word", WORDS)
+@pytest.mark.parametrize("labels", [(), (LABEL,)])
+def test_a_label_fails_a_run_whose_numerics_are_fine(
+    word: VerdictWord, labels: Sequence[RunLabel]
+) -> None:
+    report = conclude(examined(word, labels=labels))
+    fails = labels and word in {"depends", "ok"}
+    assert report.verdict == ("fails" if fails else word)
+    assert any(LABEL.reason in cause for cause in report.why) == bool(labels)
+
+
+def test_a_failed_check_fails_and_a_waived_label_does_not() -> None:
+    checked = conclude(examined("ok", findings=(failure("impossible_bodies"),)))
+    assert (checked.verdict, checked.headline) == ("fails", "fails: check impossible_bodies")
+    waived = failure("failure_labels").model_copy(update={"outcome": "noted"})
+    assert conclude(examined("ok", labels=(LABEL,), findings=(waived,))).verdict == "ok"
+
+
+@pytest.mark.parametrize("word", WORDS)
+@pytest.mark.parametrize("labels", [(), (LABEL,)])
+def test_a_headline_begins_with_the_verdict_and_has_at_most_15_words(
+    word: VerdictWord, labels: Sequence[RunLabel]
+) -> None:
+    report = conclude(examined(word, labels=labels))
+    assert report.verdict is not None
+    assert report.headline.startswith(report.verdict)
+    assert len(report.headline.split()) <= 15
+
+
+@pytest.mark.parametrize("word", [word for word in WORDS if word != "ok"])
+def test_an_overlap_of_the_start_is_the_first_cause(word: VerdictWord) -> None:
+    report = conclude(examined(word, labels=(LABEL,), facts=(OVERLAP,)))
+    assert report.why[0] == OVERLAP.sentence
+
+
+def test_the_main_numerical_setting_is_the_cause() -> None:
+    report = examined("inaccurate")
+    assert "the time step is too long at floor - mug" in conclude(report).why[0]
+    assert report.budget is not None
+    rows = (row("step", 0.001), row("solver", 0.04))
+    held = report.budget.phases[0].model_copy(update={"rows": rows})
+    other = report.budget.model_copy(update={"phases": (held,)})
+    late = conclude(report.model_copy(update={"budget": other}))
+    assert "the solver stops too early" in late.why[0]
+
+
+def test_the_fix_is_one_that_was_found_or_says_why_there_is_none() -> None:
+    assert conclude(examined("ok")).fix == "not needed"
+    found = conclude(examined("inaccurate", fixes=(fix(),)))
+    assert found.fix == "half the step: error falls to 2 %"
+    assert conclude(examined("inaccurate"), fixes_tried=4).fix == "none of 4 tried removes it"
+    late = conclude(examined("inaccurate"), fixes_not_tried=["RK4"])
+    assert "no time" in late.fix
+    some = conclude(examined("inaccurate"), fixes_tried=4, fixes_not_tried=["RK4"])
+    assert some.fix.startswith("none of 4 tried removes it; 1 more not tried")
+    checks = examined("inaccurate").model_copy(update={"sections": ("checks",)})
+    assert "contactlab mug.xml" in conclude(checks).fix
+
+
+def test_a_fix_of_the_start_comes_first() -> None:
+    part = fix("no contacts of a - b", removes="overlap", excluded_pairs=(("a", "b"),))
+    report = conclude(examined("inaccurate", fixes=(fix(), part), facts=(OVERLAP,)))
+    assert report.fix.startswith("no contacts of a - b")
+
+
+@pytest.mark.parametrize("word", WORDS)
+@pytest.mark.parametrize("labels", [(), (LABEL,)])
+def test_the_text_says_nothing_twice(word: VerdictWord, labels: Sequence[RunLabel]) -> None:
+    """Its first line is the verdict; causes, fix and facts each stand in it once."""
+    fixes = () if word == "ok" and not labels else (fix(), fix("RK4"))
+    report = conclude(examined(word, labels=labels, facts=(OVERLAP,), fixes=fixes))
+    lines = examination_lines(report)
+    text = " ".join(" ".join(lines).split())
+    assert lines[0] == report.headline
+    for part in (report.headline, *report.why, report.fix, OVERLAP.sentence, report.task.line):
+        assert text.count(part) == 1, part
+    for each in fixes:
+        assert text.count(f"{each.name}:") == 1

@@ -12,7 +12,7 @@ from contactlab.budget import Motion, Settings, Trial, Verdict, error_budget, ju
 from contactlab.budget.measuring import evaluations, steps_of
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.schema.examination import RunLabel
-from contactlab.studies.examine.changes import Again, Changes
+from contactlab.studies.examine.fixes import FixSearch, TaskRepeats
 from contactlab.studies.examine.task_motions import task_motions
 
 BOX = """<mujoco><option timestep=".002"/><worldbody>
@@ -22,20 +22,20 @@ BOX = """<mujoco><option timestep=".002"/><worldbody>
   <body name="ball" pos="1 0 .05"><freejoint/><geom name="ball" size=".05"/></body>
 </worldbody></mujoco>"""
 DEEP = RunLabel(
-    label="deep_penetration", phase="neutral", runs=3, reason="", seed=0, time=None, bodies=("box",)
+    label="deep_penetration", phase="rest", runs=3, reason="", seed=0, time=None, bodies=("box",)
 )
 
 
 def changes_of(
     folder: Path,
     keeps: Sequence[str],
-    wanted: Sequence[str] = (),
-    word: str = "sound",
+    requested: Sequence[str] = (),
+    word: str = "ok",
     label: RunLabel = DEEP,
     text: str = BOX,
     *,
     left: Callable[[Sequence[Motion]], float] = lambda _: math.inf,
-) -> Changes:
+) -> FixSearch:
     """Return what is told where runs keep their label without a setting that begins so."""
     file = folder / "box.xml"
     file.write_text(text)
@@ -49,14 +49,14 @@ def changes_of(
     def labelled(values: Any) -> Iterator[Sequence[RunLabel]]:
         yield () if any(name.startswith(tuple(keeps)) for name in values) else (label,)
 
-    trial = Trial(wanted=wanted, workers=1, left=lambda: left(motions))
+    trial = Trial(requested=requested, workers=1, left=lambda: left(motions))
     verdict: Any = Verdict(word, 100.0, ())  # pyright: ignore[reportArgumentType]
-    return Changes(scene, {}, motions, verdict, trial, Again(moved, labelled, (label,)))
+    return FixSearch(scene, {}, motions, verdict, trial, TaskRepeats(moved, labelled, (label,)))
 
 
 def test_a_finer_step_comes_before_another_model(tmp_path: Path) -> None:
-    told = changes_of(tmp_path, ["timestep", "geom_solref"]).told()
-    assert [(one.name, one.physics, one.removes) for one in told] == [
+    told = changes_of(tmp_path, ["timestep", "geom_solref"]).reported_fixes()
+    assert [(one.name, one.changes_model, one.removes) for one in told] == [
         ("half the step", False, "labels"),
         ("solref / 2 of contact world - box", True, "labels"),
     ]
@@ -75,30 +75,32 @@ def test_a_finer_step_takes_more_of_the_time_that_is_left(
     def half_more(motions: Sequence[Motion]) -> float:
         return 1.5 * evaluations(motions[0].model, Settings()) * 2 * steps_of(motions)
 
-    monkeypatch.setattr("contactlab.studies.examine.changes.pace", lambda _: 1.0)
+    monkeypatch.setattr("contactlab.studies.examine.fixes.pace", lambda _: 1.0)
     changes = changes_of(tmp_path, ["timestep", "geom_solref"], left=half_more)
-    assert changes.untried == [
+    assert changes.not_tried == [
         "half the step",
         "a quarter of the step",
         "an eighth of the step",
     ]
-    assert [one.name for one in changes.told()] == ["solref / 2 of contact world - box"]
+    assert [one.name for one in changes.reported_fixes()] == ["solref / 2 of contact world - box"]
 
 
 def test_a_solver_that_was_not_done_goes_on(tmp_path: Path) -> None:
     stuck = DEEP.model_copy(update={"label": "solver_nonconvergence", "bodies": ()})
     coarse = BOX.replace("<option ", '<option iterations="2" ')
-    (told,) = changes_of(tmp_path, ["iterations", "timestep"], label=stuck, text=coarse).told()
+    (told,) = changes_of(
+        tmp_path, ["iterations", "timestep"], label=stuck, text=coarse
+    ).reported_fixes()
     assert told.name == "Newton with 100 iterations"
     assert told.settings["iterations"] == 100
 
 
 def test_what_keeps_the_label_is_not_told(tmp_path: Path) -> None:
-    assert changes_of(tmp_path, ["impratio"]).told() == ()
+    assert changes_of(tmp_path, ["impratio"]).reported_fixes() == ()
 
 
 def test_numerics_that_are_at_fault_come_first(tmp_path: Path) -> None:
-    assert changes_of(tmp_path, ["timestep"], word="unresolved").unlabelling == []
+    assert changes_of(tmp_path, ["timestep"], word="inaccurate").without_labels == []
 
 
 @pytest.mark.parametrize(("wanted", "half"), [([], 0.5), (["solref"], 1.0)])
@@ -116,14 +118,14 @@ def test_what_leaves_no_label_is_written(tmp_path: Path, wanted: list[str], half
 def test_contacts_that_bear_at_a_distance_lose_their_margins(tmp_path: Path, name: str) -> None:
     margined = BOX.replace('size=".05"/>', 'size=".05" margin=".01" gap=".002"/>')
     afar = DEEP.model_copy(update={"label": name, "bodies": ("ball",)})
-    (told,) = changes_of(tmp_path, ["geom_margin"], label=afar, text=margined).told()
-    assert (told.accept, told.removes) == ("margin", "labels")
+    (told,) = changes_of(tmp_path, ["geom_margin"], label=afar, text=margined).reported_fixes()
+    assert (told.apply, told.removes) == ("margin", "labels")
     assert told.settings == {"geom_margin[ball]": 0.0, "geom_gap[ball]": 0.0}
 
 
 def test_energy_that_changes_is_kept_by_runge_kutta(tmp_path: Path) -> None:
     gained = DEEP.model_copy(update={"label": "energy_injection", "bodies": ()})
-    (told,) = changes_of(tmp_path, ["integrator"], label=gained).told()
+    (told,) = changes_of(tmp_path, ["integrator"], label=gained).reported_fixes()
     assert (told.name, told.settings) == ("RK4", {"integrator": "RK4"})
 
 
@@ -135,8 +137,8 @@ CHATTER = DEEP.model_copy(update={"label": "chatter", "bodies": ("arm",)})
 
 
 def test_a_joint_that_chatters_gets_gains_that_the_step_holds(tmp_path: Path) -> None:
-    (told,) = changes_of(tmp_path, ["actuator_gainprm"], label=CHATTER, text=SERVO).told()
-    assert told.accept == "gains"
+    (told,) = changes_of(tmp_path, ["actuator_gainprm"], label=CHATTER, text=SERVO).reported_fixes()
+    assert told.apply == "gains"
 
 
 def test_what_leaves_no_label_leads(tmp_path: Path) -> None:
@@ -156,7 +158,9 @@ def test_what_leaves_no_label_leads(tmp_path: Path) -> None:
         yield () if {"timestep", "integrator"} <= {*values} else (CHATTER,)
 
     trial = Trial(settings, most=1, workers=1)
-    changes = Changes(scene, {}, motions, verdict, trial, Again(moved, labelled, (CHATTER,)))
-    first, second = [change.name for change in changes.told()][:2]
+    changes = FixSearch(
+        scene, {}, motions, verdict, trial, TaskRepeats(moved, labelled, (CHATTER,))
+    )
+    first, second = [change.name for change in changes.reported_fixes()][:2]
     assert first == f"{second} at half the step"
     assert changes.write(tmp_path / "new" / "arm.xml")[0]

@@ -38,20 +38,23 @@ def test_watched_bodies_and_the_share_decide(tmp_path: Path) -> None:
     def checked(**task: Any) -> Examination:
         folder = tmp_path / "check"
         return contactlab.check(
-            model, only=["task"], workers=0, output=folder, duration="1.5s", **task
+            model, check=["task"], workers=0, output=folder, duration="1.5s", **task
         )
 
-    whole, slow = checked(), checked(observe=["slow"])
-    assert whole.verdict
-    assert slow.verdict
-    shares = [max(phase.share or 0 for phase in x.phases) for x in (whole.verdict, slow.verdict)]
-    assert {phase.body for phase in slow.verdict.phases} == {"slow"}
+    whole, slow = checked(), checked(watch=["slow"])
+    assert whole.task_verdict
+    assert slow.task_verdict
+    shares = [
+        max(phase.numerical_error or 0 for phase in x.phases)
+        for x in (whole.task_verdict, slow.task_verdict)
+    ]
+    assert {phase.body for phase in slow.task_verdict.phases} == {"slow"}
     assert shares[1] < shares[0]
     between = f"{50 * sum(shares):.6g}%"
-    assert not checked(tolerance=[between]).sound
-    assert checked(tolerance=[between], observe=["slow"]).sound
-    with pytest.raises(EngineError, match="none of the watched bodies moves"):
-        checked(observe=["world"])
+    assert not checked(within=[between]).passed
+    assert checked(within=[between], watch=["slow"]).passed
+    with pytest.raises(EngineError, match="no observed body moves"):
+        checked(watch=["world"])
 
 
 @pytest.mark.parametrize(
@@ -74,7 +77,7 @@ def test_labels_are_of_watched_bodies_or_of_the_whole_run(
     record: Any = SimpleNamespace(duration=1.0, steps_asked=10, seed=0, labels=labels)
     phases = (Phase(name="held", begin=0.0, end=1.0),)
     task = Task(
-        start="home", drive="hold", own_controls=True, duration=1.0, phases=phases, watched=watched
+        start="home", drive="hold", own_controls=True, duration=1.0, phases=phases, observed=watched
     )
     found = run_labels(task, [record])
     assert [label.label for label in found] == kept
@@ -91,7 +94,7 @@ def test_a_dependence_on_the_step_is_of_all_seeds_together(mean: float, kept: li
     record: Any = SimpleNamespace(duration=1.0, steps_asked=10, seed=1, labels=tuple(entries))
     phases = (Phase(name="held", begin=0.0, end=1.0),)
     task = Task(start="home", drive="hold", own_controls=True, duration=1.0, phases=phases)
-    budget: Any = SimpleNamespace(phases=[SimpleNamespace(run=SimpleNamespace(share=mean))])
+    budget: Any = SimpleNamespace(phases=[SimpleNamespace(run=SimpleNamespace(error=mean))])
     assert [label.label for label in run_labels(task, [record], budget)] == kept
     assert [label.label for label in run_labels(task, [record])] == ["chatter", NUMERIC]
 

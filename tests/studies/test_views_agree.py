@@ -33,11 +33,11 @@ PUBLIC = (
 def views_agree(model: str, folder: Path, duration: str) -> Examination:
     """Assert that all views of an examination have one answer, which a sweep has too."""
     options: dict[str, Any] = {"workers": 0, "output": folder / "examined", "duration": duration}
-    whole = contactlab.examine(model, only=["labels", "budget", "facts", "checks"], **options)
+    whole = contactlab.examine(model, section=["labels", "budget", "facts", "checks"], **options)
     assert not list(contradictions(whole))
     for view, answer in of_views(model, whole.task, folder, duration):
         assert not [f"{view}: {other}" for other in apart(of_report(whole), answer)]
-    contacts = contactlab.examine(model, only=["contacts"], **options)
+    contacts = contactlab.examine(model, section=["contacts"], **options)
     assert contacts.task == whole.task
     explained = contactlab.explain(model, duration=duration) if contacts.contacts else None
     if explained is not None:
@@ -63,7 +63,7 @@ def searches_agree(model: str, whole: Examination, folder: Path, **options: Any)
         assert report.task.line == whole.task.line
         if report.current_verdict and report.current_verdict.seeds == whole.task.seeds:
             assert whole.budget
-            shares = [phase.run.share for phase in whole.budget.phases]
+            shares = [phase.numerical_error.error for phase in whole.budget.phases]
             finite = [share for share in shares if share is not None]
             # What MuJoCo gives up in one phase has no share.
             assert report.current_verdict.numerical_error == (
@@ -93,7 +93,7 @@ def test_searches_of_a_small_model_have_one_answer(tmp_path: Path) -> None:
         </mujoco>"""
     )
     options: dict[str, Any] = {"duration": "0.2s"}
-    whole = contactlab.examine(path, only=["budget"], output=tmp_path / "out", **options)
+    whole = contactlab.examine(path, section=["budget"], output=tmp_path / "out", **options)
     searches_agree(str(path), whole, tmp_path, max_time="2s", **options)
 
 
@@ -110,7 +110,7 @@ def test_a_small_model_has_one_answer(tmp_path: Path) -> None:
         </worldbody></mujoco>"""
     )
     options: dict[str, Any] = {"workers": 0, "output": tmp_path / "out", "duration": "0.1s"}
-    whole = contactlab.examine(path, only=["labels", "budget"], **options)
+    whole = contactlab.examine(path, section=["labels", "budget"], **options)
     assert not list(contradictions(whole))
     for view, answer in of_views(str(path), whole.task, tmp_path, "0.1s"):
         assert not [f"{view}: {other}" for other in apart(of_report(whole), answer)]

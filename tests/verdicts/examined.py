@@ -21,8 +21,8 @@ import contactlab
 from contactlab.errors import ContactlabError
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.model_writer import write_model
-from contactlab.schema.examination import Examination, ModelChange
-from contactlab.studies.examine.changes import edits_of
+from contactlab.schema.examination import Examination, Fix
+from contactlab.studies.examine.fixes import edits_of
 
 _JUDGED = ("labels", "budget", "facts")
 _MOST_IN = re.compile(r", most in (.+?) \(limit")
@@ -64,7 +64,7 @@ class Examined:
     @property
     def unresolved(self) -> bool:
         """Whether its numerics are not those of its model, or not known to be."""
-        return self.word in ("unresolved", "not resolved")
+        return self.word in ("inaccurate", "undecided")
 
     @property
     def found(self) -> bool:
@@ -79,25 +79,27 @@ class Examined:
 
 def examine(path: Path, case: Case, *, healthy: bool) -> Examined:
     """Examine a model with the controls of its keyframe, and mend a failing one."""
-    sections = _JUDGED if healthy else (*_JUDGED, "changes")
+    sections = _JUDGED if healthy else (*_JUDGED, "fixes")
     try:
         report = contactlab.examine(
-            path, only=sections, drive="none", duration=f"{case.duration} s", workers=1
+            path, section=sections, drive="none", duration=f"{case.duration} s", workers=1
         )
     except ContactlabError as error:
         return Examined(str(error))
     budget = report.budget
-    first = max(budget.phases, key=lambda phase: phase.run.share or 1e9) if budget else None
+    first = (
+        max(budget.phases, key=lambda phase: phase.numerical_error.error or 1e9) if budget else None
+    )
     reasons = budget.reasons if budget else ()
     return Examined(
-        sentence=report.sentence,
+        sentence=report.headline,
         word=budget.verdict if budget else "",
         labels=tuple(dict.fromkeys(label.label for label in report.labels)),
-        rows={reason.row: reason.share or 1e9 for reason in reasons if reason.word == "model"},
+        rows={reason.row: reason.error or 1e9 for reason in reasons if reason.verdict == "depends"},
         named=_named(report),
-        change=report.changes[0].name if report.changes else "",
-        mended=_mended(path, report.changes[0], case) if report.changes else None,
-        shares=(first.run.share, first.energy) if first else (None, None),
+        change=report.fixes[0].name if report.fixes else "",
+        mended=_mended(path, report.fixes[0], case) if report.fixes else None,
+        shares=(first.numerical_error.error, first.energy_drift) if first else (None, None),
     )
 
 
@@ -109,7 +111,7 @@ def _named(report: Examination) -> tuple[str, ...]:
     return (reasons[0].body, reasons[0].place, *bodies) if reasons else bodies
 
 
-def _mended(path: Path, change: ModelChange, case: Case) -> float | None:
+def _mended(path: Path, change: Fix, case: Case) -> float | None:
     with tempfile.TemporaryDirectory() as folder:
         scene = SceneLoader(Path(), "none").open(str(path))
         made = write_model(scene, edits_of(change, scene), Path(folder) / "changed")

@@ -37,17 +37,17 @@ def test_names_are_words(named: tuple[str, ...], where: list[str], meant: bool) 
 def test_totals_count_by_nature(tmp_path: Path) -> None:
     numerical = case_of(tmp_path / "a", FALL, nature="numerical", where=["ball"])
     soft = case_of(tmp_path / "b", FALL, nature="model", where=["ball"])
-    bad = Examined("", "unresolved", ("chatter",), named=("ball",), change="RK4", mended=0.2)
+    bad = Examined("", "inaccurate", ("chatter",), named=("ball",), change="RK4", mended=0.2)
     unmended = Examined(
-        "", "model", rows={"noslip": 0.3}, named=("floor",), change="Euler", mended=3
+        "", "depends", rows={"noslip": 0.3}, named=("floor",), change="Euler", mended=3
     )
     totals = examined_totals(
         [
             (Asked("a", numerical, healthy=False), bad),
-            (Asked("a", numerical, healthy=False), Examined("", "sound")),
+            (Asked("a", numerical, healthy=False), Examined("", "ok")),
             (Asked("b", soft, healthy=False), unmended),
-            (Asked("a", numerical, healthy=True), Examined("", "sound")),
-            (Asked("b", soft, healthy=True), Examined("", "sound", ("creep",))),
+            (Asked("a", numerical, healthy=True), Examined("", "ok")),
+            (Asked("b", soft, healthy=True), Examined("", "ok", ("creep",))),
         ]
     )
     assert list(totals.values()) == [
@@ -71,7 +71,7 @@ def test_a_change_that_is_named_is_made_in_plain_mujoco(tmp_path: Path) -> None:
     path = tmp_path / "vane.xml"
     path.write_text(case.text(healthy=False), encoding="utf-8")
     said = examine(path, case, healthy=False)
-    assert said.word == "unresolved"
+    assert said.word == "inaccurate"
     assert said.found
     assert said.names(["shaft", "vane"])
     assert said.change

@@ -1,11 +1,11 @@
-"""The error budget: what a run's numerics, its model's softness and each effect are worth."""
+"""The error budget: errors of the numerics, and of each modeling choice and effect."""
 
 from contactlab.budget.backward_error import backward_error
 from contactlab.budget.error_budget import error_budget
+from contactlab.budget.fixes import Trial, TriedFix, try_fixes
 from contactlab.budget.measuring import Settings, affordable
 from contactlab.budget.motion import Motion, motion_of_run
 from contactlab.budget.readings import ErrorBudget, PhaseBudget, Reading
-from contactlab.budget.remedies import Remedy, Trial, remedies
 from contactlab.budget.report import budget_report
 from contactlab.budget.rows import ROWS, Row
 from contactlab.budget.text import budget_lines
@@ -18,10 +18,10 @@ __all__ = [
     "PhaseBudget",
     "Reading",
     "Reason",
-    "Remedy",
     "Row",
     "Settings",
     "Trial",
+    "TriedFix",
     "Verdict",
     "affordable",
     "backward_error",
@@ -30,5 +30,5 @@ __all__ = [
     "error_budget",
     "judge",
     "motion_of_run",
-    "remedies",
+    "try_fixes",
 ]

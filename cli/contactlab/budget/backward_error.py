@@ -24,6 +24,6 @@ def backward_error(runs: PreparedRuns, run: int, states: Floats | None = None) -
         phase = PhaseMeasure(motion, (), _ALONE, known).budget()
     except EngineError:
         return _NOTHING_MOVES
-    worst, energy = phase.run, phase.energy_from
+    worst, energy = phase.run, phase.energy_origin
     where = phase.bodies[worst.body], worst.time
-    return BackwardError(worst.share, *where, phase.energy_share, energy.body, energy.time)
+    return BackwardError(worst.error, *where, phase.energy_drift, energy.body, energy.time)

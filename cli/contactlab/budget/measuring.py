@@ -10,6 +10,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from contactlab.budget.constraint_energy import ConstraintEnergy
 from contactlab.budget.defects import (
     defects,
     drift,
@@ -18,9 +19,9 @@ from contactlab.budget.defects import (
     settled,
     to_the_limit,
 )
+from contactlab.budget.exercised_rows import exercised_rows
+from contactlab.budget.force_places import Stretch, find_force_place
 from contactlab.budget.motion import Motion, forget_delays, pulls, without_delays
-from contactlab.budget.places import Stretch, place_of
-from contactlab.budget.prices import Price, prices
 from contactlab.budget.readings import Origin, PhaseBudget, Reading
 from contactlab.budget.rows import (
     GRAVITY_AS_REAL,
@@ -33,8 +34,7 @@ from contactlab.budget.rows import (
     gravity_of,
     raises_time_constants,
 )
-from contactlab.budget.showing import shown_rows
-from contactlab.budget.stored import Stored
+from contactlab.budget.time_ratios import TimeRatio, measure_time_ratios
 from contactlab.budget.windows import (
     EngineWarning,
     Observer,
@@ -76,7 +76,7 @@ class Settings:
         energy: whether a second reference, with RK4, tells what energy both lose.
         places: whether it is looked for where forces differ most.
         excess: whether the run's own path is measured; if not, its excess and its peak are NaN.
-        priced: whether changes are timed.
+        timed: whether changes are timed.
         workers: threads.
     """
 
@@ -86,7 +86,7 @@ class Settings:
     energy: bool = True
     places: bool = True
     excess: bool = True
-    priced: bool = False
+    timed: bool = False
     workers: int = 1
 
 
@@ -178,10 +178,10 @@ class PhaseMeasure:
         self._undelayed = without_delays(motion)
         self._bodies = judged_bodies(motion.model)
         self._names = tuple(body_name(motion.model, int(body)) for body in self._bodies)
-        self._watched = self._places_of(motion.watched)
+        self._observed = self._places_of(motion.observed)
         self._run: Run = replay(motion, settings.window, settings.workers, known)
         self._observer = Observer(motion.model, motion.starts[0], self._bodies, settings.workers)
-        self._bases, self._stores = dict[str, mujoco.MjModel](), dict[str, Stored]()
+        self._bases, self._stores = dict[str, mujoco.MjModel](), dict[str, ConstraintEnergy]()
         gravity = 0.0 if disabled(motion.model, "gravity") else 1.0
         self._pulls = pulls(motion, gravity * motion.model.opt.gravity)[..., self._bodies]
         self._usual = self._usual_changes()
@@ -194,15 +194,15 @@ class PhaseMeasure:
             return self._motion.usual[self._bodies]
         return changes_of([self._run], self._observer) / float(self._model.opt.timestep)
 
-    def _places_of(self, watched: Sequence[str]) -> np.ndarray:
+    def _places_of(self, observed: Sequence[str]) -> np.ndarray:
         """Return (C,) numbers of the watched ones among the bodies that move and have mass."""
         if not self._bodies.size:
             raise EngineError("nothing of the model moves that has mass, so there is no motion")
-        found = np.flatnonzero([not watched or name in watched for name in self._names])
+        found = np.flatnonzero([not observed or name in observed for name in self._names])
         if not found.size:
             raise EngineError(
-                f"none of the watched bodies moves and has mass ({', '.join(watched)}); those that "
-                f"do: {', '.join(self._names)}"
+                f"no observed body moves and has mass ({', '.join(observed)}); those that do: "
+                f"{', '.join(self._names)}"
             )
         return found
 
@@ -220,15 +220,15 @@ class PhaseMeasure:
         for look in self.looked.looks:
             self._measure_more(look, found)
         whole = self._told(found, excess=self._settings.excess)
-        cost = self._prices(self._there)
+        cost = self._time_ratios(self._there)
         return replace(
-            whole, rows=tuple(replace(row, price=cost.get(row.name)) for row in whole.rows)
+            whole, rows=tuple(replace(row, time_ratio=cost.get(row.name)) for row in whole.rows)
         )
 
     @cached_property
     def _there(self) -> list[Row]:
         """The run, and the rows that the task exercises."""
-        shown = shown_rows(self._motion, self._used)
+        shown = exercised_rows(self._motion, self._used)
         return [RUN, *(row for row in self._used if row.name in shown)]
 
     def _told(self, found: "_Found", *, excess: bool) -> PhaseBudget:
@@ -247,18 +247,20 @@ class PhaseMeasure:
             steps=self._motion.steps,
             window=run.steps * float(model.opt.timestep),
             windows=len(run.begins),
-            bodies=tuple(self._names[body] for body in self._watched),
-            masses=model.body_mass[self._bodies[self._watched]],
+            bodies=tuple(self._names[body] for body in self._observed),
+            masses=model.body_mass[self._bodies[self._observed]],
             run=self._failing(warnings, whole),
             rows=tuple(rows),
             energy=energy,
             energy_rk4=energy_rk4,
-            energy_from=self._energy_from(found),
-            excess=self._excess(found, real) if excess else np.full(len(self._watched), np.nan),
-            peak=self._peak(found) if excess else float("nan"),
-            most=self._most(found, real),
-            limit=float(limits[self._watched[whole.body]]),
-            lost=float(found.lost[run.valid].mean()) if run.valid.any() else 0.0,
+            energy_origin=self._energy_origin(found),
+            excess_path=self._excess(found, real)
+            if excess
+            else np.full(len(self._observed), np.nan),
+            worst_window=self._peak(found) if excess else float("nan"),
+            upper_bound=self._most(found, real),
+            limit_factor=float(limits[self._observed[whole.body]]),
+            invalid_windows=float(found.lost[run.valid].mean()) if run.valid.any() else 0.0,
             warnings=warnings,
         )
         self._bases.clear()
@@ -267,7 +269,7 @@ class PhaseMeasure:
 
     def _worst(self, values: Floats) -> int:
         """Return which of all bodies has the largest of (B,) values among the watched ones."""
-        return int(self._watched[np.argmax(values[self._watched])])
+        return int(self._observed[np.argmax(values[self._observed])])
 
     def _base(self, name: str) -> mujoco.MjModel:
         if name not in self._bases:
@@ -281,12 +283,12 @@ class PhaseMeasure:
             return self._smooth(1)
         return reference_of(self._model, 1 if name == "step" else self._settings.finer)
 
-    def _stored(self, name: str) -> Stored:
+    def _stored(self, name: str) -> ConstraintEnergy:
         """Return what computes stored energies, of a copy of a base: no other needs to be held."""
         if name not in self._stores:
             alike = not raises_time_constants(self._model)
             base = self._bases[name] if name in self._bases else self._made_base(name)
-            self._stores[name] = Stored(base, constraints=alike)
+            self._stores[name] = ConstraintEnergy(base, constraints=alike)
         return self._stores[name]
 
     def _varied(self, row: Row) -> Iterator[mujoco.MjModel]:
@@ -309,15 +311,15 @@ class PhaseMeasure:
         change(changed, self._model)
         return changed
 
-    def _prices(self, rows: Sequence[Row]) -> Mapping[str, Price]:
-        if not self._settings.priced:
+    def _time_ratios(self, rows: Sequence[Row]) -> Mapping[str, TimeRatio]:
+        if not self._settings.timed:
             return {}
         made = {
             row.name: (partial(self._changed, self._model, row.changes[0]), 1)
             for row in rows
-            if row.priced
+            if row.timed
         }
-        return prices(self._motion, self._run, made)
+        return measure_time_ratios(self._motion, self._run, made)
 
     @cached_property
     def looked(self) -> "Looked":
@@ -332,7 +334,7 @@ class PhaseMeasure:
         for block in blocks(self._model, np.argwhere(valid), (run.steps + 1) * settings.finer):
             windows = Windows(self._undelayed, run, settings.workers, block)
             around, lost = self._measure_run(windows, block, found)
-            looks.append(_Look(block, around[RUN.name], around["reference"]))
+            looks.append(_Look(block, around["run"], around["reference"]))
             if any(row.against == "step" for row in rows):
                 around["step"] = self._around(windows, self._base("step"), 1)
             for row in rows:
@@ -381,7 +383,7 @@ class PhaseMeasure:
         found.lowest[place] = powers[..., 0].min(axis=1)
         found.added[place] = np.maximum(around[:, 1] - path_energy[:, 0], 0)
         found.begin[place] = np.linalg.norm(own[:, 0], axis=-1)
-        return {RUN.name: last, "reference": end}, lost
+        return {"run": last, "reference": end}, lost
 
     def _storing(self, windows: Windows, name: str, kept: Floats) -> Floats:
         """Return (M, 1 + K) what is stored at the beginning, and in states (M, K, kept) [J].
@@ -399,7 +401,7 @@ class PhaseMeasure:
             square = (own**2).sum(axis=-1) - (reference**2).sum(axis=-1)
         return np.nan_to_num(self._model.body_mass[self._bodies] * square / 2)
 
-    def _energy_from(self, found: "_Found") -> Origin:
+    def _energy_origin(self, found: "_Found") -> Origin:
         """Return whose kinetic energy the run changes most, in one direction, and in which window.
 
         What goes from the reference in one window and comes back in another is no gain of a body.
@@ -489,10 +491,10 @@ class PhaseMeasure:
         about = row.name, row.summary, row.kind
         if not exercised:
             none = np.empty(0)
-            return Reading(*about, exercised=False, shares=none, seeds=none)
+            return Reading(*about, exercised=False, errors=none, seeds=none)
         if not self._run.valid.any():
-            none = np.full(len(self._watched), np.nan)
-            return Reading(*about, exercised=True, shares=none, seeds=none[:0])
+            none = np.full(len(self._observed), np.nan)
+            return Reading(*about, exercised=True, errors=none, seeds=none[:0])
         apart = found.apart[row.name]
         shares = apart.sum(axis=1) / real
         mean = shares.mean(axis=0)
@@ -502,9 +504,9 @@ class PhaseMeasure:
         reading = Reading(
             *about,
             exercised=True,
-            shares=mean[self._watched],
+            errors=mean[self._observed],
             seeds=shares[:, body],
-            body=int(np.searchsorted(self._watched, body)),
+            body=int(np.searchsorted(self._observed, body)),
             speed=float(apart[..., body][self._run.valid & ~found.lost].mean()),
             seed=seed,
             time=time,
@@ -525,7 +527,7 @@ class PhaseMeasure:
             self._undelayed.spec,
             run.steps,
         )
-        return place_of(stretch, models, self._model.opt.timestep, int(self._bodies[body]))
+        return find_force_place(stretch, models, self._model.opt.timestep, int(self._bodies[body]))
 
     def _failing(self, warnings: Sequence[EngineWarning], reading: Reading) -> Reading:
         """Return the run's reading, infinite if the engine warned."""
@@ -534,9 +536,9 @@ class PhaseMeasure:
         first = min(warnings, key=lambda warning: warning.time)
         return replace(
             reading,
-            shares=np.full_like(reading.shares, np.inf),
+            errors=np.full_like(reading.errors, np.inf),
             seeds=np.full(self._motion.seeds, np.inf),
-            body=int(np.searchsorted(self._watched, self._worst(self._speeds(first)))),
+            body=int(np.searchsorted(self._observed, self._worst(self._speeds(first)))),
             seed=first.seed,
             time=first.time,
             place=first.cause,
@@ -594,12 +596,12 @@ class PhaseMeasure:
         return found_drifts
 
     def _excess(self, found: "_Found", real: Floats) -> Floats:
-        return np.maximum(0, (found.excess.sum(axis=1) / real).mean(axis=0))[self._watched]
+        return np.maximum(0, (found.excess.sum(axis=1) / real).mean(axis=0))[self._observed]
 
     def _peak(self, found: "_Found") -> float:
         speed = found.speed.max(axis=1, keepdims=True)
         with np.errstate(invalid="ignore", divide="ignore"):
-            parts = np.where(speed > 0, found.apart[RUN.name] / speed, 0)[..., self._watched]
+            parts = np.where(speed > 0, found.apart[RUN.name] / speed, 0)[..., self._observed]
         return float(np.nanmax(parts, initial=0))
 
     def _limits(self, found: "_Found") -> Floats:
@@ -620,7 +622,7 @@ class PhaseMeasure:
             return float("nan")
         apart = np.where(checked[..., None], found.finer + found.checked, 0)
         apart = np.stack([apart, found.apart[RUN.name]]).sum(axis=2)
-        return float((apart / real).mean(axis=1)[:, self._watched].max())
+        return float((apart / real).mean(axis=1)[:, self._observed].max())
 
     def _checked(self, found: "_Found") -> np.ndarray:
         """Return (S, W) whether a window was gone through by both references."""

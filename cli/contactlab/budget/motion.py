@@ -31,7 +31,7 @@ class Motion:
         inputs: (S, N, width) set before each of N steps; a width of 0 leaves the starts' own.
         spec: the bits of mjtState that a row of inputs holds, in `mj_setState`'s order.
         name: of the phase.
-        watched: bodies whose shares count; all if empty.
+        observed: bodies whose shares count; all if empty.
         usual: (nbody,) how fast velocities of bodies change in the whole task, on the mean
             [m/s^2]: what a phase in which they stand is measured by, where nothing weighs; what
             they do in this phase if None.
@@ -42,7 +42,7 @@ class Motion:
     inputs: Floats
     spec: int = _CONTROL
     name: str = ""
-    watched: tuple[str, ...] = ()
+    observed: tuple[str, ...] = ()
     usual: Floats | None = None
 
     def __post_init__(self) -> None:

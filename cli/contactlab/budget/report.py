@@ -1,33 +1,33 @@
-"""A budget as the report that is stored."""
+"""Converts an error budget to its stored report."""
 
 import math
 from collections.abc import Sequence
 
-from contactlab.budget.prices import Price
+from contactlab.budget.fixes import TriedFix
 from contactlab.budget.readings import ErrorBudget, PhaseBudget, Reading
-from contactlab.budget.remedies import Remedy
+from contactlab.budget.time_ratios import TimeRatio
 from contactlab.budget.verdict import Reason, Verdict
 from contactlab.schema.error_budget import (
+    BudgetFix,
     BudgetPhase,
-    BudgetPrice,
     BudgetReason,
-    BudgetRemedy,
     BudgetReport,
     BudgetRow,
+    BudgetTimeRatio,
     BudgetWarning,
 )
 from contactlab.store.table_layout import as_written
 
 
 def budget_report(
-    budget: ErrorBudget, verdict: Verdict, tried: Sequence[Remedy] = ()
+    budget: ErrorBudget, verdict: Verdict, tried: Sequence[TriedFix] = ()
 ) -> BudgetReport:
-    """Return the report of a budget, its verdict and what was tried against it."""
+    """Return the report of a budget, its verdict and the fixes that were tried."""
     return BudgetReport(
-        within=verdict.within,
+        tolerance=verdict.tolerance,
         verdict=verdict.word,
         reasons=tuple(map(_reason, verdict.reasons)),
-        remedies=tuple(map(remedy_report, tried)),
+        fixes=tuple(map(fix_report, tried)),
         phases=tuple(map(_phase, budget.phases)),
     )
 
@@ -36,16 +36,16 @@ def _finite(number: float) -> float | None:
     return float(number) if math.isfinite(number) else None
 
 
-def _price(price: Price | None) -> BudgetPrice | None:
-    return price and BudgetPrice(ratio=price.ratio, low=price.low, high=price.high)
+def _ratio_report(ratio: TimeRatio | None) -> BudgetTimeRatio | None:
+    return ratio and BudgetTimeRatio(ratio=ratio.ratio, low=ratio.low, high=ratio.high)
 
 
 def _reason(reason: Reason) -> BudgetReason:
     return BudgetReason(
-        word=reason.word,
+        verdict=reason.word,
         phase=reason.phase,
         row=reason.row,
-        share=_finite(reason.share),
+        error=_finite(reason.error),
         body=reason.body,
         place=reason.place,
         time=_finite(reason.time),
@@ -53,18 +53,18 @@ def _reason(reason: Reason) -> BudgetReason:
     )
 
 
-def remedy_report(remedy: Remedy) -> BudgetRemedy:
-    """Return what is stored of a change that was tried."""
-    return BudgetRemedy(
-        name=remedy.name,
-        physics=remedy.physics,
-        settings={name: as_written(value) for name, value in remedy.edits.settings.items()},
-        removes=remedy.removes,
-        word=remedy.word,
-        share=_finite(remedy.share),
-        apart=_finite(remedy.apart),
-        before=_finite(remedy.before),
-        price=_price(remedy.price),
+def fix_report(fix: TriedFix) -> BudgetFix:
+    """Return the report of a fix that was tried."""
+    return BudgetFix(
+        name=fix.name,
+        changes_model=fix.changes_model,
+        settings={name: as_written(value) for name, value in fix.edits.settings.items()},
+        removes=fix.removes,
+        verdict=fix.word,
+        error=_finite(fix.error),
+        distance_to_reference=_finite(fix.distance),
+        distance_before=_finite(fix.distance_before),
+        time_ratio=_ratio_report(fix.time_ratio),
     )
 
 
@@ -77,14 +77,14 @@ def _phase(phase: PhaseBudget) -> BudgetPhase:
         window=phase.window,
         windows=phase.windows,
         bodies=phase.bodies,
-        run=_row(phase, phase.run),
+        numerical_error=_row(phase, phase.run),
         rows=tuple(_row(phase, reading) for reading in phase.rows),
-        energy=_finite(phase.energy_share),
-        excess=_finite(float(phase.excess.max())),
-        peak=_finite(phase.peak),
-        most=_finite(phase.most),
-        limit=phase.limit,
-        lost=phase.lost,
+        energy_drift=_finite(phase.energy_drift),
+        excess_path=_finite(float(phase.excess_path.max())),
+        worst_window=_finite(phase.worst_window),
+        upper_bound=_finite(phase.upper_bound),
+        limit_factor=phase.limit_factor,
+        invalid_windows=phase.invalid_windows,
         warnings=tuple(
             BudgetWarning(
                 kind=warning.kind,
@@ -106,8 +106,8 @@ def _row(phase: PhaseBudget, reading: Reading) -> BudgetRow:
         summary=reading.summary,
         kind=reading.kind,
         exercised=known,
-        infinite=math.isinf(reading.share),
-        share=_finite(reading.share),
+        infinite=math.isinf(reading.error),
+        error=_finite(reading.error),
         seeds=seeds if seeds and all(map(math.isfinite, seeds)) else None,
         median=_finite(reading.median),
         by_mass=_finite(phase.by_mass(reading)),
@@ -116,5 +116,5 @@ def _row(phase: PhaseBudget, reading: Reading) -> BudgetRow:
         speed=_finite(reading.speed),
         seed=reading.seed if known else None,
         time=_finite(reading.time),
-        price=_price(reading.price),
+        time_ratio=_ratio_report(reading.time_ratio),
     )

@@ -48,7 +48,9 @@ class Row:
             on until it is done, or the run's.
         against: what the variation is compared with: one of these.
         both: what is changed on both sides first, if anything.
-        priced: whether the change could be made in the model's own settings.
+        timed: whether the change could be made in the model's own settings.
+        subject: the modeling choice, as in "depends on the friction cone".
+        alternative: the change, as in "an elliptic cone changes thigh's motion".
     """
 
     name: str
@@ -60,7 +62,9 @@ class Row:
     base: Literal["run", "step", "reference"] = "reference"
     against: Literal["run", "step", "reference"] = "reference"
     both: Change | None = None
-    priced: bool = True
+    timed: bool = True
+    subject: str = ""
+    alternative: str = ""
 
     @property
     def is_of_steps(self) -> bool:
@@ -503,14 +507,14 @@ def _has_constraints(model: mujoco.MjModel) -> bool:
 
 # What every budget begins with.
 RUN = Row(
-    "run",
-    "the run as it is",
+    "numerical error",
+    "the run as written",
     "numerics",
     (_as_it_is,),
     _always,
     _always,
     base="run",
-    priced=False,
+    timed=False,
 )
 
 ROWS: tuple[Row, ...] = (
@@ -522,7 +526,7 @@ ROWS: tuple[Row, ...] = (
         _always,
         _always,
         base="step",
-        priced=False,
+        timed=False,
     ),
     Row(
         "solver",
@@ -561,7 +565,7 @@ ROWS: tuple[Row, ...] = (
         (_raised,),
         raises_time_constants,
         _raises,
-        priced=False,
+        timed=False,
     ),
     Row(
         "cone",
@@ -570,6 +574,8 @@ ROWS: tuple[Row, ...] = (
         (_option("cone", lambda _: _ELLIPTIC),),
         lambda model: model.opt.cone != _ELLIPTIC and _condim_above(_NO_FRICTION)(model),
         _RUBS,
+        subject="the friction cone",
+        alternative="an elliptic cone",
     ),
     Row(
         "pyramids",
@@ -587,6 +593,8 @@ ROWS: tuple[Row, ...] = (
         _condim_above(_NO_FRICTION),
         _RUBS,
         both=_option("cone", lambda _: _ELLIPTIC),
+        subject="impratio",
+        alternative="ten times the impratio",
     ),
     Row(
         "noslip",
@@ -595,6 +603,8 @@ ROWS: tuple[Row, ...] = (
         (_without_slip,),
         _may_slip,
         _rubs_anywhere,
+        subject="slip in contacts",
+        alternative="the noslip solver",
     ),
     Row(
         "contact softness",
@@ -603,6 +613,8 @@ ROWS: tuple[Row, ...] = (
         (_stiffer(*_CONTACT_SOLREF),),
         collides,
         _LOADED,
+        subject="contact softness",
+        alternative="half the contact solref",
     ),
     Row(
         "margin",
@@ -619,6 +631,8 @@ ROWS: tuple[Row, ...] = (
         (_stiffer("jnt_solref", "tendon_solref_lim"),),
         _has_limits,
         _LIMITING,
+        subject="joint limit softness",
+        alternative="half the limit solref",
     ),
     Row(
         "friction loss softness",
@@ -627,6 +641,8 @@ ROWS: tuple[Row, ...] = (
         (_stiffer("dof_solref", "tendon_solref_fri"),),
         _has_friction_loss,
         _RUBBING,
+        subject="friction loss softness",
+        alternative="half the friction loss solref",
     ),
     Row(
         "equality softness",
@@ -635,6 +651,8 @@ ROWS: tuple[Row, ...] = (
         (_stiffer_equalities,),
         _has_joining_equalities,
         _joins,
+        subject="equality softness",
+        alternative="half the equality solref",
     ),
     Row(
         "condim 1",
@@ -699,7 +717,7 @@ ROWS: tuple[Row, ...] = (
         (_scaled_friction(1.1), _scaled_friction(0.9)),
         _condim_above(_NO_FRICTION),
         _RUBS,
-        priced=False,
+        timed=False,
     ),
     Row(
         "mass 5 %",
@@ -708,6 +726,6 @@ ROWS: tuple[Row, ...] = (
         (_scaled_mass(1.05), _scaled_mass(0.95)),
         _always,
         _always,
-        priced=False,
+        timed=False,
     ),
 )

@@ -1,37 +1,39 @@
-"""What a budget says under one tolerance, and why."""
+"""Derives the verdict and its reasons from an error budget and a tolerance."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 
 from contactlab.budget.readings import ErrorBudget, PhaseBudget
+from contactlab.budget.rows import ROWS
 from contactlab.printable import percent, plain
+from contactlab.schema.verdict import VerdictWord
 
 TOLERANCE = 0.1
-
-Word = Literal["unresolved", "not resolved", "model", "sound"]
-_ORDER: tuple[Word, ...] = get_args(Word)
+_ORDER: tuple[VerdictWord, ...] = get_args(VerdictWord)
+_MOST_DIGITS = 9  # more are rounding
+_ALTERNATIVES = {row.name: row.alternative for row in ROWS}
 
 
 @dataclass(frozen=True)
 class Reason:
-    """Why a verdict is not "sound".
+    """A number that is above the tolerance.
 
     Attributes:
-        word: the verdict that it alone would give.
-        phase, row: which number is above the tolerance; a row, "run", "energy", "reference" or
-            "warning".
-        share: that number.
-        body, place, time: where and when it is largest; "" and NaN where that is not known.
-        sentence: says it.
+        word: the verdict that this reason alone would give.
+        phase: the phase in which the number is above the tolerance.
+        row: a row of the budget, or "energy", "reference" or "warning".
+        error: the number.
+        body, place, time: where and when it is largest; "" and NaN if that is not known.
+        sentence: the reason in at most ten words.
     """
 
-    word: Word
+    word: VerdictWord
     phase: str
     row: str
-    share: float
+    error: float
     body: str
     place: str
     time: float
@@ -40,77 +42,82 @@ class Reason:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a budget says under a tolerance: a word, and the reasons for it, the largest first."""
+    """The verdict of a budget under a tolerance, with its reasons, the largest first."""
 
-    word: Word
-    within: float
+    word: VerdictWord
+    tolerance: float
     reasons: tuple[Reason, ...]
 
 
-def judge(budget: ErrorBudget, within: float = TOLERANCE, meant: Sequence[str] = ()) -> Verdict:
-    """Judge a budget under a tolerance; `meant` are rows of the model whose softness is declared.
+def percent_above(share: float, tolerance: float) -> str:
+    """Write a share with as many digits as it takes to show that it is above a tolerance."""
+    if not np.isfinite(share) or percent(share) != percent(tolerance):
+        return percent(share)
+    for digits in range(3, _MOST_DIGITS):
+        if (text := plain(100 * share, digits)) != plain(100 * tolerance, digits):
+            return f"{text} %"
+    return percent(share)
 
-    "unresolved" says that the run is not the motion of its model, "not resolved" that not even the
-    reference is known to be, "model" that the result hangs on how rigid or regularised the model
-    is, "sound" that none of it was found.
+
+def judge(
+    budget: ErrorBudget, tolerance: float = TOLERANCE, intended: Sequence[str] = ()
+) -> Verdict:
+    """Judge a budget; `intended` are rows of modeling choices that the user declares.
+
+    "inaccurate" says that the run is not the motion of its model, "undecided" that the reference
+    has not converged, "depends" that a modeling choice changes the motion, and "ok" that nothing
+    was found.
     """
     reasons = sorted(
-        (reason for phase in budget.phases for reason in _reasons(phase, within, meant)),
-        key=lambda reason: (_ORDER.index(reason.word), -abs(reason.share)),
+        (reason for phase in budget.phases for reason in _reasons(phase, tolerance, intended)),
+        key=lambda reason: (_ORDER.index(reason.word), -abs(reason.error)),
     )
-    word = reasons[0].word if reasons else "sound"
-    return Verdict(word, within, tuple(reasons))
+    word = reasons[0].word if reasons else "ok"
+    return Verdict(word, tolerance, tuple(reasons))
 
 
-def _reasons(phase: PhaseBudget, within: float, meant: Sequence[str]) -> Iterator[Reason]:
-    yield from _warned(phase)
-    yield from _numerical(phase, within)
+def _reasons(phase: PhaseBudget, tolerance: float, intended: Sequence[str]) -> Iterator[Reason]:
+    yield from _warnings(phase)
+    yield from _numerical_reasons(phase, tolerance)
     for row in phase.rows:
-        if row.kind == "model" and row.name not in meant and row.share > within:
+        if row.kind == "model" and row.name not in intended and row.error > tolerance:
             body = phase.bodies[row.body]
-            sentence = (
-                f"{percent(row.share)} of the motion of {body} hangs on {row.name}: "
-                f"{plain(1e3 * row.speed)} mm/s"
-            )
+            alternative = _ALTERNATIVES.get(row.name, row.name)
+            size = percent_above(row.error, tolerance)
+            sentence = f"{alternative} changes {body}'s motion by {size}"
             where = body, row.place, row.time
-            yield Reason("model", phase.name, row.name, row.share, *where, sentence)
+            yield Reason("depends", phase.name, row.name, row.error, *where, sentence)
 
 
-def _warned(phase: PhaseBudget) -> Iterator[Reason]:
+def _warnings(phase: PhaseBudget) -> Iterator[Reason]:
     body = phase.bodies[phase.run.body]
     for warning in phase.warnings:
         at = f" at {warning.place}" if warning.place else ""
-        sentence = f"MuJoCo warned of {warning.kind}{at}"
-        if warning.cause and warning.cause != warning.place:
-            sentence += f"; forces parted first at {warning.cause}"
         where = body, warning.cause or warning.place, warning.time
-        yield Reason("unresolved", phase.name, "warning", np.inf, *where, sentence)
+        sentence = f"MuJoCo warned of {warning.kind}{at}"
+        yield Reason("inaccurate", phase.name, "warning", np.inf, *where, sentence)
 
 
-def _numerical(phase: PhaseBudget, within: float) -> Iterator[Reason]:
+def _numerical_reasons(phase: PhaseBudget, tolerance: float) -> Iterator[Reason]:
     run, name = phase.run, phase.name
     body = phase.bodies[run.body]
     where = body, run.place, run.time
-    if run.share > within and not phase.warnings:
-        sentence = f"{body} moves under phantom forces of {percent(run.share)} of the real ones"
-        yield Reason("unresolved", name, "run", run.share, *where, sentence)
-    energy = phase.energy_share
-    if abs(energy) > within:
-        verb = "gains" if energy > 0 else "loses"
-        origin = phase.energy_from
-        sentence = (
-            f"energy: the run {verb} {percent(abs(energy))} that the model does not, most in "
-            f"{origin.body}"
-        )
-        yield Reason("unresolved", name, "energy", energy, *origin, sentence)
-    if phase.lost:
-        sentence = f"the reference itself gives up in {percent(phase.lost)} of the windows"
-        yield Reason("not resolved", name, "reference", phase.lost, *where, sentence)
-    elif run.share <= within < phase.most:
-        sentence = "the reference itself gives up at an eighth of the step"
-        if np.isfinite(phase.most):
-            sentence = (
-                "references at a quarter and an eighth of the step differ, so that "
-                f"the run may be off by {percent(phase.most)}"
-            )
-        yield Reason("not resolved", name, "reference", phase.most, *where, sentence)
+    if run.error > tolerance and not phase.warnings:
+        sentence = f"numerical error {percent_above(run.error, tolerance)} in {body}"
+        yield Reason("inaccurate", name, run.name, run.error, *where, sentence)
+    drift = phase.energy_drift
+    if abs(drift) > tolerance:
+        origin = phase.energy_origin
+        sign = "+" if drift > 0 else "-"
+        size = percent_above(abs(drift), tolerance)
+        sentence = f"energy drift {sign}{size}, most in {origin.body}"
+        yield Reason("inaccurate", name, "energy", drift, *origin, sentence)
+    if phase.invalid_windows:
+        sentence = f"the reference fails in {percent(phase.invalid_windows)} of the windows"
+        yield Reason("undecided", name, "reference", phase.invalid_windows, *where, sentence)
+    elif run.error <= tolerance < phase.upper_bound:
+        sentence = "the reference fails at an eighth of the time step"
+        if np.isfinite(phase.upper_bound):
+            size = percent_above(phase.upper_bound, tolerance)
+            sentence = f"the numerical error may be up to {size} in {body}"
+        yield Reason("undecided", name, "reference", phase.upper_bound, *where, sentence)

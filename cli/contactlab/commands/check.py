@@ -1,4 +1,4 @@
-"""`contactlab check`: the checks of a model's examination, for a job."""
+"""`contactlab check`: the checks of a model's examination, for CI."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,29 +23,29 @@ def check(
     model: opt.Model,
     *,
     set: opt.Set = (),
-    only: Annotated[
+    check: Annotated[
         Sequence[str],
-        Option("CHECK", "Make only this check; may be repeated.", kind=list[str]),
+        Option("NAME", "Run only this check; may be repeated.", kind=list[str]),
     ] = (),
     output: opt.ExaminationOutput = None,
-    accept: Annotated[
+    waive: Annotated[
         "str | Path | Sequence[Waiver] | None",
-        Option("FILE", "File of findings that are accepted, with reasons.", kind=Path),
+        Option("FILE", "File of waivers: findings that may fail, with reasons.", kind=Path),
     ] = None,
     workers: opt.Workers = None,
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
     **task: Unpack[opt.TaskParameters],
 ) -> "Examination":
-    """Check a model for CI; exit with 1 if an error is not accepted.
+    """Check a model for CI; exit with 1 if a check fails without a waiver.
 
-    It is the section `checks` of the model's examination, with its numbers. Evidence goes to
+    It is the section `checks` of the model's examination, with the same numbers. Evidence goes to
     `results/examine/NAME` unless `output` names another folder.
 
     Raises:
         SceneError: there is no such model or keyframe, or it does not compile.
         SweepFileError: a setting, or the name of a check or a limit, is wrong.
-        PolicyError: what is accepted is not a finding of any check.
+        PolicyError: a waiver names no finding of any check.
     """
     from contactlab.studies.examine.examination import ExamineRequest
 
@@ -55,18 +55,18 @@ def check(
         assign=opt.assigned(set),
         task=opt.task_of(**task),
         sections=("checks",),
-        checks=only,
-        accepted=_accepted(accept),
+        checks=check,
+        accepted=_read_waivers(waive),
     )
     return examined(request, output, workers, allow_code=allow_code)
 
 
-def _accepted(
-    accept: "str | Path | Sequence[Waiver] | None",
+def _read_waivers(
+    waive: "str | Path | Sequence[Waiver] | None",
 ) -> "Sequence[Waiver]":
     from contactlab.plan.sweep_file import read_yaml_as
     from contactlab.schema.finding import Waivers
 
-    if isinstance(accept, str | Path):
-        return read_yaml_as(Path(accept), Waivers).waive
-    return accept or ()
+    if isinstance(waive, str | Path):
+        return read_yaml_as(Path(waive), Waivers).waive
+    return waive or ()

@@ -1,4 +1,4 @@
-"""`contactlab examine`: whether a model can be trusted, and what mends it, on one page."""
+"""`contactlab examine`: the verdict on a model, its causes and its fix, on one page."""
 
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from contactlab.writers import Report
 
 _PAGE, _REPORT, _LIVE = "page.html", "examination.json", ".live.html"
-_GRIP, _FILMED, _RATE = "grip.gif", (480, 360), 10  # its pixels, and pictures a second
+_GRIP, _FILM_PIXELS, _FILM_RATE = "grip.gif", (480, 360), 10  # frames per second
 _FILES = {".html", ".htm", ".json"}
 
 
@@ -46,9 +46,9 @@ def _report_of(report: "Examination", given: Given) -> "Report":
 
 
 def failure(report: "Examination", given: Given) -> ExpectationError | None:
-    """Return the error of a model that is not sound."""
+    """Return the error of a model that does not pass; its output says why."""
     del given
-    return None if report.sound else ExpectationError(f"{report.model}: {report.sentence}")
+    return None if report.passed else ExpectationError(f"{report.model}: {report.verdict}")
 
 
 _OF_JOBS = printed(_report_of)
@@ -57,7 +57,7 @@ FORMATS: Mapping[str, Show] = {
     "full": _full,
     **{form: _OF_JOBS[form] for form in ("json", "markdown", "junit", "github")},
 }
-"""How an examination is printed, whichever of its sections were asked for."""
+"""Formats of an examination, for any of its sections."""
 
 
 def examined(
@@ -69,7 +69,7 @@ def examined(
     page: bool = False,
     live: bool = False,
 ) -> "Examination":
-    """Examine a model; write its report, its evidence and its pages, if wanted.
+    """Examine a model; write its report, its evidence and the requested pages.
 
     Raises an OutputError if they cannot be written, before anything is run.
     """
@@ -111,7 +111,7 @@ def examined(
 
 @contextmanager
 def _folder(model: str, folder: Path | None, *, kept: bool) -> Generator[Path]:
-    """Yield the folder of an examination; one that goes afterwards, if it is not kept."""
+    """Yield the folder of an examination; a temporary one if it is not kept."""
     from contactlab import resources
     from contactlab.studies.examine.examination import RESULTS
     from contactlab.studies.session import free_folder
@@ -124,7 +124,7 @@ def _folder(model: str, folder: Path | None, *, kept: bool) -> Generator[Path]:
 
 
 def _check_file(file: Path) -> None:
-    """Refuse a file that cannot be written, before minutes of measuring."""
+    """Refuse a file that cannot be written, before the measurement."""
     from contactlab.store.atomic_files import write_errors
 
     with write_errors(file), TemporaryFile(dir=file.parent):
@@ -132,14 +132,14 @@ def _check_file(file: Path) -> None:
             raise OutputError(f"{file} is a folder; write the name of a file, as in a.json")
 
 
-def _check_written(model: Path, only: Sequence[str]) -> None:
-    """Refuse a model that cannot be written, before minutes of measuring."""
+def _check_model_file(model: Path, sections: Sequence[str]) -> None:
+    """Refuse a model that cannot be written, before the measurement."""
     if model.exists():
         raise OutputError(f"{model} exists; choose another file with --write")
     if model.suffix != ".xml":
-        raise OutputError(f"--write {model}: a model is written as MJCF; name it as in new.xml")
-    if only and "changes" not in only:
-        raise OutputError(f"--write {model}: no change is tried; add --only changes")
+        raise OutputError(f"--write {model}: a model is written as MJCF; write a name as new.xml")
+    if sections and "fixes" not in sections:
+        raise OutputError(f"--write {model}: no fix is tried; add --section fixes")
     folder = next(parent for parent in model.absolute().parents if parent.exists())
     try:
         TemporaryFile(dir=folder).close()
@@ -157,15 +157,15 @@ def _write(file: Path, text: str) -> None:
 
 
 def _check_pages(request: "ExamineRequest", *, page: bool, live: bool) -> None:
-    """Refuse pages that cannot be written, before minutes of measuring."""
+    """Refuse pages that cannot be written, before the measurement."""
     if page and not request.has_runs:
-        raise OutputError("a page shows the runs of a task; add --only labels, or write a .json")
+        raise OutputError("a page shows the runs of a task; add --section labels, or write a .json")
     if not live:
         return
     from contactlab.live.browser_build import find_build
 
     if not page:
-        raise OutputError("--live is of a whole examination; leave out --only and -o FILE.json")
+        raise OutputError("--live needs a whole examination; leave out --section and -o FILE.json")
     find_build()
 
 
@@ -196,14 +196,14 @@ def _drawn(report: "Examination", session: "Session", file: Path) -> "Examinatio
 
 
 def _filmed(report: "Examination", file: Path) -> Path | None:
-    """Film the grip that an examination tells of; None without one, or where nothing draws."""
+    """Film the grip of an examination; None without a grip, or if nothing can be drawn."""
     from contactlab.studies.grip.grip_fact import film_grip
     from contactlab.studies.grip.grip_film import film_writer
 
     if not any(fact.kind == "grip" for fact in report.facts):
         return None
     try:
-        film_grip(report.model, report.task.start, film_writer(file, _FILMED, _RATE))
+        film_grip(report.model, report.task.start, film_writer(file, _FILM_PIXELS, _FILM_RATE))
     except (SceneError, OutputError) as error:
         say(f"note: no film of its grip: {error}")
         return None
@@ -212,7 +212,7 @@ def _filmed(report: "Examination", file: Path) -> Path | None:
 
 @command(
     "examine",
-    examples=("examine robot.xml", "robot.xml --tolerance 30% --write sound/robot.xml"),
+    examples=("examine robot.xml", "robot.xml --tolerance 30% --write fixed/robot.xml"),
     formats=FORMATS,
     failure=failure,
 )
@@ -220,11 +220,11 @@ def examine(
     model: opt.Model,
     *,
     set: opt.Set = (),
-    only: Annotated[
+    section: Annotated[
         Sequence[str],
         Option(
-            "SECTION",
-            "Make only this section: labels, budget, facts, checks, contacts or changes; may be "
+            "NAME",
+            "Show only this section: labels, budget, facts, checks, contacts or fixes; may be "
             "repeated.",
             kind=list[str],
         ),
@@ -232,17 +232,17 @@ def examine(
     output: opt.ExaminationOutput = None,
     live: Annotated[
         bool,
-        flag("Write a page that simulates the task too, with the budget's rows as switches."),
+        flag("Also write a page that simulates the task, with the rows of the budget as switches."),
     ] = False,
     write: Annotated[
         str | Path | None,
-        Option("FILE", "File for the model with the first change that helps.", kind=Path),
+        Option("FILE", "File for the model with the first fix.", kind=Path),
     ] = None,
-    accept: Annotated[
+    apply: Annotated[
         Sequence[str],
         Option(
             "NAME",
-            "Write this change of the physics too, by its printed name; may be repeated.",
+            "Write this fix too, which changes the model; may be repeated.",
             kind=list[str],
         ),
     ] = (),
@@ -252,23 +252,22 @@ def examine(
     allow_code: opt.AllowCode = False,
     **task: Unpack[opt.TaskParameters],
 ) -> "Examination":
-    """Say whether a model can be trusted, and which change mends it.
+    """Judge a model: is its simulation right, why not, and which change fixes it.
 
-    `contactlab MODEL` is short for it. A change is judged on the task's seeds and on fresh ones;
-    `write` writes the model with the first that computes the same model otherwise, or with those
-    that make another one and that `accept` names. Page, report and evidence go to
-    `results/examine/NAME` unless `output` names another folder, or a file for one of them.
+    `contactlab MODEL` is short for it. A fix is judged on the task's seeds and on new ones. `write`
+    writes the model with the first fix that keeps the model, or with the fixes that change it and
+    that `apply` names. Page, report and evidence go to `results/examine/NAME` unless `output` names
+    another folder, or a file for one of them.
 
-    The verdict hangs on no clock. What there is no time for within `max_cpu` of CPU is named: rows
-    of the budget that judge nothing, and changes.
-
-    The verdict is sound, unresolved (the timestep, solver or integrator is at fault), not resolved
-    (nor is the reference known), or model (the result hangs on how soft or regularised it is).
+    The verdict is ok; depends on X (a modeling choice decides); inaccurate (the numerical error is
+    above the tolerance); undecided (the reference has not converged); or fails (a failure label
+    holds, or a check fails). It does not depend on the speed of the machine. Rows of the budget
+    that are not judged, and fixes, are skipped and named if they would exceed `max_cpu`.
 
     Raises:
         SceneError: there is no such model, keyframe or body, or it does not compile.
-        SweepFileError: a setting is wrong, or the tolerance is no share.
-        EngineError: nothing moves, or MuJoCo is not what simulates.
+        SweepFileError: a setting is wrong, or the tolerance is not a share.
+        EngineError: nothing moves, or another engine than MuJoCo is requested.
         OutputError: the report or the model cannot be written.
     """
     from contactlab.commands.tune import seconds_of
@@ -276,14 +275,14 @@ def examine(
 
     opt.load_plugins(plugin)
     if write is not None:
-        _check_written(Path(write), only)
+        _check_model_file(Path(write), section)
     request = ExamineRequest(
         model=str(model),
         assign=opt.assigned(set),
         task=opt.task_of(**task),
-        sections=sections_of(only),
+        sections=sections_of(section),
         write=None if write is None else Path(write),
-        accept=tuple(accept),
+        apply=tuple(apply),
         max_cpu=seconds_of(max_cpu, "--max-cpu"),
     )
-    return examined(request, output, workers, allow_code=allow_code, page=not only, live=live)
+    return examined(request, output, workers, allow_code=allow_code, page=not section, live=live)

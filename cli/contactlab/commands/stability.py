@@ -1,4 +1,4 @@
-"""`contactlab stability`: the catalogue of hard cases, and the labels of a model's own runs."""
+"""`contactlab stability`: the catalogue of hard cases, and the failure labels of a model."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -61,10 +61,10 @@ def stability(
     allow_code: opt.AllowCode = False,
     **task: Unpack[opt.TaskParameters],
 ) -> "StabilityReport | Examination":
-    """Run hard cases, or a model; say which held and which failed.
+    """Run hard cases, or a model; list those that fail.
 
-    Each case has a store in `results/stability`, or in the folder `output`. Of a model it is the
-    section `labels` of its examination, with its numbers.
+    Each case has a store in `results/stability`, or in the folder `output`. For a model it is the
+    section `labels` of its examination, with the same numbers.
 
     Raises:
         SweepFileError: there is no such case, or a setting is wrong.
@@ -80,7 +80,7 @@ def stability(
     named = [str(name) for name in ([names] if isinstance(names, str | Path) else names)]
     if any(map(is_model, named)):
         if len(named) > 1:
-            raise SweepFileError(f"{' '.join(named)}: name one model, or cases")
+            raise SweepFileError(f"{' '.join(named)}: write one model, or cases")
         request = ExamineRequest(
             model=named[0], assign=opt.assigned(set), task=asked, sections=("labels",)
         )
@@ -89,8 +89,8 @@ def stability(
     given = [*opt.assigned(set), *asked.settings, *asked.observe, *asked.limits]
     if given or asked.drive or asked.tolerance:
         raise SweepFileError(
-            f"'{cases[0].name}' is a case with settings and a drive of its own; give these to a "
-            "model, or to the case's sweep"
+            f"the case '{cases[0].name}' already defines its settings and drive; use a model "
+            "instead, or edit the sweep of the case"
         )
     then = "repeat the finished cases and resume this one"
     with study_session(folder, workers, then, allow_code=allow_code) as session:
@@ -101,7 +101,7 @@ def _print_cases(done: "Sequence[StabilityResult]") -> None:
     rows: list[tuple[object, ...]] = []
     for case in done:
         labels = ", ".join(f"{label} {count}" for label, count in case.labels.items())
-        met = f"{case.met}/{case.asked}"
+        met = f"{case.as_expected}/{case.expected}"
         end = (case.error, case.step, case.seconds)
         rows.append((case.name, case.runs, met, case.controls, labels, *end))
     header = ("case", "runs", "as expected", "controls", "labels", "error", "step", "seconds")

@@ -41,12 +41,12 @@ def _share_size(row: BudgetRow) -> float:
     """Return a row's share; infinity if the engine failed, -1 if it is not exercised."""
     if not row.exercised:
         return -1.0
-    return math.inf if row.share is None else row.share
+    return math.inf if row.error is None else row.error
 
 
 def _effect_text(row: BudgetRow) -> str:
     if not row.exercised:
         return _NOT_EXERCISED
-    if row.share is None:
+    if row.error is None:
         return "ends it"
-    return percent(row.share) if row.share >= _SMALLEST_SHARE else f"< {percent(_SMALLEST_SHARE)}"
+    return percent(row.error) if row.error >= _SMALLEST_SHARE else f"< {percent(_SMALLEST_SHARE)}"

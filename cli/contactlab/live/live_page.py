@@ -201,7 +201,7 @@ class _PageContent:
 
     def _examination_sentence(self) -> Sequence[str]:
         examined = self.runs.examination
-        return [visible(examined.sentence)] if examined else []
+        return [visible(line) for line in (examined.headline, *examined.why)] if examined else []
 
     def _unreadable_reason(self, run: LiveRun) -> str:
         """Return the reason why the browser's MuJoCo cannot read a run's model; empty if it can."""

@@ -198,19 +198,19 @@ class LiveRuns:
         axes: Mapping[str, object],
         controls: RecordedControls | None,
     ) -> Iterator[Switch]:
-        for change in self.examination.changes if self.examination else ():
-            specs = {name: self._scene.catalogue.find(name) for name in change.settings}
-            if change.is_structural or None in specs.values():
+        for fix in self.examination.fixes if self.examination else ():
+            specs = {name: self._scene.catalogue.find(name) for name in fix.settings}
+            if fix.is_structural or None in specs.values():
                 continue
             values = {
-                spec.name: spec.parse(change.settings[name])
+                spec.name: spec.parse(fix.settings[name])
                 for name, spec in specs.items()
                 if spec is not None
             }
-            cost = f"{change.price.ratio:.2g} x time" if change.price else ""
+            cost = f"x{fix.time_ratio.ratio:.2f} time" if fix.time_ratio else ""
             variant = self._with_axes({**axes, **values}, record, controls)
             said = ", ".join(f"{name} {value_text(value)}" for name, value in values.items())
-            yield Switch("Proposed changes", change.name, said, cost, variant)
+            yield Switch("Fixes", fix.name, said, cost, variant)
 
     def _budget_switches(self, variant: Variant) -> Iterator[Switch]:
         budget = self.examination.budget if self.examination else None

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import Floats, PairSeries, SelfChecks, Trace
 from contactlab.contact.trace_setup import Setup
 from contactlab.errors import ContactlabError
-from contactlab.measure.backward_error import phantom_forces, resolved_runs
+from contactlab.measure.backward_error import numerical_error_text, resolved_runs
 from contactlab.measure.context import Context, StackedPairs, context_of
 from contactlab.measure.coverage import coverages
 from contactlab.measure.entries import LABELS, METRICS, MeasuredRuns, Metric, labels_with
@@ -106,8 +106,9 @@ def _add_causes(context: Context, run: int, labels: list[AppliedLabel]) -> Itera
         if resolved is None or label.label not in traced:
             yield label
         else:
-            cause = "of the model" if resolved[run] else "numerical"
-            yield label._replace(reason=f"{label.reason}; {cause}: {phantom_forces(context, run)}")
+            cause = "the model" if resolved[run] else "the numerics"
+            error = numerical_error_text(context, run)
+            yield label._replace(reason=f"{label.reason}; cause: {cause} ({error})")
 
 
 def _measure_or_fail(

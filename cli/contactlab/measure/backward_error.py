@@ -1,4 +1,4 @@
-"""The backward error of runs that had a second pass: residual forces over real ones."""
+"""The numerical error (backward error) of runs that had a second pass."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,21 +15,22 @@ from contactlab.measure.entries import (
     limits,
     metric,
 )
+from contactlab.printable import plain
 
 TOLERANCE = Threshold(
     "backward_error",
     0.1,
     "1",
-    "Largest share of the real forces, and of the energy, that a numerical error may have.",
+    "Largest numerical error, and energy drift, of a run that is the motion of its model.",
 )
 
 
 @metric("1", "lower", 1e-9, kind="check")
 def backward_error(context: Context) -> Floats:
-    """Numerical error: residual forces that make the run its model's exact motion, over real ones.
+    """Numerical error: residual force as a share of the real forces.
 
     On the worst body, in windows of 40 ms, against references at a quarter of the step with a
-    solver that iterates to convergence: docs/budget.md. Not defined if the engine warned.
+    converged solver: docs/budget.md. Not defined if the engine warned.
     """
     share = _error_field(context, "share")
     return np.where(np.isinf(share), np.nan, share)
@@ -57,7 +58,7 @@ def _error_field(context: Context, name: str) -> Floats:
 
 
 def resolved_runs(context: Context) -> NDArray[np.bool_] | None:
-    """Return (n,) whether runs are the motion of their model; None if it was not measured."""
+    """Return (n,) whether runs are the motion of their model; None if not measured."""
     if context.checks is None or not context.checks.backward:
         return None
     within = limits(context.setup.thresholds)[TOLERANCE.name]
@@ -68,18 +69,18 @@ def resolved_runs(context: Context) -> NDArray[np.bool_] | None:
 
 
 def unresolved_runs(context: Context) -> list[int]:
-    """Return the runs that are not the motion of their model; empty if it was not measured."""
+    """Return the runs that are not the motion of their model; none if not measured."""
     resolved = resolved_runs(context)
     return [] if resolved is None else runs_where(~resolved)
 
 
-def phantom_forces(context: Context, run: int) -> str:
-    """Return text about the numerical error of a run and the body with it."""
+def numerical_error_text(context: Context, run: int) -> str:
+    """Return the numerical error of a run and its worst body as text."""
     assert context.checks is not None
     error = context.checks.backward[run]
     if np.isinf(error.share):
         return "the engine warned"
-    return f"numerical error of {part_of(error.share)} the real forces on {error.body}"
+    return f"numerical error {plain(100 * error.share)} % in {error.body}"
 
 
 def energy_drifts(runs: MeasuredRuns, sign: int) -> Found:
@@ -111,18 +112,18 @@ def most_in(context: Context, run: int) -> tuple[str, int]:
     thresholds=(TOLERANCE,),
     letter="J",
     colour="#a2130b",
-    advice="the fix that its error budget names: contactlab examine MODEL",
+    advice="the fix of its error budget: contactlab MODEL",
 )
 def step_dependent(runs: MeasuredRuns) -> Found:
-    """The run is not the motion of its model: its numerical error is large.
+    """The run is not the motion of its model: its numerical error is above the tolerance.
 
-    It is measured within windows of 40 ms, so chaos does not contribute.
+    It is measured within windows of 40 ms, so that chaos does not count.
     """
     context, within = runs.context, runs.limits[TOLERANCE.name]
     for run in runs_where(_error_field(context, "share") > within):
         assert context.checks is not None
         error = context.checks.backward[run]
         step = round(error.time / context.trace.timestep[run])
-        reason = f"{phantom_forces(context, run)}, most at {error.time:.3g} s"
+        reason = f"{numerical_error_text(context, run)}, most at {error.time:.3g} s"
         bodies = (error.body,) if np.isfinite(error.share) else ()
         yield run, Onset(reason, step, bodies)

@@ -7,7 +7,7 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import DEGREES, QUARTER_TURN, Mechanism, Part
-from contactlab.measure.backward_error import TOLERANCE, phantom_forces, unresolved_runs
+from contactlab.measure.backward_error import TOLERANCE, numerical_error_text, unresolved_runs
 from contactlab.measure.context import Context, cached, first_step, runs_where, worst_pair
 from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
 
@@ -134,7 +134,7 @@ def _limit_overshoots(runs: MeasuredRuns) -> Found:
             if violation.course is not None and most > limit * violation.scale:
                 off = f"{violation.name} is off by {most:.3g} {violation.unit}"
                 step = first_step(violation.course[run] >= most)
-                reason = f"{off}; {phantom_forces(context, run)}"
+                reason = f"{off}; {numerical_error_text(context, run)}"
                 yield run, Onset(reason, step, violation.bodies)
 
 

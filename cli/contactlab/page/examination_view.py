@@ -1,4 +1,4 @@
-"""The part of a page that tells an examination: its worst moment, budget, changes and checks."""
+"""The part of a page about an examination: its worst moment, budget, fixes and checks."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,12 +12,12 @@ from contactlab.page.header_films import Films, HeaderFilm, Moment, film_in, fil
 from contactlab.palette import COLOURS, OTHERS_COLOUR
 from contactlab.printable import percent
 from contactlab.reporting.examination import (
-    change_line,
+    fix_summary,
     grouped_contacts,
     largest_rows,
+    not_tried_line,
     phase_begins,
-    row_size,
-    untried_line,
+    row_error,
 )
 from contactlab.schema.error_budget import BudgetPhase, BudgetReport, BudgetRow
 from contactlab.schema.examination import Examination
@@ -25,41 +25,46 @@ from contactlab.store.finished_store import Store
 
 # Bars are logarithmic, from a tenth of a percent to ten times the real forces.
 _LEAST, _MOST = 1e-3, 10.0
-_TOLD = 0.1  # of the tolerance: rows that are shown
-_KINDS = {"numerics": "numerics", "model": "model", "effect": "effects", "unknown": "unknowns"}
+_SHOWN = 0.1  # of the tolerance: rows above it are shown
+_KINDS = {
+    "numerics": "numerical settings, if changed",
+    "model": "modeling choices, if changed",
+    "effect": "effects, if left out",
+    "unknown": "uncertain parameters, if varied",
+}
 _TICKS = [float(f"{digits}e{power}") for power in range(-5, 3) for digits in (1, 1.5, 2, 3, 5, 7)]
-_BESIDE = 1.5  # room for words beside the fastest and the slowest, as a ratio of times
+_MARGIN = 1.5  # room for names next to the fastest and the slowest, as a ratio of times
 _REMOVES, _REMAINS, _NOW = "removes the cause", "does not", "as written"
 
 
 @dataclass(frozen=True)
 class BudgetLine:
-    """A row of the budget: texts, and its bar as shares of the full width, 0 to 1."""
+    """A row of the budget: texts, and its bar as a share of the full width, 0 to 1."""
 
     name: str
     kind: str
-    share: str
+    error: str
     spread: str
     bar: float
     exceeds: bool
-    cost: str
+    time: str
     where: str
     summary: str
 
 
 @dataclass(frozen=True)
 class ExaminationView:
-    """An examination, as a page tells it.
+    """An examination, as a page shows it.
 
     Attributes:
         report: the whole.
         film: of the worst moment, or why there is none.
-        grip: a film of the grip that a fact tells of; None without one.
-        lines: the rows of the budget that are told, the run first.
-        limit: where the tolerance is along a bar, 0 to 1.
-        chart: time over error of what was tried; empty if nothing was.
-        changes: each in a line, with the lines of the model's files.
-        untried: what there was no time for, in a sentence; empty if nothing.
+        grip: a film of the grip that is a fact; None without one.
+        lines: the shown rows of the budget, the numerical error first.
+        limit: place of the tolerance along a bar, 0 to 1.
+        chart: time over error of the fixes that were tried; empty without any.
+        fixes: each in a line, with the lines of the model's files.
+        not_tried: skipped rows and fixes, in a sentence; empty if there are none.
         contacts: each as lines of text.
     """
 
@@ -69,22 +74,21 @@ class ExaminationView:
     lines: Sequence[BudgetLine]
     limit: float
     chart: str
-    changes: Sequence[tuple[str, Sequence[str]]]
-    untried: str
+    fixes: Sequence[tuple[str, Sequence[str]]]
+    not_tried: str
     contacts: Sequence[Sequence[str]]
 
     @property
     def has_pictures(self) -> bool:
-        """Whether a film stands beside the budget, which has the width otherwise."""
+        """Whether a film stands next to the budget, which has the whole width otherwise."""
         return bool(self.film.drawn or self.grip)
 
     @property
     def verdict(self) -> str:
-        """The class of its headline: sound, decided by softness, or neither."""
-        if not self.report.sound:
+        """The CSS class of its headline: ok, depends on a modeling choice, or neither."""
+        if not self.report.passed:
             return "unmet"
-        soft = self.report.budget is not None and self.report.budget.verdict == "model"
-        return "softly" if soft else "met"
+        return "softly" if self.report.verdict == "depends" else "met"
 
 
 def examination_view(
@@ -98,25 +102,25 @@ def examination_view(
         return None
     budget = report.budget
     moment = None if budget is None else _worst_moment(store, report, budget)
-    chart = None if budget is None else _tried(budget)
+    chart = None if budget is None else _fix_chart(budget)
     return ExaminationView(
         report=report,
         film=Films([]) if moment is None else film_of_moment(store, moment),
         grip=None if grip is None else film_in(grip, "the hand closes"),
         lines=[] if budget is None else list(_lines(report, budget)),
-        limit=_along(report.task.within),
-        chart=static_svg(chart, "Error over time of what was tried") if chart else "",
-        changes=[
-            (change_line(number, change), change.lines or (change.unwritten,))
-            for number, change in enumerate(report.changes, 1)
+        limit=_along(report.task.tolerance),
+        chart=static_svg(chart, "Error over time of the fixes that were tried") if chart else "",
+        fixes=[
+            (f"{number}. {fix_summary(fix)}", fix.lines or (fix.no_patch_reason,))
+            for number, fix in enumerate(report.fixes, 1)
         ],
-        untried=untried_line(report),
+        not_tried=not_tried_line(report),
         contacts=grouped_contacts(report.contacts),
     )
 
 
 def _worst_moment(store: Store, report: Examination, budget: BudgetReport) -> Moment | None:
-    """Return the worst window of what the verdict names; of the run, where it is sound."""
+    """Return the worst window of the first reason, or of the numerical error."""
     phase, row = _worst_row(budget)
     if row.time is None or row.seed is None or row.body is None:
         return None
@@ -134,29 +138,29 @@ def _worst_row(budget: BudgetReport) -> tuple[BudgetPhase, BudgetRow]:
     for reason in budget.reasons:
         phase = phases[reason.phase]
         rows = {row.name: row for row in phase.rows}
-        return phase, rows.get(reason.row, phase.run)
-    worst = max(budget.phases, key=lambda phase: phase.run.share or 0.0)
-    return worst, worst.run
+        return phase, rows.get(reason.row, phase.numerical_error)
+    worst = max(budget.phases, key=lambda phase: phase.numerical_error.error or 0.0)
+    return worst, worst.numerical_error
 
 
 def _lines(report: Examination, budget: BudgetReport) -> Iterator[BudgetLine]:
     found = largest_rows(budget, report.task)
     run, *_ = found
-    told = [name for name in found if row_size(found[name][0]) >= _TOLD * budget.within]
+    shown = [name for name in found if row_error(found[name][0]) >= _SHOWN * budget.tolerance]
     kinds = list(_KINDS)
-    told.sort(key=lambda name: kinds.index(found[name][0].kind))
-    for name in dict.fromkeys((run, *told)):
+    shown.sort(key=lambda name: kinds.index(found[name][0].kind))
+    for name in dict.fromkeys((run, *shown)):
         row, begin = found[name]
-        share = row_size(row)
+        error = row_error(row)
         when = "" if row.time is None else f", {begin + row.time:.2f} s"
         yield BudgetLine(
-            name="the run" if name == run else name,
+            name=name,
             kind="" if name == run else _KINDS[row.kind],
-            share=percent(share),
+            error=percent(error),
             spread="" if row.seeds is None else " to ".join(map(percent, row.seeds)),
-            bar=_along(share),
-            exceeds=row.kind in {"numerics", "model"} and share > budget.within,
-            cost=f"x {row.price.ratio:.2f}" if row.price else "",
+            bar=_along(error),
+            exceeds=row.kind in {"numerics", "model"} and error > budget.tolerance,
+            time=f"x{row.time_ratio.ratio:.2f}" if row.time_ratio else "",
             where=f"{row.body or ''}{when}",
             summary=row.summary,
         )
@@ -169,29 +173,29 @@ def _along(share: float) -> float:
     return min(1.0, math.log(share / _LEAST) / math.log(_MOST / _LEAST))
 
 
-def _tried(budget: BudgetReport) -> Spec | None:
-    """Return the chart of what was tried: what is left of the error, over the time it takes."""
-    reason = budget.reasons[0].share if budget.reasons else None
+def _fix_chart(budget: BudgetReport) -> Spec | None:
+    """Return the chart of the fixes that were tried: the error that is left, over the time."""
+    reason = budget.reasons[0].error if budget.reasons else None
     rows: Rows = [
         {
-            "name": remedy.name,
-            "time": remedy.price.ratio,
-            "error": remedy.share,
-            "kind": _REMOVES if remedy.removes else _REMAINS,
+            "name": fix.name,
+            "time": fix.time_ratio.ratio,
+            "error": fix.error,
+            "kind": _REMOVES if fix.removes else _REMAINS,
         }
-        for remedy in budget.remedies
-        if remedy.price and remedy.share
+        for fix in budget.fixes
+        if fix.time_ratio and fix.error
     ]
     if not rows or not reason:
         return None
     rows.append({"name": _NOW, "time": 1.0, "error": abs(reason), "kind": _NOW})
-    return themed(_specification(rows, budget.within).to_dict())
+    return themed(_specification(rows, budget.tolerance).to_dict())
 
 
-def _specification(rows: Rows, within: float) -> alt.TopLevelMixin:
+def _specification(rows: Rows, tolerance: float) -> alt.TopLevelMixin:
     colours: Mapping[str, str] = {_NOW: COLOURS[2], _REMOVES: COLOURS[0], _REMAINS: OTHERS_COLOUR}
     times = [row["time"] for row in rows]
-    shown = min(times) / _BESIDE, max(times) * _BESIDE
+    shown = min(times) / _MARGIN, max(times) * _MARGIN
     layer = layer_of("tried", rows).encode(
         x=alt.X(
             "time:Q", title="time of a simulated second, over that of the model as written"
@@ -205,15 +209,17 @@ def _specification(rows: Rows, within: float) -> alt.TopLevelMixin:
         .title(None)
         .legend(orient="bottom")
     )
-    # Those that do not help crowd about the model as written.
+    # Fixes that do not help crowd around the model as written.
     named = [row for row in rows if row["kind"] != _REMAINS]
     named.sort(key=lambda row: row["error"])
     texts = list[alt.Chart]()
-    # Below and above in turns, the least error below: two that are alike lie beside each other.
+    # Below and above in turns, the least error below: two similar fixes lie next to each other.
     for place, (part, above) in enumerate((("named_below", 18), ("named", -12))):
         words = layer_of(part, named[place::2]).encode(
             x=layer.encoding.x, y=layer.encoding.y, text="name:N"
         )
         texts += haloed(words, dy=above, fontSize=11)
-    limit = layer_of("limit", [{"error": within}]).mark_rule(strokeDash=[6, 4]).encode(y="error:Q")
+    limit = (
+        layer_of("limit", [{"error": tolerance}]).mark_rule(strokeDash=[6, 4]).encode(y="error:Q")
+    )
     return alt.layer(limit, points, *texts).properties(width=520, height=260)

@@ -275,7 +275,7 @@ def head_view(
     pictured = first[0] if first else None
     drawn = request.traces and request.examination is None
     return HeadView(
-        finding=request.examination.sentence
+        finding=request.examination.headline
         if request.examination
         else finding(data.axes, data.labels, share_words(data.store)),
         reality=reality.sentence if reality else "",

@@ -1,32 +1,37 @@
-"""Words for parts of an examination, as its text and its page tell them."""
+"""Words for parts of an examination, for its text and its page."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
+from contactlab.judge.conclusion import failed_names
 from contactlab.printable import percent
 from contactlab.schema.error_budget import BudgetReport, BudgetRow
-from contactlab.schema.examination import Examination, ModelChange, RestingContact
+from contactlab.schema.examination import Examination, Fix, RestingContact, RunLabel
 from contactlab.schema.task import Task
+
+_MOST_LABELS = 2  # that the causes of a verdict have
+_SAME_TIME = 0.05  # |ratio - 1| below which a fix costs no time
+_MOST_NAMES = 3  # of skipped rows and fixes
 
 
 def largest_rows(budget: BudgetReport, task: Task) -> dict[str, tuple[BudgetRow, float]]:
-    """Return the rows that are exercised, each of the phase in which it is largest.
+    """Return the exercised rows, each of the phase in which it is largest.
 
-    With it comes when that phase begins [s].
+    With it comes the time at which that phase begins [s].
     """
     begins = phase_begins(task)
     found: dict[str, tuple[BudgetRow, float]] = {}
     for phase in budget.phases:
-        for row in (phase.run, *phase.rows):
+        for row in (phase.numerical_error, *phase.rows):
             kept = found.get(row.name)
-            if row.exercised and (kept is None or row_size(row) > row_size(kept[0])):
+            if row.exercised and (kept is None or row_error(row) > row_error(kept[0])):
                 found[row.name] = row, begins.get(phase.name, 0.0)
     return found
 
 
-def row_size(row: BudgetRow) -> float:
-    """Return the share of a row; infinite where the engine gave up, 0 if unknown."""
-    return math.inf if row.infinite else row.share or 0.0
+def row_error(row: BudgetRow) -> float:
+    """Return the error of a row; infinite if the engine failed, 0 if unknown."""
+    return math.inf if row.infinite else row.error or 0.0
 
 
 def phase_begins(task: Task) -> dict[str, float]:
@@ -34,25 +39,58 @@ def phase_begins(task: Task) -> dict[str, float]:
     return {phase.name: phase.begin for phase in task.phases}
 
 
-def change_line(number: int, change: ModelChange) -> str:
-    """Return a change in one line: its kind, what it leaves, and its price."""
-    kind = "the same model, computed otherwise"
-    if change.physics:
-        kind = f"another model (--accept {change.accept})"
-    cost = f", at {change.price.ratio:.2f} times the time" if change.price else ""
-    left = f", leaves {percent(change.share)}" if change.share is not None else ""
-    if change.removes == "labels":
-        left = ", leaves no label"
-    elif change.removes == "overlap":
-        left = ", without what is absurd at the start; its verdict is no worse"
-    return f"{number}. {change.name}: {kind}{left}{cost}"
+def judged_labels(report: Examination) -> Sequence[RunLabel]:
+    """Return the failure labels, unless the check of labels was waived or left out."""
+    failed = failed_names(report.findings)
+    return report.labels if not report.findings or "failure_labels" in failed else ()
 
 
-def untried_line(report: Examination) -> str:
-    """Return what there was no time for, in a sentence; empty if there was for all."""
-    if not report.untried:
+def labels_in_why(report: Examination) -> Sequence[RunLabel]:
+    """Return the failure labels that the causes of a verdict name."""
+    return judged_labels(report)[:_MOST_LABELS]
+
+
+def label_line(label: RunLabel, seeds: int) -> str:
+    """Return a label in a line: its bodies, phase and reason, and the number of its runs."""
+    of_runs = f" ({label.runs} of {seeds} runs)" if label.runs < seeds else ""
+    return f"{label.label}{label.where} in phase {label.phase}: {label.reason}{of_runs}"
+
+
+def first_fix(fixes: Sequence[Fix]) -> Fix:
+    """Return the fix to make first: one of the start or of overlaps, since that is the cause."""
+    structural = [fix for fix in fixes if fix.is_structural]
+    return (structural or fixes)[0]
+
+
+def fix_summary(fix: Fix) -> str:
+    """Return a fix in one line: its name, its effect, its time, and whether the model changes."""
+    effect = "" if fix.error is None else f"error falls to {percent(fix.error)}"
+    if fix.removes == "labels":
+        effect = "no failure label is left"
+    elif fix.removes == "overlap":
+        effect = "no bodies overlap at the start, and the verdict is no worse"
+    changes = "changes the model" if fix.changes_model else ""
+    parts = ", ".join(filter(None, (effect, time_text(fix), changes)))
+    return f"{fix.name}: {parts}" if parts else fix.name
+
+
+def time_text(fix: Fix) -> str:
+    """Return the time of a run with a fix over that of one without, in words; "" if unknown."""
+    if fix.time_ratio is None:
         return ""
-    return f"not tried, to end in time: {', '.join(report.untried)}; --max-cpu 5min allows for more"
+    ratio = fix.time_ratio.ratio
+    return (
+        f"same speed (x{ratio:.2f} time)" if abs(ratio - 1) < _SAME_TIME else f"x{ratio:.2f} time"
+    )
+
+
+def not_tried_line(report: Examination) -> str:
+    """Return the rows and fixes that were skipped, in a sentence; empty if there are none."""
+    if not report.not_tried:
+        return ""
+    named, more = report.not_tried[:_MOST_NAMES], len(report.not_tried) - _MOST_NAMES
+    rest = f" and {more} more" if more > 0 else ""
+    return f"not tried within the CPU limit: {', '.join(named)}{rest}; --max-cpu 5min allows more"
 
 
 def grouped_contacts(contacts: Iterable[RestingContact]) -> list[list[str]]:

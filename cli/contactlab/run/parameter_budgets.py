@@ -69,7 +69,7 @@ def _budgets_of_run(
                 tuple(_change_towards(own, model) for model in ends),
                 _is_applicable,
                 _is_applicable,
-                priced=False,
+                timed=False,
             )
             for name, (low, _, high) in ranges.items()
             if (ends := _end_models(scene, {**shared, **middle}, name, (low, high), run, own))
@@ -83,12 +83,12 @@ def _budgets_of_run(
             "axis": row.name,
             "low": ranges[row.name][0],
             "high": ranges[row.name][2],
-            "share": _finite_or_none(row.share),
+            "share": _finite_or_none(row.error),
             "body": phase.bodies[row.body],
         }
         for row in phase.rows
     ]
-    own_share = _finite_or_none(phase.run.share)
+    own_share = _finite_or_none(phase.run.error)
     found = {"shared": {**shared, "seed": run.seed}, "middle": middle}
     yield ParameterBudget.model_validate({**found, "run": own_share, "rows": rows})
 

@@ -14,7 +14,7 @@ from contactlab.errors import SceneError
 from contactlab.printable import first_names
 from contactlab.scene.model_names import name_of
 from contactlab.schema.drive import Drive
-from contactlab.schema.task import DEFAULT_WITHIN, QPOS0, SEEDS, Phase, Task
+from contactlab.schema.task import DEFAULT_TOLERANCE, QPOS0, SEEDS, Phase, Task
 
 _REST_SECONDS, _EXCITATION_SECONDS = 1.0, 2.0
 HELD_DURATION = 2.0
@@ -81,7 +81,7 @@ def infer_task(
     bodies = [name_of(model, "body", index) for index in range(model.nbody)]
     for name in watch:
         has = first_names(f"it has: {', '.join(bodies[1:])}")
-        message = f"the model has no body '{name}' to watch"
+        message = f"the model has no body '{name}' to observe"
         SceneError.unless_known(name, bodies, message, f"; {has}")
     moving = drive_of(model, begin) if drive == "auto" else drive
     two = moving == "exercise"
@@ -89,13 +89,13 @@ def infer_task(
     if two:
         rest = rest_time(seconds)
         phases = (
-            Phase(name="neutral", begin=0, end=rest),
-            Phase(name="excitement", begin=rest, end=seconds),
+            Phase(name="rest", begin=0, end=rest),
+            Phase(name="excitation", begin=rest, end=seconds),
         )
     else:
         name = "held" if moving in ("none", "hold") else "driven"
         phases = (Phase(name=name, begin=0, end=seconds),)
-    share, unit = within or (DEFAULT_WITHIN, "1")
+    share, unit = within or (DEFAULT_TOLERANCE, "1")
     return Task.model_validate(
         {
             "start": begin,
@@ -104,8 +104,8 @@ def infer_task(
             "programmed": programmed,
             "duration": float(seconds),
             "phases": phases,
-            "watched": tuple(watch),
-            "within": float(share),
+            "observed": tuple(watch),
+            "tolerance": float(share),
             "unit": unit,
             "seeds": tuple(seeds),
         }

@@ -16,18 +16,18 @@ class Measure(Model):
 
     name: str
     of: str | None = about("The pair, body or setting that it belongs to; null if all.")
-    value: float | None = about("Null where it could not be measured.")
+    value: float | None = about("Null if it could not be measured.")
     unit: str
     limit: float | None = about("Its limit; null if it is only reported.")
     holds: bool | None = about("Whether the limit is met; null if it is only reported.")
-    level: Level = about(f"Of a limit that is missed. {LEVEL}.", default="note")
+    level: Level = about(f"Of an exceeded limit. {LEVEL}.", default="note")
 
 
 class CheckResult(Model):
     """One check of a model."""
 
-    name: str = about("task, must, inertia, repeat; or a plug-in's")
-    asks: str = about("The question that it answers.")
+    name: str = about("task, requirements, inertia, repeat; or a plug-in's")
+    question: str = about("The question that it answers.")
     verdict: CheckVerdict
     reason: str
     measures: tuple[Measure, ...] = ()
@@ -63,8 +63,8 @@ class StabilityResult(Model):
 
     name: str
     runs: int
-    asked: int = about("Runs that an expectation applies to.")
-    met: int = about("How many of these were as expected.")
+    expected: int = about("Number of runs that have an expectation.")
+    as_expected: int = about("Number of these that are as expected.")
     controls: int = about("Runs that are expected to fail, and did.")
     labels: dict[str, int] = about("Runs by worst label.")
     error: float | None = about(
@@ -74,12 +74,12 @@ class StabilityResult(Model):
     misses: tuple[str, ...] = about("Unmet expectations, by the start of a run's id.")
     seconds: float = about("Wall time [s].")
     store: str = about("The evidence.")
-    left_out: tuple[str, ...] = about("Why runs that need a newer engine were left out.")
+    skipped: tuple[str, ...] = about("Why runs that need a newer engine were skipped.")
 
     @property
     def passed(self) -> bool:
         """Whether there were expectations, and all were met."""
-        return self.met == self.asked > 0
+        return self.as_expected == self.expected > 0
 
 
 class StabilityReport(RootModel[tuple[StabilityResult, ...]]):

@@ -4,14 +4,14 @@ from typing import Literal
 
 from contactlab.schema.evidence import Setting
 from contactlab.schema.strict_model import Model, about
+from contactlab.schema.verdict import VerdictWord
 
-BUDGET_VERSION = 1
+BUDGET_VERSION = 2
 
-BudgetWord = Literal["unresolved", "not resolved", "model", "sound"]
 RowKind = Literal["numerics", "model", "effect", "unknown"]
 
 
-class BudgetPrice(Model):
+class BudgetTimeRatio(Model):
     """A ratio of times, measured in turns from the same states."""
 
     ratio: float = about("Time with the change over time without, the median of rounds.")
@@ -20,14 +20,14 @@ class BudgetPrice(Model):
 
 
 class BudgetRow(Model):
-    """Effect of one change: phantom impulses over real ones."""
+    """Effect of one change: residual forces as a share of the real forces."""
 
-    name: str = about("The row; `run` is the run itself against the reference.")
-    summary: str = about("The change that is made.")
+    name: str = about("The row; `numerical error` is the run as written against the reference.")
+    summary: str = about("The change.")
     kind: RowKind
-    exercised: bool = about("Whether the task makes use of what is changed.")
-    infinite: bool = about("Whether the engine gave up, so that no share says how much.")
-    share: float | None = about(
+    exercised: bool = about("Whether the task exercises the modified setting.")
+    infinite: bool = about("Whether the engine failed, so that the error is infinite.")
+    error: float | None = about(
         "Of the worst body, the mean over seeds; null if not exercised, or infinite."
     )
     seeds: tuple[float, float] | None = about("Least and largest of any seed; null as above.")
@@ -39,85 +39,96 @@ class BudgetRow(Model):
         "worst window; null if not known."
     )
     speed: float | None = about(
-        "The worst body's defect, the mean over windows [m/s]; of what creeps, how fast."
+        "Defect of the worst body, the mean over windows [m/s]; the speed of a creep."
     )
     seed: int | None = about("Of the worst window; null if not exercised.")
     time: float | None = about("When the worst window begins [s]; null if not exercised.")
-    price: BudgetPrice | None = about("Of the change in the model's own settings; null if none.")
+    time_ratio: BudgetTimeRatio | None = about(
+        "Of the change in the model's own settings; null if not measured."
+    )
 
 
 class BudgetWarning(Model):
     """A warning of the engine in the run."""
 
     kind: str
-    place: str = about("The joint, actuator or body it names; empty if none.")
-    cause: str = about("Where forces had parted most from the reference's; empty if not known.")
+    place: str = about("The joint, actuator or body that it names; empty if none.")
+    cause: str = about("Where forces first differ from the reference; empty if not known.")
     seed: int
-    time: float = about("When the window begins in which it was raised [s].")
+    time: float = about("When the window of the warning begins [s].")
 
 
 class BudgetPhase(Model):
-    """The budget of one phase, judged by itself."""
+    """The budget of one phase, which is judged alone."""
 
     name: str
     timestep: float = about("Of the run [s].")
     steps: int = about("Of each seed.")
     seeds: int
     window: float = about("Length of windows [s].")
-    windows: int = about("How many each seed has.")
-    bodies: tuple[str, ...] = about("Those that are judged: they can move, and have mass.")
-    run: BudgetRow
+    windows: int = about("Number of windows of each seed.")
+    bodies: tuple[str, ...] = about("The observed bodies, which move and have mass.")
+    numerical_error: BudgetRow = about("The run as written against the reference.")
     rows: tuple[BudgetRow, ...]
-    energy: float | None = about(
-        "What energy drifts in the run and not in a reference, as a share; null if infinite."
+    energy_drift: float | None = about(
+        "Energy that drifts in the run and not in a reference, as a share; null if infinite."
     )
-    excess: float | None = about("Path of the run's velocity beyond the reference's; not judged.")
-    peak: float | None = about("Worst window over the body's peak speed; not judged.")
-    most: float | None = about(
-        "How far off the run may be as far as references at h/4 and h/8 are known: its share, or "
-        "that at h/8 and what they are apart, worst body; null if infinite or unchecked."
+    excess_path: float | None = about(
+        "Path of the run's velocity beyond the reference's; not judged."
     )
-    limit: float = about("What the run's shares were multiplied by, from h/4 to the limit.")
-    lost: float = about("Share of windows in which the reference gave up.")
+    worst_window: float | None = about("Worst window over the body's largest speed; not judged.")
+    upper_bound: float | None = about(
+        "Largest numerical error that the convergence of the references at h/4 and h/8 allows, "
+        "worst body; null if infinite or unchecked."
+    )
+    limit_factor: float = about(
+        "Factor of the errors of the run, from a reference at h/4 to the limit of fine steps."
+    )
+    invalid_windows: float = about("Share of windows in which the reference failed.")
     warnings: tuple[BudgetWarning, ...]
 
 
 class BudgetReason(Model):
-    """Why a verdict is not sound."""
+    """A number that is above the tolerance."""
 
-    word: BudgetWord = about("The verdict that it alone would give.")
+    verdict: VerdictWord = about("The verdict that it alone would give.")
     phase: str
-    row: str = about("A row, or `run`, `energy`, `reference`, `warning`.")
-    share: float | None = about("Null if infinite.")
+    row: str = about("A row, or `energy`, `reference`, `warning`.")
+    error: float | None = about("The number, as a share; null if infinite.")
     body: str
     place: str
     time: float | None
     sentence: str
 
 
-class BudgetRemedy(Model):
-    """A change that was tried against the verdict."""
+class BudgetFix(Model):
+    """A fix that was tried."""
 
     name: str
-    physics: bool = about("Whether it makes another model, not another computation of this one.")
-    settings: dict[str, Setting] = about("What it sets: options, and fields of named parts.")
-    removes: bool
-    word: BudgetWord = about("The verdict on the changed model.")
-    share: float | None = about("Of the row it was tried against, or the run; null if infinite.")
-    apart: float | None = about(
-        "From the model's motion at its finest step, or, against a row of the model, from that "
-        "with the row's change; what comes no nearer is judged no further. Null if infinite."
+    changes_model: bool = about(
+        "Whether it makes another model, instead of computing this one differently."
     )
-    before: float | None = about("The same of the model as it is; null if infinite.")
-    price: BudgetPrice | None
+    settings: dict[str, Setting] = about("Options, and fields of named parts, that it sets.")
+    removes: bool
+    verdict: VerdictWord = about("On the changed model.")
+    error: float | None = about(
+        "Of the row that it was tried against, or the numerical error; null if infinite."
+    )
+    distance_to_reference: float | None = about(
+        "From the model's motion at its finest step, or, against a modeling choice, from that "
+        "with the choice changed. A fix that comes no nearer is not judged further. Null if "
+        "infinite."
+    )
+    distance_before: float | None = about("The same of the model as written; null if infinite.")
+    time_ratio: BudgetTimeRatio | None
 
 
 class BudgetReport(Model):
     """An error budget and its verdict."""
 
-    budget_version: Literal[1] = BUDGET_VERSION
-    within: float = about("The tolerance.")
-    verdict: BudgetWord
+    budget_version: Literal[2] = BUDGET_VERSION
+    tolerance: float = about("Largest error that counts as right.")
+    verdict: VerdictWord
     reasons: tuple[BudgetReason, ...]
-    remedies: tuple[BudgetRemedy, ...] = about("Those that were tried, the best first.", default=())
+    fixes: tuple[BudgetFix, ...] = about("Fixes that were tried, the best first.", default=())
     phases: tuple[BudgetPhase, ...]

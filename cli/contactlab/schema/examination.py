@@ -4,25 +4,25 @@ from html import escape
 from typing import Literal
 
 from contactlab.schema.check_report import CheckResult
-from contactlab.schema.error_budget import BudgetPrice, BudgetReport
+from contactlab.schema.error_budget import BudgetReport, BudgetTimeRatio
 from contactlab.schema.evidence import Setting
 from contactlab.schema.finding import Finding
 from contactlab.schema.strict_model import Model, about
 from contactlab.schema.task import Task
 from contactlab.schema.task_verdict import TaskVerdict
+from contactlab.schema.verdict import VerdictWord
 
-MOST_CHANGES = 3
-"""Changes of a model that are told with their lines."""
+EXAMINATION_VERSION = 2
 
-SectionName = Literal["labels", "budget", "facts", "checks", "contacts", "changes"]
-"""A part of an examination; `changes` are of what the budget names."""
+MOST_FIXES = 3
+"""Fixes of a model that are reported with their lines."""
+
+SectionName = Literal["labels", "budget", "facts", "checks", "contacts", "fixes"]
+"""A part of an examination."""
 
 
 class Fact(Model):
-    """What is deep, overlaps, is apart, creeps, grips, goes through, or is wrong in the file.
-
-    It judges nothing.
-    """
+    """An observation of the model, the run or the file; it is not judged."""
 
     kind: Literal[
         "depth",
@@ -43,60 +43,67 @@ class Fact(Model):
     sentence: str
 
 
-class ModelChange(Model):
-    """A change that mends something, on the task's seeds and on fresh ones."""
+class Fix(Model):
+    """A change that removes a problem, on the task's seeds and on new ones."""
 
     name: str
-    physics: bool = about("Whether it makes another model, not another computation of this one.")
-    accept: str = about("What `--accept` calls it, if it makes another model; else empty.")
+    changes_model: bool = about(
+        "Whether it makes another model, instead of computing this one differently."
+    )
+    apply: str = about("Its name for `--apply`, if it makes another model; else empty.")
     removes: Literal["verdict", "labels", "overlap"] = about(
-        "What it removes: what the verdict names; labels of a run that is numerically sound; or, "
-        "beside a verdict, overlaps at the start and forces of a thousand weights.",
+        "The problem that it removes: the cause of the verdict; failure labels of a run whose "
+        "numerics are fine; or overlaps at the start and forces of a thousand weights.",
         default="verdict",
     )
-    settings: dict[str, Setting] = about("What it sets: options, and fields of named parts.")
-    excluded: tuple[tuple[str, str], ...] = about(
+    settings: dict[str, Setting] = about("Options, and fields of named parts, that it sets.")
+    excluded_pairs: tuple[tuple[str, str], ...] = about(
         "Pairs of bodies whose contacts it excludes.", default=()
     )
-    freed: tuple[str, ...] = about("Bodies that it gives a free joint.", default=())
-    fitted: tuple[tuple[str, str], ...] = about(
+    added_free_joints: tuple[str, ...] = about("Bodies that get a free joint.", default=())
+    replaced_meshes: tuple[tuple[str, str], ...] = about(
         "Geoms of meshes that get the primitive which MuJoCo fits to the mesh.", default=()
     )
-    posed: tuple[tuple[str, tuple[float, ...]], ...] = about(
+    changed_keyframes: tuple[tuple[str, tuple[float, ...]], ...] = about(
         "Keyframes, and the configuration that each then has.", default=()
     )
-    share: float | None = about("What is left of the reason's share; null if infinite.")
-    apart: float | None = about(
-        "Share by which it is apart from the model's motion at its finest step, or, against a row "
-        "of the model, from that with the row's change; null if infinite."
+    error: float | None = about("Remaining error of the reason; null if infinite.")
+    distance_to_reference: float | None = about(
+        "From the model's motion at its finest step, or, against a modeling choice, from that "
+        "with the choice changed, as a share; null if infinite."
     )
-    before: float | None = about("The same of the model as it is; null if infinite.")
-    price: BudgetPrice | None = about("Time with the change over time without; null if unknown.")
+    distance_before: float | None = about("The same of the model as written; null if infinite.")
+    time_ratio: BudgetTimeRatio | None = about(
+        "Time with the fix over time without; null if unknown."
+    )
     lines: tuple[str, ...] = about("The lines of the model's files, each after FILE:LINE.")
-    unwritten: str = about("Why there are no lines.", default="")
+    no_patch_reason: str = about("Why there are no lines.", default="")
 
     @property
     def is_structural(self) -> bool:
         """Whether it changes joints, shapes, the start, or which pairs touch."""
-        return bool(self.excluded or self.freed or self.fitted or self.posed)
+        return bool(
+            self.excluded_pairs
+            or self.added_free_joints
+            or self.replaced_meshes
+            or self.changed_keyframes
+        )
 
 
 class RunLabel(Model):
-    """A label that runs of the task have."""
+    """A failure label of runs of the task."""
 
     label: str
-    phase: str = about("In which it is first met.")
-    runs: int = about("How many have it.")
-    reason: str = about("Why it applies to the first of them.")
+    phase: str = about("The phase in which it begins.")
+    runs: int = about("Number of runs that have it.")
+    reason: str = about("Why it applies to the first of these runs.")
     seed: int = about("Of that run.")
-    time: float | None = about("When it was first met [s]; null if of the whole run.")
-    bodies: tuple[str, ...] = about(
-        "Those that it is of; none if it is of the whole run.", default=()
-    )
+    time: float | None = about("When it begins [s]; null if of the whole run.")
+    bodies: tuple[str, ...] = about("Bodies that it concerns; empty if the whole run.", default=())
 
     @property
     def where(self) -> str:
-        """The bodies that its reason does not name, after " of "; else empty."""
+        """The bodies after " of ", if its reason does not name them; otherwise empty."""
         named = any(body in self.reason for body in self.bodies)
         return f" of {', '.join(self.bodies)}" if self.bodies and not named else ""
 
@@ -121,79 +128,93 @@ class RestingContact(Model):
 
 
 class Examination(Model):
-    """What is known of a model under its task: an error budget, and what runs and checks find."""
+    """Result of an examination of a model under its task.
 
+    It has an error budget, the labels of runs, checks, facts and fixes.
+    """
+
+    examination_version: Literal[2] = EXAMINATION_VERSION
     model: str = about("The scene or model, as it was named.")
     mujoco: str = about("Version of MuJoCo.")
     task: Task
-    sections: tuple[SectionName, ...] = about("Those that were asked for.")
-    sentence: str = about(
-        "The verdict in one sentence: what, where, when, and what removes it; empty if only "
-        "contacts were asked for."
+    sections: tuple[SectionName, ...] = about("The requested sections.")
+    verdict: VerdictWord | None = about(
+        "Of the whole examination; null if only contacts were requested.", default=None
     )
-    verdict: TaskVerdict | None = about(
-        "The numerics of the task and the labels of its runs; null if these were not asked for.",
+    headline: str = about(
+        "The verdict in at most 15 words; empty if only contacts were requested.", default=""
+    )
+    why: tuple[str, ...] = about(
+        "Place, time, number and limit of each cause, the main cause first.", default=()
+    )
+    fix: str = about("Summary of the first fix, or why there is none.", default="")
+    task_verdict: TaskVerdict | None = about(
+        "The numerics of the task and the labels of its runs; null if not requested.",
         default=None,
     )
     budget: BudgetReport | None = about(
         "Times in it count from the beginning of the phase. Without the section of this name, it "
-        "has no rows; null if only contacts were asked for.",
+        "has no rows; null if only contacts were requested.",
         default=None,
     )
-    labels: tuple[RunLabel, ...] = about("Those that runs have.", default=())
+    labels: tuple[RunLabel, ...] = about("Failure labels of the runs.", default=())
     facts: tuple[Fact, ...] = ()
     checks: tuple[CheckResult, ...] = ()
-    findings: tuple[Finding, ...] = about("What was judged by checks, failures first.", default=())
+    findings: tuple[Finding, ...] = about("Results of the checks, failures first.", default=())
     contacts: tuple[RestingContact, ...] = ()
-    changes: tuple[ModelChange, ...] = about(
-        "At most three, the cheapest first, those that `--accept` named, and what parts links.",
+    fixes: tuple[Fix, ...] = about(
+        "At most three, the cheapest first, those that `--apply` names, and those that separate "
+        "overlapping bodies.",
         default=(),
     )
-    untried: tuple[str, ...] = about(
-        "Rows of the budget, which judge nothing, and changes that were left out so that it ended "
-        "within its CPU.",
+    not_tried: tuple[str, ...] = about(
+        "Rows of the budget that are not judged, and fixes, that were skipped so that the "
+        "examination ended within its CPU limit.",
         default=(),
     )
     notes: tuple[str, ...] = ()
-    written: str | None = about("The changed model's file, if one was written.", default=None)
+    written: str | None = about("The fixed model's file, if one was written.", default=None)
     evidence: str | None = about("Folder of its stores; null if they were not kept.", default=None)
     page: str | None = about("Its page; null if none was drawn.", default=None)
 
     @property
-    def sound(self) -> bool:
-        """True if the run is the motion of its model and has no label, as checks judge it.
+    def passed(self) -> bool:
+        """True if the run is the motion of its model and has no failure label.
 
-        Checks that were chosen, and failures that are accepted, count for themselves. How soft the
-        model is, is told and fails nothing: softness may be meant.
+        If there are checks, they decide: selected checks and waived failures count as such. A
+        dependence on a modeling choice is reported and does not fail: the choice may be intended.
         """
         if self.findings:
             return all(finding.outcome != "failed" for finding in self.findings)
-        words = [self.verdict.word] if self.verdict else []
+        words = [self.task_verdict.verdict] if self.task_verdict else []
         words += [self.budget.verdict] if self.budget else []
-        labels = self.verdict.labels if self.verdict else {}
-        return not labels and all(word in {None, "sound", "model"} for word in words)
+        labels = self.task_verdict.labels if self.task_verdict else {}
+        return not labels and all(word in {None, "ok", "depends"} for word in words)
 
     def _repr_html_(self) -> str:
-        """Return the verdict, the shares of the worst phase, and what changes, for notebooks."""
-        lines = [f"<strong>{escape(self.sentence)}</strong>", escape(self.task.line)]
+        """Return the verdict, the errors of the worst phase, and the fixes, for notebooks."""
+        lines = [f"<strong>{escape(self.headline)}</strong>"]
+        lines += [f"why: {escape(line)}" for line in self.why]
+        lines += [f"fix: {escape(self.fix)}"] if self.fix else []
+        lines += [escape(self.task.line)]
+        for fix in self.fixes:
+            lines.append(f"{escape(fix.name)}<pre>{escape(chr(10).join(fix.lines))}</pre>")
         lines += [escape(fact.sentence) for fact in self.facts]
         lines += [escape(f"{label.label}{label.where}: {label.reason}") for label in self.labels]
-        for change in self.changes:
-            lines.append(f"{escape(change.name)}<pre>{escape(chr(10).join(change.lines))}</pre>")
         lines += [f'<a href="{escape(self.page)}">{escape(self.page)}</a>'] if self.page else []
         return "".join(f"<p>{line}</p>" for line in lines) + self._table()
 
     def _table(self) -> str:
-        """Return the rows of the worst phase as a table of HTML."""
+        """Return the rows of the worst phase as an HTML table."""
         phases = self.budget.phases if self.budget else ()
         if not phases:
             return ""
-        worst = max(phases, key=lambda phase: phase.run.share or 0.0)
-        rows = [row for row in (worst.run, *worst.rows) if row.exercised]
+        worst = max(phases, key=lambda phase: phase.numerical_error.error or 0.0)
+        rows = [row for row in (worst.numerical_error, *worst.rows) if row.exercised]
         cells = (
-            (row.name, "∞" if row.share is None else f"{100 * row.share:.2g} %", row.body or "")
+            (row.name, "∞" if row.error is None else f"{100 * row.error:.2g} %", row.body or "")
             for row in rows
         )
         body = (f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in cells)
-        head = f"<tr><th>{escape(worst.name)}</th><th>share</th><th>worst body</th></tr>"
+        head = f"<tr><th>{escape(worst.name)}</th><th>error</th><th>worst body</th></tr>"
         return f"<table>{head}{''.join(body)}</table>"

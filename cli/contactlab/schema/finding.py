@@ -1,4 +1,4 @@
-"""Findings: results of checks, with their effect on a job; and waivers of failed checks.
+"""A finding: the result of one check, with its effect on a job; and waivers of findings.
 
 All judges use these words: check, compare, lock, parity, and sweeps with expectations.
 """
@@ -31,17 +31,17 @@ class RunPair(Model):
 
 
 class Finding(Model):
-    """One thing that was judged; which findings there are does not depend on their outcomes."""
+    """Result of one check; the set of findings does not depend on their outcomes."""
 
     name: str
-    kind: str = about("The part of the judgement that it is of; of a model, the check's name.")
+    kind: str = about("The part of the judgement; for a model, the name of the check.")
     group: str = about("Axis values of its runs, such as cone=elliptic; or empty.", default="")
     level: Level = about(f"Of a failure. {LEVEL}.")
     outcome: Outcome = about("Its effect on the job.")
     verdict: Verdict = about("A change, or whether a limit or an expectation is met.")
-    judged: int = about("How many runs, groups of them, or measures were judged.")
-    failing: int = about("How many of these fail.")
-    counts: dict[Verdict, int] = about("How many have each verdict.", default={})
+    judged: int = about("Number of runs, groups of runs, or measures that were judged.")
+    failing: int = about("Number of these that fail.")
+    counts: dict[Verdict, int] = about("Number of these with each verdict.", default={})
     message: str = about("The result, in words.")
     value: float | None = about("The worst value that has a limit; else null.", default=None)
     limit: float | None = about("The limit of this value.", default=None)
@@ -74,7 +74,7 @@ class PlacedFinding(Finding):
 
     file: str = about("The file, relative to the working directory if it lies there.")
     line: int = about("The line in it, from 1.")
-    remedy: tuple[str, ...] = about("What ends it: FILE:LINE: ELEMENT, as it is then.", default=())
+    fix: tuple[str, ...] = about("Lines that fix it: FILE:LINE: ELEMENT.", default=())
     docs: str = about("The page of the rule.", default="")
 
     @property

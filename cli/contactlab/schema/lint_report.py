@@ -9,7 +9,7 @@ from contactlab.schema.strict_model import Model, about
 class LintReport(Model):
     """Faults of model files (`lint --format json`)."""
 
-    lint_version: Literal[1] = 1
+    lint_version: Literal[2] = 2
     mujoco: str = about("The version that compiled them.")
     models: tuple[str, ...] = about("The linted files.")
     skipped: tuple[str, ...] = about("Files without a model.", default=())

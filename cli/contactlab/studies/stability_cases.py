@@ -1,4 +1,4 @@
-"""The catalogue of hard cases: shipped sweeps whose expectations say what holds and what fails."""
+"""The catalogue of hard cases: shipped sweeps with expectations of which runs fail."""
 
 import time
 from collections import Counter
@@ -27,8 +27,8 @@ class StabilityCase(NamedTuple):
 def run(cases: Sequence[StabilityCase], session: Session) -> StabilityReport:
     """Run hard cases, each into a store of its own; one that was interrupted is resumed.
 
-    The session is notified of each case that is done. Cases of which this engine can do nothing are
-    left out of the report. Raises an OutputError if the session's folder cannot be written; a
+    The session is notified of each finished case. Cases that this engine cannot run are left out of
+    the report. Raises an OutputError if the session's folder cannot be written; a
     StoppedError if the session was stopped.
     """
     for case in cases:
@@ -42,7 +42,7 @@ def run(cases: Sequence[StabilityCase], session: Session) -> StabilityReport:
 
 
 def is_model(name: str) -> bool:
-    """Return whether a name is no case, but of a model: a file, a scene or its folder, a robot."""
+    """Return whether a name is not a case but a model: a file, a scene or its folder, a robot."""
     path = Path(name)
     if name in _cases():
         return False
@@ -97,8 +97,8 @@ def _result(
     return StabilityResult(
         name=sweep.name,
         runs=len(rows),
-        asked=len(expected),
-        met=sum(row["expectation_met"] for row in expected),
+        expected=len(expected),
+        as_expected=sum(row["expectation_met"] for row in expected),
         controls=sum(row["expectation_met"] for row in expected if row not in stable),
         labels=dict(Counter(row["label"] for row in rows)),
         error=max(errors, default=None),
@@ -111,12 +111,12 @@ def _result(
         ),
         seconds=seconds,
         store=str(sweep.store),
-        left_out=sweep.left_out,
+        skipped=sweep.left_out,
     )
 
 
 def _verdict(result: StabilityResult) -> str:
-    left_out = "; left out: " + "; ".join(result.left_out) if result.left_out else ""
+    skipped = "; skipped: " + "; ".join(result.skipped) if result.skipped else ""
     if not result.runs:
-        return "skipped" + left_out
-    return ("ok" if result.passed else "NOT AS EXPECTED") + left_out
+        return "not run" + skipped
+    return ("ok" if result.passed else "NOT AS EXPECTED") + skipped

@@ -1,7 +1,7 @@
-"""What the runs of a task come to, by one function for every study.
+"""Judges the runs of a task, by one function for every study.
 
-Numerics are judged as `examine` judges them: window by window, of the watched bodies, in each phase
-by itself, within the task's share. A label belongs to the phase in which it is first met.
+Numerics are judged as `examine` judges them: window by window, for the observed bodies, in each
+phase alone, under the task's tolerance. A label belongs to the phase in which it begins.
 """
 
 from collections import Counter
@@ -31,11 +31,11 @@ _STABLE = "stable"
 
 
 def refuse_lengths(options: TaskOptions) -> None:
-    """Refuse a tolerance of the task that is no share, which is what decides."""
+    """Refuse a tolerance of the task that is not a share."""
     if (options.tolerance or (0, "1"))[1] != "1":
         raise SweepFileError(
-            "'--tolerance' is a share of the real forces here, such as 10%; a length is of a "
-            "metric: write METRIC=VALUE, such as hold_slip=1mm"
+            "--tolerance is a share of the real forces here, such as 10%. Write the length of a "
+            "metric as METRIC=VALUE, such as hold_slip=1mm"
         )
 
 
@@ -52,7 +52,7 @@ def task_verdict(
     """Judge the runs of a task: the motion of its seeds, and what their records are labelled with.
 
     Raises:
-        EngineError: none of the bodies that are watched moves and has mass.
+        EngineError: none of the observed bodies moves and has mass.
     """
     run = scene.resolve(values, task.seeds[0], task.duration)
     if not moves(run, scene.base(run.structure).model):
@@ -69,23 +69,25 @@ def verdict_of(
 ) -> TaskVerdict:
     """Return the verdict of a task: its numerics, by a budget if there is one, and its labels.
 
-    How soft the model is does not count: its rows are left out.
+    Modeling choices do not count: their rows are left out.
     """
     labelled = _labels(task, run_labels(task, records, budget))
     phases = {phase.name: phase for phase in budget.phases} if budget else {}
     word = sentence = None
     if budget is not None:
         numerics = tuple(replace(phase, rows=()) for phase in budget.phases)
-        verdict = judge(ErrorBudget(numerics), task.within)
+        verdict = judge(ErrorBudget(numerics), task.tolerance)
         word = verdict.word
-        worst = max(budget.phases, key=lambda phase: phase.run.share)
-        share = f"{percent(worst.run.share)} in {worst.bodies[worst.run.body]}, {worst.name}"
-        sentence = f"{word} within {percent(verdict.within)}: {share}"
+        worst = max(budget.phases, key=lambda phase: phase.run.error)
+        error = f"{percent(worst.run.error)} in {worst.bodies[worst.run.body]}, {worst.name}"
+        sentence = f"{word} (numerical error {error}; tolerance {percent(verdict.tolerance)})"
         if verdict.reasons:
-            sentence = f"{word}: {verdict.reasons[0].sentence}, {verdict.reasons[0].phase}"
+            reason = verdict.reasons[0]
+            where = f"{reason.sentence}, {reason.phase}"
+            sentence = f"{word} ({where}; tolerance {percent(verdict.tolerance)})"
     return TaskVerdict.model_validate(
         {
-            "word": word,
+            "verdict": word,
             "sentence": sentence or "not judged: nothing moves in MuJoCo",
             "phases": [
                 _phase(phase.name, phases.get(phase.name), labelled[phase.name])
@@ -102,10 +104,10 @@ def moves(run: RunSpec, model: mujoco.MjModel) -> bool:
 
 
 def _phase(name: str, budget: PhaseBudget | None, labels: Counter[str]) -> PhaseVerdict:
-    share = budget.run.share if budget else np.nan
+    error = budget.run.error if budget else np.nan
     return PhaseVerdict(
         name=name,
-        share=share if np.isfinite(share) else None,
+        numerical_error=error if np.isfinite(error) else None,
         body=budget.bodies[budget.run.body] if budget else None,
         labels=dict(labels),
     )
@@ -114,19 +116,19 @@ def _phase(name: str, budget: PhaseBudget | None, labels: Counter[str]) -> Phase
 def run_labels(
     task: Task, records: Iterable[EvidenceRecord], budget: ErrorBudget | None = None
 ) -> tuple[RunLabel, ...]:
-    """Return the labels of runs but `stable`, by label and the phase in which it is first met.
+    """Return the failure labels of runs, by label and the phase in which it begins.
 
-    What is only of bodies that are not watched is left out, as their shares are. So is a dependence
-    on the step of single runs, where the budget of all seeds has it within the tolerance.
+    Labels of bodies that are not observed are left out. So is a dependence of single runs on the
+    step, if the error budget of all seeds is within the tolerance.
     """
     found: dict[tuple[str, str], RunLabel] = {}
     judged = {_STABLE}
-    if budget is not None and all(phase.run.share <= task.within for phase in budget.phases):
+    if budget is not None and all(phase.run.error <= task.tolerance for phase in budget.phases):
         judged.add(step_dependent.__name__)
     for record in records:
         step = record.duration / max(record.steps_asked, 1)
         for entry in record.labels:
-            if entry.label in judged or not _is_watched(task, entry):
+            if entry.label in judged or not _is_observed(task, entry):
                 continue
             time = None if entry.step is None else entry.step * step
             phase = _phase_at(task.phases, time or 0.0)
@@ -144,12 +146,12 @@ def run_labels(
     return tuple(found.values())
 
 
-def _is_watched(task: Task, entry: LabelEntry) -> bool:
-    return not (task.watched and entry.bodies) or not {*task.watched}.isdisjoint(entry.bodies)
+def _is_observed(task: Task, entry: LabelEntry) -> bool:
+    return not (task.observed and entry.bodies) or not {*task.observed}.isdisjoint(entry.bodies)
 
 
 def _labels(task: Task, labels: Iterable[RunLabel]) -> dict[str, Counter[str]]:
-    """Return how many runs have each label, by the phase in which it is first met."""
+    """Count the runs that have each label, by the phase in which it begins."""
     counted = {phase.name: Counter[str]() for phase in task.phases}
     for label in labels:
         counted[label.phase][label.label] = label.runs

@@ -20,7 +20,7 @@ def as_annotations(report: Report) -> str:
         message = f"{finding.full_name}: {finding.full_message}"
         text = _Message("\n".join([message, *pairs_in_words(finding)]))
         if isinstance(finding, PlacedFinding):
-            whole = "\n".join([text.text, *finding.remedy])
+            whole = "\n".join([text.text, *finding.fix])
             text = _Message(whole, {"file": finding.file, "line": str(finding.line)})
         if finding.outcome == "warned":
             warnings.append(text)

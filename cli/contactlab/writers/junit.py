@@ -25,7 +25,10 @@ def as_junit(report: Report) -> str:
         "skipped": str(sum(case.find("skipped") is not None for case in cases)),
         "time": "0",
     }
-    ET.SubElement(root, "testsuite", told).extend(cases)
+    suite = ET.SubElement(root, "testsuite", told)
+    suite.extend(cases)
+    head = [report.headline, *(f"{name}: {text}" for name, text in report.facts)]
+    ET.SubElement(suite, "system-out").text = _lines(head)
     ET.indent(root)
     return ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 

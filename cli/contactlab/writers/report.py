@@ -1,4 +1,4 @@
-"""A report for writers, and its findings in the order of output, the worst first."""
+"""The report that all writers take, and the order of its findings, the worst first."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -24,19 +24,19 @@ class Section:
 
 @dataclass(frozen=True)
 class Report:
-    """Results of one command.
+    """Result of one command, for the writers.
 
     Attributes:
         title: the command and its subject.
         place: parts of the class names of its findings in JUnit, the widest first.
         headline: the result, in a sentence.
         passed: whether the job passes.
-        record: all of it as data.
-        facts: the judged subjects: names with texts.
-        findings: each result that was judged.
+        record: the whole result as data.
+        facts: names with texts, such as causes, the task and the engine.
+        findings: results of the checks.
         sections: details of the findings.
         notes: sentences at the end.
-        commands: command lines for the next steps, each after its purpose.
+        commands: command lines for the next step, each with its purpose.
         rules: sentences about the names of findings, by name.
         lists_passed: whether findings that passed are shown one by one, or counted.
     """

@@ -60,7 +60,7 @@ def _result(finding: Finding, rule: int) -> Node:
 def _texts(finding: Finding) -> Iterator[str]:
     yield finding.message
     if isinstance(finding, PlacedFinding):
-        yield from finding.remedy
+        yield from finding.fix
 
 
 def _address(file: str) -> str:

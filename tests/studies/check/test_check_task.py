@@ -24,16 +24,16 @@ def test_the_check_judges_what_a_run_may_be_off_by(checked: Checked, missed: Mis
     """
 
     def largest_miss(within: float, word: str) -> float:
-        report = checked(ROD, "task", duration="0.6s", tolerance=(within, "1"))
-        assert report.verdict
-        assert report.verdict.word == word
+        report = checked(ROD, "task", duration="0.6s", within=(within, "1"))
+        assert report.task_verdict
+        assert report.task_verdict.verdict == word
         (result,) = report.checks
         return max((measure.value or 0.0 for measure in missed(result)), default=0.0)
 
-    share = largest_miss(1e-6, "unresolved")
-    doubt = largest_miss(share, "not resolved")
+    share = largest_miss(1e-6, "inaccurate")
+    doubt = largest_miss(share, "undecided")
     assert doubt > share
-    assert largest_miss(doubt, "sound") == 0.0
+    assert largest_miss(doubt, "ok") == 0.0
 
 
 def test_a_phase_has_steps_of_which_a_fifth_says_what_rests(checked: Checked) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
-from contactlab.budget.prices import Price
+from contactlab.budget.time_ratios import TimeRatio
 from contactlab.studies.search import clock as timing
 from contactlab.studies.search.clock import (
     Clock,
@@ -119,7 +119,7 @@ def test_told_intervals_have_the_truth_in_nineteen_of_twenty(
     """
     clock, motion = _clock(3, 4)
     tries = [_Machine(width, spread, number) for number in range(300)]
-    prices = list[Price]()
+    prices = list[TimeRatio]()
     for machine in tries:
         monkeypatch.setattr(clock, "_whole_run_timer", machine.turn)
         prices += clock.time_whole_runs([(motion.model, 2)], [[motion]] * 8, math.inf)
@@ -132,13 +132,13 @@ def test_told_intervals_have_the_truth_in_nineteen_of_twenty(
 
 
 def test_what_a_twin_takes_as_well_is_no_saving() -> None:
-    noise = Price(0.99, 0.94, 1.03)
-    assert is_faster(Price(0.9, 0.88, 0.93), noise)
-    assert not is_faster(Price(0.9, 0.86, 0.95), noise)
+    noise = TimeRatio(0.99, 0.94, 1.03)
+    assert is_faster(TimeRatio(0.9, 0.88, 0.93), noise)
+    assert not is_faster(TimeRatio(0.9, 0.86, 0.95), noise)
     # A twin that looks slow makes nothing fast that is not.
-    assert not is_faster(Price(1.01, 1.0, 1.02), Price(1.05, 1.03, 1.07))
-    assert time_ratio_text(Price(0.0183, 0.0179, 0.0191)) == "x0.018 (0.018 to 0.019)"
-    assert time_ratio_text(Price(0.95, 0.9, 1.0)) == "x0.95 (0.90 to 1.00)"
+    assert not is_faster(TimeRatio(1.01, 1.0, 1.02), TimeRatio(1.05, 1.03, 1.07))
+    assert time_ratio_text(TimeRatio(0.0183, 0.0179, 0.0191)) == "x0.018 (0.018 to 0.019)"
+    assert time_ratio_text(TimeRatio(0.95, 0.9, 1.0)) == "x0.95 (0.90 to 1.00)"
 
 
 class _Disturbed:

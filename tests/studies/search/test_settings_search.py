@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import mujoco
 import pytest
 
-from contactlab.budget.prices import Price
+from contactlab.budget.time_ratios import TimeRatio
 from contactlab.studies.search.configuration import (
     AS_WRITTEN,
     Configuration,
@@ -70,27 +70,27 @@ class Costs:
         self,
         models: list[tuple[mujoco.MjModel, int]],
         turns: int = 3,
-    ) -> list[Price]:
+    ) -> list[TimeRatio]:
         del turns
         self.calls += 1
         return [self._price(*each) for each in models]
 
     def compare_segments(
         self, one: tuple[mujoco.MjModel, int], other: tuple[mujoco.MjModel, int], turns: int
-    ) -> Price:
+    ) -> TimeRatio:
         del turns
         self.calls += 1
         ratio = self._price(*one).ratio / self._price(*other).ratio
-        return Price(ratio, ratio, ratio)
+        return TimeRatio(ratio, ratio, ratio)
 
-    def _price(self, model: mujoco.MjModel, multiple: int) -> Price:
+    def _price(self, model: mujoco.MjModel, multiple: int) -> TimeRatio:
         self.timed.append(multiple)
         ratio = FINER / multiple * (4 if model.opt.integrator == RK4 else 1)
         ratio *= 0.5 if model.opt.jacobian == SPARSE else 1
         # A loose tolerance ends what few iterations end as well.
         early = model.opt.iterations < 100 or model.opt.tolerance > 1e-8
         ratio *= 0.8 if early else 1
-        return Price(ratio, ratio, ratio)
+        return TimeRatio(ratio, ratio, ratio)
 
 
 def searched(

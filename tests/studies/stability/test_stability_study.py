@@ -22,7 +22,7 @@ def test_every_case_is_reported_as_data(tmp_path: Path) -> None:
     assert report.passed
     (case,) = report.cases
     assert case.store == str(tmp_path / "free_fall")
-    assert sum(case.labels.values()) == case.runs >= case.asked == case.met > 0
+    assert sum(case.labels.values()) == case.runs >= case.expected == case.as_expected > 0
     assert StabilityReport.model_validate_json(report.model_dump_json()) == report
 
 
@@ -69,7 +69,9 @@ def test_a_model_starts_where_it_says_and_slightly_off(tmp_path: Path) -> None:
 def test_settings_are_not_for_shipped_cases(tmp_path: Path) -> None:
     options: tuple[dict[str, Any], ...] = ({"duration": 1}, {"drive": "hold"}, {"within": "20%"})
     for option in options:
-        with pytest.raises(SweepFileError, match="'free_fall' is a case with settings and a drive"):
+        with pytest.raises(
+            SweepFileError, match="'free_fall' already defines its settings and drive"
+        ):
             stability(["free_fall"], output=tmp_path, **option)
     with pytest.raises(SweepFileError, match="name one model, or cases"):
         stability(["free_fall", "ball_drop"], output=tmp_path)

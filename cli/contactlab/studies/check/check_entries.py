@@ -28,7 +28,7 @@ class Check:
 
     Attributes:
         name: its name on the command line and in reports.
-        asks: the criterion, in words.
+        question: the criterion, in words.
         function: measures a model.
         limits: the limits of its measures, by whose names they are accepted and replaced.
         findings: names of measures that state a limit of their own.
@@ -36,7 +36,7 @@ class Check:
     """
 
     name: str
-    asks: str
+    question: str
     function: CheckFunction
     limits: tuple[Limit, ...] = ()
     findings: tuple[str, ...] = ()
@@ -44,7 +44,7 @@ class Check:
 
     def __call__(self, checked: CheckedModel) -> CheckResult:
         """Return the result for a model."""
-        return check_result(self.name, self.asks, *self.function(checked))
+        return check_result(self.name, self.question, *self.function(checked))
 
 
 class _Checks(Registry[Check]):
@@ -67,7 +67,7 @@ CHECKS: Registry[Check] = _Checks("check")
 def check(
     name: str,
     *,
-    asks: str,
+    question: str,
     limits: tuple[Limit, ...] = (),
     findings: tuple[str, ...] = (),
     place: float = 100,
@@ -78,7 +78,7 @@ def check(
     """
 
     def declare(function: CheckFunction) -> CheckFunction:
-        CHECKS.add(Check(name, asks, function, limits, findings, place))
+        CHECKS.add(Check(name, question, function, limits, findings, place))
         return function
 
     return declare

@@ -17,7 +17,7 @@ _VERDICTS: Mapping[Level, CheckVerdict] = {"gate": "fail", "warn": "warning", "n
 
 def check_result(
     name: str,
-    asks: str,
+    question: str,
     measures: Sequence[Measure],
     notes: Sequence[str] = (),
     stores: Sequence[str] = (),
@@ -37,7 +37,7 @@ def check_result(
         reason = "; ".join(in_words(worst_of(group)) for group in told)
     return CheckResult(
         name=name,
-        asks=asks,
+        question=question,
         verdict=verdict,
         reason=reason,
         measures=tuple(measures),
@@ -64,7 +64,7 @@ def findings_of(result: CheckResult) -> Iterator[Finding]:
 
 def check_section(check: CheckResult) -> Section:
     """Return what a check found, as a part of a report."""
-    lines = [f"criterion: {check.asks}", check.reason, *check.notes]
+    lines = [f"question: {check.question}", check.reason, *check.notes]
     if check.stores:
         lines.append(f"evidence: {', '.join(check.stores)}")
     return Section(

@@ -183,7 +183,7 @@ class CheckedModel:
     @cached_property
     def judged(self) -> Verdict:
         """What its budget says, rows of the model included."""
-        return judge(self.budget, self.task.within)
+        return judge(self.budget, self.task.tolerance)
 
     @cached_property
     def verdict(self) -> TaskVerdict:

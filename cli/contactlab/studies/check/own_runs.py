@@ -1,7 +1,7 @@
 """Checks of the model's own runs and bodies.
 
-Is it the motion of its model in every phase of its task, free of labels; does it do what it must;
-can its bodies exist; does it repeat bit for bit.
+Is each run the motion of its model, and free of failure labels? Does it meet its requirements? Can
+its bodies exist? Does it repeat bit for bit?
 """
 
 import math
@@ -21,50 +21,52 @@ from contactlab.studies.lint.inertia import (
 
 @check(
     "task",
-    asks="in every phase of its task it moves as its model does, and no label holds",
+    question="in every phase, the run is the motion of its model, and has no failure label",
     place=1,
     limits=(
-        Limit("phantom_forces", "1", "gate", shown=PERCENT),
-        Limit("labelled_runs", "1", "gate", 0),
+        Limit("numerical_error", "1", "gate", shown=PERCENT),
+        Limit("failure_labels", "1", "gate", 0),
     ),
 )
 def check_task(checked: CheckedModel) -> Measured:
-    """Judge the phases of the task one by one, and count the runs that have a label."""
+    """Judge the phases of the task one by one, and count the runs with failure labels."""
     verdict, task = checked.verdict, checked.task
     reasons = checked.judged.reasons if checked.moves else ()
-    # Where references differ, what the run may be off by at most is judged.
-    most = {reason.phase: reason.share for reason in reasons if reason.word == "not resolved"}
+    # If the references differ, the upper bound of the numerical error is judged.
+    most = {reason.phase: reason.error for reason in reasons if reason.word == "undecided"}
     measures = [
         checked.measure(
-            "phantom_forces",
-            most.get(phase.name, math.nan if phase.share is None else phase.share),
+            "numerical_error",
+            most.get(
+                phase.name, math.nan if phase.numerical_error is None else phase.numerical_error
+            ),
             f"{phase.body}, {phase.name}" + ", at most" * (phase.name in most),
-            limit=task.within,
+            limit=task.tolerance,
         )
         for phase in verdict.phases
         if phase.body is not None
     ]
     for phase in verdict.phases:
         for label, runs in phase.labels.items():
-            measures.append(checked.measure("labelled_runs", runs, f"{label}, {phase.name}"))
+            measures.append(checked.measure("failure_labels", runs, f"{label}, {phase.name}"))
     if not any(phase.labels for phase in verdict.phases):
-        measures.append(checked.measure("labelled_runs", 0))
-    notes = [] if verdict.sound else [verdict.sentence]
+        measures.append(checked.measure("failure_labels", 0))
+    notes = [] if verdict.is_accurate else [verdict.sentence]
     return Measured(measures, notes, checked.stores(TASK_STORE))
 
 
 @check(
-    "must",
-    asks="what the model must do, it does",
+    "requirements",
+    question="every requirement of the scene and of --require is met",
     place=2,
     limits=(Limit("requirements_broken", "1", "gate", 0),),
 )
-def check_must(checked: CheckedModel) -> Measured:
-    """Look for what the scene or the request requires that a run of the model does not do."""
+def check_requirements(checked: CheckedModel) -> Measured:
+    """Look for requirements of the scene or the request that a run does not meet."""
     manifest = checked.scene.source.manifest
     required = checked.options.require or (manifest.must if manifest else ())
     if not required:
-        return Measured([], ["requirements: none is given, by --require or `must`"])
+        return Measured([], ["no requirements: --require and `must:` set them"])
     labels = labels_with("required")
     measures: list[Measure] = []
     notes: list[str] = []
@@ -78,7 +80,7 @@ def check_must(checked: CheckedModel) -> Measured:
 
 @check(
     "inertia",
-    asks="each body can exist: its inertia is that of some mass, within its shape",
+    question="each body can exist: its inertia is that of some mass, within its shape",
     place=3,
     limits=(Limit("impossible_bodies", "1", "gate", 0),),
     findings=("inertia_not_positive", "inertia_triangle", "inertia_balanced"),
@@ -112,7 +114,7 @@ TOLERANCE = 0.05
 
 @check(
     "repeat",
-    asks="the same run in another process is the same bit for bit",
+    question="the same run in another process is the same bit for bit",
     place=4,
     limits=(Limit("trajectories_differ", "1", "gate", 0),),
 )
@@ -135,7 +137,7 @@ def check_repeat(checked: CheckedModel) -> Measured:
 
 
 def reference_of(run: CheckedRun) -> Reference:
-    """Return what another engine must reproduce: a run of the model."""
+    """Return the reference that another engine must reproduce: a run of the model."""
     record = run.record
     metrics = {
         name: value

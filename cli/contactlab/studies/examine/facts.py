@@ -1,6 +1,6 @@
-"""Facts of a model beside its budget: how deep it sinks, where it overlaps, what its bodies weigh.
+"""Facts of a model besides its budget: depths, overlaps, creep, forces and masses.
 
-They judge nothing: what is deep or light may be meant. Numbers are in units that people use.
+They are not judged, since they may be intended. Numbers have units that people use.
 """
 
 from collections.abc import Iterator, Sequence
@@ -9,8 +9,8 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from contactlab.budget.force_places import contact_name
 from contactlab.budget.motion import INTEGRATION, Motion
-from contactlab.budget.places import contact_name
 from contactlab.budget.verdict import percent, plain
 from contactlab.budget.windows import Run, joint_name, replay
 from contactlab.contact.trace_arrays import Floats
@@ -107,7 +107,7 @@ def _of_depth(deepest: Sequence[_Contact], overlap: Sequence[_Contact]) -> Itera
             place=worst.pair,
             value=worst.amount,
             unit="m",
-            sentence=f"at the start {_in_words(worst)}",
+            sentence=f"bodies begin inside each other: {_in_words(worst)}",
         )
     if (worst := _worst(deepest)) and worst.share > _TOUCH:
         yield Fact(
@@ -115,7 +115,7 @@ def _of_depth(deepest: Sequence[_Contact], overlap: Sequence[_Contact]) -> Itera
             place=worst.pair,
             value=worst.amount,
             unit="m",
-            sentence=f"deepest {_in_words(worst)}, at {worst.time:.2f} s",
+            sentence=f"deepest {_in_words(worst)} at {worst.time:.2f} s",
         )
 
 
@@ -126,7 +126,7 @@ def _of_margin(depths: Sequence[_Contact], forces: Sequence[_Contact]) -> Iterat
     farthest = min(apart, key=lambda contact: contact.amount, default=None)
     if farthest is not None:
         sentence = (
-            f"contact force starts {_mm(-farthest.amount)} mm before touch (margin): "
+            f"contact force begins {_mm(-farthest.amount)} mm before the geoms touch (margin): "
             f"{farthest.pair}, at {farthest.time:.2f} s"
         )
         yield Fact(
@@ -217,13 +217,13 @@ def _of_limits(motion: Motion) -> Iterator[Fact]:
     said = f"{plain(np.degrees(amount), 2)} deg" if turns else f"{_mm(amount)} mm"
     others = int((shares > _DEEP).sum()) - 1
     are = "are" if others > 1 else "is"
-    more = f"; so {are} {others} more" if others else ""
+    more = f" ({others} more {are}, too)" if others else ""
     yield Fact(
         kind="limit",
         place=(name := joint_name(model, joint)),
         value=amount,
         unit="rad" if turns else "m",
-        sentence=f"at the start {name} is {said} beyond its range{more}: begin from a keyframe "
+        sentence=f"at the start {name} is {said} beyond its range{more}; begin from a keyframe "
         "within it",
     )
 
@@ -246,21 +246,21 @@ def _of_equalities(motion: Motion) -> Iterator[Fact]:
     place = f"equality {name or f'[{worst}]'}"
     said = f"at the start the ends of {place} are {_mm(apart[worst])} mm apart, and it draws them"
     led = bool(hauled(model)[worst])
-    remedy = "place its mocap body there" if led else "begin where they meet"
+    advice = "place its mocap body there" if led else "begin where they meet"
     yield Fact(
         kind="equality",
         place=place,
         value=apart[worst],
         unit="m",
-        sentence=f"{said} together: {remedy}, as by a keyframe",
+        sentence=f"{said} together; {advice}, for example by a keyframe",
     )
 
 
 def _of_force(hardest: Sequence[_Contact]) -> Iterator[Fact]:
     if (worst := _worst(hardest)) and worst.share > _HEAVY:
         sentence = (
-            f"absurd: {worst.pair} bears {newtons(worst.amount)}, {plain(worst.share, 2)} times "
-            f"the model's weight, at {worst.time:.2f} s"
+            f"extreme force: {worst.pair} carries {newtons(worst.amount)}, {plain(worst.share, 2)} "
+            f"times the model's weight, at {worst.time:.2f} s"
         )
         yield Fact(kind="force", place=worst.pair, value=worst.amount, unit="N", sentence=sentence)
 

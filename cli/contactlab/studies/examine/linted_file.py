@@ -1,11 +1,18 @@
-"""The mistakes of a model's file, as facts beside its examination."""
+"""Reports the mistakes in a model's files as facts of its examination."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 from contactlab.schema.examination import Fact
 from contactlab.studies.lint.linting import lint
 
 _MOST = 3
+
+
+def _relative_to_model(file: str, reference: str) -> str:
+    """Return a file as the lines of fixes name it: relative to the folder of the model."""
+    path, folder = Path(file).absolute(), Path(reference).absolute().parent
+    return str(path.relative_to(folder)) if path.is_relative_to(folder) else file
 
 
 def file_facts(reference: str) -> Iterator[Fact]:
@@ -15,7 +22,8 @@ def file_facts(reference: str) -> Iterator[Fact]:
     more = len(found) - _MOST
     for number, finding in enumerate(found[:_MOST], 1):
         place = f"{finding.file}:{finding.line}"
-        sentence = f"{place}: {finding.severity}: {finding.message} [{finding.name}]"
+        name = f"{_relative_to_model(finding.file, reference)}:{finding.line}"
+        sentence = f"{name}: {finding.severity}: {finding.message} [{finding.name}]"
         if number == _MOST and more > 0:
-            sentence += f"; contactlab lint has {more} more"
+            sentence += f"; contactlab lint lists {more} more"
         yield Fact(kind="file", place=place, value=finding.line, unit="", sentence=sentence)

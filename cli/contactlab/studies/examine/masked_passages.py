@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.budget.force_places import contact_name
 from contactlab.budget.motion import Motion
-from contactlab.budget.places import contact_name
 from contactlab.budget.verdict import plain
 from contactlab.budget.windows import KEPT, Run, cut
 from contactlab.contact.trace_arrays import Floats

@@ -78,8 +78,8 @@ def task_motions(
         if reached:
             starts = np.concatenate([piece.start for piece in reached])
             inputs = np.concatenate([piece.inputs for piece in reached])
-            spec, watched = reached[0].spec, tuple(task.watched)
-            motions.append(Motion(model, starts, inputs, spec, phase.name, watched))
+            spec, observed = reached[0].spec, tuple(task.observed)
+            motions.append(Motion(model, starts, inputs, spec, phase.name, observed))
     if gravity_of(model) or len(motions) == 1:
         return motions
     usual = usual_changes(motions)

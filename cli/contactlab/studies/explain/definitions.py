@@ -178,7 +178,7 @@ def _row_lines(row: Row) -> Iterator[str]:
 
 def _check_lines(check: Check) -> Iterator[str]:
     yield f"{check.name}: a check of `contactlab check`"
-    yield f"It passes if {check.asks}."
+    yield f"It passes if {check.question}."
 
 
 def _rule_lines(rule: Rule) -> Iterator[str]:

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from contactlab.budget.motion import Motion
-from contactlab.budget.prices import Price, prices
+from contactlab.budget.time_ratios import TimeRatio, measure_time_ratios
 from contactlab.budget.windows import replay
 from contactlab.contact.trace_arrays import Floats
 from contactlab.mjcf import OPTIONS
@@ -119,7 +119,7 @@ class TestedFix:
     against: str
     options: Mapping[str, object]
     drifts: tuple[Drift, ...]
-    time_ratio: Price | None
+    time_ratio: TimeRatio | None
 
 
 def _elliptic(model: mujoco.MjModel, geoms: Sequence[int]) -> None:
@@ -209,7 +209,7 @@ def changed_settings(
     return settings
 
 
-def _prices(grip: Grip, changed: Mapping[str, mujoco.MjModel]) -> Mapping[str, Price]:
+def _prices(grip: Grip, changed: Mapping[str, mujoco.MjModel]) -> Mapping[str, TimeRatio]:
     model = grip.fixture.model
     steps = max(2, round(_TIMED / model.opt.timestep))
     down = grip.directions()[grip.names[1]]
@@ -218,7 +218,7 @@ def _prices(grip: Grip, changed: Mapping[str, mujoco.MjModel]) -> Mapping[str, P
     motion = Motion(model, grip.held.row[None], inputs, _INPUTS, "held")
     run = replay(motion, _WINDOW, 1)
     made = {name: (lambda other=other: other, 1) for name, other in changed.items()}
-    return prices(motion, run, made)
+    return measure_time_ratios(motion, run, made)
 
 
 def weakest_finger_force(held: Squeeze) -> float:

@@ -17,8 +17,8 @@ from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.scene.scene_source import find_scene
-from contactlab.schema.error_budget import BudgetPrice
-from contactlab.schema.examination import MOST_CHANGES
+from contactlab.schema.error_budget import BudgetTimeRatio
+from contactlab.schema.examination import MOST_FIXES
 from contactlab.schema.grip import (
     GripCause,
     GripControl,
@@ -386,7 +386,7 @@ def _fixes(request: GripRequest, speed: float, tried: Sequence[TestedFix]) -> tu
         each = tried[place]
         word = verdict_of(each.drifts, request.tolerance)
         lines, reason = (), ""
-        if word == "holds" and each.options and len(made) < MOST_CHANGES:
+        if word == "holds" and each.options and len(made) < MOST_FIXES:
             lines, reason = _patch_lines(request, scenes, each)
         left = worst_speed(each.drifts)
         made.append(
@@ -396,7 +396,7 @@ def _fixes(request: GripRequest, speed: float, tried: Sequence[TestedFix]) -> tu
                 speed=_finite(left),
                 verdict=word,
                 worse=left > _WORSE_RATIO * speed,
-                time_ratio=each.time_ratio and BudgetPrice(**each.time_ratio._asdict()),
+                time_ratio=each.time_ratio and BudgetTimeRatio(**each.time_ratio._asdict()),
                 lines=lines,
                 no_patch_reason=reason,
             )

@@ -132,7 +132,7 @@ def _finding(rule: Rule, fault: Fault, linted: LintedModel, but: Ignored) -> Pla
         waived=accepted,
         file=shown_path(place.file),
         line=place.line,
-        remedy=tuple(remedy),
+        fix=tuple(remedy),
         docs=rule.docs,
     )
 
@@ -190,5 +190,5 @@ def lint_lines(report: LintReport) -> Iterator[str]:
     for word in ("note", "warning", "error"):
         for finding in report.open(word):
             yield f"{finding.file}:{finding.line}: {word}: {finding.message} [{finding.name}]"
-            yield from (f"    {line}" for line in finding.remedy)
+            yield from (f"    {line}" for line in finding.fix)
     yield headline(report)

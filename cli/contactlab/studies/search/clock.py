@@ -20,7 +20,7 @@ from scipy.special import stdtrit
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
-from contactlab.budget.prices import Price
+from contactlab.budget.time_ratios import TimeRatio
 from contactlab.contact.trace_arrays import Floats
 from contactlab.studies.search.reference_error import TaskReference, motion_at_steps
 
@@ -159,7 +159,7 @@ class Clock:
             _MAX_SEGMENT_SECONDS, max(_MIN_SEGMENT_SECONDS, wanted / self._segment_count)
         )
 
-    def time_ratios(self, models: Sequence[ModelAtStep], turns: int = 4) -> list[Price]:
+    def time_ratios(self, models: Sequence[ModelAtStep], turns: int = 4) -> list[TimeRatio]:
         """Return the times of models over the time of the model as written, for the same motion."""
         turn = InterleavedTimer(
             [
@@ -171,7 +171,7 @@ class Clock:
         self.base_seconds = float(np.min([each[0] for each in taken], axis=0).sum())
         return _ratios_over_turns(taken)
 
-    def compare_segments(self, one: ModelAtStep, other: ModelAtStep, turns: int) -> Price:
+    def compare_segments(self, one: ModelAtStep, other: ModelAtStep, turns: int) -> TimeRatio:
         """Return the time of one model over the time of another, for the same motion.
 
         It takes at least `turns` turns, and more if they are short.
@@ -184,7 +184,7 @@ class Clock:
             taken.append(turn.elapsed())
         return _ratios_over_turns(taken)[0]
 
-    def compare_whole_runs(self, one: ModelAtStep, other: ModelAtStep) -> Price:
+    def compare_whole_runs(self, one: ModelAtStep, other: ModelAtStep) -> TimeRatio:
         """Return the time of one model over the time of another, for whole runs of one seed."""
         motions = [part.motion for part in self._reference.phases]
         turn = self._whole_run_timer(self._with_steps([other, one]), motions, 0)
@@ -192,7 +192,7 @@ class Clock:
 
     def time_whole_runs(
         self, models: Sequence[ModelAtStep], tasks: Iterable[Sequence[Motion]], until: float
-    ) -> list[Price]:
+    ) -> list[TimeRatio]:
         """Return the times of models over the time of the model as written, for whole runs.
 
         Seeds of one task after the other are run until the interval is narrow enough, or until the
@@ -289,7 +289,7 @@ def whole_run(motion: Motion, finer: int, seed: int, multiple: int) -> Segment:
     return Segment(run.starts, run.inputs, run.spec, run.steps)
 
 
-def ratio_over_turns(base: Floats, model: Floats) -> Price:
+def ratio_over_turns(base: Floats, model: Floats) -> TimeRatio:
     """Return the ratio of the least slice times, with an interval by resampling turns.
 
     Args:
@@ -301,10 +301,10 @@ def ratio_over_turns(base: Floats, model: Floats) -> Price:
     below, above = (each[drawn].min(axis=1).sum(axis=1) for each in (base, model))
     ratio = float(model.min(axis=0).sum() / base.min(axis=0).sum())
     low, high = np.quantile(above / below, [_SIGNIFICANCE / 2, 1 - _SIGNIFICANCE / 2])
-    return Price(ratio, float(min(low, ratio)), float(max(high, ratio)))
+    return TimeRatio(ratio, float(min(low, ratio)), float(max(high, ratio)))
 
 
-def ratio_over_seeds(base: Floats, model: Floats) -> Price:
+def ratio_over_seeds(base: Floats, model: Floats) -> TimeRatio:
     """Return the ratio of the total times of all seeds, with an interval over seeds.
 
     Each seed is timed separately, so that differences of seeds contain the noise of times. For a
@@ -319,13 +319,13 @@ def ratio_over_seeds(base: Floats, model: Floats) -> Price:
     off = model / ratio - base
     share = math.sqrt(count / (count - 1) * float(off @ off)) / float(base.sum())
     half = float(stdtrit(count - 1, 1 - _SIGNIFICANCE / 2)) * share
-    return Price(ratio, ratio * math.exp(-half), ratio * math.exp(half))
+    return TimeRatio(ratio, ratio * math.exp(-half), ratio * math.exp(half))
 
 
-_INFINITE_RATIO = Price(math.inf, math.inf, math.inf)
+_INFINITE_RATIO = TimeRatio(math.inf, math.inf, math.inf)
 
 
-def _ratios_over_seeds(taken: Sequence[Floats]) -> list[Price]:
+def _ratios_over_seeds(taken: Sequence[Floats]) -> list[TimeRatio]:
     """Return the time ratio of each model to the first, from times by seed."""
     base, *models = np.array(taken).T
     return [
@@ -333,7 +333,7 @@ def _ratios_over_seeds(taken: Sequence[Floats]) -> list[Price]:
     ]
 
 
-def _ratios_over_turns(taken: Sequence[Sequence[Floats]]) -> list[Price]:
+def _ratios_over_turns(taken: Sequence[Sequence[Floats]]) -> list[TimeRatio]:
     """Return the time ratio of each model to the first, from times by turn."""
     base, *models = (np.array(turns) for turns in zip(*taken, strict=True))
     return [
@@ -341,10 +341,10 @@ def _ratios_over_turns(taken: Sequence[Sequence[Floats]]) -> list[Price]:
     ]
 
 
-def _all_narrow(prices: Sequence[Price]) -> bool:
+def _all_narrow(prices: Sequence[TimeRatio]) -> bool:
     return all(half_width(price) <= MAX_HALF_WIDTH for price in prices)
 
 
-def half_width(price: Price) -> float:
+def half_width(price: TimeRatio) -> float:
     """Return half the interval of a ratio, as a share of it."""
     return (price.high - price.low) / (2 * price.ratio)

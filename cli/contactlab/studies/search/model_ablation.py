@@ -16,16 +16,16 @@ import mujoco
 import numpy as np
 
 from contactlab.budget import Motion
+from contactlab.budget.exercised_rows import exercised_rows
 from contactlab.budget.measuring import reference_of
 from contactlab.budget.motion import INTEGRATION
-from contactlab.budget.prices import Price
 from contactlab.budget.rows import ROWS, Row
-from contactlab.budget.showing import shown_rows
+from contactlab.budget.time_ratios import TimeRatio
 from contactlab.budget.windows import without_sensors
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.scene.model_names import geom_words, name_of
 from contactlab.scene.mujoco_versions import VERSION
-from contactlab.schema.error_budget import BudgetPrice
+from contactlab.schema.error_budget import BudgetTimeRatio
 from contactlab.schema.parts_report import REPORT, PartEffect, PartKind, PartsReport, PartVerdict
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.search.clock import Clock
@@ -103,7 +103,7 @@ def ablate_model(request: PartsRequest, session: Session) -> PartsReport:
     reference = TaskReference.run_references(loaded, 1, threads).complete_phases()
     parts = find_features(loaded, [part.positions for part in reference.phases], threads)
     clock = Clock(reference, motions[0].model)
-    measured, timed_out = list[tuple[Feature, ErrorEstimate | None, Price | None]](), False
+    measured, timed_out = list[tuple[Feature, ErrorEstimate | None, TimeRatio | None]](), False
     same = reference.velocities_around(reference_of)
     for part in parts:
         timed_out = timed_out or time.monotonic() > begin + _MEASURING_SHARE * request.max_time
@@ -128,8 +128,8 @@ def ablate_model(request: PartsRequest, session: Session) -> PartsReport:
         mujoco=VERSION,
         task=examined.task,
         tilt=TILT_DEGREES,
-        tolerance=examined.task.within,
-        parts=tuple(_effect_of(*each, examined.task.within) for each in measured),
+        tolerance=examined.task.tolerance,
+        parts=tuple(_effect_of(*each, examined.task.tolerance) for each in measured),
         noise_floor=_time_ratio(noise_floor),
         timed_out=timed_out,
         seconds=time.monotonic() - begin,
@@ -151,7 +151,7 @@ def _changed_model(model: mujoco.MjModel, *changes: Removal) -> mujoco.MjModel:
 
 
 def _effect_of(
-    part: Feature, estimate: ErrorEstimate | None, ratio: Price | None, tolerance: float
+    part: Feature, estimate: ErrorEstimate | None, ratio: TimeRatio | None, tolerance: float
 ) -> PartEffect:
     verdict: PartVerdict = "needed"
     if part.proof:
@@ -178,8 +178,8 @@ def _effect_of(
     )
 
 
-def _time_ratio(price: Price | None) -> BudgetPrice | None:
-    return price and BudgetPrice(ratio=price.ratio, low=price.low, high=price.high)
+def _time_ratio(price: TimeRatio | None) -> BudgetTimeRatio | None:
+    return price and BudgetTimeRatio(ratio=price.ratio, low=price.low, high=price.high)
 
 
 def find_features(
@@ -211,7 +211,7 @@ def find_features(
 def _budget_features(motions: Sequence[Motion]) -> Iterator[Feature]:
     model = motions[0].model
     rows = [row for row in ROWS if row.kind == "effect" and row.uses(model)]
-    shown = {name for motion in motions for name in shown_rows(motion, rows)}
+    shown = {name for motion in motions for name in exercised_rows(motion, rows)}
     for row in rows:
         without, safeguard = _row_removal(row, model), row.name in _SAFEGUARDS
         yield Feature("feature", row.summary, without, row.name in shown, safeguard=safeguard)

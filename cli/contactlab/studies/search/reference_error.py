@@ -104,7 +104,7 @@ class PhaseReference:
     @cached_property
     def _observed(self) -> np.ndarray:
         names = [body_name(self._motion.model, int(body)) for body in self._bodies]
-        watched = self._motion.watched
+        watched = self._motion.observed
         return np.flatnonzero([not watched or name in watched for name in names])
 
     @cached_property

@@ -3,9 +3,9 @@
 import math
 from collections.abc import Iterator
 
-from contactlab.budget.prices import Price
+from contactlab.budget.time_ratios import TimeRatio
 from contactlab.printable import percent
-from contactlab.schema.error_budget import BudgetPrice
+from contactlab.schema.error_budget import BudgetTimeRatio
 from contactlab.schema.tune_report import Candidate, TuneReport
 from contactlab.studies.search.configuration import format_settings
 from contactlab.studies.search.settings_search import EQUAL_ERROR_RATIO
@@ -24,7 +24,7 @@ def error_text(error: float | None, unit: str) -> str:
     return percent(error) if unit == "1" else f"{error:.2e} {unit}"
 
 
-def time_ratio_text(price: Price | BudgetPrice) -> str:
+def time_ratio_text(price: TimeRatio | BudgetTimeRatio) -> str:
     """Return a ratio of times with its interval, such as `x0.80 (0.78 to 0.82)`."""
     ratio, low, high = (
         f"{part:.2f}" if part >= _TWO_DIGITS else f"{part:.2g}"
@@ -33,7 +33,7 @@ def time_ratio_text(price: Price | BudgetPrice) -> str:
     return f"x{ratio} ({low} to {high})"
 
 
-def is_faster(price: Price | BudgetPrice, noise_floor: Price | BudgetPrice) -> bool:
+def is_faster(price: TimeRatio | BudgetTimeRatio, noise_floor: TimeRatio | BudgetTimeRatio) -> bool:
     """Return whether a ratio of times is below 1, and below the noise floor.
 
     The noise floor is the ratio of the model as written to itself, from the same turns.

@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 
 from contactlab.budget import Motion
+from contactlab.budget.exercised_rows import exercised_rows
 from contactlab.budget.rows import ROWS
-from contactlab.budget.showing import shown_rows
 from contactlab.scene.model_edits import FLAGS, read_flag, read_option
 from contactlab.scene.model_names import name_of
 from contactlab.scene.parameters import WORDS
@@ -74,7 +74,7 @@ def find_parameters(
     parameters, skipped = list[Parameter](), list[SkippedParameter]()
     row_names = {name for names, _ in EXERCISED_ROWS.values() for name in names}
     rows = [row for row in ROWS if row.name in row_names and row.uses(model)]
-    exercised = {name for motion in motions for name in shown_rows(motion, rows)}
+    exercised = {name for motion in motions for name in exercised_rows(motion, rows)}
     for parameter in _proposed_parameters(model):
         needed, load = EXERCISED_ROWS.get(parameter.name, ((), ""))
         if needed and not exercised & {*needed}:

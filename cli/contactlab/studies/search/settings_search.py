@@ -17,7 +17,7 @@ from typing import Protocol
 
 import mujoco
 
-from contactlab.budget.prices import Price
+from contactlab.budget.time_ratios import TimeRatio
 from contactlab.studies.search.clock import Clock
 from contactlab.studies.search.configuration import (
     AS_WRITTEN,
@@ -100,7 +100,7 @@ class Evaluation:
 
     configuration: Configuration
     error: ErrorEstimate | None = None
-    time_ratio: Price | None = None
+    time_ratio: TimeRatio | None = None
 
 
 @dataclass(frozen=True)
@@ -271,7 +271,7 @@ class Search:
 
     def _time_together(
         self, choices: Sequence[Configuration], turns: int = _RANKING_TURNS
-    ) -> list[Price]:
+    ) -> list[TimeRatio]:
         """Time configurations in common turns, so that they can be ranked; return their ratios."""
         if not choices:
             return []
@@ -323,7 +323,7 @@ class Search:
         found = self.clock.compare_whole_runs(price, own)
         known = self._evaluation_of(base).time_ratio
         if known and found.high < MIN_SPEEDUP_RATIO and self._is_within_bound(asleep):
-            self._evaluation_of(asleep).time_ratio = Price(
+            self._evaluation_of(asleep).time_ratio = TimeRatio(
                 *(known.ratio * part for part in (found.ratio, found.low, found.high))
             )
         self._sleep_seconds = (time.monotonic() - begin) * base.multiple

@@ -49,9 +49,9 @@ class SleepAwareError:
         ]
         settings = Settings(places=False, excess=False, workers=self.workers)
         budget = error_budget(runs, rows=(), settings=settings)
-        phase = max(budget.phases, key=lambda phase: phase.run.share)
+        phase = max(budget.phases, key=lambda phase: phase.run.error)
         run = phase.run
-        if run.share <= found.error:
+        if run.error <= found.error:
             return found
         low, high = float(run.seeds.min()), float(run.seeds.max())
-        return ErrorEstimate(run.share, phase.bodies[run.body], phase.name, run.time, low, high)
+        return ErrorEstimate(run.error, phase.bodies[run.body], phase.name, run.time, low, high)

@@ -14,7 +14,7 @@ from contactlab.errors import ExpectationError
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_edits import FLAGS, read_flag, read_option
 from contactlab.scene.mujoco_versions import VERSION
-from contactlab.schema.error_budget import BudgetPrice
+from contactlab.schema.error_budget import BudgetTimeRatio
 from contactlab.schema.evidence import Setting
 from contactlab.schema.tune_report import (
     EQUAL_ERROR_FOLDER,
@@ -33,8 +33,8 @@ from contactlab.schema.tune_report import (
     TuneReport,
 )
 from contactlab.store.table_layout import as_written
-from contactlab.studies.examine.changes import fresh
 from contactlab.studies.examine.examination import ExamineRequest, open_model
+from contactlab.studies.examine.fixes import with_new_seeds
 from contactlab.studies.search.clock import Clock
 from contactlab.studies.search.configuration import changed_settings
 from contactlab.studies.search.forward_error import Divergence, join_phases, measure_divergence
@@ -156,7 +156,7 @@ class TuningStudy:
             kind=kind,
             limit=problem.limit,
             unit=unit,
-            tolerance=problem.examined.task.within,
+            tolerance=problem.examined.task.tolerance,
             model_uncertainty=uncertain.error if uncertain else None,
             uncertainty_source=by,
             real_time=request.real_time,
@@ -326,7 +326,7 @@ class TuningStudy:
         yield [join_seeds(*pair) for pair in zip(own, unseen, strict=True)]
         task = self._verifier.task
         for _ in range(_TIMING_SEED_FACTOR):
-            task = fresh(task)
+            task = with_new_seeds(task)
             yield self._problem.examined.motions_of(task)
 
     def _file_of(self, answer: VerifiedCandidate) -> str:
@@ -358,7 +358,7 @@ class TuningStudy:
                 [(each, choice.multiple) for each in (before, choice.apply_to(sparser))],
                 _COMPARISON_TURNS,
             )
-            price = BudgetPrice(
+            price = BudgetTimeRatio(
                 ratio=without.ratio / own.ratio,
                 low=without.low / own.ratio,
                 high=without.high / own.ratio,
@@ -397,7 +397,7 @@ class TuningStudy:
             row = "solver"
         return f"{row} error of {where}"
 
-    def _unconstrained_cost(self, *made: Evaluation | None) -> BudgetPrice | None:
+    def _unconstrained_cost(self, *made: Evaluation | None) -> BudgetTimeRatio | None:
         """Time the model without constraints, unless a verified candidate saves 20 %."""
         saving = [
             one.time_ratio and one.time_ratio.ratio < _LARGE_SAVING_RATIO for one in made if one
@@ -411,7 +411,7 @@ class TuningStudy:
         price = self._clock.compare_segments(
             (bare, now.multiple), (own, now.multiple), _COMPARISON_TURNS
         )
-        return BudgetPrice(ratio=price.ratio, low=price.low, high=price.high)
+        return BudgetTimeRatio(ratio=price.ratio, low=price.low, high=price.high)
 
     def _changed_settings(self, chosen: Evaluation) -> Iterator[ChangedSetting]:
         model = self._problem.model
@@ -443,5 +443,5 @@ class TuningStudy:
             body=error.body,
             phase=error.phase,
             time=finite_or_none(error.time),
-            time_ratio=price and BudgetPrice(ratio=price.ratio, low=price.low, high=price.high),
+            time_ratio=price and BudgetTimeRatio(ratio=price.ratio, low=price.low, high=price.high),
         )

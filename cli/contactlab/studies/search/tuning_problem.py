@@ -85,7 +85,7 @@ class TuningProblem:
         self._time_limit = allowed
         task = examined.task
         if request.error_at is not None:
-            task = task.model_copy(update={"watched": ()})
+            task = task.model_copy(update={"observed": ()})
         self.motions = self._affordable_motions(examined.motions_of(task))
         begin = time.process_time()
         self.model = self._compile_edited(ModelEdits())
@@ -207,7 +207,7 @@ class TuningProblem:
         return min(finer, allowed)
 
     def _limit_of(self, uncertain: ErrorEstimate | None) -> float:
-        within = self.examined.task.within
+        within = self.examined.task.tolerance
         if self._request.error is not None:
             return (
                 self._request.error if self._request.error_at else min(self._request.error, within)

@@ -24,8 +24,8 @@ from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.schema.task import Task
 from contactlab.schema.tune_report import MODEL, CurrentVerdict, Target, Verification
 from contactlab.studies.check.checked_model import CheckedModel
-from contactlab.studies.examine.changes import fresh
 from contactlab.studies.examine.examination import ExamineRequest, open_model
+from contactlab.studies.examine.fixes import with_new_seeds
 from contactlab.studies.search.configuration import (
     INTEGRATOR,
     Configuration,
@@ -77,7 +77,7 @@ _VERDICT_SHARE = (
     0.5  # share of the remaining time for verdicts, since other work may slow them down
 )
 _BUDGET_SETTINGS = Settings(places=False, excess=False)  # settings of the error budget of a verdict
-ACCURATE = "sound"
+ACCURATE = "ok"
 """The verdict of `contactlab MODEL` on accurate numerics."""
 _RK4, _RK4_STAGES = int(mujoco.mjtIntegrator.mjINT_RK4), 4
 
@@ -254,7 +254,7 @@ class CandidateVerifier:
                 return VerifiedCandidate(tried, written, found)
             self._reject(tried, f"on fresh seeds: {found.sentence}")
             # An inaccurate verdict or a label may be caused by the step, whatever the error.
-            limits = [self._examined.task.within]
+            limits = [self._examined.task.tolerance]
             if not goal.must_be_sound:
                 limits += [said.high for said in self._current_verdicts.values()]
             part = step_fraction(found.numerical_error, max(limits))
@@ -431,9 +431,9 @@ class CandidateVerifier:
     @cached_property
     def task(self) -> Task:
         """The task with as many fresh seeds as the search has seeds."""
-        task = fresh(self._examined.task)
+        task = with_new_seeds(self._examined.task)
         if self._request.error_at is not None:
-            task = task.model_copy(update={"watched": ()})
+            task = task.model_copy(update={"observed": ()})
         return task.model_copy(update={"seeds": task.seeds[: self._problem.seeds]})
 
     @cached_property
@@ -618,9 +618,9 @@ class CandidateVerifier:
         )
         if work >= 1:  # runs with long steps spend most time outside the steps
             self._seconds_per_seed = (time.process_time() - begin) / len(task.seeds) / work
-        verdict = judge(budget, task.within)
+        verdict = judge(budget, task.tolerance)
         reason = verdict.reasons[0].sentence if verdict.reasons else ACCURATE
-        return _Judgement(verdict.word, budget.share, *_seed_range(budget), reason)
+        return _Judgement(verdict.word, budget.error, *_seed_range(budget), reason)
 
     def _new_labels(self, examined: CheckedModel, task: Task) -> tuple[list[str], str]:
         """Return the labels of a written model's runs that the model as written does not have.
@@ -633,7 +633,7 @@ class CandidateVerifier:
         took = max(time.monotonic() - begin, 1e-6) / len(task.seeds)
         if new := found and found - self._current_labels_on(task):
             return sorted(new), ""
-        own = self._examined.task.model_copy(update={"watched": task.watched})
+        own = self._examined.task.model_copy(update={"observed": task.observed})
         count = min(len(own.seeds), max(0, int(self._time_limit.remaining / took)))
         if count:
             own = own.model_copy(update={"seeds": own.seeds[:count]})
@@ -690,5 +690,5 @@ def evaluations_per_step(model: mujoco.MjModel) -> float:
 
 def _seed_range(budget: ErrorBudget) -> tuple[float, float]:
     """Return the least and largest error over seeds, in the worst phase."""
-    seeds = max(budget.phases, key=lambda phase: phase.run.share).run.seeds
+    seeds = max(budget.phases, key=lambda phase: phase.run.error).run.seeds
     return float(seeds.min()), float(seeds.max())

@@ -11,13 +11,13 @@ import mujoco
 import numpy as np
 
 from contactlab.budget import Motion, Verdict
+from contactlab.budget.fixes import Candidate
 from contactlab.budget.motion import INTEGRATION
-from contactlab.budget.remedies import Candidate
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.mesh_hulls import hull, rotation
 from contactlab.scene.model_draft import PRIMITIVES, ModelEdits, edit_spec
 from contactlab.scene.scene import Scene
-from contactlab.studies.examine.separated import compiled
+from contactlab.studies.examine.start_fixes import compiled
 from contactlab.studies.session import Values
 
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
@@ -31,8 +31,8 @@ def primitives(
 
     They are those whose hull a primitive resembles.
     """
-    bodies = {reason.body for reason in verdict.reasons if reason.word != "model"}
-    touching = sorted(_touching(motions[0], bodies)) if verdict.word != "model" else []
+    bodies = {reason.body for reason in verdict.reasons if reason.word != "depends"}
+    touching = sorted(_touching(motions[0], bodies)) if verdict.word != "depends" else []
     if not touching:
         return
     nearest = _nearest(scene, values, motions[0].model, touching)
@@ -45,12 +45,12 @@ def primitives(
     article = "an" if shape == "ellipsoid" else "a"
     yield Candidate(
         f"{article} {shape} in place of the hull of {name}{more}",
-        "unresolved",
+        "inaccurate",
         lambda _: None,
-        accept="primitive",
+        apply="primitive",
         edits=edits,
         compiled=made,
-        nearer=False,
+        must_come_nearer=False,
     )
 
 

@@ -23,12 +23,10 @@ from contactlab.budget import (
     budget_report,
     error_budget,
     judge,
-    remedies,
+    try_fixes,
 )
-from contactlab.budget.measuring import PhaseMeasure
-from contactlab.budget.physical import FieldChange
-from contactlab.budget.prices import prices
-from contactlab.budget.remedies import (
+from contactlab.budget.field_changes import FieldChange
+from contactlab.budget.fixes import (
     CANDIDATES,
     MARGIN,
     Candidate,
@@ -38,6 +36,8 @@ from contactlab.budget.remedies import (
     of_fields,
     sentence,
 )
+from contactlab.budget.measuring import PhaseMeasure
+from contactlab.budget.time_ratios import measure_time_ratios
 from contactlab.budget.verdict import Reason, Verdict, percent
 from contactlab.budget.windows import replay
 from contactlab.schema.error_budget import BudgetReport
@@ -52,16 +52,15 @@ def test_an_unstable_servo_is_removed_by_what_damps_it_implicitly() -> None:
     verdict = judge(error_budget([motion], rows=[], settings=FAST))
     names = "Newton with 100 iterations", "implicitfast", "half the step"
     few = [candidate for candidate in CANDIDATES if candidate.name in names]
-    tried = {remedy.name: remedy for remedy in remedies([motion], verdict, candidates=few)}
+    tried = {remedy.name: remedy for remedy in try_fixes([motion], verdict, candidates=few)}
     assert names[0] not in tried
     assert tried[names[1]].removes
     assert tried[names[2]].removes
-    price = tried[names[2]].price
+    price = tried[names[2]].time_ratio
     assert price is not None
     assert price.low <= price.ratio <= price.high
-    told = sentence(verdict.reasons[0], list(tried.values()))
-    assert "joint left_knee" in told
-    assert "removes it" in told
+    assert verdict.reasons[0].place == "joint left_knee"
+    assert "; fix: " in sentence(verdict.reasons[0], list(tried.values()))
 
 
 @pytest.fixture(name="held")
@@ -89,10 +88,10 @@ def test_a_finer_step_is_named_where_it_alone_helps(held: list[int]) -> None:
     verdict = judge(error_budget([motion], rows=[], settings=FAST))
     names = "Newton with 100 iterations", "half the step"
     few = [candidate for candidate in CANDIDATES if candidate.name in names]
-    (only,) = remedies([motion], verdict, candidates=few, trial=Trial(FAST))
+    (only,) = try_fixes([motion], verdict, candidates=few, trial=Trial(FAST))
     assert (only.name, only.removes) == ("half the step", True)
-    assert only.share < 0.1
-    assert "; half the step removes it" in sentence(verdict.reasons[0], [only])
+    assert only.error < 0.1
+    assert "; fix: half the step" in sentence(verdict.reasons[0], [only])
     assert len(held) > 1
     assert not any(held)
 
@@ -104,9 +103,9 @@ def test_what_sleeps_in_its_glide_is_woken() -> None:
         <geom type="cylinder" size=".04 .01"/></body></worldbody></mujoco>"""
     motion = motion_of(xml, 0.2, qvel=[0.05])
     verdict = judge(error_budget([motion], rows=[], settings=FAST))
-    assert verdict.word == "unresolved"
+    assert verdict.word == "inaccurate"
     few = [one for one in CANDIDATES if one.name in ("no sleep", "half the step")]
-    found = remedies([motion], verdict, candidates=few, trial=Trial(FAST))
+    found = try_fixes([motion], verdict, candidates=few, trial=Trial(FAST))
     tried = {one.name: one for one in found}
     assert tried["no sleep"].removes
     assert tried["no sleep"].edits.settings == {"sleep": False}
@@ -121,8 +120,8 @@ def test_what_sleeps_as_it_starts_is_woken_though_its_finest_motion_sleeps_too()
     motion = motion_of(xml, 1.0)
     verdict = judge(error_budget([motion], rows=[], settings=FAST))
     awake = [one for one in CANDIDATES if one.name == "no sleep"]
-    [tried] = remedies([motion], verdict, candidates=awake, trial=Trial(FAST))
-    assert verdict.word == "unresolved"
+    [tried] = try_fixes([motion], verdict, candidates=awake, trial=Trial(FAST))
+    assert verdict.word == "inaccurate"
     assert tried.removes
 
 
@@ -135,11 +134,9 @@ def test_a_light_part_holds_a_heavy_load_by_its_impedance() -> None:
     motion = motion_of(xml, 0.5)
     verdict = judge(error_budget([motion], rows=["equality softness"], settings=FAST))
     words = "solimp-all", "solref-all"
-    few = [one for one in candidates_against([motion], verdict) if one.accept in words]
-    tried = remedies([motion], verdict, candidates=few, trial=Trial(FAST))
-    assert {one.accept: one.removes for one in tried} == dict(
-        zip(words, (True, False), strict=True)
-    )
+    few = [one for one in candidates_against([motion], verdict) if one.apply in words]
+    tried = try_fixes([motion], verdict, candidates=few, trial=Trial(FAST))
+    assert {one.apply: one.removes for one in tried} == dict(zip(words, (True, False), strict=True))
 
 
 def test_a_ball_that_bears_before_it_touches_is_mended_by_no_margin() -> None:
@@ -148,12 +145,12 @@ def test_a_ball_that_bears_before_it_touches_is_mended_by_no_margin() -> None:
         <body pos="0 0 .1"><freejoint/><geom size=".1" margin="{}"/></body></worldbody></mujoco>"""
     motion = motion_of(xml.format(0.02), 0.2)
     verdict = judge(error_budget([motion], rows=["contact softness"], settings=FAST))
-    assert verdict.word == "model"
-    (own,) = (one for one in candidates_against([motion], verdict) if one.accept == MARGIN)
-    (tried,) = remedies([motion], verdict, candidates=[own], trial=Trial(FAST))
+    assert verdict.word == "depends"
+    (own,) = (one for one in candidates_against([motion], verdict) if one.apply == MARGIN)
+    (tried,) = try_fixes([motion], verdict, candidates=[own], trial=Trial(FAST))
     assert tried.removes
     touching = motion_of(xml.format(0), 0.2)
-    assert all(one.accept != MARGIN for one in candidates_against([touching], verdict))
+    assert all(one.apply != MARGIN for one in candidates_against([touching], verdict))
 
 
 def test_a_rotor_on_gimbals_is_computed_by_fine_steps_of_runge_kutta() -> None:
@@ -166,7 +163,7 @@ def test_a_rotor_on_gimbals_is_computed_by_fine_steps_of_runge_kutta() -> None:
     motion = motion_of(
         xml.replace("/></body>", ' contype="0"/></body>'), 0.04, qvel=[0.5, 0.5, 250]
     )
-    assert judge(error_budget([motion], rows=[], settings=FAST)).word != "sound"
+    assert judge(error_budget([motion], rows=[], settings=FAST)).word != "ok"
     (half,) = (one for one in CANDIDATES if one.name == "half the step")
     few = [*further(half)]
     assert {one.name: one.rate for one in few} == {
@@ -179,7 +176,7 @@ def test_a_rotor_on_gimbals_is_computed_by_fine_steps_of_runge_kutta() -> None:
     }
     (finest,) = (one for one in few if one.name == "RK4 at a sixteenth of the step")
     budget = error_budget([changed(motion, finest)], rows=[], settings=FAST)
-    assert judge(budget).word == "sound"
+    assert judge(budget).word == "ok"
 
 
 def test_time_constants_that_the_step_raises_may_be_written_as_it_has_them() -> None:
@@ -195,7 +192,7 @@ def test_time_constants_that_the_step_raises_may_be_written_as_it_has_them() -> 
             </worldbody></mujoco>""",
             0.04,
         )
-        verdict = Verdict("unresolved", 0.1, ())
+        verdict = Verdict("inaccurate", 0.1, ())
         found = candidates_against([motion], verdict)
         return {name: one for each in found for name, one in each.edits.settings.items()}
 
@@ -206,9 +203,9 @@ def test_time_constants_that_the_step_raises_may_be_written_as_it_has_them() -> 
 def test_what_a_step_does_not_hold_is_tried_stiffer_after_finer_steps() -> None:
     """A servo that diverges stays so whatever is stiffer at its step."""
     motion, tried = servo(), list[str]()
-    reason = Reason("model", motion.name, "limit softness", 0.2, "", "", 0.0, "")
+    reason = Reason("depends", motion.name, "limit softness", 0.2, "", "", 0.0, "")
     some = [
-        of_fields(FieldChange("solref", name, (), rate), "model", nearer=False)
+        of_fields(FieldChange("solref", name, (), rate), "depends", must_come_nearer=False)
         for name, rate in (("stiff", 1), ("stiffer", 1), ("finer", 2))
     ]
 
@@ -216,8 +213,8 @@ def test_what_a_step_does_not_hold_is_tried_stiffer_after_finer_steps() -> None:
         tried.append(candidate.name)
         return [[changed(motion, candidate)]]
 
-    verdict = Verdict("model", 0.1, (reason,))
-    remedies([motion], verdict, candidates=some, trial=Trial(FAST, moved=moved))
+    verdict = Verdict("depends", 0.1, (reason,))
+    try_fixes([motion], verdict, candidates=some, trial=Trial(FAST, moved=moved))
     assert tried == ["stiff", "finer", "stiffer"]
 
 
@@ -233,8 +230,8 @@ def test_a_solver_is_tried_where_contacts_need_it() -> None:
     motion = motion_of(xml, 0.4)
     verdict = judge(error_budget([motion], rows=[], settings=FAST))
     few = [candidate for candidate in CANDIDATES if candidate.exercised]
-    (tried,) = remedies([motion], verdict, candidates=few, trial=Trial(FAST))
-    assert verdict.word == "unresolved"
+    (tried,) = try_fixes([motion], verdict, candidates=few, trial=Trial(FAST))
+    assert verdict.word == "inaccurate"
     assert (tried.name, tried.removes) == ("Newton with 100 iterations", True)
 
 
@@ -252,30 +249,32 @@ def test_half_the_step_costs_twice_the_time() -> None:
     motion = walker(seconds=0.4)
     model = copy.copy(motion.model)
     model.opt.timestep /= 2
-    price = prices(motion, replay(motion, 0.04, 1), {"half": (lambda: model, 2)})["half"]
+    price = measure_time_ratios(motion, replay(motion, 0.04, 1), {"half": (lambda: model, 2)})[
+        "half"
+    ]
     assert price.ratio == pytest.approx(2, rel=0.15)
     assert price.low <= price.ratio <= price.high
 
 
 def test_what_is_sound_needs_no_remedy() -> None:
     motion = servo(integrator="implicitfast")
-    assert remedies([motion], judge(error_budget([motion], rows=[], settings=FAST))) == ()
+    assert try_fixes([motion], judge(error_budget([motion], rows=[], settings=FAST))) == ()
 
 
 def test_a_table_has_80_columns_and_says_what_was_not_exercised() -> None:
     budget = error_budget([servo(integrator="implicitfast")])
     lines = budget_lines(budget, judge(budget))
-    assert lines[0] == "sound within 10 %"
+    assert lines[0] == "ok (tolerance 10 %)"
     assert max(map(len, lines)) <= 80
-    for name in ("the run", "  step", "  damping", "  gravity", "  mass 5 %"):
+    for name in ("numerical error", "  step", "  damping", "  gravity", "  mass 5 %"):
         assert any(re.match(rf"{name} +[\d.]+ %", line) for line in lines)
-    assert any(line.startswith("never exercised: ") for line in lines)
+    assert any(line.startswith("not exercised by the task: ") for line in lines)
 
 
 def test_a_table_shows_infinite_shares() -> None:
     budget = error_budget([servo(damping=8.0)], rows=[], settings=FAST)
     lines = budget_lines(budget, judge(budget))
-    assert lines[0] == "unresolved within 10 %"
+    assert lines[0] == "inaccurate (tolerance 10 %)"
     assert any("∞" in line for line in lines)
     assert any("left_knee" in line for line in lines)
 
@@ -288,9 +287,9 @@ def test_a_report_comes_back_from_json(motion: Motion) -> None:
     text = report.model_dump_json()
     assert BudgetReport.model_validate_json(text) == report
     Draft202012Validator(json_schemas()["budget.schema.json"]).validate(json.loads(text))
-    run = report.phases[0].run
-    assert run.infinite == np.isinf(budget.share)
-    assert (run.share is None) == run.infinite
+    run = report.phases[0].numerical_error
+    assert run.infinite == np.isinf(budget.error)
+    assert (run.error is None) == run.infinite
 
 
 def test_what_there_is_no_time_for_is_named_and_not_advised() -> None:
@@ -299,11 +298,11 @@ def test_what_there_is_no_time_for_is_named_and_not_advised() -> None:
     verdict = judge(error_budget([motion], rows=[], settings=FAST))
     few = [one for one in CANDIDATES if one.name in ("implicitfast", "RK4", "half the step")]
     late = Trial(FAST, left=lambda: 0.0)
-    none = remedies([motion], verdict, candidates=few, trial=late)
-    every = remedies([motion], verdict, candidates=few, trial=Trial(FAST))
+    none = try_fixes([motion], verdict, candidates=few, trial=late)
+    every = try_fixes([motion], verdict, candidates=few, trial=Trial(FAST))
     assert {one.name for one in none} >= {one.name for one in every}
-    assert not any(one.ended or one.removes for one in none)
-    assert all(one.ended for one in every)
+    assert not any(one.is_complete or one.removes for one in none)
+    assert all(one.is_complete for one in every)
 
 
 def test_time_runs_out_between_trials() -> None:
@@ -314,10 +313,10 @@ def test_time_runs_out_between_trials() -> None:
     few = [candidate for candidate in CANDIDATES if candidate.name in names]
     answers = iter([math.inf] * 4)  # for nearness, and for three budgets of the first change
     timed = Trial(FAST, left=lambda: next(answers, 0.0))
-    some = remedies([motion], verdict, candidates=few, trial=timed)
-    every = remedies([motion], verdict, candidates=few, trial=Trial(FAST))
+    some = try_fixes([motion], verdict, candidates=few, trial=timed)
+    every = try_fixes([motion], verdict, candidates=few, trial=Trial(FAST))
     whole = {one.name: one.removes for one in every}
-    ended = {one.name: one.removes for one in some if one.ended}
+    ended = {one.name: one.removes for one in some if one.is_complete}
     assert 0 < len(ended) < len(some)
     assert ended.items() <= whole.items()
 
@@ -325,7 +324,7 @@ def test_time_runs_out_between_trials() -> None:
 def test_a_change_that_moves_the_model_as_another_is_tried_once() -> None:
     """Of motors and damped joints, implicitfast makes what Euler with its damping does."""
     motion = walker(0.02)
-    verdict = judge(error_budget([motion], rows=[], settings=FAST), within=1e-3)
-    tried = {one.name for one in remedies([motion], verdict, trial=Trial(FAST))}
+    verdict = judge(error_budget([motion], rows=[], settings=FAST), tolerance=1e-3)
+    tried = {one.name for one in try_fixes([motion], verdict, trial=Trial(FAST))}
     assert "half the step" in tried
     assert not {"implicitfast", "implicitfast at half the step"} & tried

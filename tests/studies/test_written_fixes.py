@@ -8,8 +8,8 @@ import pytest
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.model_writer import write_model
 from contactlab.schema.evidence import Setting
-from contactlab.schema.examination import ModelChange
-from contactlab.studies.examine.changes import edits_of
+from contactlab.schema.examination import Fix
+from contactlab.studies.examine.fixes import edits_of
 
 HINGE = """<mujoco><worldbody><body><joint name="hinge" range="-10 10" solreflimit=".04 1"/>
 <geom size=".1" pos=".2 0 0"/></body></worldbody></mujoco>"""
@@ -24,9 +24,10 @@ def test_numbers_that_a_report_has_as_text_are_numbers_again(
 ) -> None:
     file = tmp_path / "hinge.xml"
     file.write_text(HINGE)
-    change = ModelChange(
-        name="", physics=True, accept="", settings=settings, share=None, apart=None, before=None,
-        price=None, lines=(),
+    change = Fix(
+        name="", changes_model=True, apply="", settings=settings, error=None,
+        distance_to_reference=None, distance_before=None,
+        time_ratio=None, lines=(),
     )  # fmt: skip
     scene = SceneLoader(tmp_path).open(str(file)).with_effects("all")
     written = write_model(scene, edits_of(change, scene), tmp_path / "changed")

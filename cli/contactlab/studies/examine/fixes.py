@@ -1,4 +1,4 @@
-"""Changes that pay: those that remove what a verdict names, as lines of the model's files."""
+"""Finds fixes: changes that remove the cause of a verdict, as lines of the model's files."""
 
 import copy
 import math
@@ -12,10 +12,9 @@ from typing import Literal, NamedTuple
 
 import mujoco
 
-from contactlab.budget import Motion, Remedy, Trial, Verdict, error_budget, judge, remedies
-from contactlab.budget.measuring import evaluations, pace, steps_of
-from contactlab.budget.physical import field_changes
-from contactlab.budget.remedies import (
+from contactlab.budget import Motion, Trial, TriedFix, Verdict, error_budget, judge, try_fixes
+from contactlab.budget.field_changes import field_changes
+from contactlab.budget.fixes import (
     CANDIDATES,
     MARGIN,
     NO_EDITS,
@@ -32,25 +31,27 @@ from contactlab.budget.remedies import (
     options_changed,
     without_margins,
 )
-from contactlab.budget.report import remedy_report
-from contactlab.budget.verdict import Reason, Word
+from contactlab.budget.measuring import evaluations, pace, steps_of
+from contactlab.budget.report import fix_report
+from contactlab.budget.rows import RUN
+from contactlab.budget.verdict import Reason, VerdictWord
 from contactlab.budget.windows import joint_name
 from contactlab.errors import SceneError
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.scene.scene import Scene
-from contactlab.schema.examination import MOST_CHANGES, ModelChange, RunLabel
+from contactlab.schema.examination import MOST_FIXES, Fix, RunLabel
 from contactlab.schema.task import Task
 from contactlab.studies.examine.facts import facts
-from contactlab.studies.examine.primitives import primitives
-from contactlab.studies.examine.separated import separated
+from contactlab.studies.examine.primitive_fixes import primitives
+from contactlab.studies.examine.start_fixes import separated
 from contactlab.studies.examine.task_motions import Change, as_it_is
 from contactlab.studies.session import Values
 
 Removes = Literal["verdict", "labels", "overlap"]
 _OF_MARGINS = ("contact_at_distance",)
-_RUNS = 3  # a run, and one of half its step beside it
-_FINEST = 64  # most steps in one of the run's that are tried
+_RUNS = 3  # a run, and one with half its step, which has twice the steps
+_FINEST = 64  # most steps per step of the run that are tried
 _HALF = "half the step"
 _FINER_STEPS = (_HALF, "a quarter of the step", "an eighth of the step")
 _OF_SOLVERS = ("solver_nonconvergence", "solver_inconsistent")
@@ -66,41 +67,41 @@ SOFT_ROWS = {
     "broken": ("contact softness",),
     "constraint_violated": ("limit softness", "equality softness"),
 }
-"""Labels of what is too soft, and the rows of the budget that its changes are of."""
+"""Labels of parts that are too soft, and the rows of the budget that stiffen these parts."""
 
 
-def fresh(task: Task) -> Task:
-    """Return a task whose seeds no change was chosen by."""
+def with_new_seeds(task: Task) -> Task:
+    """Return the task with unused seeds."""
     count = max(task.seeds) + 1
     return task.model_copy(update={"seeds": tuple(seed + count for seed in task.seeds)})
 
 
-def edits_of(change: ModelChange, scene: Scene) -> ModelEdits:
-    """Return how a change that a report tells of is written into a scene's model."""
-    axes = {name: scene.catalogue.find(name) for name in change.settings}
+def edits_of(fix: Fix, scene: Scene) -> ModelEdits:
+    """Return the edits of a reported fix to a scene's model."""
+    axes = {name: scene.catalogue.find(name) for name in fix.settings}
     return ModelEdits(
         {
-            name: axis.parse(change.settings[name]) if axis else change.settings[name]
+            name: axis.parse(fix.settings[name]) if axis else fix.settings[name]
             for name, axis in axes.items()
         },
-        excluded=change.excluded,
-        freed=change.freed,
-        fitted=change.fitted,
-        posed=change.posed,
+        excluded=fix.excluded_pairs,
+        freed=fix.added_free_joints,
+        fitted=fix.replaced_meshes,
+        posed=fix.changed_keyframes,
     )
 
 
 Moved = Callable[[Values, Change, Path | None], Iterable[Sequence[Motion]]]
-"""Returns motions with settings and a changed model, of the scene or of a file in its place."""
+"""Returns motions with settings and a changed model, of the scene or of a file."""
 
 
-class Again(NamedTuple):
-    """How a task is done again, on its seeds and on fresh ones.
+class TaskRepeats(NamedTuple):
+    """How a task is repeated, on its seeds and on new ones.
 
     Attributes:
         moved: returns its motions.
-        labelled: yields the labels of its first run with settings, then of all of them.
-        labels: those of its runs as they are.
+        labelled: yields the labels of its first run with settings, then of all runs.
+        labels: labels of the runs as written.
     """
 
     moved: Moved
@@ -108,8 +109,8 @@ class Again(NamedTuple):
     labels: Sequence[RunLabel] = ()
 
 
-class Changes:
-    """What may mend a model, and what was found to."""
+class FixSearch:
+    """Searches fixes of a model."""
 
     def __init__(
         self,
@@ -118,28 +119,29 @@ class Changes:
         motions: Sequence[Motion],
         verdict: Verdict,
         trial: Trial,
-        again: Again,
+        repeats: TaskRepeats,
     ) -> None:
-        """Try all that a verdict points to, until enough of it removes the verdict."""
+        """Try the candidates against a verdict until enough of them remove it."""
         self._folder = Path(mkdtemp(prefix="contactlab-"))  # of models with other states
         weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
         self._others = dict[str, Path]()
         self._scene, self._values = scene, values
         self._motions, self._verdict = motions, verdict
-        self._again, self._limits = again, trial
+        self._repeats, self._limits = repeats, trial
         others = (
             *separated(scene, values, motions, verdict),
             *primitives(scene, values, motions, verdict),
         )
         physical = [*filter(self._can_begin, others)]
         self._candidates = (*candidates_against(motions, verdict), *physical)
-        found = remedies(motions, verdict, candidates=self._candidates, trial=self._trial)
-        ended = [remedy for remedy in found if remedy.ended]
-        self.untried = [remedy.name for remedy in found if not remedy.ended]
-        self.helping = self._by_labels([remedy for remedy in ended if remedy.removes])
-        self.tried = [*self.helping, *(remedy for remedy in ended if not remedy.removes)]
-        self.unlabelling = [] if self.helping else [*self._unlabelling()]
-        known = {remedy.name for remedy in self.helping} | {*self.untried}
+        found = try_fixes(motions, verdict, candidates=self._candidates, trial=self._trial)
+        ended = [fix for fix in found if fix.is_complete]
+        self.not_tried = [fix.name for fix in found if not fix.is_complete]
+        self.helping = self._by_labels([fix for fix in ended if fix.removes])
+        self.tried = [*self.helping, *(fix for fix in ended if not fix.removes)]
+        self.label_trials = 0
+        self.without_labels = [] if self.helping else [*self._without_labels()]
+        known = {fix.name for fix in self.helping} | {*self.not_tried}
         self._parting = [
             candidate
             for candidate in physical
@@ -148,58 +150,58 @@ class Changes:
 
     @property
     def _trial(self) -> Trial:
-        """How changes are tried: made when asked for, since it refers to this object."""
+        """How candidates are tried; made on demand, since it refers to this object."""
         return replace(self._limits, moved=self._motions_of)
 
-    def _by_labels(self, helping: Sequence[Remedy]) -> list[Remedy]:
-        """Return what helps, led by a change that leaves no label either, if there is one.
+    def _by_labels(self, helping: Sequence[TriedFix]) -> list[TriedFix]:
+        """Return the fixes, led by one that leaves no label, if there is one.
 
-        Where all leave some, it is the first at a finer step, or with what its labels call for.
+        If all leave labels, it is the first one at a finer step, or joined with a fix of labels.
         """
-        if helping and (not self._again.labels or helping[0].edits.mends_start):
+        if helping and (not self._repeats.labels or helping[0].edits.mends_start):
             return [*helping]
-        base, left = None, self._again.labels
-        for remedy in helping:
-            candidate = self._named(remedy.name)
-            if (labels := self._labels_with(remedy, candidate.rate)) is None:
+        base, left = None, self._repeats.labels
+        for fix in helping:
+            candidate = self._named(fix.name)
+            if (labels := self._labels_with(fix, candidate.rate)) is None:
                 continue
             if not labels:
-                return [remedy, *(other for other in helping if other is not remedy)]
+                return [fix, *(other for other in helping if other is not fix)]
             if base is None:
                 base, left = candidate, labels
         for candidate in self._further(base, left) if base or not helping else ():
             trial = replace(self._trial, most=None)
-            tried = remedies(self._motions, self._verdict, candidates=[candidate], trial=trial)
+            tried = try_fixes(self._motions, self._verdict, candidates=[candidate], trial=trial)
             if any(self._labels_with(one, candidate.rate) == () for one in tried if one.removes):
                 self._candidates = (*self._candidates, candidate)
                 return [*tried, *helping]
         return [*helping]
 
-    def _labels_with(self, remedy: Remedy, rate: int) -> Sequence[RunLabel] | None:
-        """Return the labels of both groups of seeds with a change.
+    def _labels_with(self, fix: TriedFix, rate: int) -> Sequence[RunLabel] | None:
+        """Return the labels of both groups of seeds with a fix.
 
-        None where settings do not make it, or where there is no time for the runs, each beside one
-        of half its step.
+        None if the fix is not one of settings, or if there is no time for the runs, each with a
+        second one of half its step.
         """
         steps = 2 * _RUNS * rate * steps_of(self._motions)
-        if remedy.edits.fitted or steps * pace(self._motions) > self._trial.left():
+        if fix.edits.fitted or steps * pace(self._motions) > self._trial.left():
             return None
-        *_, labels = self._again.labelled({**self._values, **remedy.edits.settings})
+        *_, labels = self._repeats.labelled({**self._values, **fix.edits.settings})
         return tuple(labels)
 
     def _named(self, name: str) -> Candidate:
         return next(candidate for candidate in self._candidates if candidate.name == name)
 
     def _further(self, base: Candidate | None, labels: Sequence[RunLabel]) -> Iterator[Candidate]:
-        """Yield changes that go further than one that leaves labels, or than none."""
+        """Yield candidates that go further than a fix that leaves labels, or than none."""
         verdict, word = self._verdict, self._verdict.word
-        if base is None and word != "unresolved":
+        if base is None and word != "inaccurate":
             return
-        wanted: Word = "model" if word == "model" else "unresolved"
+        wanted: VerdictWord = "depends" if word == "depends" else "inaccurate"
         physical = [
             replace(candidate, word=wanted)
             for candidate in candidates_against_labels(self._motions, verdict, labels)
-            if candidate.physics
+            if candidate.changes_model
         ]
         if base is None:
             (half,) = (one for one in CANDIDATES if one.name == _HALF)
@@ -212,37 +214,40 @@ class Changes:
         if not kinds <= {*SOFT_ROWS, *_OF_MARGINS}:
             yield from (finer(base, times) for times in (2, 4) if base.rate * times <= _FINEST)
         for candidate in physical:
-            if candidate.accept == MARGIN:
+            if candidate.apply == MARGIN:
                 yield candidate
             yield joined([base, candidate])
 
-    def _unlabelling(self) -> Iterator[Remedy]:
-        """Yield the first changes of computation and of physics by which no run has a label."""
-        if self._verdict.word not in ("sound", "model"):
+    def _without_labels(self) -> Iterator[TriedFix]:
+        """Yield the first fix of each kind (same model, other model) that leaves no label."""
+        if self._verdict.word not in ("ok", "depends"):
             return
         kinds = set[bool]()
-        candidates = candidates_against_labels(self._motions, self._verdict, self._again.labels)
+        candidates = candidates_against_labels(self._motions, self._verdict, self._repeats.labels)
         for candidate in candidates:
-            if candidate.physics in kinds:
+            if candidate.changes_model in kinds:
                 continue
             if not self._affords(candidate.rate):
-                self.untried.append(candidate.name)
+                self.not_tried.append(candidate.name)
                 continue
             model = self._motions[0].model
             options = options_changed(model, changed_model(model, candidate))
             edits = replace(candidate.edits, settings={**options, **candidate.edits.settings})
-            if any(self._again.labelled({**self._values, **edits.settings})):
+            self.label_trials += 1
+            if any(self._repeats.labelled({**self._values, **edits.settings})):
                 continue
             if all(self._is_no_worse(motions) for motions in self._motions_of(candidate)):
-                kinds.add(candidate.physics)
+                kinds.add(candidate.changes_model)
                 yield _untimed(candidate, self._verdict.word, edits, removes=True)
 
     def _motions_of(self, candidate: Candidate) -> Iterable[Sequence[Motion]]:
-        """Return the task's motions of a changed model, which begin as the task does."""
+        """Return the motions of a changed model under the task."""
         model = self._motions[0].model
         options = options_changed(model, changed_model(model, candidate))
         if not candidate.same_states:
-            return self._again.moved({**self._values, **options}, as_it_is, self._other(candidate))
+            return self._repeats.moved(
+                {**self._values, **options}, as_it_is, self._other(candidate)
+            )
 
         def change(own: mujoco.MjModel) -> mujoco.MjModel:
             made = copy.copy(candidate.compiled or own)
@@ -250,55 +255,55 @@ class Changes:
             made.opt.timestep = own.opt.timestep
             return made
 
-        return self._again.moved({**self._values, **options}, change, None)
+        return self._repeats.moved({**self._values, **options}, change, None)
 
     def _can_begin(self, candidate: Candidate) -> bool:
-        """Return whether the changed model has states to begin in: its own need its file."""
+        """Return whether the changed model has states to begin in."""
         try:
             return candidate.same_states or self._other(candidate).is_file()
         except SceneError:
             return False
 
     def _other(self, candidate: Candidate) -> Path:
-        """Return the file of a changed model whose states are others; it is written once."""
+        """Return the file of a changed model with other states; it is written once."""
         if candidate.name not in self._others:
             folder = self._folder / str(len(self._others))
             self._others[candidate.name] = self._written(candidate.edits, folder, "").path
         return self._others[candidate.name]
 
-    def told(self) -> tuple[ModelChange, ...]:
-        """Return those that are told: at most three, all that are wanted, and what parts links."""
+    def reported_fixes(self) -> tuple[Fix, ...]:
+        """Return at most three fixes, all requested ones, and those that separate bodies."""
         shown = [
-            remedy
-            for place, remedy in enumerate(self.helping)
-            if place < MOST_CHANGES or remedy.accept in self._trial.wanted
+            fix
+            for place, fix in enumerate(self.helping)
+            if place < MOST_FIXES or fix.apply in self._trial.requested
         ]
         parting = [
             _untimed(candidate, self._verdict.word, candidate.edits, removes=False)
             for candidate in self._parting
         ]
-        found: dict[Removes, Sequence[Remedy]] = {
+        found: dict[Removes, Sequence[TriedFix]] = {
             "verdict": shown,
-            "labels": self.unlabelling,
+            "labels": self.without_labels,
             "overlap": parting,
         }
-        return tuple(self._change(one, what) for what, some in found.items() for one in some)
+        return tuple(self._report(one, what) for what, some in found.items() for one in some)
 
     def _parts(self, candidate: Candidate) -> bool:
-        """Return whether a change leaves no overlap and no absurd force, and no worse verdict."""
-        absurd = _absurd(self._motions)
+        """Return whether a fix leaves no overlap, no extreme force and no worse verdict."""
+        absurd = _start_faults(self._motions)
         if not absurd:
             return False
         if not self._affords(candidate.rate):
-            self.untried.append(candidate.name)
+            self.not_tried.append(candidate.name)
             return False
         return all(
-            not absurd & _absurd(motions) and self._is_no_worse(motions)
+            not absurd & _start_faults(motions) and self._is_no_worse(motions)
             for motions in self._motions_of(candidate)
         )
 
     def _affords(self, rate: int) -> bool:
-        """Return whether there is time for a budget with so many steps in one of the run's.
+        """Return whether there is time for a budget with `rate` steps per step of the run.
 
         It is measured on both groups of seeds.
         """
@@ -307,35 +312,35 @@ class Changes:
         return looks * steps * pace(self._motions) <= self._trial.left()
 
     def _is_no_worse(self, motions: Sequence[Motion]) -> bool:
-        settings = replace(self._trial.settings, places=False, priced=False)
+        settings = replace(self._trial.settings, places=False, timed=False)
         budget = error_budget(motions, rows=(), settings=settings, workers=self._trial.workers)
-        word = judge(budget, self._verdict.within).word
-        return word == "sound" or self._verdict.word in ("unresolved", "not resolved")
+        word = judge(budget, self._verdict.tolerance).word
+        return word == "ok" or self._verdict.word in ("inaccurate", "undecided")
 
-    def _change(self, remedy: Remedy, removes: Removes) -> ModelChange:
-        lines, unwritten = tuple[str, ...](), ""
+    def _report(self, fix: TriedFix, removes: Removes) -> Fix:
+        lines, no_patch_reason = tuple[str, ...](), ""
         with TemporaryDirectory(prefix="contactlab-") as folder:
             try:
-                lines = self._written(remedy.edits, Path(folder) / "changed", "").lines
+                lines = self._written(fix.edits, Path(folder) / "changed", "").lines
             except SceneError as error:
-                unwritten = str(error).splitlines()[0]
-        tried = remedy_report(remedy)
-        return ModelChange(
+                no_patch_reason = str(error).splitlines()[0]
+        tried = fix_report(fix)
+        return Fix(
             name=tried.name,
-            physics=tried.physics,
-            accept=remedy.accept,
+            changes_model=tried.changes_model,
+            apply=fix.apply,
             removes=removes,
             settings=tried.settings,
-            excluded=remedy.edits.excluded,
-            freed=remedy.edits.freed,
-            fitted=remedy.edits.fitted,
-            posed=remedy.edits.posed,
-            share=tried.share,
-            apart=tried.apart,
-            before=tried.before,
-            price=tried.price,
+            excluded_pairs=fix.edits.excluded,
+            added_free_joints=fix.edits.freed,
+            replaced_meshes=fix.edits.fitted,
+            changed_keyframes=fix.edits.posed,
+            error=tried.error,
+            distance_to_reference=tried.distance_to_reference,
+            distance_before=tried.distance_before,
+            time_ratio=tried.time_ratio,
             lines=lines,
-            unwritten=unwritten,
+            no_patch_reason=no_patch_reason,
         )
 
     def _written(self, edits: ModelEdits, folder: Path, name: str) -> WrittenModel:
@@ -344,14 +349,14 @@ class Changes:
         return write_model(self._scene, whole, folder, name)
 
     def write(self, file: Path) -> tuple[Path | None, str]:
-        """Write the model with what is accepted, or else the first change of computation.
+        """Write the model with the requested fixes, or with the first that keeps the model.
 
-        Several are judged together first.
+        Several fixes are judged together first.
 
         Returns:
-            where the model is, which may be in a folder beside others that it includes; None if it
+            the file of the model, which may be in a folder with files that it includes; None if it
             was not written.
-            why not, or "".
+            the reason why not, or "".
 
         Raises:
             OutputError: the file cannot be written.
@@ -365,50 +370,50 @@ class Changes:
             return None, str(error).splitlines()[0]
 
     def _to_write(self) -> tuple[ModelEdits, str]:
-        """Return what is written, or why nothing is."""
-        helping = [*self.helping, *self.unlabelling]
-        numerical = [remedy for remedy in helping if not remedy.physics]
-        wanted = {*self._trial.wanted}
-        for remedy in self.unlabelling:
-            if wanted == {remedy.accept}:
-                return remedy.edits, ""
-        if not self._trial.wanted:
+        """Return the edits to write, or why there are none."""
+        helping = [*self.helping, *self.without_labels]
+        numerical = [fix for fix in helping if not fix.changes_model]
+        wanted = {*self._trial.requested}
+        for fix in self.without_labels:
+            if wanted == {fix.apply}:
+                return fix.edits, ""
+        if not self._trial.requested:
             return (numerical[0].edits, "") if numerical else (NO_EDITS, self._why_none(helping))
-        by_word = {candidate.accept: candidate for candidate in self._candidates}
-        unknown = [word for word in self._trial.wanted if word not in by_word]
+        by_word = {candidate.apply: candidate for candidate in self._candidates}
+        unknown = [word for word in self._trial.requested if word not in by_word]
         if unknown:
             known = ", ".join(word for word in by_word if word) or "none"
-            return NO_EDITS, f"no change is called {unknown[0]} here; those tried: {known}"
-        accepted = [by_word[word] for word in dict.fromkeys(self._trial.wanted)]
+            return NO_EDITS, f"no fix is called {unknown[0]}; write one of: {known}"
+        accepted = [by_word[word] for word in dict.fromkeys(self._trial.requested)]
         others = [one for one in self._candidates if one.name in {two.name for two in numerical}]
         trial = replace(self._trial, most=None, left=lambda: math.inf)
         for candidates in (accepted, *([*accepted, other] for other in others)):
             whole = joined(candidates)
-            tried = remedies(self._motions, self._verdict, candidates=[whole], trial=trial)
+            tried = try_fixes(self._motions, self._verdict, candidates=[whole], trial=trial)
             if tried and tried[0].removes:
                 return tried[0].edits, ""
         if self._parts(whole := joined(accepted)):
             return whole.edits, ""
-        return NO_EDITS, "what is accepted does not remove what the verdict names"
+        return NO_EDITS, "the applied fixes do not remove the cause of the verdict"
 
-    def _why_none(self, helping: Sequence[Remedy]) -> str:
-        """Return why no change of computation is written."""
-        more = ", ".join(remedy.accept for remedy in helping)
-        hint = f"; accept another model by --accept {more}" if more else ""
-        if self._verdict.word == "sound" and not self._again.labels:
-            return f"the model is sound as it is{hint}"
-        return f"no change of how the model is computed removes what the verdict names{hint}"
+    def _why_none(self, helping: Sequence[TriedFix]) -> str:
+        """Return why no fix is written that keeps the model."""
+        more = ", ".join(fix.apply for fix in helping)
+        hint = f"; a fix that changes the model is written with --apply {more}" if more else ""
+        if self._verdict.word == "ok" and not self._repeats.labels:
+            return f"no fix is needed{hint}"
+        return f"no fix that keeps the model removes the cause of the verdict{hint}"
 
 
 def candidates_against_labels(
     motions: Sequence[Motion], verdict: Verdict, labels: Sequence[RunLabel]
 ) -> tuple[Candidate, ...]:
-    """Return changes that may keep labels from runs, which are tried in their order.
+    """Return candidates that may remove labels, in the order of their trials.
 
-    A solver that goes on where it was not done, and elliptic cones where forces differ and friction
-    has pyramids, which cost little time, then finer steps. Then those that make another model:
-    contacts that bear at no distance; stiffer contacts, limits and equalities of what labels name,
-    and of all; servos that the step holds.
+    First a solver with more iterations, and elliptic cones if forces differ and friction has
+    pyramids, since they cost little time; then finer steps. Then candidates that make another
+    model: no contact margins; stiffer contacts, limits and equalities of the parts that labels
+    name, and of all; servos that the step can hold.
     """
     if not labels:
         return ()
@@ -422,33 +427,38 @@ def candidates_against_labels(
         computed.insert(0, _SOLVED)
     if kinds & {*_OF_SLEEP}:
         computed.insert(0, _AWAKE)
-    if kinds & {*_OF_ENERGY} and all(RUNGE_KUTTA.new(motion.model) for motion in motions):
+    if kinds & {*_OF_ENERGY} and all(RUNGE_KUTTA.is_applicable(motion.model) for motion in motions):
         computed.append(RUNGE_KUTTA)
     soft = tuple(_softness(model, verdict, labels))
-    stiffer = field_changes(motions, Verdict("model", verdict.within, soft)) if soft else ()
+    stiffer = field_changes(motions, Verdict("depends", verdict.tolerance, soft)) if soft else ()
     stiffer = (*stiffer, *harder(model, stiffer))
     driven = tuple(_of_joints(model, labels))
-    slower = field_changes(motions, Verdict("unresolved", verdict.within, driven)) if driven else ()
+    slower = (
+        field_changes(motions, Verdict("inaccurate", verdict.tolerance, driven)) if driven else ()
+    )
     margins = without_margins(model) if kinds & {*_OF_MARGINS, *_OF_ENERGY} else ()
     return (
         *(replace(candidate, word=word) for candidate in computed),
-        *(of_fields(change, word, nearer=False) for change in (*margins, *stiffer, *slower)),
+        *(
+            of_fields(change, word, must_come_nearer=False)
+            for change in (*margins, *stiffer, *slower)
+        ),
     )
 
 
 def _softness(
     model: mujoco.MjModel, verdict: Verdict, labels: Sequence[RunLabel]
 ) -> Iterator[Reason]:
-    """Yield a reason for each row of the model that a label of softness is of, and its places."""
-    shares = {reason.row: reason.share for reason in reversed(verdict.reasons)}
+    """Yield a reason for each modeling choice that a label of softness concerns, and its places."""
+    shares = {reason.row: reason.error for reason in reversed(verdict.reasons)}
     for label in labels:
         for row in SOFT_ROWS.get(label.label, ()):
             for place in _places_of(model, label, row) or [""]:
-                yield _reason("model", label, row, shares.get(row, math.inf), place)
+                yield _reason("depends", label, row, shares.get(row, math.inf), place)
 
 
 def _places_of(model: mujoco.MjModel, label: RunLabel, row: str) -> list[str]:
-    """Return the contact, or the joints with limits, that a label of softness is of, if known."""
+    """Return the contact, or the joints with limits, that a label of softness concerns."""
     if row == "contact softness":
         bodies = ("world", *label.bodies)[-2:] if label.bodies else ()
         return [f"contact {' - '.join(bodies)}"] if bodies else []
@@ -457,12 +467,12 @@ def _places_of(model: mujoco.MjModel, label: RunLabel, row: str) -> list[str]:
 
 
 def _of_joints(model: mujoco.MjModel, labels: Sequence[RunLabel]) -> Iterator[Reason]:
-    """Yield a reason for each joint of a body that labels of numerics name."""
+    """Yield a reason for each joint of a body that numerical labels name."""
     for label in labels:
         if label.label in SOFT_ROWS or label.label in _OF_MARGINS:
             continue
         for joint in _joints_of(model, label):
-            yield _reason("unresolved", label, "run", math.inf, joint_name(model, joint))
+            yield _reason("inaccurate", label, RUN.name, math.inf, joint_name(model, joint))
 
 
 def _joints_of(model: mujoco.MjModel, label: RunLabel) -> Iterator[int]:
@@ -472,27 +482,29 @@ def _joints_of(model: mujoco.MjModel, label: RunLabel) -> Iterator[int]:
         yield from range(first, first + count)
 
 
-def _reason(word: Word, label: RunLabel, row: str, share: float, place: str) -> Reason:
+def _reason(word: VerdictWord, label: RunLabel, row: str, share: float, place: str) -> Reason:
     body, time = next(iter(label.bodies), ""), label.time or 0.0
     return Reason(word, label.phase, row, share, body, place, time, label.reason)
 
 
-def _untimed(candidate: Candidate, word: Word, edits: ModelEdits, *, removes: bool) -> Remedy:
-    """Return a change that no share was measured of."""
-    return Remedy(
+def _untimed(
+    candidate: Candidate, word: VerdictWord, edits: ModelEdits, *, removes: bool
+) -> TriedFix:
+    """Return a fix without a measured error."""
+    return TriedFix(
         candidate.name,
         removes=removes,
         word=word,
-        share=math.nan,
-        price=None,
+        error=math.nan,
+        time_ratio=None,
         edits=edits,
-        accept=candidate.accept,
-        apart=math.nan,
-        before=math.nan,
+        apply=candidate.apply,
+        distance=math.nan,
+        distance_before=math.nan,
     )
 
 
-def _absurd(motions: Sequence[Motion]) -> set[str]:
-    """Return the kinds of facts that say that links are in each other, or press absurdly."""
+def _start_faults(motions: Sequence[Motion]) -> set[str]:
+    """Return the kinds of facts about overlaps at the start and extreme forces."""
     found = {fact.kind for fact in facts(motions, [0.0] * len(motions))}
     return {kind for kind in found if kind in ("overlap", "force")}

@@ -71,11 +71,11 @@ class FieldChange:
 def field_changes(motions: Sequence[Motion], verdict: Verdict) -> tuple[FieldChange, ...]:
     """Return changes of fields against a verdict; none where its reasons point to none."""
     motion, word = motions[0], verdict.word
-    if word == "sound":
+    if word == "ok":
         return ()
     reasons = [reason for reason in verdict.reasons if reason.word == verdict.reasons[0].word]
-    if word == "model":
-        return tuple(_stiffer(motion.model, reasons, verdict.within))
+    if word == "depends":
+        return tuple(_stiffer(motion.model, reasons, verdict.tolerance))
     return tuple(_slower_servos(motion, reasons))
 
 
@@ -271,7 +271,7 @@ _SOFT: Mapping[str, Sequence[str]] = {
 
 
 def _stiffer(
-    model: mujoco.MjModel, reasons: Sequence[Reason], within: float
+    model: mujoco.MjModel, reasons: Sequence[Reason], tolerance: float
 ) -> Iterator[FieldChange]:
     """Yield a shorter solref of the parts that are named, and of all of their kind.
 
@@ -283,7 +283,7 @@ def _stiffer(
     soft = [reason for reason in reasons if reason.row in _SOFT]
     if not soft:
         return
-    excess = max(reason.share for reason in soft) / within
+    excess = max(reason.error for reason in soft) / tolerance
     times = 2 ** max(1, math.ceil(math.log2(excess) / 2)) if math.isfinite(excess) else 2
     parts = list(dict.fromkeys(part for reason in soft for part in _named_parts(model, reason)))
     kinds = list(dict.fromkeys(reason.row.removesuffix(" softness") for reason in soft))

@@ -9,16 +9,16 @@ import pytest
 from tests.budget.test_rows import servo
 from tests.budget_motions import motion_of, walker
 
-from contactlab.budget import Motion, Settings, Trial, error_budget, judge, remedies
-from contactlab.budget.nearness import FINEST, Rival, nearness
-from contactlab.budget.physical import FieldChange, field_changes, joint_inertias
-from contactlab.budget.verdict import Reason, Verdict, Word
+from contactlab.budget import Motion, Settings, Trial, error_budget, judge, try_fixes
+from contactlab.budget.field_changes import FieldChange, field_changes, joint_inertias
+from contactlab.budget.reference_distance import FINEST, ChangedModel, distances_to_reference
+from contactlab.budget.verdict import Reason, Verdict, VerdictWord
 
 FAST = Settings(energy=False)
 
 
 def against(
-    motion: Motion, place: str, word: Word = "unresolved", row: str = "run"
+    motion: Motion, place: str, word: VerdictWord = "inaccurate", row: str = "numerical error"
 ) -> dict[str, FieldChange]:
     reason = Reason(word, motion.name, row, 0.5, "", place, 0.0, "")
     found = field_changes([motion], Verdict(word, 0.1, (reason,)))
@@ -117,18 +117,18 @@ def test_each_holds_the_servo_and_comes_nearer(word: str) -> None:
     """The knee is unstable at 5 ms; each change alone removes that, judged by a budget."""
     motion = servo()
     verdict = judge(error_budget([motion], rows=[], settings=FAST))
-    tried = remedies([motion], verdict, trial=Trial(FAST, most=0, wanted=[word]))
-    (found,) = (remedy for remedy in tried if remedy.accept == word)
+    tried = try_fixes([motion], verdict, trial=Trial(FAST, most=0, requested=[word]))
+    (found,) = (remedy for remedy in tried if remedy.apply == word)
     assert found.removes
-    assert found.physics
-    assert found.apart < found.before
+    assert found.changes_model
+    assert found.distance < found.distance_before
     assert found.edits.settings
 
 
 def test_a_quarter_of_the_solref_is_of_the_named_joint_alone() -> None:
     """What gives goes with its square: of five times the tolerance a sixteenth is left."""
     motion = walker(seconds=0.1)
-    found = against(motion, "joint knee", "model", "limit softness")
+    found = against(motion, "joint knee", "depends", "limit softness")
     model = made(motion, found["solref"])
     changed = np.flatnonzero((model.jnt_solref != motion.model.jnt_solref).any(axis=1))
     assert changed.tolist() == [int(motion.model.joint("knee").id)]
@@ -149,12 +149,12 @@ def test_the_step_holds_a_shorter_time_constant() -> None:
     motion = walker(seconds=0.1)
     model = copy.copy(motion.model)
     model.jnt_solref[:, 0] = 3 * model.opt.timestep
-    found = against(replace(motion, model=model), "joint knee", "model", "limit softness")
+    found = against(replace(motion, model=model), "joint knee", "depends", "limit softness")
     assert found["solref"].rate == 4
     assert found["solref"].values[0].value == (0.75 * model.opt.timestep, 1)
     assert found["solref"].after == ()
     model.jnt_solref[:, 0] = 100 * model.opt.timestep
-    longer = against(replace(motion, model=model), "joint knee", "model", "limit softness")
+    longer = against(replace(motion, model=model), "joint knee", "depends", "limit softness")
     assert longer["solref-16"].after == (longer["solref"].phrase,)
 
 
@@ -163,14 +163,14 @@ def test_what_goes_further_is_as_stiff_as_a_quarter_of_the_step_holds() -> None:
     motion = walker(seconds=0.1)
     model = copy.copy(motion.model)
     model.jnt_solref[:, 0] = 4 * model.opt.timestep
-    found = against(replace(motion, model=model), "joint knee", "model", "limit softness")
+    found = against(replace(motion, model=model), "joint knee", "depends", "limit softness")
     rates = {word: change.rate for word, change in found.items() if "all" not in word}
     assert rates == {"solref": 2, "solref-8": 4}
 
 
 def test_the_solref_of_a_contact_is_of_its_geoms() -> None:
     motion = walker(seconds=0.1)
-    found = against(motion, "contact world - leg", "model", "contact softness")
+    found = against(motion, "contact world - leg", "depends", "contact softness")
     names = {value.axis for value in found["solref"].values}
     assert "geom_solref[floor]" in names
     bodies = {int(motion.model.geom_bodyid[value.place[0]]) for value in found["solref"].values}
@@ -184,13 +184,13 @@ def test_a_finer_step_is_nearer_to_the_finest() -> None:
         fromto="0 0 0 .5 0 0" mass="1" contype="0"/></body></worldbody></mujoco>"""
     motion = motion_of(xml, 0.4)
 
-    def finer(rate: int) -> Rival:
+    def finer(rate: int) -> ChangedModel:
         model = copy.copy(motion.model)
         model.opt.timestep /= rate
-        return Rival(model, rate)
+        return ChangedModel(model, rate)
 
     rates = 1, 2, 4, FINEST
-    apart = nearness(motion, [finer(rate) for rate in rates], settings=FAST)
+    apart = distances_to_reference(motion, [finer(rate) for rate in rates], settings=FAST)
     assert apart == sorted(apart, reverse=True)
     assert apart[0] > 0
     assert apart[-1] == 0

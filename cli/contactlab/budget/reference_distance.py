@@ -30,16 +30,16 @@ FINEST = 8
 
 
 @dataclass(frozen=True)
-class Rival:
+class ChangedModel:
     """A model that is compared with the finest motion; so many of its steps make one of the run."""
 
     model: mujoco.MjModel
     rate: int = 1
 
 
-def nearness(
+def distances_to_reference(
     motion: Motion,
-    rivals: Sequence[Rival],
+    rivals: Sequence[ChangedModel],
     *,
     settings: Settings,
     target: Callable[[mujoco.MjModel], None] = lambda _model: None,
@@ -81,7 +81,7 @@ def nearness(
         real = np.maximum(real, GRAVITY_AS_REAL * motion.usual[bodies] * span[:, None])
     shares = _shares(apart, real)
     counted = [
-        not motion.watched or body_name(motion.model, int(body)) in motion.watched
+        not motion.observed or body_name(motion.model, int(body)) in motion.observed
         for body in bodies
     ]
     return shares[:, counted].max(axis=1, initial=0).tolist()

@@ -28,7 +28,7 @@ class Stretch(NamedTuple):
     steps: int  # n, of the run
 
 
-def place_of(
+def find_force_place(
     stretch: Stretch, models: tuple[mujoco.MjModel, mujoco.MjModel], timestep: float, body: int
 ) -> str:
     """Return the contact, joint, tendon or equality whose impulse differs most, to the body.

@@ -1,4 +1,4 @@
-"""What removes what a budget finds: changes of settings, each tried by a budget of its own."""
+"""Tries fixes of a reported error: each candidate is evaluated with its own error budget."""
 
 import copy
 import math
@@ -12,27 +12,28 @@ import mujoco
 import numpy as np
 
 from contactlab.budget.error_budget import SETTINGS
-from contactlab.budget.measuring import PhaseMeasure, Settings, evaluations, pace, steps_of
-from contactlab.budget.motion import Motion
-from contactlab.budget.nearness import FINEST, Rival, nearness
-from contactlab.budget.physical import (
+from contactlab.budget.exercised_rows import exercised_rows
+from contactlab.budget.field_changes import (
     PARTS_OF_A_STEP,
     FieldChange,
     FieldValue,
     field_changes,
 )
-from contactlab.budget.prices import Price, prices
+from contactlab.budget.measuring import PhaseMeasure, Settings, evaluations, pace, steps_of
+from contactlab.budget.motion import Motion
 from contactlab.budget.readings import ErrorBudget
+from contactlab.budget.reference_distance import FINEST, ChangedModel, distances_to_reference
 from contactlab.budget.rows import (
     ROWS,
+    RUN,
     go_on,
     has_no_flex,
     raises_time_constants,
     shortest_time_constant,
     used,
 )
-from contactlab.budget.showing import shown_rows
-from contactlab.budget.verdict import Reason, Verdict, Word, judge
+from contactlab.budget.time_ratios import TimeRatio, measure_time_ratios
+from contactlab.budget.verdict import Reason, Verdict, VerdictWord, judge
 from contactlab.budget.windows import replay
 from contactlab.mjcf import OPTIONS
 from contactlab.scene.model_draft import ModelEdits
@@ -45,11 +46,11 @@ _IMPLICITFAST = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
 _IMPLICIT = int(mujoco.mjtIntegrator.mjINT_IMPLICIT)
 _ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
 _SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
-_FINER = 64  # most steps in one of the run's that are tried
-_COARSE = 2  # steps in one of the run's that are tried whatever else helps
-_ALIKE = 1.1  # ratio of costs that are equal
-_SAME = 1e-6  # relative, of shares of motions that differ by rounding
-_HARDEST = 0.9999  # the largest impedance that MuJoCo allows
+_MAX_REFINEMENT = 64  # most steps per step of the run that are tried
+_ALWAYS_TRIED_RATE = 2  # steps per step of the run that are tried even if another fix helps
+_EQUAL_COST_RATIO = 1.1  # the clock does not separate costs that differ by less
+_EQUAL_DISTANCE = 1e-6  # relative difference of distances that is rounding
+_MAX_IMPEDANCE = 0.9999  # the largest impedance that MuJoCo allows
 _SOLREFS = (
     "geom_solref",
     "pair_solref",
@@ -59,93 +60,93 @@ _SOLREFS = (
     "tendon_solref_lim",
     "tendon_solref_fri",
 )
-_SAFE = 0.5  # part of the tolerance that a change is within, with which it is not at its edge
+_SAFE_SHARE = 0.5  # a fix below this share of the tolerance is not at its edge
 NO_EDITS = ModelEdits()
 MARGIN = "margin"
-"""Word of the change by which contacts bear at no distance."""
+"""Name of the fix that removes all contact margins."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A change of a model.
+    """A change of a model that may be a fix.
 
     Attributes:
-        name: as a sentence has it: "half the step removes it".
-        word: the verdict that it is against.
-        change: of a copy of the model.
-        rate: how many of its steps make one of the run's.
-        rows: of the model, which it is worth trying against; any if empty.
-        new: whether it changes a model at all.
-        exercised: a row that the task must exercise; any or none if empty.
-        accept: of what makes another model, not another computation of the same one, the word that
-            accepts it.
-        edits: of what makes another model, how it is written.
-        compiled: of what no copy of a model can have: the changed model.
-        nearer: whether it has to come nearer to the motion as it is at its finest step.
-        within: names of changes that it makes too: where one of them is enough, it is not tried.
+        name: as in "half the step removes it".
+        word: the verdict that it may remove.
+        change: edits a copy of the model.
+        rate: number of its steps per step of the run.
+        rows: modeling choices that it may help with; any if empty.
+        is_applicable: whether it changes a model at all.
+        exercised: a row that the task must exercise; no condition if empty.
+        apply: name for `--apply`, if it makes another model instead of computing the same one
+            differently; otherwise empty.
+        edits: how another model is written.
+        compiled: the changed model, if a copy of the model cannot be edited into it.
+        must_come_nearer: whether it has to come nearer to the model's motion at its finest step.
+        includes: names of fixes that it includes; if one of them is enough, it is not tried.
     """
 
     name: str
-    word: Word
+    word: VerdictWord
     change: Callable[[mujoco.MjModel], None]
     rate: int = 1
     rows: Sequence[str] = ()
-    new: Callable[[mujoco.MjModel], bool] = lambda _model: True
+    is_applicable: Callable[[mujoco.MjModel], bool] = lambda _model: True
     exercised: str = ""
-    accept: str = ""
+    apply: str = ""
     edits: ModelEdits = NO_EDITS
     compiled: mujoco.MjModel | None = None
-    nearer: bool = True
-    within: Sequence[str] = ()
+    must_come_nearer: bool = True
+    includes: Sequence[str] = ()
 
     @property
-    def physics(self) -> bool:
+    def changes_model(self) -> bool:
         """Whether it makes another model."""
-        return bool(self.accept)
+        return bool(self.apply)
 
     @property
     def same_states(self) -> bool:
-        """Whether the changed model can begin in the states of the one that it is of."""
+        """Whether the changed model can begin in the states of the original one."""
         return not (self.edits.freed or self.edits.posed)
 
 
 @dataclass(frozen=True)
-class Remedy:
-    """A change that was tried.
+class TriedFix:
+    """A fix that was tried.
 
     Attributes:
-        name: of the change.
-        removes: whether nothing is left of the kind of verdict that it was tried against.
-        word: the verdict on the changed model; that on the model as it is, where the change comes
-            no nearer to what is meant and was tried no further.
-        share: of the row that it was tried against, in the worst phase; NaN if it is not exercised.
-        price: its time over that of the model as it is; None where it removes nothing, or where no
-            state of the one is one of the other.
-        edits: all that it changes.
-        accept: as the candidate's.
-        apart: share by which it is apart from the finest motion of the model, or, against a row of
-            the model, of the model with that row's change; NaN where it has other states.
-        before: the same of the model as it is.
-        ended: whether it was tried to its end; not where the time for trials ran out before.
+        name: of the fix.
+        removes: whether it removes the kind of verdict that it was tried against.
+        word: the verdict on the changed model; that on the model as written, if the fix comes no
+            nearer to the reference and was not judged further.
+        error: of the row that it was tried against, in the worst phase; NaN if not exercised.
+        time_ratio: its time over that of the model as written; None if it removes nothing, or if
+            the two models have different states.
+        edits: all edits.
+        apply: as the candidate's.
+        distance: from the finest motion of the model, or, against a modeling choice, of the model
+            with the choice changed, as a share; NaN if it has other states.
+        distance_before: the same of the model as written.
+        is_complete: whether the trial was finished; False if its time ran out.
         safely: whether it removes the verdict under half of the tolerance, too.
     """
 
     name: str
     removes: bool
-    word: Word
-    share: float
-    price: Price | None
+    word: VerdictWord
+    error: float
+    time_ratio: TimeRatio | None
     edits: ModelEdits
-    accept: str
-    apart: float
-    before: float
-    ended: bool = True
+    apply: str
+    distance: float
+    distance_before: float
+    is_complete: bool = True
     safely: bool = False
 
     @property
-    def physics(self) -> bool:
+    def changes_model(self) -> bool:
         """Whether it makes another model."""
-        return bool(self.accept)
+        return bool(self.apply)
 
 
 def _nothing(_model: mujoco.MjModel) -> None:
@@ -182,85 +183,97 @@ def _both(model: mujoco.MjModel) -> None:
     _noslip(model)
 
 
-RUNGE_KUTTA = Candidate("RK4", "unresolved", _integrator(_RK4), new=_is_not(_RK4))
+RUNGE_KUTTA = Candidate("RK4", "inaccurate", _integrator(_RK4), is_applicable=_is_not(_RK4))
 CANDIDATES: tuple[Candidate, ...] = (
     Candidate(
         "no sleep",
-        "unresolved",
+        "inaccurate",
         _awake,
-        new=lambda model: bool(model.opt.enableflags & _SLEEP),
-        nearer=False,  # windows begin awake, and so do not show what sleep takes
+        is_applicable=lambda model: bool(model.opt.enableflags & _SLEEP),
+        must_come_nearer=False,  # windows begin awake, and so do not show what sleep takes
     ),
-    Candidate("Newton with 100 iterations", "unresolved", go_on, exercised="solver"),
-    Candidate("implicitfast", "unresolved", _integrator(_IMPLICITFAST), new=_is_not(_IMPLICITFAST)),
-    Candidate("Euler", "unresolved", _integrator(_EULER), new=_is_not(_EULER)),
-    Candidate("half the step", "unresolved", _nothing, 2),
+    Candidate("Newton with 100 iterations", "inaccurate", go_on, exercised="solver"),
+    Candidate(
+        "implicitfast",
+        "inaccurate",
+        _integrator(_IMPLICITFAST),
+        is_applicable=_is_not(_IMPLICITFAST),
+    ),
+    Candidate("Euler", "inaccurate", _integrator(_EULER), is_applicable=_is_not(_EULER)),
+    Candidate("half the step", "inaccurate", _nothing, 2),
     Candidate(
         "implicitfast at half the step",
-        "unresolved",
+        "inaccurate",
         _integrator(_IMPLICITFAST),
         2,
-        new=_is_not(_IMPLICITFAST),
-        within=("implicitfast", "half the step"),
+        is_applicable=_is_not(_IMPLICITFAST),
+        includes=("implicitfast", "half the step"),
     ),
     RUNGE_KUTTA,
-    Candidate("a quarter of the step", "unresolved", _nothing, 4),
-    Candidate("an eighth of the step", "unresolved", _nothing, 8),
-    Candidate("elliptic cones with impratio 10", "model", _stiff_friction),
+    Candidate("a quarter of the step", "inaccurate", _nothing, 4),
+    Candidate("an eighth of the step", "inaccurate", _nothing, 8),
+    Candidate("elliptic cones with impratio 10", "depends", _stiff_friction),
     Candidate(
         "elliptic cones with impratio 10, and noslip",
-        "model",
+        "depends",
         _both,
-        new=has_no_flex,
-        within=("elliptic cones with impratio 10",),
+        is_applicable=has_no_flex,
+        includes=("elliptic cones with impratio 10",),
     ),
-    Candidate("noslip with 10 iterations", "model", _noslip, rows=("noslip",), new=has_no_flex),
+    Candidate(
+        "noslip with 10 iterations", "depends", _noslip, rows=("noslip",), is_applicable=has_no_flex
+    ),
 )
 
 
 def candidates_against(motions: Sequence[Motion], verdict: Verdict) -> tuple[Candidate, ...]:
-    """Return changes that may help: of computation first, then of the fields of named parts."""
-    word: Word = "model" if verdict.word == "model" else "unresolved"
+    """Return candidates: first changes of the computation, then of fields of named parts."""
+    word: VerdictWord = "depends" if verdict.word == "depends" else "inaccurate"
     model, changes = motions[0].model, field_changes(motions, verdict)
-    hard = harder(model, changes) if word == "model" else ()
-    held = _held_constants(model) if word == "unresolved" and raises_time_constants(model) else ()
-    # A contact that bears before its geoms touch is softer than its solref says.
-    margins = without_margins(model) if word == "model" else ()
-    # Softness of several rows is nearer to none of them.
-    physical = [of_fields(change, word, nearer=word == "unresolved") for change in changes]
+    hard = harder(model, changes) if word == "depends" else ()
+    held = _held_constants(model) if word == "inaccurate" and raises_time_constants(model) else ()
+    # A contact that pushes before its geoms touch is softer than its solref says.
+    margins = without_margins(model) if word == "depends" else ()
+    # A fix of several rows comes nearer to the reference of none of them.
+    physical = [
+        of_fields(change, word, must_come_nearer=word == "inaccurate") for change in changes
+    ]
     return (
         *CANDIDATES,
         *_finer(model, verdict),
         *(
             replace(
-                of_fields(change, word, nearer=False),
+                of_fields(change, word, must_come_nearer=False),
                 rows=("contact softness",),
                 exercised="margin",
             )
             for change in margins
         ),
         *physical,
-        *(of_fields(change, word, nearer=False) for change in hard),
-        *(replace(of_fields(change, word, nearer=False), exercised="refsafe") for change in held),
+        *(of_fields(change, word, must_come_nearer=False) for change in hard),
+        *(
+            replace(of_fields(change, word, must_come_nearer=False), exercised="refsafe")
+            for change in held
+        ),
     )
 
 
-def of_fields(change: FieldChange, word: Word, *, nearer: bool) -> Candidate:
-    """Return a change of fields as one that may be tried."""
+def of_fields(change: FieldChange, word: VerdictWord, *, must_come_nearer: bool) -> Candidate:
+    """Return a candidate that changes fields."""
     return Candidate(
         change.phrase,
         word,
         change.make,
         change.rate,
-        accept=change.word,
+        apply=change.word,
         edits=ModelEdits({value.axis: value.value for value in change.values}),
-        within=change.after,
-        nearer=nearer,
+        includes=change.after,
+        must_come_nearer=must_come_nearer,
     )
 
 
 def without_margins(model: mujoco.MjModel) -> Iterator[FieldChange]:
-    """Yield the change by which no contact bears before its geoms touch."""
+    """Yield the change that removes the margins of all contacts."""
     values = [
         FieldValue(f"{kind}_{part}", (row,), f"{kind}_{part}[{name_of(model, kind, row)}]", 0.0)
         for kind in ("geom", "pair")
@@ -272,9 +285,9 @@ def without_margins(model: mujoco.MjModel) -> Iterator[FieldChange]:
 
 
 def _held_constants(model: mujoco.MjModel) -> Iterator[FieldChange]:
-    """Yield the time constants that the step can hold, two of it, in place of shorter ones.
+    """Yield time constants of two steps in place of shorter ones.
 
-    With refsafe the run has them already, and finer steps another model: this one is what moves.
+    With refsafe the run has them already, and finer steps make another model.
     """
     least = 2 * float(model.opt.timestep)
     values = [
@@ -301,14 +314,13 @@ def _axis(model: mujoco.MjModel, field: str, row: int) -> str:
 def harder(model: mujoco.MjModel, stiffer: Sequence[FieldChange]) -> Iterator[FieldChange]:
     """Yield the impedance that a light part needs under a heavy load, alone and with each solref.
 
-    Under a force f a constraint gives by what goes with (1 - d) / d A f, A being the inverse
-    inertia of what it is of alone: where that bears a thousand times its weight, it is d that has
-    to come near to 1.
+    Under a force f a constraint yields in proportion to (1 - d) / d A f, with the inverse inertia A
+    of the part alone. If the part carries a thousand times its weight, d has to come near to 1.
     """
     alone = {
         change.word: FieldChange(
             change.word.replace("solref", "solimp"),
-            f"solimp {_HARDEST:g} of {change.phrase.partition(' of ')[2].partition(' at ')[0]}",
+            f"solimp {_MAX_IMPEDANCE:g} of {_parts_of(change)}",
             tuple(_hard(model, value) for value in change.values),
         )
         for change in stiffer
@@ -327,34 +339,40 @@ def harder(model: mujoco.MjModel, stiffer: Sequence[FieldChange]) -> Iterator[Fi
             )
 
 
+def _parts_of(change: FieldChange) -> str:
+    return change.phrase.partition(" of ")[2].partition(" at ")[0]
+
+
 def _hard(model: mujoco.MjModel, value: FieldValue) -> FieldValue:
-    """Return the hardest solimp of what a solref is of."""
+    """Return the hardest solimp for the part of a solref."""
     field, axis = (name.replace("solref", "solimp") for name in (value.field, value.axis))
     own = getattr(model, field)[value.place].tolist()
-    return FieldValue(field, value.place, axis, (_HARDEST, _HARDEST, *own[2:]))
+    return FieldValue(field, value.place, axis, (_MAX_IMPEDANCE, _MAX_IMPEDANCE, *own[2:]))
 
 
 def _finer(model: mujoco.MjModel, verdict: Verdict) -> Iterator[Candidate]:
-    """Yield the step that is called for where an eighth is too long.
+    """Yield a step below an eighth of the run's, if one is needed.
 
-    Of time constants that refsafe raises it is half of the shortest; else what a share calls for,
-    which goes with the step.
+    If refsafe raises time constants, it is half of the shortest. Otherwise the error is taken to be
+    proportional to the step.
     """
-    shares = [abs(reason.share) for reason in verdict.reasons if reason.word == "unresolved"]
-    needed = max(filter(math.isfinite, shares), default=0.0) / verdict.within
+    shares = [abs(reason.error) for reason in verdict.reasons if reason.word == "inaccurate"]
+    needed = max(filter(math.isfinite, shares), default=0.0) / verdict.tolerance
     if raises_time_constants(model):
         needed = 2 * float(model.opt.timestep) / shortest_time_constant(model)
-    if verdict.word == "unresolved" and FINEST < needed <= _FINER:
+    if verdict.word == "inaccurate" and FINEST < needed <= _MAX_REFINEMENT:
         rate = math.ceil(needed)
-        yield Candidate(f"1/{rate} of the step", "unresolved", _nothing, rate)
+        yield Candidate(f"1/{rate} of the step", "inaccurate", _nothing, rate)
 
 
 def further(half: Candidate) -> Iterator[Candidate]:
-    """Yield changes of computation for where none of the usual ones is enough, cheapest first.
+    """Yield further changes of the computation, cheapest first, if the usual ones fail.
 
     Gyroscopic forces are explicit in implicitfast as in Euler; `implicit` has their derivatives.
     """
-    yield Candidate("implicit", "unresolved", _integrator(_IMPLICIT), new=_is_not(_IMPLICIT))
+    yield Candidate(
+        "implicit", "inaccurate", _integrator(_IMPLICIT), is_applicable=_is_not(_IMPLICIT)
+    )
     yield finer(RUNGE_KUTTA, 4)
     yield from (finer(half, times) for times in (8, 16))
     yield finer(RUNGE_KUTTA, 16)
@@ -362,16 +380,16 @@ def further(half: Candidate) -> Iterator[Candidate]:
 
 
 def finer(candidate: Candidate, times: int) -> Candidate:
-    """Return a change at so many times as many steps."""
+    """Return a candidate with `times` as many steps."""
     rate = candidate.rate * times
     step = f"{PARTS_OF_A_STEP.get(rate, f'1/{rate} of')} the step"
     alone = candidate.change is _nothing and candidate.edits == NO_EDITS
     name = step if alone else f"{candidate.name.partition(' at ')[0]} at {step}"
-    return replace(candidate, name=name, rate=rate, within=())
+    return replace(candidate, name=name, rate=rate, includes=())
 
 
 def joined(candidates: Sequence[Candidate]) -> Candidate:
-    """Return the change that makes several, one after the other."""
+    """Return the candidate that makes several changes, one after the other."""
 
     def change(model: mujoco.MjModel) -> None:
         for candidate in candidates:
@@ -382,7 +400,7 @@ def joined(candidates: Sequence[Candidate]) -> Candidate:
         candidates[0].word,
         change,
         rate=max(candidate.rate for candidate in candidates),
-        accept=" ".join(candidate.accept for candidate in candidates if candidate.accept),
+        apply=" ".join(candidate.apply for candidate in candidates if candidate.apply),
         edits=ModelEdits(
             {name: own for one in candidates for name, own in one.edits.settings.items()},
             excluded=tuple(pair for one in candidates for pair in one.edits.excluded),
@@ -391,29 +409,29 @@ def joined(candidates: Sequence[Candidate]) -> Candidate:
             posed=tuple(key for one in candidates for key in one.edits.posed),
         ),
         compiled=next((one.compiled for one in candidates if one.compiled), None),
-        nearer=all(candidate.nearer for candidate in candidates),
+        must_come_nearer=all(candidate.must_come_nearer for candidate in candidates),
     )
 
 
 @dataclass(frozen=True)
 class Trial:
-    """How changes are tried.
+    """How candidates are tried.
 
     Attributes:
         settings: how budgets are measured.
-        moved: motions of the changed model, in groups that are judged by themselves, such as those
-            of other seeds; the worst counts. By default the same starts and inputs.
-        most: so many changes that remove a verdict are enough; all are tried if None.
-        wanted: words of changes that are tried even then.
+        moved: motions of the changed model, in groups that are judged alone, such as those of
+            other seeds; the worst counts. By default the same starts and inputs.
+        most: number of fixes that are enough; all candidates are tried if None.
+        requested: `--apply` names of candidates that are tried in any case.
         workers: threads; one for each processor if None.
-        left: returns how much CPU trials may still take [s]. A change whose trial would take more
-            is not begun, or not ended; one that is wanted always is.
+        left: returns the CPU time that trials may still take [s]. A trial that would take more is
+            skipped or cut short, unless it was requested.
     """
 
     settings: Settings = SETTINGS
     moved: Callable[[Candidate], Iterable[Sequence[Motion]]] | None = None
     most: int | None = None
-    wanted: Sequence[str] = ()
+    requested: Sequence[str] = ()
     workers: int | None = None
     left: Callable[[], float] = lambda: math.inf
 
@@ -421,119 +439,122 @@ class Trial:
 TRIAL = Trial()
 
 
-def remedies(
+def try_fixes(
     motions: Sequence[Motion],
     verdict: Verdict,
     *,
     candidates: Sequence[Candidate] | None = None,
     trial: Trial = TRIAL,
-) -> tuple[Remedy, ...]:
-    """Try changes against a verdict; those that remove it come first, the cheapest leading.
+) -> tuple[TriedFix, ...]:
+    """Try candidates against a verdict; fixes that remove it come first, the cheapest leading.
 
-    A change removes a verdict if a budget of the changed model, over the same inputs and phases,
-    gives neither the same word nor a worse one, and if from the same states it comes nearer to the
-    model's motion at its finest step than the model as it is, to within the tolerance if it is to
-    compute the same model; against a row of the model, to the finest motion with that row's change.
-    What does not come nearer is judged no further.
+    A fix removes a verdict if a budget of the changed model, over the same inputs and phases, gives
+    neither the same word nor a worse one. From the same states it also has to come nearer to the
+    model's motion at its finest step than the model as written; to within the tolerance, if it
+    computes the same model. Against a modeling choice, the finest motion has the choice changed. A
+    candidate that does not come nearer is not judged further.
 
-    Not tried is what moves the model as it moves without, or with a change that was tried; what
-    makes a change that is enough alone, and more; a finer step where a coarser one removes the
-    verdict under half of the tolerance, too, or that links in each other no longer touch; other
-    softness where another computation of the same model removes the verdict.
+    A candidate is not tried if it moves the model as the model as written, or another candidate,
+    does; if it includes a fix that is enough alone; if it has a finer step than a fix that removes
+    the verdict under half of the tolerance, or than one that separates overlapping links; or if it
+    changes softness where another computation of the same model removes the verdict.
     """
-    if verdict.word == "sound":
+    if verdict.word == "ok":
         return ()
-    word: Word = "model" if verdict.word == "model" else "unresolved"
-    rows = sorted({reason.row for reason in verdict.reasons if reason.word == "model"})
+    word: VerdictWord = "depends" if verdict.word == "depends" else "inaccurate"
+    rows = sorted({reason.row for reason in verdict.reasons if reason.word == "depends"})
     if candidates is None:
         candidates = candidates_against(motions, verdict)
     possible = sorted(
         (one for one in candidates if _is_possible(one, word, rows, motions)),
-        key=lambda one: (one.rate > _COARSE, one.physics, one.rate),
+        key=lambda one: (one.rate > _ALWAYS_TRIED_RATE, one.changes_model, one.rate),
     )
     if not possible:
         return ()
-    judged = _Judged(motions, verdict, word, rows if word == "model" else (), trial, pace(motions))
+    judged = _FixJudge(
+        motions, verdict, word, rows if word == "depends" else (), trial, pace(motions)
+    )
     comparable = [candidate for candidate in possible if candidate.same_states]
     if (compared := judged.compared(comparable)) is None:
         return tuple(judged.not_ended(candidate) for candidate in possible)
     before, apart_of = compared
-    tried, moved = list[Remedy](), [(1, before)]
+    tried, moved = list[TriedFix](), [(1, before)]
     while possible:
         candidate = possible.pop(0)
         own = apart_of.get(candidate.name, math.nan)
-        if candidate.accept and candidate.accept in trial.wanted:
+        if candidate.apply and candidate.apply in trial.requested:
             untimed = judged._replace(trial=replace(trial, left=TRIAL.left))
-            tried.append(untimed.remedy(candidate, before, own))
+            tried.append(untimed.judge_fix(candidate, before, own))
             continue
-        removing = [remedy for remedy in tried if remedy.removes]
-        safely = any(remedy.safely for remedy in removing)
+        removing = [fix for fix in tried if fix.removes]
+        safely = any(fix.safely for fix in removing)
         enough = trial.most is not None and len(removing) >= trial.most and safely
         alike = _is_alike(candidate, own, moved)
-        if enough or alike or _is_idle(candidate, word, removing):
+        if enough or alike or _is_redundant(candidate, word, removing):
             continue
         moved.append((candidate.rate, own))
-        tried.append(judged.remedy(candidate, before, own))
+        tried.append(judged.judge_fix(candidate, before, own))
         possible.sort(key=partial(_waits_for_finer, candidate, tried[-1], word))
-    return tuple(sorted(tried, key=by_use))
+    return tuple(sorted(tried, key=fix_rank))
 
 
-def _waits_for_finer(candidate: Candidate, found: Remedy, word: Word, other: Candidate) -> bool:
-    """Return whether another change waits: what a step does not hold, it does not hold stiffer."""
-    unheld = word == "model" and candidate.physics and found.word == "unresolved"
-    return unheld and other.physics and other.rate <= candidate.rate
+def _waits_for_finer(
+    candidate: Candidate, found: TriedFix, word: VerdictWord, other: Candidate
+) -> bool:
+    """Return whether a candidate is tried later, since stiffer parts need a finer step."""
+    unheld = word == "depends" and candidate.changes_model and found.word == "inaccurate"
+    return unheld and other.changes_model and other.rate <= candidate.rate
 
 
 def _is_alike(candidate: Candidate, apart: float, moved: Sequence[tuple[int, float]]) -> bool:
-    """Return whether a change moves the model as another of the same step does."""
-    compared = candidate.nearer and not candidate.physics
+    """Return whether a candidate moves the model as another one with the same step does."""
+    compared = candidate.must_come_nearer and not candidate.changes_model
     return compared and any(
-        candidate.rate == rate and math.isclose(apart, each, rel_tol=_SAME)
+        candidate.rate == rate and math.isclose(apart, each, rel_tol=_EQUAL_DISTANCE)
         for rate, each in moved
         if math.isfinite(each)
     )
 
 
-def _is_idle(candidate: Candidate, word: Word, removing: Sequence[Remedy]) -> bool:
-    """Return whether nobody would make a change beside those that remove the verdict."""
-    computed = [remedy for remedy in removing if not remedy.physics]
-    parted = any(remedy.edits.mends_start for remedy in removing)
+def _is_redundant(candidate: Candidate, word: VerdictWord, removing: Sequence[TriedFix]) -> bool:
+    """Return whether a candidate is redundant next to the fixes that remove the verdict."""
+    computed = [fix for fix in removing if not fix.changes_model]
+    parted = any(fix.edits.mends_start for fix in removing)
     return (
-        any(remedy.name in candidate.within and remedy.safely for remedy in removing)
-        or (candidate.rate > _COARSE and (any(one.safely for one in computed) or parted))
-        or (candidate.physics and word == "model" and bool(computed))
+        any(fix.name in candidate.includes and fix.safely for fix in removing)
+        or (candidate.rate > _ALWAYS_TRIED_RATE and (any(one.safely for one in computed) or parted))
+        or (candidate.changes_model and word == "depends" and bool(computed))
     )
 
 
-def by_use(remedy: Remedy) -> tuple[bool, bool, bool, bool, float]:
-    """Return the place of a remedy: what removes, computes the same model, and is cheap, is first.
+def fix_rank(fix: TriedFix) -> tuple[bool, bool, bool, bool, float]:
+    """Return the sort key of a fix: removing, of the start, same model, safe, cheap.
 
-    Where a start that no joint, contact or equality allows is the cause, what mends it comes before
-    what computes the jam otherwise, and what leaves less than half of the tolerance before what is
-    at its edge. Costs within a tenth are equal: the clock tells no more. What was tried first is
-    simpler.
+    A fix of an impossible start comes before one that computes the jam differently. A fix that
+    leaves less than half of the tolerance comes before one at its edge. Costs within a tenth are
+    equal, since the clock does not separate them. A fix that was tried earlier is simpler.
     """
-    cost = round(math.log(remedy.price.ratio, _ALIKE)) if remedy.price else math.inf
-    mends_start = remedy.edits.mends_start
-    return not remedy.removes, not mends_start, remedy.physics, not remedy.safely, cost
+    cost = round(math.log(fix.time_ratio.ratio, _EQUAL_COST_RATIO)) if fix.time_ratio else math.inf
+    mends_start = fix.edits.mends_start
+    return not fix.removes, not mends_start, fix.changes_model, not fix.safely, cost
 
 
 def _is_possible(
-    candidate: Candidate, word: Word, rows: Sequence[str], motions: Sequence[Motion]
+    candidate: Candidate, word: VerdictWord, rows: Sequence[str], motions: Sequence[Motion]
 ) -> bool:
     if candidate.word != word or (candidate.rows and not {*candidate.rows} & {*rows}):
         return False
-    if not all(candidate.new(motion.model) for motion in motions):
+    if not all(candidate.is_applicable(motion.model) for motion in motions):
         return False
     return not candidate.exercised or _exercised(candidate.exercised, motions)
 
 
-class _Judged(NamedTuple):
-    """What changes are judged by."""
+class _FixJudge(NamedTuple):
+    """Judges candidates against a verdict."""
 
     motions: Sequence[Motion]
     verdict: Verdict
-    word: Word
+    word: VerdictWord
     rows: Sequence[str]
     trial: Trial
     pace: float  # CPU of a step of the model [s]
@@ -541,62 +562,65 @@ class _Judged(NamedTuple):
     @property
     def _settings(self) -> Settings:
         workers = self.trial.workers or os.cpu_count() or 1
-        return replace(self.trial.settings, places=False, priced=False, workers=workers)
+        return replace(self.trial.settings, places=False, timed=False, workers=workers)
 
     @property
     def _phases(self) -> set[str]:
-        """Those in which something is wrong."""
+        """Phases that failed."""
         return {reason.phase for reason in self.verdict.reasons}
 
     @property
     def _wrong(self) -> list[Motion]:
-        """Motions of the phases in which something is wrong."""
+        """Motions in phases that failed."""
         return [motion for motion in self.motions if motion.name in self._phases]
 
     def _affords(self, steps: float) -> bool:
-        """Return whether there is time for so many steps of the model."""
+        """Return whether there is time for a number of steps of the model."""
         return steps * self.pace <= self.trial.left()
 
-    def not_ended(self, candidate: Candidate) -> Remedy:
-        """Return a change that there was no time to try."""
+    def not_ended(self, candidate: Candidate) -> TriedFix:
+        """Return a fix whose trial ran out of time."""
         word, edits, accept, nothing = (
             self.verdict.word,
             candidate.edits,
-            candidate.accept,
+            candidate.apply,
             math.nan,
         )
-        return Remedy(
+        return TriedFix(
             candidate.name, False, word, nothing, None, edits, accept, nothing, nothing, False
         )
 
     def compared(self, candidates: Sequence[Candidate]) -> tuple[float, dict[str, float]] | None:
-        """Return how far the model is from what is meant, and changed ones by name.
+        """Return the distances to the reference: of the model, and of candidates by name.
 
-        The last are left out for which there is no time. None if there is none at all.
+        The last candidates are left out if there is no time for them. None if there is no time at
+        all.
         """
         some = [*candidates]
-        while (apart := self.nearness(some)) is None:
+        while (apart := self.distances_to_reference(some)) is None:
             if not some:
                 return None
             some.pop()
         before, *others = apart
         return before, {one.name: own for one, own in zip(some, others, strict=True)}
 
-    def nearness(self, candidates: Sequence[Candidate]) -> list[float] | None:
-        """Return how far the model is from what is meant, then each changed one, at worst.
+    def distances_to_reference(self, candidates: Sequence[Candidate]) -> list[float] | None:
+        """Return the largest distance of the model, then of each candidate.
 
-        None if there is no time for it, and nothing is wanted.
+        None if there is no time for it, and no candidate was requested.
         """
         finest = max(FINEST, *(candidate.rate for candidate in candidates), 1)
         rates = 2 * finest + 1 + sum(candidate.rate for candidate in candidates)
-        if not self.trial.wanted and not self._affords(rates * steps_of(self._wrong)):
+        if not self.trial.requested and not self._affords(rates * steps_of(self._wrong)):
             return None
         found = np.zeros(1 + len(candidates))
         for motion in self._wrong:
-            rivals = [Rival(motion.model)]
-            rivals += [Rival(changed_model(motion.model, one), one.rate) for one in candidates]
+            rivals = [ChangedModel(motion.model)]
+            rivals += [
+                ChangedModel(changed_model(motion.model, one), one.rate) for one in candidates
+            ]
             target = partial(self._meant, own=motion.model)
-            apart = nearness(
+            apart = distances_to_reference(
                 motion,
                 rivals,
                 settings=self._settings,
@@ -607,22 +631,22 @@ class _Judged(NamedTuple):
         return found.tolist()
 
     def _meant(self, model: mujoco.MjModel, own: mujoco.MjModel) -> None:
-        """Change the finest motion's model into what it is meant to be, in place."""
-        if self.word != "model":
+        """Change the model of the finest motion into the reference, in place."""
+        if self.word != "depends":
             return
         (row,) = (row for row in ROWS if row.name == self.verdict.reasons[0].row)
         for change in (row.both, row.changes[0]):
             if change is not None:
                 change(model, own)
 
-    def remedy(self, candidate: Candidate, before: float, apart: float) -> Remedy:
-        """Judge a change: by the phases in which something is wrong, by all, and by fresh seeds."""
-        if candidate.nearer and candidate.same_states and math.isnan(apart):
+    def judge_fix(self, candidate: Candidate, before: float, apart: float) -> TriedFix:
+        """Judge a candidate: by the phases that failed, by all phases, and by new seeds."""
+        if candidate.must_come_nearer and candidate.same_states and math.isnan(apart):
             return self.not_ended(candidate)  # no time was left to compare it
-        row = self.verdict.reasons[0].row if self.word == "model" else "run"
-        enough = before if candidate.physics else min(before, self.verdict.within)
+        row = self.verdict.reasons[0].row if self.word == "depends" else RUN.name
+        enough = before if candidate.changes_model else min(before, self.verdict.tolerance)
         word, shares, removes, safely = self.verdict.word, list[float](), False, True
-        if not candidate.nearer or math.isinf(before) or apart < enough:
+        if not candidate.must_come_nearer or math.isinf(before) or apart < enough:
             steps = steps_of(self.motions) * candidate.rate * (2 if self.trial.moved else 1)
             for motions in self._parts(candidate):
                 measured = self._budget(motions, steps)
@@ -631,33 +655,33 @@ class _Judged(NamedTuple):
                 steps -= steps_of(motions)
                 budget, found = measured
                 worst = budget.worst(row)
-                shares += [worst[1].share] if worst and worst[1].exercised else []
+                shares += [worst[1].error] if worst and worst[1].exercised else []
                 word, removes = found.word, self._removes(found)
-                safely &= self._removes(judge(budget, _SAFE * self.verdict.within))
+                safely &= self._removes(judge(budget, _SAFE_SHARE * self.verdict.tolerance))
                 if not removes:
                     break
-        # A row that the changed model no longer has leaves what it is apart from it.
-        share = max(shares, default=apart if candidate.nearer else math.nan)
+        # If the changed model no longer has the row, its distance to the reference remains.
+        share = max(shares, default=apart if candidate.must_come_nearer else math.nan)
         first = self.motions[0]
         options = options_changed(first.model, changed_model(first.model, candidate))
         edits = replace(candidate.edits, settings={**options, **candidate.edits.settings})
         timed = removes and candidate.same_states
-        price = _price(first, candidate, self._settings) if timed else None
-        return Remedy(
+        ratio = _measure_time_ratio(first, candidate, self._settings) if timed else None
+        return TriedFix(
             name=candidate.name,
             removes=removes,
             word=word,
-            share=share,
-            price=price,
+            error=share,
+            time_ratio=ratio,
             edits=edits,
-            accept=candidate.accept,
-            apart=apart,
-            before=before,
+            apply=candidate.apply,
+            distance=apart,
+            distance_before=before,
             safely=removes and safely,
         )
 
     def _parts(self, candidate: Candidate) -> Iterator[Sequence[Motion]]:
-        """Yield motions of a changed model, those first in whose phases something is wrong."""
+        """Yield motions of a changed model; phases that failed come first."""
         moved = self.trial.moved or self._same
         for place, group in enumerate(moved(candidate)):
             if place:
@@ -671,18 +695,18 @@ class _Judged(NamedTuple):
         yield [changed(motion, candidate) for motion in self.motions]
 
     def _removes(self, found: Verdict) -> bool:
-        return found.word == "sound" or (self.word == "unresolved" and found.word == "model")
+        return found.word == "ok" or (self.word == "inaccurate" and found.word == "depends")
 
     def _budget(
         self, motions: Sequence[Motion], steps: float
     ) -> tuple[ErrorBudget, Verdict] | None:
-        """Return the budget of a changed model; of one seed or at h/4 alone where that is clear.
+        """Return the budget of a changed model; of one seed or at h/4 alone if that is decisive.
 
-        A share is the mean of its seeds', so that one of S decides where it alone is S times too
-        large. In the limit of fine steps it is at least half of that at h/4. None if there is no
-        time for it, or for that of all `steps` that have to be judged before the change is proved.
+        An error is the mean over S seeds, so one seed decides if it alone is S times too large. In
+        the limit of fine steps an error is at least half of that at h/4. None if there is no time
+        for it, or for all `steps` that have to be judged before the fix is proved.
         """
-        within, settings = self.verdict.within, self._settings
+        within, settings = self.verdict.tolerance, self._settings
         quick = replace(settings, check=False, energy=False)
         first = [
             replace(motion, starts=motion.starts[:1], inputs=motion.inputs[:1])
@@ -713,7 +737,7 @@ class _Judged(NamedTuple):
 
 
 def drifts(verdict: Verdict) -> bool:
-    """Return whether a verdict names what a run's energy does."""
+    """Return whether a verdict has an energy drift among its reasons."""
     return any(reason.row == "energy" for reason in verdict.reasons)
 
 
@@ -727,7 +751,7 @@ def options_changed(model: mujoco.MjModel, changed: mujoco.MjModel) -> dict[str,
 
 def _exercised(name: str, motions: Sequence[Motion]) -> bool:
     (row,) = (row for row in ROWS if row.name == name)
-    return any(row.uses(motion.model) and shown_rows(motion, [row]) for motion in motions)
+    return any(row.uses(motion.model) and exercised_rows(motion, [row]) for motion in motions)
 
 
 def changed_model(model: mujoco.MjModel, candidate: Candidate) -> mujoco.MjModel:
@@ -744,17 +768,21 @@ def changed(motion: Motion, candidate: Candidate) -> Motion:
     return replace(motion, model=model, inputs=motion.inputs.repeat(candidate.rate, axis=1))
 
 
-def _price(motion: Motion, candidate: Candidate, settings: Settings) -> Price | None:
+def _measure_time_ratio(
+    motion: Motion, candidate: Candidate, settings: Settings
+) -> TimeRatio | None:
     run, made = replay(motion, settings.window, 1), partial(changed_model, motion.model, candidate)
-    return prices(motion, run, {candidate.name: (made, candidate.rate)}).get(candidate.name)
+    return measure_time_ratios(motion, run, {candidate.name: (made, candidate.rate)}).get(
+        candidate.name
+    )
 
 
-def sentence(reason: Reason, tried: Sequence[Remedy]) -> str:
-    """Return a reason with what removes it, and its price."""
-    found = [remedy for remedy in tried if remedy.removes]
+def sentence(reason: Reason, tried: Sequence[TriedFix]) -> str:
+    """Return a reason with the fix that removes it, and its time ratio."""
+    found = [fix for fix in tried if fix.removes]
     if not found:
-        names = ", ".join(remedy.name for remedy in tried)
-        return f"{reason.sentence}; none removes it of {names}" if names else reason.sentence
-    price = found[0].price
-    cost = f", at {price.ratio:.2g} times the cost" if price else ""
-    return f"{reason.sentence}; {found[0].name} removes it{cost}"
+        names = ", ".join(fix.name for fix in tried)
+        return f"{reason.sentence}; not removed by: {names}" if names else reason.sentence
+    ratio = found[0].time_ratio
+    cost = f" (x{ratio.ratio:.2f} time)" if ratio else ""
+    return f"{reason.sentence}; fix: {found[0].name}{cost}"

@@ -12,7 +12,7 @@ from contactlab.budget.verdict import Reason
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.model_draft import PRIMITIVES
 from contactlab.scene.model_writer import write_model
-from contactlab.studies.examine.primitives import distances, primitives
+from contactlab.studies.examine.primitive_fixes import distances, primitives
 from contactlab.studies.examine.task_motions import task_motions
 
 HALF = (0.05, 0.04, 0.03)
@@ -32,13 +32,13 @@ def proposed(text: str, folder: Path, body: str = "brick"):  # noqa: ANN201 - sc
     path.write_text(text)
     scene = SceneLoader(Path()).open(str(path)).with_effects("all")
     motions = task_motions(scene, {}, scene.task({}, 0.02))
-    verdict = Verdict("unresolved", 0.1, (Reason("unresolved", "", "run", 1, body, "", 0, ""),))
+    verdict = Verdict("inaccurate", 0.1, (Reason("inaccurate", "", "run", 1, body, "", 0, ""),))
     return scene, [*primitives(scene, {}, motions, verdict)]
 
 
 def test_the_hull_of_a_box_may_be_a_box(tmp_path: Path) -> None:
     scene, (candidate,) = proposed(model(CORNERS), tmp_path)
-    assert (candidate.accept, candidate.physics) == ("primitive", True)
+    assert (candidate.apply, candidate.changes_model) == ("primitive", True)
     assert candidate.name == "a box in place of the hull of shell"
     made = write_model(scene, candidate.edits, tmp_path / "new")
     written = mujoco.MjModel.from_xml_path(str(made.path))

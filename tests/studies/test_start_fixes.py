@@ -11,7 +11,7 @@ from contactlab.budget.verdict import Reason
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
-from contactlab.studies.examine.separated import separated
+from contactlab.studies.examine.start_fixes import separated
 from contactlab.studies.examine.task_motions import task_motions
 
 # The base's ball of 60 mm is in the upper arm, which a joint holds there, and 50 mm in the floor,
@@ -37,7 +37,7 @@ def scene_of(text: str, folder: Path):  # noqa: ANN201 - a scene
 
 
 def verdict_of(place: str) -> Verdict:
-    return Verdict("unresolved", 0.1, (Reason("unresolved", "", "run", 1, "", place, 0.0, ""),))
+    return Verdict("inaccurate", 0.1, (Reason("inaccurate", "", "run", 1, "", place, 0.0, ""),))
 
 
 def excluded(text: str, folder: Path, place: str) -> list[tuple[str, str]]:
@@ -115,7 +115,7 @@ def test_the_root_of_a_urdf_gets_a_free_joint(tmp_path: Path) -> None:
     scene = SceneLoader(Path()).open(str(path)).with_effects("all")
     motions = task_motions(scene, {}, scene.task({}, 0.01))
     exclude, free = separated(scene, {}, motions, verdict_of("joint hip"))
-    assert (exclude.accept, free.accept) == ("exclude", "freejoint")
+    assert (exclude.apply, free.apply) == ("exclude", "freejoint")
     assert (exclude.same_states, free.same_states) == (True, False)
     assert free.edits.freed == ("base",)
 
@@ -136,7 +136,7 @@ def test_the_root_of_a_urdf_gets_a_free_joint(tmp_path: Path) -> None:
 def test_a_base_that_mjcf_welds_is_meant(tmp_path: Path) -> None:
     scene = scene_of(ARM, tmp_path)
     motions = task_motions(scene, {}, scene.task({}, 0.01))
-    words = [each.accept for each in separated(scene, {}, motions, verdict_of("joint elbow"))]
+    words = [each.apply for each in separated(scene, {}, motions, verdict_of("joint elbow"))]
     assert words == ["exclude"]
 
 
@@ -195,7 +195,7 @@ def test_a_run_may_begin_where_its_equality_holds(tmp_path: Path, keyframes: str
     scene = scene_of(CART.format(keyframes), tmp_path)
     motions = task_motions(scene, {}, scene.task({}, 0.01))
     (start,) = separated(scene, {}, motions, verdict_of("equality"))
-    assert (start.accept, start.same_states) == ("start", False)
+    assert (start.apply, start.same_states) == ("start", False)
     made = write_model(scene, start.edits, tmp_path / "new")
     model = mujoco.MjModel.from_xml_path(str(made.path))
     assert model.nkey == 1

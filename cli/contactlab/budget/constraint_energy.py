@@ -34,7 +34,7 @@ class _Violated(NamedTuple):
     solimp: Floats  # (K, 5)
 
 
-class Stored:
+class ConstraintEnergy:
     """Computes what contacts, limits and equalities would give back to motion.
 
     It is the work of what their forces owe to positions, along a violation that shrinks to none,

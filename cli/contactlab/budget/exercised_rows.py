@@ -10,7 +10,7 @@ from contactlab.budget.rows import Row
 from contactlab.budget.windows import without_sensors
 
 
-def shown_rows(motion: Motion, rows: Sequence[Row]) -> set[str]:
+def exercised_rows(motion: Motion, rows: Sequence[Row]) -> set[str]:
     """Return the names of rows that a state of the run shows to matter.
 
     Every step of every seed is looked at until each row is seen once, so what was never exercised

@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterator, Sequence
 import mujoco
 
 from contactlab.budget import Motion, Verdict
+from contactlab.budget.fixes import Candidate
 from contactlab.budget.motion import INTEGRATION
-from contactlab.budget.remedies import Candidate
-from contactlab.budget.verdict import Word
+from contactlab.budget.verdict import VerdictWord
 from contactlab.errors import SceneError
 from contactlab.scene.closed_start import OPEN, closed_start, moving_extent
 from contactlab.scene.model_draft import CompiledFiles, ModelEdits, edit_spec
@@ -38,7 +38,7 @@ def separated(
     it. Floors are never excluded.
     """
     model = motions[0].model
-    word: Word = "model" if verdict.word == "model" else "unresolved"
+    word: VerdictWord = "depends" if verdict.word == "depends" else "inaccurate"
     moved = tuple(_moved(scene, values, motions[0], word))
     stuck = () if moved else tuple(_stuck(motions[0]))
     pairs = dict.fromkeys((*overlapping(motions[0]), *stuck))
@@ -46,13 +46,13 @@ def separated(
         return moved
     names = tuple((name_of(model, "body", one), name_of(model, "body", two)) for one, two in pairs)
     return (
-        *_without_contacts(scene, values, model, names, word, nearer=not stuck),
+        *_without_contacts(scene, values, model, names, word, must_come_nearer=not stuck),
         *_floating(scene, values, names, word),
         *moved,
     )
 
 
-def _moved(scene: Scene, values: Values, motion: Motion, word: Word) -> Iterator[Candidate]:
+def _moved(scene: Scene, values: Values, motion: Motion, word: VerdictWord) -> Iterator[Candidate]:
     """Yield the change by which a run begins where limits, contacts and equalities allow it."""
     positions = closed_start(motion.model, motion.starts[0], INTEGRATION)
     if positions is None:
@@ -63,9 +63,9 @@ def _moved(scene: Scene, values: Values, motion: Motion, word: Word) -> Iterator
         "a start that its limits, contacts and equalities allow",
         word,
         lambda _: None,
-        accept="start",
+        apply="start",
         edits=ModelEdits(posed=((written, tuple(positions.tolist())),)),
-        nearer=False,  # its states are others
+        must_come_nearer=False,  # its states are others
     )
 
 
@@ -74,9 +74,9 @@ def _without_contacts(
     values: Values,
     model: mujoco.MjModel,
     names: Sequence[tuple[str, str]],
-    word: Word,
+    word: VerdictWord,
     *,
-    nearer: bool,
+    must_come_nearer: bool,
 ) -> Iterator[Candidate]:
     edits = ModelEdits(excluded=tuple(names))
     made = compiled(scene, values, lambda spec: edit_spec(spec, edits))
@@ -89,15 +89,15 @@ def _without_contacts(
         f"no contacts of {first}{more}",
         word,
         lambda _: None,
-        accept="exclude",
+        apply="exclude",
         edits=edits,
         compiled=made,
-        nearer=nearer,  # what joints hold in each other is flung: that motion is nobody's
+        must_come_nearer=must_come_nearer,  # overlaps that joints hold have no reference motion
     )
 
 
 def _floating(
-    scene: Scene, values: Values, names: Sequence[tuple[str, str]], word: Word
+    scene: Scene, values: Values, names: Sequence[tuple[str, str]], word: VerdictWord
 ) -> Iterator[Candidate]:
     """Yield the change that gives the root links of a URDF a free joint, which no URDF can have.
 
@@ -117,9 +117,9 @@ def _floating(
         f"a free joint for {', '.join(roots)}, which the import welds to the world",
         word,
         lambda _: None,
-        accept="freejoint",
+        apply="freejoint",
         edits=ModelEdits(freed=tuple(roots)),
-        nearer=word == "model",  # its states are others: it is no cure of softness
+        must_come_nearer=word == "depends",  # its states are others: it is no cure of softness
     )
 
 

@@ -20,7 +20,7 @@ _HELD = 1 << 27  # bytes of models that are held
 _STRETCH = 5  # windows, so that setting states is no part of the time
 
 
-class Price(NamedTuple):
+class TimeRatio(NamedTuple):
     """A ratio of times.
 
     Attributes:
@@ -34,7 +34,9 @@ class Price(NamedTuple):
     high: float
 
 
-def prices(motion: Motion, run: Run, changed: Mapping[str, tuple[Made, int]]) -> dict[str, Price]:
+def measure_time_ratios(
+    motion: Motion, run: Run, changed: Mapping[str, tuple[Made, int]]
+) -> dict[str, TimeRatio]:
     """Return what changed models cost, over the model as it is.
 
     Each is rolled out on one thread from the same states, which are spread over the run, in turns
@@ -66,7 +68,7 @@ def prices(motion: Motion, run: Run, changed: Mapping[str, tuple[Made, int]]) ->
                 if number >= _WARM:
                     ratios[name].append(ratio)
     return {
-        name: Price(float(np.median(found)), sorted(found)[1], sorted(found)[-2])
+        name: TimeRatio(float(np.median(found)), sorted(found)[1], sorted(found)[-2])
         for name, found in ratios.items()
     }
 

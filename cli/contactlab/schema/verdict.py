@@ -1,0 +1,11 @@
+"""The verdict of a model: one word, which every report, page and file has."""
+
+from typing import Literal
+
+VerdictWord = Literal["inaccurate", "undecided", "fails", "depends", "ok"]
+"""The worst comes first.
+
+`inaccurate`: the numerical error is above the tolerance. `undecided`: the reference has not
+converged. `fails`: a failure label holds, or a check fails. `depends`: the numerics are fine, but a
+modeling choice decides. `ok`: none of these.
+"""

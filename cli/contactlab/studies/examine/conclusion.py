@@ -1,0 +1,193 @@
+"""Concludes an examination: its verdict, a headline, the causes, and the first fix."""
+
+import math
+from collections.abc import Iterator, Sequence
+
+from contactlab.budget.rows import ROWS
+from contactlab.judge.conclusion import failed_names
+from contactlab.printable import percent
+from contactlab.reporting.examination import (
+    first_fix,
+    fix_summary,
+    judged_labels,
+    label_line,
+    labels_in_why,
+    phase_begins,
+)
+from contactlab.schema.error_budget import BudgetPhase, BudgetReason
+from contactlab.schema.examination import Examination
+from contactlab.schema.verdict import VerdictWord
+
+_SUBJECTS = {row.name: row.subject for row in ROWS}
+_OF_TASK = {"numerical_error", "failure_labels"}  # checks that repeat budget and labels
+_MOST_NAMED = 2  # labels or checks in a headline
+# The numerical settings that can cause a numerical error, as a sentence names them.
+_CAUSES = {
+    "step": "the time step is too long",
+    "solver": "the solver stops too early",
+    "sleep": "bodies sleep that should move",
+}
+_MAIN_SHARE = 0.5  # of the numerical error, above which a numerical setting is its main cause
+
+
+def conclude(
+    report: Examination, *, fixes_tried: int = 0, fixes_not_tried: Sequence[str] = ()
+) -> Examination:
+    """Return a report with its verdict, headline, causes, and the first fix."""
+    verdict = _verdict(report)
+    report = report.model_copy(update={"verdict": verdict})
+    return report.model_copy(
+        update={
+            "headline": _headline(report, verdict),
+            "why": tuple(_why(report, verdict)),
+            "fix": _fix(report, verdict, fixes_tried, len(fixes_not_tried)),
+        }
+    )
+
+
+def _verdict(report: Examination) -> VerdictWord:
+    numerics = report.budget.verdict if report.budget else "ok"
+    failing = judged_labels(report) or _failed_checks(report)
+    return "fails" if failing and numerics in {"ok", "depends"} else numerics
+
+
+def _failed_checks(report: Examination) -> list[str]:
+    return [name for name in failed_names(report.findings) if name not in _OF_TASK]
+
+
+def _headline(report: Examination, verdict: VerdictWord) -> str:
+    reason = report.budget.reasons[0] if report.budget and report.budget.reasons else None
+    tolerance = f"(tolerance {percent(report.task.tolerance)})"
+    if verdict == "fails":
+        labels = list(dict.fromkeys(label.label for label in judged_labels(report)))
+        causes = [*labels, *(f"check {name}" for name in _failed_checks(report))]
+        named, more = causes[:_MOST_NAMED], len(causes) - _MOST_NAMED
+        return f"fails: {' and '.join(named)}{f' and {more} more' if more > 0 else ''}"
+    if report.budget is None:
+        return "ok: no failure label, and nothing moves in MuJoCo"
+    if reason is None:
+        phase = max(report.budget.phases, key=_error_of)
+        worst = phase.numerical_error
+        return (
+            f"ok: numerical error at most {percent(_error_of(phase))}, in {worst.body} {tolerance}"
+        )
+    if verdict == "depends":
+        return f"depends on {_SUBJECTS[reason.row]}: {reason.sentence}"
+    return f"{verdict}: {reason.sentence}{'' if reason.row == 'warning' else f' {tolerance}'}"
+
+
+def _error_of(phase: BudgetPhase) -> float:
+    row = phase.numerical_error
+    return math.inf if row.infinite else row.error or 0.0
+
+
+def _why(report: Examination, verdict: VerdictWord) -> Iterator[str]:
+    """Yield the causes, the main one first."""
+    if verdict != "ok":
+        yield from (fact.sentence for fact in report.facts if fact.kind == "overlap")
+    failed = {*_failed_checks(report)}
+    failures = [
+        *(label_line(label, len(report.task.seeds)) for label in labels_in_why(report)),
+        *(finding.full_message for finding in report.findings if finding.name in failed),
+    ]
+    numerics = [*_numerics(report, verdict)]
+    yield from (*failures, *numerics) if verdict == "fails" else (*numerics, *failures)
+
+
+def _numerics(report: Examination, verdict: VerdictWord) -> Iterator[str]:
+    """Yield where the numerical error, or the effect of a modeling choice, is largest."""
+    if report.budget is None:
+        return
+    if not report.budget.reasons:
+        phase = max(report.budget.phases, key=_error_of)
+        if verdict == "ok":
+            place = phase.numerical_error.place
+            where = f"; the numerical error is largest at {place}, {_time(report, phase)}"
+            yield f"no failure label{where if place else ''}"
+        else:
+            yield _choices_line(report, ())
+        return
+    first, *others = report.budget.reasons
+    phase = next(each for each in report.budget.phases if each.name == first.phase)
+    if verdict != "fails":
+        yield _place_line(report, first, phase)
+    if first.verdict == "depends":
+        yield _choices_line(report, others if verdict == "depends" else (first, *others))
+
+
+def _place_line(report: Examination, reason: BudgetReason, phase: BudgetPhase) -> str:
+    """Say where and when a reason is largest, and its cause if that is known."""
+    at = f" at {reason.place}" if reason.place else ""
+    if reason.time is None:
+        at += f" in the phase {reason.phase}"
+    else:
+        begin = phase_begins(report.task).get(reason.phase, 0.0)
+        at += f"{', ' if at else ' at '}{begin + reason.time:.2f} s"
+    match reason.row:
+        case "warning":
+            return f"its forces first differ from those of the reference{at}"
+        case "energy":
+            verb = "gains" if (reason.error or 0.0) > 0 else "loses"
+            return f"the run {verb} energy that the exact motion does not, most{at}"
+        case "reference":
+            return f"the references at 1/4 and 1/8 of the time step still differ, most{at}"
+        case _ if reason.verdict == "depends":
+            return f"the motions differ most{at} (tolerance {percent(report.task.tolerance)})"
+        case _:
+            return f"{_main_cause(phase)}{at}"
+
+
+def _main_cause(phase: BudgetPhase) -> str:
+    """Return the numerical setting that causes most of a numerical error."""
+    whole = _error_of(phase)
+    rows = {row.name: row for row in phase.rows if row.name in _CAUSES}
+    errors = {name: math.inf if row.infinite else row.error or 0.0 for name, row in rows.items()}
+    main = max(errors, key=lambda name: errors[name], default="")
+    if main and math.isfinite(whole) and errors[main] >= _MAIN_SHARE * whole:
+        return _CAUSES[main]
+    return "the numerical error is largest"
+
+
+def _choices_line(report: Examination, reasons: Sequence[BudgetReason]) -> str:
+    """Say on which modeling choices the motion depends too, and that the numerics are fine."""
+    assert report.budget is not None
+    first = report.budget.reasons[0].row if report.verdict == "depends" else ""
+    choices: dict[str, str] = {}
+    for reason in reasons:
+        if reason.verdict == "depends" and reason.row != first:
+            choices.setdefault(reason.row, f"{_SUBJECTS[reason.row]} ({_percent(reason.error)})")
+    also = f"also depends on {' and '.join(choices.values())}; " if choices else ""
+    worst = max(map(_error_of, report.budget.phases))
+    return f"{also}the numerics are fine: numerical error {percent(worst)}"
+
+
+def _percent(error: float | None) -> str:
+    return percent(math.inf if error is None else abs(error))
+
+
+def _time(report: Examination, phase: BudgetPhase) -> str:
+    begin = phase_begins(report.task).get(phase.name, 0.0)
+    return f"{begin + (phase.numerical_error.time or 0.0):.2f} s"
+
+
+def _fix(report: Examination, verdict: VerdictWord, tried: int, not_tried: int) -> str:
+    if report.fixes:
+        return fix_summary(first_fix(report.fixes))
+    if verdict == "ok":
+        return "not needed"
+    start = f"separate the bodies in {report.task.start} first; " if _overlaps(report) else ""
+    return start + _no_fix(report, tried, not_tried)
+
+
+def _overlaps(report: Examination) -> bool:
+    return any(fact.kind == "overlap" for fact in report.facts)
+
+
+def _no_fix(report: Examination, tried: int, not_tried: int) -> str:
+    if "fixes" not in report.sections:
+        return f"not searched; contactlab {report.model} searches for one"
+    if not tried:
+        return "no time to try one; --max-cpu 5min allows more" if not_tried else "none is known"
+    none = f"none of {tried} tried removes it" if tried > 1 else "the one tried does not remove it"
+    more = f"; {not_tried} more not tried (--max-cpu 5min allows more)" if not_tried else ""
+    return f"{none}{more}"
