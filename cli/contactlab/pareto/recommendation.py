@@ -29,9 +29,9 @@ def pareto_front(time: Floats, error: Floats) -> list[int]:
 
 
 EQUALLY_FAST = 1.05
-"""Ratio of times within which two timing passes of one build agree, on an idle machine."""
+"""Two timing passes of one build agree within this ratio, on an idle machine."""
 
-MORE_ACCURATE = 1.05  # ratio of errors from which a configuration counts as more accurate
+MORE_ACCURATE = 1.05  # a configuration counts as more accurate from this ratio of errors
 
 SAFE_MARGIN = 1.25  # margin of every tolerance that the robust recommendation keeps
 
