@@ -1,1 +1,1 @@
-"""Time that accuracy costs: fronts, orders, floors and a recommendation, from stored runs."""
+"""Cost of accuracy in time: fronts, orders, floors and a recommendation, from stored runs."""

@@ -1,4 +1,4 @@
-"""From a store to the trade-off report: fronts, recommendations, blockers and notes."""
+"""Creates the trade-off report of a store: fronts, recommendations, blockers and notes."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -45,10 +45,10 @@ from contactlab.schema.tradeoff_report import (
 )
 from contactlab.store.finished_store import Store
 
-_DEFAULT = Criteria()
+_DEFAULT_CRITERIA = Criteria()
 
 
-def analyze(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
+def analyze(store: Store, criteria: Criteria = _DEFAULT_CRITERIA) -> TradeoffReport:
     """Return the time that accuracy costs, over the configurations of a store.
 
     Raises a SweepFileError if the criteria name a column that the store does not have; a StoreError
@@ -84,38 +84,37 @@ def analyze(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
         chaotic=is_chaotic(runs),
         baseline=baseline,
         configurations=summaries,
-        front=tuple(_point(configuration.summary) for configuration in front),
-        unconstrained_front=tuple(_point(summaries[index]) for index in front_of(summaries)),
+        front=tuple(_front_point(configuration.summary) for configuration in front),
+        unconstrained_front=tuple(_front_point(summaries[index]) for index in front_of(summaries)),
         methods=tuple(methods(alike, is_modeling=is_modeling)),
         recommendation=_recommendation(store, chosen),
         robust=_recommendation(store, safe),
         next_step=_next_step(feasible_front(possible), best) if best else None,
-        blockers=tuple(_blockers(evaluated)),
+        blockers=tuple(_find_blockers(evaluated)),
         notes=(),
     )
     short = sum(configuration.cases < report.runs_per_configuration for configuration in evaluated)
-    notes = [*_notes(report, runs, best, short), *_not_exercised(store, runs)]
+    notes = [*_report_notes(report, runs, best, short), *_untested_knobs(store, runs)]
     return report.model_copy(update={"notes": tuple(notes)})
 
 
-_COVERAGE = ("coverage", "drive")
+_COVERAGE_COLUMNS = ("coverage", "drive")
 
 
-def _not_exercised(store: Store, runs: StoredRuns) -> Iterator[str]:
-    """Yield the swept knobs that no run exercises, so that their values make no difference."""
+def _untested_knobs(store: Store, runs: StoredRuns) -> Iterator[str]:
     concerned: dict[Feature, list[str]] = {}
     for name, knob in runs.knobs.items():
         if len(knob.values) > 1 and (feature := feature_of(name)):
             concerned.setdefault(feature, []).append(name)
     if not concerned:
         return
-    exercised = Exercised.of(store.columns.distinct(_COVERAGE), enough=concerned.keys())
+    exercised = Exercised.of(store.columns.distinct(_COVERAGE_COLUMNS), enough=concerned.keys())
     for feature, names in concerned.items():
         if lack := exercised.lack([feature]):
             yield f"{', '.join(names)}: not tested: {lack}"
 
 
-def _point(summary: Configuration) -> FrontPoint:
+def _front_point(summary: Configuration) -> FrontPoint:
     return FrontPoint(**summary.model_dump(include={*FrontPoint.model_fields}))
 
 
@@ -134,7 +133,7 @@ def _next_step(front: Sequence[Evaluated], chosen: Evaluated) -> NextStep | None
     after = next_more_accurate(front, chosen)
     if after is None:
         return None
-    here, there = _point(chosen.summary), _point(after.summary)
+    here, there = _front_point(chosen.summary), _front_point(after.summary)
     return NextStep(
         configuration=there.configuration,
         time_ratio=there.time / here.time,
@@ -142,8 +141,7 @@ def _next_step(front: Sequence[Evaluated], chosen: Evaluated) -> NextStep | None
     )
 
 
-def _blockers(evaluated: Sequence[Evaluated]) -> Iterator[Blocker]:
-    """Yield the reasons why configurations are not feasible, the most frequent first."""
+def _find_blockers(evaluated: Sequence[Evaluated]) -> Iterator[Blocker]:
     exceeded = Counter(name for configuration in evaluated for name in configuration.exceeded)
     failed = Counter(label for configuration in evaluated for label in configuration.failures)
     for name, count in (exceeded + failed).most_common():
@@ -154,7 +152,7 @@ def _blockers(evaluated: Sequence[Evaluated]) -> Iterator[Blocker]:
         yield Blocker(name=name, kind=kind, configurations=count, best=best)
 
 
-_NOISY = 0.05  # spread of the rounds of a timing pass that deserves a note
+_NOISY_SPREAD = 0.05  # spread of the rounds of a timing pass that deserves a note
 
 
 def _measurement_notes(report: TradeoffReport) -> Iterator[str]:
@@ -164,7 +162,7 @@ def _measurement_notes(report: TradeoffReport) -> Iterator[str]:
             "times are of the recorded runs on a busy machine, accurate to 10 % at best; "
             "sweep with `timing: {rounds: 3}`"
         )
-    elif time.spread is not None and time.spread > _NOISY:
+    elif time.spread is not None and time.spread > _NOISY_SPREAD:
         yield (
             f"rounds of the timing pass differ by {time.spread:.0%}, median over minimum: "
             "smaller differences between configurations are noise"
@@ -178,7 +176,7 @@ def _measurement_notes(report: TradeoffReport) -> Iterator[str]:
         yield f"{unknown} of {len(found)} configurations have runs without {report.error.name}"
 
 
-def _notes(
+def _report_notes(
     report: TradeoffReport, runs: StoredRuns, chosen: Evaluated | None, short: int
 ) -> Iterator[str]:
     yield from _measurement_notes(report)
@@ -221,8 +219,8 @@ class ToleranceTable:
     """The c configurations of n runs without their tolerances."""
 
     configuration: NDArray[np.integer]  # (n,) the configuration of each run
-    # Metric to (c,) what tolerances are compared with: its largest magnitude over a configuration's
-    # runs; NaN if a run has no value.
+    # Metric to (c,) value that tolerances bound: its largest magnitude over a configuration's runs;
+    # NaN if a run has no value.
     worst: Mapping[str, Floats]
     # (c,) whether a configuration is feasible without tolerances.
     otherwise_feasible: NDArray[np.bool_]

@@ -1,4 +1,4 @@
-"""A configuration as a sweep file, which repeats it from fresh seeds."""
+"""Exports a configuration as a sweep file that repeats it from fresh seeds."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,7 +12,7 @@ from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store
 
 FRESH_SEEDS = 10
-_MANIFEST = "scene.yaml"
+_MANIFEST_NAME = "scene.yaml"
 
 
 def recommended_sweep(
@@ -21,9 +21,9 @@ def recommended_sweep(
     """Return a sweep file of the recommended configuration, in every scenario of its sweep.
 
     Its tolerances of metrics are expectations, so that `contactlab sweep` exits with 1 if one is
-    exceeded, or if a run gets a failure label. Errors against a reference are no metrics;
-    `contactlab tradeoff` says whether they are within tolerance again. Times are left out. The
-    scene's path is relative to the file's folder; none of so many seeds is in the store.
+    exceeded, or if a run gets a failure label. Errors against a reference are not metrics;
+    `contactlab tradeoff` checks whether they are within tolerance again. Times are omitted. The
+    scene's path is relative to the file's folder; none of its seeds is in the store.
     """
     assert report.recommendation is not None
     resolved, metrics = store.manifest.sweep.resolved, store.manifest.sweep.metric_versions
@@ -31,7 +31,7 @@ def recommended_sweep(
     chosen = report.recommendation.configuration
     first = 1 + max(store.columns.to_pydict(["seed"])["seed"])
     knobs = {name: [value] for name, value in chosen.items() if name not in sweep.effects}
-    blocks = _scenarios(store, report.scenarios)
+    blocks = _scenario_axes(store, report.scenarios)
     bounds = {
         name: {"min": -limit, "max": limit}
         for name, limit in report.tolerances.items()
@@ -45,8 +45,8 @@ def recommended_sweep(
     axes = {name: values for name, values in knobs.items() if values != [None]}
     content: dict[str, object] = {
         "version": 1,
-        "scene": _scene(store, sweep.scene, folder),
-        "description": f"What {report.sweep} recommends, from fresh seeds",
+        "scene": _scene_reference(store, sweep.scene, folder),
+        "description": f"Recommendation of {report.sweep}, from fresh seeds",
         "duration": sweep.duration,
         "seeds": list(range(first, first + seeds)),
         "axes": {**axes, **(blocks if len(blocks) == 1 else {})},
@@ -65,11 +65,11 @@ def recommended_sweep(
         "latency_budget": sweep.latency_budget,
     }
     head = f"# Chosen among {len(report.configurations)} configurations of {report.store}."
-    return "\n".join([head, *_lines(content)]) + "\n"
+    return "\n".join([head, *_yaml_lines(content)]) + "\n"
 
 
-def _lines(content: Mapping[str, object]) -> Iterator[str]:
-    """Yield YAML, which JSON is part of, one key per line; empty values are left out."""
+def _yaml_lines(content: Mapping[str, object]) -> Iterator[str]:
+    """Yield YAML with values in JSON, one key per line, without empty values."""
     for name, value in content.items():
         if value in (None, {}, []):
             continue
@@ -83,8 +83,7 @@ def _lines(content: Mapping[str, object]) -> Iterator[str]:
             yield f"{name}: {json.dumps(value)}"
 
 
-def _scenarios(store: Store, names: Sequence[str]) -> dict[str, object]:
-    """Return the scenarios as axes that advance together, each scenario once."""
+def _scenario_axes(store: Store, names: Sequence[str]) -> dict[str, object]:
     columns = store.columns.to_pydict(names)
     rows = dict.fromkeys(zip(*columns.values(), strict=True))
     values: Sequence[tuple[Setting, ...]] = list(zip(*rows, strict=True))
@@ -94,7 +93,7 @@ def _scenarios(store: Store, names: Sequence[str]) -> dict[str, object]:
     }
 
 
-def _scene(store: Store, named: str, folder: Path) -> str:
+def _scene_reference(store: Store, named: str, folder: Path) -> str:
     """Return the scene's name or, relative to a folder, the path of the store's copy."""
     if named in resources.scene_names() or ":" in named:
         return named
@@ -103,7 +102,7 @@ def _scene(store: Store, named: str, folder: Path) -> str:
             f"the scene '{named}' is stored in {store.address} only; copy the store to a folder "
             "and analyze it there, so that the sweep file can name the scene"
         )
-    manifest = next(store.scene_folder.rglob(_MANIFEST), None)
+    manifest = next(store.scene_folder.rglob(_MANIFEST_NAME), None)
     model = store.scene_folder / store.manifest.sweep.scene_model
     path = (manifest.parent if manifest else model).resolve()
     base = folder.resolve()

@@ -1,4 +1,4 @@
-"""Configurations: the stored runs of each, and how they compare with the criteria."""
+"""Configurations: the stored runs of each, and their comparison with the criteria."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -24,7 +24,7 @@ from contactlab.shares import wilson
 from contactlab.store.finished_store import Store
 from contactlab.store.run_columns import CodedColumn, RunColumns
 
-_UNCHANGED = 1.01  # ratio of errors within which a knob counts as insensitive
+_IDLE_RATIO = 1.01  # a knob counts as insensitive within this ratio of errors
 
 STABLE = "stable"
 
@@ -37,7 +37,7 @@ ESTIMATES = {
 # Columns of the timing and accuracy passes that a trade-off reads.
 PASS_COLUMNS = ("step_p99", "impacts", "chaotic", "solref_clamped", *ESTIMATES.values())
 _SOLREF_RULE = "solref_rule"
-_MOST_KEYS = 1 << 62
+_MAX_KEYS = 1 << 62
 Rows = NDArray[np.int64]
 _Value = TypeVar("_Value", bound=np.generic)
 
@@ -50,43 +50,42 @@ class StoredRuns:
     scenarios: Mapping[str, CodedColumn]  # the axes with the role scenario
     seeds: CodedColumn
     labels: CodedColumn
-    numbers: Mapping[str, Floats]  # column to (n,) values, in their units; NaN where there is none
+    numbers: Mapping[str, Floats]  # column to (n,) values, in their units; NaN for missing ones
     # Whether solref is absolute or tied to the timestep; empty if unknown.
     solref_rules: tuple[str | None, ...] = ()
-    baseline: int | None = None  # a run of the model as written, if there is one, by its place
-    written: Mapping[str, Setting] | None = None  # option to its value there
+    baseline: int | None = None  # place of a run of the model as written, if there is one
+    written: Mapping[str, Setting] | None = None  # option to its value in that run
 
 
 def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
-    """Read the runs of a store with some columns, NaN where the store does not have one."""
+    """Read the runs of a store with some columns; a missing column is NaN."""
     columns, present = store.columns, store.columns.schema.names
     roles = Sweep.model_validate(store.manifest.sweep.resolved).roles
 
     def of(kind: Role) -> dict[str, CodedColumn]:
         swept = [name for name in columns.axis_names if roles.get(name, "knob") == kind]
-        return {name: _small(columns.coded(name)) for name in swept}
+        return {name: _compact_codes(columns.coded(name)) for name in swept}
 
     first = store.manifest.sweep.baseline
     place = None if first is None else columns.place_of(first)
     return StoredRuns(
         knobs=of("knob"),
         scenarios=of("scenario"),
-        seeds=_small(columns.coded("seed")),
-        labels=_small(columns.coded("label")),
+        seeds=_compact_codes(columns.coded("seed")),
+        labels=_compact_codes(columns.coded("label")),
         numbers=_StoredNumbers(columns, names),
         solref_rules=columns.coded(_SOLREF_RULE).values if _SOLREF_RULE in present else (),
         baseline=place,
-        written=None if place is None else _options_of(store.record(columns.run_id(place))),
+        written=None if place is None else _scalar_options(store.record(columns.run_id(place))),
     )
 
 
-def _small(column: CodedColumn) -> CodedColumn:
-    """Return a column in as few bytes a run as its codes take."""
+def _compact_codes(column: CodedColumn) -> CodedColumn:
     return column._replace(codes=column.codes.astype(np.min_scalar_type(len(column.values))))
 
 
 class _StoredNumbers(Mapping[str, Floats]):
-    """Some columns of a store, each read when it is asked for: of many runs, all fill memory."""
+    """Some columns of a store, each read on request, since all of many runs fill memory."""
 
     def __init__(self, columns: RunColumns, names: Iterable[str]) -> None:
         self._columns, self._names = columns, dict.fromkeys(names)
@@ -105,14 +104,14 @@ class _StoredNumbers(Mapping[str, Floats]):
         return len(self._names)
 
 
-def _options_of(record: EvidenceRecord) -> dict[str, Setting]:
+def _scalar_options(record: EvidenceRecord) -> dict[str, Setting]:
     """Return the options of a run; contact parameters may differ between its geoms."""
     options = {name: record.settings[name] for name in OPTIONS}
     return {name: value for name, value in options.items() if not isinstance(value, tuple)}
 
 
 def is_chaotic(runs: StoredRuns) -> bool:
-    """Say whether any run is known to diverge from a run with a perturbed start."""
+    """Return whether any run is known to diverge from a run with a perturbed start."""
     return bool((runs.numbers["chaotic"] > 0).any()) if "chaotic" in runs.numbers else False
 
 
@@ -121,48 +120,48 @@ class GroupedRuns:
     """The n runs of c configurations, the model as written first, then in the order of the plan."""
 
     order: Rows  # (n,) the runs, configuration by configuration
-    starts: Rows  # (c,) where in this order those of each begin
-    cases: Rows  # (c,) in how many scenarios and seeds each was run
-    every: int  # in how many any of them was
+    starts: Rows  # (c,) position in this order of the first run of each
+    cases: Rows  # (c,) number of scenarios and seeds in the runs of each
+    every: int  # number of scenarios and seeds in all runs
 
     @property
     def counts(self) -> Rows:
-        """(c,) how many runs each has."""
+        """(c,) number of runs of each."""
         return np.diff(self.starts, append=len(self.order))
 
     def parts(self, values: NDArray[_Value]) -> list[NDArray[_Value]]:
-        """Return those of each configuration, of values (n,) in the order of its runs."""
+        """Return values (n,) by configuration, in the order of its runs."""
         return np.split(values, self.starts[1:])
 
 
 def group_runs(runs: StoredRuns) -> GroupedRuns:
     """Return the runs of each configuration."""
-    member = _combinations([*runs.knobs.values()], len(runs.seeds.codes))
+    member = _combination_indices([*runs.knobs.values()], len(runs.seeds.codes))
     if runs.baseline is not None:
         now = member[runs.baseline]
         member = np.where(member == now, 0, member + (member < now))
-    case = _combinations([*runs.scenarios.values(), runs.seeds], len(member))
+    case = _combination_indices([*runs.scenarios.values(), runs.seeds], len(member))
     every = int(case.max()) + 1
     case += member * every
     case.sort()
     cases = np.bincount(case[np.diff(case, prepend=-1) > 0] // every)
     counts = np.bincount(member)
-    # Few bytes are sorted by their digits.
+    # Small integers are sorted by their digits, in linear time.
     order = np.argsort(member.astype(np.min_scalar_type(len(counts))), kind="stable")
     return GroupedRuns(order, counts.cumsum() - counts, cases, every)
 
 
-def _combinations(columns: Sequence[CodedColumn], count: int) -> Rows:
-    """Return (n,) which combination of values each run has, counted as they first occur."""
+def _combination_indices(columns: Sequence[CodedColumn], count: int) -> Rows:
+    """Return (n,) the index of each run's combination of values, in order of first occurrence."""
     keys, size = np.zeros(count, dtype=np.int64), 1
     for codes, values in columns:
-        if size * len(values) > _MOST_KEYS:
+        if size * len(values) > _MAX_KEYS:
             keys, size = np.unique(keys, return_inverse=True)[1], count
         keys, size = keys * len(values) + codes, size * len(values)
     if size > count:
         keys, size = np.unique(keys, return_inverse=True)[1], count
     first = np.full(size, count)
-    # Of equal keys the last one that is assigned stays.
+    # The last assignment of equal keys stays, so the reversed order keeps the first run.
     first[keys[::-1]] = np.arange(count)[::-1]
     return np.argsort(np.argsort(first))[keys]
 
@@ -182,7 +181,7 @@ class Evaluated:
 
     summary: Configuration
     first: int  # the first of its runs in `StoredRuns`
-    cases: int  # in how many scenarios and seeds it was run
+    cases: int  # number of scenarios and seeds in its runs
     estimate: float  # uncertainty of the reference of its error, in the error's unit; 0 without one
     impacts: float  # largest number of impacts in any of its runs
     exceeded: tuple[str, ...]  # metrics that exceed their tolerance
@@ -195,16 +194,16 @@ class Evaluated:
     @property
     def failures(self) -> dict[str, int]:
         """Failed runs by label."""
-        return _failures(self.summary.outcomes.labels)
+        return _failed_labels(self.summary.outcomes.labels)
 
 
 class _Figures(NamedTuple):
-    """What is measured of the runs of one configuration; None where any has no value."""
+    """Measured values of the runs of one configuration; None if any run has no value."""
 
     labels: Mapping[str, int]
     good: int  # runs that are stable and within all tolerances
-    worst: Mapping[str, float | None]  # metric with a tolerance to what that bounds
-    times: Floats  # of the runs that have one
+    worst: Mapping[str, float | None]  # metric with a tolerance to the value that it bounds
+    times: Floats  # of the timed runs
     error: float | None
     error_spread: tuple[float, float] | None
     estimate: float
@@ -216,68 +215,73 @@ class _Figures(NamedTuple):
 def evaluate(runs: StoredRuns, criteria: ResolvedCriteria) -> list[Evaluated]:
     """Evaluate every configuration, the model as written first, then in the order of the plan.
 
-    A configuration is feasible if it was run in every scenario and seed that any other was run in,
-    has no failure label in any of them, meets every tolerance in the worst of them, and was timed.
+    A configuration is feasible if it was run in every scenario and seed of any other, has no
+    failure label in any of them, meets every tolerance in the worst of them, and was timed.
     """
     groups, found = group_runs(runs), list[Evaluated]()
     firsts, counts = groups.order[groups.starts].tolist(), groups.counts.tolist()
-    each = zip(firsts, counts, groups.cases.tolist(), _figures(runs, criteria, groups), strict=True)
+    each = zip(
+        firsts,
+        counts,
+        groups.cases.tolist(),
+        _measured_figures(runs, criteria, groups),
+        strict=True,
+    )
     for first, count, cases, figures in each:
         values = {name: settings[codes[first]] for name, (codes, settings) in runs.knobs.items()}
         if runs.written and not found:
             for name, (codes, settings) in runs.knobs.items():
-                # What others leave to the scene as well is the same there.
+                # Settings that others also leave to the scene are the same there.
                 if values[name] is None and (codes == settings.index(None)).sum() == count:
                     values[name] = runs.written.get(name)
-        found.append(_evaluated(values, first, figures, criteria, (cases, groups.every)))
+        found.append(_evaluate_one(values, first, figures, criteria, (cases, groups.every)))
     return found
 
 
-def _figures(
+def _measured_figures(
     runs: StoredRuns, criteria: ResolvedCriteria, groups: GroupedRuns
 ) -> Iterator[_Figures]:
-    """Yield what is measured of each configuration: one column of all runs after the other."""
+    """Yield the measured values of each configuration, one column of all runs after the other."""
     codes, names = runs.labels
     codes = codes[groups.order]
     good = np.array([name == STABLE for name in names])[codes]
     worst: dict[str, list[float | None]] = {}
     for name, limit in criteria.tolerances.items():
         sizes = magnitudes(runs.numbers, groups.order, name)
-        worst[name] = _sizes(name, sizes, groups)
-        # A comparison with NaN is false, as it should be.
+        worst[name] = _criterion_sizes(name, sizes, groups)
+        # A comparison with NaN is false, as required.
         good &= sizes <= limit
     times = groups.parts(runs.numbers[criteria.time.name][groups.order])
     error = criteria.error
     sizes = magnitudes(runs.numbers, groups.order, error.name)
     is_estimated = error.kind == "discretization"
     none = [None] * len(groups.starts)
-    estimates = _largest(runs, groups, ESTIMATES[error.name]) if is_estimated else none
+    estimates = _largest_values(runs, groups, ESTIMATES[error.name]) if is_estimated else none
     columns = zip(
-        (_counts(part, names) for part in groups.parts(codes)),
+        (_label_counts(part, names) for part in groups.parts(codes)),
         np.add.reduceat(good, groups.starts, dtype=np.int64).tolist(),
         zip(*worst.values(), strict=True) if worst else ([()] * len(none)),
         (part[np.isfinite(part)] for part in times),
-        _sizes(error.name, sizes, groups),
-        map(_spread, groups.parts(sizes)),
+        _criterion_sizes(error.name, sizes, groups),
+        map(_error_spread, groups.parts(sizes)),
         (estimate or 0.0 for estimate in estimates),
-        _largest(runs, groups, "solref_clamped"),
-        _largest(runs, groups, "step_p99"),
-        (impacts or 0.0 for impacts in _largest(runs, groups, "impacts")),
+        _largest_values(runs, groups, "solref_clamped"),
+        _largest_values(runs, groups, "step_p99"),
+        (impacts or 0.0 for impacts in _largest_values(runs, groups, "impacts")),
         strict=True,
     )
     for labels, number, sizes_of, *others in columns:
         yield _Figures(labels, number, dict(zip(worst, sizes_of, strict=True)), *others)
 
 
-def _counts(codes: NDArray[np.integer], names: Sequence[str]) -> dict[str, int]:
-    """Return how many runs have each label, in the order in which they first occur."""
+def _label_counts(codes: NDArray[np.integer], names: Sequence[str]) -> dict[str, int]:
     values, firsts, counts = np.unique(codes, return_index=True, return_counts=True)
     order = np.argsort(firsts)
     found: list[int] = values[order].tolist()
     return {names[code]: n for code, n in zip(found, counts[order].tolist(), strict=True)}
 
 
-def _evaluated(
+def _evaluate_one(
     values: dict[str, Setting],
     first: int,
     figures: _Figures,
@@ -293,8 +297,8 @@ def _evaluated(
     times, size = figures.times, figures.error
     mean = float(np.mean(times)) if len(times) else None
     reasons = [
-        *(f"{n} of {runs} runs are {name}" for name, n in _failures(figures.labels).items()),
-        *(_excess(name, worst[name], limits[name]) for name in exceeded),
+        *(f"{n} of {runs} runs are {name}" for name, n in _failed_labels(figures.labels).items()),
+        *(_excess_text(name, worst[name], limits[name]) for name in exceeded),
         *([f"run in {cases} of {every} cases"] if cases < every else []),
         *([] if len(times) else ["not timed"]),
     ]
@@ -311,7 +315,7 @@ def _evaluated(
         feasible=not reasons,
         reasons=tuple(reasons),
         worst=dict(worst),
-        margins={name: _margin(limit, worst[name]) for name, limit in limits.items()},
+        margins={name: _tolerance_margin(limit, worst[name]) for name, limit in limits.items()},
         outcomes=ConfigurationOutcomes(
             runs=runs, good=figures.good, low=low, high=high, labels=dict(figures.labels)
         ),
@@ -319,39 +323,39 @@ def _evaluated(
     return Evaluated(summary, first, cases, figures.estimate, figures.impacts, exceeded)
 
 
-def _failures(labels: Mapping[str, int]) -> dict[str, int]:
+def _failed_labels(labels: Mapping[str, int]) -> dict[str, int]:
     return {name: count for name, count in labels.items() if name != STABLE}
 
 
-def _margin(tolerance: float, worst: float | None) -> float | None:
-    """Return by what factor a value could grow; None if the value is unknown, or zero."""
+def _tolerance_margin(tolerance: float, worst: float | None) -> float | None:
+    """Return the allowed growth factor of a value; None if the value is unknown, or zero."""
     ratio = tolerance / worst if worst else math.inf
     return ratio if math.isfinite(ratio) else None
 
 
-def _largest(runs: StoredRuns, groups: GroupedRuns, name: str) -> list[float | None]:
+def _largest_values(runs: StoredRuns, groups: GroupedRuns, name: str) -> list[float | None]:
     """Return the largest magnitude of a column in each configuration; None if any has no value."""
     if name not in runs.numbers:
         return [None] * len(groups.starts)
-    return _most(np.abs(runs.numbers[name][groups.order]), groups)
+    return _largest_sizes(np.abs(runs.numbers[name][groups.order]), groups)
 
 
-def _most(sizes: Floats, groups: GroupedRuns) -> list[float | None]:
+def _largest_sizes(sizes: Floats, groups: GroupedRuns) -> list[float | None]:
     most = np.maximum.reduceat(sizes, groups.starts)
     return [None if value != value else value for value in most.tolist()]  # noqa: PLR0124
 
 
-def _sizes(name: str, sizes: Floats, groups: GroupedRuns) -> list[float | None]:
-    """Return what counts of the sizes of a column in each configuration; None if any is unknown."""
-    most = _most(sizes, groups)
+def _criterion_sizes(name: str, sizes: Floats, groups: GroupedRuns) -> list[float | None]:
+    """Return the size of a column that counts for each configuration; None if any is unknown."""
+    most = _largest_sizes(sizes, groups)
     if name != REALITY:
         return most
     pairs = zip(most, groups.parts(sizes), strict=True)
     return [None if value is None else float(part.mean()) for value, part in pairs]
 
 
-def _spread(sizes: Floats) -> tuple[float, float] | None:
-    own, middle = np.sort(sizes), len(sizes) // 2  # what is unknown is last
+def _error_spread(sizes: Floats) -> tuple[float, float] | None:
+    own, middle = np.sort(sizes), len(sizes) // 2  # unknown sizes are last
     least, upper, lower, last = own[[0, middle, -1 - middle, -1]].tolist()
     return (least, (upper + lower) / 2) if len(own) > 1 and last == last else None  # noqa: PLR0124
 
@@ -365,7 +369,7 @@ def magnitudes(numbers: Mapping[str, Floats], rows: Rows, name: str) -> Floats:
     return sizes if estimate is None else np.maximum(sizes, np.nan_to_num(estimate[rows]))
 
 
-def _excess(name: str, worst: float | None, tolerance: float) -> str:
+def _excess_text(name: str, worst: float | None, tolerance: float) -> str:
     if worst is None:
         return f"{name} could not be measured in every run"
     return f"{name} reaches {worst:.3g} of {tolerance:.3g}"
@@ -402,6 +406,6 @@ def _is_insensitive(evaluated: Sequence[Evaluated], name: str) -> bool:
 def _is_equal(evaluated: Sequence[Evaluated]) -> bool:
     errors = [configuration.summary.error for configuration in evaluated]
     known = [error for error in errors if error is not None]
-    if known and (len(known) < len(errors) or max(known) > _UNCHANGED * min(known)):
+    if known and (len(known) < len(errors) or max(known) > _IDLE_RATIO * min(known)):
         return False
     return len({tuple(sorted(configuration.failures)) for configuration in evaluated}) == 1

@@ -1,4 +1,4 @@
-"""Methods, all knobs but the timestep: the order of convergence of each, and its floor."""
+"""Methods, that is, all knobs except the timestep: their orders of convergence and floors."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -12,8 +12,8 @@ from contactlab.schema.evidence import Setting
 from contactlab.schema.tradeoff_report import Floor, Method, Order
 
 FEWEST = 3
-CLEAR = 3.0  # an error this many times the uncertainty of its reference is off by a third at most
-# Twice this is how far a slope may be off: whole orders are told apart with room to spare.
+CLEAR = 3.0  # an error this many times the uncertainty of its reference is wrong by at most a third
+# A slope may be wrong by twice this, so that whole orders are clearly distinguishable.
 WORST_STANDARD_ERROR = 0.1
 LEAST_SLOPE = 0.25
 FLAT = 1.5
@@ -32,16 +32,16 @@ def order(steps: TimestepErrors, floor: float = 0.0) -> Order:
     """Return the order of convergence.
 
     A line through log error over log timestep is fitted to the widest range, from the finest clear
-    step up, over which its slope has a standard error of at most 0.1; coarser steps lie outside of
+    step up, for which its slope has a standard error of at most 0.1; coarser steps lie outside of
     the asymptotic range. A step is clear if its error exceeds three times the uncertainty of the
     reference, and three times the floor, which remains at any timestep; 0 if none is known.
     """
     clear = steps.error > CLEAR * np.maximum(steps.uncertainty, floor)
     timestep, error = np.log(steps.timestep[clear]), np.log(steps.error[clear])
     if len(timestep) < FEWEST:
-        return no_order(_too_few(len(timestep), steps, floor))
+        return no_order(_too_few_text(len(timestep), steps, floor))
     for count in range(len(timestep), FEWEST - 1, -1):
-        slope, standard_error = _line(timestep[:count], error[:count])
+        slope, standard_error = _fit_line(timestep[:count], error[:count])
         if standard_error <= WORST_STANDARD_ERROR and slope < LEAST_SLOPE:
             return no_order(f"the error does not fall with the timestep (slope {slope:.2g})")
         if standard_error <= WORST_STANDARD_ERROR:
@@ -58,8 +58,8 @@ def find_floor(steps: TimestepErrors) -> Floor | None:
     """Return the error that no longer falls with the timestep, or None.
 
     It is the median over the widest range, from the finest step up, of at least three steps that
-    span a factor of four and whose errors stay within a factor of 1.5. An error of order 1/2 would
-    change by 2 over that span, one of order 1 by 4.
+    span a factor of four and have errors within a factor of 1.5. An error of order 1/2 would change
+    by 2 over that span, one of order 1 by 4.
     """
     floor = None
     for count in range(FEWEST, len(steps.timestep) + 1):
@@ -72,14 +72,14 @@ def find_floor(steps: TimestepErrors) -> Floor | None:
     return floor
 
 
-def _too_few(clear: int, steps: TimestepErrors, floor: float) -> str:
+def _too_few_text(clear: int, steps: TimestepErrors, floor: float) -> str:
     if not floor and not steps.uncertainty.any():
-        return f"{clear} timesteps, and a line takes {FEWEST}"
-    what = "the floor" if floor else "the reference's own error"
-    return f"{clear} of {FEWEST} or more timesteps have an error above three times {what}"
+        return f"{clear} timesteps, but a line needs {FEWEST}"
+    threshold = "the floor" if floor else "the reference's own error"
+    return f"{clear} of at least {FEWEST} timesteps have an error above three times {threshold}"
 
 
-def _line(x: Floats, y: Floats) -> tuple[float, float]:
+def _fit_line(x: Floats, y: Floats) -> tuple[float, float]:
     """Return the slope of the least-squares line through (n,) points, and its standard error."""
     across = x - x.mean()
     spread = float(across @ across)
@@ -91,7 +91,7 @@ def _line(x: Floats, y: Floats) -> tuple[float, float]:
 MethodKey = tuple[tuple[str, Setting], ...]
 
 TIMESTEP = "timestep"
-_NUMERICS = {
+_NUMERIC_KNOBS = {
     *("integrator", "solver", "jacobian", "iterations", "tolerance"),
     *("ls_iterations", "ls_tolerance"),
 }
@@ -100,25 +100,25 @@ _NUMERICS = {
 def methods(evaluated: Sequence[Evaluated], *, is_modeling: bool) -> list[Method]:
     """Return the methods, in the order of their first configurations.
 
-    They may have a floor if the error is against anything but the model itself: if `is_modeling`.
+    They may have a floor if the error has another reference than the model: if `is_modelling`.
     """
     members: dict[MethodKey, list[Evaluated]] = {}
     for configuration in evaluated:
         members.setdefault(method_key(configuration.values), []).append(configuration)
     differing = varying([dict(key) for key in members])
     floors: dict[MethodKey, Floor | None] = dict.fromkeys(members)
-    # Methods that differ by integrator or solver alone converge to the same solution, and have
-    # the least floor of any of them.
+    # Methods that differ only in integrator or solver converge to the same solution, and share
+    # the smallest floor of any of them.
     least: dict[MethodKey, float] = {}
     for key, family in members.items() if is_modeling else ():
-        floors[key] = floor = find_floor(_steps(family))
+        floors[key] = floor = find_floor(_timestep_errors(family))
         if floor is not None:
-            least[_physics(key)] = min(floor.error, least.get(_physics(key), np.inf))
+            least[_physics_key(key)] = min(floor.error, least.get(_physics_key(key), np.inf))
     return [
         Method(
             name=method_name(dict(key), differing),
             configuration=dict(key),
-            order=_order(family, least.get(_physics(key), 0.0)),
+            order=_method_order(family, least.get(_physics_key(key), 0.0)),
             floor=floors[key],
         )
         for key, family in members.items()
@@ -126,20 +126,20 @@ def methods(evaluated: Sequence[Evaluated], *, is_modeling: bool) -> list[Method
 
 
 def method_key(values: dict[str, Setting]) -> MethodKey:
-    """Return what identifies the method of a configuration: every knob but the timestep."""
+    """Return the identity of a configuration's method: every knob except the timestep."""
     return tuple((name, value) for name, value in values.items() if name != TIMESTEP)
 
 
 def method_name(values: Mapping[str, Setting], differing: Sequence[str]) -> str:
-    """Return a method in words: the values of what varies, with the axis where it is a number.
+    """Return a method in words: the values of varying knobs, with the axis for a number.
 
-    Knobs that an included row does not set are as the scene has them, and left out.
+    Knobs that an included row does not set keep the scene's value, and are omitted.
     """
-    words = [_word(name, values[name]) for name in differing if values[name] is not None]
+    words = [_knob_word(name, values[name]) for name in differing if values[name] is not None]
     return ", ".join(words) or "as the scene has it"
 
 
-def _word(name: str, value: Setting) -> str:
+def _knob_word(name: str, value: Setting) -> str:
     if isinstance(value, str) and not value[:1].isdigit() and not value.startswith("-"):
         return value
     return f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
@@ -150,21 +150,21 @@ def varying(keys: Sequence[Mapping[str, Setting]]) -> list[str]:
     return [name for name in keys[0] if len({key[name] for key in keys}) > 1] if keys else []
 
 
-def _order(members: Sequence[Evaluated], floor: float) -> Order:
+def _method_order(members: Sequence[Evaluated], floor: float) -> Order:
     impacts = max(member.impacts for member in members)
     if impacts:
         most = "one impact" if impacts == 1 else f"up to {impacts:.0f} impacts"
         return no_order(f"a run has {most}, at a chance place within a step")
-    return order(_steps(members), floor)
+    return order(_timestep_errors(members), floor)
 
 
-def _physics(key: MethodKey) -> MethodKey:
-    return tuple(pair for pair in key if pair[0] not in _NUMERICS)
+def _physics_key(key: MethodKey) -> MethodKey:
+    return tuple(pair for pair in key if pair[0] not in _NUMERIC_KNOBS)
 
 
-def _steps(members: Sequence[Evaluated]) -> TimestepErrors:
-    """Return the timesteps whose runs completed, without a raised time constant."""
-    # Runs that mean nothing tell nothing of how an error falls.
+def _timestep_errors(members: Sequence[Evaluated]) -> TimestepErrors:
+    """Return the timesteps with completed runs, without a raised time constant."""
+    # The errors of meaningless runs show no convergence.
     voided = {label.name for label in LABELS.values() if label.voids}
     points = sorted(
         (float(step), member.summary.error, member.estimate)

@@ -1,4 +1,4 @@
-"""The columns of a store that measure accuracy and time, and their tolerances."""
+"""Chooses the columns of a store for accuracy and cost, and their tolerances."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ RECORDED = "cost_cpu_per_sim_s"
 
 @dataclass(frozen=True)
 class Criteria:
-    """The metric of accuracy, and the tolerances."""
+    """Criteria for a sufficiently accurate configuration."""
 
     # The metric of accuracy; None to take the first error that has a tolerance.
     metric: str | None = None
@@ -29,7 +29,7 @@ class Criteria:
 
 
 def find_store(source: str, target: Address | None = None) -> Address | None:
-    """Return the store that a text names; None for a sweep, which alone may have a target."""
+    """Return the store that a text names; None for a sweep; only a sweep may have a target."""
     address = parse_address(source)
     is_folder = isinstance(address, Path) and address.is_dir()
     if isinstance(address, Path) and not is_folder:
@@ -41,7 +41,7 @@ def find_store(source: str, target: Address | None = None) -> Address | None:
 
 
 def tolerances_of(store: Store, criteria: Criteria) -> dict[str, float]:
-    """Return all tolerances; a SweepFileError says that a column is not numeric."""
+    """Return tolerances of sweep and criteria; a SweepFileError for a column without numbers."""
     sweep = Sweep.model_validate(store.manifest.sweep.resolved)
     tolerances = {**sweep.tolerances, **criteria.tolerances}
     for name in tolerances:
@@ -55,7 +55,7 @@ def error_measure(
     """Return the error of the criteria, or the first with a tolerance, or the first measured.
 
     Raises a SweepFileError if the store has no such column; a StoreError if no run has a value of
-    it, or of any error, though not every run failed.
+    it, or of any error, although not every run failed.
     """
     if criteria.metric is not None:
         _check_number(store, criteria.metric)

@@ -1,4 +1,4 @@
-"""Pareto fronts of time and error, the recommended configuration, and their sentences."""
+"""Pareto fronts of time and error, and the recommended configuration, also in sentences."""
 
 from collections.abc import Iterable, Sequence
 
@@ -15,7 +15,7 @@ def pareto_front(time: Floats, error: Floats) -> list[int]:
     """Return the indices of the Pareto front of points, time (n,) and error (n,), cheapest first.
 
     A point dominates another if it is no worse in both, and better in one; equal points do not
-    dominate each other. A point without time or error (NaN) is not on a front.
+    dominate each other. A point with NaN as time or error is on no front.
     """
     known = np.flatnonzero(np.isfinite(time) & np.isfinite(error))
     order = known[np.lexsort((error[known], time[known]))]
@@ -41,10 +41,10 @@ def equally_fast(
 ) -> list[Evaluated]:
     """Return the feasible configurations that are as fast as the fastest of them, within noise.
 
-    Those are within 5 % of the least time, and keep a least margin to every tolerance; the most
+    They are within 5 % of the smallest time, and keep a least margin to every tolerance. The most
     accurate comes first, and equally accurate ones in the order of the plan, so that noise of the
     times decides nothing. With a baseline, those within 5 % of the most accurate count as equally
-    accurate, and the one that has most of its values comes first.
+    accurate, and the one with most of its values comes first.
     """
     feasible = [
         (configuration.summary.time, configuration)
@@ -54,20 +54,22 @@ def equally_fast(
         and all(m is None or m >= least_margin for m in configuration.summary.margins.values())
     ]
     limit = EQUALLY_FAST * min((time for time, _ in feasible), default=0.0)
-    near = sorted((configuration for time, configuration in feasible if time <= limit), key=_error)
+    near = sorted(
+        (configuration for time, configuration in feasible if time <= limit), key=_known_error
+    )
     if baseline is None or not near:
         return near
-    same = MORE_ACCURATE * _error(near[0])
+    same = MORE_ACCURATE * _known_error(near[0])
 
     def preference(configuration: Evaluated) -> tuple[bool, int]:
         changed = sum(configuration.values[name] != value for name, value in baseline.items())
-        return (True, 0) if _error(configuration) > same else (False, changed)
+        return (True, 0) if _known_error(configuration) > same else (False, changed)
 
     return sorted(near, key=preference)
 
 
 def places_of_models(configurations: Sequence[Configuration]) -> list[int]:
-    """Return the configurations of MuJoCo; all of them if none names an engine."""
+    """Return the configurations of the engine for models; all, if none names an engine."""
     engines = [configuration.configuration.get("engine") for configuration in configurations]
     own = [place for place, engine in enumerate(engines) if engine == MODEL_ENGINE]
     return own or [*range(len(engines))]
@@ -91,12 +93,14 @@ def front_of(configurations: Sequence[Configuration]) -> list[int]:
 
 
 def next_more_accurate(front: Sequence[Evaluated], chosen: Evaluated) -> Evaluated | None:
-    """Return the cheapest on a front whose error is smaller by a factor of 1.05 at least."""
-    limit = _error(chosen) / MORE_ACCURATE
-    return next((configuration for configuration in front if _error(configuration) < limit), None)
+    """Return the cheapest on a front with an error smaller by a factor of at least 1.05."""
+    limit = _known_error(chosen) / MORE_ACCURATE
+    return next(
+        (configuration for configuration in front if _known_error(configuration) < limit), None
+    )
 
 
-def _error(configuration: Evaluated) -> float:
+def _known_error(configuration: Evaluated) -> float:
     return np.inf if configuration.summary.error is None else configuration.summary.error
 
 
@@ -115,7 +119,7 @@ def setting_text(value: Setting) -> str:
 
 
 def robust_text(report: TradeoffReport) -> str:
-    """Return the time that a margin to every tolerance costs; empty without tolerances."""
+    """Return the cost of a margin to every tolerance; empty without tolerances."""
     if not report.tolerances or report.recommendation is None:
         return ""
     if report.robust is None:
@@ -128,7 +132,7 @@ def robust_text(report: TradeoffReport) -> str:
 
 
 def next_step_text(report: TradeoffReport) -> str:
-    """Return the gain from more time; empty if no feasible configuration is more accurate."""
+    """Return the gain of more time; empty if no feasible configuration is more accurate."""
     after = report.next_step
     if after is None:
         return ""
@@ -138,7 +142,7 @@ def next_step_text(report: TradeoffReport) -> str:
 
 
 def blocker_texts(report: TradeoffReport) -> list[str]:
-    """Return each reason and how many configurations it rules out, the most frequent first."""
+    """Return the causes of infeasible configurations with their counts, most frequent first."""
     return [
         f"{blocker.kind} {blocker.name} rules out {blocker.configurations} configurations"
         + ("" if blocker.best is None else f"; the best has {blocker.best:.3g}")

@@ -18,13 +18,13 @@ _INTEGRATOR = "integrator"
 RECOMMENDED = "recommended"
 ROBUST = "margin 1.25"
 NOW = "now"
-_PADDING = 1.6  # factor by which the axes extend beyond the outermost points
+_AXIS_PADDING = 1.6  # factor of the extent of axes beyond the outermost points
 
-_MOST_TOLERANCES_DRAWN = 30.0
-"""Errors above so many tolerances are drawn at the edge, to leave room for the others."""
+_MAX_DRAWN_TOLERANCES = 30.0
+"""Errors above this many tolerances are drawn at the edge, to leave room for the others."""
 
 # A run labelled oracle_miss has a large error, which the chart shows.
-_MEASURED = {"stable", "oracle_miss"}
+_MEASURED_LABELS = {"stable", "oracle_miss"}
 Row = dict[str, Any]
 
 
@@ -49,11 +49,11 @@ class ChartData:
 
 
 def chart_data(report: TradeoffReport, places: Collection[int] | None = None) -> ChartData:
-    """Return the rows of every layer of a report's chart; of some places, if given.
+    """Return the rows of every layer of a report's chart, or only of some places.
 
     At most eight methods get a colour: the recommended first, then that of the model as written,
-    those on the front, then the most accurate. Of more methods, each integrator has one, and its
-    line is its own front.
+    those on the front, then the most accurate. With more methods, each integrator has a colour, and
+    its line is its own front.
     """
     keys = {method_key(method.configuration) for method in report.methods}
     shown = {
@@ -64,33 +64,33 @@ def chart_data(report: TradeoffReport, places: Collection[int] | None = None) ->
     }
     crowded = len(keys) > len(LETTERS) and _INTEGRATOR in report.varying
     lines = {
-        place: _line(configuration.configuration, crowded=crowded)
+        place: _line_key(configuration.configuration, crowded=crowded)
         for place, configuration in shown.items()
     }
-    front = _front(
+    front = _front_places(
         {place: configuration for place, configuration in shown.items() if configuration.feasible}
     )
-    names = _names(report, shown, lines, front)
+    names = _method_names(report, shown, lines, front)
     floors: list[Row] = [
         {"method": names[key], "error": method.floor.error}
         for method in report.methods
-        if method.floor and (key := _line(method.configuration, crowded=crowded)) in names
+        if method.floor and (key := _line_key(method.configuration, crowded=crowded)) in names
     ]
-    frame = _frame(report, shown.values(), [floor["error"] for floor in floors])
+    frame = _axis_limits(report, shown.values(), [floor["error"] for floor in floors])
     drawn = {place: key for place, key in lines.items() if not _is_failed(shown[place])}
     if crowded:
         fronts = [
-            _front({place: shown[place] for place in drawn if drawn[place] == key})
+            _front_places({place: shown[place] for place in drawn if drawn[place] == key})
             for key in dict.fromkeys(drawn.values())
         ]
         drawn = {place: drawn[place] for members in fronts for place in members}
-    labelled = {*front, *_ends(shown, drawn)}
+    labelled = {*front, *_line_ends(shown, drawn)}
     return ChartData(
         frame=frame,
         methods=list(names.values()),
         points=[
             {
-                **_point(configuration, report, names.get(lines[place], OTHERS), frame),
+                **_point_row(configuration, report, names.get(lines[place], OTHERS), frame),
                 "place": place,
                 "line": str(lines[place]),
                 "drawn": place in drawn,
@@ -99,7 +99,7 @@ def chart_data(report: TradeoffReport, places: Collection[int] | None = None) ->
             for place, configuration in shown.items()
         ],
         front=[
-            {"time": shown[place].time, "error": _above(shown[place].error, frame)}
+            {"time": shown[place].time, "error": _visible_error(shown[place].error, frame)}
             for place in front
         ],
         floors=floors,
@@ -107,29 +107,28 @@ def chart_data(report: TradeoffReport, places: Collection[int] | None = None) ->
 
 
 def _is_failed(configuration: Configuration) -> bool:
-    """Say whether a configuration has no place on the axis of errors."""
-    return configuration.error is None or not set(configuration.outcomes.labels) <= _MEASURED
+    """Return whether a configuration has no place on the axis of errors."""
+    return configuration.error is None or not set(configuration.outcomes.labels) <= _MEASURED_LABELS
 
 
-def _line(values: Settings, *, crowded: bool) -> MethodKey:
-    """Return what the points of one line share: the method, or the integrator."""
+def _line_key(values: Settings, *, crowded: bool) -> MethodKey:
+    """Return the shared key of the points of one line: the method, or the integrator."""
     return ((_INTEGRATOR, values[_INTEGRATOR]),) if crowded else method_key(values)
 
 
-def _front(shown: Mapping[int, Configuration]) -> list[int]:
-    """Return the places on the front of some configurations, the cheapest first."""
+def _front_places(shown: Mapping[int, Configuration]) -> list[int]:
     places = list(shown)
     return [places[index] for index in front_of([*shown.values()])]
 
 
-def _names(
+def _method_names(
     report: TradeoffReport,
     shown: Mapping[int, Configuration],
     lines: Mapping[int, MethodKey],
     front: Collection[int],
 ) -> dict[MethodKey, str]:
-    marked = [place for place in shown if _chosen(shown[place].configuration, report)]
-    marked.sort(key=lambda place: _chosen(shown[place].configuration, report) == NOW)
+    marked = [place for place in shown if _mark_words(shown[place].configuration, report)]
+    marked.sort(key=lambda place: _mark_words(shown[place].configuration, report) == NOW)
     measured = [place for place in shown if not _is_failed(shown[place])]
     by_error = sorted(measured, key=lambda place: shown[place].error or 0.0)
     keys = list(dict.fromkeys(lines[place] for place in (*marked, *front, *by_error, *shown)))
@@ -140,8 +139,7 @@ def _names(
     }
 
 
-def _ends(shown: Mapping[int, Configuration], drawn: Mapping[int, MethodKey]) -> Iterator[int]:
-    """Yield the places of the configurations with the shortest and longest step of a line."""
+def _line_ends(shown: Mapping[int, Configuration], drawn: Mapping[int, MethodKey]) -> Iterator[int]:
     lines: dict[MethodKey, list[tuple[float, int]]] = {}
     for place, key in drawn.items():
         step = shown[place].configuration.get(TIMESTEP)
@@ -151,7 +149,7 @@ def _ends(shown: Mapping[int, Configuration], drawn: Mapping[int, MethodKey]) ->
         yield from (min(line)[1], max(line)[1])
 
 
-def _frame(
+def _axis_limits(
     report: TradeoffReport, shown: Collection[Configuration], floors: list[float]
 ) -> ChartFrame:
     limit = report.tolerances.get(report.error.name)
@@ -161,28 +159,31 @@ def _frame(
         for configuration in shown
         if configuration.error and not _is_failed(configuration)
     ]
-    near = [error for error in errors if not limit or error <= _MOST_TOLERANCES_DRAWN * limit]
-    return ChartFrame(_around(times), _around([*near, *floors, *([limit] if limit else [])]))
+    near = [error for error in errors if not limit or error <= _MAX_DRAWN_TOLERANCES * limit]
+    return ChartFrame(
+        _padded_range(times), _padded_range([*near, *floors, *([limit] if limit else [])])
+    )
 
 
-def _around(values: list[float]) -> tuple[float, float]:
-    return min(values, default=1.0) / _PADDING, max(values, default=1.0) * _PADDING
+def _padded_range(values: list[float]) -> tuple[float, float]:
+    return min(values, default=1.0) / _AXIS_PADDING, max(values, default=1.0) * _AXIS_PADDING
 
 
-def _point(
+def _point_row(
     configuration: Configuration, report: TradeoffReport, name: str, frame: ChartFrame
 ) -> Row:
     failed = _is_failed(configuration) or (configuration.error or 0.0) > frame.error[1]
     step = configuration.configuration.get(TIMESTEP)
     label = f"{1e3 * step:.3g} ms" if isinstance(step, int | float) else ""
-    chosen = _chosen(configuration.configuration, report)
+    chosen = _mark_words(configuration.configuration, report)
     return {
         "method": name,
         "time": configuration.time or frame.time[0],
-        "error": frame.error[1] if failed else _above(configuration.error, frame),
+        "error": frame.error[1] if failed else _visible_error(configuration.error, frame),
         "timestep": step,
         "bound": configuration.below_estimate,
-        "least": configuration.error_spread and _above(configuration.error_spread[0], frame),
+        "least": configuration.error_spread
+        and _visible_error(configuration.error_spread[0], frame),
         "label": f"{name[:1]} {label}",
         "state": "failed"
         if failed
@@ -191,12 +192,12 @@ def _point(
     }
 
 
-def _above(error: float | None, frame: ChartFrame) -> float:
+def _visible_error(error: float | None, frame: ChartFrame) -> float:
     """Return an error that a logarithmic axis can show: at least the lower limit."""
     return max(error or 0.0, frame.error[0])
 
 
-def _chosen(values: Settings, report: TradeoffReport) -> str:
+def _mark_words(values: Settings, report: TradeoffReport) -> str:
     """Return the words at the model as written and at recommended ones; empty at others."""
     words = [NOW] if report.baseline and report.baseline.configuration == values else []
     knobs = [name for name in report.knobs if name not in report.insensitive_knobs]
@@ -207,12 +208,12 @@ def _chosen(values: Settings, report: TradeoffReport) -> str:
     return ", ".join(words)
 
 
-_SIZE = (640, 440)
-# As a fraction while that is short; most labels of a logarithmic axis are left empty.
-_SHORT = "datum.label && format(datum.value, datum.value < 1e-3 ? '~e' : '~g')"
-_STATES = ("within tolerance", "beyond tolerance", "failed")
-# More labels than this hide the points; then only the front and the ends of lines have theirs.
-_MOST_POINTS_LABELLED = 24
+_CHART_SIZE = (640, 440)
+# Text of a tick: a fraction while that is short; most labels of a logarithmic axis are empty.
+_TICK_LABEL = "datum.label && format(datum.value, datum.value < 1e-3 ? '~e' : '~g')"
+_POINT_STATES = ("within tolerance", "beyond tolerance", "failed")
+# More labels than this hide the points; then only the front and the ends of lines have labels.
+_MAX_LABELLED_POINTS = 24
 _Channel = TypeVar("_Channel", alt.Color, alt.Shape)
 
 
@@ -225,21 +226,21 @@ def specification(
     the place of their configuration in the report.
     """
     return (
-        alt.layer(*_layers(report, chart_data(report, places)))
-        .properties(width=_SIZE[0], height=_SIZE[1], title=_title(report))
+        alt.layer(*_chart_layers(report, chart_data(report, places)))
+        .properties(width=_CHART_SIZE[0], height=_CHART_SIZE[1], title=_chart_title(report))
         .configure_axis(tickCount=6)
         .configure_legend(symbolSize=90, titleFontSize=12, labelFontSize=11)
     )
 
 
-def _layers(report: TradeoffReport, shown: ChartData) -> Iterator[alt.Chart]:
-    x, y = _axes(report, shown)
-    colour = _coloured(shown, alt.Color, [*COLOURS[: len(shown.methods)], OTHERS_COLOUR])
+def _chart_layers(report: TradeoffReport, shown: ChartData) -> Iterator[alt.Chart]:
+    x, y = _chart_axes(report, shown)
+    colour = _method_channel(shown, alt.Color, [*COLOURS[: len(shown.methods)], OTHERS_COLOUR])
     measured = [point for point in shown.points if point["state"] != "failed"]
     failed = [point for point in shown.points if point["state"] == "failed"]
     named = [point for point in measured if point["method"] != OTHERS]
     if limit := report.tolerances.get(report.error.name):
-        yield from _tolerance(shown.frame, limit)
+        yield from _tolerance_band(shown.frame, limit)
     drawn = [point for point in measured if point["drawn"]]
     lines = layer_of("lines", drawn).mark_line(strokeWidth=1.2, opacity=0.8)
     yield lines.encode(x, y, colour, detail="line:N", order="time:Q")
@@ -251,10 +252,10 @@ def _layers(report: TradeoffReport, shown: ChartData) -> Iterator[alt.Chart]:
         strokeWidth=4, color=INK, opacity=0.35, interpolate="step-after"
     )
     yield stairs.encode(x, y, order="time:Q")
-    yield from _labels(shown, named, x, y)
+    yield from _timestep_labels(shown, named, x, y)
     bars = layer_of("spreads", [point for point in drawn if point["least"]])
     yield bars.mark_rule(opacity=0.5).encode(x, y, alt.Y2("least:Q"), colour)
-    yield from _markers(shown, named, x, y, colour)
+    yield from _point_markers(shown, named, x, y, colour)
     crosses = layer_of("failures", failed).mark_text(text="\u2715", size=13, dy=8)
     yield crosses.encode(x, y, colour)
     # Upper bounds: errors below the uncertainty of their reference.
@@ -262,24 +263,23 @@ def _layers(report: TradeoffReport, shown: ChartData) -> Iterator[alt.Chart]:
         shape="arrow", angle=180, size=260, yOffset=14, color=INK
     )
     yield arrows.encode(x, y)
-    yield from _rings(shown, x, y)
+    yield from _chosen_rings(shown, x, y)
 
 
-def _markers(
+def _point_markers(
     shown: ChartData, named: list[Row], x: alt.X, y: alt.Y, colour: alt.Color
 ) -> Iterator[alt.Chart]:
-    """Yield the markers of points, those on no line small and pale."""
     count = len(shown.methods)
-    shape = _coloured(shown, alt.Shape, [*SHAPES[:count], "stroke"])
+    shape = _method_channel(shown, alt.Shape, [*SHAPES[:count], "stroke"])
     fill = alt.Fill("method:N").scale(domain=shown.methods, range=COLOURS[:count]).legend(None)
-    opacity = alt.FillOpacity("state:O").scale(domain=_STATES[:2], range=[1, 0]).legend(None)
+    opacity = alt.FillOpacity("state:O").scale(domain=_POINT_STATES[:2], range=[1, 0]).legend(None)
     for name, size, strength in (("beside", 24, 0.5), ("points", 70, 1.0)):
         points = layer_of(name, [point for point in named if point["drawn"] == (name == "points")])
         marked = points.mark_point(size=size, strokeWidth=1.5, opacity=strength)
         yield marked.encode(x, y, colour, shape, fill, opacity)
 
 
-def _axes(report: TradeoffReport, shown: ChartData) -> tuple[alt.X, alt.Y]:
+def _chart_axes(report: TradeoffReport, shown: ChartData) -> tuple[alt.X, alt.Y]:
     unit = f" [{report.error.unit}]" if report.error.unit not in {"", "1", "any"} else ""
     source = "" if report.time.source == "timing" else " (while recording)"
     x = alt.X("time:Q").scale(type="log", domain=shown.frame.time, nice=False)
@@ -288,20 +288,19 @@ def _axes(report: TradeoffReport, shown: ChartData) -> tuple[alt.X, alt.Y]:
         x.axis(title=f"CPU seconds per simulated second{source}", format="~g"),
         y.axis(
             title=f"{report.error.name}{unit}, worst of {report.runs_per_configuration} runs",
-            labelExpr=_SHORT,
+            labelExpr=_TICK_LABEL,
         ),
     )
 
 
-def _coloured(shown: ChartData, channel: type[_Channel], values: list[str]) -> _Channel:
-    """Return a channel that tells methods apart, with a legend of those that occur."""
+def _method_channel(shown: ChartData, channel: type[_Channel], values: list[str]) -> _Channel:
     names = [*shown.methods, OTHERS]
     used = [name for name in names if any(point["method"] == name for point in shown.points)]
     scaled = channel("method:N").scale(domain=names, range=values)
     return scaled.legend(title="method", values=used)
 
 
-def _tolerance(frame: ChartFrame, limit: float) -> Iterator[alt.Chart]:
+def _tolerance_band(frame: ChartFrame, limit: float) -> Iterator[alt.Chart]:
     low = alt.Y("low:Q").scale(type="log", domain=frame.error, nice=False)
     x = alt.X("time:Q").scale(type="log", domain=frame.time, nice=False)
     band = layer_of("band", [{"low": limit, "high": frame.error[1]}])
@@ -311,9 +310,8 @@ def _tolerance(frame: ChartFrame, limit: float) -> Iterator[alt.Chart]:
     yield written.encode(x, low, alt.Text("text:N"))
 
 
-def _rings(shown: ChartData, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
-    """Yield a ring around each recommended configuration, with its name."""
-    rows = [point | _beside(point, shown) for point in shown.points if point["chosen"]]
+def _chosen_rings(shown: ChartData, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
+    rows = [point | _ring_label_place(point, shown) for point in shown.points if point["chosen"]]
     ring = layer_of("chosen", rows)
     marked = ring.mark_point(shape="circle", size=420, strokeWidth=2.2, color=INK, opacity=1)
     yield marked.encode(x, y)
@@ -323,8 +321,8 @@ def _rings(shown: ChartData, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
         yield mark.encode(x, y, text="chosen:N")
 
 
-def _beside(row: Row, shown: ChartData) -> Row:
-    """Return where the name of a ring stands: within the frame, and not on the other name."""
+def _ring_label_place(row: Row, shown: ChartData) -> Row:
+    """Return the place of a ring's name: within the frame, and not on the other name."""
     right = row["time"] > math.sqrt(math.prod(shown.frame.time))
     lower = min(point["error"] for point in shown.points if point["chosen"])
     return {
@@ -334,10 +332,9 @@ def _beside(row: Row, shown: ChartData) -> Row:
     }
 
 
-def _labels(shown: ChartData, named: list[Row], x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
-    """Yield the timesteps beside their points, on alternating sides by method."""
+def _timestep_labels(shown: ChartData, named: list[Row], x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
     rows = [point for point in named if not point["chosen"]]
-    if len(rows) > _MOST_POINTS_LABELLED:
+    if len(rows) > _MAX_LABELLED_POINTS:
         rows = [row for row in rows if row["labelled"]]
     right = [row for row in rows if shown.methods.index(row["method"]) % 2]
     left = [row for row in rows if row not in right]
@@ -347,7 +344,7 @@ def _labels(shown: ChartData, named: list[Row], x: alt.X, y: alt.Y) -> Iterator[
             yield mark.encode(x, y, text="label:N")
 
 
-def _title(report: TradeoffReport) -> alt.TitleParams:
+def _chart_title(report: TradeoffReport) -> alt.TitleParams:
     feasible = sum(configuration.feasible for configuration in report.configurations)
     held = f"{feasible} of {len(report.configurations)}"
     return alt.TitleParams(
