@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from ruamel.yaml import YAML
-from tests.docs.test_commands_of_docs import parse
+from tests.docs.tried_commands import parse
 
 PAGE = Path(__file__).parents[2] / "docs" / "clusters.md"
 SECTION = PAGE.read_text().partition("## Shards")[2].partition("\n## ")[0]
