@@ -133,7 +133,7 @@ OF_OPTIONS = [
     Bad("sound.xml -o nowhere/a.json", "nowhere/a.json", "choose another folder with -o"),
     Bad("sound.xml -o folder.json", "folder.json", "write the name of a file"),
     Bad("sound.xml --write sound.xml", "sound.xml exists", "choose another file with --write"),
-    Bad("sound.xml --write a.urdf", "--write a.urdf", "name it as in new.xml"),
+    Bad("sound.xml --write a.urdf", "--write a.urdf", "write a name as new.xml"),
     Bad("sound.xml --write a.xml --section budget", "no fix is tried", "add --section fixes"),
     Bad("sound.xml --write /proc/a.xml", "/proc/a.xml", "choose another file with --write"),
     Bad("sound.xml --observe nobody", "'nobody'", "it has: "),

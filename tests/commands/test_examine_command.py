@@ -63,7 +63,7 @@ def stepped(model: str, seconds: float) -> list[Motion]:
     starts = scene.starts(runs)
     compiled = scene.prepare(runs[0], starts.pick(0)).model
     begin = round(task.phases[1].begin / compiled.opt.timestep)
-    spans = {"neutral": (0, begin), "excitement": (begin, runs[0].steps)}
+    spans = {"rest": (0, begin), "excitation": (begin, runs[0].steps)}
     states = np.empty((len(runs), runs[0].steps, mujoco.mj_stateSize(compiled, INTEGRATION)))
     inputs = list[Floats]()
     for run in range(len(runs)):
@@ -94,7 +94,7 @@ def test_it_is_the_budget_of_the_phases_that_mj_step_makes(arm: str) -> None:
     budget = error_budget(stepped(arm, 0.3), workers=1)
     verdict = judge(budget, 0.1)
     assert report.budget.verdict == verdict.word
-    assert [phase.name for phase in report.budget.phases] == ["neutral", "excitement"]
+    assert [phase.name for phase in report.budget.phases] == ["rest", "excitation"]
     for phase, measured in zip(report.budget.phases, budget.phases, strict=True):
         assert phase.numerical_error.error == measured.run.error
         assert {row.name: row.error for row in phase.rows if row.exercised} == {
@@ -391,7 +391,7 @@ def test_a_phase_that_no_seed_reaches_is_left_out(tmp_path: Path) -> None:
     path.write_text(ARM.replace("</actuator>", velocity))
     scene = SceneLoader(Path()).open(str(path)).with_effects("all")
     burst = task_motions(scene, {}, scene.task({}, 0.6))
-    assert [(motion.name, motion.seeds) for motion in burst] == [("neutral", 3)]
+    assert [(motion.name, motion.seeds) for motion in burst] == [("rest", 3)]
 
 
 def test_bad_input_is_named(arm: str) -> None:

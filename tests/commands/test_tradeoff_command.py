@@ -70,7 +70,7 @@ def test_a_sweep_is_run_timed_and_weighed(contactlab: Run, swing: Path, tmp_path
     )
     task, verdict, rest = out.split("\n", 2)
     assert verdict.startswith("as written: numerics sound within 10 %")
-    assert task.startswith("qpos0 without controls, 0.3 s, 1 seed; watched: all bodies")
+    assert task.startswith("qpos0, 0.3 s without controls; 1 seed; observed: all bodies")
     assert rest.startswith(same)
 
 

@@ -30,7 +30,7 @@ from tests.docs.shown_commands import HOLE, ShownCommand
 import contactlab
 from contactlab.budget import windows
 from contactlab.command_line.declaration import Argument, Option, Parameter
-from contactlab.command_line.front_door import completed
+from contactlab.command_line.front_door import complete_words
 from contactlab.command_line.main import command_line
 from contactlab.command_line.modules import command_modules, commands_of
 from contactlab.command_line.parser import described_type
@@ -142,7 +142,7 @@ def _commands() -> Any:
 
 def read(words: Sequence[str]) -> Any:
     """Return the context of the command that words name, with the values that they give."""
-    words = completed(words)
+    words = complete_words(words)
     command = _commands()
     context = command.make_context("contactlab", list(words))
     while hasattr(command, "commands"):
@@ -243,7 +243,7 @@ class Trial:
         path.write_text(text, encoding="utf-8")
 
     def _run(self, words: Sequence[str]) -> str:
-        words = completed(words)
+        words = complete_words(words)
         app = command_line(words[0])
         said = io.StringIO()
         try:

@@ -48,7 +48,7 @@ def too_high(runs: MeasuredRuns) -> Onsets:
     return {{run: Onset(f"it starts at {{high:g}} m", 0) for run, high, _ in found}}
 
 
-@check("degrees", question="at most two dofs", limits=(Limit("dofs", "1", "gate", 2),))
+@check("degrees", question="at most two degrees", limits=(Limit("dofs", "1", "gate", 2),))
 def degrees(checked):
     return Measured([checked.measure("dofs", float(checked.base.model.nv))])
 

@@ -267,7 +267,7 @@ def test_what_would_be_ignored_is_refused_with_what_to_write(tmp_path: Path) -> 
         SweepFileError, match=r"--tolerance would be .* write --tolerance METRIC=VALUE"
     ):
         contactlab.report(store, tolerance="10%")
-    with pytest.raises(SweepFileError, match="'pile' is a case"):
+    with pytest.raises(SweepFileError, match="case 'pile' already defines"):
         contactlab.stability(["pile"], observe="box")
 
 

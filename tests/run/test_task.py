@@ -138,22 +138,22 @@ def test_a_task_is_the_first_that_the_model_has(tmp_path: Path) -> None:
         path.write_text(text)
         return SceneLoader(Path()).open(str(path)).task(values).line
 
-    end = "3 seeds; watched: all bodies; tolerance 10 %"
-    assert line(SQUEEZE) == f"keyframe grip held with its controls, 2 s, {end}"
-    moved = "neutral controls for 1 s, then sines and pushes for 2 s, 3 s"
-    assert line(ARM.format(keys="")) == f"qpos0, {moved}, {end}"
-    assert line(ARM.format(keys=REST)) == f"keyframe away, {moved}, {end}"
-    assert line(SQUEEZE, keyframe="open").startswith("keyframe open, neutral controls")
+    end = "3 seeds; observed: all bodies; tolerance 10 %"
+    assert line(SQUEEZE) == f"keyframe grip, 2 s held by its controls; {end}"
+    moved = "1 s at rest, then 2 s of sines and pushes"
+    assert line(ARM.format(keys="")) == f"qpos0, {moved}; {end}"
+    assert line(ARM.format(keys=REST)) == f"keyframe away, {moved}; {end}"
+    assert line(SQUEEZE, keyframe="open").startswith("keyframe open, 0.667 s at rest")
 
 
 def test_a_body_that_is_not_there_is_named_with_the_nearest(tmp_path: Path) -> None:
     path = tmp_path / "model.xml"
     path.write_text(SQUEEZE)
     scene = SceneLoader(Path()).open(str(path))
-    with pytest.raises(SceneError, match=r"no body 'boxx' to watch; did you mean 'box'\?"):
+    with pytest.raises(SceneError, match=r"no body 'boxx' to observe; did you mean 'box'\?"):
         scene.task({}, watch=("boxx",))
     task = scene.task({}, 0.5, watch=("box",), within=(1e-3, "m"))
-    assert task.line.endswith("0.5 s, 3 seeds; watched: box; tolerance 1 mm")
+    assert task.line.endswith("0.5 s held by its controls; 3 seeds; observed: box; tolerance 1 mm")
 
 
 def test_options_have_units() -> None:

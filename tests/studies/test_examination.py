@@ -15,9 +15,9 @@ from contactlab.studies.examine.conclusion import conclude
 from contactlab.studies.examine.examination_lines import examination_lines
 
 WORDS: tuple[VerdictWord, ...] = ("inaccurate", "undecided", "depends", "ok")
-OVERLAP = Fact(kind="overlap", place="", value=0.02, unit="m", sentence="the start overlaps")
+OVERLAP = Fact(kind="overlap", place="", value=0.02, unit="m", sentence="mug is in the table")
 LABEL = RunLabel(
-    label="tunneling", phase="held", runs=2, reason="mug is in the table", seed=0, time=0.5
+    label="tunneling", phase="held", runs=2, reason="mug passed the table", seed=0, time=0.5
 )
 
 
@@ -155,7 +155,7 @@ def test_the_fix_is_one_that_was_found_or_says_why_there_is_none() -> None:
     late = conclude(examined("inaccurate"), fixes_not_tried=["RK4"])
     assert "no time" in late.fix
     some = conclude(examined("inaccurate"), fixes_tried=4, fixes_not_tried=["RK4"])
-    assert some.fix.startswith("none of 4 tried removes it; 1 more not tried")
+    assert some.fix.startswith("none of 4 tried removes it; 1 were not tried")
     checks = examined("inaccurate").model_copy(update={"sections": ("checks",)})
     assert "contactlab mug.xml" in conclude(checks).fix
 

@@ -37,10 +37,10 @@ def check(
     allow_code: opt.AllowCode = False,
     **task: Unpack[opt.TaskParameters],
 ) -> "Examination":
-    """Check a model for CI; exit with 1 if a check fails without a waiver.
+    """Check a model for CI; exit with 1 if a check fails.
 
-    It is the section `checks` of the model's examination, with the same numbers. Evidence goes to
-    `results/examine/NAME` unless `output` names another folder.
+    A waived check may fail. The report is the section `checks` of the model's examination, with the
+    same numbers. Evidence goes to `results/examine/NAME` unless `output` names another folder.
 
     Raises:
         SceneError: there is no such model or keyframe, or it does not compile.

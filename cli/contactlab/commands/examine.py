@@ -252,7 +252,7 @@ def examine(
     allow_code: opt.AllowCode = False,
     **task: Unpack[opt.TaskParameters],
 ) -> "Examination":
-    """Judge a model: is its simulation right, why not, and which change fixes it.
+    """Judge a model: is it right, why not, and what fixes it.
 
     `contactlab MODEL` is short for it. A fix is judged on the task's seeds and on new ones. `write`
     writes the model with the first fix that keeps the model, or with the fixes that change it and

@@ -73,5 +73,5 @@ def test_settings_are_not_for_shipped_cases(tmp_path: Path) -> None:
             SweepFileError, match="'free_fall' already defines its settings and drive"
         ):
             stability(["free_fall"], output=tmp_path, **option)
-    with pytest.raises(SweepFileError, match="name one model, or cases"):
+    with pytest.raises(SweepFileError, match="write one model, or cases"):
         stability(["free_fall", "ball_drop"], output=tmp_path)

@@ -16,6 +16,7 @@ from contactlab.reporting.examination import (
 )
 from contactlab.schema.error_budget import BudgetPhase, BudgetReason
 from contactlab.schema.examination import Examination
+from contactlab.schema.task import QPOS0
 from contactlab.schema.verdict import VerdictWord
 
 _SUBJECTS = {row.name: row.subject for row in ROWS}
@@ -62,7 +63,9 @@ def _headline(report: Examination, verdict: VerdictWord) -> str:
         labels = list(dict.fromkeys(label.label for label in judged_labels(report)))
         causes = [*labels, *(f"check {name}" for name in _failed_checks(report))]
         named, more = causes[:_MOST_NAMED], len(causes) - _MOST_NAMED
-        return f"fails: {' and '.join(named)}{f' and {more} more' if more > 0 else ''}"
+        rest = f" and {more} more" if more > 0 else ""
+        start = "; the start overlaps" if _overlaps(report) else ""
+        return f"fails: {' and '.join(named)}{rest}{start}"
     if report.budget is None:
         return "ok: no failure label, and nothing moves in MuJoCo"
     if reason is None:
@@ -175,8 +178,9 @@ def _fix(report: Examination, verdict: VerdictWord, tried: int, not_tried: int) 
         return fix_summary(first_fix(report.fixes))
     if verdict == "ok":
         return "not needed"
-    start = f"separate the bodies in {report.task.start} first; " if _overlaps(report) else ""
-    return start + _no_fix(report, tried, not_tried)
+    start = report.task.start if report.task.start == QPOS0 else f"keyframe {report.task.start}"
+    first = f"move the bodies apart in {start} first; " if _overlaps(report) else ""
+    return first + _no_fix(report, tried, not_tried)
 
 
 def _overlaps(report: Examination) -> bool:
@@ -189,5 +193,5 @@ def _no_fix(report: Examination, tried: int, not_tried: int) -> str:
     if not tried:
         return "no time to try one; --max-cpu 5min allows more" if not_tried else "none is known"
     none = f"none of {tried} tried removes it" if tried > 1 else "the one tried does not remove it"
-    more = f"; {not_tried} more not tried (--max-cpu 5min allows more)" if not_tried else ""
+    more = f"; {not_tried} were not tried in time" if not_tried else ""
     return f"{none}{more}"
