@@ -71,5 +71,5 @@ def test_what_is_no_engine_is_named(contactlab: Any, cache: Path) -> None:
     assert "did you mean 'warp'?" in wrong.err
     assert "did you mean 'panel'?" in contactlab("engines", "pannel").err
     here = contactlab("engines", "add", "mujoco")
-    assert (here.code, "is here" in here.out) == (0, True)
+    assert (here.code, "is already installed" in here.out) == (0, True)
     assert not cache.exists()

@@ -53,7 +53,7 @@ def grip(
     ] = None,
     keyframe: Annotated[
         str | None,
-        Option("KEYFRAME", "Judge what this keyframe holds, as it is, in place of a mounted hand."),
+        Option("KEYFRAME", "Judge the object that is held in this keyframe, as it is."),
     ] = None,
     squeeze: Annotated[
         float | None,

@@ -282,7 +282,7 @@ def test_each_rule_has_a_case_and_a_section_of_the_docs() -> None:
         level = {"gate": "Error", "warn": "Warning", "note": "Note"}[rule.level]
         assert section.strip().startswith(f"{level}. ")
         assert "*Example*:" in section
-        assert "*Remedy*:" in section
+        assert "*Fix*:" in section
 
 
 LID = """<mujoco><option gravity="0 0 {gravity}"/><worldbody><body>
