@@ -12,7 +12,7 @@ INSTALL ?= $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # Neighbouring tests share what they made; who gets idle takes half of what another has left.
 PYTEST := $(BIN)/python -m pytest -n auto --dist worksteal
 
-.PHONY: bounce test test-rest test-all test-night test-lowest check lint format stubs schemas guards picture rates changelog constraints wheel
+.PHONY: bounce test test-rest test-all test-night test-lowest check lint format stubs schemas guards robot-wheels picture rates changelog constraints wheel
 .PHONY: atlas atlas-compare attack bench kernel live site verdicts clean
 
 bounce: .venv/run
@@ -72,6 +72,10 @@ schemas: .venv/dev
 # GUARDS=--compare says what changed instead; kinds may be named.
 guards: .venv/dev
 	$(BIN)/python -m tests.guards $(GUARDS)
+
+# Downloads the wheels of the public robots that guards of the night examine into ROBOT_WHEELS.
+robot-wheels: .venv/dev
+	$(BIN)/python -m tests.guards.robots "$(ROBOT_WHEELS)"
 
 # What `contactlab list sweeps` lists without the engine.
 sweeps/index.json: .venv/dev sweeps/*.yaml

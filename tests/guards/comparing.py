@@ -1,4 +1,4 @@
-"""Two records of a guard, compared: what changed, in words.
+"""Compares two records of a guard, and says in words how they differ.
 
 Equal changes are one line: `trace bytes changed in 2 of 6 runs: ...`. A word that is another one
 wherever it stood is a renaming, and so is a fact that has another name and the same values.
@@ -25,7 +25,7 @@ Path = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Change:
-    """A line that says what changed.
+    """One change, in words.
 
     Attributes:
         part: the part of the record.
@@ -49,7 +49,7 @@ class _Fact:
 
 
 def compare(before: Record, after: Record) -> list[Change]:
-    """Return what changed from one record to another; none if they are equal."""
+    """Return the changes from one record to another; none if they are equal."""
     changes = list[Change]()
     parts: Sequence[tuple[Part, Items, Items]] = (
         ("results", before.results, after.results),
@@ -174,7 +174,7 @@ class _AllItems:
 
     Attributes:
         part: the part of the records.
-        kind: what they are.
+        kind: the noun that counts them.
         count: how many there are.
         stood: in how many items of the first record a fact was a word.
     """

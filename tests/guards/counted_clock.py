@@ -1,10 +1,11 @@
 """A clock that counts work instead of time, so that searches which time models repeat.
 
-A step of MuJoCo takes what its degrees of freedom, its constraints and the solver's iterations
-come to, and a look at the clock a microsecond; nothing else takes time. So the same calls take the
-same time on any machine, under any load, and what stops a search is work.
+The time of a step follows from the degrees of freedom, the rows of constraints, the iterations of
+the solver and the stages of the integrator. A look at the clock takes a microsecond, and nothing
+else takes time. So the same calls take the same time on any machine and under any load.
 """
 
+import threading
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -20,14 +21,17 @@ STEP, OF_DOF, OF_ROW = 5e-6, 2e-7, 1e-7
 
 
 class CountedClock:
-    """The time that counted work has taken [s]."""
+    """The time that counted work has taken [s].
+
+    Looks of other threads, such as those of a test runner, do not advance it.
+    """
 
     def __init__(self) -> None:
-        self.now = 0.0
+        self.now, self._thread = 0.0, threading.get_ident()
 
     def read(self) -> float:
         """Return the time, which a look advances."""
-        self.now += LOOK
+        self.now += LOOK if threading.get_ident() == self._thread else 0.0
         return self.now
 
     def read_ns(self) -> int:
@@ -37,7 +41,12 @@ class CountedClock:
     def add_steps(self, model: mujoco.MjModel, data: mujoco.MjData, count: int) -> None:
         """Add the time of steps that ended in a state."""
         iterations = 1 + int(data.solver_niter.sum())
-        self.now += count * (STEP + OF_DOF * model.nv + OF_ROW * data.nefc * iterations)
+        spent = STEP + OF_DOF * model.nv + OF_ROW * data.nefc * iterations
+        self.now += count * _stages(model) * spent
+
+
+def _stages(model: mujoco.MjModel) -> int:
+    return 4 if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4 else 1
 
 
 @contextmanager
@@ -53,7 +62,8 @@ def counted_time() -> Generator[CountedClock]:
 
     def counted_rollout(self: Batch, steps: int, *args: Any, **given: Any) -> Any:
         runs = len(given["ids"]) if given.get("ids") is not None else self.nsim
-        clock.now += runs * steps * (STEP + OF_DOF * self.get_model(0).nv)
+        model = self.get_model(0)
+        clock.now += runs * steps * _stages(model) * (STEP + OF_DOF * model.nv)
         return rollout(self, steps, *args, **given)
 
     with (

@@ -1,6 +1,7 @@
-"""All guards: what each records, and when its test runs."""
+"""All guards: the kind of each, the function that makes its record, and the tier of its test."""
 
-from collections.abc import Callable, Iterable
+import warnings
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import chdir
 from dataclasses import dataclass
 from functools import partial
@@ -8,32 +9,33 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
+from tests.guards.examined import case_items, robot_items
 from tests.guards.help_texts import help_items
 from tests.guards.pages import LONG as LONG_PAGES
 from tests.guards.pages import PAGES, page_items
 from tests.guards.records import Items, Record, read_record, versions_of, write_record
+from tests.guards.robots import Robot, UnavailableError, pinned_robots
 from tests.guards.schemas import FOLDER as SCHEMAS
 from tests.guards.schemas import made_schemas, published_schemas, reordered, schema_items
 from tests.guards.sweeps import SWEEPS, planned, simulated, whole_sweep
+from tests.guards.written import written_items
+from tests.verdicts.corpus import FOLDER as CORPUS
+from tests.verdicts.corpus import Case, read_part
 
 UPDATE = "make guards"
 Tier = Literal["", "long", "night"]
 """The marker of the tests of a guard; the first tier has none."""
 
 
-class UnavailableError(Exception):
-    """What a guard records cannot be made here; the message says why."""
-
-
 @dataclass(frozen=True)
 class Guard:
-    """What makes a record.
+    """The maker of a record.
 
     Attributes:
         kind: the folder of its record.
         name: the file of its record.
         make: returns results and words, given an empty folder that is the current one.
-        packages: those whose versions change the record; it holds under these only.
+        packages: their versions change the record, which holds under these versions only.
         modules: modules of an extra that it needs in any version.
         tier: when its test runs.
     """
@@ -63,7 +65,8 @@ class Guard:
         for module in self.modules:
             if find_spec(module) is None:
                 raise UnavailableError(f"{module} is not installed")
-        with chdir(folder):
+        with chdir(folder), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # Models of others have deprecated attributes.
             return Record(self.versions(), *self.make(folder))
 
     def read(self) -> Record:
@@ -107,7 +110,37 @@ def _sweep(name: str, folder: Path) -> tuple[Items, Items]:
     return planned(name) | results, words
 
 
+def _of_case(case: Case, _: Path) -> tuple[Items, Items]:
+    return case_items(case)
+
+
+def _file_name(case: str) -> str:
+    return case.replace(" ", "-").replace("'", "")
+
+
+def _examined(robot: Robot, _: Path) -> tuple[Items, Items]:
+    return robot_items(robot.name, robot.find())
+
+
+def _written(robot: Robot, _: Path) -> tuple[Items, Items]:
+    return written_items(robot.name, robot.find())
+
+
+def _open_cases() -> Iterator[Case]:
+    """Yield the cases of all parts but those that are held back, which no guard may look into."""
+    for file in sorted(CORPUS.glob("*/truth.json")):
+        if not file.parent.name.startswith("held_back"):
+            yield from read_part(file.parent).cases
+
+
+QUICK_CASES = {
+    "a motor that pulls a cable of two pulleys",
+    "a piston that passes a resting ball",
+    "rate feedback on a spinning wheel",
+}
+"""Cases that take about a second, with other labels each."""
 _OF_TRACES = ("mujoco", "mcap", "zstandard")
+_OF_VERDICTS = ("mujoco", "numpy", "scipy")
 GUARDS: tuple[Guard, ...] = (
     *(Guard("sweeps", name, partial(_sweep, name), _OF_TRACES) for name in SWEEPS),
     Guard("help", "commands", lambda _: ({}, help_items()), ("typer",)),
@@ -126,6 +159,25 @@ GUARDS: tuple[Guard, ...] = (
     *(
         Guard("whole-sweeps", name, partial(whole_sweep, name), _OF_TRACES, tier="night")
         for name in SWEEPS
+    ),
+    *(
+        Guard(
+            "corpus",
+            _file_name(case.name),
+            partial(_of_case, case),
+            _OF_VERDICTS,
+            tier="" if case.name in QUICK_CASES else "night",
+        )
+        for case in _open_cases()
+    ),
+    *(
+        Guard("robots", robot.name, partial(_examined, robot), _OF_VERDICTS, tier="night")
+        for robot in pinned_robots()
+    ),
+    *(
+        Guard("written", robot.name, partial(_written, robot), _OF_VERDICTS, tier="night")
+        for robot in pinned_robots()
+        if robot.written
     ),
 )
 

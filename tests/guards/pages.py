@@ -1,8 +1,8 @@
 """Five pages: their visible texts, and of one the data that its script is given.
 
 Machine and clock are made up, so that recommendations are the same everywhere. Left out are
-pictures: what Vega and the renderer draw, and their code. The specifications of charts, which hold
-the data that is drawn, are there.
+pictures, which Vega and the renderer draw, and their code. The specifications of charts, which hold
+the data that is drawn, are kept.
 """
 
 import base64

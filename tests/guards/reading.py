@@ -1,4 +1,4 @@
-"""The one place that knows what the package calls its facts.
+"""The one place that knows the names of the package's facts.
 
 A guard compares results. If a field of a report is renamed, its new name is written here, and the
 records stay as they are. Names that are stored in files (of runs, metrics, settings) are read as
@@ -11,12 +11,15 @@ from typing import TYPE_CHECKING, Any
 from tests.guards.records import Facts
 
 if TYPE_CHECKING:
+    from contactlab.schema.error_budget import BudgetPhase, BudgetRow
     from contactlab.schema.evidence import EvidenceRecord, SweepIdentity
+    from contactlab.schema.examination import Examination, ModelChange, RunLabel
+    from contactlab.schema.tune_report import Point, TuneReport
     from contactlab.store.finished_store import Store
 
 EVIDENCE_TOPIC = "/evidence"
 _REASONS = ("reason", "reasons")  # how the names of sentences end
-# What clock, machine and version decide.
+# Facts that clock, machine and version decide.
 _UNSTEADY = {"cost", "started", "finished", "provenance", "timing"}
 # Versions of metrics stand in the records; the text of a sweep's file is in the repository.
 _UNSTEADY_IDENTITY = {"definitions", "engine", "metric_versions", "source"}
@@ -109,3 +112,164 @@ def _nested(value: Any) -> Any:
             return {str(place): _nested(one) for place, one in enumerate(value, 1)}
         return [*value]
     return value
+
+
+def examination_facts(report: "Examination") -> tuple[Facts, Facts]:
+    """Return the verdict, labels and shares of a model, and the sentences about them."""
+    budget = report.budget
+    results: Facts = {
+        "verdict": budget.verdict if budget else None,
+        "verdict of runs": report.verdict.word if report.verdict else None,
+        "good": report.sound,
+        "task": {
+            "duration": report.task.duration,
+            "seeds": [*report.task.seeds],
+            "phases": {phase.name: phase.begin for phase in report.task.phases},
+        },
+        "labels": {label.label: _label_facts(label) for label in report.labels},
+        "reasons": {
+            str(place): _picked(reason, _OF_REASONS)
+            for place, reason in enumerate(budget.reasons if budget else (), 1)
+        },
+        "phases": {phase.name: _phase_facts(phase) for phase in (budget.phases if budget else ())},
+    }
+    words: Facts = {
+        "sentence": report.sentence,
+        "labels": {label.label: label.reason for label in report.labels},
+        "reasons": [reason.sentence for reason in (budget.reasons if budget else ())],
+    }
+    return results, words
+
+
+_OF_REASONS = {
+    "verdict": "word",
+    "phase": "phase",
+    "row": "row",
+    "share": "share",
+    "body": "body",
+    "place": "place",
+    "time": "time",
+}
+_OF_ROWS = {
+    "kind": "kind",
+    "share": "share",
+    "seeds": "seeds",
+    "median": "median",
+    "by mass": "by_mass",
+    "body": "body",
+    "place": "place",
+    "speed": "speed",
+    "seed": "seed",
+    "time": "time",
+}
+_OF_PHASES = {
+    "timestep": "timestep",
+    "steps": "steps",
+    "seeds": "seeds",
+    "window": "window",
+    "energy": "energy",
+    "excess": "excess",
+    "peak": "peak",
+    "most": "most",
+    "limit": "limit",
+    "lost": "lost",
+}
+_OF_LABELS = {
+    "phase": "phase",
+    "runs": "runs",
+    "seed": "seed",
+    "time": "time",
+    "bodies": "bodies",
+}
+"""Facts of records, and the fields of reports that hold them."""
+
+
+def _picked(report: object, fields: Mapping[str, str]) -> Facts:
+    return {name: _plain(getattr(report, field)) for name, field in fields.items()}
+
+
+def _plain(value: Any) -> Any:
+    return [*value] if isinstance(value, tuple) else value
+
+
+def _label_facts(label: "RunLabel") -> Facts:
+    return _picked(label, _OF_LABELS)
+
+
+def _phase_facts(phase: "BudgetPhase") -> Facts:
+    rows = {row.name: _row_facts(row) for row in (phase.run, *phase.rows)}
+    return {**_picked(phase, _OF_PHASES), "rows": rows}
+
+
+def _row_facts(row: "BudgetRow") -> Facts:
+    if not row.exercised:
+        return {"kind": row.kind, "used": False}
+    return _picked(row, _OF_ROWS) | ({"infinite": True} if row.infinite else {})
+
+
+def change_facts(report: "Examination") -> tuple[Facts, Facts]:
+    """Return the changes that an examination recommends, and the sentences about them."""
+    results: Facts = {
+        "verdict": report.budget.verdict if report.budget else None,
+        "changes": {change.name: _change_facts(change) for change in report.changes},
+        "no time for": [*report.untried],
+    }
+    words = {
+        "sentence": report.sentence,
+        "names": {change.name: change.accept for change in report.changes if change.accept},
+        "notes": [*report.notes],
+    }
+    return results, words
+
+
+def tune_facts(report: "TuneReport") -> tuple[Facts, Facts]:
+    """Return what a search recommends, and the sentences about it."""
+    others = {"to aim": report.to_aim, "as accurate": report.as_accurate}
+    results: Facts = {
+        "aim": {"kind": report.aim.kind, "limit": report.aim.limit, "unit": report.aim.unit},
+        "met": report.met,
+        "as written": _point_facts(report.now),
+        "verdict": report.judged.word if report.judged else None,
+        "recommended": _point_facts(report.recommended) if report.recommended else None,
+        "others": {name: _point_facts(one.point) for name, one in others.items() if one},
+        "changes": {change.name: [change.before, change.after] for change in report.changes},
+        "cannot touch": {"geoms": [*report.masked], "bodies": _nested(report.excluded)},
+        "flags": [*report.flags],
+        "tried": len(report.points),
+        "ended early": report.ended,
+        "verified": report.verified.holds if report.verified else None,
+        "not changed": [one.name for one in report.kept],
+    }
+    words: Facts = {
+        "sentence": report.sentence,
+        "verified": report.verified.sentence if report.verified else "",
+        "not changed": {one.name: one.reason for one in report.kept},
+        "binds": report.binds,
+    }
+    return results, words
+
+
+_OF_CHANGES = {
+    "another model": "physics",
+    "removes": "removes",
+    "share": "share",
+    "apart": "apart",
+    "before": "before",
+    "freed": "freed",
+}
+_OF_POINTS = {"timestep": "timestep", "error": "error", "body": "body", "phase": "phase"}
+
+
+def _change_facts(change: "ModelChange") -> Facts:
+    facts = _picked(change, _OF_CHANGES) | {"settings": nested_facts(change.settings)}
+    return facts | {
+        "excluded": _nested(change.excluded),
+        "fitted": _nested(change.fitted),
+        "posed": _nested(change.posed),
+        "cost": change.price and change.price.ratio,
+    }
+
+
+def _point_facts(point: "Point") -> Facts:
+    facts = _picked(point, _OF_POINTS) | {"settings": nested_facts(point.settings)}
+    return facts | {"cost": point.price and point.price.ratio}

@@ -1,4 +1,4 @@
-"""Records of guards: what they hold, and the files that keep them.
+"""Records of guards, and the files that keep them.
 
 A record has two parts: `results` are numbers, hashes, labels and files that a model gives; `words`
 are texts for people. In each part an item stands under its kind: `results["run"]["cone=elliptic"]`
@@ -23,7 +23,7 @@ Items = dict[str, dict[str, Facts]]
 
 @dataclass(frozen=True)
 class Record:
-    """What a guard found.
+    """The results and words of a guard.
 
     Attributes:
         versions: of the packages that change it.

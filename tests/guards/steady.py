@@ -1,4 +1,4 @@
-"""A made-up machine: what clock, processor and version say is the same everywhere.
+"""A made-up machine, whose clock, processor and versions are the same everywhere.
 
 Runs cost a microsecond of CPU a step, and begin and end at one moment.
 """

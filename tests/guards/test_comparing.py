@@ -1,6 +1,7 @@
 """A comparison says in words what changed, for every kind of change that is planted."""
 
 import json
+import re
 from collections.abc import Callable
 from copy import deepcopy
 from typing import Any
@@ -50,6 +51,42 @@ def test_a_byte_of_a_trace_that_changed_is_named() -> None:
     text = planted("sweeps/bounce", edit)
     assert text.startswith("sweeps: results changed\n  trace bytes ")
     assert text.endswith("in 1 of 6 runs (bounce: restitution=0.6 timestep=0.02 drop_height=2)")
+
+
+def test_a_verdict_that_changed_is_named() -> None:
+    def edit(record: Record) -> None:
+        record.results["robot"]["gymnasium-half_cheetah"]["verdict"] = "sound"
+
+    assert planted("robots/gymnasium-half_cheetah", edit) == (
+        'robots: results changed\n  verdict "unresolved" -> "sound" in robot gymnasium-half_cheetah'
+    )
+
+
+def test_a_share_that_changed_is_named() -> None:
+    def edit(record: Record) -> None:
+        phases = record.results["robot"]["gymnasium-half_cheetah"]["phases"]
+        rows = next(iter(phases.values()))["rows"]
+        rows["run"]["share"] *= 1.5
+
+    text = planted("robots/gymnasium-half_cheetah", edit)
+    assert re.fullmatch(
+        r"robots: results changed\n  phases\.\w+\.rows\.run\.share \S+ -> \S+ \(\+0\.5 of it\) in "
+        r"robot gymnasium-half_cheetah",
+        text,
+    )
+
+
+def test_a_written_file_that_changed_is_named_and_its_patch_is_shown() -> None:
+    name = "example_robot_data-so100"
+
+    def edit(record: Record) -> None:
+        files = record.results["written file"]
+        for facts in files.values():
+            facts["bytes"] = f"{int(facts['bytes'], 16) ^ 1:064x}"
+
+    text = planted(f"written/{name}", edit)
+    assert text.startswith("written: results changed\n  bytes ")
+    assert f"{name}: tune/" in text
 
 
 def test_help_that_changed_is_shown_by_line() -> None:
