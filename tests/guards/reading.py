@@ -13,8 +13,8 @@ from tests.guards.records import Facts
 if TYPE_CHECKING:
     from contactlab.schema.error_budget import BudgetPhase, BudgetRow
     from contactlab.schema.evidence import EvidenceRecord, SweepIdentity
-    from contactlab.schema.examination import Examination, ModelChange, RunLabel
-    from contactlab.schema.tune_report import Point, TuneReport
+    from contactlab.schema.examination import Examination, Fix, RunLabel
+    from contactlab.schema.tune_report import Candidate, TuneReport
     from contactlab.store.finished_store import Store
 
 EVIDENCE_TOPIC = "/evidence"
@@ -119,8 +119,8 @@ def examination_facts(report: "Examination") -> tuple[Facts, Facts]:
     budget = report.budget
     results: Facts = {
         "verdict": budget.verdict if budget else None,
-        "verdict of runs": report.verdict.word if report.verdict else None,
-        "good": report.sound,
+        "verdict of runs": report.task_verdict.verdict if report.task_verdict else None,
+        "good": report.passed,
         "task": {
             "duration": report.task.duration,
             "seeds": [*report.task.seeds],
@@ -134,7 +134,9 @@ def examination_facts(report: "Examination") -> tuple[Facts, Facts]:
         "phases": {phase.name: _phase_facts(phase) for phase in (budget.phases if budget else ())},
     }
     words: Facts = {
-        "sentence": report.sentence,
+        "headline": report.headline,
+        "why": [*report.why],
+        "fix": report.fix,
         "labels": {label.label: label.reason for label in report.labels},
         "reasons": [reason.sentence for reason in (budget.reasons if budget else ())],
     }
@@ -142,17 +144,17 @@ def examination_facts(report: "Examination") -> tuple[Facts, Facts]:
 
 
 _OF_REASONS = {
-    "verdict": "word",
+    "verdict": "verdict",
     "phase": "phase",
     "row": "row",
-    "share": "share",
+    "share": "error",
     "body": "body",
     "place": "place",
     "time": "time",
 }
 _OF_ROWS = {
     "kind": "kind",
-    "share": "share",
+    "share": "error",
     "seeds": "seeds",
     "median": "median",
     "by mass": "by_mass",
@@ -167,12 +169,12 @@ _OF_PHASES = {
     "steps": "steps",
     "seeds": "seeds",
     "window": "window",
-    "energy": "energy",
-    "excess": "excess",
-    "peak": "peak",
-    "most": "most",
-    "limit": "limit",
-    "lost": "lost",
+    "energy": "energy_drift",
+    "excess": "excess_path",
+    "peak": "worst_window",
+    "most": "upper_bound",
+    "limit": "limit_factor",
+    "lost": "invalid_windows",
 }
 _OF_LABELS = {
     "phase": "phase",
@@ -197,7 +199,7 @@ def _label_facts(label: "RunLabel") -> Facts:
 
 
 def _phase_facts(phase: "BudgetPhase") -> Facts:
-    rows = {row.name: _row_facts(row) for row in (phase.run, *phase.rows)}
+    rows = {row.name: _row_facts(row) for row in (phase.numerical_error, *phase.rows)}
     return {**_picked(phase, _OF_PHASES), "rows": rows}
 
 
@@ -211,12 +213,12 @@ def change_facts(report: "Examination") -> tuple[Facts, Facts]:
     """Return the changes that an examination recommends, and the sentences about them."""
     results: Facts = {
         "verdict": report.budget.verdict if report.budget else None,
-        "changes": {change.name: _change_facts(change) for change in report.changes},
-        "no time for": [*report.untried],
+        "changes": {change.name: _change_facts(change) for change in report.fixes},
+        "no time for": [*report.not_tried],
     }
     words = {
-        "sentence": report.sentence,
-        "names": {change.name: change.accept for change in report.changes if change.accept},
+        "headline": report.headline,
+        "names": {change.name: change.apply for change in report.fixes if change.apply},
         "notes": [*report.notes],
     }
     return results, words
@@ -224,52 +226,58 @@ def change_facts(report: "Examination") -> tuple[Facts, Facts]:
 
 def tune_facts(report: "TuneReport") -> tuple[Facts, Facts]:
     """Return what a search recommends, and the sentences about it."""
-    others = {"to aim": report.to_aim, "as accurate": report.as_accurate}
+    others = {"to aim": report.meets_target, "as accurate": report.equal_error}
     results: Facts = {
-        "aim": {"kind": report.aim.kind, "limit": report.aim.limit, "unit": report.aim.unit},
-        "met": report.met,
-        "as written": _point_facts(report.now),
-        "verdict": report.judged.word if report.judged else None,
+        "aim": {
+            "kind": report.target.kind,
+            "limit": report.target.limit,
+            "unit": report.target.unit,
+        },
+        "met": report.target_met,
+        "as written": _point_facts(report.current),
+        "verdict": report.current_verdict.verdict if report.current_verdict else None,
         "recommended": _point_facts(report.recommended) if report.recommended else None,
-        "others": {name: _point_facts(one.point) for name, one in others.items() if one},
-        "changes": {change.name: [change.before, change.after] for change in report.changes},
+        "others": {name: _point_facts(one.candidate) for name, one in others.items() if one},
+        "changes": {
+            change.name: [change.before, change.after] for change in report.changed_settings
+        },
         "cannot touch": {"geoms": [*report.masked], "bodies": _nested(report.excluded)},
-        "flags": [*report.flags],
-        "tried": len(report.points),
-        "ended early": report.ended,
+        "flags": [*report.disabled_flags],
+        "tried": len(report.candidates),
+        "ended early": report.timed_out,
         "verified": report.verified.holds if report.verified else None,
-        "not changed": [one.name for one in report.kept],
+        "not changed": [one.name for one in report.not_changed],
     }
     words: Facts = {
         "sentence": report.sentence,
         "verified": report.verified.sentence if report.verified else "",
-        "not changed": {one.name: one.reason for one in report.kept},
-        "binds": report.binds,
+        "not changed": {one.name: one.reason for one in report.not_changed},
+        "limiting factor": report.limiting_factor,
     }
     return results, words
 
 
 _OF_CHANGES = {
-    "another model": "physics",
+    "another model": "changes_model",
     "removes": "removes",
-    "share": "share",
-    "apart": "apart",
-    "before": "before",
-    "freed": "freed",
+    "share": "error",
+    "apart": "distance_to_reference",
+    "before": "distance_before",
+    "freed": "added_free_joints",
 }
 _OF_POINTS = {"timestep": "timestep", "error": "error", "body": "body", "phase": "phase"}
 
 
-def _change_facts(change: "ModelChange") -> Facts:
+def _change_facts(change: "Fix") -> Facts:
     facts = _picked(change, _OF_CHANGES) | {"settings": nested_facts(change.settings)}
     return facts | {
-        "excluded": _nested(change.excluded),
-        "fitted": _nested(change.fitted),
-        "posed": _nested(change.posed),
-        "cost": change.price and change.price.ratio,
+        "excluded": _nested(change.excluded_pairs),
+        "fitted": _nested(change.replaced_meshes),
+        "posed": _nested(change.changed_keyframes),
+        "cost": change.time_ratio and change.time_ratio.ratio,
     }
 
 
-def _point_facts(point: "Point") -> Facts:
+def _point_facts(point: "Candidate") -> Facts:
     facts = _picked(point, _OF_POINTS) | {"settings": nested_facts(point.settings)}
-    return facts | {"cost": point.price and point.price.ratio}
+    return facts | {"cost": point.time_ratio and point.time_ratio.ratio}
