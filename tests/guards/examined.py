@@ -42,7 +42,7 @@ def examine(path: Path, **task: Any) -> tuple[Facts, Facts]:
     with counted_time():
         try:
             report = contactlab.examine(
-                path, only=_SECTIONS, max_cpu=ENOUGH, workers=1, output="examined.json", **task
+                path, section=_SECTIONS, max_cpu=ENOUGH, workers=1, output="examined.json", **task
             )
         except ContactlabError as error:
             return {"refused": type(error).__name__}, {

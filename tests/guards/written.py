@@ -31,7 +31,7 @@ def written_items(name: str, model: Path) -> tuple[Items, Items]:
                 if command == "examine":
                     found = contactlab.examine(
                         model,
-                        only=("budget", "changes"),
+                        section=("budget", "fixes"),
                         write=folder / "written.xml",
                         max_cpu=EXAMINING,
                         workers=1,
