@@ -213,7 +213,8 @@ class _AllItems:
         """Whether a word is another one wherever it stood, and that one stood nowhere."""
         path, before, after = group[0].path, group[0].before, group[0].after
         return (
-            self.count > 1
+            self.part == "results"
+            and self.count > 1
             and isinstance(before, str)
             and isinstance(after, str)
             and not _is_digest(before)

@@ -54,11 +54,15 @@ def test_a_byte_of_a_trace_that_changed_is_named() -> None:
 
 
 def test_a_verdict_that_changed_is_named() -> None:
+    before = _BY_KEY["robots/gymnasium-half_cheetah"].read()
+    verdict = before.results["robot"]["gymnasium-half_cheetah"]["verdict"]
+
     def edit(record: Record) -> None:
-        record.results["robot"]["gymnasium-half_cheetah"]["verdict"] = "sound"
+        record.results["robot"]["gymnasium-half_cheetah"]["verdict"] = "another"
 
     assert planted("robots/gymnasium-half_cheetah", edit) == (
-        'robots: results changed\n  verdict "unresolved" -> "sound" in robot gymnasium-half_cheetah'
+        f'robots: results changed\n  verdict "{verdict}" -> "another" in '
+        "robot gymnasium-half_cheetah"
     )
 
 
@@ -66,12 +70,12 @@ def test_a_share_that_changed_is_named() -> None:
     def edit(record: Record) -> None:
         phases = record.results["robot"]["gymnasium-half_cheetah"]["phases"]
         rows = next(iter(phases.values()))["rows"]
-        rows["run"]["share"] *= 1.5
+        next(iter(rows.values()))["share"] *= 1.5
 
     text = planted("robots/gymnasium-half_cheetah", edit)
     assert re.fullmatch(
-        r"robots: results changed\n  phases\.\w+\.rows\.run\.share \S+ -> \S+ \(\+0\.5 of it\) in "
-        r"robot gymnasium-half_cheetah",
+        r"robots: results changed\n  phases\.\w+\.rows\.[\w ]+\.share \S+ -> \S+ \(\+0\.5 of it\) "
+        r"in robot gymnasium-half_cheetah",
         text,
     )
 
@@ -129,6 +133,13 @@ def test_a_word_that_is_another_wherever_it_stood_is_renamed() -> None:
     }
     assert said(before, after) == (
         'guard: renamed\n  verdict: "unresolved" is now called "inaccurate" in 2 of 3 models (a, b)'
+    )
+
+
+def test_a_sentence_that_is_another_everywhere_is_a_change_of_words() -> None:
+    before, after = (Record({}, {}, {"model": {"a": {"s": text}, "b": {}}}) for text in ("x", "y"))
+    assert summary("guard", compare(before, after)) == (
+        'guard: words changed\n  s "x" -> "y" in 1 of 2 models (a)'
     )
 
 
