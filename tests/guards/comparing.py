@@ -1,7 +1,8 @@
 """Compares two records of a guard, and says in words how they differ.
 
 Equal changes are one line: `trace bytes changed in 2 of 6 runs: ...`. A word that is another one
-wherever it stood is a renaming, and so is a fact that has another name and the same values.
+wherever it stood is a renaming, and so is a fact or an item that has another name and the same
+values.
 """
 
 import difflib
@@ -87,8 +88,18 @@ def summary(name: str, changes: Sequence[Change]) -> str:
 def _compare_items(
     part: Part, kind: str, before: Mapping[str, Facts], after: Mapping[str, Facts]
 ) -> Iterator[Change]:
-    for some, others, state in ((before, after, "gone"), (after, before, "new")):
-        if names := [name for name in some if name not in others]:
+    gone = [name for name in before if name not in after]
+    new = [name for name in after if name not in before]
+    for old in [*gone]:
+        same = (name for name in new if part == "results" and _same(before[old], after[name]))
+        if name := next(same, None):
+            yield Change(
+                part, f"{kind} {old} is now called {name}, with the same facts", renaming=True
+            )
+            gone.remove(old)
+            new.remove(name)
+    for names, state in ((gone, "gone"), (new, "new")):
+        if names:
             yield Change(part, f"{_counted(len(names), kind)} {state}: {_named(names)}")
     both = [name for name in before if name in after]
     all_items = _AllItems(part, kind, len(both), _stood(before))

@@ -195,10 +195,22 @@ def test_numbers_are_compared_to_the_last_bit_and_told_apart_from_it() -> None:
 
 
 def test_items_that_came_and_went_are_named() -> None:
-    assert said({"a": {"n": 1}}, {"b": {"n": 1}}).splitlines() == [
+    assert said({"a": {"n": 1}}, {"b": {"n": 2}}).splitlines() == [
         "guard: results changed",
         "  1 model gone: a",
         "  1 model new: b",
+    ]
+
+
+def test_an_item_with_another_name_and_the_same_facts_is_renamed() -> None:
+    before = {"to_aim/a": {"size": 1}, "to_aim/b": {"size": 2}, "c": {"size": 3}}
+    after = {"target/a": {"size": 1}, "target/b": {"size": 4}, "c": {"size": 3}}
+    assert said(before, after, "file").splitlines() == [
+        "guard: results changed",
+        "  1 file gone: to_aim/b",
+        "  1 file new: target/b",
+        "guard: renamed",
+        "  file to_aim/a is now called target/a, with the same facts",
     ]
 
 
