@@ -31,7 +31,7 @@ def test_report_figure_and_evidence(tmp_path: Path) -> None:
     assert "effects: {base: auto" in done.output
     assert figure.read_bytes().startswith(b"\x89PNG")
     report = EffectsReport.model_validate_json((out / "effects.json").read_text())
-    assert {"effects", "smallest_set", "saving"} <= json.loads(
+    assert {"effects", "smallest_set", "time_ratio"} <= json.loads(
         (out / "effects.json").read_text()
     ).keys()
     assert all(each.time_ratio is not None for each in report.effects if each.verdict != "unused")

@@ -66,7 +66,7 @@ def test_a_sweep_is_run_timed_and_weighed(contactlab: Run, swing: Path, tmp_path
     again = contactlab("tradeoff", str(store))
     assert again.code == 0
     same, _, _ = again.out.replace(str(store), "results/tradeoff/swing").partition(
-        "\ninto the model"
+        "\nwrite the model"
     )
     task, verdict, rest = out.split("\n", 2)
     assert verdict.startswith("as written: numerics sound within 10 %")
@@ -190,7 +190,7 @@ def test_bad_input(
 def test_a_store_is_weighed_and_drawn_without_the_engine(swung: str, tmp_path: Path) -> None:
     command = """
 import sys
-from contactlab.command_line.main import main
+from contactlab.__main__ import main
 sys.argv = ["contactlab", "tradeoff", *sys.argv[1:]]
 try:
     main()

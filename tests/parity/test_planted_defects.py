@@ -125,7 +125,7 @@ def test_every_format_tells_the_same_divergence(parity: Parity) -> None:
     told = "friction of floor - box"
     assert told in as_text(report_of(report))
     assert told in as_markdown(report_of(report)).replace("\\", "")
-    assert json.loads(report.model_dump_json())["runs"][0]["first"]["quantity"] == told
+    assert json.loads(report.model_dump_json())["runs"][0]["first_divergence"]["quantity"] == told
     suite = ET.fromstring(as_junit(report_of(report))).find("testsuite")  # noqa: S314 - our own
     assert suite is not None
     failures = [case.get("name") for case in suite if case.find("failure") is not None]
