@@ -1,4 +1,4 @@
-"""The backward error of a scene's run, as a metric: one number of its budget, and no rows."""
+"""The numerical error of a scene's run as a metric: its error budget without rows."""
 
 from contactlab.budget.measuring import PhaseMeasure, Settings
 from contactlab.budget.motion import motion_of_run
@@ -14,7 +14,7 @@ _NOTHING_MOVES = BackwardError(_NAN, "", _NAN, _NAN, "", _NAN)
 def backward_error(runs: PreparedRuns, run: int, states: Floats | None = None) -> BackwardError:
     """Return the backward error of a run, against references at a quarter of its step.
 
-    Its budget alone, without what tells how well the reference is resolved: docs/budget.md. NaN
+    The references are not checked, and the budget has no rows: docs/budget.md. NaN
     where nothing moves that has mass. The run is repeated where its `states` are not given, which
     are (N + 1, nstate) of mjSTATE_INTEGRATION, before each step and after the last.
     """

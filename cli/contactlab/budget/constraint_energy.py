@@ -35,7 +35,7 @@ class _Violated(NamedTuple):
 
 
 class ConstraintEnergy:
-    """Computes what contacts, limits and equalities would give back to motion.
+    """Computes the energy that contacts, limits and equalities would give back to motion.
 
     It is the work of what their forces owe to positions, along a violation that shrinks to none,
     times their restitution. After semi-implicit steps, whose velocities lag by half of one, what
@@ -43,7 +43,7 @@ class ConstraintEnergy:
     """
 
     def __init__(self, model: mujoco.MjModel, *, constraints: bool = True) -> None:
-        """Take a model whose solver goes on until it is done; refsafe is as at its step."""
+        """Take a model with a converged solver; refsafe is as at its step."""
         self._model, self._constraints = copy.copy(model), constraints
         self._model.opt.disableflags |= _ALONE
         self._data = mujoco.MjData(self._model)
@@ -117,7 +117,7 @@ class ConstraintEnergy:
         return depths, solimp
 
     def _given_back(self, found: list[_Violated]) -> Floats:
-        """Return (K,) what forces on all rows do along violations that shrink in proportion [J]."""
+        """Return (K,) work of the forces along violations that shrink in proportion [J]."""
         violations, springs, loads, powers, zetas, depths, solimp = map(
             np.concatenate, zip(*found, strict=True)
         )

@@ -1,4 +1,4 @@
-"""Which rows of a budget a task makes use of."""
+"""Finds the rows of a budget that a task exercises."""
 
 from collections.abc import Sequence
 
@@ -11,10 +11,9 @@ from contactlab.budget.windows import without_sensors
 
 
 def exercised_rows(motion: Motion, rows: Sequence[Row]) -> set[str]:
-    """Return the names of rows that a state of the run shows to matter.
+    """Return the names of rows that a state of the run exercises.
 
-    Every step of every seed is looked at until each row is seen once, so what was never exercised
-    was looked for in all of them.
+    All steps of all seeds are searched until each row is found once.
     """
     pending, shown = list(rows), set[str]()
     if not pending:

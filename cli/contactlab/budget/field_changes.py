@@ -1,8 +1,9 @@
-"""Changes of physics that a verdict points to: gains, damping and armature of a joint, solref.
+"""Changes of model fields for a verdict: gains, damping and armature of a joint, solref.
 
-Each makes another model. What a step can hold has a closed form. In a semi-implicit step h, a joint
-of inertia I with stiffness k and damping c that act explicitly, and damping d that acts implicitly,
-has x' = x + h v' and v' (1 + h d / I) = v (1 - h c / I) - h k x / I, which is stable where
+Each makes another model. The stiffness that a step can hold has a closed form. In a semi-implicit
+step h, a joint of inertia I with stiffness k and damping c that act explicitly, and damping d that
+acts implicitly, has x' = x + h v' and v' (1 + h d / I) = v (1 - h c / I) - h k x / I, which is
+stable if
 
     h^2 k / I + 2 h c / I < 4 + 2 h d / I
 
@@ -47,8 +48,8 @@ class FieldChange:
     """Values of a model's fields, and the word and the phrase that the change goes by.
 
     Attributes:
-        word: as `--accept` has it.
-        phrase: as a sentence has it.
+        word: name for `--apply`.
+        phrase: name in a sentence.
         values: of fields.
         rate: how many steps in one of the run's they take.
         after: phrases of changes that are enough where they help.
@@ -80,7 +81,7 @@ def field_changes(motions: Sequence[Motion], verdict: Verdict) -> tuple[FieldCha
 
 
 def _slower_servos(motion: Motion, reasons: Sequence[Reason]) -> Iterator[FieldChange]:
-    """Yield what lets the step hold the first servo that reasons point to, then all servos.
+    """Yield changes by which the step holds the first servo that reasons point to, then all.
 
     A wheel, a leg or a finger seldom has a motor that no other has.
     """
@@ -150,7 +151,7 @@ class _Servo(NamedTuple):
 
     @property
     def load(self) -> float:
-        """What the step has to hold, of which it holds four, and resolves one."""
+        """Load on the step: it holds up to four, and resolves one."""
         return self.stiff + 2 * self.damped
 
     @property
@@ -168,7 +169,7 @@ def _points_to(model: mujoco.MjModel, reason: Reason, servo: _Servo) -> bool:
 
 
 def _bodies(model: mujoco.MjModel, reason: Reason) -> Iterator[str]:
-    """Yield the bodies that a reason is of: the one that moves, and those of what moves it."""
+    """Yield the bodies of a reason: the one that moves, and those of its place."""
     yield reason.body
     kind, _, name = reason.place.partition(" ")
     if kind == "contact":
@@ -183,7 +184,7 @@ def _bodies(model: mujoco.MjModel, reason: Reason) -> Iterator[str]:
 
 
 def _held(model: mujoco.MjModel, servos: Sequence[_Servo]) -> Iterator[FieldChange]:
-    """Yield what lets the step hold the servos and springs of joints, which it does not."""
+    """Yield changes by which the step holds the servos and springs of joints."""
     step = float(model.opt.timestep)
     names = f"joint {name_of(model, 'joint', servos[0].joint)}"
     names += f" and {len(servos) - 1} more" if len(servos) > 1 else ""
@@ -275,9 +276,9 @@ def _stiffer(
 ) -> Iterator[FieldChange]:
     """Yield a shorter solref of the parts that are named, and of all of their kind.
 
-    What gives under a load goes with the square of a time constant, and so does what a row reads of
-    it: the constant is divided by a power of two, of which the square is at least the row's share
-    over the tolerance; or by more, since what gives so much that it only swings then sways first.
+    Compliance is proportional to the square of a time constant, and so is the error of a row. The
+    constant is divided by a power of two, with a square of at least the row's error over the
+    tolerance; or by more, since a very soft part swings first.
     Where the step would not hold it, the step is divided, too.
     """
     soft = [reason for reason in reasons if reason.row in _SOFT]
@@ -333,7 +334,7 @@ def _of_solref(
 
 
 def _named_parts(model: mujoco.MjModel, reason: Reason) -> Iterator[tuple[str, int]]:
-    """Yield fields and rows of what a reason names."""
+    """Yield fields and rows of the parts that a reason names."""
     kind, _, name = reason.place.partition(" ")
     if kind == "contact":
         yield from _touching(model, {find_id(model, "body", body) for body in name.split(" - ")})

@@ -31,7 +31,7 @@ class Stretch(NamedTuple):
 def find_force_place(
     stretch: Stretch, models: tuple[mujoco.MjModel, mujoco.MjModel], timestep: float, body: int
 ) -> str:
-    """Return the contact, joint, tendon or equality whose impulse differs most, to the body.
+    """Find the contact, joint, tendon or equality with the largest difference of impulse.
 
     Impulses are compared in what they give that body: J M^-1 of their sums since the window began,
     at its first state, as velocity and spin times radius of gyration. So forces, torques and

@@ -1,4 +1,4 @@
-"""Measures the budget of one phase."""
+"""Measures the error budget of one phase."""
 
 import math
 import time
@@ -51,13 +51,13 @@ from contactlab.budget.windows import (
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import EngineError
 
-WINDOW = 0.04  # s; docs/budget-derivation.md has what others give
+WINDOW = 0.04  # s; docs/budget-derivation.md compares others
 FINER = 4
-# RK4's steps in one of the run, for what both the run and the reference may lose.
+# Steps of RK4 per step of the run; RK4 shows energy that both run and reference lose.
 _RK4_RATE = 2
-# Above this share, finer steps of RK4 tell whether a drift is its own: a tenth of the tolerance.
+# Above a tenth of the tolerance, finer steps of RK4 show whether a drift is that of RK4.
 _WORTH_A_LOOK = 0.01
-# So much of itself may a drift change with them.
+# Largest relative change of an energy drift when the reference is refined.
 _ITS_OWN = 0.5
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 # Impulses of a body below this share of the largest body's are no scale.
@@ -73,7 +73,7 @@ class Settings:
         finer: steps of the reference in one of the run.
         check: whether windows are also gone through with twice the reference's steps. Without,
             nothing tells whether the reference is resolved, and shares are those at h/4.
-        energy: whether a second reference, with RK4, tells what energy both lose.
+        energy: whether a second reference, with RK4, shows energy that both lose.
         places: whether it is looked for where forces differ most.
         excess: whether the run's own path is measured; if not, its excess and its peak are NaN.
         timed: whether changes are timed.
@@ -137,9 +137,9 @@ def affordable(motions: Sequence[Motion], settings: Settings, seconds: float) ->
 
 
 def reference_of(model: mujoco.MjModel, rate: int) -> mujoco.MjModel:
-    """Return a model with the run's own integrator, finer steps and a solver that goes on.
+    """Return a model with the run's own integrator, finer steps and a converged solver.
 
-    What sleeps is awake, and controls act at once: see `without_delays`. `rate` is how many of its
+    Bodies do not sleep, and controls act at once: see `without_delays`. `rate` is how many of its
     steps make one of the run's.
     """
     fine = without_sensors(model)
@@ -168,9 +168,9 @@ class PhaseMeasure:
         known: Floats | None = None,
         begun: "Looked | None" = None,
     ) -> None:
-        """Repeat the run where its states are not `known`, as `replay` has it.
+        """Repeat the run unless its states are `known`.
 
-        What a measure of its first seeds alone has `begun` with is not looked at again.
+        `begun` has the measurement of its first seeds, which is not repeated.
         """
         self._begun = begun
         self._motion, self._settings, self._model = motion, settings, motion.model
@@ -187,7 +187,7 @@ class PhaseMeasure:
         self._usual = self._usual_changes()
 
     def _usual_changes(self) -> Floats:
-        """Return (B,) what stands for weight where nothing weighs; 0 elsewhere [m/s^2]."""
+        """Return (B,) accelerations that replace gravity if there is none, otherwise 0 [m/s^2]."""
         if gravity_of(self._model):
             return np.zeros(len(self._bodies))
         if self._motion.usual is not None:
@@ -195,7 +195,7 @@ class PhaseMeasure:
         return changes_of([self._run], self._observer) / float(self._model.opt.timestep)
 
     def _places_of(self, observed: Sequence[str]) -> np.ndarray:
-        """Return (C,) numbers of the watched ones among the bodies that move and have mass."""
+        """Return (C,) numbers of the observed bodies among those that move and have mass."""
         if not self._bodies.size:
             raise EngineError("nothing of the model moves that has mass, so there is no motion")
         found = np.flatnonzero([not observed or name in observed for name in self._names])
@@ -207,14 +207,13 @@ class PhaseMeasure:
         return found
 
     def first_look(self) -> PhaseBudget:
-        """Return the budget as it is at h/4: nothing is checked, nor excess or RK4 looked at."""
+        """Return the budget at h/4, without checks, excess path or RK4."""
         return self._told(self.looked.found, excess=False)
 
     def budget(self) -> PhaseBudget:
         """Return the budget with those of the wanted rows that the model has.
 
-        Shares and windows are of the watched bodies, scales and energies of all: no body's scale
-        hangs on which others are watched.
+        Errors and windows are of the observed bodies; scales and energies are of all bodies.
         """
         found = self.looked.found
         for look in self.looked.looks:
@@ -268,7 +267,7 @@ class PhaseMeasure:
         return told
 
     def _worst(self, values: Floats) -> int:
-        """Return which of all bodies has the largest of (B,) values among the watched ones."""
+        """Return the number of the observed body with the largest of (B,) values."""
         return int(self._observed[np.argmax(values[self._observed])])
 
     def _base(self, name: str) -> mujoco.MjModel:
@@ -284,7 +283,7 @@ class PhaseMeasure:
         return reference_of(self._model, 1 if name == "step" else self._settings.finer)
 
     def _stored(self, name: str) -> ConstraintEnergy:
-        """Return what computes stored energies, of a copy of a base: no other needs to be held."""
+        """Return the calculator of stored energies for a copy of a base."""
         if name not in self._stores:
             alike = not raises_time_constants(self._model)
             base = self._bases[name] if name in self._bases else self._made_base(name)
@@ -292,7 +291,7 @@ class PhaseMeasure:
         return self._stores[name]
 
     def _varied(self, row: Row) -> Iterator[mujoco.MjModel]:
-        """Yield the models of a row's changes, each made anew: a mesh may be large."""
+        """Yield the models of a row's changes; each is a new copy, since a mesh may be large."""
         for change in row.changes:
             yield self._changed(self._other(row) if row.both else self._base(row.base), change)
 
@@ -323,7 +322,7 @@ class PhaseMeasure:
 
     @cached_property
     def looked(self) -> "Looked":
-        """What references at h/4 tell, of all windows, and what the rest is measured by."""
+        """First pass over all windows with references at h/4, and data for the second pass."""
         run, settings, rows = self._run, self._settings, self._there
         shape, looks, seeds = (self._motion.seeds, len(run.begins)), list[_Look](), 0
         found = _Found.empty(shape, len(self._bodies), [row.name for row in rows])
@@ -461,7 +460,7 @@ class PhaseMeasure:
         return seen
 
     def _measure_more(self, look: "_Look", found: "_Found") -> None:
-        """Enter what is asked for beyond a first look."""
+        """Enter the requested numbers beyond the first pass."""
         settings, place = self._settings, tuple(look.block.T)
         windows = Windows(self._undelayed, self._run, settings.workers, look.block)
         if settings.check:
@@ -477,7 +476,7 @@ class PhaseMeasure:
             found.energy_rk4[place] = self._energy_by_rk4(windows, found.total[place], _RK4_RATE)
 
     def _real(self, found: "_Found") -> Floats:
-        """Return (S, B) the real impulses that phantom ones are a share of, over mass [m/s]."""
+        """Return (S, B) real impulses over mass, the scale of errors [m/s]."""
         run, sums = self._run, np.cumsum(self._pulls, axis=1)
         sums = np.concatenate([0 * sums[:, :1], sums], axis=1)
         fallen = (sums[:, run.begins + run.steps] - sums[:, run.begins]) * run.valid[..., None]
@@ -630,7 +629,7 @@ class PhaseMeasure:
 
 
 class _Look(NamedTuple):
-    """What a first look at a block of windows leaves for the rest."""
+    """Data of the first pass over a block of windows, for the second pass."""
 
     block: np.ndarray  # (M, 2) seeds and numbers of windows
     run: Floats  # (M, 3, B, 6) velocities of the run around the windows' ends
@@ -645,7 +644,7 @@ class Looked(NamedTuple):
 
 
 class _Found(NamedTuple):
-    """What is measured in S x W windows, of B bodies."""
+    """Measurements in S x W windows, of B bodies."""
 
     apart: dict[str, Floats]  # (S, W, B) defects of each row [m/s]
     path: Floats  # (S, W, B) of the reference's velocity [m/s]
@@ -664,7 +663,7 @@ class _Found(NamedTuple):
     lost: np.ndarray  # (S, W) whether the reference gave up
 
     def begin_with(self, other: "_Found") -> None:
-        """Enter what was found of the first seeds alone."""
+        """Enter the measurements of the first seeds."""
         for name, given in other.apart.items():
             self.apart[name][: len(given)] = given
         for own, given in zip(self[1:], other[1:], strict=True):

@@ -1,7 +1,7 @@
-"""How near changed models come to a motion at its finest step.
+"""Distances of changed models to the motion at its finest step.
 
-All begin where that finest motion is when windows begin. So a run that diverges is compared from
-states that the motion has, and every change from the same ones.
+All begin in states of that finest motion. So a run that diverges is compared from states of the
+motion, and all changes from the same states.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,12 +26,12 @@ from contactlab.budget.windows import (
 from contactlab.contact.trace_arrays import Floats
 
 FINEST = 8
-"""Steps of the finest motion in one of the run's, at least."""
+"""Least number of steps of the finest motion per step of the run."""
 
 
 @dataclass(frozen=True)
 class ChangedModel:
-    """A model that is compared with the finest motion; so many of its steps make one of the run."""
+    """A model that is compared with the finest motion, with `rate` steps per step of the run."""
 
     model: mujoco.MjModel
     rate: int = 1
@@ -45,12 +45,11 @@ def distances_to_reference(
     target: Callable[[mujoco.MjModel], None] = lambda _model: None,
     finest: int = FINEST,
 ) -> list[float]:
-    """Return by what share each rival is apart from a motion at its finest step: its worst body's.
+    """Return the distance of each changed model to a motion at its finest step, worst body.
 
-    Shares are those of the run's own backward error. `target` changes the finest motion's model
-    first, in place; it has `finest` steps in one of the run's. Bodies that no motion watches
-    do not count. A rival that the engine gives up, and any where the finest motion is itself given
-    up, are infinitely far.
+    Distances are shares, as numerical errors are. `target` changes the model of the finest motion
+    first, in place; it has `finest` steps per step of the run. Bodies that are not observed do not
+    count. A distance is infinite if the engine fails in the changed model or the finest motion.
     """
     undelayed, fine_model = without_delays(motion), reference_of(motion.model, finest)
     target(fine_model)

@@ -1,7 +1,7 @@
-"""The rows of a budget: what is changed in the reference, and how a task shows that it matters.
+"""Rows of the error budget: each changes the reference model and says when a task exercises it.
 
-A row is one entry in `ROWS`. To add one, say what is changed, which models have it at all, and what
-in a state of the run shows that the task makes use of it.
+A row is one entry in `ROWS`. It has the change, a test whether a model has the setting, and a test
+whether a state of the run exercises it.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -21,15 +21,15 @@ Shows = Callable[[mujoco.MjModel, mujoco.MjData], bool]
 Kind = Literal["numerics", "model", "effect", "unknown"]
 
 _LIMITED = "clampctrl"
-# Forces and torques below this share of the largest beside them are rounding.
+# Forces and torques below this share of the largest others are rounding.
 _ROUNDING = 1e-6
 _SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
-# Of a solver that goes on until it is done.
+# Of a solver that runs to convergence.
 _ITERATIONS, _LINE_SEARCHES, _SMALL, _DENSE_UP_TO = 100, 50, 1e-12, 400
 _PYRAMIDAL, _ELLIPTIC = int(mujoco.mjtCone.mjCONE_PYRAMIDAL), int(mujoco.mjtCone.mjCONE_ELLIPTIC)
 _NO_FRICTION, _SLIDING = 1, 3  # of condim
 GRAVITY_AS_REAL = 0.1
-"""The part of what falls freely that counts as a real impulse of what stands."""
+"""Share of the impulse of free fall that counts as a real impulse of a standing body."""
 
 
 @dataclass(frozen=True)
@@ -38,16 +38,16 @@ class Row:
 
     Attributes:
         name: as tables and options write it.
-        summary: what is changed, in a few words.
-        kind: numerics (of the run's own step), model (how rigid and how regularised), effect (left
-            out), or unknown (a parameter that nobody knows exactly).
-        changes: each makes one variation in a copy of what it is compared with; the largest counts.
-        uses: whether a model has what is changed; a row of one that has not is absent.
-        shows: whether a state after a step shows that the task makes use of it.
-        base: the settings that are changed: the reference's, the run's step with a solver that goes
-            on until it is done, or the run's.
-        against: what the variation is compared with: one of these.
-        both: what is changed on both sides first, if anything.
+        summary: the change, in a few words.
+        kind: numerics (of the run's own step), model (how rigid and how regularized), effect (left
+            out), or unknown (a parameter that is not known exactly).
+        changes: each makes one variation in a copy of the compared model; the largest counts.
+        uses: whether a model has the setting; otherwise it has no such row.
+        shows: whether a state after a step exercises the setting.
+        base: the changed settings: those of the reference, of the run's step with a converged
+            solver, or of the run.
+        against: the settings to compare with: one of these.
+        both: a change of both sides that comes first, if any.
         timed: whether the change could be made in the model's own settings.
         subject: the modeling choice, as in "depends on the friction cone".
         alternative: the change, as in "an elliptic cone changes thigh's motion".
@@ -148,7 +148,7 @@ def _stiffer(*fields: str) -> Change:
     return change
 
 
-# Fields of solref by what they are of; contacts also have the override of the options.
+# Fields of solref by kind of part; contacts also have the override of the options.
 _CONTACT_SOLREF = ("geom_solref", "pair_solref", "flex_solref")
 _SOLREF = (
     *_CONTACT_SOLREF,
@@ -178,7 +178,7 @@ def _joins(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
 
 
 def _raised(model: mujoco.MjModel, own: mujoco.MjModel) -> None:
-    """Raise time constants to what refsafe makes of them at the run's step."""
+    """Raise time constants as refsafe does at the run's step."""
     least = 2 * own.opt.timestep
     for field in _SOLREF:
         array = getattr(model, field)
@@ -338,7 +338,7 @@ def _contact_forces(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[tupl
 
 
 def _resists(first: int, last: int) -> Shows:
-    """Return whether a contact pushes in some of its directions, beside the normal, 0."""
+    """Return whether a contact pushes in some of its directions other than the normal, 0."""
 
     def shows(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
         return any(
@@ -371,7 +371,7 @@ def _pushes_apart(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
 
 
 def _raises(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
-    """Return whether a constraint pushes whose time constant refsafe raises."""
+    """Return whether a constraint with a time constant that refsafe raises pushes."""
     least = 2 * model.opt.timestep
     if any(
         0 < data.contact.solref[contact][0] < least and force[0] > 0
@@ -428,7 +428,7 @@ def _other_integrator(model: mujoco.MjModel) -> float:
 
 
 def go_on(model: mujoco.MjModel, _own: mujoco.MjModel | None = None) -> None:
-    """Have the solver go on until it is done: Newton's, of what its Hessian is right for.
+    """Make the solver run to convergence: Newton's, if its Hessian is right.
 
     MuJoCo 4.0's can be wrong with sparse Jacobians where trees branch; dense ones take too long
     above 400 degrees of freedom.
@@ -505,7 +505,7 @@ def _has_constraints(model: mujoco.MjModel) -> bool:
     return collides(model) or any(has(model) for has in others)
 
 
-# What every budget begins with.
+# The first row of every budget.
 RUN = Row(
     "numerical error",
     "the run as written",

@@ -1,4 +1,4 @@
-"""What a change costs: ratios of times, measured in turns from the same states."""
+"""Measures the time of changed models over that of the original, in turns from the same states."""
 
 import math
 import time
@@ -15,7 +15,7 @@ from contactlab.contact.trace_arrays import Floats
 Made = Callable[[], mujoco.MjModel]
 
 _ROUNDS, _WARM = 11, 1
-_LEAST = 5e-3  # s, that the model as it is is timed for in each round
+_LEAST = 5e-3  # s, for which the model as written is timed in each round
 _HELD = 1 << 27  # bytes of models that are held
 _STRETCH = 5  # windows, so that setting states is no part of the time
 
@@ -37,13 +37,13 @@ class TimeRatio(NamedTuple):
 def measure_time_ratios(
     motion: Motion, run: Run, changed: Mapping[str, tuple[Made, int]]
 ) -> dict[str, TimeRatio]:
-    """Return what changed models cost, over the model as it is.
+    """Return the time of changed models over that of the model as written.
 
     Each is rolled out on one thread from the same states, which are spread over the run, in turns
     with the others. The number is that of its steps in one of the run. Models that take much memory
     together are timed in groups.
     """
-    # What the engine came through is a beginning of each run.
+    # Windows that the engine finished are the beginning of each run.
     length = min(_STRETCH, int(run.valid.sum(axis=1).max()))
     if not length or not changed:
         return {}
@@ -74,7 +74,7 @@ def measure_time_ratios(
 
 
 def _enough(valid: np.ndarray, seconds: float) -> np.ndarray:
-    """Return places that take long enough together if one takes so long [s]; few come twice."""
+    """Return enough places for the timing if one takes `seconds` [s]; few come twice."""
     count = max(1, math.ceil(_LEAST / seconds))
     places = np.linspace(0, len(valid) - 1, min(count, len(valid))).astype(int)
     return np.resize(valid[places], (max(count, len(places)), 2))
@@ -97,7 +97,7 @@ class _Timed(NamedTuple):
 
 
 class _Stretches(NamedTuple):
-    """Parts of a motion, so many steps long, that begin where windows do."""
+    """Parts of a motion with a number of steps, which begin where windows begin."""
 
     motion: Motion
     run: Run

@@ -1,4 +1,4 @@
-"""Windows of a run, rolled out natively from the run's own states, and what bodies do in them."""
+"""Windows of a run, rolled out from the run's own states, and the motion of bodies in them."""
 
 import copy
 from collections.abc import Sequence
@@ -205,7 +205,7 @@ _KINDS = [
 
 
 def _named(model: mujoco.MjModel, kind: str, place: int) -> str:
-    """Return what a warning is about: MuJoCo gives a degree of freedom, or an actuator."""
+    """Return the subject of a warning: MuJoCo gives a degree of freedom, or an actuator."""
     if kind == "badctrl" and 0 <= place < model.nu:
         return f"actuator {model.actuator(place).name or place}"
     if kind == "badqpos" and 0 <= place < model.nq:

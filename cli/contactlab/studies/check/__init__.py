@@ -1,4 +1,4 @@
-"""Checks of a model, by published guidelines, and what to change where it fails."""
+"""Checks of a model for CI."""
 
 from contactlab.registry import settle
 from contactlab.studies.check import own_runs

@@ -30,7 +30,7 @@ class Check:
         name: its name on the command line and in reports.
         question: the criterion, in words.
         function: measures a model.
-        limits: the limits of its measures, by whose names they are accepted and replaced.
+        limits: limits of its measures; waivers and --tolerance use their names.
         findings: names of measures that state a limit of their own.
         place: where it stands among the checks of a report, the least first.
     """

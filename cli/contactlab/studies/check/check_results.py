@@ -1,7 +1,7 @@
 """The results of checks, their findings, and how they are written.
 
-A gate is what a run of the model itself shows to be wrong, or what no physical body can be; a
-warning is a rule of thumb of people who simulate contact with MuJoCo.
+A gate is a failure that a run of the model shows, or a body that cannot exist. A warning is a rule
+of thumb of people who simulate contact with MuJoCo.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,7 +11,7 @@ from contactlab.schema.check_report import CheckResult, CheckVerdict, Measure
 from contactlab.schema.finding import Finding, Level
 from contactlab.writers.report import Section
 
-# What it means for a check that a limit of some level is exceeded, the worst first.
+# Verdict of a check if a limit of some level is exceeded, the worst first.
 _VERDICTS: Mapping[Level, CheckVerdict] = {"gate": "fail", "warn": "warning", "note": "pass"}
 
 
@@ -22,7 +22,7 @@ def check_result(
     notes: Sequence[str] = (),
     stores: Sequence[str] = (),
 ) -> CheckResult:
-    """Return the result of a check: a pass if every limit holds, else as bad as its worst miss.
+    """Return the result of a check: the verdict of its worst measure.
 
     A check that measures nothing does not apply, for the reason that its first note gives.
     """
@@ -47,7 +47,7 @@ def check_result(
 
 
 def findings_of(result: CheckResult) -> Iterator[Finding]:
-    """Yield what a check finds: one finding for all limited measures of one name."""
+    """Yield the findings of a check: one for all limited measures of one name."""
     if result.verdict == "not applicable":
         yield Finding(
             name=result.name,
@@ -63,7 +63,7 @@ def findings_of(result: CheckResult) -> Iterator[Finding]:
 
 
 def check_section(check: CheckResult) -> Section:
-    """Return what a check found, as a part of a report."""
+    """Return the section of a check in a report."""
     lines = [f"question: {check.question}", check.reason, *check.notes]
     if check.stores:
         lines.append(f"evidence: {', '.join(check.stores)}")

@@ -67,7 +67,7 @@ class CheckedModel:
         reference: the model as requested, and as sweeps name their scene.
         values: the settings as requested, by axis.
         duration: simulated time of its runs [s]; that of its scene if None.
-        options: what replaces parts of its task.
+        options: replacements for parts of its task.
         thresholds: of labels, which replace their own, by name.
         limits: of checks, which replace their own, by the name of the measure.
         settings: how its budget is measured.
@@ -136,7 +136,7 @@ class CheckedModel:
         """Return the motions of a task's phases, with other settings or a changed model or scene.
 
         Raises:
-            EngineError: another engine than MuJoCo is asked for, or nothing moves.
+            EngineError: another engine than MuJoCo is requested, or nothing moves.
         """
         if not self.moves:
             engine = self.resolved.engine
@@ -156,10 +156,10 @@ class CheckedModel:
 
     @cached_property
     def budget(self) -> ErrorBudget:
-        """Error budget of its watched bodies.
+        """Error budget of its observed bodies.
 
         Raises:
-            EngineError: as of motions; or none of the bodies that are watched moves.
+            EngineError: as of motions; or no observed body moves.
         """
         return error_budget(
             self.motions, rows=self._measured, settings=self.settings, workers=self.threads
@@ -182,12 +182,12 @@ class CheckedModel:
 
     @cached_property
     def judged(self) -> Verdict:
-        """What its budget says, rows of the model included."""
+        """Verdict of its budget, with modeling choices."""
         return judge(self.budget, self.task.tolerance)
 
     @cached_property
     def verdict(self) -> TaskVerdict:
-        """What the runs of its task come to."""
+        """Verdict of the runs of its task."""
         budget = self.budget if self.moves else None
         return verdict_of(self.task, budget, [run.record for run in self.runs])
 

@@ -132,7 +132,9 @@ def check_repeat(checked: CheckedModel) -> Measured:
     measures = [
         checked.measure("trajectories_differ", value, where) for where, value in differing.items()
     ]
-    note = f"reference.json has what a parallel engine must reproduce within {TOLERANCE:.0%}"
+    note = (
+        f"reference.json has the run that a parallel engine must reproduce within {TOLERANCE:.0%}"
+    )
     return Measured(measures, [note], checked.stores(TASK_STORE, "repeat"))
 
 

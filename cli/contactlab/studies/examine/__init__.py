@@ -1,1 +1,1 @@
-"""What a model's simulation is worth under its task: `contactlab examine MODEL`."""
+"""Examines a model's simulation under its task: `contactlab examine MODEL`."""

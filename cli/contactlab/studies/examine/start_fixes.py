@@ -1,4 +1,4 @@
-"""Starts that a model does not allow, and the model without: bodies apart, or moved elsewhere.
+"""Fixes overlapping starts: moves bodies apart, or excludes their contacts.
 
 Links that a joint holds in each other's geoms push with what the joint bears. MuJoCo leaves out
 contacts of parent and child, but not where the parent is the world: so it is with a robot whose
@@ -30,12 +30,11 @@ _NEAR = 2  # joints between links of one robot that touch by how it is built
 def separated(
     scene: Scene, values: Values, motions: Sequence[Motion], verdict: Verdict
 ) -> tuple[Candidate, ...]:
-    """Return changes by which links in each other no longer touch, or the run begins elsewhere.
+    """Return candidates that separate overlapping links, or move the start.
 
-    No contacts, or a free base, only of links of one robot, few joints apart, that are in each
-    other at the start, or of bodies that joints hold in each other, so that no start parts them:
-    that a body no longer touches what it stands on, holds or runs into is not mended by forgetting
-    it. Floors are never excluded.
+    Contacts are excluded, or the base is freed, only for links of one robot, few joints apart, that
+    overlap at the start, or for bodies that joints hold inside each other. Floors, and bodies that
+    a robot stands on, holds or runs into, are never excluded.
     """
     model = motions[0].model
     word: VerdictWord = "depends" if verdict.word == "depends" else "inaccurate"

@@ -1,4 +1,4 @@
-"""The motions of a task's phases: what every study's runs do, cut where phases begin."""
+"""The motions of a task's phases: the runs of every study, cut where phases begin."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -26,7 +26,7 @@ _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
 
 
 class _Piece(NamedTuple):
-    """A phase of one seed: a state to begin with, the inputs of its steps, and what they hold."""
+    """A phase of one seed: its start, the inputs of its steps, and the kind of the inputs."""
 
     start: Floats
     inputs: Floats
@@ -55,11 +55,10 @@ def task_motions(
     A seed whose run the engine gave up before a phase has no part in it; a phase that none of them
     reaches is left out: the one before says why. Where nothing weighs, each knows what is usual in
     the others. `change` returns the model that moves in place of
-    the scene's. What a policy did is replayed; it is code, which
-    has to be allowed.
+    the scene's. The actions of a policy are replayed; a policy is code, which has to be allowed.
 
     Raises:
-        EngineError: another engine than MuJoCo is asked for.
+        EngineError: another engine than MuJoCo is requested.
         SceneError: a policy is not allowed, or fails.
     """
     runs = [scene.resolve(values, seed, task.duration) for seed in task.seeds]
@@ -87,7 +86,7 @@ def task_motions(
 
 
 def _acted(prepared: PreparedRuns) -> PreparedRuns:
-    """Return runs driven by what their policies do in them."""
+    """Return runs driven by the actions of their policies."""
     rollout = engine_of(prepared.resolved[0]).roll_out(prepared, Buffers())
     if failed := next((error for error in rollout.errors if error), None):
         raise SceneError(f"the policy cannot be replayed: {failed}")
