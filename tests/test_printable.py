@@ -73,7 +73,7 @@ def hostile_report(text: str) -> Report:
     )
     failed = Finding(
         name=text, kind=text, group=text, level="gate", outcome="failed", verdict="unmet",
-        judged=1, failing=1, message=text, unit=text, accepted=text, worst=(pair,),
+        judged=1, failing=1, message=text, unit=text, waived=text, worst=(pair,),
     )  # fmt: skip
     outcomes = ("failed", "warned", "noted", "skipped", "passed")
     findings = tuple(failed.model_copy(update={"outcome": outcome}) for outcome in outcomes)

@@ -367,7 +367,7 @@ def test_a_depth_of_rounding_is_a_touch() -> None:
 
 @pytest.mark.long
 def test_only_watched_bodies_count(arm: str) -> None:
-    report = package.examine(arm, section=["budget"], duration=0.1, watch=["upper"])
+    report = package.examine(arm, section=["budget"], duration=0.1, observe=["upper"])
     assert report.budget
     assert report.task.observed == ("upper",)
     for phase in report.budget.phases:

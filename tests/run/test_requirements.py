@@ -238,15 +238,15 @@ def test_check_and_stability_fail_what_must_hold_and_say_why(tmp_path: Path) -> 
     keys: dict[str, Any] = {"duration": "0.3s", "drive": "none", "workers": 0}
     must = ["still(box, 1 mm)", "stays(box, 2 m)"]
     model, folder = tmp_path / "model.xml", tmp_path / "check"
-    report = contactlab.check(model, check=["requirements"], must=must, output=folder, **keys)
+    report = contactlab.check(model, check=["requirements"], require=must, output=folder, **keys)
     (result,) = report.checks
     assert (report.passed, result.verdict) == (False, "fail")
     assert [note.split(" by ")[0] for note in result.notes] == [
         f"seed {seed}: still(box, 1 mm): moves" for seed in range(3)
     ]
-    met = contactlab.check(model, check=["requirements"], must=must[1], output=folder, **keys)
+    met = contactlab.check(model, check=["requirements"], require=must[1], output=folder, **keys)
     assert met.passed
-    held = contactlab.stability([model], must=must, output=folder, **keys)
+    held = contactlab.stability([model], require=must, output=folder, **keys)
     assert isinstance(held, Examination)
     assert not held.passed
     (label,) = held.labels

@@ -111,7 +111,7 @@ def examination_view(
         limit=_along(report.task.tolerance),
         chart=static_svg(chart, "Error over time of the fixes that were tried") if chart else "",
         fixes=[
-            (f"{number}. {fix_summary(fix)}", fix.lines or (fix.no_patch_reason,))
+            (f"{number}. {fix_summary(fix, report)}", fix.lines or (fix.no_patch_reason,))
             for number, fix in enumerate(report.fixes, 1)
         ],
         not_tried=not_tried_line(report),

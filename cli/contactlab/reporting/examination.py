@@ -62,13 +62,27 @@ def first_fix(fixes: Sequence[Fix]) -> Fix:
     return (structural or fixes)[0]
 
 
-def fix_summary(fix: Fix) -> str:
-    """Return a fix in one line: its name, its effect, its time, and whether the model changes."""
-    effect = "" if fix.error is None else f"error falls to {percent(fix.error)}"
+_CHANGED_NUMBERS = {"energy": "energy drift", "reference": "upper bound of the error"}
+"""Names of the numbers that the reasons of a budget have, except for rows."""
+
+
+def fix_summary(fix: Fix, report: Examination) -> str:
+    """Return a fix in one line: its name, its effect, its time, and whether the model changes.
+
+    The effect is on the number of the first reason of the report's budget.
+    """
+    reason = report.budget.reasons[0] if report.budget and report.budget.reasons else None
+    effect = ""
+    if fix.error is not None and reason is not None:
+        number = _CHANGED_NUMBERS.get(reason.row, "numerical error")
+        if reason.verdict == "depends":
+            number = f"effect of {reason.row}"
+        before = "infinite" if reason.error is None else percent(abs(reason.error))
+        effect = f"{number} falls from {before} to {percent(fix.error)}"
     if fix.removes == "labels":
         effect = "no failure label is left"
     elif fix.removes == "overlap":
-        effect = "no bodies overlap at the start, and the verdict is no worse"
+        effect = "no bodies overlap at the start, and the verdict is not worse"
     changes = "changes the model" if fix.changes_model else ""
     parts = ", ".join(filter(None, (effect, time_text(fix), changes)))
     return f"{fix.name}: {parts}" if parts else fix.name

@@ -40,7 +40,7 @@ def conclude(
     return report.model_copy(
         update={
             "headline": _headline(report, verdict),
-            "why": tuple(_why(report, verdict)),
+            "why": tuple(filter(None, _why(report, verdict))),
             "fix": _fix(report, verdict, fixes_tried, len(fixes_not_tried)),
         }
     )
@@ -71,9 +71,7 @@ def _headline(report: Examination, verdict: VerdictWord) -> str:
     if reason is None:
         phase = max(report.budget.phases, key=_error_of)
         worst = phase.numerical_error
-        return (
-            f"ok: numerical error at most {percent(_error_of(phase))}, in {worst.body} {tolerance}"
-        )
+        return f"ok: numerical error {percent(_error_of(phase))} in {worst.body} {tolerance}"
     if verdict == "depends":
         return f"depends on {_SUBJECTS[reason.row]}: {reason.sentence}"
     return f"{verdict}: {reason.sentence}{'' if reason.row == 'warning' else f' {tolerance}'}"
@@ -133,9 +131,16 @@ def _place_line(report: Examination, reason: BudgetReason, phase: BudgetPhase) -
             verb = "gains" if (reason.error or 0.0) > 0 else "loses"
             return f"the run {verb} energy that the exact motion does not, most{at}"
         case "reference":
-            return f"the references at 1/4 and 1/8 of the time step still differ, most{at}"
+            error = percent(_error_of(phase))
+            return (
+                f"the measured error is {error}, but its references at 1/4 and 1/8 of the time "
+                f"step still differ, most{at}"
+            )
         case _ if reason.verdict == "depends":
-            return f"the motions differ most{at} (tolerance {percent(report.task.tolerance)})"
+            return (
+                f"the numerics are fine (numerical error {percent(_largest_error(report))}), but "
+                f"this modeling choice decides the motion, most{at}"
+            )
         case _:
             return f"{_main_cause(phase)}{at}"
 
@@ -159,9 +164,16 @@ def _choices_line(report: Examination, reasons: Sequence[BudgetReason]) -> str:
     for reason in reasons:
         if reason.verdict == "depends" and reason.row != first:
             choices.setdefault(reason.row, f"{_SUBJECTS[reason.row]} ({_percent(reason.error)})")
-    also = f"also depends on {' and '.join(choices.values())}; " if choices else ""
-    worst = max(map(_error_of, report.budget.phases))
-    return f"{also}the numerics are fine: numerical error {percent(worst)}"
+    also = f"also depends on {' and '.join(choices.values())}" if choices else ""
+    if report.verdict == "depends":
+        return also
+    fine = f"the numerics are fine: numerical error {percent(_largest_error(report))}"
+    return "; ".join(filter(None, (also, fine)))
+
+
+def _largest_error(report: Examination) -> float:
+    assert report.budget is not None
+    return max(map(_error_of, report.budget.phases))
 
 
 def _percent(error: float | None) -> str:
@@ -175,7 +187,12 @@ def _time(report: Examination, phase: BudgetPhase) -> str:
 
 def _fix(report: Examination, verdict: VerdictWord, tried: int, not_tried: int) -> str:
     if report.fixes:
-        return fix_summary(first_fix(report.fixes))
+        summary = fix_summary(first_fix(report.fixes), report)
+        return (
+            f"none if that choice is intended; otherwise {summary}"
+            if verdict == "depends"
+            else summary
+        )
     if verdict == "ok":
         return "not needed"
     start = report.task.start if report.task.start == QPOS0 else f"keyframe {report.task.start}"

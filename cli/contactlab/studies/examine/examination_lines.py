@@ -59,7 +59,7 @@ def examination_lines(report: Examination, *, full: bool = False) -> list[str]:
         [line for contact in report.contacts for line in contact_lines(contact)]
         if full or alone
         else [],
-        *([*_other_fix(number, fix)] for number, fix in enumerate(other_fixes(report), 2)),
+        *([*_other_fix(number, fix, report)] for number, fix in enumerate(other_fixes(report), 2)),
         [line for note in report.notes for line in wrapped(note)] if full or alone else [],
         [line for end in _ends(report) for line in wrapped(end)],
     ]
@@ -173,8 +173,8 @@ def budget_table(report: Examination) -> Iterator[str]:
     yield from unexercised_lines([name for name in rows if name not in found])
 
 
-def _other_fix(number: int, fix: Fix) -> Iterator[str]:
-    yield from wrapped(f"fix {number}: {fix_summary(fix)}")
+def _other_fix(number: int, fix: Fix, report: Examination) -> Iterator[str]:
+    yield from wrapped(f"fix {number}: {fix_summary(fix, report)}")
     yield from _code(fix, _MOST_LINES)
 
 

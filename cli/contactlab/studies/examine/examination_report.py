@@ -38,7 +38,7 @@ def report_of(report: Examination) -> Report:
 
 def _sections(report: Examination) -> Iterator[Section]:
     for number, fix in enumerate(report.fixes, 1):
-        yield Section(f"fix {number}: {fix_summary(fix)}", code=fix.lines)
+        yield Section(f"fix {number}: {fix_summary(fix, report)}", code=fix.lines)
     if report.budget is not None and "budget" in report.sections:
         yield Section("error budget", code=tuple(budget_table(report)))
     if facts := told_facts(report):

@@ -128,12 +128,11 @@ class FixSearch:
         self._scene, self._values = scene, values
         self._motions, self._verdict = motions, verdict
         self._repeats, self._limits = repeats, trial
-        others = (
-            *separated(scene, values, motions, verdict),
-            *primitives(scene, values, motions, verdict),
-        )
-        physical = [*filter(self._can_begin, others)]
-        self._candidates = (*candidates_against(motions, verdict), *physical)
+        # An overlapping start comes first: what else is wrong may follow from it.
+        starts = [*filter(self._can_begin, separated(scene, values, motions, verdict))]
+        shapes = [*filter(self._can_begin, primitives(scene, values, motions, verdict))]
+        physical = [*starts, *shapes]
+        self._candidates = (*starts, *candidates_against(motions, verdict), *shapes)
         found = try_fixes(motions, verdict, candidates=self._candidates, trial=self._trial)
         ended = [fix for fix in found if fix.is_complete]
         self.not_tried = [fix.name for fix in found if not fix.is_complete]
