@@ -184,7 +184,8 @@ def test_no_input_is_pasted_into_a_script() -> None:
 
 def test_what_is_installed_can_draw_the_page() -> None:
     (install,) = (step for step in ACTION["runs"]["steps"] if "Install" in step.get("name", ""))
-    assert "${PACKAGE:-$GITHUB_ACTION_PATH}" in install["run"]
+    assert '"${install[@]}" "$PACKAGE"' in install["run"]
+    assert "$GITHUB_ACTION_PATH" in install["run"]
     needed = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
     assert {"altair", "jinja2", "vl-convert-python"} <= {name.partition(">")[0] for name in needed}
 

@@ -121,7 +121,7 @@ def test_a_model_that_passes_as_json(contactlab: Run, tmp_path: Path) -> None:
 def test_runs_start_from_the_keyframe(
     contactlab: Run, keyframe: str | None, height: float, tmp_path: Path
 ) -> None:
-    option = ("--start", keyframe) if keyframe else ()
+    option = ("--keyframe", keyframe) if keyframe else ()
     contactlab(*SHORT, *option, "--check", "requirements", "-o", "out")
     store = Store.open(tmp_path / "out/run")
     assert store.table["seed"].to_pylist() == [0, 1, 2]
@@ -137,7 +137,7 @@ def test_runs_start_from_the_keyframe(
         (["gone.xml"], ["no model file gone.xml"]),
         (["ball_drp"], ["did you mean 'ball_drop'?"]),
         (["own.xml", "--check", "repet"], ["no check 'repet'", "did you mean 'repeat'?"]),
-        (["own.xml", "--start", "hig"], ["--start hig", "write one of high, low, qpos0"]),
+        (["own.xml", "--keyframe", "hig"], ["--keyframe hig", "write one of high, low, qpos0"]),
         (["own.xml", "--set", "timestp=1"], ["did you mean 'timestep'?"]),
         (["own.xml", "--set", "cone=round", "--set", "impratio=-1"], ["'round'", "above 0"]),
         (["own.xml", "--set", "solref=0.02 1,0.005 1"], ["one value, not 2"]),

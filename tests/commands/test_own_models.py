@@ -194,7 +194,7 @@ def test_a_keyframe_without_a_name_is_chosen_by_an_option(contactlab: Run, tmp_p
             contactlab("sweep", "own.yaml", option, "keyframe=key[0]", "-o", "s" + option)[0] == 0
         )
         assert Store.open(tmp_path / ("s" + option)).table["keyframe"].to_pylist() == ["key[0]"]
-    assert contactlab("check", "pendulum.xml", "--keyframe", "key[0]", "--only", "task")[0] < 2
+    assert contactlab("check", "pendulum.xml", "--keyframe", "key[0]", "--check", "task")[0] < 2
 
 
 @pytest.mark.night

@@ -154,7 +154,7 @@ def test_figures_for_paper_name_their_extra_before_anything_is_written(
         monkeypatch.delitem(sys.modules, module)
     for library in ("fontTools", "pikepdf"):
         monkeypatch.setitem(sys.modules, library, None)
-    with pytest.raises(OutputError, match=r"needs .*, .* 'contactlab\[figures\]'"):
+    with pytest.raises(OutputError, match=r"needs .*, .*pip install 'fonttools.*' 'pikepdf"):
         write_figures(swept("bounce"), tmp_path / "figures", ["svg"])
     assert list(tmp_path.iterdir()) == []
 

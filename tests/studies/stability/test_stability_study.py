@@ -67,7 +67,7 @@ def test_a_model_starts_where_it_says_and_slightly_off(tmp_path: Path) -> None:
 
 
 def test_settings_are_not_for_shipped_cases(tmp_path: Path) -> None:
-    options: tuple[dict[str, Any], ...] = ({"duration": 1}, {"drive": "hold"}, {"within": "20%"})
+    options: tuple[dict[str, Any], ...] = ({"duration": 1}, {"drive": "hold"}, {"tolerance": "20%"})
     for option in options:
         with pytest.raises(
             SweepFileError, match="'free_fall' already defines its settings and drive"
