@@ -86,3 +86,16 @@ def _fact(report: GripReport) -> Fact:
         unit="s" if lost else "m/s",
         sentence=f"{where} ({report.base}) {report.sentence} (contactlab grip)",
     )
+
+
+def grip_requests(reference: str, model: mujoco.MjModel, start: str) -> Iterator[GripRequest]:
+    """Yield every grip of a model that an object can be held in: its start's, and its hand's.
+
+    What closes like a hand but is neither carried by a robot nor fixed to the world is no hand.
+    """
+    for request in _requests(reference, start):
+        try:
+            if request.keyframe is not None or _is_carried(model) or _is_fixed(model):
+                yield request
+        except SceneError:
+            continue  # nothing closes

@@ -1,0 +1,40 @@
+"""The report of a verification: each measure of a changed model next to that of the original."""
+
+from contactlab.schema.strict_model import Model, about
+
+VERIFICATION_VERSION = 1
+
+
+class VerifiedMeasure(Model):
+    """One measure in one run, of the original model and of the changed one."""
+
+    name: str = about("The measure, such as `depth`.")
+    run: str = about("The run that it was measured in, such as `tilted by 20 degrees`.")
+    unit: str = about("Unit of its numbers; `1` for a share.")
+    before: float | None = about("Of the original model; null if not finite.")
+    after: float | None = about("Of the changed model; null if not finite.")
+    spread: float = about("By how much it differs among repetitions of the original.")
+    tolerance: float = about("By how much it may be worse; at least the spread.")
+    place: str = about("Body, contact, joint or actuator at which it is largest; may be empty.")
+    more_is_better: bool = about("Whether it must not shrink instead.", default=False)
+    worse: bool = about("Whether it is worse by more than the tolerance.")
+
+
+class SkippedRun(Model):
+    """A run that was not made."""
+
+    run: str
+    reason: str
+
+
+class Verification(Model):
+    """Whether a changed model is worse than the original in any measure."""
+
+    verification_version: int = VERIFICATION_VERSION
+    seeds: tuple[int, ...] = about("Seeds of the task that both models ran.")
+    fresh_seeds: tuple[int, ...] = about("Seeds that no setting was chosen by.")
+    measures: tuple[VerifiedMeasure, ...]
+    skipped: tuple[SkippedRun, ...] = about("Runs that were not made, with the reason.", default=())
+    identical: bool = about("Whether every run has the bits of the original's.")
+    passed: bool = about("Whether no measure is worse.")
+    sentence: str = about("The result in one line.")

@@ -1,0 +1,98 @@
+"""Compares how both models grip: the speed of creep, the force that is held, and the depth."""
+
+import math
+from collections.abc import Iterator
+
+from contactlab.errors import SceneError
+from contactlab.schema.grip import GripReport
+from contactlab.schema.verification import VerifiedMeasure
+from contactlab.studies.check.checked_model import CheckedModel
+from contactlab.studies.grip.carried_hand import grip_requests
+from contactlab.studies.grip.gripping import GripRequest
+from contactlab.studies.grip.gripping import run as judge_grip
+
+_RELATIVE = 0.05  # friction is not known better, and neither is a force that it holds
+_CREEP = 1e-5  # m/s: a tenth of a millimeter in the ten seconds of a pick and place
+_DEPTH = 0.01  # of half of the object's width
+_LOST = 1.0  # m/s, which stands for an object that is lost: faster than any creep
+
+
+def compare_grips(
+    original: CheckedModel, changed: CheckedModel, known: dict[str | None, GripReport | None]
+) -> Iterator[VerifiedMeasure]:
+    """Yield the measures of each grip in which the original holds an object or lets it creep.
+
+    An object that the original drops has nothing to lose. If the changed model cannot be closed on
+    the object at all, it counts as dropped. `known` has the original's reports by keyframe; what is
+    missing is added.
+    """
+    model, start = original.motions[0].model, original.task.start
+    for request in grip_requests(original.reference, model, start):
+        quiet = GripRequest(
+            request.model, keyframe=request.keyframe, remedies=False, placements=False
+        )
+        if request.keyframe not in known:
+            known[request.keyframe] = _judge(quiet)
+        before = known[request.keyframe]
+        if before is None or before.verdict == "drops":
+            continue
+        other = GripRequest(
+            changed.reference, keyframe=request.keyframe, remedies=False, placements=False
+        )
+        yield from _compare_reports(before, _judge(other))
+
+
+def _judge(request: GripRequest) -> GripReport | None:
+    try:
+        return judge_grip(request)
+    except SceneError:
+        return None
+
+
+def _compare_reports(before: GripReport, after: GripReport | None) -> Iterator[VerifiedMeasure]:
+    run = f"grip of keyframe {before.keyframe}" if before.keyframe else "grip of its hand"
+    creep, other = _creep_of(before), _LOST if after is None else _creep_of(after)
+    tolerance = max(_CREEP, _RELATIVE * creep)
+    yield VerifiedMeasure(
+        name="grip creep",
+        run=run,
+        unit="m/s",
+        before=creep,
+        after=other,
+        spread=0.0,
+        tolerance=tolerance,
+        place=before.base,
+        worse=other > creep + tolerance,
+    )
+    force, held = before.pull.force, 0.0 if after is None else after.pull.force
+    yield VerifiedMeasure(
+        name="pull-out force",
+        run=run,
+        unit="N",
+        before=force,
+        after=held,
+        spread=0.0,
+        tolerance=_RELATIVE * force,
+        place=before.pull.direction,
+        more_is_better=True,
+        worse=held < (1 - _RELATIVE) * force,
+    )
+    if after is None:
+        return
+    tolerance = max(_RELATIVE * before.depth_share, _DEPTH)
+    yield VerifiedMeasure(
+        name="grip depth",
+        run=run,
+        unit="1",
+        before=before.depth_share,
+        after=after.depth_share,
+        spread=0.0,
+        tolerance=tolerance,
+        place=before.base,
+        worse=after.depth_share > before.depth_share + tolerance,
+    )
+
+
+def _creep_of(report: GripReport) -> float:
+    speeds = [_LOST if drift.speed is None else drift.speed for drift in report.drifts]
+    return min(_LOST, max(speeds, default=math.inf))

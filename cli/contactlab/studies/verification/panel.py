@@ -1,0 +1,348 @@
+"""Runs the original and a changed model next to each other, and compares every measure.
+
+The runs load a model in the ways that its users will: its task from the seeds that settings were
+chosen by and from fresh ones, rest, tilted gravity, doubled inputs, no actuation, each actuator
+alone, and its grip. A change passes if no measure is worse than the original's by more than its
+tolerance.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import mujoco
+import numpy as np
+
+from contactlab.budget import Motion
+from contactlab.budget.measuring import run_at_once
+from contactlab.budget.motion import INTEGRATION
+from contactlab.measure import LABELS
+from contactlab.schema.grip import GripReport
+from contactlab.schema.task import Task
+from contactlab.schema.verification import SkippedRun, Verification, VerifiedMeasure
+from contactlab.studies.check.checked_model import CheckedModel
+from contactlab.studies.search.yardstick import Apart, Yardsticks
+from contactlab.studies.task_verdict import run_labels
+from contactlab.studies.verification.grip_measures import compare_grips
+from contactlab.studies.verification.run_measures import (
+    RELATIVE_TOLERANCE,
+    compare_run,
+    tabulate_run,
+)
+from contactlab.studies.verification.runs import (
+    PairedRun,
+    build_doubled_run,
+    build_load_runs,
+    build_tracking_run,
+    pair_motions,
+)
+from contactlab.studies.verification.state_tables import StateTable
+
+MAX_TRACKED_ACTUATORS = 24
+"""Actuators that are moved alone, evenly spread. It covers an arm, a hand or a humanoid; a body of
+a hundred muscles would cost minutes, and its muscles are alike."""
+ERROR_FLOOR = 1e-3
+"""Numerical error that no setting is rejected for: a tenth of a percent of the real forces is far
+below the error of any measured parameter."""
+_RATES = (8, 10, 12, 16, 20, 25, 32)
+"""Steps of the reference in one of the original, of which one divides nearly any usual ratio."""
+_GRID = (
+    1e-6  # relative: a ratio of steps counts as a multiple of a reference's step if it is as near
+)
+_JUDGING = {"void", "bad", "poor"}  # bands of labels that say that something is wrong
+
+
+@dataclass(frozen=True)
+class OriginalRuns:
+    """Runs of an original model, which are the same for every change of it.
+
+    Attributes:
+        tables: states of the original, its reference and its twin, by the name of the run.
+        labels: how many runs have each label, by the name of the task.
+        references: motions at a fine step with the original's own error, by the name of the task
+            and the rate of the reference.
+        grips: reports of its grips, by keyframe; None for one that cannot be judged.
+    """
+
+    tables: dict[str, tuple[StateTable, StateTable, StateTable]] = field(
+        default_factory=dict[str, tuple[StateTable, StateTable, StateTable]]
+    )
+    labels: dict[str, Counter[str]] = field(default_factory=dict[str, Counter[str]])
+    references: dict[tuple[str, int], tuple[Yardsticks, Apart]] = field(
+        default_factory=dict[tuple[str, int], tuple[Yardsticks, Apart]]
+    )
+    grips: dict[str | None, GripReport | None] = field(
+        default_factory=dict[str | None, GripReport | None]
+    )
+
+
+@dataclass(frozen=True)
+class VerificationRequest:
+    """What to verify.
+
+    Attributes:
+        original: the model as its author wrote it.
+        changed: the changed model, as it was written.
+        same_model: True if the change computes the same model in another way. Otherwise it is
+            another model, whose numerical error is measured against a reference of its own.
+        allowed_error: what the change may cost, as a share of each motion. 0 demands that it is
+            no less accurate than the original.
+        stop_early: True to stop at the first measure that is worse.
+        runs: of the original; pass the same object to verify several changes of one model.
+        notify: called with the name of each run as it begins.
+    """
+
+    original: CheckedModel
+    changed: CheckedModel
+    same_model: bool = True
+    allowed_error: float = 0.0
+    stop_early: bool = False
+    runs: OriginalRuns = field(default_factory=OriginalRuns)
+    notify: Callable[[str], None] = lambda _: None
+
+
+def use_fresh_seeds(task: Task) -> Task:
+    """Return the task with seeds that nothing was chosen by."""
+    count = max(task.seeds) + 1
+    return task.model_copy(update={"seeds": tuple(seed + count for seed in task.seeds)})
+
+
+def verify_change(request: VerificationRequest) -> Verification:
+    """Run original and changed model next to each other, and compare all measures.
+
+    Raises:
+        EngineError: nothing moves in the original, or another engine than MuJoCo simulates it.
+    """
+    panel = _Panel(request)
+    measures = list[VerifiedMeasure]()
+    for measure in panel.measure_all():
+        measures.append(measure)
+        if measure.worse and request.stop_early:
+            break
+    worse = [measure for measure in measures if measure.worse]
+    task = request.original.task
+    return Verification(
+        seeds=task.seeds,
+        fresh_seeds=use_fresh_seeds(task).seeds,
+        measures=tuple(measures),
+        skipped=tuple(panel.skipped),
+        identical=panel.identical and not worse,
+        passed=not worse,
+        sentence=summarize(measures),
+    )
+
+
+def summarize(measures: Sequence[VerifiedMeasure]) -> str:
+    """Return the result in one line."""
+    worse = [measure for measure in measures if measure.worse]
+    if not worse:
+        runs = len({measure.run for measure in measures})
+        return f"nothing worse in {len(measures)} measures of {runs} runs"
+    first = worst_measure(worse)
+    more = f" (and {len(worse) - 1} more)" if len(worse) > 1 else ""
+    return f"{describe_measure(first)}{more}"
+
+
+def worst_measure(measures: Sequence[VerifiedMeasure]) -> VerifiedMeasure:
+    """Return the measure that exceeds its tolerance by the largest factor."""
+
+    def excess(measure: VerifiedMeasure) -> float:
+        if measure.after is None or measure.before is None:
+            return math.inf
+        return abs(measure.after - measure.before) / max(measure.tolerance, 1e-300)
+
+    return max(measures, key=excess)
+
+
+_SCALES = {"m": (1e3, "mm"), "rad": (180 / math.pi, "deg"), "m/s": (1e3, "mm/s"), "1": (1.0, "")}
+_SHARES = {"numerical error", "energy gain", "energy error", "grip depth"}
+
+
+def describe_measure(measure: VerifiedMeasure) -> str:
+    """Return a measure before and after, such as "creep 0 -> 0.99 mm/s (tilted; box)"."""
+    factor, unit = _SCALES.get(measure.unit, (1.0, measure.unit))
+    if measure.name in _SHARES:
+        factor, unit = 100.0, "%"
+    numbers = [
+        "infinite" if value is None else f"{factor * value:.3g}"
+        for value in (measure.before, measure.after)
+    ]
+    where = "; ".join(filter(None, (measure.run, measure.place)))
+    return f"{measure.name} {' -> '.join(numbers)}{' ' * bool(unit)}{unit} ({where})"
+
+
+class _Panel:
+    """The runs of one verification."""
+
+    def __init__(self, request: VerificationRequest) -> None:
+        self._request = request
+        self._original, self._changed = request.original, request.changed
+        self.skipped = list[SkippedRun]()
+        self.identical = True
+        task = request.original.task
+        self._tasks = {"task": task, "task on fresh seeds": use_fresh_seeds(task)}
+        self._in_loop = _has_policy(request.original)
+
+    def measure_all(self) -> Iterator[VerifiedMeasure]:
+        """Yield all measures, those first that find most harm for their time."""
+        motions = {name: self._motions(task) for name, task in self._tasks.items()}
+        first = motions["task"]
+        if self._same_layout(first):
+            for run in build_load_runs(first[0][0], first[1][0]):
+                yield from self._compare(run)
+            yield from self._compare_tracking(first)
+        for name, (own, other) in motions.items():
+            yield from self._measure_errors(name, own, other)
+        if self._same_layout(first):
+            for name, (own, other) in motions.items():
+                for before, after in zip(own, other, strict=False):
+                    run = pair_motions(f"{name}, {before.name}", before, after)
+                    yield from self._compare(replace(run, in_loop=self._in_loop))
+            if first[0][-1].inputs.any():
+                yield from self._compare(build_doubled_run(first[0][-1], first[1][-1]))
+        yield from self._compare_grips()
+        for name, task in self._tasks.items():
+            yield from self._compare_labels(name, task)
+
+    def _motions(self, task: Task) -> tuple[list[Motion], list[Motion]]:
+        return self._original.motions_of(task), self._changed.motions_of(task)
+
+    def _skip(self, run: str, reason: str) -> None:
+        if all(skipped.run != run for skipped in self.skipped):
+            self.skipped.append(SkippedRun(run=run, reason=reason))
+
+    def _same_layout(self, motions: tuple[list[Motion], list[Motion]]) -> bool:
+        """Return whether the states and bodies of both models can be compared one by one."""
+        own, other = (each[0].model for each in motions)
+        same = all(
+            getattr(own, size) == getattr(other, size) for size in ("nq", "nv", "nu", "nbody")
+        )
+        if not same:
+            self._skip("loads", "the models have other joints, bodies or actuators")
+        return same
+
+    def _compare(self, run: PairedRun) -> Iterator[VerifiedMeasure]:
+        self._request.notify(run.name)
+        tables = tabulate_run(run, self._original.threads, self._request.runs.tables)
+        self.identical &= tables.original.bits == tables.changed.bits
+        yield from compare_run(run, tables, self._request.allowed_error)
+
+    def _compare_tracking(
+        self, motions: tuple[list[Motion], list[Motion]]
+    ) -> Iterator[VerifiedMeasure]:
+        own, other = (each[0] for each in motions)
+        count = own.model.nu
+        if self._in_loop or not count:
+            return
+        chosen = np.unique(
+            np.linspace(0, count - 1, min(count, MAX_TRACKED_ACTUATORS)).round().astype(int)
+        )
+        if len(chosen) < count:
+            reason = f"{len(chosen)} of {count} actuators were moved alone"
+            self._skip("step and sine of the other actuators", reason)
+        if run := build_tracking_run(own, other, chosen.tolist()):
+            yield from self._compare(run)
+
+    def _measure_errors(
+        self, name: str, own: Sequence[Motion], other: Sequence[Motion]
+    ) -> Iterator[VerifiedMeasure]:
+        """Yield the numerical error of both, against the original's motion at a fine step."""
+        if self._in_loop:
+            self._skip("numerical error", "a policy acts; a replay of its controls says nothing")
+            return
+        self._request.notify(f"numerical error, {name}")
+        errors = _errors_of(self._request, name, own, other)
+        if errors is None:
+            self._skip("numerical error", "the step is no multiple of any reference's step")
+            return
+        before, after, spread, place = errors
+        floor = max(ERROR_FLOOR, self._request.allowed_error)
+        tolerance = max(spread, RELATIVE_TOLERANCE * before, floor - before)
+        yield VerifiedMeasure(
+            name="numerical error",
+            run=name,
+            unit="1",
+            before=before if math.isfinite(before) else None,
+            after=after if math.isfinite(after) else None,
+            spread=spread,
+            tolerance=tolerance,
+            place=place,
+            worse=math.isfinite(before) and not after <= before + tolerance,
+        )
+
+    def _compare_grips(self) -> Iterator[VerifiedMeasure]:
+        if self._original.values:
+            self._skip("grip", "settings are given by --set, and grips are judged as written")
+            return
+        self._request.notify("grip")
+        yield from compare_grips(self._original, self._changed, self._request.runs.grips)
+
+    def _compare_labels(self, name: str, task: Task) -> Iterator[VerifiedMeasure]:
+        """Yield how many runs have each failure label, for labels that either model has."""
+        self._request.notify(f"labels, {name}")
+        known = self._request.runs.labels
+        if name not in known:
+            known[name] = _label_counts(self._original, task)
+        before, after = known[name], _label_counts(self._changed, task)
+        for label in sorted({*before, *after}):
+            yield VerifiedMeasure(
+                name=f"label {label}",
+                run=name,
+                unit="runs",
+                before=before[label],
+                after=after[label],
+                spread=0.0,
+                tolerance=0.0,
+                place="",
+                worse=not before[label] and after[label] > 0,
+            )
+
+
+def _has_policy(checked: CheckedModel) -> bool:
+    return bool(getattr(checked.scene.drive, "policy", None))
+
+
+def _label_counts(checked: CheckedModel, task: Task) -> Counter[str]:
+    """Return how many runs of a task have each label that says that something is wrong."""
+    with TemporaryDirectory(prefix="contactlab-") as folder:
+        alone = replace(checked, session=replace(checked.session, folder=Path(folder)))
+        runs = alone.run("labels", "Verified against the original", seeds=task.seeds)
+        labels = run_labels(task, [run.record for run in runs])
+    counts = Counter[str]()
+    for each in labels:
+        if LABELS[each.label].severity in _JUDGING:
+            counts[each.label] += each.runs
+    return counts
+
+
+def _errors_of(
+    request: VerificationRequest, name: str, own: Sequence[Motion], other: Sequence[Motion]
+) -> tuple[float, float, float, str] | None:
+    """Return the numerical error before and after, its spread over seeds, and the worst body."""
+    if not request.same_model or _state_size(own[0].model) != _state_size(other[0].model):
+        budgets = request.original.budget, request.changed.budget
+        before, after = (float(budget.share) for budget in budgets)
+        return before, after, 0.0, ""
+    model = other[0].model
+    ratio = float(model.opt.timestep) / float(own[0].model.opt.timestep)
+    rate = next((each for each in _RATES if _is_whole(each * ratio)), None)
+    if rate is None:
+        return None
+    known = request.runs.references
+    if (name, rate) not in known:
+        fine = Yardsticks.of(own, rate, request.original.threads).known_ones()
+        known[name, rate] = fine, fine.apart(run_at_once(own[0].model), rate)
+    references, before = known[name, rate]
+    after = references.apart(model, round(rate * ratio))
+    return before.share, after.share, before.high - before.low, after.body
+
+
+def _is_whole(value: float) -> bool:
+    return round(value) >= 1 and abs(value - round(value)) <= _GRID * value
+
+
+def _state_size(model: mujoco.MjModel) -> int:
+    return int(mujoco.mj_stateSize(model, INTEGRATION))

@@ -1,0 +1,298 @@
+"""Compares the states of both models in one run, measure by measure."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from contactlab.budget.windows import body_name, judged_bodies
+from contactlab.contact.trace_arrays import Floats
+from contactlab.schema.verification import VerifiedMeasure
+from contactlab.studies.verification.runs import PairedRun
+from contactlab.studies.verification.state_tables import (
+    EXTREME_UNITS,
+    SAMPLES,
+    StateTable,
+    tabulate_states,
+)
+
+RELATIVE_TOLERANCE = 0.05
+"""Share by which a measure may grow: friction and masses are not known to 5 %."""
+LENGTH_TOLERANCE = 1e-3
+"""Share of the mean size of a body that lengths may differ by: a tenth of a millimeter for a body
+of 10 cm, below what a robot's own encoders and calibration resolve."""
+ANGLE_TOLERANCE = 1e-3
+"""rad: .06 degrees, the same for angles."""
+CREEP_TOLERANCE = 1e-4
+"""m/s, for a body of 10 cm: a millimeter in the ten seconds that a pick and place takes. The limit
+at which `grip` says that a grip creeps."""
+_CREEP_SIZE = 0.1  # m, the body that `CREEP_TOLERANCE` is stated for
+ENERGY_TOLERANCE = 0.01
+"""Share of the energy that a run has, below which a gain is not reported as a failure either."""
+TRACKING_TOLERANCE = 1e-3
+"""Share of the reference's excursion that a tracking error may grow by."""
+RESTING_SPEED = 5e-3
+"""m/s, for a body of 10 cm: below it, a body of the reference counts as resting at its end."""
+_REST_BEGIN = 0.8  # share of a run, after which it counts as settled
+_STANDARD_ERRORS = 2.0  # a spread is the half-width of a 95 % interval of the mean over seeds
+
+
+@dataclass(frozen=True)
+class Tables:
+    """The states of a run's four motions."""
+
+    original: StateTable
+    changed: StateTable
+    reference: StateTable
+    twin: StateTable
+
+
+def tabulate_run(
+    run: PairedRun, workers: int, known: dict[str, tuple[StateTable, StateTable, StateTable]]
+) -> Tables:
+    """Run all four motions of a run, and sample them at the same times.
+
+    `known` has the tables of the original, the reference and the twin by the name of the run; what
+    is missing is added. They are the same for every change of one model.
+    """
+    if run.name not in known:
+        length = run.original.steps * float(run.original.model.opt.timestep)
+        times = np.linspace(0.0, length, SAMPLES + 1)
+        known[run.name] = (
+            tabulate_states(run.original, workers, times),
+            tabulate_states(run.reference, workers, times, extremes_too=False),
+            tabulate_states(run.twin, workers, times),
+        )
+    original, reference, twin = known[run.name]
+    changed = tabulate_states(run.changed, workers, original.times)
+    return Tables(original, changed, reference, twin)
+
+
+def compare_run(run: PairedRun, tables: Tables, allowed: float) -> Iterator[VerifiedMeasure]:
+    """Yield the measures of a run.
+
+    Args:
+        run: what was run.
+        tables: its states.
+        allowed: error that the change may cost, as a share of each motion; 0 by default.
+    """
+    model = run.original.model
+    scale = float(model.stat.meansize)
+    yield _count_failures(run, tables)
+    if tables.original.failed.all() or tables.changed.failed.all():
+        return
+    good = ~(tables.original.failed | tables.changed.failed | tables.twin.failed)
+    good &= ~tables.reference.failed
+    if not good.any():
+        return
+    for name, unit in EXTREME_UNITS.items():
+        extremes = [
+            table.extremes[name] for table in (tables.original, tables.changed, tables.twin)
+        ]
+        values = [each.values[good] for each in extremes]
+        if not any(each.any() for each in values):
+            continue
+        floor = LENGTH_TOLERANCE * scale if unit == "m" else ANGLE_TOLERANCE
+        yield _mean_measure(name, run.name, unit, values, floor, extremes[1].place)
+    if run.at_rest:
+        rests = (tables.original, tables.changed, tables.twin)
+        values = [table.resting_depth[good] for table in rests]
+        if any(each.any() for each in values):
+            floor = LENGTH_TOLERANCE * scale
+            place = tables.changed.extremes["depth"].place
+            yield _mean_measure("resting depth", run.name, "m", values, floor, place)
+        if not run.in_loop:
+            yield from _compare_creep(run, tables, good, scale)
+    if run.passive:
+        yield from _compare_energy(run, tables, good)
+    if run.actuators:
+        yield from _compare_tracking(run, tables, good, allowed)
+    elif not run.in_loop:
+        yield from _compare_places(run, tables, good, scale, allowed)
+
+
+def _measure(  # noqa: PLR0913 - one argument a field
+    name: str,
+    run: str,
+    unit: str,
+    before: float,
+    after: float,
+    *,
+    spread: float,
+    tolerance: float,
+    place: str,
+) -> VerifiedMeasure:
+    return VerifiedMeasure(
+        name=name,
+        run=run,
+        unit=unit,
+        before=before if math.isfinite(before) else None,
+        after=after if math.isfinite(after) else None,
+        spread=spread if math.isfinite(spread) else 0.0,
+        tolerance=tolerance if math.isfinite(tolerance) else 0.0,
+        place=place,
+        worse=math.isfinite(before) and not after <= before + tolerance,
+    )
+
+
+def _count_failures(run: PairedRun, tables: Tables) -> VerifiedMeasure:
+    before, after = (float(table.failed.sum()) for table in (tables.original, tables.changed))
+    return _measure(
+        "runs that the engine gave up", run.name, "1", before, after,
+        spread=0.0, tolerance=0.0, place="",
+    )  # fmt: skip
+
+
+def _mean_measure(
+    name: str, run: str, unit: str, values: list[Floats], floor: float, place: str
+) -> VerifiedMeasure:
+    """Return a measure of means over seeds: original, changed and twin, each (S,)."""
+    before, after, twin = (float(np.mean(each)) for each in values)
+    spread = abs(twin - before)
+    if len(values[0]) > 1:
+        spread += _STANDARD_ERRORS * float(np.std(values[0], ddof=1)) / math.sqrt(len(values[0]))
+    tolerance = max(spread, RELATIVE_TOLERANCE * before, floor)
+    return _measure(name, run, unit, before, after, spread=spread, tolerance=tolerance, place=place)
+
+
+def _compare_creep(
+    run: PairedRun, tables: Tables, good: np.ndarray, scale: float
+) -> Iterator[VerifiedMeasure]:
+    """Yield the speed at the end of what rests there in the reference."""
+    bodies = judged_bodies(run.original.model)
+    limit = scale / _CREEP_SIZE
+    speeds = [
+        _end_speeds(table)[good][:, bodies]
+        for table in (tables.original, tables.changed, tables.twin, tables.reference)
+    ]
+    resting = (speeds[3] < RESTING_SPEED * limit).all(axis=0)
+    resting &= (np.abs(speeds[2] - speeds[0]) < CREEP_TOLERANCE * limit).all(axis=0)
+    if not resting.any():
+        return
+    before, after, twin = (each[:, resting].mean(axis=0) for each in speeds[:3])
+    tolerances = np.maximum(CREEP_TOLERANCE * limit, RELATIVE_TOLERANCE * before)
+    worst = int(np.argmax(after - before - tolerances))
+    yield _measure(
+        "creep",
+        run.name,
+        "m/s",
+        float(before[worst]),
+        float(after[worst]),
+        spread=abs(float(twin[worst] - before[worst])),
+        tolerance=float(tolerances[worst]),
+        place=body_name(run.original.model, int(bodies[resting][worst])),
+    )
+
+
+def _end_speeds(table: StateTable) -> Floats:
+    """Return (S, nbody) the mean speeds of bodies over the last fifth [m/s]."""
+    first = int(_REST_BEGIN * (len(table.times) - 1))
+    way = table.positions[:, -1] - table.positions[:, first]
+    return np.linalg.norm(way, axis=-1) / (table.times[-1] - table.times[first])
+
+
+def _compare_energy(run: PairedRun, tables: Tables, good: np.ndarray) -> Iterator[VerifiedMeasure]:
+    """Yield the energy that a passive model gains, and by how much its losses are off."""
+    whole = [
+        table.energies[good]
+        for table in (tables.original, tables.changed, tables.twin, tables.reference)
+    ]
+    gravity = float(np.linalg.norm(run.original.model.opt.gravity))
+    model = run.original.model
+    moving = float(model.body_mass[model.body_weldid > 0].sum())
+    weight = moving * gravity * float(model.stat.meansize)
+    # What passes between potential and kinetic energy in the reference, at least the weight lifted
+    # by the size of a body: a share of a vanishing energy would mean nothing.
+    scale = np.maximum(np.ptp(whole[3], axis=1), weight) + 1e-300
+    gains = [(each.max(axis=1) - each[:, 0]) / scale for each in whole[:3]]
+    yield _mean_measure("energy gain", run.name, "1", gains, ENERGY_TOLERANCE, "")
+    ends = [np.abs(each[:, -1] - whole[3][:, -1]) / scale for each in whole[:3]]
+    yield _mean_measure("energy error", run.name, "1", ends, ENERGY_TOLERANCE, "")
+
+
+def _compare_tracking(
+    run: PairedRun, tables: Tables, good: np.ndarray, allowed: float
+) -> Iterator[VerifiedMeasure]:
+    """Yield by how much each actuator's own motion is off that of the reference."""
+    model = run.original.model
+    names = [model.actuator(each).name or f"actuator[{each}]" for each in range(model.nu)]
+    for row in np.flatnonzero(good):
+        actuator = names.index(run.actuators[row])
+        ways = [
+            table.lengths[row, :, actuator]
+            for table in (tables.original, tables.changed, tables.twin, tables.reference)
+        ]
+        before, after = (_root_mean_square(way - ways[3]) for way in ways[:2])
+        spread = _root_mean_square(ways[2] - ways[0])
+        excursion = float(np.ptp(ways[3]))
+        share = max(TRACKING_TOLERANCE, allowed)
+        tolerance = max(spread, RELATIVE_TOLERANCE * before, share * excursion)
+        yield _measure(
+            "tracking error", run.name, _unit_of(model, actuator), before, after,
+            spread=spread, tolerance=tolerance, place=run.actuators[row],
+        )  # fmt: skip
+
+
+def _unit_of(model: mujoco.MjModel, actuator: int) -> str:
+    on_joint = model.actuator_trntype[actuator] == int(mujoco.mjtTrn.mjTRN_JOINT)
+    joint = int(model.actuator_trnid[actuator, 0])
+    hinge = int(mujoco.mjtJoint.mjJNT_HINGE)
+    return "rad" if on_joint and model.jnt_type[joint] == hinge else "m"
+
+
+def _root_mean_square(values: Floats) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def _compare_places(
+    run: PairedRun, tables: Tables, good: np.ndarray, scale: float, allowed: float
+) -> Iterator[VerifiedMeasure]:
+    """Yield how far bodies end from the reference, and how many move where it does not.
+
+    A body whose twin ends elsewhere is chaotic: its end says nothing, and is left out.
+    """
+    bodies = judged_bodies(run.original.model)
+    floor = LENGTH_TOLERANCE * scale
+    places = [
+        table.positions[good][:, :, bodies]
+        for table in (tables.original, tables.changed, tables.twin, tables.reference)
+    ]
+    ends = [np.linalg.norm(each[:, -1] - places[3][:, -1], axis=-1) for each in places[:3]]
+    twins = np.linalg.norm(places[2][:, -1] - places[0][:, -1], axis=-1)
+    ways = [np.linalg.norm(each - each[:, :1], axis=-1).max(axis=1) for each in places]
+    repeatable = twins < floor
+    if not repeatable.any():
+        return
+    before, after = (np.where(repeatable, each, -1.0) for each in ends[:2])
+    tolerances = np.maximum(floor, RELATIVE_TOLERANCE * before) + twins
+    tolerances += allowed * ways[3]
+    worst = np.unravel_index(int(np.argmax(after - before - tolerances)), after.shape)
+    yield _measure(
+        "end position",
+        run.name,
+        "m",
+        float(before[worst]),
+        float(after[worst]),
+        spread=float(twins[worst]),
+        tolerance=float(tolerances[worst]),
+        place=body_name(run.original.model, int(bodies[worst[1]])),
+    )
+    counts = [
+        np.count_nonzero(repeatable & _moves_otherwise(way, ways[3], scale)) for way in ways[:2]
+    ]
+    yield _measure(
+        "bodies that move otherwise", run.name, "1", float(counts[0]), float(counts[1]),
+        spread=0.0, tolerance=0.0, place="",
+    )  # fmt: skip
+
+
+_MOVES = 0.1  # of the mean size of a body
+_RATIO = 3.0  # of ways, above which one body moves and the other does not
+
+
+def _moves_otherwise(ways: Floats, reference: Floats, scale: float) -> np.ndarray:
+    """Return where a body moves and the reference does not, or the other way around."""
+    larger, smaller = np.maximum(ways, reference), np.minimum(ways, reference)
+    return (larger > _MOVES * scale) & (larger > _RATIO * smaller)

@@ -1,0 +1,197 @@
+"""Builds the runs of a verification: the same experiment on the original and the changed model.
+
+Each run is a motion of the original, one of the changed model, and a reference, which is the
+original at a finer step. A fourth motion, the twin, is the original from a start that is nudged by
+rounding-sized amounts. Two quantities that differ as much between original and twin are equal.
+"""
+
+import copy
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from contactlab.budget.measuring import reference_of
+from contactlab.budget.motion import INTEGRATION, Motion, without_delays
+from contactlab.scene.drive.signals import control_ranges
+
+REFERENCE_RATE = 4
+"""Steps of the reference in one step of the original. A first-order error shrinks to a quarter."""
+TILT = math.radians(20.0)
+"""Loads friction with tan(20 degrees) = .36 of the weight, below the friction of most pads."""
+REST_SECONDS = 2.0
+"""Long enough for a creep of .1 mm/s to move a body by .2 mm, far above rounding."""
+TRACKING_SECONDS = 2.0
+"""A step for the first half, then one period of a sine of 1 Hz."""
+TRACKING_SHARE = 0.1
+"""Share of a control's range that the step and the sine go through. A tenth stays within the limits
+of nearly every joint, and is large against friction and backlash."""
+NUDGE = 1e-9
+"""Relative nudge of a twin's start: far above rounding (1e-16), far below what anybody measures."""
+_CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
+_PUSHES = int(mujoco.mjtState.mjSTATE_XFRC_APPLIED), int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
+
+
+@dataclass(frozen=True)
+class PairedRun:
+    """One experiment on both models.
+
+    Attributes:
+        name: the run, in words of a user.
+        original: its motion with the original model.
+        changed: the same experiment with the changed model.
+        reference: the original at a finer step.
+        twin: the original from a nudged start.
+        in_loop: True if a policy acted in each; then no reference exists, since a replay of its
+            controls is another experiment.
+        passive: True if actuators do nothing, so that energy can only fall.
+        at_rest: True if inputs are constant, so that a body that rests should not move.
+        actuators: names of the actuators that its rows excite, one row each; empty otherwise.
+    """
+
+    name: str
+    original: Motion
+    changed: Motion
+    reference: Motion
+    twin: Motion
+    in_loop: bool = False
+    passive: bool = False
+    at_rest: bool = False
+    actuators: tuple[str, ...] = ()
+
+
+def pair_motions(
+    name: str, original: Motion, changed: Motion, *, at_rest: bool = False
+) -> PairedRun:
+    """Return the run of two motions of the same experiment."""
+    return PairedRun(
+        name=name,
+        original=original,
+        changed=changed,
+        reference=refine_motion(original, REFERENCE_RATE),
+        twin=nudge_start(original),
+        at_rest=at_rest,
+    )
+
+
+def refine_motion(motion: Motion, rate: int) -> Motion:
+    """Return a motion at a step that is `rate` times finer; inputs are held at the original's."""
+    own = without_delays(motion)
+    inputs = own.inputs.repeat(rate, axis=1)
+    return replace(own, model=reference_of(own.model, rate), inputs=inputs)
+
+
+def nudge_start(motion: Motion) -> Motion:
+    """Return a motion whose velocities begin slightly off, by the same amount for each seed."""
+    model, starts = motion.model, motion.starts.copy()
+    first = mujoco.mj_stateSize(
+        model, int(mujoco.mjtState.mjSTATE_TIME) | int(mujoco.mjtState.mjSTATE_QPOS)
+    )
+    signs = np.where(np.arange(model.nv) % 2, -1.0, 1.0)
+    starts[:, first : first + model.nv] += NUDGE * signs
+    return replace(motion, starts=starts)
+
+
+def build_load_runs(original: Motion, changed: Motion) -> list[PairedRun]:
+    """Return the runs that load a model otherwise than its task does, from the task's start.
+
+    They are: rest under constant controls, rest with gravity tilted two ways, and the passive
+    model. `original` and `changed` are the first phase of the task.
+    """
+    found = list[PairedRun]()
+    for name, change in (
+        ("at rest", lambda model: model),
+        ("tilted by 20 degrees", lambda model: tilt_gravity(model, 1.0)),
+        ("tilted the other way", lambda model: tilt_gravity(model, -1.0)),
+    ):
+        pair = (hold_inputs(motion, REST_SECONDS, change) for motion in (original, changed))
+        found.append(pair_motions(name, *pair, at_rest=True))
+    passive = (
+        hold_inputs(motion, REST_SECONDS, without_actuation) for motion in (original, changed)
+    )
+    found.append(replace(pair_motions("passive", *passive), passive=True))
+    return found
+
+
+def build_doubled_run(original: Motion, changed: Motion) -> PairedRun:
+    """Return the run with twice the controls and pushes; actuators clamp them as they do."""
+    pair = (replace(motion, inputs=2 * motion.inputs) for motion in (original, changed))
+    return pair_motions(f"{original.name}, inputs doubled", *pair)
+
+
+def hold_inputs(
+    motion: Motion, seconds: float, change: Callable[[mujoco.MjModel], mujoco.MjModel]
+) -> Motion:
+    """Return a motion from the same starts, with a changed model and the start's own inputs.
+
+    Controls stay those of the first step. Forces that push bodies are left out.
+    """
+    model = change(copy.copy(motion.model))
+    steps = max(5, round(seconds / float(model.opt.timestep)))
+    starts = motion.starts.copy()
+    if motion.inputs.shape[2]:
+        controls = motion.given(_CONTROL)[:, :1]
+    else:
+        controls = starts[:, None, _state_slice(model, _CONTROL)]
+    for bit in _PUSHES:
+        starts[:, _state_slice(model, bit)] = 0.0
+    inputs = np.repeat(controls, steps, axis=1)
+    return replace(motion, model=model, starts=starts, inputs=inputs, spec=_CONTROL)
+
+
+def _state_slice(model: mujoco.MjModel, bit: int) -> slice:
+    begin = mujoco.mj_stateSize(model, (bit - 1) & INTEGRATION)
+    return slice(begin, begin + mujoco.mj_stateSize(model, bit))
+
+
+def tilt_gravity(model: mujoco.MjModel, sign: float) -> mujoco.MjModel:
+    """Return the model with its gravity tilted by `TILT` about a horizontal axis."""
+    down = np.array(model.opt.gravity)
+    size = float(np.linalg.norm(down))
+    if size > 0:
+        axis = [0.0, 1.0, 0.0] if abs(down[1]) < 0.9 * size else [1.0, 0.0, 0.0]
+        aside = np.cross(down, axis)
+        aside *= sign * size / float(np.linalg.norm(aside))
+        model.opt.gravity[:] = math.cos(TILT) * down + math.sin(TILT) * aside
+    return model
+
+
+def without_actuation(model: mujoco.MjModel) -> mujoco.MjModel:
+    """Return the model with its actuators switched off."""
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+    return model
+
+
+def build_tracking_run(
+    original: Motion, changed: Motion, actuators: Sequence[int]
+) -> PairedRun | None:
+    """Return a run with one row for each actuator, which moves alone; None if there is none.
+
+    Its control makes a step of `TRACKING_SHARE` of its range for the first second, then a sine of
+    1 Hz of the same size about the control that the start has.
+    """
+    if not len(actuators):
+        return None
+    model = original.model
+    begin = hold_inputs(original, TRACKING_SECONDS, lambda own: own)
+    ranges = control_ranges(model)
+    # Away from the nearer end of the range, so that a step never meets it.
+    rest = begin.inputs[0, 0]
+    room = np.where(rest < ranges.mean(axis=1), 1.0, -1.0)
+    sizes = TRACKING_SHARE * (ranges[:, 1] - ranges[:, 0]) * room
+
+    def excite(motion: Motion) -> Motion:
+        held = hold_inputs(motion, TRACKING_SECONDS, lambda own: own)
+        times = np.arange(held.steps) * float(held.model.opt.timestep)
+        wave = np.where(times < 1.0, 1.0, np.sin(2 * np.pi * (times - 1.0)))
+        inputs = np.repeat(held.inputs[:1], len(actuators), axis=0)
+        for row, actuator in enumerate(actuators):
+            inputs[row, :, actuator] += sizes[actuator] * wave
+        starts = np.repeat(held.starts[:1], len(actuators), axis=0)
+        return replace(held, starts=starts, inputs=inputs)
+
+    pair = pair_motions("step and sine", *(excite(motion) for motion in (original, changed)))
+    names = tuple(model.actuator(each).name or f"actuator[{each}]" for each in actuators)
+    return replace(pair, actuators=names)

@@ -1,0 +1,239 @@
+"""Evaluates what a motion's states look like: places of bodies, contacts, gaps and energies."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from contactlab.budget.motion import Motion
+from contactlab.budget.windows import KEPT, body_name, replay
+from contactlab.contact.trace_arrays import Floats
+from contactlab.scene.model_names import name_of
+
+SAMPLES = 40
+"""Times at which bodies are located. A sine of 1 Hz over 2 s has 20 of them in each period."""
+CONTACT_STATES = 3000
+"""States of a run, over all seeds, whose contacts are evaluated. A peak of an impact lasts several
+steps, and 3000 states are every step of 3 seeds of 2 s at 2 ms."""
+_EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+_CONNECT = int(mujoco.mjtEq.mjEQ_CONNECT)
+_WELD = int(mujoco.mjtEq.mjEQ_WELD)
+_JOINT = int(mujoco.mjtEq.mjEQ_JOINT)
+_HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
+_SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
+_INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """The largest value of a quantity in each seed.
+
+    Attributes:
+        values: (S,) largest value; 0 if there is none.
+        place: what it is largest at, over all seeds.
+    """
+
+    values: Floats
+    place: str
+
+
+@dataclass(frozen=True)
+class StateTable:
+    """What the states of one motion look like.
+
+    Attributes:
+        bits: the bits of all states, so that equal motions can be told from similar ones.
+        failed: (S,) whether the engine gave up or warned.
+        times: (K,) sample times [s].
+        positions: (S, K, nbody, 3) centers of mass [m], interpolated to the sample times.
+        lengths: (S, K, nu) lengths of actuators [rad or m].
+        energies: (S, K) potential and kinetic energy [J].
+        extremes: largest depth [m], gaps [m, rad] and excess over limits [m, rad], by name.
+        resting_depth: (S,) mean of the largest depth over the last fifth [m].
+    """
+
+    bits: bytes
+    failed: np.ndarray
+    times: Floats
+    positions: Floats
+    lengths: Floats
+    energies: Floats
+    extremes: dict[str, Extreme]
+    resting_depth: Floats
+
+
+EXTREME_UNITS = {
+    "depth": "m",
+    "equality gap": "m",
+    "equality angle": "rad",
+    "slide beyond its limit": "m",
+    "hinge beyond its limit": "rad",
+}
+"""The extremes that a table has, with their units."""
+
+
+def tabulate_states(
+    motion: Motion, workers: int, times: Floats, *, extremes_too: bool = True
+) -> StateTable:
+    """Run a motion and evaluate its states.
+
+    Args:
+        motion: S seeds of N steps.
+        workers: threads that simulate.
+        times: (K,) at which bodies and actuators are sampled [s], the last at most its length.
+        extremes_too: False to leave depths and gaps at 0, which take most of the time.
+    """
+    model, seeds, steps = motion.model, motion.seeds, motion.steps
+    run = replay(motion, steps * float(model.opt.timestep), workers)
+    kept = run.kept
+    finite = np.isfinite(kept[:, : steps + 1]).reshape(seeds, -1)
+    failed: np.ndarray = np.logical_not(np.logical_and(run.valid.all(axis=1), finite.all(axis=1)))
+    sampler = _StateSampler(motion, kept)
+    positions = np.full((seeds, len(times), model.nbody, 3), np.nan)
+    lengths = np.full((seeds, len(times), model.nu), np.nan)
+    energies = np.full((seeds, len(times)), np.nan)
+    extremes = {name: Extreme(np.zeros(seeds), "") for name in EXTREME_UNITS}
+    resting = np.zeros(seeds)
+    stride = max(1, -(-seeds * steps // CONTACT_STATES))
+    for seed in range(seeds):
+        if failed[seed]:
+            continue
+        sampler.locate(seed, times, positions[seed], lengths[seed], energies[seed])
+        if extremes_too:
+            _measure_extremes(sampler, seed, range(0, steps + 1, stride), extremes, resting)
+    bits = kept[:, : steps + 1].tobytes()
+    return StateTable(bits, failed, times, positions, lengths, energies, extremes, resting)
+
+
+class _StateSampler:
+    """Evaluates single states of a motion that has run."""
+
+    def __init__(self, motion: Motion, kept: Floats) -> None:
+        self.model = motion.model
+        self.data = mujoco.MjData(self.model)
+        self._motion, self._kept = motion, kept
+
+    def enter(self, seed: int, step: int) -> mujoco.MjData:
+        """Return data at a state, with positions, contacts and gaps."""
+        model, data = self.model, self.data
+        mujoco.mj_setState(model, data, self._motion.starts[seed], _INTEGRATION)
+        mujoco.mj_setState(model, data, np.ascontiguousarray(self._kept[seed, step]), KEPT)
+        mujoco.mj_fwdPosition(model, data)
+        return data
+
+    def locate(
+        self, seed: int, times: Floats, positions: Floats, lengths: Floats, energies: Floats
+    ) -> None:
+        """Fill in what bodies and actuators do at times, by cubic interpolation between steps.
+
+        Hermite's cubic has an error of fourth order in the step, below that of any integrator.
+        """
+        step = float(self.model.opt.timestep)
+        for place, time in enumerate(times):
+            first = min(int(time / step + 1e-9), self._motion.steps)
+            ends = [self._rates(seed, number) for number in (first, first + 1)]
+            share = time / step - first
+            if not np.isfinite(ends[1][0]).all():
+                share = 0.0
+                ends[1] = ends[0]
+            whole = _hermite(ends, share, step)
+            positions[place] = whole[: positions[place].size].reshape(-1, 3)
+            lengths[place] = whole[positions[place].size :]
+            data = self.enter(seed, first)
+            mujoco.mj_fwdVelocity(self.model, data)
+            mujoco.mj_energyPos(self.model, data)
+            mujoco.mj_energyVel(self.model, data)
+            energies[place] = data.energy.sum()
+
+    def _rates(self, seed: int, step: int) -> tuple[Floats, Floats]:
+        """Return places of bodies and lengths of actuators at a step, and their rates."""
+        model, data = self.model, self.enter(seed, step)
+        mujoco.mj_fwdVelocity(model, data)
+        spin, along = data.cvel[:, :3], data.cvel[:, 3:]
+        arm = data.xipos - data.subtree_com[model.body_rootid]
+        speeds = along + np.cross(spin, arm)
+        values = np.concatenate([data.xipos.ravel(), data.actuator_length])
+        return values, np.concatenate([speeds.ravel(), data.actuator_velocity])
+
+
+def _hermite(ends: list[tuple[Floats, Floats]], share: float, step: float) -> Floats:
+    (low, low_rate), (high, high_rate) = ends
+    square, cube = share**2, share**3
+    return (
+        (2 * cube - 3 * square + 1) * low
+        + (cube - 2 * square + share) * step * low_rate
+        + (3 * square - 2 * cube) * high
+        + (cube - square) * step * high_rate
+    )
+
+
+def _measure_extremes(
+    sampler: _StateSampler,
+    seed: int,
+    steps: range,
+    extremes: dict[str, Extreme],
+    resting: Floats,
+) -> None:
+    """Fill in the largest depth, gap and excess of one seed."""
+    rest = 0.8 * steps[-1]
+    depths = list[float]()
+    for step in steps:
+        data = sampler.enter(seed, step)
+        depth = 0.0
+        for name, value, place in _violations(sampler.model, data):
+            depth = max(depth, value) if name == "depth" else depth
+            known = extremes[name]
+            is_largest = value > known.values.max()
+            if value > known.values[seed]:
+                known.values[seed] = value
+                if is_largest:
+                    extremes[name] = Extreme(known.values, place)
+        if step >= rest:
+            depths.append(depth)
+    resting[seed] = float(np.mean(depths))
+
+
+def _violations(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[tuple[str, float, str]]:
+    """Yield depths, open equalities and joints beyond their limits, each with its place."""
+    if data.ncon:
+        depths = -np.asarray(data.contact.dist)
+        worst = int(np.argmax(depths))
+        if depths[worst] > 0:
+            geoms = data.contact.geom[worst]
+            yield "depth", float(depths[worst]), " - ".join(_geom_words(model, geoms))
+    yield from _equality_gaps(model, data)
+    scalar = np.isin(model.jnt_type, (_HINGE, _SLIDE)) & (model.jnt_limited != 0)
+    for joint in np.flatnonzero(scalar):
+        value = float(data.qpos[model.jnt_qposadr[joint]])
+        low, high = model.jnt_range[joint]
+        beyond = max(low - value, value - high)
+        if beyond > 0:
+            kind = "hinge" if model.jnt_type[joint] == _HINGE else "slide"
+            yield f"{kind} beyond its limit", float(beyond), name_of(model, "joint", int(joint))
+
+
+def _geom_words(model: mujoco.MjModel, geoms: np.ndarray) -> Iterator[str]:
+    for geom in map(int, geoms):
+        if geom < 0:
+            yield "flex"
+        else:
+            yield model.geom(geom).name or body_name(model, int(model.geom_bodyid[geom]))
+
+
+def _equality_gaps(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[tuple[str, float, str]]:
+    rows = np.flatnonzero(data.efc_type == _EQUALITY)
+    for number in np.unique(data.efc_id[rows]):
+        gaps = data.efc_pos[rows[data.efc_id[rows] == number]]
+        place, kind = name_of(model, "equality", int(number)), model.eq_type[number]
+        if kind == _WELD:
+            # MuJoCo scales the rotational rows of a weld by its torque scale.
+            scale = float(model.eq_data[number, 10]) or 1.0
+            yield "equality gap", float(np.linalg.norm(gaps[:3])), place
+            yield "equality angle", float(np.linalg.norm(gaps[3:])) / scale, place
+        elif kind == _JOINT and model.jnt_type[model.eq_obj1id[number]] == _HINGE:
+            yield "equality angle", float(np.abs(gaps).max()), place
+        elif kind == _CONNECT:
+            yield "equality gap", float(np.linalg.norm(gaps)), place
+        else:
+            yield "equality gap", float(np.abs(gaps).max()), place
