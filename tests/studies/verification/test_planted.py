@@ -1,0 +1,52 @@
+"""Planted harm is found by the name of its measure, and changes without harm pass."""
+
+from pathlib import Path
+
+import pytest
+from _pytest.mark.structures import ParameterSet
+from tests.studies.verification.planted import HARMFUL, HARMLESS, PlantedChange
+
+from contactlab.studies.check.checked_model import CheckedModel
+from contactlab.studies.examine.examination import ExamineRequest, open_model
+from contactlab.studies.session import Session
+from contactlab.studies.verification import VerificationRequest, verify_change
+
+FAST = {"slippery boxes", "Euler for Runge-Kutta", "half the servo gain"}
+
+
+def _marked(changes: tuple[PlantedChange, ...], fast: set[str]) -> list[ParameterSet]:
+    return [
+        pytest.param(change, id=change.name, marks=[] if change.name in fast else pytest.mark.night)
+        for change in changes
+    ]
+
+
+def _open(path: Path, text: str) -> CheckedModel:
+    path.parent.mkdir()
+    path.write_text(text)
+    request = ExamineRequest(str(path), sections=("budget",))
+    return open_model(request, Session(path.parent / "results"))
+
+
+def _pair(folder: Path, change: PlantedChange) -> tuple[CheckedModel, CheckedModel]:
+    return (
+        _open(folder / "original" / "model.xml", change.model),
+        _open(folder / "changed" / "model.xml", change.changed),
+    )
+
+
+@pytest.mark.parametrize("change", _marked(HARMFUL, FAST))
+def test_harm_is_found_by_its_measure(change: PlantedChange, tmp_path: Path) -> None:
+    original, changed = _pair(tmp_path, change)
+    found = verify_change(VerificationRequest(original, changed, same_model=change.same_model))
+    worse = {measure.name for measure in found.measures if measure.worse}
+    assert worse & {*change.measures}, found.sentence
+    assert not found.passed
+    assert not found.identical
+
+
+@pytest.mark.parametrize("change", _marked(HARMLESS, {"another solver of a pendulum"}))
+def test_no_harm_passes(change: PlantedChange, tmp_path: Path) -> None:
+    original, changed = _pair(tmp_path, change)
+    found = verify_change(VerificationRequest(original, changed))
+    assert found.passed, found.sentence
