@@ -7,9 +7,8 @@ from contactlab.errors import SceneError
 from contactlab.schema.grip import GripReport
 from contactlab.schema.verification import VerifiedMeasure
 from contactlab.studies.check.checked_model import CheckedModel
-from contactlab.studies.grip.carried_hand import grip_requests
-from contactlab.studies.grip.gripping import GripRequest
-from contactlab.studies.grip.gripping import run as judge_grip
+from contactlab.studies.grip.grip_fact import grip_requests
+from contactlab.studies.grip.gripping import GripRequest, judge_grip
 
 _RELATIVE = 0.05  # friction is not known better, and neither is a force that it holds
 _CREEP = 1e-5  # m/s: a tenth of a millimeter in the ten seconds of a pick and place
@@ -28,16 +27,14 @@ def compare_grips(
     """
     model, start = original.motions[0].model, original.task.start
     for request in grip_requests(original.reference, model, start):
-        quiet = GripRequest(
-            request.model, keyframe=request.keyframe, remedies=False, placements=False
-        )
+        quiet = GripRequest(request.model, keyframe=request.keyframe, fixes=False, placements=False)
         if request.keyframe not in known:
             known[request.keyframe] = _judge(quiet)
         before = known[request.keyframe]
         if before is None or before.verdict == "drops":
             continue
         other = GripRequest(
-            changed.reference, keyframe=request.keyframe, remedies=False, placements=False
+            changed.reference, keyframe=request.keyframe, fixes=False, placements=False
         )
         yield from _compare_reports(before, _judge(other))
 

@@ -24,7 +24,7 @@ from contactlab.schema.grip import GripReport
 from contactlab.schema.task import Task
 from contactlab.schema.verification import SkippedRun, Verification, VerifiedMeasure
 from contactlab.studies.check.checked_model import CheckedModel
-from contactlab.studies.search.yardstick import Apart, Yardsticks
+from contactlab.studies.search.reference_error import ErrorEstimate, TaskReference
 from contactlab.studies.task_verdict import run_labels
 from contactlab.studies.verification.grip_measures import compare_grips
 from contactlab.studies.verification.run_measures import (
@@ -71,8 +71,8 @@ class OriginalRuns:
         default_factory=dict[str, tuple[StateTable, StateTable, StateTable]]
     )
     labels: dict[str, Counter[str]] = field(default_factory=dict[str, Counter[str]])
-    references: dict[tuple[str, int], tuple[Yardsticks, Apart]] = field(
-        default_factory=dict[tuple[str, int], tuple[Yardsticks, Apart]]
+    references: dict[tuple[str, int], tuple[TaskReference, ErrorEstimate]] = field(
+        default_factory=dict[tuple[str, int], tuple[TaskReference, ErrorEstimate]]
     )
     grips: dict[str | None, GripReport | None] = field(
         default_factory=dict[str | None, GripReport | None]
@@ -324,7 +324,7 @@ def _errors_of(
     """Return the numerical error before and after, its spread over seeds, and the worst body."""
     if not request.same_model or _state_size(own[0].model) != _state_size(other[0].model):
         budgets = request.original.budget, request.changed.budget
-        before, after = (float(budget.share) for budget in budgets)
+        before, after = (float(budget.error) for budget in budgets)
         return before, after, 0.0, ""
     model = other[0].model
     ratio = float(model.opt.timestep) / float(own[0].model.opt.timestep)
@@ -333,11 +333,11 @@ def _errors_of(
         return None
     known = request.runs.references
     if (name, rate) not in known:
-        fine = Yardsticks.of(own, rate, request.original.threads).known_ones()
-        known[name, rate] = fine, fine.apart(run_at_once(own[0].model), rate)
+        fine = TaskReference.run_references(own, rate, request.original.threads).complete_phases()
+        known[name, rate] = fine, fine.estimate_error(run_at_once(own[0].model), rate)
     references, before = known[name, rate]
-    after = references.apart(model, round(rate * ratio))
-    return before.share, after.share, before.high - before.low, after.body
+    after = references.estimate_error(model, round(rate * ratio))
+    return before.error, after.error, before.high - before.low, after.body
 
 
 def _is_whole(value: float) -> bool:

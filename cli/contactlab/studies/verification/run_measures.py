@@ -117,7 +117,7 @@ def compare_run(run: PairedRun, tables: Tables, allowed: float) -> Iterator[Veri
         yield from _compare_places(run, tables, good, scale, allowed)
 
 
-def _measure(  # noqa: PLR0913 - one argument a field
+def _measure(
     name: str,
     run: str,
     unit: str,
