@@ -174,7 +174,8 @@ HARMFUL = (
     ),
     PlantedChange(
         "tenfold gains without force range", PINCH,
-        'kp="2000" ctrlrange="0 .05" forcerange="-5 5"', 'kp="20000" ctrlrange="0 .05"', ("grip depth", "depth", "resting depth"), same_model=False,
+        'kp="2000" ctrlrange="0 .05" forcerange="-5 5"', 'kp="20000" ctrlrange="0 .05"',
+        ("grip depth", "depth", "resting depth"), same_model=False,
     ),
     PlantedChange(
         "half the servo gain", ARM, 'kp="300"', 'kp="150"', ("tracking error",), same_model=False

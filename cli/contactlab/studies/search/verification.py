@@ -57,6 +57,11 @@ from contactlab.studies.search.tuning_problem import TuningProblem, first_seeds
 from contactlab.studies.search.unused_pairs import pairs_within
 from contactlab.studies.session import Session
 from contactlab.studies.task_verdict import run_labels
+from contactlab.studies.verification import (
+    OriginalRuns,
+    VerificationRequest,
+    verify_change,
+)
 
 _SIMULATIONS_PER_VERDICT = (
     30  # simulations of the task per verdict: references, their check, RK4, and the run itself
@@ -176,6 +181,7 @@ class CandidateVerifier:
         self._current_verdicts = dict[tuple[int, ...], _Judgement]()
         self._seconds_per_seed = _SIMULATIONS_PER_VERDICT * problem.pass_seconds
         self._current_labels = dict[tuple[int, ...], set[str]]()
+        self._original_runs = OriginalRuns()
 
     @property
     def _examined(self) -> CheckedModel:
@@ -512,6 +518,8 @@ class CandidateVerifier:
             and (touched := self._touching_pair())
         ):
             holds, why = False, f"{touched} touch, but stayed apart before"
+        if holds and (harm := self._find_harm(examined, goal)):
+            holds, why = False, harm
         return Verification(
             seeds=seeds,
             holds=holds,
@@ -524,6 +532,21 @@ class CandidateVerifier:
             labels=tuple(labels),
             sentence=why,
         )
+
+    def _find_harm(self, changed: CheckedModel, goal: Goal) -> str:
+        """Return the first measure that a written model makes worse than the original, or ""."""
+        is_share = self._target.unit == "1"
+        found = verify_change(
+            VerificationRequest(
+                original=self._examined,
+                changed=changed,
+                allowed_error=self._limit_of(goal) if is_share else changed.task.tolerance,
+                stop_early=True,
+                with_labels=False,
+                runs=self._original_runs,
+            )
+        )
+        return "" if found.passed else f"worse than as written: {found.sentence}"
 
     def _limit_of(self, goal: Goal) -> float:
         """Return the largest allowed error of a goal on fresh seeds.

@@ -91,6 +91,7 @@ class VerificationRequest:
         allowed_error: what the change may cost, as a share of each motion. 0 demands that it is
             no less accurate than the original.
         stop_early: True to stop at the first measure that is worse.
+        with_labels: False if the caller compares the labels of runs.
         runs: of the original; pass the same object to verify several changes of one model.
         notify: called with the name of each run as it begins.
     """
@@ -100,6 +101,7 @@ class VerificationRequest:
     same_model: bool = True
     allowed_error: float = 0.0
     stop_early: bool = False
+    with_labels: bool = True
     runs: OriginalRuns = field(default_factory=OriginalRuns)
     notify: Callable[[str], None] = lambda _: None
 
@@ -204,7 +206,7 @@ class _Panel:
             if first[0][-1].inputs.any():
                 yield from self._compare(build_doubled_run(first[0][-1], first[1][-1]))
         yield from self._compare_grips()
-        for name, task in self._tasks.items():
+        for name, task in self._tasks.items() if self._request.with_labels else ():
             yield from self._compare_labels(name, task)
 
     def _motions(self, task: Task) -> tuple[list[Motion], list[Motion]]:
