@@ -298,7 +298,7 @@ def _nothing_begins(refused: list[tuple[str, list[str]]]) -> Generator[None]:
     steps = [(mujoco, name) for name in ("mj_step", "mj_step1", "mj_step2")]
     steps += [(type(engine), "roll_out") for engine in ENGINES.values()]
     steps += [(windows, "Batch"), (mujoco_batch, "Batch")]
-    others = [(LocalPool, "run"), (connection, "_connect"), (urllib.request, "urlopen")]
+    others = [(LocalPool, "run"), (connection, "_connect_ray"), (urllib.request, "urlopen")]
     others += [(subprocess, "run"), (subprocess.Popen, "__init__")]
     with contextlib.ExitStack() as stack:
         for owner, name in [*steps, *others]:
