@@ -148,7 +148,7 @@ def _lines(report: Examination, budget: BudgetReport) -> Iterator[BudgetLine]:
     run, *_ = found
     shown = [name for name in found if row_error(found[name][0]) >= _SHOWN * budget.tolerance]
     kinds = list(_KINDS)
-    shown.sort(key=lambda name: kinds.index(found[name][0].kind))
+    shown.sort(key=lambda name: (kinds.index(found[name][0].kind), -row_error(found[name][0])))
     for name in dict.fromkeys((run, *shown)):
         row, begin = found[name]
         error = row_error(row)
