@@ -21,5 +21,5 @@ def test_the_example_runs(
     assert len(example) == 1
     exec(example[0], {})  # noqa: S102 - it is ours
     printed = capsys.readouterr().out
-    assert printed.splitlines()[0].endswith("within 10 %")
+    assert printed.splitlines()[0].endswith("(tolerance 10 %)")
     assert "0 to 2 s: 3 seeds, 50 windows of 40 ms, steps of 10 ms" in printed

@@ -69,7 +69,7 @@ def test_a_sweep_is_run_timed_and_weighed(contactlab: Run, swing: Path, tmp_path
         "\nwrite the model"
     )
     task, verdict, rest = out.split("\n", 2)
-    assert verdict.startswith("as written: numerics sound within 10 %")
+    assert verdict.startswith("as written: numerics ok")
     assert task.startswith("qpos0, 0.3 s without controls; 1 seed; observed: all bodies")
     assert rest.startswith(same)
 
