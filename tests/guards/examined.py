@@ -48,4 +48,6 @@ def examine(path: Path, **task: Any) -> tuple[Facts, Facts]:
             return {"refused": type(error).__name__}, {
                 "refused": str(error).replace(f"{path.parent}/", "")
             }
-    return examination_facts(report)
+    results, words = examination_facts(report)
+    # A fix that was not searched names the command, with the path of this machine.
+    return results, words | {"fix": str(words["fix"]).replace(f"{path.parent}/", "")}

@@ -1,7 +1,7 @@
 """Changes of small models whose truth is known: planted harm, and changes that harm nothing.
 
 Each model is MJCF text; a change replaces one piece of it. The measure that a harmful change makes
-worse is named beside it. Why it is worse follows from the model, not from what a verification says.
+worse is named next to it. Why it is worse follows from the model, not from a verification.
 """
 
 from dataclasses import dataclass
@@ -126,10 +126,10 @@ class PlantedChange:
     Attributes:
         name: the change in a few words.
         model: MJCF text of the original.
-        old, new: the piece that is replaced, and what replaces it.
-        measures: names of measures, one of which a right verification finds worse; empty for a
+        old, new: the piece that is replaced, and its replacement.
+        measures: names of measures. A right verification finds one of them worse. Empty for a
             change that harms nothing.
-        same_model: whether it is told to be another computation of the same model.
+        same_model: whether it is declared another computation of the same model.
     """
 
     name: str

@@ -91,7 +91,7 @@ def _fact(report: GripReport) -> Fact:
 def grip_requests(reference: str, model: mujoco.MjModel, start: str) -> Iterator[GripRequest]:
     """Yield every grip of a model that an object can be held in: its start's, and its hand's.
 
-    What closes like a hand but is neither carried by a robot nor fixed to the world is no hand.
+    A part that closes like a hand counts only if a robot carries it or it is fixed to the world.
     """
     for request in _requests(reference, start):
         try:

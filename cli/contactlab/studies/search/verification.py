@@ -518,7 +518,7 @@ class CandidateVerifier:
             and (touched := self._touching_pair())
         ):
             holds, why = False, f"{touched} touch, but stayed apart before"
-        if holds and (harm := self._find_harm(examined, goal)):
+        if holds and (harm := self._worse_measure(examined, goal)):
             holds, why = False, harm
         return Verification(
             seeds=seeds,
@@ -533,8 +533,7 @@ class CandidateVerifier:
             sentence=why,
         )
 
-    def _find_harm(self, changed: CheckedModel, goal: Goal) -> str:
-        """Return the first measure that a written model makes worse than the original, or ""."""
+    def _worse_measure(self, changed: CheckedModel, goal: Goal) -> str:
         is_share = self._target.unit == "1"
         found = verify_change(
             VerificationRequest(

@@ -1,4 +1,4 @@
-"""Verifies a changed model: nothing that the original does may become worse."""
+"""Verifies a changed model: no measure may become worse than that of the original."""
 
 from contactlab.studies.verification.panel import OriginalRuns as OriginalRuns
 from contactlab.studies.verification.panel import VerificationRequest as VerificationRequest

@@ -19,27 +19,27 @@ _LOST = 1.0  # m/s, which stands for an object that is lost: faster than any cre
 def compare_grips(
     original: CheckedModel, changed: CheckedModel, known: dict[str | None, GripReport | None]
 ) -> Iterator[VerifiedMeasure]:
-    """Yield the measures of each grip in which the original holds an object or lets it creep.
+    """Yield the measures of each grip that holds an object, or lets it creep, in the original.
 
     An object that the original drops has nothing to lose. If the changed model cannot be closed on
-    the object at all, it counts as dropped. `known` has the original's reports by keyframe; what is
-    missing is added.
+    the object at all, it counts as dropped. `known` has the original's reports by keyframe;
+    missing ones are added.
     """
     model, start = original.motions[0].model, original.task.start
     for request in grip_requests(original.reference, model, start):
         quiet = GripRequest(request.model, keyframe=request.keyframe, fixes=False, placements=False)
         if request.keyframe not in known:
-            known[request.keyframe] = _judge(quiet)
+            known[request.keyframe] = _judge_possible_grip(quiet)
         before = known[request.keyframe]
         if before is None or before.verdict == "drops":
             continue
         other = GripRequest(
             changed.reference, keyframe=request.keyframe, fixes=False, placements=False
         )
-        yield from _compare_reports(before, _judge(other))
+        yield from _compare_reports(before, _judge_possible_grip(other))
 
 
-def _judge(request: GripRequest) -> GripReport | None:
+def _judge_possible_grip(request: GripRequest) -> GripReport | None:
     try:
         return judge_grip(request)
     except SceneError:

@@ -48,7 +48,7 @@ ERROR_FLOOR = 1e-3
 """Numerical error that no setting is rejected for: a tenth of a percent of the real forces is far
 below the error of any measured parameter."""
 _RATES = (8, 10, 12, 16, 20, 25, 32)
-"""Steps of the reference in one of the original, of which one divides nearly any usual ratio."""
+"""Steps of the reference in one step of the original. One of them fits nearly any usual ratio."""
 _GRID = (
     1e-6  # relative: a ratio of steps counts as a multiple of a reference's step if it is as near
 )
@@ -81,15 +81,15 @@ class OriginalRuns:
 
 @dataclass(frozen=True)
 class VerificationRequest:
-    """What to verify.
+    """A changed model to verify against its original.
 
     Attributes:
         original: the model as its author wrote it.
-        changed: the changed model, as it was written.
+        changed: the changed model, as saved.
         same_model: True if the change computes the same model in another way. Otherwise it is
-            another model, whose numerical error is measured against a reference of its own.
-        allowed_error: what the change may cost, as a share of each motion. 0 demands that it is
-            no less accurate than the original.
+            another model, and has its own reference for the numerical error.
+        allowed_error: error that the change may cost, as a share of each motion. 0 demands that it
+            is no less accurate than the original.
         stop_early: True to stop at the first measure that is worse.
         with_labels: False if the caller compares the labels of runs.
         runs: of the original; pass the same object to verify several changes of one model.
@@ -133,11 +133,11 @@ def verify_change(request: VerificationRequest) -> Verification:
         skipped=tuple(panel.skipped),
         identical=panel.identical and not worse,
         passed=not worse,
-        sentence=summarize(measures),
+        sentence=summarize_measures(measures),
     )
 
 
-def summarize(measures: Sequence[VerifiedMeasure]) -> str:
+def summarize_measures(measures: Sequence[VerifiedMeasure]) -> str:
     """Return the result in one line."""
     worse = [measure for measure in measures if measure.worse]
     if not worse:
@@ -151,12 +151,12 @@ def summarize(measures: Sequence[VerifiedMeasure]) -> str:
 def worst_measure(measures: Sequence[VerifiedMeasure]) -> VerifiedMeasure:
     """Return the measure that exceeds its tolerance by the largest factor."""
 
-    def excess(measure: VerifiedMeasure) -> float:
+    def measure_excess(measure: VerifiedMeasure) -> float:
         if measure.after is None or measure.before is None:
             return math.inf
         return abs(measure.after - measure.before) / max(measure.tolerance, 1e-300)
 
-    return max(measures, key=excess)
+    return max(measures, key=measure_excess)
 
 
 _SCALES = {"m": (1e3, "mm"), "rad": (180 / math.pi, "deg"), "m/s": (1e3, "mm/s"), "1": (1.0, "")}
@@ -190,43 +190,42 @@ class _Panel:
 
     def measure_all(self) -> Iterator[VerifiedMeasure]:
         """Yield all measures, those first that find most harm for their time."""
-        motions = {name: self._motions(task) for name, task in self._tasks.items()}
+        motions = {name: self._both_motions(task) for name, task in self._tasks.items()}
         first = motions["task"]
-        if self._same_layout(first):
+        if self._has_same_layout(first):
             for run in build_load_runs(first[0][0], first[1][0]):
-                yield from self._compare(run)
+                yield from self._compare_states(run)
             yield from self._compare_tracking(first)
         for name, (own, other) in motions.items():
             yield from self._measure_errors(name, own, other)
-        if self._same_layout(first):
+        if self._has_same_layout(first):
             for name, (own, other) in motions.items():
                 for before, after in zip(own, other, strict=False):
                     run = pair_motions(f"{name}, {before.name}", before, after)
-                    yield from self._compare(replace(run, in_loop=self._in_loop))
+                    yield from self._compare_states(replace(run, in_loop=self._in_loop))
             if first[0][-1].inputs.any():
-                yield from self._compare(build_doubled_run(first[0][-1], first[1][-1]))
+                yield from self._compare_states(build_doubled_run(first[0][-1], first[1][-1]))
         yield from self._compare_grips()
         for name, task in self._tasks.items() if self._request.with_labels else ():
             yield from self._compare_labels(name, task)
 
-    def _motions(self, task: Task) -> tuple[list[Motion], list[Motion]]:
+    def _both_motions(self, task: Task) -> tuple[list[Motion], list[Motion]]:
         return self._original.motions_of(task), self._changed.motions_of(task)
 
-    def _skip(self, run: str, reason: str) -> None:
+    def _skip_run(self, run: str, reason: str) -> None:
         if all(skipped.run != run for skipped in self.skipped):
             self.skipped.append(SkippedRun(run=run, reason=reason))
 
-    def _same_layout(self, motions: tuple[list[Motion], list[Motion]]) -> bool:
-        """Return whether the states and bodies of both models can be compared one by one."""
+    def _has_same_layout(self, motions: tuple[list[Motion], list[Motion]]) -> bool:
         own, other = (each[0].model for each in motions)
         same = all(
             getattr(own, size) == getattr(other, size) for size in ("nq", "nv", "nu", "nbody")
         )
         if not same:
-            self._skip("loads", "the models have other joints, bodies or actuators")
+            self._skip_run("loads", "the models have other joints, bodies or actuators")
         return same
 
-    def _compare(self, run: PairedRun) -> Iterator[VerifiedMeasure]:
+    def _compare_states(self, run: PairedRun) -> Iterator[VerifiedMeasure]:
         self._request.notify(run.name)
         tables = tabulate_run(run, self._original.threads, self._request.runs.tables)
         self.identical &= tables.original.bits == tables.changed.bits
@@ -244,21 +243,23 @@ class _Panel:
         )
         if len(chosen) < count:
             reason = f"{len(chosen)} of {count} actuators were moved alone"
-            self._skip("step and sine of the other actuators", reason)
+            self._skip_run("step and sine of the other actuators", reason)
         if run := build_tracking_run(own, other, chosen.tolist()):
-            yield from self._compare(run)
+            yield from self._compare_states(run)
 
     def _measure_errors(
         self, name: str, own: Sequence[Motion], other: Sequence[Motion]
     ) -> Iterator[VerifiedMeasure]:
-        """Yield the numerical error of both, against the original's motion at a fine step."""
+        # Both errors are measured against the original's motion at a fine step.
         if self._in_loop:
-            self._skip("numerical error", "a policy acts; a replay of its controls says nothing")
+            self._skip_run(
+                "numerical error", "a policy acts; a replay of its controls says nothing"
+            )
             return
         self._request.notify(f"numerical error, {name}")
-        errors = _errors_of(self._request, name, own, other)
+        errors = _measure_error_pair(self._request, name, own, other)
         if errors is None:
-            self._skip("numerical error", "the step is no multiple of any reference's step")
+            self._skip_run("numerical error", "the step is not a multiple of any reference's step")
             return
         before, after, spread, place = errors
         floor = max(ERROR_FLOOR, self._request.allowed_error)
@@ -277,18 +278,17 @@ class _Panel:
 
     def _compare_grips(self) -> Iterator[VerifiedMeasure]:
         if self._original.values:
-            self._skip("grip", "settings are given by --set, and grips are judged as written")
+            self._skip_run("grip", "settings are given by --set, and grips are judged as written")
             return
         self._request.notify("grip")
         yield from compare_grips(self._original, self._changed, self._request.runs.grips)
 
     def _compare_labels(self, name: str, task: Task) -> Iterator[VerifiedMeasure]:
-        """Yield how many runs have each failure label, for labels that either model has."""
         self._request.notify(f"labels, {name}")
         known = self._request.runs.labels
         if name not in known:
-            known[name] = _label_counts(self._original, task)
-        before, after = known[name], _label_counts(self._changed, task)
+            known[name] = _count_failure_labels(self._original, task)
+        before, after = known[name], _count_failure_labels(self._changed, task)
         for label in sorted({*before, *after}):
             yield VerifiedMeasure(
                 name=f"label {label}",
@@ -307,8 +307,7 @@ def _has_policy(checked: CheckedModel) -> bool:
     return bool(getattr(checked.scene.drive, "policy", None))
 
 
-def _label_counts(checked: CheckedModel, task: Task) -> Counter[str]:
-    """Return how many runs of a task have each label that says that something is wrong."""
+def _count_failure_labels(checked: CheckedModel, task: Task) -> Counter[str]:
     with TemporaryDirectory(prefix="contactlab-") as folder:
         alone = replace(checked, session=replace(checked.session, folder=Path(folder)))
         runs = alone.run("labels", "Verified against the original", seeds=task.seeds)
@@ -320,10 +319,10 @@ def _label_counts(checked: CheckedModel, task: Task) -> Counter[str]:
     return counts
 
 
-def _errors_of(
+def _measure_error_pair(
     request: VerificationRequest, name: str, own: Sequence[Motion], other: Sequence[Motion]
 ) -> tuple[float, float, float, str] | None:
-    """Return the numerical error before and after, its spread over seeds, and the worst body."""
+    # The result is the error before and after, its spread over seeds, and the worst body.
     if not request.same_model or _state_size(own[0].model) != _state_size(other[0].model):
         budgets = request.original.budget, request.changed.budget
         before, after = (float(budget.error) for budget in budgets)

@@ -19,27 +19,27 @@ from contactlab.studies.verification.state_tables import (
 )
 
 RELATIVE_TOLERANCE = 0.05
-"""Share by which a measure may grow: friction and masses are not known to 5 %."""
+"""Share that a measure may grow by: friction and masses are not known to 5 %."""
 LENGTH_TOLERANCE = 1e-3
 """Share of the mean size of a body that lengths may differ by: a tenth of a millimeter for a body
-of 10 cm, below what a robot's own encoders and calibration resolve."""
+of 10 cm, finer than a robot's own encoders and calibration resolve."""
 ANGLE_TOLERANCE = 1e-3
 """rad: .06 degrees, the same for angles."""
 CREEP_TOLERANCE = 1e-4
-"""m/s, for a body of 10 cm: a millimeter in the ten seconds that a pick and place takes. The limit
-at which `grip` says that a grip creeps."""
+"""m/s, for a body of 10 cm: a millimeter in the ten seconds that a pick and place takes. From this
+limit on, `grip` says that a grip creeps."""
 _CREEP_SIZE = 0.1  # m, the body that `CREEP_TOLERANCE` is stated for
 ENERGY_TOLERANCE = 0.01
-"""Share of the energy that a run has, below which a gain is not reported as a failure either."""
+"""Share of a run's energy. A smaller gain is not reported as a failure either."""
 TRACKING_TOLERANCE = 1e-3
 """Share of the reference's excursion that a tracking error may grow by."""
 RESTING_SPEED = 5e-3
 """m/s, for a body of 10 cm: below it, a body of the reference counts as resting at its end."""
 PLACE_TOLERANCE = 1.0
-"""Share of the original's own distance from the reference. Where a body ends is a sum of errors of
-steps that contacts amplify, of any sign: of few seeds, twice as much is within chance. The
-numerical error compares the same errors before they are amplified."""
-_REST_BEGIN = 0.8  # share of a run, after which it counts as settled
+"""Share of the original's own distance from the reference. The end position of a body sums
+the errors of steps, of any sign, and contacts amplify them: with few seeds, twice the distance is
+within chance. The numerical error compares the same errors before they are amplified."""
+_REST_BEGIN = 0.8  # share of a run; the rest of it counts as settled
 _STANDARD_ERRORS = 2.0  # a spread is the half-width of a 95 % interval of the mean over seeds
 
 
@@ -58,8 +58,8 @@ def tabulate_run(
 ) -> Tables:
     """Run all four motions of a run, and sample them at the same times.
 
-    `known` has the tables of the original, the reference and the twin by the name of the run; what
-    is missing is added. They are the same for every change of one model.
+    `known` has the tables of the original, the reference and the twin by the name of the run;
+    missing ones are added. They are the same for every change of one model.
     """
     if run.name not in known:
         length = run.original.steps * float(run.original.model.opt.timestep)
@@ -78,7 +78,7 @@ def compare_run(run: PairedRun, tables: Tables, allowed: float) -> Iterator[Veri
     """Yield the measures of a run.
 
     Args:
-        run: what was run.
+        run: the experiment.
         tables: its states.
         allowed: error that the change may cost, as a share of each motion; 0 by default.
     """
@@ -99,14 +99,14 @@ def compare_run(run: PairedRun, tables: Tables, allowed: float) -> Iterator[Veri
         if not any(each.any() for each in values):
             continue
         floor = LENGTH_TOLERANCE * scale if unit == "m" else ANGLE_TOLERANCE
-        yield _mean_measure(name, run.name, unit, values, floor, extremes[1].place)
+        yield _average_measure(name, run.name, unit, values, floor, extremes[1].place)
     if run.at_rest:
         rests = (tables.original, tables.changed, tables.twin)
         values = [table.resting_depth[good] for table in rests]
         if any(each.any() for each in values):
             floor = LENGTH_TOLERANCE * scale
             place = tables.changed.extremes["depth"].place
-            yield _mean_measure("resting depth", run.name, "m", values, floor, place)
+            yield _average_measure("resting depth", run.name, "m", values, floor, place)
         if not run.in_loop:
             yield from _compare_creep(run, tables, good, scale)
     if run.passive:
@@ -117,7 +117,7 @@ def compare_run(run: PairedRun, tables: Tables, allowed: float) -> Iterator[Veri
         yield from _compare_places(run, tables, good, scale, allowed)
 
 
-def _measure(
+def _build_measure(
     name: str,
     run: str,
     unit: str,
@@ -143,32 +143,34 @@ def _measure(
 
 def _count_failures(run: PairedRun, tables: Tables) -> VerifiedMeasure:
     before, after = (float(table.failed.sum()) for table in (tables.original, tables.changed))
-    return _measure(
+    return _build_measure(
         "runs that the engine gave up", run.name, "1", before, after,
         spread=0.0, tolerance=0.0, place="",
     )  # fmt: skip
 
 
-def _mean_measure(
+def _average_measure(
     name: str, run: str, unit: str, values: list[Floats], floor: float, place: str
 ) -> VerifiedMeasure:
-    """Return a measure of means over seeds: original, changed and twin, each (S,)."""
+    # The values are those of the original, the changed model and the twin, each (S,).
     before, after, twin = (float(np.mean(each)) for each in values)
     spread = abs(twin - before)
     if len(values[0]) > 1:
         spread += _STANDARD_ERRORS * float(np.std(values[0], ddof=1)) / math.sqrt(len(values[0]))
     tolerance = max(spread, RELATIVE_TOLERANCE * before, floor)
-    return _measure(name, run, unit, before, after, spread=spread, tolerance=tolerance, place=place)
+    return _build_measure(
+        name, run, unit, before, after, spread=spread, tolerance=tolerance, place=place
+    )
 
 
 def _compare_creep(
     run: PairedRun, tables: Tables, good: np.ndarray, scale: float
 ) -> Iterator[VerifiedMeasure]:
-    """Yield the speed at the end of what rests there in the reference."""
+    # Only bodies that rest at the end of the reference can creep.
     bodies = judged_bodies(run.original.model)
     limit = scale / _CREEP_SIZE
     speeds = [
-        _end_speeds(table)[good][:, bodies]
+        _measure_end_speeds(table)[good][:, bodies]
         for table in (tables.original, tables.changed, tables.twin, tables.reference)
     ]
     resting = (speeds[3] < RESTING_SPEED * limit).all(axis=0)
@@ -178,7 +180,7 @@ def _compare_creep(
     before, after, twin = (each[:, resting].mean(axis=0) for each in speeds[:3])
     tolerances = np.maximum(CREEP_TOLERANCE * limit, RELATIVE_TOLERANCE * before)
     worst = int(np.argmax(after - before - tolerances))
-    yield _measure(
+    yield _build_measure(
         "creep",
         run.name,
         "m/s",
@@ -190,15 +192,14 @@ def _compare_creep(
     )
 
 
-def _end_speeds(table: StateTable) -> Floats:
-    """Return (S, nbody) the mean speeds of bodies over the last fifth [m/s]."""
+def _measure_end_speeds(table: StateTable) -> Floats:
+    # (S, nbody) mean speeds of bodies over the last fifth [m/s].
     first = int(_REST_BEGIN * (len(table.times) - 1))
     way = table.positions[:, -1] - table.positions[:, first]
     return np.linalg.norm(way, axis=-1) / (table.times[-1] - table.times[first])
 
 
 def _compare_energy(run: PairedRun, tables: Tables, good: np.ndarray) -> Iterator[VerifiedMeasure]:
-    """Yield the energy that a passive model gains, and by how much its losses are off."""
     whole = [
         table.energies[good]
         for table in (tables.original, tables.changed, tables.twin, tables.reference)
@@ -207,19 +208,18 @@ def _compare_energy(run: PairedRun, tables: Tables, good: np.ndarray) -> Iterato
     model = run.original.model
     moving = float(model.body_mass[model.body_weldid > 0].sum())
     weight = moving * gravity * float(model.stat.meansize)
-    # What passes between potential and kinetic energy in the reference, at least the weight lifted
-    # by the size of a body: a share of a vanishing energy would mean nothing.
+    # The energy that the reference exchanges between potential and kinetic, at least the weight
+    # lifted by the size of a body: a share of a vanishing energy would mean nothing.
     scale = np.maximum(np.ptp(whole[3], axis=1), weight) + 1e-300
     gains = [(each.max(axis=1) - each[:, 0]) / scale for each in whole[:3]]
-    yield _mean_measure("energy gain", run.name, "1", gains, ENERGY_TOLERANCE, "")
+    yield _average_measure("energy gain", run.name, "1", gains, ENERGY_TOLERANCE, "")
     ends = [np.abs(each[:, -1] - whole[3][:, -1]) / scale for each in whole[:3]]
-    yield _mean_measure("energy error", run.name, "1", ends, ENERGY_TOLERANCE, "")
+    yield _average_measure("energy error", run.name, "1", ends, ENERGY_TOLERANCE, "")
 
 
 def _compare_tracking(
     run: PairedRun, tables: Tables, good: np.ndarray, allowed: float
 ) -> Iterator[VerifiedMeasure]:
-    """Yield by how much each actuator's own motion is off that of the reference."""
     model = run.original.model
     names = [model.actuator(each).name or f"actuator[{each}]" for each in range(model.nu)]
     for row in np.flatnonzero(good):
@@ -233,7 +233,7 @@ def _compare_tracking(
         excursion = float(np.ptp(ways[3]))
         share = max(TRACKING_TOLERANCE, allowed)
         tolerance = max(spread, RELATIVE_TOLERANCE * before, share * excursion)
-        yield _measure(
+        yield _build_measure(
             "tracking error", run.name, _unit_of(model, actuator), before, after,
             spread=spread, tolerance=tolerance, place=run.actuators[row],
         )  # fmt: skip
@@ -253,10 +253,7 @@ def _root_mean_square(values: Floats) -> float:
 def _compare_places(
     run: PairedRun, tables: Tables, good: np.ndarray, scale: float, allowed: float
 ) -> Iterator[VerifiedMeasure]:
-    """Yield how far bodies end from the reference, and how many move where it does not.
-
-    A body whose twin ends elsewhere is chaotic: its end says nothing, and is left out.
-    """
+    # A body is chaotic if its twin ends elsewhere: its end says nothing, and is left out.
     bodies = judged_bodies(run.original.model)
     floor = LENGTH_TOLERANCE * scale
     places = [
@@ -276,7 +273,7 @@ def _compare_places(
     tolerances = np.maximum(floor, PLACE_TOLERANCE * before) + noise
     tolerances += allowed * ways[3].mean(axis=0)
     worst = int(np.argmax(np.where(seen > 0, after - before - tolerances, -np.inf)))
-    yield _measure(
+    yield _build_measure(
         "end position",
         run.name,
         "m",
@@ -287,19 +284,19 @@ def _compare_places(
         place=body_name(run.original.model, int(bodies[worst])),
     )
     counts = [
-        np.count_nonzero(repeatable & _moves_otherwise(way, ways[3], scale)) for way in ways[:2]
+        np.count_nonzero(repeatable & _find_other_moves(way, ways[3], scale)) for way in ways[:2]
     ]
-    yield _measure(
+    yield _build_measure(
         "bodies that move otherwise", run.name, "1", float(counts[0]), float(counts[1]),
         spread=0.0, tolerance=0.0, place="",
     )  # fmt: skip
 
 
 _MOVES = 0.1  # of the mean size of a body
-_RATIO = 3.0  # of ways, above which one body moves and the other does not
+_RATIO = 3.0  # of ways; above it, one body moves and the other does not
 
 
-def _moves_otherwise(ways: Floats, reference: Floats, scale: float) -> np.ndarray:
-    """Return where a body moves and the reference does not, or the other way around."""
+def _find_other_moves(ways: Floats, reference: Floats, scale: float) -> np.ndarray:
+    # True if a body moves and the reference does not, or the other way around.
     larger, smaller = np.maximum(ways, reference), np.minimum(ways, reference)
     return (larger > _MOVES * scale) & (larger > _RATIO * smaller)

@@ -2,7 +2,8 @@
 
 Each run is a motion of the original, one of the changed model, and a reference, which is the
 original at a finer step. A fourth motion, the twin, is the original from a start that is nudged by
-about what a solver leaves. Two quantities that differ as much between original and twin are equal.
+about a solver's usual residual. Two quantities that differ as much between original and twin are
+equal.
 """
 
 import copy
@@ -29,7 +30,7 @@ TRACKING_SHARE = 0.1
 """Share of a control's range that the step and the sine go through. A tenth stays within the limits
 of nearly every joint, and is large against friction and backlash."""
 NUDGE = 1e-6
-"""Nudge of a twin's velocities [rad/s or m/s]: about what a solver leaves at its usual tolerance,
+"""Nudge of a twin's velocities [rad/s or m/s]: about a solver's residual at its usual tolerance,
 so that a motion which amplifies it is not repeatable by any equal computation. Without
 amplification it moves a body by 2 micrometers in 2 s, far below all tolerances."""
 _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
@@ -86,7 +87,7 @@ def refine_motion(motion: Motion, rate: int) -> Motion:
 
 
 def nudge_start(motion: Motion) -> Motion:
-    """Return a motion whose velocities begin slightly off, by the same amount for each seed."""
+    """Return a motion with start velocities slightly off, by the same amount for each seed."""
     model, starts = motion.model, motion.starts.copy()
     first = mujoco.mj_stateSize(
         model, int(mujoco.mjtState.mjSTATE_TIME) | int(mujoco.mjtState.mjSTATE_QPOS)
@@ -169,7 +170,7 @@ def without_actuation(model: mujoco.MjModel) -> mujoco.MjModel:
 def build_tracking_run(
     original: Motion, changed: Motion, actuators: Sequence[int]
 ) -> PairedRun | None:
-    """Return a run with one row for each actuator, which moves alone; None if there is none.
+    """Return a run with one row for each actuator, which moves alone; None without actuators.
 
     Its control makes a step of `TRACKING_SHARE` of its range for the first second, then a sine of
     1 Hz of the same size about the control that the start has.
@@ -184,7 +185,7 @@ def build_tracking_run(
     room = np.where(rest < ranges.mean(axis=1), 1.0, -1.0)
     sizes = TRACKING_SHARE * (ranges[:, 1] - ranges[:, 0]) * room
 
-    def excite(motion: Motion) -> Motion:
+    def excite_actuators(motion: Motion) -> Motion:
         held = hold_inputs(motion, TRACKING_SECONDS, lambda own: own)
         times = np.arange(held.steps) * float(held.model.opt.timestep)
         wave = np.where(times < 1.0, 1.0, np.sin(2 * np.pi * (times - 1.0)))
@@ -194,6 +195,8 @@ def build_tracking_run(
         starts = np.repeat(held.starts[:1], len(actuators), axis=0)
         return replace(held, starts=starts, inputs=inputs)
 
-    pair = pair_motions("step and sine", *(excite(motion) for motion in (original, changed)))
+    pair = pair_motions(
+        "step and sine", *(excite_actuators(motion) for motion in (original, changed))
+    )
     names = tuple(model.actuator(each).name or f"actuator[{each}]" for each in actuators)
     return replace(pair, actuators=names)

@@ -1,4 +1,4 @@
-"""Evaluates what a motion's states look like: places of bodies, contacts, gaps and energies."""
+"""Evaluates a motion's states: places of bodies, contacts, gaps and energies."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,9 +12,9 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.model_names import name_of
 
 SAMPLES = 40
-"""Times at which bodies are located. A sine of 1 Hz over 2 s has 20 of them in each period."""
+"""Number of sample times of bodies. A sine of 1 Hz over 2 s has 20 of them in each period."""
 CONTACT_STATES = 1500
-"""States of a run, over all seeds, whose contacts are evaluated. The peak of an impact lasts about
+"""States of a run, over all seeds, with evaluated contacts. The peak of an impact lasts about
 as long as solref's time constant of 20 ms; 500 states in each of 3 seeds of 2 s are 4 ms apart."""
 _EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 _CONNECT = int(mujoco.mjtEq.mjEQ_CONNECT)
@@ -30,8 +30,8 @@ class Extreme:
     """The largest value of a quantity in each seed.
 
     Attributes:
-        values: (S,) largest value; 0 if there is none.
-        place: what it is largest at, over all seeds.
+        values: (S,) largest value; 0 if the quantity never occurs.
+        place: body, contact, joint or equality with the largest value over all seeds.
     """
 
     values: Floats
@@ -40,10 +40,10 @@ class Extreme:
 
 @dataclass(frozen=True)
 class StateTable:
-    """What the states of one motion look like.
+    """The evaluated states of one motion.
 
     Attributes:
-        bits: the bits of all states, so that equal motions can be told from similar ones.
+        bits: the bits of all states, to distinguish equal motions from similar ones.
         failed: (S,) whether the engine gave up or warned.
         times: (K,) sample times [s].
         positions: (S, K, nbody, 3) centers of mass [m], interpolated to the sample times.
@@ -81,7 +81,7 @@ def tabulate_states(
     Args:
         motion: S seeds of N steps.
         workers: threads that simulate.
-        times: (K,) at which bodies and actuators are sampled [s], the last at most its length.
+        times: (K,) sample times of bodies and actuators [s], the last at most its length.
         extremes_too: False to leave depths and gaps at 0, which take most of the time.
     """
     model, seeds, steps = motion.model, motion.seeds, motion.steps
@@ -101,7 +101,7 @@ def tabulate_states(
     for seed in range(seeds):
         if failed[seed]:
             continue
-        sampler.locate(seed, times, positions[seed], lengths[seed], energies[seed])
+        sampler.locate_bodies(seed, times, positions[seed], lengths[seed], energies[seed])
         if extremes_too:
             _measure_extremes(sampler, seed, range(0, steps + 1, stride), extremes, resting)
     bits = kept[:, : steps + 1].tobytes()
@@ -116,7 +116,7 @@ class _StateSampler:
         self.data = mujoco.MjData(self.model)
         self._motion, self._kept = motion, kept
 
-    def enter(self, seed: int, step: int) -> mujoco.MjData:
+    def enter_state(self, seed: int, step: int) -> mujoco.MjData:
         """Return data at a state, with positions, contacts and gaps."""
         model, data = self.model, self.data
         mujoco.mj_setState(model, data, self._motion.starts[seed], _INTEGRATION)
@@ -124,33 +124,33 @@ class _StateSampler:
         mujoco.mj_fwdPosition(model, data)
         return data
 
-    def locate(
+    def locate_bodies(
         self, seed: int, times: Floats, positions: Floats, lengths: Floats, energies: Floats
     ) -> None:
-        """Fill in what bodies and actuators do at times, by cubic interpolation between steps.
+        """Fill in places, lengths and energies at times; places and lengths by cubic interpolation.
 
         Hermite's cubic has an error of fourth order in the step, below that of any integrator.
         """
         step = float(self.model.opt.timestep)
         for place, time in enumerate(times):
             first = min(int(time / step + 1e-9), self._motion.steps)
-            ends = [self._rates(seed, number) for number in (first, first + 1)]
+            ends = [self._locate_with_rates(seed, number) for number in (first, first + 1)]
             share = time / step - first
             if not np.isfinite(ends[1][0]).all():
                 share = 0.0
                 ends[1] = ends[0]
-            whole = _hermite(ends, share, step)
+            whole = _interpolate_cubic(ends, share, step)
             positions[place] = whole[: positions[place].size].reshape(-1, 3)
             lengths[place] = whole[positions[place].size :]
-            data = self.enter(seed, first)
+            data = self.enter_state(seed, first)
             mujoco.mj_fwdVelocity(self.model, data)
             mujoco.mj_energyPos(self.model, data)
             mujoco.mj_energyVel(self.model, data)
             energies[place] = data.energy.sum()
 
-    def _rates(self, seed: int, step: int) -> tuple[Floats, Floats]:
-        """Return places of bodies and lengths of actuators at a step, and their rates."""
-        model, data = self.model, self.enter(seed, step)
+    def _locate_with_rates(self, seed: int, step: int) -> tuple[Floats, Floats]:
+        # The values are places of bodies and lengths of actuators at a step.
+        model, data = self.model, self.enter_state(seed, step)
         mujoco.mj_fwdVelocity(model, data)
         spin, along = data.cvel[:, :3], data.cvel[:, 3:]
         arm = data.xipos - data.subtree_com[model.body_rootid]
@@ -159,7 +159,7 @@ class _StateSampler:
         return values, np.concatenate([speeds.ravel(), data.actuator_velocity])
 
 
-def _hermite(ends: list[tuple[Floats, Floats]], share: float, step: float) -> Floats:
+def _interpolate_cubic(ends: list[tuple[Floats, Floats]], share: float, step: float) -> Floats:
     (low, low_rate), (high, high_rate) = ends
     square, cube = share**2, share**3
     return (
@@ -177,13 +177,12 @@ def _measure_extremes(
     extremes: dict[str, Extreme],
     resting: Floats,
 ) -> None:
-    """Fill in the largest depth and gap of one seed."""
     rest = 0.8 * steps[-1]
     depths = list[float]()
     for step in steps:
-        data = sampler.enter(seed, step)
+        data = sampler.enter_state(seed, step)
         depth = 0.0
-        for name, value, place in _violations(sampler.model, data):
+        for name, value, place in _find_violations(sampler.model, data):
             depth = max(depth, value) if name == "depth" else depth
             _enter_extreme(extremes, name, seed, value, place)
         if step >= rest:
@@ -202,7 +201,7 @@ def _enter_extreme(
 
 
 def _measure_joints(motion: Motion, kept: Floats, extremes: dict[str, Extreme]) -> None:
-    """Fill in by how much hinges and slides exceed their limits, from all states at once."""
+    # The excess over limits needs only coordinates, so all states are evaluated at once.
     model = motion.model
     for joint in np.flatnonzero(model.jnt_limited):
         if model.jnt_type[joint] not in (_HINGE, _SLIDE):
@@ -218,8 +217,9 @@ def _measure_joints(motion: Motion, kept: Floats, extremes: dict[str, Extreme]) 
             )
 
 
-def _violations(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[tuple[str, float, str]]:
-    """Yield the largest depth and the open equalities of a state, each with its place."""
+def _find_violations(
+    model: mujoco.MjModel, data: mujoco.MjData
+) -> Iterator[tuple[str, float, str]]:
     if data.ncon:
         depths = -np.asarray(data.contact.dist)
         worst = int(np.argmax(depths))
