@@ -58,7 +58,7 @@ WATCHED = (
     ("sweep", "bounce", "--limit", "3", "-o", "store"),
     ("verify", "store"),
     ("report", "store"),
-    ("check", "ball_drop", "--only", "task", "-o", "check"),
+    ("check", "ball_drop", "--check", "task", "-o", "check"),
 )
 """Commands whose imports are watched, in one folder."""
 
