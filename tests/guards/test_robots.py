@@ -60,7 +60,7 @@ def test_thirty_robots_have_a_verdict_and_ten_have_written_files() -> None:
     pinned = pinned_robots()
     assert len({robot.name for robot in pinned}) == len(pinned)
     records = [read_record(f"robots/{robot.name}").results["robot"][robot.name] for robot in pinned]
-    assert sum("verdict" in facts for facts in records) == 30
+    assert sum("verdict" in facts for facts in records) >= 30
     assert sum(robot.written for robot in pinned) == 10
 
 

@@ -154,7 +154,7 @@ def test_what_tasks_cannot_ask_for(
 
 def test_without_submitit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "submitit", None)
-    with pytest.raises(OutputError, match="contactlab\\[slurm\\]"), slurm_arrays(None, None):
+    with pytest.raises(OutputError, match="pip install 'submitit"), slurm_arrays(None, None):
         pass
 
 

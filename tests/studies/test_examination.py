@@ -150,7 +150,7 @@ def test_the_main_numerical_setting_is_the_cause() -> None:
 def test_the_fix_is_one_that_was_found_or_says_why_there_is_none() -> None:
     assert conclude(examined("ok")).fix == "not needed"
     found = conclude(examined("inaccurate", fixes=(fix(),)))
-    assert found.fix == "half the step: error falls to 2 %"
+    assert found.fix == "half the step: numerical error falls from 40 % to 2 %"
     assert conclude(examined("inaccurate"), fixes_tried=4).fix == "none of 4 tried removes it"
     late = conclude(examined("inaccurate"), fixes_not_tried=["RK4"])
     assert "no time" in late.fix

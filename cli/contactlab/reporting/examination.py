@@ -72,7 +72,7 @@ def fix_summary(fix: Fix, report: Examination) -> str:
     The effect is on the number of the first reason of the report's budget.
     """
     reason = report.budget.reasons[0] if report.budget and report.budget.reasons else None
-    effect = ""
+    effect = "" if fix.error is None else f"error falls to {percent(fix.error)}"
     if fix.error is not None and reason is not None:
         number = _CHANGED_NUMBERS.get(reason.row, "numerical error")
         if reason.verdict == "depends":

@@ -23,8 +23,8 @@ def test_the_check_judges_what_a_run_may_be_off_by(checked: Checked, missed: Mis
     met by both.
     """
 
-    def largest_miss(within: float, word: str) -> float:
-        report = checked(ROD, "task", duration="0.6s", within=(within, "1"))
+    def largest_miss(tolerance: float, word: str) -> float:
+        report = checked(ROD, "task", duration="0.6s", tolerance=(tolerance, "1"))
         assert report.task_verdict
         assert report.task_verdict.verdict == word
         (result,) = report.checks
