@@ -154,7 +154,7 @@ STUDIES: dict[str, Callable[[Path], Any]] = {
 def test_a_study_reports_what_its_command_prints(name: str, tmp_path: Path) -> None:
     report = STUDIES[name](tmp_path / "api")
     arguments = {"check": ["ball_drop", "--check", "task"], "stability": ["free_fall"]}
-    command = [sys.executable, "-c", "from contactlab.command_line.main import main; main()", name]
+    command = [sys.executable, "-c", "from contactlab.__main__ import main; main()", name]
     printed = subprocess.run(
         [*command, *arguments[name], "--workers", "0", "--format", "json", "-o", tmp_path / "cli"],
         capture_output=True,

@@ -45,7 +45,7 @@ def _own(tmp_path: Path) -> None:
 def test_an_error_fails(contactlab: Run) -> None:
     code, out, err = contactlab(*FALLS, "--check", "requirements")
     assert code == 1
-    assert "fails requirements_broken" in err
+    assert "own.xml: fails" in err
     assert "requirements: seed 0: still(box, 1 mm): moves by up to" in out
     assert re.search("^FAIL requirements broken 1", out, re.MULTILINE)
     # A check that was not asked for fails nothing.

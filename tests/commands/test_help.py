@@ -20,7 +20,7 @@ COMMANDS = [
 ]
 LOADED = """
 import sys
-from contactlab.command_line.main import main
+from contactlab.__main__ import main
 sys.argv = ["contactlab", *sys.argv[1:]]
 try:
     main()

@@ -132,4 +132,4 @@ def test_the_page_shows_it_of_a_sweep_whose_runs_form_no_pairs(tmp_path: Path) -
     contactlab.report(store, output=tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text()
     assert 'id="sensitivity"' in page
-    assert "Budget of the run at drop_height" in page
+    assert "rror budget of the run at drop_height" in page

@@ -90,7 +90,7 @@ def test_runs_repeat_from_their_store_without_the_policy(folder: Path) -> None:
     for code in (folder / "store" / "scenes").rglob("*.py"):
         code.write_text("raise SystemExit('a store runs no code')")
     # The file is not what it was, so that the run's identity could not be trusted.
-    with pytest.raises(SceneError, match="is not what it was"):
+    with pytest.raises(SceneError, match="has changed"):
         replay(Store.open(folder / "store"), rows(folder)[0]["run_id"])
 
 

@@ -41,7 +41,7 @@ def test_watched_bodies_and_the_share_decide(tmp_path: Path) -> None:
             model, check=["task"], workers=0, output=folder, duration="1.5s", **task
         )
 
-    whole, slow = checked(), checked(watch=["slow"])
+    whole, slow = checked(), checked(observe=["slow"])
     assert whole.task_verdict
     assert slow.task_verdict
     shares = [
@@ -51,10 +51,10 @@ def test_watched_bodies_and_the_share_decide(tmp_path: Path) -> None:
     assert {phase.body for phase in slow.task_verdict.phases} == {"slow"}
     assert shares[1] < shares[0]
     between = f"{50 * sum(shares):.6g}%"
-    assert not checked(within=[between]).passed
-    assert checked(within=[between], watch=["slow"]).passed
+    assert not checked(tolerance=[between]).passed
+    assert checked(tolerance=[between], observe=["slow"]).passed
     with pytest.raises(EngineError, match="no observed body moves"):
-        checked(watch=["world"])
+        checked(observe=["world"])
 
 
 @pytest.mark.parametrize(
