@@ -487,7 +487,7 @@ def line_of(change: Callable[[dict[str, Any]], object]) -> Callable[[bytes], byt
             "is not a valid run record: label: Field required",
         ),
         (line_of(lambda row: row.update(index=0, run_id="0" * 16)), "which is not run 0 of the"),
-        (line_of(lambda row: row.update(scene_hash="0" * 16)), "not of this sweep's"),
+        (line_of(lambda row: row.update(scene_hash="0" * 16)), "but the scene of this sweep is"),
         (line_of(lambda row: row.update(trace_file="../../etc/passwd")), "trace_file: "),
     ],
 )
