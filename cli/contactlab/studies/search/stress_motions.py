@@ -14,14 +14,17 @@ from contactlab.contact.trace_arrays import Floats
 TILT_DEGREES = 20.0  # degrees
 
 
-def tilt_gravity(motion: Motion) -> Motion:
-    """Return a motion with gravity tilted, from the same starts, with the same inputs."""
+def tilt_gravity(motion: Motion, sign: float = 1.0) -> Motion:
+    """Return a motion with gravity tilted, from the same starts, with the same inputs.
+
+    A sign of -1 tilts it the other way.
+    """
     model, angle = copy.copy(motion.model), math.radians(TILT_DEGREES)
     down = np.array(model.opt.gravity)
     size = float(np.linalg.norm(down))
     aside = np.cross(down, [0.0, 1.0, 0.0] if abs(down[1]) < 0.9 * size else [1.0, 0.0, 0.0])
     if size > 0:
-        aside *= size / float(np.linalg.norm(aside))
+        aside *= sign * size / float(np.linalg.norm(aside))
         model.opt.gravity[:] = math.cos(angle) * down + math.sin(angle) * aside
     return replace(motion, model=model, name=f"{motion.name}, tilted")
 

@@ -24,6 +24,7 @@ from contactlab.schema.grip import GripReport
 from contactlab.schema.task import Task
 from contactlab.schema.verification import SkippedRun, Verification, VerifiedMeasure
 from contactlab.studies.check.checked_model import CheckedModel
+from contactlab.studies.examine.fixes import with_new_seeds
 from contactlab.studies.search.reference_error import ErrorEstimate, TaskReference
 from contactlab.studies.task_verdict import run_labels
 from contactlab.studies.verification.grip_measures import compare_grips
@@ -106,12 +107,6 @@ class VerificationRequest:
     notify: Callable[[str], None] = lambda _: None
 
 
-def use_fresh_seeds(task: Task) -> Task:
-    """Return the task with seeds that nothing was chosen by."""
-    count = max(task.seeds) + 1
-    return task.model_copy(update={"seeds": tuple(seed + count for seed in task.seeds)})
-
-
 def verify_change(request: VerificationRequest) -> Verification:
     """Run original and changed model next to each other, and compare all measures.
 
@@ -128,7 +123,7 @@ def verify_change(request: VerificationRequest) -> Verification:
     task = request.original.task
     return Verification(
         seeds=task.seeds,
-        fresh_seeds=use_fresh_seeds(task).seeds,
+        fresh_seeds=with_new_seeds(task).seeds,
         measures=tuple(measures),
         skipped=tuple(panel.skipped),
         identical=panel.identical and not worse,
@@ -185,7 +180,7 @@ class _Panel:
         self.skipped = list[SkippedRun]()
         self.identical = True
         task = request.original.task
-        self._tasks = {"task": task, "task on fresh seeds": use_fresh_seeds(task)}
+        self._tasks = {"task": task, "task on fresh seeds": with_new_seeds(task)}
         self._in_loop = _has_policy(request.original)
 
     def measure_all(self) -> Iterator[VerifiedMeasure]:

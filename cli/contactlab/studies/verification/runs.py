@@ -7,7 +7,6 @@ equal.
 """
 
 import copy
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -17,11 +16,10 @@ import numpy as np
 from contactlab.budget.measuring import reference_of
 from contactlab.budget.motion import INTEGRATION, Motion, without_delays
 from contactlab.scene.drive.signals import control_ranges
+from contactlab.studies.search.stress_motions import TILT_DEGREES, double_inputs, tilt_gravity
 
 REFERENCE_RATE = 4
 """Steps of the reference in one step of the original. A first-order error shrinks to a quarter."""
-TILT = math.radians(20.0)
-"""Loads friction with tan(20 degrees) = .36 of the weight, below the friction of most pads."""
 REST_SECONDS = 2.0
 """Long enough for a creep of .1 mm/s to move a body by .2 mm, far above rounding."""
 TRACKING_SECONDS = 2.0
@@ -104,12 +102,14 @@ def build_load_runs(original: Motion, changed: Motion) -> list[PairedRun]:
     model. `original` and `changed` are the first phase of the task.
     """
     found = list[PairedRun]()
-    for name, change in (
-        ("at rest", lambda model: model),
-        ("tilted by 20 degrees", lambda model: tilt_gravity(model, 1.0)),
-        ("tilted the other way", lambda model: tilt_gravity(model, -1.0)),
+    rests = [hold_inputs(motion, REST_SECONDS, lambda own: own) for motion in (original, changed)]
+    found.append(pair_motions("at rest", *rests, at_rest=True))
+    # At 20 degrees friction carries tan(20 degrees) = .36 of the weight, which most pads hold.
+    for name, sign in (
+        (f"tilted by {TILT_DEGREES:g} degrees", 1.0),
+        ("tilted the other way", -1.0),
     ):
-        pair = (hold_inputs(motion, REST_SECONDS, change) for motion in (original, changed))
+        pair = (tilt_gravity(motion, sign) for motion in rests)
         found.append(pair_motions(name, *pair, at_rest=True))
     passive = (
         hold_inputs(motion, REST_SECONDS, without_actuation) for motion in (original, changed)
@@ -120,7 +120,7 @@ def build_load_runs(original: Motion, changed: Motion) -> list[PairedRun]:
 
 def build_doubled_run(original: Motion, changed: Motion) -> PairedRun:
     """Return the run with twice the controls and pushes; actuators clamp them as they do."""
-    pair = (replace(motion, inputs=2 * motion.inputs) for motion in (original, changed))
+    pair = (double_inputs(motion) for motion in (original, changed))
     return pair_motions(f"{original.name}, inputs doubled", *pair)
 
 
@@ -147,18 +147,6 @@ def hold_inputs(
 def _state_slice(model: mujoco.MjModel, bit: int) -> slice:
     begin = mujoco.mj_stateSize(model, (bit - 1) & INTEGRATION)
     return slice(begin, begin + mujoco.mj_stateSize(model, bit))
-
-
-def tilt_gravity(model: mujoco.MjModel, sign: float) -> mujoco.MjModel:
-    """Return the model with its gravity tilted by `TILT` about a horizontal axis."""
-    down = np.array(model.opt.gravity)
-    size = float(np.linalg.norm(down))
-    if size > 0:
-        axis = [0.0, 1.0, 0.0] if abs(down[1]) < 0.9 * size else [1.0, 0.0, 0.0]
-        aside = np.cross(down, axis)
-        aside *= sign * size / float(np.linalg.norm(aside))
-        model.opt.gravity[:] = math.cos(TILT) * down + math.sin(TILT) * aside
-    return model
 
 
 def without_actuation(model: mujoco.MjModel) -> mujoco.MjModel:
