@@ -17,7 +17,7 @@ from contactlab.engines import ENGINES, Buffers, PreparedRuns
 from contactlab.engines.rollout_trace import make_trace
 from contactlab.engines.sampled_loads import with_loads
 from contactlab.measure import context_of
-from contactlab.measure.coverage import coverages
+from contactlab.measure.coverage import run_coverages
 from contactlab.parts import register_parts
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.run_setup import make_setup
@@ -44,7 +44,7 @@ def measure(reference: str, values: dict[str, object]) -> None:
     rollout = ENGINES["mujoco"].roll_out(runs, Buffers())
     trace = make_trace(runs.base, runs.prepared, rollout)
     setup = make_setup(runs.base, scene.source.manifest, resolved, runs.models, {})
-    context, start = context_of(trace, setup), runs.starts.pick(0)
+    context, start = context_of(trace, setup), runs.starts.select_run(0)
 
     def step() -> None:
         data = mujoco.MjData(runs.models[0])
@@ -52,7 +52,7 @@ def measure(reference: str, values: dict[str, object]) -> None:
         mujoco.mj_step(runs.models[0], data, runs.steps)
 
     bare = least(step) * RUNS
-    shares = (least(lambda: coverages(context)), least(lambda: with_loads(runs, rollout)))
+    shares = (least(lambda: run_coverages(context)), least(lambda: with_loads(runs, rollout)))
     print(f"{reference}: coverage {shares[0] / bare:.2%}, loads {shares[1] / bare:.2%} of stepping")
 
 

@@ -68,7 +68,9 @@ def measure(model: str, folder: Path) -> None:
     for _ in range(ROUNDS):
         for name, each in scenes.items():
             runs = [each.resolve({}, seed, SECONDS) for seed in range(RUNS)]
-            starts[name] = min(starts[name], least(lambda each=each, runs=runs: each.starts(runs)))
+            starts[name] = min(
+                starts[name], least(lambda each=each, runs=runs: each.initial_states(runs))
+            )
         for name, job in jobs.items():
             steps[name] = min(steps[name], least(lambda job=job: engine.roll_out(job, buffers)))
     whole = starts["undriven"] + steps["undriven"]

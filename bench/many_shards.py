@@ -26,7 +26,7 @@ from contactlab.parts import register_parts
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import IDENTITY, MANIFEST, TABLE
 from contactlab.store.table_layout import COLUMNS_OF_MACHINE
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 SHARDS, EVERY = 64, 13
 """Shards, and of how many one is killed."""
@@ -125,7 +125,7 @@ def likeness(one: Path, merged: Path) -> str:
     digests = {Store.open(folder).physics for folder in (one, merged)}
     return (
         f"{equal} of {len(names)} columns and {alike} of {len(traces[0])} traces equal, "
-        f"{len(digests)} digest of the physics, {len(verify(merged))} problems"
+        f"{len(digests)} digest of the physics, {len(find_problems(merged))} problems"
     )
 
 

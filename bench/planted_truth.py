@@ -47,10 +47,10 @@ class PlainRuns:
         friction = values.get("friction.slide", 1.0)
         timeconst = values.get("solref.timeconst", 0.02)
         text = MODEL.format(friction=friction, timeconst=timeconst, height=0.03)
-        model, motion = mujoco.MjModel.from_xml_string(text), self._recorded.motion(runs)
+        model, motion = mujoco.MjModel.from_xml_string(text), self._recorded.recorded_motion(runs)
         step = model.opt.timestep
-        starts = [np.array([0.0, *self._recorded.start(each)]) for each in runs]
-        steps = round(max(map(self._recorded.lasts, runs)) / step)
+        starts = [np.array([0.0, *self._recorded.start_state(each)]) for each in runs]
+        steps = round(max(map(self._recorded.duration_of, runs)) / step)
         found = rollout.rollout(model, mujoco.MjData(model), np.array(starts), nstep=steps)[0]
         assert found is not None
         states = np.concatenate([np.array(starts)[:, None], np.asarray(found)], axis=1)

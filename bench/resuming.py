@@ -23,7 +23,7 @@ from bench.planning import EnoughError, grid, spent_by
 
 from contactlab.parts import register_parts
 from contactlab.store.finished_store import Store
-from contactlab.store.row_journal import SEAL_SIZE, SHARED, row_extent, sealed
+from contactlab.store.row_journal import SEAL_SIZE, SHARED, row_extent, with_checksum
 
 SIZES = (100_000, 1_000_000)
 _OTHERS = "duration: 0.1\ntrace: none\nchecks: none\n"
@@ -69,7 +69,7 @@ def make_journal(file: Path) -> None:
         for place in np.argsort(np.arange(len(ids)) + late).tolist():
             head = b'{"run_id":"%b","index":%d' % (ids[place].encode(), place)
             row = rows[place % len(rows)]
-            made_up.write(sealed(_HEAD.sub(head, row[:-SEAL_SIZE])))
+            made_up.write(with_checksum(_HEAD.sub(head, row[:-SEAL_SIZE])))
 
 
 def _enough(_: object) -> None:

@@ -20,7 +20,7 @@ def plain_runs(sweep: Path) -> list[PlainRun]:
     resolved = [
         scene.resolve(run.values, run.seed, read.sweep.duration) for run in read.plan.runs()
     ]
-    qpos, qvel, *_ = scene.starts(resolved)
+    qpos, qvel, *_ = scene.initial_states(resolved)
     text = scene.source.model.read_text(encoding="utf-8")
     boxes = resolved[0].structure.get("boxes", 10)
     model = sweep.with_suffix(".xml")

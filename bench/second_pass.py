@@ -17,7 +17,7 @@ from statistics import median
 import mujoco
 
 from contactlab.engines import PreparedRuns
-from contactlab.engines.mujoco_batch import driven, start_batch
+from contactlab.engines.mujoco_batch import driven_inputs, start_batch
 from contactlab.scene.scene import Scene
 
 SCENES = ("ball_drop", "box_stack", "gripping_pad", "grasp_mug")
@@ -59,8 +59,8 @@ def bare_steps(scene: str) -> float:
     spent = 0.0
     for run, model in enumerate(runs.models):
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
-        start = runs.starts.pick(run)
-        batch, inputs = start_batch([model], start), driven(model, start, 0, runs.steps)
+        start = runs.starts.select_run(run)
+        batch, inputs = start_batch([model], start), driven_inputs(model, start, 0, runs.steps)
         begin = time.process_time()
         batch.rollout(runs.steps, record=[], **inputs)
         spent += time.process_time() - begin

@@ -19,7 +19,7 @@ from statistics import median
 import numpy as np
 
 from contactlab import resources
-from contactlab.pareto.analysis import analyze
+from contactlab.pareto.analysis import analyze_tradeoff
 from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store
 
@@ -106,7 +106,7 @@ def _run(sweep: str, options: list[str], store: Path) -> TradeoffReport:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if not (store / "manifest.json").is_file():
         raise RuntimeError(f"{' '.join(command)} failed:\n{done.stdout}{done.stderr}")
-    return analyze(Store.open(store))
+    return analyze_tradeoff(Store.open(store))
 
 
 def _times(report: TradeoffReport) -> dict[str, float]:

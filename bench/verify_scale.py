@@ -53,8 +53,8 @@ def make_store(file: Path) -> None:
     from contactlab.run.planned_runs import RunIndex  # noqa: PLC0415
     from contactlab.run.sweep_request import read_request  # noqa: PLC0415
     from contactlab.run.sweep_runner import run_sweep  # noqa: PLC0415
-    from contactlab.store.row_journal import read_lines, sealed  # noqa: PLC0415
-    from contactlab.store.table_layout import as_written  # noqa: PLC0415
+    from contactlab.store.row_journal import read_lines, with_checksum  # noqa: PLC0415
+    from contactlab.store.table_layout import axis_cell  # noqa: PLC0415
 
     store = file.with_suffix("")
     ask = read_request(file, file.stem, store, folder=file.parent, workers=0)
@@ -65,11 +65,11 @@ def make_store(file: Path) -> None:
     with journal.open("wb") as made_up:
         for run in RunIndex(ask.plan, ask.scene).runs():
             own = {"run_id": run.run_id, "index": run.index, "seed": run.seed}
-            axes = {name: as_written(value) for name, value in run.axes.items()}
+            axes = {name: axis_cell(value) for name, value in run.axes.items()}
             simulated = template["steps"] * run.timestep
             cost = {"cost_cpu_per_sim_s": template["cost_cpu_s"] / simulated}
             row = template | own | axes | cost | {"settings": run.values}
-            made_up.write(sealed(to_json(row)))
+            made_up.write(with_checksum(to_json(row)))
     run_sweep(ask, lambda *_: None, lambda _: None)
 
 
@@ -86,9 +86,9 @@ def measure(what: str, file: Path) -> None:
 
         problems = list(recomputed_problems(Store.unchecked(store)))
     else:
-        from contactlab.store.verify_store import verify  # noqa: PLC0415
+        from contactlab.store.verify_store import find_problems  # noqa: PLC0415
 
-        problems = verify(store)
+        problems = find_problems(store)
     assert problems == [], problems[:3]
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     print(json.dumps([time.time() - wall, time.process_time() - cpu, peak]))

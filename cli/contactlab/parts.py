@@ -53,9 +53,9 @@ def _window() -> Any:  # noqa: ANN401 - a function
 
 
 def _geoms() -> Any:  # noqa: ANN401 - a function
-    from contactlab.run.geom_words import told_of_runs
+    from contactlab.run.geom_naming import geom_replacers
 
-    return told_of_runs
+    return geom_replacers
 
 
 def _lock_schema() -> Any:  # noqa: ANN401 - a class

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.accuracy.reference import Discrepancy, distances, drifts
+from contactlab.accuracy.reference import Discrepancy, invariant_drifts, trajectory_distances
 from contactlab.contact.trace_arrays import Floats, Invariants
 from contactlab.scene.run_setup import joints_of
 
@@ -66,7 +66,7 @@ def by_the_engine(model: mujoco.MjModel, first: Floats, second: Floats) -> float
 @given(first=configurations(), second=configurations())
 def test_it_is_the_engines_difference(model: mujoco.MjModel, first: Floats, second: Floats) -> None:
     # Both lose digits of an angle near pi, where its tangent is steep: sqrt of rounding.
-    found = distances(joints_of(model), first, second)[0]
+    found = trajectory_distances(joints_of(model), first, second)[0]
     assert found == pytest.approx(by_the_engine(model, first, second), rel=1e-6, abs=1e-7)
 
 
@@ -77,7 +77,7 @@ def test_it_is_a_metric(
     joints = joints_of(model)
 
     def apart(one: Floats, other: Floats) -> float:
-        return float(distances(joints, one, other)[0])
+        return float(trajectory_distances(joints, one, other)[0])
 
     assert apart(first, first) <= 1e-15
     assert apart(first, second) == pytest.approx(apart(second, first), rel=1e-12, abs=1e-15)
@@ -95,12 +95,14 @@ def conserved(energy: list[float], kinetic: list[float], lift: float) -> Invaria
 def test_energy_is_a_share_of_what_moves() -> None:
     reference = conserved([5.0, 5.0, 5.0], [0.0, 4.0, 2.0], 1.0)
     run = conserved([5.0, 5.5, 6.0], [9.0, 9.0, 9.0], 1.0)
-    assert drifts(run, reference).tolist() == [0.0, 0.125, 0.25]
+    assert invariant_drifts(run, reference).tolist() == [0.0, 0.125, 0.25]
 
 
 def test_energy_of_what_hardly_moves_is_a_share_of_a_lift() -> None:
     reference = conserved([5.0], [1e-9], 0.5)
-    assert drifts(conserved([5.1], [0.0], 0.5), reference) == pytest.approx([0.2], rel=1e-12)
+    assert invariant_drifts(conserved([5.1], [0.0], 0.5), reference) == pytest.approx(
+        [0.2], rel=1e-12
+    )
 
 
 def test_momenta_count_where_they_are_conserved() -> None:
@@ -110,5 +112,5 @@ def test_momenta_count_where_they_are_conserved() -> None:
     )
     moved = reference._replace(momentum=np.array([[0.0, 0.0, 2.0]]))
     turned = reference._replace(angular_momentum=np.array([[0.0, 3.0, 0.6]]))
-    assert drifts(moved, reference) == pytest.approx([0.5], rel=1e-12)
-    assert drifts(turned, reference) == pytest.approx([0.2], rel=1e-12)
+    assert invariant_drifts(moved, reference) == pytest.approx([0.5], rel=1e-12)
+    assert invariant_drifts(turned, reference) == pytest.approx([0.2], rel=1e-12)

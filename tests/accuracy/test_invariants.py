@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.accuracy.reference import invariants
+from contactlab.accuracy.reference import state_invariants
 
 BALL = """
 <mujoco>
@@ -21,14 +21,14 @@ def test_energy_and_momenta_are_those_of_the_motion() -> None:
     model = mujoco.MjModel.from_xml_string(BALL)
     qpos = np.array([[0, 0, 100, 1, 0, 0, 0.0]])
     qvel = np.array([[1, 0, 0, 0, 0, 2.0]])
-    found = invariants(model, qpos, qvel, free=True)
+    found = state_invariants(model, qpos, qvel, free=True)
     kinetic = 1.5 + 0.5 * 0.4 * 3 * 0.01 * 4
     assert found.kinetic == pytest.approx([kinetic], rel=1e-12)
     assert found.energy == pytest.approx([kinetic + 3 * 10 * 100], rel=1e-12)
     assert found.momentum is None, "gravity takes momentum away"
     assert found.lift == pytest.approx(3 * 10 * 1e-3)
     model.opt.gravity[:] = 0
-    still = invariants(model, qpos, qvel, free=True)
+    still = state_invariants(model, qpos, qvel, free=True)
     assert still.momentum == pytest.approx(np.array([[3.0, 0, 0]]), abs=1e-12)
     assert still.angular_momentum == pytest.approx(
         np.array([[0, 0, 0.4 * 3 * 0.01 * 2]]), abs=1e-12

@@ -120,7 +120,7 @@ def test_every_option_was_decided_on() -> None:
 def test_a_reference_is_solved_to_the_end(scene: Scene) -> None:
     run = scene.resolve({"solver": "PGS", "iterations": 1, "island": False}, 0, None)
     settled = with_reference_numerics(run, "RK4", 1e-5)
-    option = scene.prepare(settled, scene.starts([settled])).model.opt
+    option = scene.prepare(settled, scene.initial_states([settled])).model.opt
     assert (option.timestep, option.iterations, option.tolerance) == (1e-5, 200, 1e-12)
     assert settled.settings["solver"] == "Newton"
     assert settled.flags["island"]
@@ -128,7 +128,7 @@ def test_a_reference_is_solved_to_the_end(scene: Scene) -> None:
 
 def test_a_perturbed_copy_differs_by_next_to_nothing(scene: Scene) -> None:
     run = scene.resolve({}, 0, None)
-    start = scene.starts([run])
+    start = scene.initial_states([run])
     joints = joints_of(scene.base_of(run).model)
     copy = perturbed_copy(start, joints, 3)
     apart = np.concatenate([(copy.qpos - start.qpos)[0], (copy.qvel - start.qvel)[0]])

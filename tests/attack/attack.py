@@ -34,14 +34,14 @@ from contactlab.run import planned_runs
 from contactlab.run.recomputed_runs import (
     recomputed_problems,
     simulated_problems,
-    unplanned,
-    unresolved,
+    why_ids_unverifiable,
+    why_plan_unverifiable,
 )
 from contactlab.run.sweep_request import SweepRequest, read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.run.tasks import ProgressCallback
 from contactlab.store.finished_store import Store
-from contactlab.store.verify_store import unverified, verify, write_baseline
+from contactlab.store.verify_store import find_problems, unverifiable_parts, write_baseline
 
 register_parts()
 MODEL = """
@@ -234,7 +234,7 @@ def judge_resumed(store: Path, whole: Any) -> str:
                     return "harmless"
             except ContactlabError:
                 return "detected"
-        return "detected" if verify(store) else judge_runs(Store.open(store))
+        return "detected" if find_problems(store) else judge_runs(Store.open(store))
     except Exception as error:  # noqa: BLE001 - whatever it is, it is no message to a user
         return f"failed: {type(error).__name__}: {error}"[:200]
 
@@ -249,7 +249,7 @@ def lasting(said: Any) -> object:
 
 def left_out(store: Store) -> list[str | None]:
     """Return what of a store `verify` says that it could not verify."""
-    return [*unverified(store), unresolved(store), unplanned(store)]
+    return [*unverifiable_parts(store), why_ids_unverifiable(store), why_plan_unverifiable(store)]
 
 
 def judge(store: Path, before: object) -> str:
@@ -257,7 +257,7 @@ def judge(store: Path, before: object) -> str:
     try:
         with bounded():
             try:
-                sound = not verify(store)
+                sound = not find_problems(store)
             except ContactlabError:
                 sound = False
             try:
@@ -275,7 +275,7 @@ def judge(store: Path, before: object) -> str:
 
 def judge_runs(store: Store) -> str:
     """Return whether the engine finds out a store whose files and records are sound."""
-    if unresolved(store) is None:
+    if why_ids_unverifiable(store) is None:
         if any(recomputed_problems(store)):
             return OUTCOMES[2]
         if any(simulated_problems(store, store.manifest.runs)):

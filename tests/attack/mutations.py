@@ -18,9 +18,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from contactlab.store.mcap.file_parts import encode_file
-from contactlab.store.mcap.stored_messages import message_stream, start_of, stored_file
+from contactlab.store.mcap.stored_messages import file_start_of, message_stream, stored_file
 from contactlab.store.mcap.trace_messages import HEADER_SIZE
-from contactlab.store.row_journal import SEAL_SIZE, row_extent, sealed
+from contactlab.store.row_journal import SEAL_SIZE, row_extent, with_checksum
 from contactlab.store.runs_table import count_outcomes, digests_of
 
 TABLE, MANIFEST, IDENTITY = "runs.parquet", "manifest.json", "sweep.json"
@@ -333,7 +333,7 @@ def reseal(store: Path) -> None:
         lines = path.read_bytes().splitlines(keepends=True)
         path.write_bytes(
             b"".join(
-                sealed(line[:-SEAL_SIZE]) if line[-SEAL_SIZE:].startswith(b"\t") else line
+                with_checksum(line[:-SEAL_SIZE]) if line[-SEAL_SIZE:].startswith(b"\t") else line
                 for line in lines
             )
         )
@@ -383,7 +383,7 @@ def _write_changed(path: Path, chance: random.Random) -> int:
     place = chance.randrange(int(stream.sizes[row, column]) - HEADER_SIZE)
     data = stream.data.copy()
     data[stream.offsets[row, column] + HEADER_SIZE + place] ^= 1 << chance.randrange(8)
-    path.write_bytes(encode_file(start_of(file), replace(stream, data=data)))
+    path.write_bytes(encode_file(file_start_of(file), replace(stream, data=data)))
     return place
 
 

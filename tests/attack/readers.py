@@ -32,7 +32,7 @@ from contactlab.store.row_journal import write_journal
 from contactlab.store.runs_table import iterate_rows
 from contactlab.store.store_files import parse_identity, parse_manifest
 from contactlab.store.store_writer import open_writer
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 POLICY = b"""
 version: 1
@@ -186,7 +186,7 @@ class _TableReader:
         manifest = json.loads(path.read_text())
         manifest["files"]["runs.parquet"] = hashlib.sha256(data).hexdigest()
         path.write_text(json.dumps(manifest))
-        verify(self.store)
+        find_problems(self.store)
         opened = Store.open(self.store)
         for record in opened.records():
             opened.record(record.run_id)

@@ -8,7 +8,7 @@ from tests.budget_motions import motion_of, walker
 from contactlab.budget import ROWS, ErrorBudget, Motion, Reading, Row, Settings, error_budget, judge
 from contactlab.budget.rows import stiffened
 from contactlab.engines.older_mujoco import StepLoop
-from contactlab.scene.part_bodies import hauled
+from contactlab.scene.part_bodies import is_mocap_driven
 
 FAST = Settings(energy=False, places=False)
 
@@ -208,7 +208,7 @@ def test_a_weld_by_which_a_mocap_body_leads_is_no_softness(sites: bool) -> None:
     assert joined is not None
     assert joined.error > 0.1
     assert reading(led(sites=sites), "equality softness") is None
-    assert list(hauled(led(sites=sites).model)) == [True]
+    assert list(is_mocap_driven(led(sites=sites).model)) == [True]
 
 
 def test_beside_a_mocap_body_s_weld_other_equalities_are_judged() -> None:
@@ -219,7 +219,7 @@ def test_beside_a_mocap_body_s_weld_other_equalities_are_judged() -> None:
     )
     both = text.replace("</worldbody>", "", 1).replace("<equality>", fixed, 1)
     motion = motion_of(both, 0.3)
-    assert list(hauled(motion.model)) == [False, True]
+    assert list(is_mocap_driven(motion.model)) == [False, True]
     found = reading(motion, "equality softness")
     assert found is not None
     assert found.exercised

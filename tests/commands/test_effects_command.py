@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from contactlab.command_line.main import command_line
 from contactlab.schema.study_reports import EffectsReport
 from contactlab.store.finished_store import Store
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 SLIDE = "version: 1\nscene: box_slide\nduration: 0.2\ntolerances: {drift: 0.01}\n"
 
@@ -37,7 +37,7 @@ def test_report_figure_and_evidence(tmp_path: Path) -> None:
     assert all(each.time_ratio is not None for each in report.effects if each.verdict != "unused")
     assert report.time_ratio is not None
     for name in report.stores:
-        assert verify(out / name) == []
+        assert find_problems(out / name) == []
     assert Store.open(out / "one-by-one").manifest.sweep.resolved["effects"] == {"base": "all"}
 
 

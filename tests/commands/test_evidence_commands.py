@@ -16,7 +16,7 @@ import pytest
 from contactlab.run.stored_runs import PreparedReplay
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.finished_store import Store
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 Run = Callable[..., Any]
 replaying = importlib.import_module("contactlab.run.stored_runs")
@@ -98,7 +98,7 @@ def test_a_sample_looks_at_its_share_of_the_runs(contactlab: Run, store: Path, r
     trace.write_bytes(trace.read_bytes()[:-100])
     for place in range(4):
         chosen = np.arange(4) == place
-        assert bool(verify(store, chosen=chosen)) == (place == 2)
+        assert bool(find_problems(store, chosen=chosen)) == (place == 2)
     assert contactlab("verify", str(store), "--sample", "100 %")[0] == 3
 
 

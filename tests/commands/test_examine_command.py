@@ -60,16 +60,16 @@ def stepped(model: str, seconds: float) -> list[Motion]:
     scene = SceneLoader(Path()).open(model).with_effects("all")
     task = scene.task({}, seconds)
     runs = [scene.resolve({}, seed, seconds) for seed in task.seeds]
-    starts = scene.starts(runs)
-    compiled = scene.prepare(runs[0], starts.pick(0)).model
+    starts = scene.initial_states(runs)
+    compiled = scene.prepare(runs[0], starts.select_run(0)).model
     begin = round(task.phases[1].begin / compiled.opt.timestep)
     spans = {"rest": (0, begin), "excitation": (begin, runs[0].steps)}
     states = np.empty((len(runs), runs[0].steps, mujoco.mj_stateSize(compiled, INTEGRATION)))
     inputs = list[Floats]()
     for run in range(len(runs)):
-        data, start = mujoco.MjData(compiled), starts.pick(run)
+        data, start = mujoco.MjData(compiled), starts.select_run(run)
         data.qpos[:], data.qvel[:] = start.qpos[0], start.qvel[0]
-        rows = start.inputs(0, compiled.opt.timestep, np.arange(runs[0].steps))
+        rows = start.input_rows(0, compiled.opt.timestep, np.arange(runs[0].steps))
         inputs.append(rows[:, : compiled.nu + 6 * compiled.nbody])
         for step, row in enumerate(rows):
             apply_inputs(compiled, data, row)

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from contactlab.store.finished_store import Store
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 Run = Callable[..., Any]
 
@@ -77,7 +77,7 @@ def test_models_run_and_replay(
     sweep = sweep_of(tmp_path, scene)
     code, _, err = contactlab("sweep", sweep, "-o", "store", "--workers", "0")
     assert (code, err) == (0, "")
-    assert verify(tmp_path / "store") == []
+    assert find_problems(tmp_path / "store") == []
     (kept,) = (tmp_path / "store/scenes").iterdir()
     assert {path.relative_to(kept).as_posix() for path in kept.rglob("*.*")} == stored
     for path in tmp_path.glob("own*"):

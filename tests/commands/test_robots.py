@@ -9,7 +9,7 @@ import pytest
 
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 Run = Callable[..., Any]
 ROBOT = "menagerie:franka_emika_panda/panda"
@@ -68,7 +68,7 @@ def use(contactlab: Run, folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[
     store = Store.open(folder / "store")
     records = [store.record(run) for run in store.table["run_id"].to_pylist()]
     assert {each.scene for each in records} == {"franka_emika_panda-panda"}
-    assert verify(folder / "store") == []
+    assert find_problems(folder / "store") == []
     assert contactlab("show", "store")[0] == 0
     for each in records:
         assert contactlab("show", "store", each.run_id)[0] == 0

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from contactlab.contact.contact_laws import (
     damping_ratio,
     damping_ratio_of,
-    impedance,
+    impedance_at,
     rest_penetration,
-    restitution_of,
+    restitution_from_damping,
     stiffness_damping,
 )
 
@@ -33,7 +33,9 @@ def test_known_damping_ratios(restitution: float, zeta: float) -> None:
 
 @given(positive(1e-3, 1.0))
 def test_damping_ratio_inverts_restitution(restitution: float) -> None:
-    assert restitution_of(damping_ratio_of(restitution)) == pytest.approx(restitution, rel=1e-9)
+    assert restitution_from_damping(damping_ratio_of(restitution)) == pytest.approx(
+        restitution, rel=1e-9
+    )
 
 
 @pytest.mark.parametrize("restitution", [0.0, -0.1, 1.1, np.nan])
@@ -44,15 +46,15 @@ def test_impossible_restitution_is_refused(restitution: float) -> None:
 
 @given(positive(0.0, 50.0), positive(1e-3, 1.0))
 def test_restitution_falls_with_damping(zeta: float, more: float) -> None:
-    assert restitution_of(zeta + more) < restitution_of(zeta) <= 1
+    assert restitution_from_damping(zeta + more) < restitution_from_damping(zeta) <= 1
 
 
 def test_restitution_is_smooth_at_critical_damping_and_defined_at_the_ends() -> None:
     # de/dzeta at 1 is -4/3 exp(-2), so a step of 1e-6 moves e by 1.8e-7.
-    below, at, above = restitution_of([1 - 1e-6, 1, 1 + 1e-6])
+    below, at, above = restitution_from_damping([1 - 1e-6, 1, 1 + 1e-6])
     assert below - at == pytest.approx(at - above, rel=1e-2)
     assert at - above == pytest.approx(4 / 3 * np.exp(-2) * 1e-6, rel=1e-2)
-    assert restitution_of([0, np.inf]).tolist() == [1, 0]
+    assert restitution_from_damping([0, np.inf]).tolist() == [1, 0]
 
 
 def test_restitution_is_that_of_a_clipped_oscillator() -> None:
@@ -64,7 +66,7 @@ def test_restitution_is_that_of_a_clipped_oscillator() -> None:
         power = np.eye(2) + matrix * step + (matrix * step) @ (matrix * step) / 2
         while (matrix @ state)[1] >= 0:
             state = power @ state
-        assert state[1] == pytest.approx(restitution_of(zeta), abs=2e-4)
+        assert state[1] == pytest.approx(restitution_from_damping(zeta), abs=2e-4)
 
 
 @given(positive(1e-4, 1.0), positive(0.01, 5.0))
@@ -82,13 +84,13 @@ def test_no_stiffness_is_all_damping() -> None:
 def test_impedance_runs_from_start_to_end() -> None:
     solimp = (0.5, 0.9, 0.01, 0.3, 3.0)
     depth = np.linspace(0, 0.02, 201)
-    values = impedance(depth, solimp)
+    values = impedance_at(depth, solimp)
     assert values[0] == 0.5
     assert values[100:] == pytest.approx(0.9)
     assert np.all(np.diff(values[:101]) > 0)
     # At the midpoint, the share of the rise is the midpoint.
-    assert impedance(0.003, solimp) == pytest.approx(0.5 + 0.3 * 0.4)
-    assert impedance(1.0, (0.5, 0.9, 0.0, 0.5, 2.0)) == pytest.approx(0.7)
+    assert impedance_at(0.003, solimp) == pytest.approx(0.5 + 0.3 * 0.4)
+    assert impedance_at(1.0, (0.5, 0.9, 0.0, 0.5, 2.0)) == pytest.approx(0.7)
 
 
 @pytest.mark.parametrize("solimp", ["2 .95 .001", ".99 .5 1e-5", ".5 .99 1e-4"])
@@ -129,7 +131,7 @@ def test_rest_penetration_balances(
 ) -> None:
     solref, solimp = (timeconst, 1.0), (start, 0.95, width, 0.5, 2.0)
     depth = rest_penetration(load, inverse, solref, solimp)
-    d = impedance(depth, solimp)
+    d = impedance_at(depth, solimp)
     stiffness, _ = stiffness_damping(solref)
     # Contact acceleration K r d^2 / dwidth^2 against (1 - d) times that of the load. Sixty
     # halvings of a bracket that spans at most a factor (.99 / .01^2) / (.05 / .95^2) = 2e5.

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from contactlab.contact.rotations import (
     angles_between,
-    rotate,
-    rotate_back,
+    rotate_vectors,
+    rotate_vectors_back,
     rotation_from_x,
     rotation_matrices,
 )
@@ -30,7 +30,7 @@ UNIT = unit(4)
 def test_matrices_turn_as_quaternions_and_as_the_engine(rotation: Floats, vector: Floats) -> None:
     turned = np.zeros(3)
     mujoco.mju_rotVecQuat(turned, vector, rotation)
-    assert rotate(rotation, vector) == pytest.approx(turned, abs=1e-14)
+    assert rotate_vectors(rotation, vector) == pytest.approx(turned, abs=1e-14)
     assert rotation_matrices(rotation[None])[0] @ vector == pytest.approx(turned, abs=1e-14)
 
 
@@ -38,14 +38,14 @@ def test_matrices_turn_as_quaternions_and_as_the_engine(rotation: Floats, vector
 def test_turning_keeps_lengths_and_comes_back(numbers: list[float]) -> None:
     quaternion, vector = np.array([1.5, 0, 0, 0]) + numbers[:4], np.array(numbers[4:])
     quaternion /= np.linalg.norm(quaternion)
-    there = rotate(quaternion, vector)
+    there = rotate_vectors(quaternion, vector)
     assert np.linalg.norm(there) == pytest.approx(np.linalg.norm(vector), abs=1e-12)
-    assert rotate_back(quaternion, there) == pytest.approx(vector, abs=1e-12)
+    assert rotate_vectors_back(quaternion, there) == pytest.approx(vector, abs=1e-12)
 
 
 def test_a_quarter_turn_about_z_takes_x_to_y() -> None:
     quarter = np.array([np.cos(np.pi / 4), 0, 0, np.sin(np.pi / 4)])
-    assert rotate(quarter, np.array([1.0, 0, 0])) == pytest.approx([0, 1, 0], abs=1e-15)
+    assert rotate_vectors(quarter, np.array([1.0, 0, 0])) == pytest.approx([0, 1, 0], abs=1e-15)
 
 
 @given(rotation=UNIT, axis=unit(3), angle=st.floats(1e-12, 3.1))
@@ -72,4 +72,6 @@ def test_the_x_axis_is_turned_into_any_direction(vector: tuple[float, float, flo
     quaternion = rotation_from_x(np.array(vector))
     assert abs(np.linalg.norm(quaternion) - 1) < 1e-15 * 4
     # The half angle's sum is at least 1, so that no digits are lost: a few roundings remain.
-    np.testing.assert_allclose(rotate(quaternion, np.array([1.0, 0, 0])), direction, atol=4e-15)
+    np.testing.assert_allclose(
+        rotate_vectors(quaternion, np.array([1.0, 0, 0])), direction, atol=4e-15
+    )

@@ -18,7 +18,7 @@ from contactlab.errors import SceneError
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.store.finished_store import Store
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 TWIN = '''
 """MuJoCo in another process."""
@@ -140,7 +140,7 @@ def test_another_process_makes_the_same_runs(install: Install, tmp_path: Path) -
             assert getattr(ours_pair, name).tobytes() == getattr(their_pair, name).tobytes()
         for metric in ("penetration_max", "slip_distance", "solver_iterations_mean"):
             assert theirs.metrics[metric] == ours.metrics[metric]
-    assert verify(tmp_path / "store") == []
+    assert find_problems(tmp_path / "store") == []
 
 
 @pytest.mark.long

@@ -18,7 +18,7 @@ from contactlab.engines import (
     proceed_always,
 )
 from contactlab.errors import EngineError, PluginError, SceneError
-from contactlab.run.stored_runs import replay
+from contactlab.run.stored_runs import replay_run
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.scene.run_spec import RunSpec
@@ -41,7 +41,7 @@ class FreeFallEngine(SimulationEngine):
 
     def refusal(self, scene: Scene, run: RunSpec) -> str | None:
         """Return why it cannot simulate a run: more than one free body, or what could touch it."""
-        model, start = scene.base_of(run).model, scene.starts([run])
+        model, start = scene.base_of(run).model, scene.initial_states([run])
         if (model.nq, model.nv, model.ngeom) != (7, 6, 1) or start.qvel[0, 3:].any():
             return "the free_fall engine moves one free body that does not turn; use engine: mujoco"
         return super().refusal(scene, run)
@@ -167,7 +167,7 @@ def test_passes_leave_out_what_it_cannot_do() -> None:
 def test_it_replays_its_runs() -> None:
     store = swept(SWEEP)
     for record in by_engine(store)["free_fall"]:
-        assert replay(store, record.run_id).equal
+        assert replay_run(store, record.run_id).equal
 
 
 def test_what_it_cannot_do_is_refused_before_anything_runs() -> None:
@@ -197,7 +197,7 @@ def test_without_it_a_stored_run_says_what_is_missing() -> None:
     run = by_engine(store)["free_fall"][0].run_id
     ENGINES.pop("free_fall")
     with pytest.raises(EngineError, match=r"no engine 'free_fall'; .*; if a plug-in adds it"):
-        replay(store, run)
+        replay_run(store, run)
 
 
 def test_no_two_engines_share_a_name() -> None:

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contactlab import resources
-from contactlab.scene.model_edits import FLAGS
+from contactlab.scene.model_edits import FLAG_NAMES
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.scene import Scene
 from contactlab.store.control_tables import read_control_table
@@ -68,7 +68,7 @@ FIELDS: dict[str, Any] = {
     "pair_friction[rub,0]": 0.9,
     "eq_active0[grip]": 0,
 }
-SWITCHES = [flag for flag in FLAGS if flag not in PARAMETERS]
+SWITCHES = [flag for flag in FLAG_NAMES if flag not in PARAMETERS]
 CHOICES = [(name, word) for name, each in PARAMETERS.items() for word in each.choices]
 
 

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.contact.contact_laws import damping_ratio, restitution_of
+from contactlab.contact.contact_laws import damping_ratio, restitution_from_damping
 from contactlab.engines.adapted_engine import AdaptedEngine, adapted_engines
 from contactlab.resources import ADAPTERS
 
@@ -342,7 +342,7 @@ def test_what_is_changed_on_the_way_to_free_bodies_and_arms_is_found(
 def test_a_ball_bounces_as_its_damping_says(name: str, step: float) -> None:
     model, data = one(step, BALL, both='solref="-160000 -144.7"')
     speeds = states(ENGINES[name], model, data, round(0.7 / step))[:, 9]
-    expected = float(restitution_of(damping_ratio((-160000.0, -144.7))))
+    expected = float(restitution_from_damping(damping_ratio((-160000.0, -144.7))))
     # A step of fall before and after, of 4.43 m/s.
     assert abs(speeds.max() / -speeds.min() - expected) < 2 * 9.81 * step / 4.43
 
@@ -363,7 +363,7 @@ def test_a_soft_ball_bounces_as_mujocos_does(name: str, damping: float) -> None:
     # What differs by rounding, 2e-16, of solvers that end at 1e-8 of a step's gain.
     assert np.abs(told - own).max() < 1e-7
     speeds = told[:, 9]
-    expected = float(restitution_of(damping_ratio((-160000.0, -damping))))
+    expected = float(restitution_from_damping(damping_ratio((-160000.0, -damping))))
     assert speeds.max() / -speeds.min() == pytest.approx(expected, abs=(400 * 0.0005) ** 2)
 
 
@@ -382,7 +382,7 @@ def test_a_bounce_that_the_engine_gets_wrong_is_the_engines_own(name: str) -> No
     own = {float(step): float(e) for step, e in re.findall(r"([\d.]+) ms: e = ([\d.]+)", said)}
     assert len(own) == 4
     damped = (-160000.0, -144.7)
-    expected = float(restitution_of(damping_ratio(damped)))
+    expected = float(restitution_from_damping(damping_ratio(damped)))
     for milliseconds, told in own.items():
         both = f'solref="{damped[0]:g} {damped[1]:g}"'
         model, data = one(milliseconds / 1000, BALL, both=both)

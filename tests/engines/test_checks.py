@@ -11,7 +11,7 @@ from contactlab.contact.trace_setup import Setup
 from contactlab.engines import Buffers, PreparedRuns
 from contactlab.engines.mujoco_engine import MujocoEngine
 from contactlab.engines.rollout_trace import make_trace
-from contactlab.measure import assess
+from contactlab.measure import assess_runs
 from contactlab.scene.run_setup import make_setup
 from contactlab.scene.scene import Scene
 
@@ -29,7 +29,7 @@ def simulated(name: str, **values: Any) -> Run:
 
 def labels(run: Run) -> list[str]:
     runs, trace, setup = run
-    found = assess(trace, setup, MUJOCO.check_runs(runs, trace))
+    found = assess_runs(trace, setup, MUJOCO.check_runs(runs, trace))
     return [outcome.label for outcome in found.labels[0]]
 
 
@@ -87,6 +87,6 @@ def test_a_wrong_hessian_would_show(stack: Run) -> None:
     runs, trace, setup = stack
     checks = MUJOCO.check_runs(runs, trace)
     checks.jacobian[0, 5] = 0.2
-    found = assess(trace, setup, checks).labels[0][0]
+    found = assess_runs(trace, setup, checks).labels[0][0]
     assert found.label == "solver_inconsistent"
     assert found.step == checks.jacobian_steps[5]

@@ -124,7 +124,7 @@ def test_a_run_repeats_from_its_controls_alone(
     spec = drive(rate=rate, latency=latency, noise={"qpos": noise, "qvel": noise})
     runs = prepared(cart, spec, Feedback, *({"tilt": tilt, "wind": 1.0} for tilt in tilts))
     rollout = flown(runs)
-    starts = runs.starts.acted_on(recorded(rollout))
+    starts = runs.starts.with_recorded_inputs(recorded(rollout))
     again = roll_out(runs.models, starts, STEPS, Buffers())
     assert again.state.tobytes() == rollout.state.tobytes()
     assert again.sensors.tobytes() == rollout.sensors.tobytes()
@@ -344,7 +344,7 @@ def test_a_run_that_diverges_stops_by_itself(cart: Scene) -> None:
     assert rollout.steps[0] == rollout.steps[2] == STEPS
     assert rollout.steps[1] < STEPS
     assert rollout.warnings[1]
-    starts = runs.starts.acted_on(recorded(rollout))
+    starts = runs.starts.with_recorded_inputs(recorded(rollout))
     again = roll_out(runs.models, starts, STEPS, Buffers())
     assert again.steps == rollout.steps
     assert again.state.tobytes() == state.tobytes()
@@ -393,7 +393,7 @@ def test_forces_of_the_scene_act_beside_a_policy(make_scene: Make) -> None:
     runs = prepared(pushed, drive(latency=0.005), Feedback, {"tilt": 0.1}, {"tilt": -0.1})
     rollout = flown(runs)
     state = rollout.state.copy()
-    starts = runs.starts.acted_on(recorded(rollout))
+    starts = runs.starts.with_recorded_inputs(recorded(rollout))
     assert roll_out(runs.models, starts, STEPS, Buffers()).state.tobytes() == state.tobytes()
     calm = flown(prepared(pushed, drive(latency=0.005), Feedback, {"tilt": 0.1}, {"tilt": -0.1}))
     assert calm.state.tobytes() == state.tobytes()

@@ -94,11 +94,11 @@ def test_any_timed_input_equals_a_plain_loop(
     entries = (f"{name}: {{at: {at}, to: {to}}}" for name, (at, to) in knots.items())
     scene = driven(make_scene, "{" + ", ".join(entries) + "}")
     runs = [scene.resolve({"timestep": each}, 0, None) for each in timesteps]
-    starts = scene.starts(runs)
+    starts = scene.initial_states(runs)
     models = [scene.base({}).prepare(run.edits()).model for run in runs]
     rollout = roll_out(models, starts, STEPS, Buffers())
     for run, model in enumerate(models):
-        expected = slow(model, starts.pick(run), knots, STEPS)
+        expected = slow(model, starts.select_run(run), knots, STEPS)
         found = rollout.state[run, 1:, 1 : 1 + model.nq + model.nv]
         assert found.tobytes() == np.ascontiguousarray(expected).tobytes()
 
@@ -120,8 +120,8 @@ def test_times_and_values_follow_the_runs_own_initial_values(make_scene: Make, r
 
 def test_a_jump_takes_its_later_value(make_scene: Make) -> None:
     scene = driven(make_scene, "{turn.ctrl: {at: [0, 0.01, 0.01], to: [0, 0, 1]}}")
-    starts = scene.starts([scene.resolve({}, 0, None)])
-    found = starts.inputs(0, 0.01 / 4, np.arange(6))[:, 0]
+    starts = scene.initial_states([scene.resolve({}, 0, None)])
+    found = starts.input_rows(0, 0.01 / 4, np.arange(6))[:, 0]
     assert found.tolist() == [0, 0, 0, 0, 1, 1]
 
 
@@ -167,8 +167,8 @@ def test_the_second_pass_sees_the_same_run(make_scene: Make, roll: Any) -> None:
 def test_a_nudged_copy_is_driven_alike(make_scene: Make) -> None:
     scene = driven(make_scene, "{turn.ctrl: {at: [0, 0.1], to: [0, 1]}}")
     runs = [scene.resolve({}, seed, None) for seed in (0, 1)]
-    starts = scene.starts(runs)
-    copies = scene.nudged(starts, runs)
+    starts = scene.initial_states(runs)
+    copies = scene.nudged_states(starts, runs)
     assert not np.array_equal(copies.qpos, starts.qpos)
     assert pickle.dumps(copies[1:]) == pickle.dumps(starts[1:])
 
@@ -233,4 +233,4 @@ def test_a_runs_own_values_may_be_wrong(make_scene: Make) -> None:
         "{close: {default: 0.3, unit: s, description: c}}",
     )
     with pytest.raises(SceneError, match=r"0, 0\.2, 0\.1 s for"):
-        scene.starts([scene.resolve({"close": 0.1}, 0, None)])
+        scene.initial_states([scene.resolve({"close": 0.1}, 0, None)])

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from contactlab.engines import ENGINES, Buffers, PreparedRuns
 from contactlab.engines.rollout_trace import make_trace
 from contactlab.engines.sampled_loads import sampled_steps
-from contactlab.measure import assess
+from contactlab.measure import assess_runs
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.run_setup import make_setup
 from contactlab.scene.scene import Scene
@@ -44,7 +44,7 @@ def rolled_out(
     runs = PreparedRuns.of(scene, run)
     trace = make_trace(runs.base, runs.prepared, ENGINES["mujoco"].roll_out(runs, Buffers()))
     setup = make_setup(runs.base, scene.source.manifest, [run], runs.models, {})
-    coverage = assess(trace, setup).coverage
+    coverage = assess_runs(trace, setup).coverage
     assert coverage is not None
     return coverage[0], runs
 

@@ -48,7 +48,7 @@ def test_it_is_a_rollout_of_which_few_states_are_kept(
 ) -> None:
     monkeypatch.setattr(single_run, "_BLOCK_BYTES", block)
     run = pushed.resolve({"integrator": integrator}, 1, None)
-    start = pushed.starts([run])
+    start = pushed.initial_states([run])
     model = pushed.prepare(run, start).model
     rollout = roll_out([model], start, STEPS, Buffers())
     kept = np.array([1, 2, 50, 99, 100])
@@ -92,7 +92,7 @@ def test_a_fourth_order_integration_is_on_the_parabola_at_any_time(
 def test_it_restarts_from_a_given_state(pushed: Scene) -> None:
     """What drives the box goes by the clock of the whole run; friction is solved to 1e-8."""
     run = pushed.resolve({}, 1, None)
-    start = pushed.starts([run])
+    start = pushed.initial_states([run])
     model = pushed.prepare(run, start).model
     times = np.array([40, 60, 100]) * run.timestep
     whole = integrate_to(model, start, times)
@@ -106,7 +106,7 @@ def test_it_restarts_from_a_given_state(pushed: Scene) -> None:
 def test_a_run_that_does_not_complete_has_no_states(make_scene: Make) -> None:
     scene = make_scene(FALL)
     run = scene.resolve({"gravity": 1e12}, 0, None)
-    start = scene.starts([run])
+    start = scene.initial_states([run])
     model = scene.prepare(run, start).model
     assert integrate_to(model, start, np.array([0.5])) is None
     assert count_work(model, start, 250) is None
@@ -114,7 +114,7 @@ def test_a_run_that_does_not_complete_has_no_states(make_scene: Make) -> None:
 
 def test_impacts_are_changes_of_the_number_of_contacts(pushed: Scene) -> None:
     run = pushed.resolve({}, 1, None)
-    start = pushed.starts([run])
+    start = pushed.initial_states([run])
     prepared = pushed.prepare(run, start)
     layout = pushed.base_of(run).layout
     rollout = roll_out([prepared.model], start, STEPS, Buffers())
@@ -131,7 +131,7 @@ def falling(make_scene: Make) -> Callable[[str], Any]:
 
     def make(integrator: str) -> Any:
         run = scene.resolve({"integrator": integrator, "timestep": 0.01}, 0, None)
-        start = scene.starts([run])
+        start = scene.initial_states([run])
         return scene.prepare(run, start).model, start, run.timestep
 
     return make

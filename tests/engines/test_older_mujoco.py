@@ -67,7 +67,7 @@ def see(name: str, values: Sequence[dict[str, Any]], steps: int = STEPS) -> Seen
     runs = [scene.resolve(each, seed, None) for seed, each in enumerate(values)]
     base = scene.base(runs[0].structure)
     prepared = [base.prepare(run.edits()) for run in runs]
-    starts = scene.starts(runs)
+    starts = scene.initial_states(runs)
     rollout = roll_out([each.model for each in prepared], starts, steps, Buffers())
     return Seen(base, prepared, starts, rollout, make_trace(base, prepared, rollout))
 
@@ -164,7 +164,7 @@ def test_inputs_that_change(request: pytest.FixtureRequest) -> None:
 @pytest.mark.long
 def test_integrating_and_counting(request: pytest.FixtureRequest) -> None:
     seen = see("box_stack", [{}], 1)
-    model, start = seen.prepared[0].model, seen.starts.pick(0)
+    model, start = seen.prepared[0].model, seen.starts.select_run(0)
     times = np.array([0.0, 0.0113, 0.05, 0.2])
 
     def both() -> tuple[Any, Any]:

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.contact.contact_laws import damping_ratio, restitution_of
+from contactlab.contact.contact_laws import damping_ratio, restitution_from_damping
 from contactlab.resources import ADAPTERS
 
 RIGID, ARRIVALS = (
@@ -60,7 +60,7 @@ def test_pairs_and_what_they_have_are_those_that_mujoco_mixes(flag: str) -> None
             sliding * (contact.dim > 1),
             torsion * (contact.dim > 3),
             rolling * (contact.dim > 4),
-            float(restitution_of(damping_ratio(contact.solref))),
+            float(restitution_from_damping(damping_ratio(contact.solref))),
             *contact.solref,
             *contact.solimp,
         )
@@ -77,7 +77,7 @@ def test_nothing_touches_without_contact() -> None:
 
 @pytest.mark.parametrize("zeta", [0.0, 0.2, 0.99, 1.0, 1.5, 20.0])
 def test_restitution_is_the_closed_form_in_either_form_of_solref(zeta: float) -> None:
-    expected = pytest.approx(float(restitution_of(zeta)), rel=1e-9)
+    expected = pytest.approx(float(restitution_from_damping(zeta)), rel=1e-9)
     assert RIGID.restitution_of(0.02, zeta) == expected
     assert RIGID.restitution_of(-1e4, -2 * zeta * 100) == expected
 

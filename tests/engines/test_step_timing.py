@@ -20,7 +20,7 @@ class Timed:
 
     def __init__(self, scene: Scene, integrator: str) -> None:
         self.run = scene.resolve({"integrator": integrator}, 1, None)
-        self.start = scene.starts([self.run])
+        self.start = scene.initial_states([self.run])
         self.recorded = scene.prepare(self.run, self.start).model
         compiled = scene.compile_without_sensors(self.run)
         self.model = scene.prepare(self.run, self.start, compiled).model

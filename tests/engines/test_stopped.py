@@ -55,7 +55,7 @@ class Group:
         runs = [scene.resolve(each, 0, None) for each in values]
         self.base: CompiledScene = scene.base({})
         self.prepared: list[PreparedModel] = [self.base.prepare(run.edits()) for run in runs]
-        self.starts: InitialStates = scene.starts(runs)
+        self.starts: InitialStates = scene.initial_states(runs)
 
     def roll(self, buffers: Buffers | None = None) -> Rollout:
         models = [each.model for each in self.prepared]

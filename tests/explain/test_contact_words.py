@@ -9,7 +9,7 @@ from tests.run.test_task import SQUEEZE
 
 from contactlab.command_line.declaration import declared
 from contactlab.commands.explain import explain
-from contactlab.contact.contact_laws import damping_ratio, restitution_of
+from contactlab.contact.contact_laws import damping_ratio, restitution_from_damping
 from contactlab.errors import ContactlabError, ExpectationError, SceneError, SweepFileError
 from contactlab.reporting.examination import contact_lines, grouped_contacts
 from contactlab.scene.contact_at_rest import ContactAtRest
@@ -38,7 +38,7 @@ def test_a_depth_is_solved_for_as_the_law_has_it(depth: float, softness: float) 
     solref = pair.solved({"depth_at_rest": depth, "restitution": 0.4})
     there = replace(pair, law=replace(pair.law, solref=solref))
     assert there.expected_depth == pytest.approx(depth, rel=1e-9)
-    assert float(restitution_of(damping_ratio(solref))) == pytest.approx(0.4, rel=1e-9)
+    assert float(restitution_from_damping(damping_ratio(solref))) == pytest.approx(0.4, rel=1e-9)
     assert pair.solved({"stiffness": 20 / depth, "restitution": 0.4}) == pytest.approx(solref)
 
 

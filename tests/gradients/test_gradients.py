@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contactlab.contact.contact_laws import restitution_of
+from contactlab.contact.contact_laws import restitution_from_damping
 from contactlab.errors import EngineError, StoppedError, SweepFileError
 from contactlab.resources import SWEEPS
 from contactlab.run.sweep_request import SceneLoader
@@ -46,7 +46,7 @@ def differentiated(
 
 def rebound(stiffness: float, damping: float) -> float:
     """Return the restitution of MuJoCo's contact, a linear spring and damper that only pushes."""
-    return float(restitution_of(damping / (2 * math.sqrt(stiffness))))
+    return float(restitution_from_damping(damping / (2 * math.sqrt(stiffness))))
 
 
 def closed_form_of_ball(by: str, values: dict[str, float]) -> float:

@@ -15,10 +15,10 @@ import contactlab
 from contactlab.errors import ContactlabError, SceneError, SweepFileError
 from contactlab.measure import METRICS
 from contactlab.run.recomputed_runs import simulated_problems
-from contactlab.run.stored_runs import replay
+from contactlab.run.stored_runs import replay_run
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 FILE = Path(push_env.__file__)
 AXES = {"timestep": [1e-3, 2e-3], "friction.slide": [0.2, 1.0], "body_mass[puck]": [1.0, 2.0]}
@@ -68,7 +68,7 @@ def test_an_episode_is_a_run_of_each_value(tmp_path: Path) -> None:
     }
     assert all(travels[seed, 1.0] > travels[seed, 2.0] for seed in (0, 1))
     assert "cost" in store.manifest.sweep.lacking
-    assert not verify(tmp_path / "store")
+    assert not find_problems(tmp_path / "store")
 
 
 @pytest.mark.long
@@ -200,7 +200,7 @@ def test_what_fails_costs_its_own_run(tmp_path: Path, name: str, reason: str, st
     assert record.label == ("invalid" if record.status == "error" else record.label)
     assert re.search(reason, str(record.status_reason))
     assert record.steps == steps
-    assert not verify(tmp_path / "store")
+    assert not find_problems(tmp_path / "store")
 
 
 def test_a_policy_that_returns_no_number_ends_its_run(tmp_path: Path) -> None:
@@ -229,17 +229,17 @@ def test_code_runs_only_if_it_is_allowed(tmp_path: Path) -> None:
     store = _sweep(tmp_path, axes={"timestep": [1e-3, 2e-3]})
     run = _first(store).run_id
     with pytest.raises(SceneError, match=rf"run {run} is an episode of .*--allow-code"):
-        replay(store, run)
+        replay_run(store, run)
     with pytest.raises(SceneError, match="is an episode"):
         list(simulated_problems(store, 1))
     (tmp_path / FILE.name).unlink()  # The store has its own.
-    assert replay(store, run, allow_code=True).equal
+    assert replay_run(store, run, allow_code=True).equal
     assert list(simulated_problems(store, 2, allow_code=True)) == []
 
 
 def test_a_replay_finds_what_a_seed_does_not_decide(tmp_path: Path) -> None:
     store = _sweep(tmp_path, "Unseeded")
-    assert not replay(store, _first(store).run_id, allow_code=True).equal
+    assert not replay_run(store, _first(store).run_id, allow_code=True).equal
 
 
 @pytest.mark.parametrize(
@@ -320,7 +320,7 @@ def test_a_manifest_says_what_is_asked_of_an_environment(tmp_path: Path) -> None
     assert light.settings["mass"] == 1.0
     assert heavy.settings["mass"] == 3.0
     assert light.trajectory_hash != heavy.trajectory_hash
-    assert replay(store, heavy.run_id, allow_code=True).equal
+    assert replay_run(store, heavy.run_id, allow_code=True).equal
 
     with (tmp_path / "scene.yaml").open("a", encoding="utf-8") as file:
         file.write("perturb: {coordinates: [x], scale: 0.1}\n")
@@ -342,7 +342,7 @@ def test_an_environment_of_gymnasium(tmp_path: Path) -> None:
     assert 0 < short.steps < 4000
     assert short.total_reward == short.steps / 2 - 1
     assert (short.settings["timestep"], long.settings["timestep"]) == (5e-3, 1e-2)
-    assert replay(store, long.run_id, allow_code=True).equal
+    assert replay_run(store, long.run_id, allow_code=True).equal
 
 
 def test_code_that_changed_under_way_is_not_run(tmp_path: Path) -> None:
@@ -350,7 +350,7 @@ def test_code_that_changed_under_way_is_not_run(tmp_path: Path) -> None:
     copy = next(store.scene_folder.rglob(FILE.name))
     copy.write_text(copy.read_text(encoding="utf-8") + "# more", encoding="utf-8")
     with pytest.raises(ContactlabError, match="give another id"):
-        replay(store, _first(store).run_id, allow_code=True)
+        replay_run(store, _first(store).run_id, allow_code=True)
 
 
 @pytest.mark.parametrize("timestep", [1e-3, 2e-3])

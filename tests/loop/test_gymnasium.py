@@ -11,7 +11,7 @@ import pytest
 import contactlab
 from contactlab.errors import SceneError
 from contactlab.schema.evidence import EvidenceRecord
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 gymnasium: Any = pytest.importorskip("gymnasium")
 
@@ -60,7 +60,7 @@ def make_env(kind: str = "plain") -> Any:
 
 
 def _records(store: Path) -> list[EvidenceRecord]:
-    assert verify(store) == []
+    assert find_problems(store) == []
     return list(contactlab.open(store).records())
 
 

@@ -14,9 +14,9 @@ import contactlab
 from contactlab.errors import ContactlabError, OutputError, SceneError
 from contactlab.loop.recording import Recording
 from contactlab.run.recomputed_runs import recomputed_problems
-from contactlab.run.stored_runs import replay
+from contactlab.run.stored_runs import replay_run
 from contactlab.schema.evidence import EvidenceRecord
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 BALL = """
 <mujoco><option timestep="0.002"/><worldbody>
@@ -47,7 +47,7 @@ def start(model: mujoco.MjModel, data: mujoco.MjData, tmp_path: Path) -> Start:
 
 def _records(folder: Path) -> list[EvidenceRecord]:
     """Return the records of a store, which is sound."""
-    assert verify(folder / "mine") == []
+    assert find_problems(folder / "mine") == []
     store = contactlab.open(folder / "mine")
     assert list(recomputed_problems(store)) == []
     return list(store.records())
@@ -279,7 +279,7 @@ def test_its_code_is_not_here_to_replay(start: Start, tmp_path: Path) -> None:
         recording.step(3)
     store = contactlab.open(tmp_path / "mine")
     with pytest.raises(SceneError, match="so it cannot be repeated"):
-        replay(store, next(iter(store.records())).run_id)
+        replay_run(store, next(iter(store.records())).run_id)
 
 
 @pytest.mark.parametrize("name", ["qpos", "xfrc_applied", "geom_friction"])
@@ -296,7 +296,7 @@ def test_no_episode_begins_with_what_is_no_number(
     recording.close()
     (record,) = _records(tmp_path)
     assert record.total_reward is None
-    assert not verify(tmp_path / "mine")
+    assert not find_problems(tmp_path / "mine")
 
 
 def test_the_loop_of_the_readme_runs(

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.measure.amounts import amount, part_of
+from contactlab.measure.amounts import format_amount, readable_fraction
 
 
 @pytest.mark.parametrize(
@@ -19,12 +19,12 @@ from contactlab.measure.amounts import amount, part_of
     ],
 )
 def test_ratios_are_said_in_words(ratio: float, said: str) -> None:
-    assert part_of(ratio) == said
+    assert readable_fraction(ratio) == said
 
 
 @given(st.floats(1e-4) | st.just(math.nan))
 def test_no_ratio_is_said_with_more_than_seven_digits(ratio: float) -> None:
-    for said in (part_of(ratio), amount(ratio)):
+    for said in (readable_fraction(ratio), format_amount(ratio)):
         assert len(re.findall(r"[0-9]", said)) <= 7
         assert "e+" not in said
         assert "nan" not in said

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from contactlab.contact.trace_arrays import LINEAR_VELOCITY, TORQUE, PairTrace, Trace
-from contactlab.measure import assess
+from contactlab.measure import assess_runs
 from contactlab.measure.context import context_of
 from contactlab.measure.friction import lost_contacts
 
@@ -35,11 +35,11 @@ def bouncing(touch: int, gap: int, peaks: Any = ()) -> np.ndarray:
 
 
 def rate(trace: Trace, setup: Any) -> float:
-    return float(assess(trace, setup).metrics["contact_losses"][0])
+    return float(assess_runs(trace, setup).metrics["contact_losses"][0])
 
 
 def label(trace: Trace, setup: Any) -> str:
-    return assess(trace, setup).labels[0][0].label
+    return assess_runs(trace, setup).labels[0][0].label
 
 
 def test_a_pad_that_keeps_losing_its_contact_chatters(
@@ -48,7 +48,7 @@ def test_a_pad_that_keeps_losing_its_contact_chatters(
     trace = trace_of(1, STEPS, pairs=(pad(pair_of, bouncing(6, 1)),))
     setup = setup_of(trace)
     assert rate(trace, setup) == (STEPS - 1) // 7
-    outcome = assess(trace, setup).labels[0][0]
+    outcome = assess_runs(trace, setup).labels[0][0]
     assert (outcome.label, outcome.step) == ("chatter", 6)
     assert "lost its contact 71 times" in outcome.reason
 
@@ -123,7 +123,7 @@ def test_what_the_model_does_by_itself_is_no_chatter(
     trace = trace_of(1, STEPS, pairs=(pair,))
     setup = setup_of(trace, steered=steered)
     assert label(trace, setup) == "chatter"
-    found = assess(trace, setup, checks_of(STEPS, backward=share)).labels[0]
+    found = assess_runs(trace, setup, checks_of(STEPS, backward=share)).labels[0]
     assert ("chatter" in {each.label for each in found}) == chatters
 
 

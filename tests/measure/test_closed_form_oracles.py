@@ -7,14 +7,14 @@ import pytest
 
 from contactlab.contact.contact_laws import damping_ratio_of
 from contactlab.contact.trace_setup import FreeBody
-from contactlab.measure import assess
+from contactlab.measure import assess_runs
 
 GRAVITY, STEP, STEPS = 9.81, 2e-3, 100
 RADIUS = 0.05
 
 
 def found(trace: Any, setup: Any) -> list[float]:
-    metrics = assess(trace, setup).metrics
+    metrics = assess_runs(trace, setup).metrics
     return [metrics[f"oracle_{part}"][0] for part in ("expected", "measured", "error")]
 
 
@@ -176,8 +176,8 @@ def test_creep_counts_only_where_a_scene_forbids_it(
     )
     trace = trace_of(1, STEPS, STEP, pairs=(pair,))
     for limits, label in (({}, "stable"), ({"creep_speed": 1e-4}, "creep")):
-        outcome = assess(trace, setup_of(trace, thresholds=limits)).labels[0][0]
+        outcome = assess_runs(trace, setup_of(trace, thresholds=limits)).labels[0][0]
         assert outcome.label == label
     assert outcome.step == STEPS * 4 // 5
     relaxed = setup_of(trace, thresholds={"creep_speed": 3e-4})
-    assert assess(trace, relaxed).labels[0][0].label == "stable"
+    assert assess_runs(trace, relaxed).labels[0][0].label == "stable"

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from contactlab.contact.trace_setup import FreeBody
-from contactlab.measure import THRESHOLDS, assess, limits
+from contactlab.measure import THRESHOLDS, assess_runs, threshold_values
 
 TILTED = np.array([[3.0, 0.0, -4.0]])
 
 
 def found(trace: Any, setup: Any) -> dict[str, float]:
-    return {name: float(values[0]) for name, values in assess(trace, setup).metrics.items()}
+    return {name: float(values[0]) for name, values in assess_runs(trace, setup).metrics.items()}
 
 
 def labels(trace: Any, setup: Any) -> list[tuple[str, int]]:
-    return [(outcome.label, outcome.step) for outcome in assess(trace, setup).labels[0]]
+    return [(outcome.label, outcome.step) for outcome in assess_runs(trace, setup).labels[0]]
 
 
 def test_drift_is_across_gravity_and_drop_along_it(trace_of: Any, setup_of: Any) -> None:
@@ -75,5 +75,5 @@ def test_only_scenes_that_set_a_limit_mind(trace_of: Any, setup_of: Any) -> None
 def test_limits_without_a_default_are_absent() -> None:
     unset = {name for name, each in THRESHOLDS.items() if each.default is None}
     assert {"drift", "rest_speed"} <= unset
-    assert not unset & set(limits({}))
-    assert limits({"drift": 0.5})["drift"] == 0.5
+    assert not unset & set(threshold_values({}))
+    assert threshold_values({"drift": 0.5})["drift"] == 0.5

@@ -13,7 +13,7 @@ from contactlab.contact.trace_arrays import PairTrace, sum_of_slots
 from contactlab.engines import Buffers, PreparedRuns
 from contactlab.engines.mujoco_engine import MujocoEngine
 from contactlab.engines.rollout_trace import make_trace
-from contactlab.measure import assess
+from contactlab.measure import assess_runs
 from contactlab.scene.run_setup import make_setup
 from contactlab.scene.scene import Scene
 from contactlab.store.control_tables import read_control_table
@@ -41,7 +41,7 @@ def test_they_change_no_bit(name: str) -> None:
     setup = make_setup(runs.base, scene.source.manifest, resolved, runs.models, {})
     filled = [int(max(1, each.touching.sum(axis=2).max(initial=0))) for each in trace.pairs]
     few, *others = [
-        assess(replace(trace, pairs=tuple(map(with_slots, trace.pairs, counts))), setup)
+        assess_runs(replace(trace, pairs=tuple(map(with_slots, trace.pairs, counts))), setup)
         for counts in (filled, [each + 1 for each in filled], [each + 20 for each in filled])
     ]
     for other in others:

@@ -7,7 +7,7 @@ import pytest
 
 from contactlab.contact.trace_arrays import ACTUATORS, CONSTRAINTS, Trace
 from contactlab.contact.trace_setup import Setup
-from contactlab.measure import assess
+from contactlab.measure import assess_runs
 from contactlab.measure.context import context_of
 from contactlab.measure.energy_balance import constraint_loss
 
@@ -40,7 +40,7 @@ def test_constraints_give_what_they_had_not_stored(
     """Energy rises from 0 to the most; of it an actuator gave a share, and a spring had another."""
     trace = booked(trace_of, 0.0, 1 - pushed, pushed, stored)
     setup = setup_of(trace, passive=False, settings={"integrator": ["Euler"]})
-    found = assess(trace, setup).metrics
+    found = assess_runs(trace, setup).metrics
     assert found["constraint_gain"] == pytest.approx([1 - pushed - stored])
 
 

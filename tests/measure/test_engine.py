@@ -8,7 +8,7 @@ import pytest
 
 from contactlab.contact.trace_arrays import PairTrace, Trace
 from contactlab.contact.trace_setup import Barrier, FreeBody, Setup
-from contactlab.measure import assess
+from contactlab.measure import assess_runs
 
 FIELDS = "found force torque dist pos normal tangent linvel angvel"
 MODEL = """
@@ -91,7 +91,7 @@ def test_ball(trace_of: Any, setup_of: Any, option: str, solref: str, label: str
     setup = floor_under(
         trace, setup_of, oracle="restitution", oracle_tolerance=0.02, settings={"solref": [pair]}
     )
-    found = assess(trace, setup)
+    found = assess_runs(trace, setup)
     assert found.labels[0][0].label == label
     if label == "stable":
         # Impulse of the whole motion: weight times time, and what turned the fall into rest.
@@ -129,7 +129,7 @@ def test_a_sliding_box_stops_once(trace_of: Any, setup_of: Any, timestep: float)
         oracle_tolerance=0.01,
         settings=settings,
     )
-    found = assess(trace, setup)
+    found = assess_runs(trace, setup)
     assert found.metrics["mode_switches"][0] * 0.6 == pytest.approx(1)
     assert [outcome.label for outcome in found.labels[0]] == ["stable"]
     # Micro-hops: the box touches in fewer than four of five steps of its slide.
@@ -164,7 +164,7 @@ def test_a_stack_sags_as_its_impedance_says(trace_of: Any, setup_of: Any) -> Non
         last_mode="sticks",
         settings=settings,
     )
-    found = assess(trace, setup)
+    found = assess_runs(trace, setup)
     assert [outcome.label for outcome in found.labels[0]] == ["stable"]
     top = trace.qpos[0, :, 7 * (count - 1) + 2]
     assert found.metrics["oracle_measured"][0] == pytest.approx(top[0] - top[-1], rel=1e-3)

@@ -18,13 +18,13 @@ from contactlab.measure import (
     Onset,
     Onsets,
     Threshold,
-    assess,
+    assess_runs,
     label,
-    limits,
     metric,
     oracle,
+    threshold_values,
 )
-from contactlab.measure.entries import Found
+from contactlab.measure.entries import OnsetIterator
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.store.finished_store import Store
@@ -56,7 +56,7 @@ def declare_racing(rank: float = 7.5) -> None:
 
 def test_a_label_is_of_the_bodies_of_all_that_it_finds(trace_of: Any, setup_of: Any) -> None:
     @label("poor")
-    def touched(_: MeasuredRuns) -> Found:
+    def touched(_: MeasuredRuns) -> OnsetIterator:
         """Something was touched."""
         yield 0, Onset("the box, first", 3, ("box", "lid"))
         yield 1, Onset("the box", 4, ("box",))
@@ -64,7 +64,7 @@ def test_a_label_is_of_the_bodies_of_all_that_it_finds(trace_of: Any, setup_of: 
         yield 1, Onset("all of it", 6)
 
     trace = trace_of(2)
-    found = assess(trace, setup_of(trace)).labels
+    found = assess_runs(trace, setup_of(trace)).labels
     assert found[0][0] == ("touched", "the box, first", 3, ("box", "lid", "key"))
     # What is of the whole run is of no body.
     assert found[1][0] == ("touched", "the box", 4, ())
@@ -75,11 +75,11 @@ def test_a_metric_with_its_label_is_measured(trace_of: Any, setup_of: Any) -> No
     declare_racing()
     trace = trace_of(2)
     trace.qvel[1, 3, 4] = -20
-    found = assess(trace, setup_of(trace))
+    found = assess_runs(trace, setup_of(trace))
     assert found.metrics["top_speed"].tolist() == [0, 20]
     assert found.labels[1][0] == ("racing", "at 20 rad/s", 0, ())
     assert found.labels[0][0].label == "stable"
-    lenient = assess(trace, setup_of(trace, thresholds={"top_speed": 30.0}))
+    lenient = assess_runs(trace, setup_of(trace, thresholds={"top_speed": 30.0}))
     assert [each.label for each in lenient.labels[1]] == ["stable"]
     entry = METRICS["top_speed"]
     assert (entry.definition, entry.function) == (
@@ -88,7 +88,7 @@ def test_a_metric_with_its_label_is_measured(trace_of: Any, setup_of: Any) -> No
     )
     assert (entry.version, entry.kind, entry.tolerance) == (1, "physics", 0.0)
     assert LABELS["racing"].meaning == "A joint moves faster than its limit."
-    assert limits({})["top_speed"] == 10
+    assert threshold_values({})["top_speed"] == 10
 
 
 def test_a_sweep_stores_it_as_it_does_ours(tmp_path: Path) -> None:
@@ -137,7 +137,7 @@ def test_an_oracle_is_expected_of_its_scene(trace_of: Any, setup_of: Any) -> Non
 
     trace = trace_of()
     setup = setup_of(trace, oracle="two_seconds", oracle_tolerance=0.1, settings={"speed": [3.0]})
-    found = assess(trace, setup)
+    found = assess_runs(trace, setup)
     assert found.metrics["oracle_error"] == 0.5
     assert [each.label for each in found.labels[0]] == ["oracle_miss"]
     assert ORACLES["two_seconds"].definition == "Twice the speed."

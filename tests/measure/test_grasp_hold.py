@@ -20,7 +20,7 @@ from contactlab.contact.trace_arrays import (
     Trace,
 )
 from contactlab.contact.trace_setup import HoldWindow, Setup
-from contactlab.measure import METRICS, assess
+from contactlab.measure import METRICS, assess_runs
 from contactlab.measure.context import context_of, hold_window
 from contactlab.measure.friction import hold_switch_masks
 
@@ -35,7 +35,7 @@ def held_setup(make: Make, trace: Trace, start: float, stop: float, **changes: A
 
 
 def measured(trace: Trace, setup: Setup, name: str) -> float:
-    return float(assess(trace, setup).metrics[name][0])
+    return float(assess_runs(trace, setup).metrics[name][0])
 
 
 @given(
@@ -61,7 +61,7 @@ def test_nothing_is_measured_without_a_hold_or_when_a_run_ends_before(
     pair = pair_of(1, 100, normal=1.0, distance=-4e-3)
     trace = trace_of(pairs=(pair,))
     for setup in (setup_of(trace, passive=False), held_setup(setup_of, trace, 0.1, 0.3)):
-        found = assess(trace, setup)
+        found = assess_runs(trace, setup)
         assert all(np.isnan(found.metrics[name][0]) for name in HELD)
         assert [each.label for each in found.labels[0]] == ["stable"]
 
@@ -72,7 +72,7 @@ def test_each_run_has_its_own_window(trace_of: Make, setup_of: Make, pair_of: Ma
     trace.timestep[:] = 1e-3, 2e-3, 1e-3
     hold = HoldWindow(np.array([0.01, 0.02, 0.05]), np.array([0.02, 0.04, 0.30]))
     setup = setup_of(trace, hold=hold, passive=False)
-    found = assess(trace, setup).metrics["hold_penetration"]
+    found = assess_runs(trace, setup).metrics["hold_penetration"]
     # Depth is 1e-5 k, k from 10 to 19 in the first two runs; the third ends before its window.
     assert found[:2] == pytest.approx([14.5e-5] * 2, rel=1e-12)
     assert np.isnan(found[2])
@@ -167,11 +167,11 @@ def test_offset_is_from_the_start_of_the_run(trace_of: Make, setup_of: Make) -> 
     assert measured(trace, setup, "hold_offset") == pytest.approx(0.05)
     assert measured(trace, setup, "hold_drop") == 0
     limited = replace(setup, thresholds={"hold_offset": 2e-3})
-    (label,) = assess(trace, limited).labels[0]
+    (label,) = assess_runs(trace, limited).labels[0]
     assert label.label == "slipping"
     assert label.step == 10
     assert "0.05 m" in label.reason
-    assert assess(trace, setup).labels[0][0].label == "stable"
+    assert assess_runs(trace, setup).labels[0][0].label == "stable"
 
 
 def bouncing(pair_of: Make, start: int, stop: int) -> PairTrace:
@@ -186,17 +186,17 @@ def test_lost_contact_counts_in_a_hold_alone(trace_of: Make, setup_of: Make, pai
     setup = held_setup(setup_of, trace, 0.1, 0.2)
     # Steps 51, 53 ... 93: each is left and entered once, in 0.1 s.
     assert measured(trace, setup, "hold_switches") == pytest.approx(2 * 22 / 0.1)
-    assert assess(trace, setup).labels[0][0].label == "chatter"
+    assert assess_runs(trace, setup).labels[0][0].label == "chatter"
     plain = setup_of(trace, passive=False)
     assert measured(trace, plain, "mode_switches") == 0
-    assert assess(trace, plain).labels[0][0].label == "stable"
+    assert assess_runs(trace, plain).labels[0][0].label == "stable"
 
 
 def test_chatter_outside_the_hold_is_none(trace_of: Make, setup_of: Make, pair_of: Make) -> None:
     trace = trace_of(pairs=(bouncing(pair_of, 3, 47),))
     setup = held_setup(setup_of, trace, 0.1, 0.2)
     assert measured(trace, setup, "hold_switches") == 0
-    assert assess(trace, setup).labels[0][0].label == "stable"
+    assert assess_runs(trace, setup).labels[0][0].label == "stable"
 
 
 def test_what_slides_hops_and_does_not_switch(
@@ -213,7 +213,7 @@ def test_what_slides_hops_and_does_not_switch(
     context = context_of(trace, held_setup(setup_of, trace, 0.1, 0.2))
     assert (context.series[0].mode[0] == SLIDE).all()
     assert not hold_switch_masks(context)[0].any()
-    labels = [each.label for each in assess(trace, context.setup).labels[0]]
+    labels = [each.label for each in assess_runs(trace, context.setup).labels[0]]
     # It moves by 1 m/s in half of the steps.
     assert "slipping" in labels
     assert "chatter" not in labels
@@ -233,7 +233,7 @@ def test_bands_of_depth(
     """A grip may be half as deep as what rests, whose half extent is 4 in any unit."""
     trace = trace_of(pairs=(pair_of(1, 100, normal=1.0, distance=-depth),))
     setup = held_setup(setup_of, trace, 0.1, 0.2, thickness=np.array([4.0]))
-    labels = assess(trace, setup).labels[0]
+    labels = assess_runs(trace, setup).labels[0]
     assert {each.label for each in labels} - {"stable"} == expected
 
 
@@ -245,7 +245,7 @@ def test_the_mean_counts_and_not_a_single_step(
     trace = trace_of(pairs=(pair_of(1, 100, normal=1.0, distance=depth),))
     setup = held_setup(setup_of, trace, 0.1, 0.2)
     assert measured(trace, setup, "hold_penetration") == pytest.approx((49 + 8) / 50 * 1e-3)
-    assert assess(trace, setup).labels[0][0].label == "stable"
+    assert assess_runs(trace, setup).labels[0][0].label == "stable"
 
 
 def test_what_nothing_touches_is_not_held(trace_of: Make, setup_of: Make, pair_of: Make) -> None:
@@ -254,7 +254,7 @@ def test_what_nothing_touches_is_not_held(trace_of: Make, setup_of: Make, pair_o
     trace = trace_of(pairs=(pair_of(1, 100, normal=normal),))
     setup = held_setup(setup_of, trace, 0.1, 0.2)
     assert measured(trace, setup, "hold_contact") == 0
-    (label,) = assess(trace, setup).labels[0]
+    (label,) = assess_runs(trace, setup).labels[0]
     assert label.label == "slipping"
     assert "no contact carried force in 100%" in label.reason
 
@@ -263,12 +263,12 @@ def test_contacts_beyond_the_slots_are_said(trace_of: Make, setup_of: Make, pair
     pair = pair_of(1, 100, slots=2, normal=1.0)
     pair.slots[0, 30:33, :, 0] = 5
     trace = trace_of(pairs=(pair,))
-    found = assess(trace, setup_of(trace))
+    found = assess_runs(trace, setup_of(trace))
     assert found.metrics["contacts_cut"][0] == 3
     (label,) = found.labels[0]
     assert (label.label, label.step) == ("contacts_cut", 30)
     assert "up to 5 contacts, but only 2 were recorded, in 3 steps" in label.reason
-    assert assess(trace, setup_of(trace, slots=np.array([5]))).labels[0][0].label == "stable"
+    assert assess_runs(trace, setup_of(trace, slots=np.array([5]))).labels[0][0].label == "stable"
 
 
 @pytest.mark.parametrize(
@@ -282,6 +282,6 @@ def test_a_scene_may_say_how_deep_is_through(
     distance[0, 40] = -2.5e-3
     trace = trace_of(pairs=(pair_of(1, 100, normal=1.0, distance=distance),))
     setup = setup_of(trace, passive=False, thickness=np.array([2e-3]), thresholds=asked)
-    labels = assess(trace, setup).labels[0]
+    labels = assess_runs(trace, setup).labels[0]
     assert ("tunneling" in {each.label for each in labels}) == found
     assert not found or labels[0].step == 40

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from contactlab.contact.trace_setup import FreeBody
-from contactlab.measure import assess
+from contactlab.measure import assess_runs
 
 
 def found(trace: Any, setup: Any) -> list[float]:
-    metrics = assess(trace, setup).metrics
+    metrics = assess_runs(trace, setup).metrics
     return [metrics[f"oracle_{part}"][0] for part in ("expected", "measured", "error")]
 
 
@@ -51,7 +51,7 @@ def test_speculative_contacts_have_no_depth(pair_of: Any, trace_of: Any, setup_o
         speculative=np.array([True]),
     )
     assert np.isnan(found(trace, setup)).all()
-    assert assess(trace, setup).labels[0][0].label != "oracle_miss"
+    assert assess_runs(trace, setup).labels[0][0].label != "oracle_miss"
 
 
 def rolling(pair_of: Any, trace_of: Any, setup_of: Any, error: float) -> tuple[Any, Any]:

@@ -9,7 +9,7 @@ import pytest
 from contactlab.contact.trace_arrays import Trace
 from contactlab.contact.trace_setup import Barrier, FreeBody, Setup
 from contactlab.errors import SceneError
-from contactlab.measure import LABELS, THRESHOLDS, AppliedLabel, assess, limits
+from contactlab.measure import LABELS, THRESHOLDS, AppliedLabel, assess_runs, threshold_values
 
 ORDER = (
     "crashed timeout invalid buffer_overflow diverged solver_inconsistent solver_nonconvergence "
@@ -22,7 +22,7 @@ ORDER = (
 
 
 def outcomes(trace: Trace, setup: Setup, run: int = 0) -> list[AppliedLabel]:
-    return list(assess(trace, setup).labels[run])
+    return list(assess_runs(trace, setup).labels[run])
 
 
 def only(trace: Trace, setup: Setup) -> AppliedLabel:
@@ -45,8 +45,8 @@ def test_every_label_and_threshold_says_what_it_is() -> None:
 
 def test_unknown_thresholds_are_refused() -> None:
     with pytest.raises(SceneError, match="did you mean 'energy_gain'"):
-        limits({"energy_gian": 1})
-    assert limits({"energy_gain": 0.5})["energy_gain"] == 0.5
+        threshold_values({"energy_gian": 1})
+    assert threshold_values({"energy_gain": 0.5})["energy_gain"] == 0.5
 
 
 def test_a_healthy_run_is_stable(trace_of: Any, setup_of: Any) -> None:
@@ -60,7 +60,7 @@ def test_the_worst_label_is_first_and_all_are_kept(
     pair = pair_of(2, 100, normal=1.0, distance=-0.02)
     trace = trace_of(2, 100, pairs=(pair,))
     trace.qvel[1, 40, 0] = np.nan
-    found = assess(trace, setup_of(trace, thickness=np.full(1, 0.03))).labels
+    found = assess_runs(trace, setup_of(trace, thickness=np.full(1, 0.03))).labels
     assert [each.label for each in found[0]] == ["deep_penetration"]
     assert [each.label for each in found[1]] == ["diverged", "deep_penetration"]
 
@@ -152,7 +152,7 @@ def test_what_a_solver_leaves_is_held_against_the_tolerance(
     trace = trace_of(contacts=contacts, iterations_most=np.full((1, 100), used, np.int32))
     setup = setup_of(trace, iterations=np.array([20], np.int32))
     checks = checks_of(100, residual, known)
-    (found,) = assess(trace, setup, checks).labels[0]
+    (found,) = assess_runs(trace, setup, checks).labels[0]
     assert found.label == label
 
 
@@ -166,7 +166,7 @@ def test_a_single_hard_step_is_no_failure(
     checks = checks_of(100)
     checks.residual[0, :hard] = 0.5
     setup = setup_of(trace, iterations=np.array([20], np.int32))
-    assert assess(trace, setup, checks).labels[0][0].label == label
+    assert assess_runs(trace, setup, checks).labels[0][0].label == label
 
 
 class TestTunneling:
@@ -329,7 +329,7 @@ class TestFriction:
         setup = setup_of(trace)
         assert only(trace.select([0], 500), setup).label == "chatter"
         short = replace(trace.select([0], 25), steps_asked=25)
-        assert assess(short, setup).metrics["mode_switches"][0] > 5
+        assert assess_runs(short, setup).metrics["mode_switches"][0] > 5
         assert only(short, setup).label == "stable"
 
     @pytest.mark.parametrize("when", ["first", "last"])

@@ -8,13 +8,13 @@ import pytest
 
 from contactlab.contact.trace_arrays import Trace
 from contactlab.contact.trace_setup import FreeBody
-from contactlab.measure import METRICS, assess
+from contactlab.measure import METRICS, assess_runs
 
 NONE = np.nan
 
 
 def value(trace: Trace, setup: Any, name: str) -> Any:
-    found = assess(trace, setup).metrics[name]
+    found = assess_runs(trace, setup).metrics[name]
     return found[0] if len(found) == 1 else found
 
 
@@ -157,7 +157,7 @@ class TestSliding:
         assert value(trace, setup_of(trace), "cone_violation") == pytest.approx(0.2)
         assert value(trace, setup_of(trace), "complementarity") == pytest.approx(1e-4)
         assert "solver_inconsistent" in {
-            each.label for each in assess(trace, setup_of(trace)).labels[0]
+            each.label for each in assess_runs(trace, setup_of(trace)).labels[0]
         }
 
 
@@ -184,7 +184,7 @@ class TestSolver:
             "contacts_cut": 7,
             "ungraded_contacts": 4,
         }
-        found = assess(trace, setup_of(trace)).metrics
+        found = assess_runs(trace, setup_of(trace)).metrics
         assert {name: found[name][0] for name in expected} == pytest.approx(expected)
 
 
@@ -201,7 +201,7 @@ def test_every_metric_survives_short_and_broken_runs(
     for pair in pairs:
         pair.slots[1, :, :, 1:] += poison
     setup = setup_of(trace, last_mode="slides")
-    found = assess(trace, setup)
+    found = assess_runs(trace, setup)
     assert set(found.metrics) == set(METRICS)
     assert all(values.shape == (2,) for values in found.metrics.values())
     assert all(run for run in found.labels)

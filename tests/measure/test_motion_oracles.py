@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.special import elliprf
 
-from contactlab.contact.rotations import rotate
+from contactlab.contact.rotations import rotate_vectors
 from contactlab.contact.trace_arrays import FOUND, NORMAL, PairTrace, Trace
 from contactlab.contact.trace_setup import FreeBody, Setup
 from contactlab.measure import ORACLES, Context, context_of
@@ -127,7 +127,7 @@ def test_flip_time_reads_the_moments_off_the_start() -> None:
     half = np.array([0.5, 0.5, 0.5, 0.5])
     qpos, qvel = np.zeros((1501, 7)), np.zeros((1501, 6))
     qpos[:, 3:], qvel[:, 3:] = half, w
-    spins = np.tile(rotate(half, inertia * spin), (1, 1500, 1))
+    spins = np.tile(rotate_vectors(half, inertia * spin), (1, 1500, 1))
     expected, measured, error = result(
         "flip_time", trace_of(qpos, qvel, angular_momentum=spins), bodies=1
     )

@@ -7,18 +7,18 @@ import pytest
 
 from contactlab.contact.trace_setup import FreeBody
 from contactlab.errors import SceneError
-from contactlab.measure import ORACLES, assess
+from contactlab.measure import ORACLES, assess_runs
 
 SOLREF, SOLIMP = (0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)
 
 
 def found(trace: Any, setup: Any) -> list[float]:
-    metrics = assess(trace, setup).metrics
+    metrics = assess_runs(trace, setup).metrics
     return [metrics[f"oracle_{part}"][0] for part in ("expected", "measured", "error")]
 
 
 def labels(trace: Any, setup: Any) -> list[str]:
-    return [outcome.label for outcome in assess(trace, setup).labels[0]]
+    return [outcome.label for outcome in assess_runs(trace, setup).labels[0]]
 
 
 def test_every_oracle_says_what_it_is() -> None:
@@ -33,7 +33,7 @@ def test_scenes_without_oracle_have_none(trace_of: Any, setup_of: Any) -> None:
     trace = trace_of()
     assert np.isnan(found(trace, setup_of(trace))).all()
     with pytest.raises(SceneError, match="did you mean 'stack_sag'"):
-        assess(trace, setup_of(trace, oracle="stacksag"))
+        assess_runs(trace, setup_of(trace, oracle="stacksag"))
 
 
 @pytest.mark.parametrize(("integrator", "bias"), [("Euler", 0.5), ("RK4", 0.0)])

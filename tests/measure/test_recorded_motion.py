@@ -7,7 +7,7 @@ import pytest
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import FreeBody, RecordedMotion, RecordedPart
-from contactlab.measure import assess
+from contactlab.measure import assess_runs
 
 STEP, STEPS, RUNS = 2e-3, 50, 3
 LENGTHS = (40, 31, 12)  # frames of each recording, 3 ms apart: the first ends after the run
@@ -73,7 +73,7 @@ def frames(trace: Any, motion: RecordedMotion, run: int) -> list[tuple[float, fl
 
 def test_metrics_equal_a_loop_over_frames(runs: tuple[Any, Any]) -> None:
     trace, setup = runs
-    metrics = assess(trace, setup).metrics
+    metrics = assess_runs(trace, setup).metrics
     for run in range(RUNS):
         distance, angle, speed, share = np.array(frames(trace, setup.recorded, run)).T
         expected = {
@@ -94,7 +94,7 @@ def test_metrics_equal_a_loop_over_frames(runs: tuple[Any, Any]) -> None:
 def test_the_first_contact_is_what_changes_between_two_rows(runs: tuple[Any, Any]) -> None:
     """Impulse and energy are those of a plain difference of two interpolated states."""
     trace, setup = runs
-    metrics, recorded = assess(trace, setup).metrics, setup.recorded
+    metrics, recorded = assess_runs(trace, setup).metrics, setup.recorded
     times = np.arange(STEPS + 1) * STEP
     for run, (before, after) in enumerate(recorded.impact[:2]):
 
@@ -117,7 +117,7 @@ def test_the_first_contact_is_what_changes_between_two_rows(runs: tuple[Any, Any
 def test_a_run_that_ended_early_has_no_distance(runs: tuple[Any, Any]) -> None:
     trace, setup = runs
     cut = trace.select([1], 20)
-    metrics = assess(cut, setup.select([1])).metrics
+    metrics = assess_runs(cut, setup.select([1])).metrics
     assert np.isnan(metrics["reality"]).all()
     assert np.isnan(metrics["reality_side"]).all()
 
@@ -134,10 +134,10 @@ def test_the_side_that_is_down(trace_of: Any, setup_of: Any, tilt: float, same: 
     gravity = np.array([[0, 0, -9.81]])
     body = FreeBody("box", 0, 0, np.ones(1))
     setup = setup_of(trace, free_bodies=(body,), recorded=motion, gravity=gravity)
-    assert assess(trace, setup).metrics["reality_side"].tolist() == [same]
+    assert assess_runs(trace, setup).metrics["reality_side"].tolist() == [same]
 
 
 def test_nothing_is_measured_without_a_recording(trace_of: Any, setup_of: Any) -> None:
     trace = trace_of(2, STEPS, STEP)
-    metrics = assess(trace, setup_of(trace)).metrics
+    metrics = assess_runs(trace, setup_of(trace)).metrics
     assert all(np.isnan(metrics[name]).all() for name in metrics if name.startswith("reality"))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import Barrier, FreeBody
-from contactlab.measure import assess
+from contactlab.measure import assess_runs
 
 G, RADIUS, TIMESTEP = 9.81, 0.05, 1e-3
 
@@ -70,7 +70,9 @@ def test_parabolas_give_their_restitution(
     flight = bounces(height, [ratio] * 8, 3000)
     trace, setup = ball(trace_of, setup_of, pair_of, flight, side)
     # Exact but for rounding of the square roots.
-    assert assess(trace, setup).metrics["restitution_measured"][0] == pytest.approx(ratio, abs=1e-9)
+    assert assess_runs(trace, setup).metrics["restitution_measured"][0] == pytest.approx(
+        ratio, abs=1e-9
+    )
 
 
 def test_only_the_first_strong_impacts_count(trace_of: Any, setup_of: Any, pair_of: Any) -> None:
@@ -78,7 +80,7 @@ def test_only_the_first_strong_impacts_count(trace_of: Any, setup_of: Any, pair_
     trace, setup = ball(trace_of, setup_of, pair_of, flight)
     # The third impact is at .8 x .3 = .24 of the first one's speed.
     expected = np.mean([0.8, 0.3])
-    assert assess(trace, setup).metrics["restitution_measured"][0] == pytest.approx(
+    assert assess_runs(trace, setup).metrics["restitution_measured"][0] == pytest.approx(
         expected, abs=1e-9
     )
 
@@ -88,4 +90,4 @@ def test_a_ball_that_stays_has_none(trace_of: Any, setup_of: Any, pair_of: Any) 
     first = int((distance < 0).argmax())
     z[first:], v[first:], distance[first:] = RADIUS, 0, -1e-4
     trace, setup = ball(trace_of, setup_of, pair_of, flight)
-    assert np.isnan(assess(trace, setup).metrics["restitution_measured"][0])
+    assert np.isnan(assess_runs(trace, setup).metrics["restitution_measured"][0])

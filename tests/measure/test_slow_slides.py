@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from contactlab.contact.trace_arrays import SLIDE, STICK
-from contactlab.measure import assess
+from contactlab.measure import assess_runs
 
 STEPS, PERIOD = 500, 10
 
@@ -29,7 +29,7 @@ def test_only_sticking_inside_the_bound_counts(
     pair_of: Any, trace_of: Any, setup_of: Any, held: float, switches: int
 ) -> None:
     trace = wavering(pair_of, trace_of, held)
-    found = assess(trace, setup_of(trace))
+    found = assess_runs(trace, setup_of(trace))
     assert set(found.series[0].mode[0].tolist()) == {STICK, SLIDE}
     assert found.metrics["mode_switches"][0] == pytest.approx(switches / 1.0)
     assert found.labels[0][0].label == ("chatter" if switches else "stable")
@@ -40,11 +40,11 @@ def test_sticking_for_a_moment_inside_the_bound_is_enough(
 ) -> None:
     trace = wavering(pair_of, trace_of, 0.99)
     trace.pairs[0].slots[0, 3 * PERIOD + 4, 0, 2] = 0.1
-    assert assess(trace, setup_of(trace)).metrics["mode_switches"][0] == pytest.approx(2.0)
+    assert assess_runs(trace, setup_of(trace)).metrics["mode_switches"][0] == pytest.approx(2.0)
 
 
 def test_a_slide_that_ends_at_the_bound_has_not_stopped(
     pair_of: Any, trace_of: Any, setup_of: Any
 ) -> None:
     trace = wavering(pair_of, trace_of, 0.99).select([0], PERIOD * 2)
-    assert assess(trace, setup_of(trace)).metrics["mode_switches"][0] == 0
+    assert assess_runs(trace, setup_of(trace)).metrics["mode_switches"][0] == 0

@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats
-from contactlab.measure.stick_slip import modes, spans
+from contactlab.measure.stick_slip import contact_modes, find_spans
 
 LEVELS_USAGE = st.sampled_from([0.0, 0.979, 0.98, 0.99, 0.999, 1.0, np.nan])
 LEVELS_SLIP = st.sampled_from([0.0, 2.4e-4, 2.5e-4, 4e-4, 5e-4, 1.0, np.nan])
@@ -54,12 +54,12 @@ def test_equal_to_the_rule_sample_by_sample(
     slip = data.draw(arrays(np.float64, shape, elements=LEVELS_SLIP))
     timestep = np.full(runs, 0.1 / longest)
     expected = [slow_modes(bearing[k], usage[k], grip[k], slip[k], longest) for k in range(runs)]
-    assert modes(bearing, usage, grip, slip, timestep).tolist() == expected
+    assert contact_modes(bearing, usage, grip, slip, timestep).tolist() == expected
 
 
 @given(arrays(np.bool_, st.tuples(st.integers(1, 3), st.integers(0, 30))))
 def test_spans_cover_a_mask(mask: np.ndarray) -> None:
-    found = spans(mask)
+    found = find_spans(mask)
     painted = np.zeros_like(mask)
     for run, start, stop in zip(found.run, found.start, found.stop, strict=True):
         assert start < stop
@@ -75,7 +75,7 @@ def test_a_slide_with_micro_hops_that_stops_is_one_switch(contact_share: float) 
     slip = np.maximum(1 - 4.905 * timestep * np.arange(steps), 0)
     bearing = (rng.random(steps) < contact_share) | (slip == 0)
     usage = np.where(slip > 0, 1.0, 0.0)
-    mode = modes(bearing[None], usage[None], usage[None], slip[None], np.array([timestep]))
+    mode = contact_modes(bearing[None], usage[None], usage[None], slip[None], np.array([timestep]))
     assert switches(mode) == 1
     assert (mode[0, bearing.argmax() : 90] == SLIDE).all()
     assert (mode[0, 110:] == STICK).all()
@@ -86,7 +86,7 @@ def test_a_slide_with_micro_hops_that_stops_is_one_switch(contact_share: float) 
 def test_a_pad_that_alternates_switches_at_every_change() -> None:
     slip = np.where(np.arange(200) // 20 % 2, 1e-3, 0.0)
     touching, usage = np.ones((1, 200), dtype=np.bool_), slip[None] * 1e3
-    mode = modes(touching, usage, usage, slip[None], np.array([2e-3]))
+    mode = contact_modes(touching, usage, usage, slip[None], np.array([2e-3]))
     assert switches(mode) == 9
 
 
@@ -94,7 +94,7 @@ def test_gaps_hold_up_to_a_tenth_of_a_second_and_no_longer() -> None:
     bearing = np.ones((2, 200), dtype=np.bool_)
     bearing[0, 50:100] = bearing[1, 50:101] = False
     sliding = np.ones((2, 200))
-    mode = modes(bearing, sliding, sliding, sliding, np.full(2, 2e-3))
+    mode = contact_modes(bearing, sliding, sliding, sliding, np.full(2, 2e-3))
     assert (mode[0] == SLIDE).all()
     assert (mode[1, 50:101] == NO_CONTACT).all()
     assert switches(mode) == 0

@@ -6,7 +6,7 @@ import pytest
 from contactlab.engines import Buffers
 from contactlab.engines.mujoco_batch import roll_out
 from contactlab.engines.rollout_trace import make_trace
-from contactlab.measure import assess
+from contactlab.measure import assess_runs
 from contactlab.scene.run_setup import make_setup
 from contactlab.scene.scene import Scene
 
@@ -18,7 +18,7 @@ def test_a_slide_to_rest_is_one_switch_in_every_direction(direction: float) -> N
     run = scene.resolve({"direction": direction}, 0, None)
     base = scene.base(run.structure)
     prepared = base.prepare(run.edits())
-    rollout = roll_out([prepared.model], scene.starts([run]), run.steps, Buffers())
+    rollout = roll_out([prepared.model], scene.initial_states([run]), run.steps, Buffers())
     trace = make_trace(base, [prepared], rollout)
     setup = make_setup(base, scene.source.manifest, [run], [prepared.model], {})
-    assert assess(trace, setup).metrics["mode_switches"] * run.duration == np.array([1.0])
+    assert assess_runs(trace, setup).metrics["mode_switches"] * run.duration == np.array([1.0])

@@ -10,7 +10,7 @@ from contactlab.contact.trace_arrays import Trace
 from contactlab.engines import Buffers, PreparedRuns
 from contactlab.engines.mujoco_engine import MujocoEngine
 from contactlab.engines.rollout_trace import make_trace
-from contactlab.measure import assess, context
+from contactlab.measure import assess_runs, context
 from contactlab.scene.run_setup import make_setup
 from contactlab.scene.scene import Scene
 
@@ -53,10 +53,10 @@ def test_one_stands_for_all(
     untouched = sum(not pair.found.any() for pair in trace.pairs)
     assert 8 < untouched < len(trace.pairs) - 3
     for checks in (None, MujocoEngine().check_runs(runs, trace)):
-        together = assess(trace, setup, checks)
+        together = assess_runs(trace, setup, checks)
         with monkeypatch.context() as patch:
             patch.setattr(context, "rows_of", one_by_one)
-            apart = assess(trace, setup, checks)
+            apart = assess_runs(trace, setup, checks)
         assert together.labels == apart.labels
         assert together.coverage == apart.coverage
         assert together.suspect.tolist() == apart.suspect.tolist()

@@ -6,8 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.pareto.analysis import analyze
-from contactlab.pareto.configurations import Evaluated, ResolvedCriteria, StoredRuns, evaluate
+from contactlab.pareto.analysis import analyze_tradeoff
+from contactlab.pareto.configurations import (
+    Evaluated,
+    ResolvedCriteria,
+    StoredRuns,
+    evaluate_configurations,
+)
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.schema.tradeoff_report import ErrorMeasure, TimeMeasure, TradeoffReport
@@ -69,7 +74,7 @@ def make_weighed(
     rows: Rows, knobs: Sequence[str] = ("timestep",), error: str = "oracle_error", **limits: float
 ) -> list[Evaluated]:
     """Return the configurations of rows."""
-    return evaluate(make_runs(rows, knobs), make_weighing(error, **limits))
+    return evaluate_configurations(make_runs(rows, knobs), make_weighing(error, **limits))
 
 
 @pytest.fixture(scope="session")
@@ -102,4 +107,4 @@ def store(written: Callable[..., Store]) -> Store:
 
 @pytest.fixture(scope="session")
 def report(store: Store) -> TradeoffReport:
-    return analyze(store)
+    return analyze_tradeoff(store)

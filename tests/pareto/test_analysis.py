@@ -9,7 +9,7 @@ import pytest
 
 from contactlab import resources
 from contactlab.errors import StoreError, SweepFileError
-from contactlab.pareto.analysis import analyze
+from contactlab.pareto.analysis import analyze_tradeoff
 from contactlab.pareto.configuration_export import recommended_sweep
 from contactlab.pareto.criteria import Criteria
 from contactlab.run.sweep_request import read_request
@@ -59,7 +59,7 @@ def test_the_answer_validates_against_its_published_schema(report: TradeoffRepor
 
 
 def test_a_tolerance_of_the_question_goes_over_the_sweeps(store: Store) -> None:
-    strict = analyze(store, Criteria(tolerances={"oracle_error": 0.5, "steps": 1.0}))
+    strict = analyze_tradeoff(store, Criteria(tolerances={"oracle_error": 0.5, "steps": 1.0}))
     assert strict.tolerances == {"oracle_error": 0.5, "steps": 1.0}
     assert strict.recommendation is None
     assert strict.robust is None
@@ -72,7 +72,7 @@ def test_a_tolerance_of_the_question_goes_over_the_sweeps(store: Store) -> None:
 
 
 def test_another_error_can_stand_for_accuracy(store: Store) -> None:
-    found = analyze(store, Criteria(metric="energy_drift"))
+    found = analyze_tradeoff(store, Criteria(metric="energy_drift"))
     assert (found.error.name, found.error.kind) == ("energy_drift", "metric")
 
 
@@ -90,7 +90,7 @@ def test_what_the_store_does_not_have(
     store: Store, question: Criteria, cause: type[Exception], message: str
 ) -> None:
     with pytest.raises(cause, match=message.replace("{", r"\{").replace("}", r"\}")):
-        analyze(store, question)
+        analyze_tradeoff(store, question)
 
 
 def test_recorded_times_come_with_a_warning(report: TradeoffReport) -> None:
@@ -136,7 +136,7 @@ def test_a_model_file_of_ones_own_is_run_again_from_the_stores_copy(
         f'version: 1\nscene: "{model}"\ndrive: none\naxes: {{timestep: [1.0e-3, 2.0e-3]}}\n'
     )
     model.unlink()
-    own = analyze(found, Criteria(metric="energy_drift"))
+    own = analyze_tradeoff(found, Criteria(metric="energy_drift"))
     text = recommended_sweep(found, own, found.path.parent, seeds=1)
     assert f'scene: "./{found.path.name}/scenes/' in text
     ask = read_request(text, "again", tmp_path / "again", folder=found.path.parent, workers=0)

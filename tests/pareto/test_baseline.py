@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.pareto.analysis import analyze
+from contactlab.pareto.analysis import analyze_tradeoff
 from contactlab.pareto.criteria import Criteria
 from contactlab.pareto.tradeoff_chart import chart_data
 from contactlab.plan.overrides import Overrides
@@ -50,7 +50,7 @@ def test_it_is_run_once_in_every_scenario_without_knobs_or_effects(beside: Store
 
 
 def test_it_comes_first_with_the_options_that_it_has(beside: Store) -> None:
-    report = analyze(beside)
+    report = analyze_tradeoff(beside)
     now = report.baseline
     assert now is not None
     assert now == report.configurations[0]
@@ -67,7 +67,7 @@ def test_what_others_leave_to_the_scene_too_stays_left_to_it(written: Callable[.
     """Rows that are included name some knobs; those without a cone are of one method."""
     rows = "include: [{timestep: 4.0e-3}, {timestep: 8.0e-3}, {timestep: 8.0e-3, cone: elliptic}]\n"
     head, tail = SWEEP[: SWEEP.index("axes:")], SWEEP[SWEEP.index("baseline:") :]
-    report = analyze(written(f"{head}{rows}{tail}"))
+    report = analyze_tradeoff(written(f"{head}{rows}{tail}"))
     assert report.baseline is not None
     assert report.baseline.configuration == {"timestep": 2e-3, "cone": None}
     assert sum(each.configuration["cone"] is None for each in report.configurations) == 3
@@ -76,7 +76,7 @@ def test_what_others_leave_to_the_scene_too_stays_left_to_it(written: Callable[.
 def test_it_is_found_among_the_sweeps_own_runs(written: Callable[..., Store]) -> None:
     """A run that equals one of the product is run once: the product's is the baseline."""
     text = (SWEEP % "1.0e-3, 2.0e-3").replace("effects: {midphase: false}\n", "")
-    report = analyze(written(text))
+    report = analyze_tradeoff(written(text))
     assert len(report.configurations) == 2
     assert report.baseline is not None
     assert report.baseline.configuration == {"timestep": 2e-3, "cone": "pyramidal"}

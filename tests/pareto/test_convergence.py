@@ -6,12 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.pareto.convergence import (
-    CLEAR,
-    FLAT,
+    CLEAR_RATIO,
+    FLAT_RATIO,
     WORST_STANDARD_ERROR,
     TimestepErrors,
+    convergence_order,
     find_floor,
-    order,
 )
 
 STEPS = 1e-4 * 2.0 ** np.arange(6)
@@ -33,14 +33,14 @@ def test_the_order_of_a_power_law_with_noise(
     error of their slope up to 0.2 / sqrt 6 / (ln 2 sqrt 2) = 0.084, so that an order is found.
     """
     noise = np.exp(np.random.default_rng(seed).uniform(-0.05, 0.05, count))
-    found = order(steps(factor * STEPS[:count] ** slope * noise, STEPS[:count]))
+    found = convergence_order(steps(factor * STEPS[:count] ** slope * noise, STEPS[:count]))
     assert found.slope == pytest.approx(slope, abs=0.08)
     assert found.points >= 3
 
 
 def test_an_exact_power_law_is_found_exactly() -> None:
     for slope in (1, 2, 4):
-        found = order(steps(7 * STEPS**slope))
+        found = convergence_order(steps(7 * STEPS**slope))
         assert found.slope == pytest.approx(slope, abs=1e-12)
         assert found.standard_error == pytest.approx(0, abs=1e-7)
         assert found.points == len(STEPS)
@@ -49,7 +49,7 @@ def test_an_exact_power_law_is_found_exactly() -> None:
 def test_coarse_steps_beyond_the_law_are_left_out() -> None:
     """An error saturates at the size of the motion; the fine steps still show the order."""
     error = STEPS**4 / (STEPS**4 + (1.6e-3) ** 4)
-    found = order(steps(error))
+    found = convergence_order(steps(error))
     assert found.slope == pytest.approx(4, abs=0.2)
     assert 3 <= found.points < len(STEPS)
 
@@ -57,7 +57,7 @@ def test_coarse_steps_beyond_the_law_are_left_out() -> None:
 @given(st.integers(0, 2**32 - 1))
 def test_a_slope_is_told_only_if_it_is_known(seed: int) -> None:
     error = np.exp(np.random.default_rng(seed).normal(0, 2, size=len(STEPS)))
-    found = order(steps(error))
+    found = convergence_order(steps(error))
     if found.slope is None:
         assert found.reason
     else:
@@ -67,7 +67,7 @@ def test_a_slope_is_told_only_if_it_is_known(seed: int) -> None:
 
 
 def test_scattered_errors_have_no_order() -> None:
-    found = order(steps(np.array([1e-3, 5e-3, 2e-3, 9e-3, 1e-3, 4e-3])))
+    found = convergence_order(steps(np.array([1e-3, 5e-3, 2e-3, 9e-3, 1e-3, 4e-3])))
     assert found.slope is None
     assert "do not lie on a line" in str(found.reason)
 
@@ -76,17 +76,17 @@ def test_errors_near_the_references_own_do_not_count() -> None:
     """Below the estimate stands what the reference errs, which has another law."""
     estimate = 1e-9
     error = np.maximum(STEPS**2, estimate)
-    clear = int((error > CLEAR * estimate).sum())
-    found = order(steps(error, hidden=estimate))
+    clear = int((error > CLEAR_RATIO * estimate).sum())
+    found = convergence_order(steps(error, hidden=estimate))
     assert found.points == clear >= 3
     assert found.slope == pytest.approx(2, abs=1e-12)
-    none = order(steps(error, hidden=float(error[-2])))
+    none = convergence_order(steps(error, hidden=float(error[-2])))
     assert none.slope is None
     assert "timesteps have an error above three times the reference's" in str(none.reason)
 
 
 def test_an_error_that_does_not_fall_has_no_order() -> None:
-    found = order(steps(1e-3 * STEPS**0.02))
+    found = convergence_order(steps(1e-3 * STEPS**0.02))
     assert found.slope is None
     assert "does not fall" in str(found.reason)
 
@@ -99,11 +99,11 @@ def test_a_floor_is_found_under_a_power_law(floor: float, slope: float, above: f
     """
     error = floor * (1 + above * (STEPS / STEPS[-1]) ** slope)
     found = find_floor(steps(error))
-    flat = error <= FLAT * error[0]
+    flat = error <= FLAT_RATIO * error[0]
     if flat.sum() >= 3:
         assert found is not None
         assert found.points == flat.sum()
-        assert floor <= found.error <= FLAT * error[0]
+        assert floor <= found.error <= FLAT_RATIO * error[0]
     else:
         assert found is None
 
@@ -123,7 +123,7 @@ def test_a_floor_spans_a_factor_of_four_in_timestep() -> None:
 
 def test_above_a_floor_the_order_needs_three_clear_steps() -> None:
     floor = 1e-3
-    found = order(steps(floor + 1e2 * STEPS**2), floor)
+    found = convergence_order(steps(floor + 1e2 * STEPS**2), floor)
     assert found.slope is None
     assert "0 of at least 3 timesteps have an error above three times the floor" in str(
         found.reason

@@ -9,7 +9,7 @@ import pytest
 from contactlab.charts import save_figure
 from contactlab.command_line.options import check_figure
 from contactlab.errors import OutputError
-from contactlab.pareto.tradeoff_chart import chart_data, specification
+from contactlab.pareto.tradeoff_chart import chart_data, chart_specification
 from contactlab.schema.tradeoff_report import TradeoffReport
 
 Written = Callable[..., Any]
@@ -19,7 +19,7 @@ Vary = Callable[..., TradeoffReport]
 def draw(report: TradeoffReport, path: Path) -> None:
     """Draw a report as the command does."""
     check_figure(path)
-    save_figure(specification(report), path)
+    save_figure(chart_specification(report), path)
 
 
 def points(report: TradeoffReport) -> list[dict[str, Any]]:
@@ -111,7 +111,7 @@ def test_a_file_is_drawn(report: TradeoffReport, tmp_path: Path, suffix: str) ->
 
 
 def test_the_specification_has_data_only_and_no_address(report: TradeoffReport) -> None:
-    text = str({**specification(report).to_dict(), "$schema": ""})
+    text = str({**chart_specification(report).to_dict(), "$schema": ""})
     assert "http" not in text
     assert "NaN" not in text
 

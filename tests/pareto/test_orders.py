@@ -5,7 +5,7 @@ from collections.abc import Callable
 import mujoco
 import pytest
 
-from contactlab.pareto.analysis import analyze
+from contactlab.pareto.analysis import analyze_tradeoff
 from contactlab.pareto.criteria import Criteria
 from contactlab.schema.tradeoff_report import Order
 from contactlab.store.finished_store import Store
@@ -38,7 +38,7 @@ checks: none
 
 
 def orders(store: Store) -> dict[object, Order]:
-    report = analyze(store, Criteria(metric="error_final"))
+    report = analyze_tradeoff(store, Criteria(metric="error_final"))
     return {each.configuration["integrator"]: each.order for each in report.methods}
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from contactlab import resources
 from contactlab.accuracy import timing
-from contactlab.pareto.analysis import analyze
+from contactlab.pareto.analysis import analyze_tradeoff
 from contactlab.pareto.configuration_export import recommended_sweep
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
@@ -40,7 +40,7 @@ def weighed(tmp_path_factory: pytest.TempPathFactory) -> Weighed:
     def of(name: str) -> tuple[Store, TradeoffReport]:
         if name not in done:
             store = run(resources.sweep_file(name), tmp_path_factory.mktemp(name) / "store")
-            done[name] = store, analyze(store)
+            done[name] = store, analyze_tradeoff(store)
         return done[name]
 
     return of
@@ -52,7 +52,7 @@ def test_the_recommendation_holds_from_fresh_seeds(
 ) -> None:
     store, report = weighed(name)
     assert report.time.source == "timing"
-    again = analyze(run(recommended_sweep(store, report, tmp_path), tmp_path / "again"))
+    again = analyze_tradeoff(run(recommended_sweep(store, report, tmp_path), tmp_path / "again"))
     (only,) = again.configurations
     assert only.feasible, only.reasons
     assert again.runs_per_configuration >= 10

@@ -15,12 +15,12 @@ from contactlab.plan.refinement import (
     UNKNOWN,
     Codes,
     corners_of,
-    filled,
-    halved,
-    lattices,
-    least_met,
-    missed,
+    group_lattices,
+    halve_cells,
+    infer_codes,
+    miss_probability,
     next_points,
+    smallest_detected_island,
 )
 from contactlab.plan.sides import side_of
 
@@ -47,7 +47,7 @@ def refined(truth: Codes, probe: float = 0.0, ranks: Ranks | None = None, most: 
 
 
 def inferred(codes: Codes) -> Codes:
-    return filled(codes, halved(codes, STRIDE).cells)
+    return infer_codes(codes, halve_cells(codes, STRIDE).cells)
 
 
 @given(angle=ANGLES, offset=st.floats(-0.6, 0.6))
@@ -59,7 +59,7 @@ def test_a_straight_boundary_is_found_with_no_cell_wrong(angle: float, offset: f
     truth = half_plane(angle, offset)
     codes = refined(truth)
     assert np.array_equal(inferred(codes), truth)
-    for cell in halved(codes, STRIDE).cells:
+    for cell in halve_cells(codes, STRIDE).cells:
         assert len(np.unique(truth[cell.box])) == 1 or cell.steps == 1
 
 
@@ -120,7 +120,7 @@ def test_islands_are_missed_as_often_as_is_said(side: int) -> None:
     # A larger share than usual, so that islands of one point are met at all.
     share, times, stride = 2.0, 200, 8
     points = truth.size - 25
-    said = missed(points, 2 * 25, side**2)
+    said = miss_probability(points, 2 * 25, side**2)
     # Those that lie on corners of the first cells would be met anyhow.
     assert not truth[::stride, ::stride].any()
     misses = 0
@@ -141,23 +141,23 @@ def test_the_chance_of_missing_an_island_is_hypergeometric(
     """Of up to 300 factors, the rounding of each logarithm (2^-53) adds up to some 1e-13."""
     probes, island = min(probes, points), min(island, points)
     exact = Fraction(comb(points - island, probes), comb(points, probes))
-    assert missed(points, probes, island) == pytest.approx(float(exact), rel=1e-11)
+    assert miss_probability(points, probes, island) == pytest.approx(float(exact), rel=1e-11)
 
 
 @given(points=st.integers(1, 300), probes=st.integers(1, 300))
 def test_the_least_island_that_is_met(points: int, probes: int) -> None:
     probes = min(probes, points)
-    least = least_met(points, probes)
+    least = smallest_detected_island(points, probes)
     assert least is not None
     # Up to rounding, which decides where a chance is 1 in 20.
-    assert missed(points, probes, least) <= 0.05 * (1 + 1e-11)
-    assert least == 1 or missed(points, probes, least - 1) > 0.05 * (1 - 1e-11)
+    assert miss_probability(points, probes, least) <= 0.05 * (1 + 1e-11)
+    assert least == 1 or miss_probability(points, probes, least - 1) > 0.05 * (1 - 1e-11)
 
 
 def test_corners_of_cells_are_what_halving_asked_for() -> None:
     """Without probes, nothing else runs."""
     codes = refined(half_plane(0.7, 0.1))
-    cells = halved(codes, STRIDE).cells
+    cells = halve_cells(codes, STRIDE).cells
     assert np.array_equal(corners_of(cells, codes.shape), codes != UNKNOWN)
     area = sum(cell.steps**2 for cell in cells)
     assert area == (TO - 1) ** 2
@@ -172,7 +172,7 @@ def test_lattices_part_what_other_axes_and_seeds_tell_apart() -> None:
         )
         for seed in (0, 1)
     ]
-    found = lattices([*runs, (99, {"a": 7.0, "b": 3.0, "c": "x"}, 0)], axes)
+    found = group_lattices([*runs, (99, {"a": 7.0, "b": 3.0, "c": "x"}, 0)], axes)
     assert len(found) == 4
     places = np.sort(np.concatenate([lattice.places.ravel() for lattice in found]))
     assert np.array_equal(places, np.arange(16))
@@ -203,6 +203,6 @@ def test_sides(where: str, row: dict[str, object], side: object) -> None:
 
 def test_first_cells_of_a_grid_lie_side_by_side() -> None:
     codes = np.full(9, UNKNOWN, np.int32)
-    cells = sorted(halved(codes, 4).cells)
+    cells = sorted(halve_cells(codes, 4).cells)
     assert [cell.steps for cell in cells] == [4, 4]
     assert all(one.origin[0] + one.steps == other.origin[0] for one, other in pairwise(cells))

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.plan.starter import SCHEMA_NAME, starter
+from contactlab.plan.starter import SCHEMA_NAME, starter_text
 from contactlab.plan.sweep_file import read_sweep
 from contactlab.schema.vocabulary import Vocabulary
 
@@ -21,7 +21,7 @@ SETTINGS = {
 def text_of(
     names: Vocabulary, settings: Mapping[str, object] = SETTINGS, drive: str | None = "hold"
 ) -> str:
-    return starter("ball", settings, 1.5, drive, names)
+    return starter_text("ball", settings, 1.5, drive, names)
 
 
 def axes_of(text: str, vocabulary: Any) -> dict[str, list[Any]]:
@@ -77,5 +77,5 @@ def test_its_commented_lines_read_too(vocabulary: Any) -> None:
 @pytest.mark.parametrize("reference", ["ball", "my: scene #1", "./a b/c.xml"])
 def test_a_scene_without_axes_or_plain_name_reads(reference: str) -> None:
     empty = Vocabulary((), lambda _: None, (), ())
-    file = read_sweep(starter(reference, {}, 1.0, None, empty), lambda _: empty)
+    file = read_sweep(starter_text(reference, {}, 1.0, None, empty), lambda _: empty)
     assert (file.sweep.scene, file.plan.count) == (reference, 3)

@@ -11,7 +11,7 @@ from contactlab.plugins import load_plugins
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.store.finished_store import Store
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 from contactlab.studies.explain.definitions import define
 
 pytestmark = pytest.mark.usefixtures("forgotten")
@@ -110,7 +110,7 @@ def test_a_sweep_has_its_engine_metric_and_label(store: Store) -> None:
         assert height == record.initial.qpos[2]
         assert record.label == "too_high"
         assert record.labels[0].reason == f"it starts at {height:g} m"
-    assert verify(store.path) == []
+    assert find_problems(store.path) == []
 
 
 def test_explain_gives_its_meaning_advice_and_limit(file: Path) -> None:

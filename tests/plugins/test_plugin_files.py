@@ -12,7 +12,7 @@ from contactlab.errors import ContactlabError, PluginError, StoreError
 from contactlab.measure import METRICS
 from contactlab.plugins import Plugin, extensions, load_plugins, loaded_plugins, require_plugins
 from contactlab.registry import PARTS, REGISTRIES
-from contactlab.run.stored_runs import replay
+from contactlab.run.stored_runs import replay_run
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.run.task_bundle import pack_bundle, unpack_bundle
@@ -20,7 +20,7 @@ from contactlab.run.tasks import Task
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import ObjectAddress
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 pytestmark = pytest.mark.usefixtures("forgotten")
 
@@ -67,10 +67,10 @@ def test_what_a_plugin_adds_is_in_the_store(folder: Path, workers: int) -> None:
         assert record.metrics["oracle_error"] == 0
         assert "hovering" in {entry.label for entry in record.labels}
     assert store.manifest.sweep.plugins == records[0].plugins
-    assert verify(folder / "store") == []
+    assert find_problems(folder / "store") == []
     frozen = next(each for each in records if each.engine.name == "frozen")
     assert store.trace(frozen).qpos[0].tolist() == store.trace(frozen).qpos[-1].tolist()
-    assert replay(store, frozen.run_id).equal
+    assert replay_run(store, frozen.run_id).equal
 
 
 def test_without_plugins_nothing_speaks_of_them(folder: Path) -> None:
@@ -100,7 +100,7 @@ def test_a_stored_run_says_which_plugin_it_needs(
     monkeypatch.setattr("contactlab.plugins._loaded", {})
     del ENGINES["frozen"]
     with pytest.raises(PluginError, match=r"plug-in hover .*frozen_engine .* --plugin"):
-        replay(store, run)
+        replay_run(store, run)
     # All else is read as it is stored.
     assert store.record(run).metrics["hover_height"] == 0
 

@@ -11,7 +11,7 @@ from contactlab.errors import OutputError
 from contactlab.live import browser_build
 from contactlab.live.browser_build import find_build
 from contactlab.live.browser_models import BrowserModel
-from contactlab.live.browser_models import changes as changes_of
+from contactlab.live.browser_models import model_changes as changes_of
 from contactlab.live.live_runs import LiveRuns
 from contactlab.scene.model_draft import fields_of
 from contactlab.scene.scene import Scene
@@ -83,7 +83,7 @@ def test_a_model_that_travels_alone_compiles_to_itself(tmp_path: Path) -> None:
     (tmp_path / "model.xml").write_text(MESHES)
     scene = Scene.open(str(tmp_path / "model.xml"))
     model = BrowserModel.of(scene, scene.resolve({}, 0, None))
-    text, files = model.alone
+    text, files = model.standalone_mjcf
     again = mujoco.MjModel.from_xml_string(text, dict(files))
     assert again.ntex == 0
     assert len(files) == 2

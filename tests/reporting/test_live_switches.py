@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from contactlab.budget import ROWS
-from contactlab.live.browser_models import changes
-from contactlab.live.budget_switches import rows_of, switched
+from contactlab.live.browser_models import model_changes
+from contactlab.live.budget_switches import rows_of, switched_models
 from contactlab.schema.error_budget import BudgetPhase, BudgetReport, BudgetRow
 
 MODEL = """
@@ -64,7 +64,11 @@ def test_the_worst_phase_counts_and_what_is_not_exercised_is_last() -> None:
 
 def test_a_switch_changes_what_its_row_says_and_nothing_else(model: mujoco.MjModel) -> None:
     rows = {row.name: row for row in ROWS}
-    before = {name: changes(model, made) for row in ROWS for name, made in switched(model, row)}
+    before = {
+        name: model_changes(model, made)
+        for row in ROWS
+        for name, made in switched_models(model, row)
+    }
     assert set(before["noslip"]) == {"opt.noslip_iterations", "opt.noslip_tolerance"}
     # In elliptic cones, as the budget makes it.
     assert before["impratio"] == {
@@ -75,7 +79,7 @@ def test_a_switch_changes_what_its_row_says_and_nothing_else(model: mujoco.MjMod
         places, values = before[name]["geom_friction"]
         assert places == [0, 3]
         np.testing.assert_allclose(values, 0.8 * factor, rtol=1e-15)
-    heavier = dict(switched(model, rows["mass 5 %"]))["mass 5 %, more"]
+    heavier = dict(switched_models(model, rows["mass 5 %"]))["mass 5 %, more"]
     np.testing.assert_allclose(heavier.body_mass, 1.05 * model.body_mass, rtol=1e-15)
     assert model.opt.noslip_iterations == 0
     assert model.body_mass[1] == 2

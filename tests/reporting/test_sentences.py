@@ -27,7 +27,7 @@ from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.store.finished_store import Store
 from contactlab.store.table_layout import REAL, Column
-from contactlab.view.film import graphics
+from contactlab.view.film import graphics_context
 
 Swept = Callable[[str], Any]
 
@@ -153,7 +153,7 @@ def test_a_page_without_films_says_why_and_which_command_draws_one(
 @pytest.mark.long
 def test_the_head_has_films_of_a_stable_and_of_the_worst_run(swept: Swept) -> None:
     try:
-        with graphics(64, 64):
+        with graphics_context(64, 64):
             pass
     except SceneError as error:
         pytest.skip(str(error))

@@ -74,8 +74,8 @@ def test_each_coordinate_has_noise_of_its_own(tmp_path: Path) -> None:
     manifest.write_text(manifest.read_text() + NOISE.replace("}}", "}, scale: 3}"))
     opened = SceneLoader(Path()).open(scene)
     runs = [opened.resolve({"perturbation": 1.0}, seed, None) for seed in range(40)]
-    calm = opened.starts([opened.resolve({"perturbation": 0.0}, 0, None)])
-    starts = opened.starts(runs)
+    calm = opened.initial_states([opened.resolve({"perturbation": 0.0}, 0, None)])
+    starts = opened.initial_states(runs)
     for values, still, most in (
         (starts.qpos[:, 0], calm.qpos[0, 0], 3e-3),
         (starts.qvel[:, 0], calm.qvel[0, 0], 0.06),

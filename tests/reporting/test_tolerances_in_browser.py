@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.pareto.analysis import analyze
-from contactlab.pareto.configurations import ResolvedCriteria, StoredRuns, evaluate
+from contactlab.pareto.analysis import analyze_tradeoff
+from contactlab.pareto.configurations import ResolvedCriteria, StoredRuns, evaluate_configurations
 from contactlab.pareto.criteria import Criteria
 from contactlab.pareto.recommendation import (
     EQUALLY_FAST,
@@ -44,7 +44,7 @@ def text(page: Any, selector: str) -> str:
 
 
 def analysed(store: Store, **limits: float) -> TradeoffReport:
-    return analyze(store, Criteria(None, limits))
+    return analyze_tradeoff(store, Criteria(None, limits))
 
 
 def recommended_settings(page: Any) -> dict[str, str]:
@@ -116,8 +116,8 @@ def test_random_configurations_are_evaluated_as_tradeoff_does(browser: Any) -> N
     expected: list[list[Any]] = []
     for number in range(200):
         runs = random_runs(rng)
-        free = evaluate(runs, ResolvedCriteria(error, time, {}))
-        found = evaluate(runs, ResolvedCriteria(error, time, limits))
+        free = evaluate_configurations(runs, ResolvedCriteria(error, time, {}))
+        found = evaluate_configurations(runs, ResolvedCriteria(error, time, limits))
         places = None if number % 3 else [*range(0, len(found), 2)]
         cases.append(
             {

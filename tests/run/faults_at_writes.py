@@ -35,7 +35,7 @@ from contactlab.store.finished_store import Store
 from contactlab.store.objects.client import ObjectClient
 from contactlab.store.row_journal import read_lines
 from contactlab.store.store_files import JOURNAL, parse_address
-from contactlab.store.verify_store import verify, write_baseline
+from contactlab.store.verify_store import find_problems, write_baseline
 
 SWEEP: dict[str, Any] = {
     "version": 1,
@@ -114,7 +114,7 @@ def merge_again(place: str) -> None:
     """Merge, unless the merge that was killed had come to its very end."""
     whole = f"{place}whole"
     if not is_finished(whole) or any(
-        "left over" in problem for problem in verify(parse_address(whole))
+        "left over" in problem for problem in find_problems(parse_address(whole))
     ):
         merge(place)
 
@@ -258,7 +258,7 @@ def looked_at(place: str) -> dict[str, Any]:
     address = parse_address(place)
     files = finished_runs(place) if isinstance(address, Path) else {}
     store = Store.open(address)
-    return {"problems": verify(store.address), "physics": store.physics, "files": files}
+    return {"problems": find_problems(store.address), "physics": store.physics, "files": files}
 
 
 class Fault(NamedTuple):

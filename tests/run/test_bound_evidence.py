@@ -18,16 +18,20 @@ import pytest
 from contactlab.errors import StoreError
 from contactlab.plugins import hash_of_packages
 from contactlab.run.evidence_record import definitions
-from contactlab.run.recomputed_runs import recomputed_problems, simulated_problems, unplanned
+from contactlab.run.recomputed_runs import (
+    recomputed_problems,
+    simulated_problems,
+    why_plan_unverifiable,
+)
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.file_parts import encode_file
-from contactlab.store.mcap.stored_messages import message_stream, start_of, stored_file
+from contactlab.store.mcap.stored_messages import file_start_of, message_stream, stored_file
 from contactlab.store.mcap.trace_messages import HEADER_SIZE
-from contactlab.store.row_journal import mend_journal, read_lines, sealed, write_journal
+from contactlab.store.row_journal import read_lines, repair_journal, with_checksum, write_journal
 from contactlab.store.runs_table import digests_of
 from contactlab.store.store_files import document_json
-from contactlab.store.verify_store import unverified, verify
+from contactlab.store.verify_store import find_problems, unverifiable_parts
 
 Attack = Callable[[Path], None]
 SEEDS = 2
@@ -51,7 +55,7 @@ def bent(sound: Path, tmp_path: Path) -> Path:
 
 def problems(store: Path) -> list[str]:
     """Return all that `contactlab verify` finds."""
-    return verify(store) or list(recomputed_problems(Store.unchecked(store)))
+    return find_problems(store) or list(recomputed_problems(Store.unchecked(store)))
 
 
 def redo(store: Path) -> None:
@@ -161,7 +165,7 @@ def edit_messages(store: Path, change: Callable[[bytes], bytes]) -> None:
     for start, size in zip(stream.offsets[used].tolist(), stream.sizes[used].tolist(), strict=True):
         message = slice(start + HEADER_SIZE, start + size)
         data[message] = np.frombuffer(change(data[message].tobytes()), np.uint8)
-    trace.write_bytes(encode_file(start_of(file), replace(stream, data=data)))
+    trace.write_bytes(encode_file(file_start_of(file), replace(stream, data=data)))
     ids = pq.read_table(store / "runs.parquet")["run_id"].to_pylist()
     edit(store, "trace_sha256", lambda _: sha256_of(trace), ids.index(trace.stem))
     edit(store, "trace_bytes", lambda _: trace.stat().st_size, ids.index(trace.stem))
@@ -295,7 +299,7 @@ def test_without_traces_outcomes_are_told_by_simulating_again(
     drop_traces(bent)
     attack(bent)
     assert problems(bent) == []
-    assert unverified(Store.open(bent)) == [
+    assert unverifiable_parts(Store.open(bent)) == [
         "trajectories, metrics and labels: the traces were left out"
     ]
     (found,) = simulated_problems(Store.open(bent), 100)
@@ -319,7 +323,7 @@ def test_what_only_a_trace_holds_is_told_by_simulating_again(bent: Path) -> None
     ],
 )
 def test_what_cannot_be_planned_again_is_said(bent: Path, change: Any, why: str) -> None:
-    assert unplanned(Store.open(bent)) is None
+    assert why_plan_unverifiable(Store.open(bent)) is None
     path = bent / "manifest.json"
     manifest = json.loads(path.read_text())
     for part, values in change.items():
@@ -327,7 +331,7 @@ def test_what_cannot_be_planned_again_is_said(bent: Path, change: Any, why: str)
             place = manifest[part]
             place[name] = place[name] | value if isinstance(value, dict) and value else value
     path.write_text(json.dumps(manifest))
-    assert why in (unplanned(Store.open(bent)) or "")
+    assert why in (why_plan_unverifiable(Store.open(bent)) or "")
 
 
 def test_a_stored_sweep_reads_no_file_of_the_folder_that_it_is_verified_in(
@@ -342,7 +346,7 @@ def test_a_stored_sweep_reads_no_file_of_the_folder_that_it_is_verified_in(
 
 def test_a_sound_store_simulates_alike(sound: Path) -> None:
     assert problems(sound) == []
-    assert unverified(Store.open(sound)) == []
+    assert unverifiable_parts(Store.open(sound)) == []
     assert list(simulated_problems(Store.open(sound), 3)) == []
 
 
@@ -466,7 +470,7 @@ def line_of(change: Callable[[dict[str, Any]], object]) -> Callable[[bytes], byt
 
     def changed(line: bytes) -> bytes:
         row = json.loads(line.partition(b"\t")[0])
-        return sealed(json.dumps(change(row) or row).encode())
+        return with_checksum(json.dumps(change(row) or row).encode())
 
     return changed
 
@@ -478,10 +482,10 @@ def line_of(change: Callable[[dict[str, Any]], object]) -> Callable[[bytes], byt
         (lambda line: line.replace(b'"label": "stable"', b'"label": "chatte"'), "checksum"),
         (lambda line: line.replace(b"0", b"1", 1), "checksum"),
         (lambda line: line.partition(b"\t")[0] + b"\n", "checksum"),
-        (lambda _: sealed(b"5"), "is not a JSON object"),
-        (lambda _: sealed(b"null"), "is not a JSON object"),
-        (lambda _: sealed(b"{}"), "is not a valid run record: run_id: Field required"),
-        (lambda _: sealed(b"[" * 100_000), "is not JSON"),
+        (lambda _: with_checksum(b"5"), "is not a JSON object"),
+        (lambda _: with_checksum(b"null"), "is not a JSON object"),
+        (lambda _: with_checksum(b"{}"), "is not a valid run record: run_id: Field required"),
+        (lambda _: with_checksum(b"[" * 100_000), "is not JSON"),
         (
             line_of(lambda row: row.pop("label") and None),
             "is not a valid run record: label: Field required",
@@ -545,7 +549,7 @@ def test_a_journal_cut_anywhere_is_resumed(
     end = ends[-2]
     for cut in (*range(0, len(text) + 1, 37), *range(end - 100, end + 100)):
         cut_journal.write_bytes(text[:cut])
-        mended = mend_journal(tmp_path, lambda _row: None, lambda _row: True)
+        mended = repair_journal(tmp_path, lambda _row: None, lambda _row: True)
         whole_lines = max(each for each in ends if each <= cut)
         assert cut_journal.read_bytes() == text[:whole_lines]
         # The first line is what the rows of the job share.

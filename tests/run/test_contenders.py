@@ -50,7 +50,7 @@ def test_one_goes_on_unless_another_is_as_good_and_clearly_faster(
         for number in range(2):
             run_id = f"{place}-{number}"
             axes = {"timestep": 1e-3 * (1 + place), "drop_height": 0.1 * (1 + number)}
-            runs.append(bare_run(len(runs), run_id).planned(axes, 0, run_id, len(runs)))
+            runs.append(bare_run(len(runs), run_id).with_seed(axes, 0, run_id, len(runs)))
             label = "stable" if stable or not number else "chatter"
             outcomes[run_id] = {"label": label, DEPTH: -depths[number]}
             errors[run_id] = {ERROR: errs[number]}

@@ -9,7 +9,7 @@ import pytest
 
 from contactlab import resources
 from contactlab.errors import SceneError
-from contactlab.run.stored_runs import replay
+from contactlab.run.stored_runs import replay_run
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.store.finished_store import Store
@@ -41,7 +41,7 @@ def test_a_driven_run_repeats_from_its_store_alone(tmp_path: Path) -> None:
     assert all(row["knife_edge"] is False for row in rows)
     store = Store.open(tmp_path / "store")
     for row in rows:
-        again = replay(store, row["run_id"])
+        again = replay_run(store, row["run_id"])
         assert again.equal
         assert again.step is None
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 pytestmark = pytest.mark.long
 
@@ -49,4 +49,4 @@ def test_jobs_run_where_an_installed_executor_runs_them(
     assert (tmp_path / "given.txt").read_text() == "far:1 None"
     assert int((tmp_path / "jobs.txt").read_text()) > 1
     assert sweeper.outcome() == sweeper.outcome("quiet")
-    assert verify(tmp_path / "store") == []
+    assert find_problems(tmp_path / "store") == []

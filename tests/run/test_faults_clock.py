@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 SWEEP = """
 version: 1
@@ -126,7 +126,7 @@ def test_a_clock_that_jumps(
     assert list(tmp_path.glob("jumped-*"))
     sweeper.run(SWEEP, "quiet")
     assert sweeper.outcome() == sweeper.outcome("quiet")
-    assert verify(tmp_path / "store") == []
+    assert find_problems(tmp_path / "store") == []
     lines = [line for line in re.split(r"[\r\n]|\x1b\[[0-9;?]*[A-Za-z]", shown) if " of 48" in line]
     assert lines
     # A sweep of less than a second shows no rate yet; tests/commands/test_progress.py has rates.

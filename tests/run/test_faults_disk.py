@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 from contactlab.run.tasks import Finished
-from contactlab.store.row_journal import lines_of
-from contactlab.store.verify_store import verify
+from contactlab.store.row_journal import encode_lines
+from contactlab.store.verify_store import find_problems
 
 SWEEP = """
 version: 1
@@ -76,7 +76,7 @@ class Quiet:
         self.traces = taken((store / "traces").rglob("*.mcap"))
 
     def _count(self, finished: Sequence[Finished]) -> None:
-        lines = lines_of([each.row for each in finished], finished[0].shared)
+        lines = encode_lines([each.row for each in finished], finished[0].shared)
         self.journal += sum(map(len, lines))
 
 
@@ -124,7 +124,7 @@ def test_a_full_disk(
     code, _, err = command.run(*sweep)
     assert (code, "runs are stored already" in err) == (0, True), err
     assert outcome(store) == quiet.outcome
-    assert verify(store) == []
+    assert find_problems(store) == []
 
 
 def refused(command: Any, tmp_path: Path, store: str) -> str:
@@ -153,7 +153,7 @@ def test_a_store_that_became_read_only(
     before = outcome(disk.path / "store")
     disk.mount("remount,ro")
     refused(command, tmp_path, "disk/store")
-    assert verify(disk.path / "store") == []
+    assert find_problems(disk.path / "store") == []
     assert outcome(disk.path / "store") == before
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 SWEEP = """
 version: 1
@@ -70,7 +70,7 @@ def test_only_the_culprits_are_lost(sweep: Any, quiet: Any, sweeper: Any, but: A
         assert table["label_reason"][place] == table["status_reason"][place]
         assert table["trajectory_hash"][place] is table["trace_file"][place] is None
     assert but(sweeper.outcome(), FAULTS) == but(quiet, FAULTS)
-    assert verify(sweeper.folder / "store") == []
+    assert find_problems(sweeper.folder / "store") == []
 
 
 @pytest.mark.night
@@ -88,7 +88,7 @@ def test_what_hangs_while_it_is_checked_is_a_timeout(
     faulty = sweeper.outcome()
     sweeper.run(checked, "quiet")
     assert but(faulty, {CULPRIT}) == but(sweeper.outcome("quiet"), {CULPRIT})
-    assert verify(sweeper.folder / "store") == []
+    assert find_problems(sweeper.folder / "store") == []
 
 
 @pytest.mark.night
@@ -102,7 +102,7 @@ def test_an_error_of_the_engine_is_its_runs_own(
     assert (table["label"][CULPRIT], table["status"][CULPRIT]) == ("invalid", "error")
     assert table["status_reason"][CULPRIT] == "mj_step: invalid integrator"
     assert but(sweeper.outcome(), {CULPRIT}) == but(quiet, {CULPRIT})
-    assert verify(sweeper.folder / "store") == []
+    assert find_problems(sweeper.folder / "store") == []
 
 
 @pytest.mark.night
@@ -119,4 +119,4 @@ def test_a_sweep_of_nothing_but_culprits_ends(sweep: Any, sweeper: Any, fault: s
     assert code == 4
     assert json.loads(out)["statuses"] == {"crashed": RUNS}
     assert sweeper.outcome()[0]["index"] == list(range(RUNS))
-    assert verify(sweeper.folder / "store") == []
+    assert find_problems(sweeper.folder / "store") == []

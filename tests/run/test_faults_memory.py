@@ -10,7 +10,7 @@ import pytest
 
 from contactlab.engines.engine import bytes_of_run
 from contactlab.run.planned_runs import JOB_BYTES
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 # The last timestep makes runs of 300,000 steps.
 SWEEP = """
@@ -69,7 +69,7 @@ def test_only_runs_that_do_not_fit_are_lost(
     found, _ = but(sweeper.outcome(), LARGE)
     assert found["trajectory_hash"] == quiet[0]["trajectory_hash"]
     assert found["label"] == quiet[0]["label"]
-    assert verify(tmp_path / "store") == []
+    assert find_problems(tmp_path / "store") == []
 
 
 @pytest.mark.night
@@ -85,4 +85,4 @@ def test_workers_that_can_have_no_memory_end_the_sweep(
     assert json.loads(out)["statuses"] == {"crashed": 3}
     shown = json.loads(command.run("show", "store", "--format", "json")[1])
     assert shown
-    assert verify(tmp_path / "store") == []
+    assert find_problems(tmp_path / "store") == []

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 Until = Callable[[Callable[[], bool]], None]
 
@@ -101,7 +101,7 @@ def test_a_worker_that_is_killed_in_a_long_run_is_replaced(
     out, err = process.communicate(timeout=60)
     assert (process.returncode, err) == (4, "error: 1 of 1 run crashed or timed out\n")
     assert "crashed" in out
-    assert verify(tmp_path / "store") == []
+    assert find_problems(tmp_path / "store") == []
 
 
 @pytest.mark.night

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 SWEEP = """
 version: 1
@@ -94,7 +94,7 @@ def test_twenty_rounds_of_random_faults(
     assert len(set(table["run_id"])) == RUNS
     expected = {place: STATUS[fault] for place, fault in faults.items()}
     assert {place: table["status"][place] for place in faults} == expected
-    assert verify(tmp_path / "store") == []
+    assert find_problems(tmp_path / "store") == []
     sweeper.run(SWEEP, "quiet")
     lost = {place for place, status in expected.items() if status != "ok"}
     assert but(sweeper.outcome(), lost) == but(sweeper.outcome("quiet"), lost)

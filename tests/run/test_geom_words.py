@@ -8,7 +8,7 @@ import pytest
 import contactlab
 from contactlab.command_line.main import main
 from contactlab.page.script_data import packed_series
-from contactlab.run.geom_words import told_of_runs
+from contactlab.run.geom_naming import geom_replacers
 
 MODEL = """<mujoco><worldbody>
   <geom type="plane" size="3 3 .1"/>
@@ -26,7 +26,7 @@ def test_unnamed_geoms_are_called_by_their_bodies(
     sweep = {"version": 1, "scene": str(tmp_path / "model.xml"), "duration": 0.01, "checks": "none"}
     store = contactlab.sweep(sweep, output=tmp_path / "store", workers=0)
     records = {0: store.record_at(0)}
-    told = told_of_runs(store, records)
+    told = geom_replacers(store, records)
     pairs = {name: told[0](name) for name in records[0].pairs}
     assert pairs["geom[0]-geom[1]"] == "world-foot geom[1]"
     assert pairs["geom[0]-geom[3]"] == "world-body[2]"

@@ -16,7 +16,7 @@ from contactlab.errors import OutputError, StoppedError
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.run.tasks import Finished, Stop
 from contactlab.store.row_journal import read_lines
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 Until = Callable[[Callable[[], bool]], None]
 
@@ -146,7 +146,7 @@ def assert_goes_on(sweeper: Any, stored: int) -> None:
     assert sweeper.began == [(RUNS, stored)]
     sweeper.run(MANY, "whole")
     assert sweeper.outcome("elsewhere") == sweeper.outcome("whole")
-    assert verify(sweeper.folder / "elsewhere") == []
+    assert find_problems(sweeper.folder / "elsewhere") == []
 
 
 @pytest.mark.night
@@ -223,7 +223,7 @@ def test_one_sweep_a_store(slow: Slow, sweeper: Any, until: Until) -> None:
     process.communicate(timeout=60)
     assert (slow.folder / "store" / ".lock").exists()
     sweeper.run(MANY)
-    assert verify(slow.folder / "store") == []
+    assert find_problems(slow.folder / "store") == []
 
 
 class After:

@@ -10,7 +10,7 @@ import contactlab
 from contactlab.plan.kept_traces import OF_MANY, KeptTraces
 from contactlab.run.sweep_request import read_request
 from contactlab.store.finished_store import Store
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 SWEEP = """
 version: 1
@@ -25,7 +25,7 @@ axes:
 def rows(sweeper: Any, text: str) -> list[dict[str, Any]]:
     sweeper.run(text)
     store: Path = sweeper.folder / "store"
-    assert verify(store) == []
+    assert find_problems(store) == []
     return Store.open(store).table.to_pylist()
 
 

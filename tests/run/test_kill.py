@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 Until = Callable[[Callable[[], bool]], None]
 
@@ -54,7 +54,7 @@ def test_killed_five_times(
     assert set(table["status_reason"]) == {None}
     assert code == 0, err
     assert f"of {RUNS:,} runs are stored already" in err
-    assert verify(store) == []
+    assert find_problems(store) == []
     assert command.run("sweep", "long.yaml", "-o", "whole", "--workers", "2")[0] == 0
     assert (table, traces) == outcome(tmp_path / "whole")
 
@@ -93,7 +93,7 @@ def test_interrupted_and_resumed(command: Any, tmp_path: Path, until: Until) -> 
     code, out, err = command.run("sweep", "long.yaml", *limit)
     assert code == 0, err
     assert "of 100 runs are stored already" in err
-    assert verify(tmp_path / "store") == []
+    assert find_problems(tmp_path / "store") == []
 
 
 @pytest.mark.night

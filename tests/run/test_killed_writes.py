@@ -22,7 +22,7 @@ import pytest
 from contactlab.errors import StoreError
 from contactlab.store import atomic_files, folder_backend
 from contactlab.store.finished_store import Store
-from contactlab.store.verify_store import verify, write_baseline
+from contactlab.store.verify_store import find_problems, write_baseline
 
 TINY = "{version: 1, scene: ball_drop, duration: 0.02, axes: {timestep: [1.0e-3, 2.0e-3]}}"
 REFINED = """
@@ -176,7 +176,7 @@ def test_a_sweep_killed_early_and_late_is_resumed(sweeper: Any) -> None:
     for killed in kills(store, lambda: sweeper.run(TINY), (4, 30)):
         sweeper.run(TINY)
         assert sweeper.outcome() == whole, killed
-        assert verify(store) == [], killed
+        assert find_problems(store) == [], killed
         shutil.rmtree(store)
 
 
@@ -191,7 +191,7 @@ def test_a_refined_sweep_killed_again_and_again_is_resumed(
     deaths = list(kills(store, lambda: sweeper.run(REFINED), (60, 40, 25, 50, 35, 10**6)))
     assert deaths == [60, 40, 25, 50, 35]
     assert sweeper.outcome() == sweeper.outcome("whole")
-    assert verify(store) == []
+    assert find_problems(store) == []
 
 
 @pytest.mark.night
@@ -202,7 +202,7 @@ def test_a_sweep_killed_at_every_write_is_resumed(sweeper: Any) -> None:
     for killed in kills(store, lambda: sweeper.run(TINY)):
         sweeper.run(TINY)
         assert sweeper.outcome() == whole, killed
-        assert verify(store) == [], killed
+        assert find_problems(store) == [], killed
         shutil.rmtree(store)
     # Two runs: their traces, rows, the scene's files, identity, table and manifest.
     assert killed > 30
@@ -228,7 +228,7 @@ def test_a_sweep_cut_off_from_power_at_every_write_is_resumed_or_repaired(
             assert "--repair" in refusal, cut
             sweeper.run(TINY, repair=True)
         assert sweeper.outcome() == whole, cut
-        assert verify(store) == [], cut
+        assert find_problems(store) == [], cut
         shutil.rmtree(store)
     assert cut > 30
 
@@ -253,7 +253,7 @@ def test_a_resumed_sweep_killed_at_every_write_is_resumed(
     for killed in kills(store, lambda: sweeper.run(TINY)):
         sweeper.run(TINY)
         assert sweeper.outcome() == whole, killed
-        assert verify(store) == [], killed
+        assert find_problems(store) == [], killed
         shutil.rmtree(store)
         shutil.copytree(begun, store)
     assert killed > 20
@@ -272,7 +272,7 @@ def test_a_baseline_killed_at_every_write_is_the_old_or_the_new(
     seen: set[str] = set()
     for killed in kills(beside, lambda: write_baseline(tmp_path / "new", target)):
         seen.add(Store.open(target).digest)
-        assert verify(target) == [], killed
+        assert find_problems(target) == [], killed
         write_baseline(tmp_path / "new", target)
         assert [path.name for path in beside.iterdir()] == ["tiny"], killed
         shutil.rmtree(beside)

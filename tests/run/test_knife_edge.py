@@ -40,9 +40,9 @@ def test_the_twin_changes_nothing_but_the_answer(tmp_path: Path) -> None:
 def test_a_nudge_is_a_millionth_and_turns_nothing() -> None:
     scene = Scene.open("box_slide")
     runs = [scene.resolve({}, seed, None) for seed in range(8)]
-    starts = scene.starts(runs)
-    moved = scene.nudged(starts, runs).qpos - starts.qpos
+    starts = scene.initial_states(runs)
+    moved = scene.nudged_states(starts, runs).qpos - starts.qpos
     assert (np.abs(moved[:, :3]) <= 1e-6 + 1e-16).all()
     assert moved[:, :3].any(axis=1).all()
     assert not moved[:, 3:].any()
-    assert (scene.nudged(starts, runs).qpos == scene.nudged(starts, runs).qpos).all()
+    assert (scene.nudged_states(starts, runs).qpos == scene.nudged_states(starts, runs).qpos).all()

@@ -18,7 +18,7 @@ from contactlab.run.worker import Worker
 from contactlab.store.objects import lease
 from contactlab.store.objects.lease import LockHolder
 from contactlab.store.store_files import Address, ObjectAddress, parse_address
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 if TYPE_CHECKING:
     from contactlab.store.objects.client import ObjectClient
@@ -100,7 +100,7 @@ def test_equals_a_local_one(
         local.labels,
     )
     assert outcome_at(address) == sweeper.outcome("local")
-    assert verify(address) == []
+    assert find_problems(address) == []
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def test_workers_of_another_machine(
     run_sweep(ask, lambda *_: None, lambda _: None)
     sweeper.run(ball, "local")
     assert outcome_at(address) == sweeper.outcome("local")
-    assert verify(address) == []
+    assert find_problems(address) == []
 
 
 @pytest.mark.night
@@ -174,7 +174,7 @@ def test_interrupted_and_resumed(
     code, _, err = command.run(*asked, str(address))
     assert code == 0, err
     assert "of 60 runs are stored already" in err
-    assert verify(address) == []
+    assert find_problems(address) == []
     assert command.run(*asked, "local")[0] == 0
     assert outcome_at(address) == outcome_at(tmp_path / "local")
 
@@ -200,7 +200,7 @@ def test_killed_twice(
     code, _, err = command.run(*asked, str(address))
     assert code == 0, err
     assert "of 160 runs are stored already" in err
-    assert verify(address) == []
+    assert find_problems(address) == []
     assert command.run(*asked, "local")[0] == 0
     assert outcome_at(address) == outcome_at(tmp_path / "local")
 
@@ -222,8 +222,8 @@ def test_resumed_on_another_machine(
 
     with pytest.raises(KeyboardInterrupt):
         run_sweep(ask, lambda *_: None, die)
-    theirs = LockHolder.this().model_copy(update={"machine": "another"})
-    client.put(".lock", theirs.encoded())
+    theirs = LockHolder.current_process().model_copy(update={"machine": "another"})
+    client.put(".lock", theirs.to_json_bytes())
     monkeypatch.setattr(lease, "LEASE", 0.5)
     began: list[tuple[int, int]] = []
     start = time.monotonic()

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from contactlab.errors import OutputError, StoreError
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 # Python runs this before anything else; workers inherit the limit. Bytecode that is written under
 # it would be torn.
@@ -40,7 +40,7 @@ def test_files_that_cannot_grow(
     assert re.fullmatch(rf"error: cannot write (/.*/)?store/{file}: File too large; .*\n", err)
     assert not list((tmp_path / "store").rglob("*.tmp"))
     sweeper.run(ball)
-    assert verify(tmp_path / "store") == []
+    assert find_problems(tmp_path / "store") == []
     sweeper.run(ball, "quiet")
     assert sweeper.outcome()[0]["trajectory_hash"] == sweeper.outcome("quiet")[0]["trajectory_hash"]
 

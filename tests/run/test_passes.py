@@ -10,7 +10,7 @@ import pytest
 from tests.run.spoiled_workers import spoil_workers
 
 from contactlab.run.tasks import Finished
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 
 class StopError(Exception):
@@ -76,7 +76,7 @@ def test_stopped_in_a_pass_it_goes_on(
     sweeper.run(PASSES, workers=workers)
     assert sweeper.began[0] == (12, 12), "no run is made again"
     assert sweeper.outcome() == whole
-    assert verify(store) == []
+    assert find_problems(store) == []
     assert not (store / "notes.jsonl").exists()
 
 
@@ -126,4 +126,4 @@ def test_a_pass_that_ends_a_worker_leaves_its_runs_without(
     assert 7 in without
     assert len(without) < len(found)
     assert all(row["label"] != "crashed" for row in found)
-    assert verify(folder / "store") == []
+    assert find_problems(folder / "store") == []

@@ -147,7 +147,7 @@ def test_a_plan_is_resolved_once(sweeper: Any, monkeypatch: pytest.MonkeyPatch) 
 
 def test_a_run_is_what_it_was_after_its_way_to_a_worker() -> None:
     scene = SCENES.open("grasp_mug")
-    job = tuple(scene.planned({"timestep": 1e-3}, [3, 5], None, 7))
+    job = tuple(scene.plan_runs({"timestep": 1e-3}, [3, 5], None, 7))
     sent = pickle.loads(pickle.dumps(job))  # noqa: S301 - it is our own
     assert sent == job
     assert {*sent} == {*job}

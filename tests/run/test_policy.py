@@ -13,14 +13,14 @@ from tests.cart_pole import cart_pole
 
 from contactlab import code_limit
 from contactlab.errors import SceneError, StoreError
-from contactlab.run.stored_runs import replay, timed_run
+from contactlab.run.stored_runs import replay_run, timed_run
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import StoreManifest
 from contactlab.store.finished_store import Store
 from contactlab.store.row_journal import write_journal
-from contactlab.store.verify_store import verify, write_baseline
+from contactlab.store.verify_store import find_problems, write_baseline
 
 CART_POLE = cart_pole(0.004, more='<keyframe><key name="tilted" qpos="0 0.1"/></keyframe>')
 POLICY = """
@@ -91,7 +91,7 @@ def test_runs_repeat_from_their_store_without_the_policy(folder: Path) -> None:
         code.write_text("raise SystemExit('a store runs no code')")
     # The file is not what it was, so that the run's identity could not be trusted.
     with pytest.raises(SceneError, match="has changed"):
-        replay(Store.open(folder / "store"), rows(folder)[0]["run_id"])
+        replay_run(Store.open(folder / "store"), rows(folder)[0]["run_id"])
 
 
 @pytest.mark.long
@@ -106,10 +106,10 @@ def test_replays_run_no_code(folder: Path, monkeypatch: pytest.MonkeyPatch) -> N
         assert row["label"] == "stable"
         assert row["repeats"] == 1
         assert row["knife_edge"] is False
-        assert replay(store, row["run_id"]).equal
+        assert replay_run(store, row["run_id"]).equal
         _, segments = timed_run(store, row["run_id"])
         assert segments.work.steps == row["steps"]
-    assert verify(folder / "store") == []
+    assert find_problems(folder / "store") == []
     assert (folder / "calls").stat().st_size == calls
 
 
@@ -186,18 +186,18 @@ def test_an_interrupted_sweep_goes_on(folder: Path) -> None:
     swept(folder, "copy", seeds=4)
     hashes = [[row["trajectory_hash"] for row in rows(folder, each)] for each in ("whole", "copy")]
     assert hashes[0] == hashes[1]
-    assert verify(folder / "copy") == []
+    assert find_problems(folder / "copy") == []
 
 
 def test_a_damaged_or_lost_control_is_found(folder: Path) -> None:
     swept(folder, seeds=2)
     one, other = (folder / "store" / "controls").rglob("*.arrow")
     one.write_bytes(other.read_bytes())
-    assert [text.split("/")[-1] for text in verify(folder / "store")] == [
+    assert [text.split("/")[-1] for text in find_problems(folder / "store")] == [
         f"{one.name} changed since it was written"
     ]
     one.unlink()
-    assert "is missing" in verify(folder / "store")[0]
+    assert "is missing" in find_problems(folder / "store")[0]
 
 
 @pytest.mark.long
@@ -205,8 +205,8 @@ def test_a_baseline_keeps_them(folder: Path) -> None:
     swept(folder)
     write_baseline(folder / "store", folder / "baseline")
     (folder / "balance.py").unlink()
-    assert verify(folder / "baseline") == []
-    assert replay(Store.open(folder / "baseline"), rows(folder)[0]["run_id"]).equal
+    assert find_problems(folder / "baseline") == []
+    assert replay_run(Store.open(folder / "baseline"), rows(folder)[0]["run_id"]).equal
 
 
 @pytest.mark.long
@@ -265,7 +265,7 @@ def test_a_bad_policy_is_one_line_in_the_record(folder: Path, kind: str) -> None
     assert bad["label"] == "invalid"
     assert bad["controls"] is None
     with pytest.raises(StoreError, match="no recorded controls"):
-        replay(Store.open(folder / "store"), bad["run_id"])
+        replay_run(Store.open(folder / "store"), bad["run_id"])
 
 
 @pytest.mark.night
@@ -344,7 +344,7 @@ def test_a_scene_may_name_its_policy(folder: Path) -> None:
     ask = replace(ask, allow_code=True)
     run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
     (folder / "balance.py").unlink()
-    assert replay(Store.open(folder / "store"), rows(folder)[0]["run_id"]).equal
+    assert replay_run(Store.open(folder / "store"), rows(folder)[0]["run_id"]).equal
 
 
 @pytest.mark.long

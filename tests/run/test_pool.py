@@ -16,7 +16,7 @@ from tests.run.spoiled_workers import spoil_workers
 from contactlab.run import fork_server, worker_pool
 from contactlab.run.tasks import Crashed, Finished, Job, Stop
 from contactlab.run.worker_pool import WorkerHandle, WorkerPool
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 FIRST: Job = (bare_run(0, "first"),)
 SECOND: Job = (bare_run(1, "second"),)
@@ -66,7 +66,7 @@ def test_killing_workers_from_outside_loses_nothing(
     sweeper.run(ball, workers=2, progress=kill_one)
     assert next(left, None) is None
     assert sweeper.outcome() == sweeper.outcome("quiet")
-    assert verify(sweeper.folder / "store") == []
+    assert find_problems(sweeper.folder / "store") == []
 
 
 @pytest.mark.long
@@ -201,4 +201,4 @@ def test_a_fork_server_that_dies_while_it_answers_is_asked_again(
     monkeypatch.setattr(fork_server, "_START_PAUSE", 0.001)
     sweeper.run(ball, workers=1)
     assert next(failures, None) is None
-    assert verify(sweeper.folder / "store") == []
+    assert find_problems(sweeper.folder / "store") == []

@@ -15,7 +15,7 @@ import pytest
 from tests.run.spoiled_workers import spoil_workers
 
 from contactlab.store.row_journal import SHARED, row_extent
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 pytest.importorskip("ray", reason="contactlab[ray] is not installed")
 pytestmark = pytest.mark.night
@@ -144,7 +144,7 @@ def test_three_nodes_do_as_two_processes(
     assert code == 0, err
     assert command.run("sweep", "small.yaml", "-o", "here", "--workers", "2")[0] == 0
     assert outcome(tmp_path / "nodes") == outcome(tmp_path / "here")
-    assert verify(tmp_path / "nodes") == []
+    assert find_problems(tmp_path / "nodes") == []
 
 
 @pytest.fixture(scope="module")
@@ -179,7 +179,7 @@ def test_a_node_lost_in_mid_sweep_loses_no_run(
     assert process.returncode == 0, err
     assert outcome(tmp_path / "store") == undisturbed
     assert len(undisturbed[0]["run_id"]) == RUNS
-    assert verify(tmp_path / "store") == []
+    assert find_problems(tmp_path / "store") == []
 
 
 def stored(folder: Path) -> int:
@@ -206,7 +206,7 @@ def test_culprits_are_labelled_as_on_one_machine(
     assert found == expected
     assert found[0]["status_reason"][7] == "the worker was ended by SIGSEGV"
     assert found[0]["label"][3] == "timeout"
-    assert verify(tmp_path / "store") == []
+    assert find_problems(tmp_path / "store") == []
 
 
 def test_other_versions_are_refused(command: Any, tmp_path: Path, on_nodes: Any, ball: str) -> None:
@@ -241,4 +241,4 @@ def test_a_stop_waits_for_what_runs_and_a_second_does_not(
     assert code == 0, err
     assert f"{kept} of {RUNS} runs are stored already" in err
     assert outcome(tmp_path / "store") == undisturbed
-    assert verify(tmp_path / "store") == []
+    assert find_problems(tmp_path / "store") == []

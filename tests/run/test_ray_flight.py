@@ -163,7 +163,7 @@ def terms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> node.NodeRequireme
 
 
 def test_a_node_that_has_all_is_fit(terms: node.NodeRequirements) -> None:
-    assert node.refusal(terms) is None
+    assert node.refusal_reason(terms) is None
 
 
 def other_version(terms: node.NodeRequirements) -> node.NodeRequirements:
@@ -191,7 +191,7 @@ def not_seen(terms: node.NodeRequirements) -> node.NodeRequirements:
 def test_a_node_that_lacks_something_says_so(
     terms: node.NodeRequirements, change: Any, says: str
 ) -> None:
-    refused = node.refusal(change(terms))
+    refused = node.refusal_reason(change(terms))
     assert refused is not None
     assert refused.startswith("node ")
     assert "(10.0.0.7)" in refused

@@ -86,7 +86,7 @@ def process(task: Task) -> Iterator[Any]:
 
     def run(runs: int, sweep: str = "one") -> Any:
         values = {"timestep": 1e-3, "drop_height": 0.02}
-        (run,) = Scene.open("ball_drop").planned(values, [0], 0.01)
+        (run,) = Scene.open("ball_drop").plan_runs(values, [0], 0.01)
         job = tuple(replace(run, index=index, run_id=f"{index:016x}") for index in range(runs))
         return ray_worker.run_on_worker(sweep, lambda: pack_bundle(task), pickle.dumps(job))
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from contactlab.errors import SweepFileError
-from contactlab.pareto.analysis import analyze
+from contactlab.pareto.analysis import analyze_tradeoff
 from contactlab.pareto.criteria import Criteria
 from contactlab.run.recomputed_runs import recomputed_problems
-from contactlab.run.stored_runs import replay
+from contactlab.run.stored_runs import replay_run
 from contactlab.store.finished_store import Store
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 MODEL = """<mujoco><option timestep="0.002" cone="elliptic"/>
 <default><geom friction="{friction}"/></default><worldbody>
@@ -75,10 +75,10 @@ def test_the_planted_friction_explains_the_recordings(sweeper: Any) -> None:
         float(run): 0.7 if run % 2 else 0.5 for run in range(10, 16)
     }
     store = Store.open(sweeper.folder / "store")
-    assert verify(store.address) == []
+    assert find_problems(store.address) == []
     assert list(recomputed_problems(store)) == []
-    assert replay(store, rows[3]["run_id"]).equal
-    report = analyze(store, Criteria(metric="reality"))
+    assert replay_run(store, rows[3]["run_id"]).equal
+    report = analyze_tradeoff(store, Criteria(metric="reality"))
     assert report.scenarios == ("recorded_run",)
     errors = {each.configuration["friction.slide"]: each.error for each in report.configurations}
     assert errors[1.0] == pytest.approx(np.mean([row["reality"] for row in wrong]))

@@ -11,7 +11,7 @@ import pytest
 
 import contactlab
 from contactlab.errors import SweepFileError
-from contactlab.plan.refined_axes import least_runs
+from contactlab.plan.refined_axes import smallest_run_count
 from contactlab.plan.refinement import UNKNOWN
 from contactlab.reporting.boundaries import Boundaries, Sides, boundaries, boundary_lines, coverage
 from contactlab.run import planned_runs
@@ -19,7 +19,7 @@ from contactlab.run.recomputed_runs import recomputed_problems
 from contactlab.schema.evidence import WholeGrid
 from contactlab.schema.sweep_schema import Limit, Refine
 from contactlab.store.finished_store import Store
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 TO = 17
 WHOLE: dict[str, Any] = {
@@ -70,7 +70,7 @@ def refined(tmp_path_factory: pytest.TempPathFactory) -> Store:
 
 
 def test_its_store_is_sound(refined: Store) -> None:
-    assert not [*verify(refined.address)]
+    assert not [*find_problems(refined.address)]
     assert not [*recomputed_problems(refined)]
 
 
@@ -197,7 +197,7 @@ def test_filled_up_it_is_the_grid(refined: Store, whole: Store, tmp_path: Path) 
     filled = contactlab.sweep(WHOLE, output=store, workers=0)
     assert rows(filled) == rows(whole)
     assert filled.manifest.sweep.whole is None
-    assert not [*verify(store)]
+    assert not [*find_problems(store)]
     before = (store / "manifest.json").read_bytes()
     again = contactlab.sweep(part(), output=store, workers=0)
     assert rows(again) == rows(whole)
@@ -210,7 +210,7 @@ def test_another_boundary_adds_its_runs(refined: Store, tmp_path: Path) -> None:
     asked = {**REFINE, "where": "slip_distance > 20 cm"}
     both = contactlab.sweep(part(asked), output=store, workers=0)
     assert rows(refined).items() < rows(both).items()
-    assert not [*verify(store)]
+    assert not [*find_problems(store)]
     assert not [*recomputed_problems(both)]
 
 
@@ -241,7 +241,7 @@ def test_stopped_anywhere_it_ends_as_if_it_were_not(
             contactlab.sweep(part(), output=tmp_path / "store", workers=0)
             finished = True
     assert rows(Store.open(tmp_path / "store")) == rows(refined)
-    assert not [*verify(tmp_path / "store")]
+    assert not [*find_problems(tmp_path / "store")]
 
 
 @pytest.mark.long
@@ -351,4 +351,4 @@ def test_the_least_is_made_where_nothing_differs(tmp_path: Path) -> None:
     far = part({**REFINE, "where": "slip_distance > 100 m"})
     store = contactlab.sweep(far, output=tmp_path / "s", workers=0)
     refine = Refine.model_validate(store.manifest.sweep.resolved["refine"])
-    assert store.manifest.runs == least_runs(refine, TO**2) == 25 + 2
+    assert store.manifest.runs == smallest_run_count(refine, TO**2) == 25 + 2

@@ -12,8 +12,8 @@ from contactlab.errors import StoreError
 from contactlab.run import planned_runs
 from contactlab.run.tasks import Finished
 from contactlab.store import folder_backend
-from contactlab.store.row_journal import parsed
-from contactlab.store.verify_store import verify
+from contactlab.store.row_journal import parse_line
+from contactlab.store.verify_store import find_problems
 
 RUNS = 18
 
@@ -63,7 +63,7 @@ def test_stopped_by_an_error(
     sweeper.run(ball, workers=workers)
     assert sweeper.began == [(RUNS, 2 * portions)]
     assert sweeper.outcome() == whole
-    assert verify(sweeper.folder / "store") == []
+    assert find_problems(sweeper.folder / "store") == []
 
 
 @pytest.mark.long
@@ -136,7 +136,7 @@ def test_what_a_killed_worker_half_wrote_is_removed_at_the_end(sweeper: Any, bal
         trace.with_name(trace.name + ".0123abcd.tmp").write_bytes(b"half")
 
     sweeper.run(ball, progress=leave)
-    assert verify(store) == []
+    assert find_problems(store) == []
 
 
 @pytest.mark.long
@@ -152,7 +152,7 @@ def test_a_lost_trace_is_run_again(
     sweeper.run(ball)
     assert sweeper.began == [(RUNS, 7)]
     assert sweeper.outcome() == whole
-    assert verify(half) == []
+    assert find_problems(half) == []
 
 
 @pytest.mark.long
@@ -173,7 +173,7 @@ def test_stopped_between_table_and_manifest(
     sweeper.run(ball)
     assert sweeper.began == [(RUNS, RUNS)]
     assert sweeper.outcome() == whole
-    assert verify(store) == []
+    assert find_problems(store) == []
 
 
 @pytest.mark.long
@@ -196,7 +196,7 @@ def test_stopped_before_the_identity_is_there(
     sweeper.run(ball)
     assert not (half / "sweep.json.tmp").exists()
     assert sweeper.outcome() == whole
-    assert verify(half) == []
+    assert find_problems(half) == []
 
 
 @pytest.mark.long
@@ -206,7 +206,7 @@ def test_traces_without_a_row_are_written_again(
     journal = half / "journal.jsonl"
     shared, first, *_ = journal.read_bytes().splitlines(keepends=True)
     journal.write_bytes(shared + first)
-    (half / parsed(first)["trace_file"]).with_suffix(".tmp").write_bytes(b"")
+    (half / parse_line(first)["trace_file"]).with_suffix(".tmp").write_bytes(b"")
     sweeper.run(ball)
     assert sweeper.began == [(RUNS, 1)]
     assert sweeper.outcome() == whole

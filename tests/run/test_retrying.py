@@ -11,7 +11,7 @@ from tests.run.spoiled_workers import spoil_workers
 from contactlab.errors import StoppedError
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.run.tasks import Stop
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 # Workers die once a run's trace is written.
 CULPRIT = """
@@ -47,7 +47,7 @@ def lossy(command: Any, sweeper: Any, ball: str, tmp_path: Path) -> Any:
         assert json.loads(out)["statuses"] == {"ok": 16, "crashed": 2}
         sweeper.run(text, "quiet")
         # What the two left had been written when their workers died.
-        assert verify(tmp_path / "store") == []
+        assert find_problems(tmp_path / "store") == []
         return tmp_path / "store"
 
     return lossy
@@ -67,7 +67,7 @@ def test_only_failed_runs_are_run_again(
     assert "16 of 18 runs are stored already" in err
     assert "18 runs, 18 traces in store" in out
     assert sweeper.outcome() == sweeper.outcome("quiet")
-    assert verify(store) == []
+    assert find_problems(store) == []
     before = (store / "manifest.json").stat().st_mtime_ns
     sweeper.began = []
     run_sweep(replace(sweeper.ask(ball + extra), retry_failed=True), began(sweeper), lambda _: None)
@@ -92,4 +92,4 @@ def test_a_retry_may_be_interrupted_and_goes_on(lossy: Any, sweeper: Any, ball: 
     sweeper.run(ball)
     assert sweeper.began == [(18, 16)]
     assert sweeper.outcome() == sweeper.outcome("quiet")
-    assert verify(store) == []
+    assert find_problems(store) == []

@@ -12,12 +12,12 @@ import contactlab
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SweepFileError
 from contactlab.plan.rows import listed_values
-from contactlab.plan.search import Trials, coordinates
+from contactlab.plan.search import Trials, axis_coordinates
 from contactlab.reporting.found_worst import worst_lines
 from contactlab.run.recomputed_runs import recomputed_problems
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.finished_store import Store
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 SIDE = 25
 GRID = np.stack(np.meshgrid(*[np.linspace(0, 1, SIDE)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -40,7 +40,7 @@ def found(
 ) -> dict[int, float | None]:
     """Return what is measured in the end, of trials that finish `batch` at a time."""
     search, measured = Trials(points, sign, most), dict[int, float | None]()
-    while trials := search.next(measured):
+    while trials := search.next_points(measured):
         assert not measured.keys() & set(trials)
         for trial in trials[: batch or None]:
             measured[trial] = None if np.isnan(values[trial]) else float(values[trial])
@@ -104,7 +104,7 @@ def test_two_descents_go_on_side_by_side() -> None:
     """After the first trials, most rounds have one of each; where both ask the same, one waits."""
     values, rounds = np.sin(7 * GRID).sum(axis=1), list[int]()
     search, measured = Trials(GRID, -1.0, 60), dict[int, float | None]()
-    while trials := search.next(measured):
+    while trials := search.next_points(measured):
         rounds.append(len(trials))
         measured |= {trial: float(values[trial]) for trial in trials}
     assert rounds[0] == 24
@@ -119,7 +119,7 @@ def test_what_goes_on_begins_anew() -> None:
     known = dict[int, float | None]((place, float(values[place])) for place in [*at_once][:47])
     known |= {600: float(values[600])}
     again = Trials(GRID, -1.0, 60)
-    while trials := again.next(known):
+    while trials := again.next_points(known):
         known |= {trial: float(values[trial]) for trial in trials}
     assert known.keys() == at_once.keys() | {600}
 
@@ -146,11 +146,11 @@ def test_coordinates_span_an_axis() -> None:
     )
     cases = {"a": (2, 3.5, 4), "b": (1, 2.5, 3), "c": (1, 10**1.5, 100)}
     for name, values in cases.items():
-        place = coordinates(
+        place = axis_coordinates(
             sweep.axes[name], listed_values(sweep.axes[name]) if name == "a" else ()
         )
         assert [place(value) for value in values] == pytest.approx([0, 0.75, 1])
-    assert coordinates(sweep.axes["d"], (3, 7, 9))(7) == 0.5
+    assert axis_coordinates(sweep.axes["d"], (3, 7, 9))(7) == 0.5
 
 
 def worst(store: Store) -> float:
@@ -169,7 +169,7 @@ def test_the_deepest_impact_is_that_of_the_grid(tmp_path: Path) -> None:
     assert "drop_height 0.3, solref.timeconst 0.02" in line
     ids = [set(store.columns.run_ids.to_pylist()) for store in (part, whole)]
     assert ids[0] < ids[1]
-    assert not [*verify(part.address)]
+    assert not [*find_problems(part.address)]
     assert not [*recomputed_problems(part)]
 
 
@@ -239,7 +239,7 @@ def test_rows_of_a_file_run_as_they_are(drawn: bool, tmp_path: Path) -> None:
     if drawn:
         sweep["search"] = {"maximise": "penetration_max", "runs": 5}
     store = contactlab.sweep(sweep, output=tmp_path / "store", workers=0)
-    assert not [*verify(store.address)]
+    assert not [*find_problems(store.address)]
     assert {0.1} <= {*store.columns.to_pydict(["drop_height"])["drop_height"]}
 
 

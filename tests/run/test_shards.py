@@ -30,7 +30,7 @@ from contactlab.store import store_writer
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import TABLE
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 SWEEP: dict[str, Any] = {
     "version": 1,
@@ -114,7 +114,7 @@ def test_64_shards_of_which_five_are_killed(
 
 def test_shards_and_what_they_merge_to_are_sound(three: list[Path], merged: Store) -> None:
     for store in (merged, *map(Store.open, three)):
-        assert not verify(store.address)
+        assert not find_problems(store.address)
         assert not [*recomputed_problems(store)]
     assert merged.manifest.runs == RUNS
     assert merged.manifest.sweep.whole is None
@@ -133,7 +133,7 @@ def test_a_shard_resumes_and_is_no_other_shard(tmp_path: Path) -> None:
     kept = contents(place / "traces")
     assert swept(place).manifest.runs == RUNS
     assert kept.items() <= contents(place / "traces").items()
-    assert not verify(place)
+    assert not find_problems(place)
     with pytest.raises(StoreError, match="not shard 2/3"):
         swept(place, shard="2/3")
 
@@ -166,7 +166,7 @@ def test_a_merge_that_died_as_it_ended_is_tidied_up(three: list[Path], tmp_path:
     with pytest.raises(OutputError, match="already holds a store"):
         contactlab.merge(three[:2], output=target, partial=True)
     assert contactlab.merge(three, output=target).digest == digest
-    assert not verify(target)
+    assert not find_problems(target)
     with pytest.raises(OutputError, match="already holds a store"):
         contactlab.merge(three, output=target)
 
@@ -178,12 +178,12 @@ def test_gaps_are_named_and_can_be_filled(three: list[Path], tmp_path: Path) -> 
     assert not target.exists()
     part = contactlab.merge([three[2], three[0], tmp_path / "no"], output=target, partial=True)
     assert part.manifest.runs == RUNS - 5
-    assert not verify(target)
+    assert not find_problems(target)
     assert not [*recomputed_problems(part)]
     with pytest.raises(OutputError, match="already holds a store"):
         contactlab.merge(three, output=target)
     assert swept(target).manifest.runs == RUNS
-    assert not verify(target)
+    assert not find_problems(target)
 
 
 def test_parts_merge_again(three: list[Path], tmp_path: Path, merged: Store) -> None:
@@ -238,7 +238,7 @@ def test_a_merge_that_was_killed_is_made_again(
         contactlab.merge(three, output=target)
     monkeypatch.setattr(store_writer.StoreWriter, "join", join)
     assert contactlab.merge(three, output=target).manifest.records == merged.manifest.records
-    assert not verify(target)
+    assert not find_problems(target)
 
 
 @pytest.mark.parametrize(
@@ -268,7 +268,7 @@ def test_shards_lie_in_buckets(three: list[Path], bucket: str, merged: Store) ->
     found = contactlab.merge([three[2], *places[:2]], output=f"{bucket}/merged")
     names = ["run_id", "index", "label", "trajectory_hash", "penetration_max"]
     assert found.columns.to_pydict(names) == merged.columns.to_pydict(names)
-    assert not verify(found.address)
+    assert not find_problems(found.address)
 
 
 def test_honest_repeats_have_the_same_physics(merged: Store, tmp_path: Path) -> None:

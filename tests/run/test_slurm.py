@@ -22,7 +22,7 @@ from submitit.core.utils import UncompletedJobError
 from contactlab.run.slurm import executor as arrays
 from contactlab.run.slurm.connection import slurm_arrays
 from contactlab.run.slurm.executor import MAX_LOSSES, Arrays, SlurmExecutor
-from contactlab.run.slurm.part import RESULT, Part, runs_of, stored_runs, unfinished
+from contactlab.run.slurm.part import RESULT, Part, runs_of, stored_runs, unfinished_jobs
 from contactlab.run.tasks import Crashed, Finished, Job, Result, Stop
 
 SWEEP = """
@@ -124,8 +124,8 @@ def test_what_is_requeued_goes_on_where_it_was(tmp_path: Path) -> None:
     part = Part(tmp_path, jobs, 1, {})
     written(tmp_path, 0, jobs[:1])
     assert part.checkpoint().function is part
-    assert unfinished(jobs, stored_runs(tmp_path)) == jobs[1:]
-    assert unfinished(jobs, {jobs[2][0].run_id}) == (*jobs[:2], jobs[2][1:])
+    assert unfinished_jobs(jobs, stored_runs(tmp_path)) == jobs[1:]
+    assert unfinished_jobs(jobs, {jobs[2][0].run_id}) == (*jobs[:2], jobs[2][1:])
 
 
 def test_a_node_with_another_version_is_refused(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from contactlab.errors import SweepFileError
 from contactlab.reporting.known_shares import known_shares, share_lines
 from contactlab.run.recomputed_runs import recomputed_problems
 from contactlab.store.finished_store import Store
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 DRAWS = 400
 WHOLE: dict[str, Any] = {
@@ -51,7 +51,7 @@ def test_each_configuration_stops_when_its_share_is_known(stopped: Store) -> Non
     steep = max(shares, key=lambda share: dict(share.configuration)["tilt"])  # type: ignore[arg-type, return-value]
     assert steep.runs == max(share.runs for share in shares)
     assert "at any number of draws" in next(share_lines(until, shares))
-    assert not [*verify(stopped.address)]
+    assert not [*find_problems(stopped.address)]
     assert not [*recomputed_problems(stopped)]
 
 

@@ -110,7 +110,7 @@ def test_values_of_a_run_that_cannot_be_computed(tmp_path: Path) -> None:
     (tmp_path / "scene.yaml").write_text(HEAD + initial("{box.z: sqrt(x)}"))
     scene = Scene.open(str(tmp_path))
     with pytest.raises(SceneError, match=r"scene\.yaml: cannot compute 'sqrt\(x\)'"):
-        scene.starts([scene.resolve({"x": -4.0}, 0, None)])
+        scene.initial_states([scene.resolve({"x": -4.0}, 0, None)])
 
 
 MODELS: dict[str, tuple[bytes, list[str]]] = {

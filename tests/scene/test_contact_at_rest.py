@@ -45,7 +45,7 @@ def depth_at_end(model: str, values: dict[str, object]) -> float:
     """Return how deep the ball is after 6 s of a plain loop [m]."""
     scene = Scene.open(model)
     run = scene.resolve(values, 0, 6.0)
-    prepared = scene.prepare(run, scene.starts([run])).model
+    prepared = scene.prepare(run, scene.initial_states([run])).model
     data = mujoco.MjData(prepared)
     mujoco.mj_step(prepared, data, run.steps)
     return -float(data.contact.dist[0])

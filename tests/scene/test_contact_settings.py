@@ -91,7 +91,7 @@ def test_shipped_scenes(scene_name: str, name: str) -> None:
     base = scene.base(run.structure)
     model = base.prepare(run.edits()).model
     # In each of them the lowest body rests with its centre at 0.05 m.
-    sunk = scene.starts([run]).qpos[0]
+    sunk = scene.initial_states([run]).qpos[0]
     sunk[2] = 0.0495
     touching = contacts(model, sunk)
     setting = PARAMETERS[name].sets

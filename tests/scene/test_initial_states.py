@@ -51,7 +51,7 @@ def scene(make_scene: Make) -> Scene:
 
 
 def starts(scene: Scene, *values: dict[str, Any], seed: int = 0) -> Any:
-    return scene.starts([scene.resolve(each, seed, None) for each in values])
+    return scene.initial_states([scene.resolve(each, seed, None) for each in values])
 
 
 @given(speed=st.floats(-9, 9), heading=st.floats(-180, 180), angle=st.floats(-3, 3))

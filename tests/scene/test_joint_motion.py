@@ -36,7 +36,7 @@ def test_an_axis_sets_joints_in_motion(tmp_path: Path) -> None:
     path.write_text(MODEL)
     scene = Scene.open(str(path))
     still, moving = (scene.resolve(values, 0, 1.0) for values in ({}, {"joint_speed": 2.5}))
-    starts = scene.starts([still, moving])
+    starts = scene.initial_states([still, moving])
     assert not starts.qvel[0].any()
     np.testing.assert_array_equal(starts.qvel[1], 2.5 * joint_directions(scene.base({}).model, 0))
     np.testing.assert_array_equal(starts.qpos[0], starts.qpos[1])

@@ -45,7 +45,7 @@ def test_a_bare_model_starts_from_its_first_keyframe_with_controls(make_scene: M
     assert spec_of(scene) == ("key[0]", "near", "far", "qpos0")
     starts = ({}, *({"keyframe": each} for each in spec_of(scene)))
     runs = [scene.resolve(each, 0, None) for each in starts]
-    places = scene.starts(runs).qpos[:, 0]
+    places = scene.initial_states(runs).qpos[:, 0]
     # The seed 0 starts as the model is written.
     assert places.tolist() == [0.1, -0.2, 0.1, 9.0, 0.0]
     ids = [scene.run_id(run) for run in runs]
@@ -55,7 +55,7 @@ def test_a_bare_model_starts_from_its_first_keyframe_with_controls(make_scene: M
 
 def test_without_any_controls_it_starts_from_the_first_one(make_scene: Make) -> None:
     scene = make_scene(MODEL.replace(' ctrl=".4"', ""))
-    assert scene.starts([scene.resolve({}, 0, None)]).qpos[:, 0].tolist() == [-0.2]
+    assert scene.initial_states([scene.resolve({}, 0, None)]).qpos[:, 0].tolist() == [-0.2]
 
 
 def test_what_starts_from_no_keyframe_has_the_id_of_a_model_without(make_scene: Make) -> None:
@@ -74,9 +74,9 @@ def test_what_starts_from_no_keyframe_has_the_id_of_a_model_without(make_scene: 
 def test_a_manifest_says_where_to_start(make_scene: Make) -> None:
     for line, expected in (("", 0.0), ("keyframe: far\n", 9.0)):
         scene = make_scene(MODEL, line)
-        start = scene.starts([scene.resolve({}, 0, None)])
+        start = scene.initial_states([scene.resolve({}, 0, None)])
         assert start.qpos.tolist() == [[expected]]
-        near = scene.starts([scene.resolve({"keyframe": "near"}, 0, None)])
+        near = scene.initial_states([scene.resolve({"keyframe": "near"}, 0, None)])
         assert near.qpos.tolist() == [[0.1]]
 
 
@@ -103,7 +103,7 @@ def test_a_run_is_a_loop_from_that_keyframe(keyframe: str, make_scene: Make) -> 
     scene = make_scene(MODEL, "pairs: [{geoms: [hand, cart]}]\n")
     run = scene.resolve({"keyframe": keyframe}, 0, None)
     model = scene.base_of(run).prepare(run.edits()).model
-    rollout = roll_out([model], scene.starts([run]), 50, Buffers())
+    rollout = roll_out([model], scene.initial_states([run]), 50, Buffers())
     plain = mujoco.MjModel.from_xml_string(MODEL)
     data = mujoco.MjData(plain)
     index = 0 if keyframe == "key[0]" else plain.key(keyframe).id

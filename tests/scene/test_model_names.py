@@ -7,9 +7,9 @@ import pytest
 
 from contactlab.errors import SceneError
 from contactlab.scene.model_names import (
-    coordinates,
+    coordinate_indices,
     match_coordinates,
-    matching,
+    match_names,
     name_by_address,
     part_starts,
 )
@@ -97,12 +97,12 @@ def test_every_coordinate_is_found_once(make_scene: Make) -> None:
     model = make_scene(PLAIN).base({}).model
     every = match_coordinates(model, "*")
     assert len(every) == len(set(every)) == model.nq + model.nv + model.nu + 6 * (model.nbody - 1)
-    assert set(every) == set(coordinates(model).values())
+    assert set(every) == set(coordinate_indices(model).values())
 
 
 def test_a_name_goes_before_a_choice_of_characters() -> None:
-    assert matching(["joint1", "joint2", "joint[12]"], "joint[12]") == ["joint[12]"]
-    assert matching(["joint1", "joint2", "joint3"], "joint[12]") == ["joint1", "joint2"]
+    assert match_names(["joint1", "joint2", "joint[12]"], "joint[12]") == ["joint[12]"]
+    assert match_names(["joint1", "joint2", "joint3"], "joint[12]") == ["joint1", "joint2"]
 
 
 MANIFEST = """pairs: [{geoms: ["geom[0]", "geom[3]"]}, {bodies: [world, "body[3]"]}]
@@ -119,8 +119,8 @@ def test_a_manifest_uses_addresses(make_scene: Make) -> None:
     assert [pair.name for pair in base.pairs] == ["geom[0]-geom[3]", "world-body[3]"]
     assert base.settings["keyframe"] == "key[2]"
     assert base.targets.subject == 2
-    start = scene.starts([scene.resolve({}, 1, None)])
-    assert start.driven.tolist() == [2]
+    start = scene.initial_states([scene.resolve({}, 1, None)])
+    assert start.driven_inputs.tolist() == [2]
     assert start.qpos[0].nonzero()[0].tolist() == [2, 3, 8]
 
 

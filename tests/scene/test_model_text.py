@@ -8,7 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab import resources
-from contactlab.scene.model_text import elements_of, replaced, with_attributes, without
+from contactlab.scene.model_text import (
+    apply_replacements,
+    elements_of,
+    remove_element,
+    with_attributes,
+)
 
 MODELS = [
     each for name in resources.scene_names() for each in resources.scene_folder(name).glob("*.xml")
@@ -37,7 +42,7 @@ VALUES = st.text("0123456789.- ", min_size=1, max_size=9)
 @given(st.dictionaries(NAMES, VALUES))
 def test_attributes_are_set_and_others_stay(values: dict[str, str]) -> None:
     for number, place in enumerate(elements_of(TRAPS)):
-        data = replaced(TRAPS, [with_attributes(TRAPS, place, values)])
+        data = apply_replacements(TRAPS, [with_attributes(TRAPS, place, values)])
         before, after = (list(ET.fromstring(each).iter()) for each in (TRAPS, data))  # noqa: S314 - made here
         assert [each.tag for each in after] == [each.tag for each in before]
         for index, (old, new) in enumerate(zip(before, after, strict=True)):
@@ -47,6 +52,11 @@ def test_attributes_are_set_and_others_stay(values: dict[str, str]) -> None:
 def test_what_is_removed_takes_its_lines_only_if_it_is_alone() -> None:
     data = b"<a>\n  <b/>\n  <c/> <d>\n  </d>\n</a>"
     _, b, c, d = elements_of(data)
-    assert replaced(data, [without(data, b)]) == b"<a>\n  <c/> <d>\n  </d>\n</a>"
-    assert replaced(data, [without(data, c)]) == b"<a>\n  <b/>\n   <d>\n  </d>\n</a>"
-    assert replaced(data, [without(data, each) for each in (b, c, d)]) == b"<a>\n   \n</a>"
+    assert apply_replacements(data, [remove_element(data, b)]) == b"<a>\n  <c/> <d>\n  </d>\n</a>"
+    assert (
+        apply_replacements(data, [remove_element(data, c)]) == b"<a>\n  <b/>\n   <d>\n  </d>\n</a>"
+    )
+    assert (
+        apply_replacements(data, [remove_element(data, each) for each in (b, c, d)])
+        == b"<a>\n   \n</a>"
+    )

@@ -352,9 +352,9 @@ structure:
     written = Scene(write_model(scene, ModelEdits(settings), tmp_path / "out", "tuned.xml").source)
     for boxes in (3, 5):
         run = scene.resolve({**settings, "boxes": boxes}, 0, None)
-        meant = scene.prepare(run, scene.starts([run])).model
+        meant = scene.prepare(run, scene.initial_states([run])).model
         run = written.resolve({"boxes": boxes}, 0, None)
-        assert unlike(written.prepare(run, written.starts([run])).model, meant) == set()
+        assert unlike(written.prepare(run, written.initial_states([run])).model, meant) == set()
     with pytest.raises(SceneError, match=r"scene.yaml: cannot write 'boxes'"):
         write_model(scene, ModelEdits({"boxes": 4}), tmp_path / "other")
 

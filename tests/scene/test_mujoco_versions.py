@@ -10,7 +10,7 @@ from contactlab.errors import SweepFileError
 from contactlab.plan.overrides import Overrides
 from contactlab.run.sweep_request import SweepRequest, read_request
 from contactlab.scene import mujoco_versions
-from contactlab.scene.model_edits import FLAGS
+from contactlab.scene.model_edits import FLAG_NAMES
 from contactlab.scene.mujoco_versions import NEW_FEATURES, NewFeature, why_unsupported
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.scene import Scene
@@ -34,7 +34,7 @@ def ask(text: str, *assign: str, partly: bool = False) -> SweepRequest:
 
 def test_the_table_agrees_with_the_installed_engine() -> None:
     for each in NEW_FEATURES:
-        words = PARAMETERS[each.axis].choices if each.axis in PARAMETERS else FLAGS
+        words = PARAMETERS[each.axis].choices if each.axis in PARAMETERS else FLAG_NAMES
         there = (each.axis if isinstance(each.value, bool) else each.value) in words
         assert there == (why_unsupported(each.axis, each.value) is None), each
 

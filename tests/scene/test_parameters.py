@@ -9,9 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.contact.contact_laws import damping_ratio, restitution_of, stiffness_damping
+from contactlab.contact.contact_laws import (
+    damping_ratio,
+    restitution_from_damping,
+    stiffness_damping,
+)
 from contactlab.mjcf import AT_REST, CONTACT, OPTIONS
-from contactlab.scene.model_edits import FLAGS, non_default, read_flags, write_flags
+from contactlab.scene.model_edits import FLAG_NAMES, non_default_flags, read_flags, write_flags
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.scene import Scene
 
@@ -32,7 +36,7 @@ def solref(scene: Scene, values: dict[str, Any]) -> tuple[float, ...]:
 def test_restitution_gives_its_damping_at_the_stiffness_as_written(restitution: float) -> None:
     found = solref(BALL, {"restitution": restitution})
     assert found[0] == -160000.0
-    assert restitution_of(damping_ratio(found)) == pytest.approx(restitution, rel=1e-9)
+    assert restitution_from_damping(damping_ratio(found)) == pytest.approx(restitution, rel=1e-9)
 
 
 @given(st.floats(0.05, 1.0), st.floats(1.0, 1e6))
@@ -41,14 +45,14 @@ def test_restitution_keeps_a_stiffness_that_is_swept_beside_it(e: float, stiffne
     found = solref(BALL, values)
     assert found == solref(BALL, dict(reversed(values.items())))
     assert found[0] == pytest.approx(-stiffness, rel=1e-15)
-    assert restitution_of(damping_ratio(found)) == pytest.approx(e, rel=1e-9)
+    assert restitution_from_damping(damping_ratio(found)) == pytest.approx(e, rel=1e-9)
 
 
 def test_restitution_over_a_standard_form_keeps_its_frequency() -> None:
     # box_slide has MuJoCo's default solref, "0.02 1": K = 1 / (tc dr)^2.
     found = solref(SLIDE, {"restitution": 0.5})
     assert found[0] == pytest.approx(-2500.0, rel=1e-14)
-    assert restitution_of(damping_ratio(found)) == pytest.approx(0.5, rel=1e-9)
+    assert restitution_from_damping(damping_ratio(found)) == pytest.approx(0.5, rel=1e-9)
 
 
 @given(st.floats(1e-4, 1.0), st.floats(0.01, 5.0))
@@ -118,7 +122,7 @@ def test_gravity_as_a_magnitude_points_down() -> None:
 
 
 @pytest.mark.interface
-@pytest.mark.parametrize("flag", FLAGS)
+@pytest.mark.parametrize("flag", FLAG_NAMES)
 @pytest.mark.parametrize("state", [True, False])
 def test_a_switch_is_the_flag_of_that_name(flag: str, state: bool) -> None:
     words = {True: "enable", False: "disable"}
@@ -131,7 +135,7 @@ def test_a_switch_is_the_flag_of_that_name(flag: str, state: bool) -> None:
     assert model.opt.disableflags == wanted.opt.disableflags
     assert model.opt.enableflags == wanted.opt.enableflags
     assert read_flags(model)[flag] is state
-    assert non_default({flag: state}) == ({} if state == usual else {flag: state})
+    assert non_default_flags({flag: state}) == ({} if state == usual else {flag: state})
 
 
 def test_what_recording_needs_is_on_whatever_the_model_says(make_scene: Any) -> None:

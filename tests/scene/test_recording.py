@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 from ruamel.yaml import YAML
 
-from contactlab.contact.rotations import multiply, rotate, rotate_back
+from contactlab.contact.rotations import multiply_rotations, rotate_vectors, rotate_vectors_back
 from contactlab.engines import Buffers, PreparedRuns, find_engine
 from contactlab.errors import SceneError
 from contactlab.scene.scene import Scene
@@ -59,7 +59,7 @@ def written(folder: Path, table: Mapping[str, Any], xml: str = BRICK, **recordin
 
 
 def start_of(scene: Scene, **values: object) -> tuple[np.ndarray, np.ndarray]:
-    starts = scene.starts([scene.resolve(values, 0, None)])
+    starts = scene.initial_states([scene.resolve(values, 0, None)])
     return starts.qpos[0], starts.qvel[0]
 
 
@@ -77,11 +77,11 @@ def test_units_and_frames_are_those_that_are_declared(tmp_path: Path) -> None:
     pose, rates = (np.stack([columns[x] for x in names], axis=1) for names in (POSE, RATES))
     back = turn * [1, -1, -1, -1]
     other = dict(columns, time=columns["time"] * 1e3)
-    spin = rotate_back(turn, rotate(pose[:, 3:], rates[:, 3:]))
+    spin = rotate_vectors_back(turn, rotate_vectors(pose[:, 3:], rates[:, 3:]))
     parts = (
-        (POSE[:3], rotate_back(turn, pose[:, :3] - shift) * 1e3),
-        (POSE[3:], multiply(back, pose[:, 3:])),
-        (RATES[:3], rotate_back(turn, rates[:, :3]) * 1e3),
+        (POSE[:3], rotate_vectors_back(turn, pose[:, :3] - shift) * 1e3),
+        (POSE[3:], multiply_rotations(back, pose[:, 3:])),
+        (RATES[:3], rotate_vectors_back(turn, rates[:, :3]) * 1e3),
         (RATES[3:], np.degrees(spin)),
     )
     for names, values in parts:
@@ -93,7 +93,7 @@ def test_units_and_frames_are_those_that_are_declared(tmp_path: Path) -> None:
         frame={"position": shift.tolist(), "quaternion": turn.tolist()},
         turning="world",
     )
-    motion = scene.motion([scene.resolve({}, 0, None)])
+    motion = scene.recorded_motion([scene.resolve({}, 0, None)])
     assert motion is not None
     # Rounding only: a thousand times the resolution of a metre.
     assert motion.qpos[0] == pytest.approx(pose, abs=1e-12)
@@ -108,7 +108,7 @@ def test_a_simulation_repeats_its_own_recording(tmp_path: Path, seed: int) -> No
     run = scene.resolve({}, 0, None)
     assert run.duration == pytest.approx(1.5)
     state = find_engine("mujoco").roll_out(PreparedRuns.of(scene, run), Buffers()).state[0]
-    motion = scene.motion([run])
+    motion = scene.recorded_motion([run])
     assert motion is not None
     assert state[: 5 * 300 : 5, 1:8] == pytest.approx(motion.qpos[0], abs=1e-7)
 
@@ -116,7 +116,7 @@ def test_a_simulation_repeats_its_own_recording(tmp_path: Path, seed: int) -> No
 def test_energy_that_the_first_contact_takes(tmp_path: Path) -> None:
     """It is that of weight, motion and turning between the rows around the touch, 50 ms apart."""
     scene, columns = written(tmp_path, thrown()), thrown()
-    motion, model = scene.motion([scene.resolve({}, 0, None)]), scene.base({}).model
+    motion, model = scene.recorded_motion([scene.resolve({}, 0, None)]), scene.base({}).model
     assert motion is not None
     before, after = motion.impact[0]
     assert columns["time"][before] < motion.touched[0] <= columns["time"][before + 1]

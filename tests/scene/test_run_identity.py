@@ -8,12 +8,12 @@ import pytest
 
 from contactlab import resources
 from contactlab.scene import model_edits
-from contactlab.scene.model_edits import FLAGS
+from contactlab.scene.model_edits import FLAG_NAMES
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.scene import Scene
 
 BALL = Scene.open("ball_drop")
-SWITCHES = [flag for flag in FLAGS if flag not in PARAMETERS]
+SWITCHES = [flag for flag in FLAG_NAMES if flag not in PARAMETERS]
 OTHER: dict[str, Any] = {
     "timestep": 0.001, "integrator": "RK4", "cone": "elliptic", "solver": "CG", "jacobian": "dense",
     "iterations": 7, "tolerance": 1e-3, "ls_iterations": 7, "ls_tolerance": 0.1,

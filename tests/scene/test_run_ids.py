@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contactlab.scene.effects.effect_table import EFFECTS
-from contactlab.scene.model_edits import is_as_written, non_default
+from contactlab.scene.model_edits import is_as_written, non_default_flags
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.run_spec import RunSpec, other_effects
 from contactlab.scene.scene import Scene
@@ -52,7 +52,7 @@ def slow_id(scene: Scene, run: RunSpec) -> str:
             if name in base.settings or not is_as_written(base.model, name, value)
         },
         "written_over": sorted(run.changed & base.nonuniform),
-        "flags": non_default(run.flags) | other_effects(base, run),
+        "flags": non_default_flags(run.flags) | other_effects(base, run),
         "seed": run.seed,
         "duration": run.duration,
     }
@@ -115,7 +115,7 @@ def test_ids_are_what_json_says(
 ) -> None:
     scene, found = sweep
     for values in found:
-        for seed, run in zip(seeds, scene.planned(values, seeds, duration), strict=True):
+        for seed, run in zip(seeds, scene.plan_runs(values, seeds, duration), strict=True):
             alone = scene.resolve(values, seed, duration)
             assert run.values == alone.values
             assert run.run_id == scene.run_id(alone) == slow_id(scene, alone)
@@ -123,5 +123,5 @@ def test_ids_are_what_json_says(
 
 def test_zeros_of_either_sign_are_two_values() -> None:
     scene = SCENES["ball_drop"]
-    ids = [next(scene.planned({"drop_height": x}, [0], None)).run_id for x in (0.0, -0.0, 0.0)]
+    ids = [next(scene.plan_runs({"drop_height": x}, [0], None)).run_id for x in (0.0, -0.0, 0.0)]
     assert ids[0] == ids[2] != ids[1]

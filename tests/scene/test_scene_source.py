@@ -250,7 +250,9 @@ def write() -> Write:
 def trajectory(scene: Scene) -> str:
     run = scene.resolve({}, 5, 0.1)
     base = scene.base(run.structure)
-    rollout = roll_out([base.prepare(run.edits()).model], scene.starts([run]), run.steps, Buffers())
+    rollout = roll_out(
+        [base.prepare(run.edits()).model], scene.initial_states([run]), run.steps, Buffers()
+    )
     return trajectory_hash(rollout, 0)
 
 

@@ -41,7 +41,7 @@ def test_the_subject_is_seen_from_its_holder(make_scene: Make) -> None:
     run = scene.resolve({}, 0, None)
     base = scene.base({})
     prepared = base.prepare({})
-    rollout = roll_out([prepared.model], scene.starts([run]), run.steps, Buffers())
+    rollout = roll_out([prepared.model], scene.initial_states([run]), run.steps, Buffers())
     held = make_trace(base, [prepared], rollout).held
     assert held is not None
     data = mujoco.MjData(prepared.model)
@@ -58,7 +58,7 @@ def test_without_a_holder_it_is_the_world(make_scene: Make) -> None:
     scene = make_scene(MODEL, TEXT + "hold: {from: 0, to: 0.1}\n")
     run = scene.resolve({}, 0, None)
     base = scene.base({})
-    rollout = roll_out([base.model], scene.starts([run]), 20, Buffers())
+    rollout = roll_out([base.model], scene.initial_states([run]), 20, Buffers())
     held = make_trace(base, [base.prepare({})], rollout).held
     assert held is not None
     mug = 1 + int(base.model.joint("mug").qposadr[0])
@@ -86,7 +86,7 @@ def test_without_a_hold_nothing_is_added(make_scene: Make) -> None:
     base = scene.base({})
     assert base.holding is None
     assert make_setup(base, scene.source.manifest, [run], [base.model], {}).hold is None
-    rollout = roll_out([base.model], scene.starts([run]), 3, Buffers())
+    rollout = roll_out([base.model], scene.initial_states([run]), 3, Buffers())
     assert make_trace(base, [base.prepare({})], rollout).held is None
 
 

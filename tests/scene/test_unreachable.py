@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contactlab.scene.model_edits import FLAGS
+from contactlab.scene.model_edits import FLAG_NAMES
 from contactlab.scene.scene_source import find_scene
 from contactlab.scene.unreachable import (
     Clearance,
@@ -81,7 +81,7 @@ def test_an_arm_reaches_as_far_as_its_links(
     assert proven(model) == expected
 
 
-@pytest.mark.skipif("speculative" not in FLAGS, reason="speculative came with MuJoCo 4.0")
+@pytest.mark.skipif("speculative" not in FLAG_NAMES, reason="speculative came with MuJoCo 4.0")
 def test_nothing_is_out_of_reach_of_contacts_at_a_distance() -> None:
     assert not proven(arm(REACH + 0.01, flags='<flag speculative="enable"/>'))
 
@@ -208,11 +208,11 @@ def test_a_joint_moves_geoms_no_further_than_its_lever(text: str, seed: int) -> 
     low, high = clearance.ranges.T
     first, second = (generator.uniform(low, high) for _ in range(2))
     for pair in filtered_pairs(model):
-        levers = clearance.levers(pair)
+        levers = clearance.motion_bounds(pair)
         assert levers is not None
         apart: list[float] = []
         for qpos in (first, second):
-            clearance.place(qpos)
+            clearance.set_configuration(qpos)
             apart.append(max(clearance.distance(*pair, 10.0), 0.0))
         assert abs(apart[0] - apart[1]) <= levers @ np.abs(first - second) + 1e-5
 

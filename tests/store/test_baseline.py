@@ -9,7 +9,7 @@ from contactlab.errors import OutputError, StoreError
 from contactlab.store import atomic_files, verify_store
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.finished_store import Store
-from contactlab.store.verify_store import verify, write_baseline
+from contactlab.store.verify_store import find_problems, write_baseline
 
 
 def files(folder: Path) -> set[str]:
@@ -27,8 +27,8 @@ def test_a_baseline_has_all_but_the_traces(store: Path, tmp_path: Path) -> None:
         "runs.parquet",
         "scenes/35472800cb1450b5/scene.xml",
     }
-    assert verify(target) == []
-    assert verify(target, thorough=False) == []
+    assert find_problems(target) == []
+    assert find_problems(target, thorough=False) == []
     assert list(Store.open(target).records()) == list(Store.open(store).records())
 
 
@@ -53,7 +53,7 @@ def test_a_trace_in_a_baseline_belongs_to_no_run(store: Path, tmp_path: Path) ->
     stray = tmp_path / "baseline" / trace.relative_to(store)
     stray.parent.mkdir(parents=True)
     stray.write_bytes(trace.read_bytes())
-    (problem,) = verify(tmp_path / "baseline")
+    (problem,) = find_problems(tmp_path / "baseline")
     assert problem.endswith("belongs to no run")
 
 
@@ -62,7 +62,7 @@ def test_an_earlier_baseline_is_replaced_whole(store: Path, tmp_path: Path) -> N
     write_baseline(store, target)
     (target / "scenes/35472800cb1450b5/old.xml").write_text("left from before")
     write_baseline(store, target)
-    assert verify(target) == []
+    assert find_problems(target) == []
     assert "scenes/35472800cb1450b5/old.xml" not in files(target)
     assert {path.name for path in tmp_path.iterdir()} == {"store", "baseline"}
 

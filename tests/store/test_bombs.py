@@ -12,20 +12,20 @@ import zstandard
 from contactlab.errors import StoreError
 from contactlab.store import runs_table
 from contactlab.store.finished_store import Store
-from contactlab.store.mcap.stored_messages import unpacked
-from contactlab.store.verify_store import verify
+from contactlab.store.mcap.stored_messages import unpack_chunk
+from contactlab.store.verify_store import find_problems
 
 
 def test_a_chunk_is_as_large_as_it_says_and_of_bounded_size(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     some = zstandard.compress(bytes(1000))
-    assert unpacked(some, 1000) == bytes(1000)
+    assert unpack_chunk(some, 1000) == bytes(1000)
     bomb = zstandard.compress(bytes(65 << 20))
     monkeypatch.setattr(zstandard, "decompress", None)
     for data, size in ((some, 999), (some, 6 << 30), (bomb, 1000), (bomb, 65 << 20)):
         with pytest.raises(ValueError, match="claims to hold"):
-            unpacked(data, size)
+            unpack_chunk(data, size)
 
 
 def redo_hash(store: Path, name: str) -> None:
@@ -44,7 +44,7 @@ def test_a_table_has_no_more_rows_than_the_manifest_says(
     pq.write_table(pa.concat_tables([table] * 400), path, compression="zstd")
     redo_hash(store, "runs.parquet")
     monkeypatch.setattr(pq, "read_table", None)
-    for read in (Store.open, verify):
+    for read in (Store.open, find_problems):
         with pytest.raises(StoreError, match="1,200 rows for 3 runs"):
             read(store)
 
@@ -68,7 +68,7 @@ def test_a_row_is_of_bounded_size(store: Path, monkeypatch: pytest.MonkeyPatch) 
 def test_deep_nesting_is_damage(store: Path, name: str) -> None:
     (store / name).write_text('{"store_version": 4, "x": ' + "[" * 200_000)
     try:
-        problems = verify(store)
+        problems = find_problems(store)
     except StoreError as error:
         problems = [str(error)]
     assert problems

@@ -20,11 +20,11 @@ from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store import runs_table
 from contactlab.store.row_journal import (
     JOURNAL,
-    lines_of,
-    mend_journal,
-    parsed,
+    encode_lines,
+    parse_line,
     read_lines,
-    sealed,
+    repair_journal,
+    with_checksum,
 )
 from contactlab.store.runs_table import Digests, RowsDigest, digests_of, write_table
 from contactlab.store.table_layout import record_to_row, table_schema
@@ -53,7 +53,7 @@ def write(
     def of(seed: int) -> Path:
         order = np.random.default_rng(seed).permutation(RUNS)
         journal, target = tmp_path / JOURNAL, tmp_path / f"{seed}.parquet"
-        journal.write_bytes(b"".join(sealed(lines[place][:-1]) for place in order))
+        journal.write_bytes(b"".join(with_checksum(lines[place][:-1]) for place in order))
         write_table(journal, target, columns_of(records), shared_part(records[0]))
         return target
 
@@ -102,7 +102,7 @@ def jobs_of(lines: list[bytes], sizes: list[int]) -> list[list[bytes]]:
         of_all = set.intersection(*map(set, items)) if number % 2 else set()
         own = [{k: v for k, v in row.items() if (k, json.dumps(v)) not in of_all} for row in rows]
         shared = json.dumps({name: json.loads(text) for name, text in of_all}) if of_all else ""
-        jobs.append(lines_of([json.dumps(row).encode() for row in own], shared.encode()))
+        jobs.append(encode_lines([json.dumps(row).encode() for row in own], shared.encode()))
     return jobs
 
 
@@ -141,7 +141,7 @@ def test_no_row_takes_what_another_job_shares(data: st.DataObject, lines: list[b
         journal = Path(folder) / JOURNAL
         journal.write_bytes(b"".join(kept))
         found = {row["run_id"]: row for row in read_lines(journal)}
-        mended = mend_journal(Path(folder), accept, lambda _: True, repair=True)
+        mended = repair_journal(Path(folder), accept, lambda _: True, repair=True)
         assert found == {row["run_id"]: row for row in read_lines(journal)}
     assert mended == found.keys()
     rows = {row["run_id"]: row for row in map(json.loads, lines)}
@@ -167,7 +167,7 @@ def test_a_row_lacks_what_is_not_in_its_line(
         # Every row may have a field that none before it had.
         kept = {"run_id", "index", *rng.choice(names[: index + 1], 8)}
         rows.append({name: each for name, each in json.loads(line).items() if name in kept})
-    journal.write_bytes(b"".join(sealed(json.dumps(row).encode()) for row in rows))
+    journal.write_bytes(b"".join(with_checksum(json.dumps(row).encode()) for row in rows))
     write_table(journal, target, columns, {})
     whole = [dict.fromkeys(table_schema(columns).names) | row for row in rows]
     plain = pa.Table.from_pylist(whole, schema=table_schema(columns))
@@ -195,7 +195,7 @@ def test_rows_have_one_digest_as_they_are_written_and_as_they_are_read(
 ) -> None:
     records = [record_of(index) for index in range(RUNS)]
     journal, target = tmp_path / JOURNAL, tmp_path / "table.parquet"
-    journal.write_bytes(b"".join(sealed(line[:-1]) for line in lines))
+    journal.write_bytes(b"".join(with_checksum(line[:-1]) for line in lines))
     digests = set[object]()
     for group, block in ((1 << 16, 8 << 20), (7, 1), (25, 10_000)):
         monkeypatch.setattr(runs_table, "GROUP", group)
@@ -237,7 +237,9 @@ def test_a_digest_is_of_every_value_however_many_are_read_at_once() -> None:
 
 
 def line(run: int) -> bytes:
-    return sealed(json.dumps({"run_id": f"{run:016x}", "index": run, "trace_file": None}).encode())
+    return with_checksum(
+        json.dumps({"run_id": f"{run:016x}", "index": run, "trace_file": None}).encode()
+    )
 
 
 def accept(row: Mapping[str, Any]) -> None:
@@ -279,7 +281,7 @@ def test_a_mended_journal_has_each_whole_run_once(
     store = tmp_path_factory.mktemp("store")
     (store / JOURNAL).write_bytes(b"".join(pieces) + torn)
     stay = slowly_mended(pieces, is_whole)
-    mended = mend_journal(store, accept, is_whole)
+    mended = repair_journal(store, accept, is_whole)
     assert mended == {json.loads(each.partition(b"\t")[0])["run_id"] for each in stay}
     assert (store / JOURNAL).read_bytes() == b"".join(stay)
 
@@ -297,28 +299,28 @@ def test_a_damaged_line_is_named_and_repair_drops_it_alone(
     (store / JOURNAL).write_bytes(text)
     number = len(before) + 1
     with pytest.raises(StoreError, match=rf"journal\.jsonl, line {number} .*; add --repair to"):
-        mend_journal(store, accept, is_whole)
+        repair_journal(store, accept, is_whole)
     assert (store / JOURNAL).read_bytes() == text
-    mend_journal(store, accept, is_whole, repair=True)
+    repair_journal(store, accept, is_whole, repair=True)
     assert (store / JOURNAL).read_bytes() == b"".join(slowly_mended([*before, *after], is_whole))
 
 
 @given(data=st.data())
 def test_any_flipped_bit_of_a_line_shows(data: st.DataObject, lines: list[bytes]) -> None:
-    whole = sealed(data.draw(st.sampled_from(lines))[:-1])
+    whole = with_checksum(data.draw(st.sampled_from(lines))[:-1])
     bit = data.draw(st.integers(0, 8 * (len(whole) - 1) - 1))
     changed = bytearray(whole)
     changed[bit // 8] ^= 1 << bit % 8
     with pytest.raises(ValueError, match=r"checksum|not JSON"):
-        parsed(bytes(changed))
+        parse_line(bytes(changed))
 
 
 def test_mending_holds_ids_and_no_rows(tmp_path: Path, lines: list[bytes]) -> None:
     rest = lines[0].strip().partition(b",")[2]
     with (tmp_path / JOURNAL).open("wb") as journal:
-        journal.writelines(sealed(b'{"run_id":"%016x",' % run + rest) for run in range(3000))
+        journal.writelines(with_checksum(b'{"run_id":"%016x",' % run + rest) for run in range(3000))
     tracemalloc.start()
-    kept = mend_journal(tmp_path, accept, lambda _: True)
+    kept = repair_journal(tmp_path, accept, lambda _: True)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert len(kept) == 3000

@@ -42,7 +42,7 @@ def ended_process() -> int:
 
 def elsewhere(**changes: object) -> LockHolder:
     """Return a process of another machine."""
-    plain = LockHolder.this().model_copy(update={"host": "far", "machine": "another"})
+    plain = LockHolder.current_process().model_copy(update={"host": "far", "machine": "another"})
     return plain.model_copy(update=changes)
 
 
@@ -71,9 +71,9 @@ def test_given_back_after_a_failure(client: "ObjectClient") -> None:
 @pytest.mark.parametrize("case", ["ended", "another with its number"])
 def test_of_a_dead_process_of_this_machine(client: "ObjectClient", case: str) -> None:
     """It is taken over at once: the lease is an hour."""
-    this = LockHolder.this()
+    this = LockHolder.current_process()
     changes = {"pid": ended_process()} if case == "ended" else {"started": this.started - 1}
-    client.put(LOCK, this.model_copy(update=changes).encoded())
+    client.put(LOCK, this.model_copy(update=changes).to_json_bytes())
     with hold_lease(client, seconds=3600) as lease:
         lease.check()
 
@@ -82,7 +82,7 @@ def test_of_another_machine_is_waited_out(
     client: "ObjectClient", caplog: pytest.LogCaptureFixture
 ) -> None:
     """Whatever its process number: it is another machine's."""
-    client.put(LOCK, elsewhere(pid=ended_process()).encoded())
+    client.put(LOCK, elsewhere(pid=ended_process()).to_json_bytes())
     start = time.monotonic()
     with caplog.at_level(logging.WARNING), hold_lease(client, seconds=0.5) as lease:
         assert time.monotonic() - start >= 0.5
@@ -100,7 +100,7 @@ def test_of_another_version_is_waited_out(client: "ObjectClient") -> None:
 def test_of_another_machine_that_is_alive(client: "ObjectClient") -> None:
     """It shows signs of life; the wait ends with the first, however long the lease."""
     other = elsewhere()
-    version = client.create(LOCK, other.encoded())
+    version = client.create(LOCK, other.to_json_bytes())
     assert version is not None
     lease = StoreLease(client, other, version, seconds=0.6)
     try:
@@ -116,7 +116,7 @@ def test_lost(client: "ObjectClient") -> None:
     """Somebody else has waited it out: whoever notices writes no more."""
     taken = f"another sweep has taken over {client.address}"
     with hold_lease(client, seconds=3600) as lease:
-        client.put(LOCK, elsewhere().encoded())
+        client.put(LOCK, elsewhere().to_json_bytes())
         for act in (lease.renew, lease.check, lease.renew):
             with pytest.raises(OutputError, match=taken):
                 act()

@@ -12,7 +12,7 @@ from contactlab.errors import OutputError, StoreError
 from contactlab.run.planned_runs import local_scene
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import parse_address
-from contactlab.store.verify_store import verify, write_baseline
+from contactlab.store.verify_store import find_problems, write_baseline
 
 pytestmark = pytest.mark.long
 
@@ -41,7 +41,7 @@ def test_planted_defects(
         kit.client.delete([name])
     else:
         kit.client.put(name, data)
-    found = verify(kit.address, thorough=thorough)
+    found = find_problems(kit.address, thorough=thorough)
     if name.endswith("ff.mcap") and not thorough:
         # Whether traces are of runs is only asked with their bytes, as in folders.
         assert found == []
@@ -115,6 +115,6 @@ def test_a_large_trace_goes_in_parts(kit: Any) -> None:
 def test_a_baseline_of_it(kit: Any, tmp_path: Path) -> None:
     kit.write(0, 1, 2)
     write_baseline(kit.address, tmp_path / "baseline")
-    assert verify(tmp_path / "baseline") == []
+    assert find_problems(tmp_path / "baseline") == []
     ids = pq.read_table(tmp_path / "baseline" / "runs.parquet")["run_id"].to_pylist()
     assert ids == [each.run_id for each in kit.records]

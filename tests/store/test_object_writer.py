@@ -8,17 +8,17 @@ import pytest
 from contactlab.errors import OutputError, StoreError
 from contactlab.schema.evidence import StoreManifest
 from contactlab.store.finished_store import Store
-from contactlab.store.row_journal import sealed
+from contactlab.store.row_journal import with_checksum
 from contactlab.store.store_files import ObjectAddress
 from contactlab.store.store_writer import StoreWriter, open_writer
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 OTHER = "journal/other-00000000.jsonl"
 
 
 def test_a_whole_store(kit: Any) -> None:
     manifest = kit.write(0, 1, 2)
-    assert verify(kit.address) == []
+    assert find_problems(kit.address) == []
     store = Store.open(kit.address)
     assert store.manifest == manifest
     assert [each.run_id for each in store.records()] == [each.run_id for each in kit.records]
@@ -36,10 +36,10 @@ def test_a_whole_store(kit: Any) -> None:
 def test_a_finished_store_is_left_alone(kit: Any) -> None:
     manifest = kit.write(0, 1, 2)
     kit.client.put(OTHER, kit.row(0) + b"\n")
-    assert verify(kit.address) == [f"{OTHER}: left over from an interrupted write"]
+    assert find_problems(kit.address) == [f"{OTHER}: left over from an interrupted write"]
     with kit.opened() as store:
         assert store == manifest
-    assert verify(kit.address) == []
+    assert find_problems(kit.address) == []
 
 
 def test_resumed(kit: Any) -> None:
@@ -49,7 +49,7 @@ def test_resumed(kit: Any) -> None:
     kit.interrupt(2)
     assert kit.done() == kit.ids(0, 2)
     kit.write(1)
-    assert verify(kit.address) == []
+    assert find_problems(kit.address) == []
 
 
 @pytest.mark.parametrize("damage", ["gone", "cut"])
@@ -66,16 +66,16 @@ def test_a_row_without_its_trace_is_done_again(kit: Any, damage: str) -> None:
     kit.put_trace(0)
     assert kit.done() == kit.ids(1)
     kit.write(0, 2)
-    assert verify(kit.address) == []
+    assert find_problems(kit.address) == []
 
 
 def test_rows_of_two_sweeps(kit: Any) -> None:
     """Both did the same run: one that lost its lock without noticing, and its successor."""
     kit.interrupt(0, 1)
-    kit.client.put(OTHER, sealed(kit.row(1)) + sealed(kit.row(0)))
+    kit.client.put(OTHER, with_checksum(kit.row(1)) + with_checksum(kit.row(0)))
     assert kit.done() == kit.ids(0, 1)
     kit.write(2)
-    assert verify(kit.address) == []
+    assert find_problems(kit.address) == []
 
 
 def test_published_by_another_meanwhile(kit: Any) -> None:
@@ -95,7 +95,7 @@ def test_published_by_another_meanwhile(kit: Any) -> None:
         assert again is not None
         assert found is not None
         assert again.data == found.data
-    assert verify(kit.address) == []
+    assert find_problems(kit.address) == []
 
 
 def test_published_by_another_at_the_same_moment(kit: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -114,7 +114,7 @@ def test_published_by_another_at_the_same_moment(kit: Any, monkeypatch: pytest.M
 
     monkeypatch.setattr(kind, "put", racing)
     kit.write(0, 1, 2)
-    assert verify(kit.address) == []
+    assert find_problems(kit.address) == []
 
 
 def test_other_objects_are_left_alone(kit: Any) -> None:
@@ -136,7 +136,7 @@ def test_fresh(kit: Any, connect: Any) -> None:
     kit.write(0, 1, 2)
     kit.client.put("traces/ff/ff.mcap", b"an orphan")
     kit.write(0, 1, 2, fresh=True)
-    assert verify(kit.address) == []
+    assert find_problems(kit.address) == []
     assert neighbour.find("runs.parquet") is not None
 
 
@@ -175,6 +175,6 @@ def test_failed_runs_again(kit: Any) -> None:
         kit.add(store, 1)
         kit.finish(store)
     assert Store.open(kit.address).manifest.statuses == {"ok": 3}
-    assert verify(kit.address) == []
+    assert find_problems(kit.address) == []
     with kit.opened(retry_failed=True) as store:
         assert isinstance(store, StoreManifest)

@@ -14,7 +14,7 @@ from contactlab.store.finished_store import Store
 from contactlab.store.row_journal import read_lines, write_journal
 from contactlab.store.store_writer import StoreWriter, open_writer
 from contactlab.store.table_layout import record_to_row
-from contactlab.store.verify_store import verify, write_baseline
+from contactlab.store.verify_store import find_problems, write_baseline
 
 STATUSES = ("ok", "crashed", "error", "stopped", "timeout", "ok")
 FAILED, KEPT = {1, 2, 4}, {0, 3, 5}
@@ -75,7 +75,7 @@ def test_nothing_is_touched_if_nothing_failed(store: Path, retry: Any) -> None:
     with retry(store, 3) as finished:
         assert isinstance(finished, StoreManifest)
     assert touched(store) == before
-    assert verify(store) == []
+    assert find_problems(store) == []
 
 
 def test_failed_runs_are_run_again(
@@ -92,7 +92,7 @@ def test_failed_runs_are_run_again(
         assert traces(failed) == ids(KEPT)
         manifest = finish(writer, [mended[place] for place in FAILED])
     assert manifest.statuses == {"ok": 5, "stopped": 1}
-    assert verify(failed) == []
+    assert find_problems(failed) == []
     kept = [records[place] if place in KEPT else mended[place] for place in range(len(records))]
     store_of(tmp_path / "plain", kept)
     plain, found = (pq.read_table(path / "runs.parquet") for path in (tmp_path / "plain", failed))
@@ -157,7 +157,7 @@ def test_it_may_be_stopped_before_any_change(
                 pass
         with retry(failed, retry_failed=False) as found:
             if isinstance(found, StoreManifest):
-                assert verify(failed) == []
+                assert find_problems(failed) == []
                 assert Store.open(failed).table.num_rows == len(STATUSES)
             else:
                 assert ids(KEPT) <= found.done

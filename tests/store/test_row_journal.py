@@ -7,7 +7,7 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contactlab.store.row_journal import lines_of, mend_journal, read_lines
+from contactlab.store.row_journal import encode_lines, read_lines, repair_journal
 from contactlab.store.store_files import JOURNAL
 
 FIELDS = st.dictionaries(st.sampled_from("abcdef"), st.integers() | st.text(max_size=3), max_size=4)
@@ -27,10 +27,10 @@ def test_each_row_has_the_shared_fields_of_its_own_job(
             {**row, "run_id": f"{len(expected) + place:016x}"} for place, row in enumerate(rows)
         ]
         text = json.dumps(shared).encode() if shared else b""
-        lines += lines_of([json.dumps(row).encode() for row in named], text)
+        lines += encode_lines([json.dumps(row).encode() for row in named], text)
         expected += [{**shared, **row} for row in named]
     (folder / JOURNAL).write_bytes(b"".join(lines))
     assert list(read_lines(folder / JOURNAL)) == expected
     seen = list[Any]()
-    mended = mend_journal(folder, lambda row: seen.append(dict(row)), lambda _: True)
+    mended = repair_journal(folder, lambda row: seen.append(dict(row)), lambda _: True)
     assert (seen, mended) == (expected, {row["run_id"] for row in expected})

@@ -91,12 +91,12 @@ def test_rows_are_found_in_parts_of_row_groups(
         monkeypatch.setattr(module, "GROUP", 3)
     columns = RunColumns(tmp_path)
     for rows in ([16, 0, 6, 7, 13, 3], [*range(17)]):
-        assert columns.some(["seed"], rows) == [{"seed": row} for row in rows]
+        assert columns.select_values(["seed"], rows) == [{"seed": row} for row in rows]
     for start, stop in combinations(range(18), 2):
         found = columns.between("seed", slice(start, stop))
         assert found.to_pylist() == [*range(start, stop)]
     assert columns.numbers("seed").values.tolist() == [*range(17)]
-    assert columns.given("seed").all()
+    assert columns.has_value("seed").all()
     chosen = np.isin(np.arange(17), [2, 15])
     rows = iterate_rows(tmp_path / "runs.parquet", chosen)
     assert [row["seed"] for row in rows] == [2, 15]

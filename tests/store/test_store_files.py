@@ -13,7 +13,7 @@ from contactlab.errors import ContactlabError, StoreError
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import check_tree, read_stored, stored_file
 from contactlab.store.store_writer import open_writer
-from contactlab.store.verify_store import verify, write_baseline
+from contactlab.store.verify_store import find_problems, write_baseline
 
 OUTSIDE = "not for the store"
 TRACE = "traces/00/" + "0" * 16 + ".mcap"
@@ -113,7 +113,7 @@ def test_links_out_of_a_store_are_not_followed(store: Path, tmp_path: Path, name
     (store / name).symlink_to(outside)
     problems: list[str] = []
     try:
-        problems = verify(store)
+        problems = find_problems(store)
     except StoreError as error:
         problems = [str(error)]
     assert any("symbolic link" in each for each in problems)

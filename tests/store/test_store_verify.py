@@ -16,7 +16,7 @@ from contactlab.store.finished_store import Store
 from contactlab.store.row_journal import write_journal
 from contactlab.store.runs_table import digests_of, write_table
 from contactlab.store.table_layout import record_to_row
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 TRACE = "traces/01/0000000000000001.mcap"
 
@@ -29,7 +29,7 @@ def flip(path: Path) -> None:
 
 
 def test_a_sound_store(store: Path) -> None:
-    assert verify(store) == []
+    assert find_problems(store) == []
 
 
 @pytest.mark.parametrize(
@@ -37,35 +37,35 @@ def test_a_sound_store(store: Path) -> None:
 )
 def test_a_changed_byte(store: Path, name: str) -> None:
     flip(store / name)
-    assert f"{name}: changed since it was written" in verify(store)
+    assert f"{name}: changed since it was written" in find_problems(store)
 
 
 @pytest.mark.parametrize("name", ["sweep.json", "scenes/35472800cb1450b5/scene.xml", TRACE])
 def test_a_missing_file(store: Path, name: str) -> None:
     (store / name).unlink()
-    assert verify(store) == [f"{name}: missing"]
+    assert find_problems(store) == [f"{name}: missing"]
 
 
 def test_a_missing_table(store: Path) -> None:
     (store / "runs.parquet").unlink()
-    assert "runs.parquet: missing" in verify(store)
+    assert "runs.parquet: missing" in find_problems(store)
 
 
 def test_a_trace_of_no_run(store: Path) -> None:
     (store / "traces/ff").mkdir()
     (store / TRACE).rename(store / "traces/ff/ff.mcap")
-    assert verify(store) == [f"{TRACE}: missing", "traces/ff/ff.mcap: belongs to no run"]
+    assert find_problems(store) == [f"{TRACE}: missing", "traces/ff/ff.mcap: belongs to no run"]
 
 
 @pytest.mark.parametrize("name", ["runs.parquet.tmp", TRACE + ".tmp"])
 def test_a_leftover(store: Path, name: str) -> None:
     (store / name).write_bytes(b"half")
-    assert verify(store) == [f"{name}: left over from an interrupted write"]
+    assert find_problems(store) == [f"{name}: left over from an interrupted write"]
 
 
 def test_a_leftover_journal(store: Path) -> None:
     (store / "journal.jsonl").write_bytes(b"{}\n")
-    assert verify(store) == ["journal.jsonl: left over from an interrupted write"]
+    assert find_problems(store) == ["journal.jsonl: left over from an interrupted write"]
 
 
 @pytest.mark.parametrize(
@@ -81,7 +81,7 @@ def test_a_leftover_journal(store: Path) -> None:
 def test_a_changed_count(store: Path, name: str, said: object, problem: str) -> None:
     path = store / "manifest.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {name: said}))
-    assert verify(store)[0].startswith(f"manifest.json: {problem}")
+    assert find_problems(store)[0].startswith(f"manifest.json: {problem}")
 
 
 def test_runs_that_are_not_all_there(
@@ -100,7 +100,7 @@ def test_runs_that_are_not_all_there(
     manifest |= {"expectations": {"none": 2}}
     manifest["files"]["runs.parquet"] = sha256_of(store / "runs.parquet")
     path.write_text(json.dumps(manifest))
-    assert verify(store) == [
+    assert find_problems(store) == [
         "manifest.json: 2 runs, but the sweep has 3",
         "runs.parquet: its runs, in their order, do not match the plan's hash",
         "traces/02/0000000000000002.mcap: belongs to no run",
@@ -113,7 +113,7 @@ def test_a_manifest_of_another_sweep(store: Path) -> None:
     manifest = json.loads(path.read_text())
     manifest["sweep"]["name"] = "another"
     path.write_text(json.dumps(manifest))
-    assert verify(store) == [
+    assert find_problems(store) == [
         "sweep.json and manifest.json name different sweeps",
         "manifest.json and runs.parquet differ in sweep",
     ]
@@ -122,7 +122,7 @@ def test_a_manifest_of_another_sweep(store: Path) -> None:
 def test_a_truncated_table(store: Path) -> None:
     table = store / "runs.parquet"
     table.write_bytes(table.read_bytes()[:-200])
-    problems = verify(store)
+    problems = find_problems(store)
     assert problems[0] == "runs.parquet: changed since it was written"
     assert "is damaged" in problems[1]
     with pytest.raises(StoreError, match=r"runs\.parquet was changed since it was written"):
@@ -132,22 +132,22 @@ def test_a_truncated_table(store: Path) -> None:
 def test_an_unfinished_store(store: Path) -> None:
     (store / "manifest.json").unlink()
     with pytest.raises(StoreError, match="is unfinished; run its sweep again"):
-        verify(store)
+        find_problems(store)
 
 
 def test_no_store(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="no store at"):
-        verify(tmp_path / "nowhere")
+        find_problems(tmp_path / "nowhere")
     (tmp_path / "thesis.tex").write_text("mine")
     with pytest.raises(StoreError, match=r"is not a store: it has no manifest\.json"):
-        verify(tmp_path)
+        find_problems(tmp_path)
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"store_version": 4}'])
 def test_a_damaged_manifest(store: Path, text: str) -> None:
     (store / "manifest.json").write_text(text)
     with pytest.raises(StoreError, match=r"manifest\.json is (damaged|of store version None)"):
-        verify(store)
+        find_problems(store)
 
 
 @pytest.mark.parametrize("version", [STORE_VERSION - 1, STORE_VERSION + 1])
@@ -157,7 +157,7 @@ def test_another_version_is_refused(store: Path, version: int) -> None:
     (store / "manifest.json").write_text(json.dumps(manifest))
     reason = f"is of store version {version}; .* reads version {STORE_VERSION}: sweep again, or"
     with pytest.raises(StoreError, match=reason):
-        verify(store)
+        find_problems(store)
 
 
 @pytest.mark.parametrize("place", [0, 1, 2])
@@ -173,7 +173,7 @@ def test_a_run_has_the_worst_of_its_labels(
     store_of(tmp_path / "store", [record_of(0, label=names[place], labels=labels)])
     where = "runs.parquet: run 0000000000000000: its"
     wrong = [] if place == 0 else [f"{where} label contradicts its other values"]
-    assert verify(tmp_path / "store") == wrong
+    assert find_problems(tmp_path / "store") == wrong
 
 
 @pytest.mark.parametrize(
@@ -182,12 +182,12 @@ def test_a_run_has_the_worst_of_its_labels(
 def test_a_file_that_nothing_names(store: Path, name: str) -> None:
     (store / name).parent.mkdir(exist_ok=True)
     (store / name).write_text("x")
-    assert verify(store) == [f"{name}: manifest.json does not name it"]
+    assert find_problems(store) == [f"{name}: manifest.json does not name it"]
 
 
 def test_an_empty_folder(store: Path) -> None:
     (store / "more").mkdir()
-    assert verify(store) == ["more/: manifest.json does not name it"]
+    assert find_problems(store) == ["more/: manifest.json does not name it"]
 
 
 def forge(store: Path, change: Callable[[pa.Schema], pa.Schema]) -> None:
@@ -208,7 +208,7 @@ def test_a_forged_unit_of_a_column(store: Path) -> None:
         return schema.set(place, field.with_metadata({**field.metadata, b"unit": b"h"}))
 
     forge(store, in_hours)
-    assert "runs.parquet: column cost_cpu_s is in 'h', not in 's'" in verify(store)
+    assert "runs.parquet: column cost_cpu_s is in 'h', not in 's'" in find_problems(store)
 
 
 def test_a_forged_unit_in_the_list_of_columns(store: Path) -> None:
@@ -222,4 +222,4 @@ def test_a_forged_unit_in_the_list_of_columns(store: Path) -> None:
 
     forge(store, listed)
     where = "runs.parquet: column duration"
-    assert verify(store) == [f"{where} differs from its description in the list of columns"]
+    assert find_problems(store) == [f"{where} differs from its description in the list of columns"]

@@ -9,7 +9,7 @@ import pytest
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.model_names import name_by_address
-from contactlab.view.drawn_shapes import BodyShape, poses, shapes
+from contactlab.view.drawn_shapes import BodyShape, body_poses, body_shapes
 
 GEOMS = {
     "box": 'type="box" size="0.1 0.2 0.3"',
@@ -77,7 +77,7 @@ def test_shapes_fill_the_box_around_their_geom(geom: str) -> None:
     model = compiled(geom)
     index = model.geom("it").id
     origin, turn = model.geom_pos[index], rotation(model.geom_quat[index])
-    mine = [each for each in shapes(model) if each.name.partition("/")[0] == "it"]
+    mine = [each for each in body_shapes(model) if each.name.partition("/")[0] == "it"]
     spans = [extremes(each, turn, origin) for each in mine]
     low, high = np.min([each[0] for each in spans], 0), np.max([each[1] for each in spans], 0)
     centre, half = model.geom_aabb[index].reshape(2, 3)
@@ -89,7 +89,7 @@ def test_shapes_fill_the_box_around_their_geom(geom: str) -> None:
 
 
 def test_a_capsule_has_round_ends() -> None:
-    parts = [each for each in shapes(compiled("capsule")) if each.name.startswith("it")]
+    parts = [each for each in body_shapes(compiled("capsule")) if each.name.startswith("it")]
     assert sorted(each.form for each in parts) == ["cylinder", "ellipsoid", "ellipsoid"]
     tube = next(each for each in parts if each.form == "cylinder")
     ends = [tube.position + rotation(tube.rotation)[:, 2] * side * 0.3 for side in (1, -1)]
@@ -101,7 +101,7 @@ def test_a_height_field_is_met_where_the_engine_meets_it() -> None:
     model = compiled("box")
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    [field] = [each for each in shapes(model) if each.name == "field"]
+    [field] = [each for each in body_shapes(model) if each.name == "field"]
     corners = field.vertices[field.triangles]
     assert len(corners) == 2 * (3 - 1) * (4 - 1)
     for triangle in corners:
@@ -114,14 +114,14 @@ def test_a_height_field_is_met_where_the_engine_meets_it() -> None:
 
 
 def test_triangles_of_a_field_face_up() -> None:
-    [field] = [each for each in shapes(compiled("box")) if each.name == "field"]
+    [field] = [each for each in body_shapes(compiled("box")) if each.name == "field"]
     a, b, c = field.vertices[field.triangles].transpose(1, 0, 2)
     assert (np.cross(b - a, c - a)[:, 2] > 0).all()
 
 
 def test_a_plane_is_a_thin_box_below_it() -> None:
     model = compiled("box")
-    [ground] = [each for each in shapes(model) if each.name == "ground"]
+    [ground] = [each for each in body_shapes(model) if each.name == "ground"]
     assert ground.form == "box"
     assert ground.position[2] + ground.size[2] / 2 == pytest.approx(-1)
     assert ground.size[1] == 6
@@ -129,7 +129,7 @@ def test_a_plane_is_a_thin_box_below_it() -> None:
 
 
 def test_what_viewers_hide_is_left_out_unless_a_body_has_nothing_else() -> None:
-    names = {each.name for each in shapes(compiled("box"))}
+    names = {each.name for each in body_shapes(compiled("box"))}
     assert not names & {"hidden", "clear"}
     assert "proxy" in names
 
@@ -147,7 +147,7 @@ def loop_poses(model: mujoco.MjModel, qpos: Floats) -> Sequence[Floats]:
 def test_poses_are_those_of_the_engine() -> None:
     model = compiled("box")
     qpos = np.random.default_rng(0).standard_normal((9, model.nq))
-    positions, rotations = poses(model, qpos)
+    positions, rotations = body_poses(model, qpos)
     expected = np.array(loop_poses(model, qpos))
     np.testing.assert_array_equal(np.concatenate([positions, rotations], axis=2), expected)
     for row, body in product(range(len(qpos)), range(model.nbody)):

@@ -14,7 +14,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from contactlab.schema.evidence import LabelEntry
 from contactlab.view.drawn_motion import run_events
 from contactlab.view.foxglove_files import evidence_schema, message_path
-from contactlab.view.render import render
+from contactlab.view.render import render_run
 
 Read = Callable[[str], Any]
 # What the importers of Foxglove and Lichtblick read of a JSON Schema.
@@ -25,7 +25,7 @@ PLAIN = {"boolean", "string", "number", "integer", "object", "array"}
 def rendered(drawn: Read, tmp_path: Path) -> Callable[[str], Path]:
     def write(name: str) -> Path:
         run = drawn(name)
-        render(run.store, run.run, tmp_path / "run.mcap")
+        render_run(run.store, run.run, tmp_path / "run.mcap")
         return tmp_path / "run.mcap"
 
     return write

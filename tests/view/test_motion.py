@@ -20,12 +20,12 @@ from contactlab.store.mcap.trace_reader import read_trace
 from contactlab.view.drawn_motion import (
     arrow_scale,
     failing_pair,
+    picture_times,
     read_motion,
     run_events,
-    telling_moments,
-    widened,
+    widen_stage,
 )
-from contactlab.view.render import render
+from contactlab.view.render import render_run
 
 
 @pytest.mark.long
@@ -36,7 +36,7 @@ def test_poses_in_the_file_are_those_of_the_trajectory(
     """Each transform equals kinematics of the state of its very time, bit for bit."""
     run = drawn(name)
     path = target(".mcap")
-    motion = render(run.store, run.run, path)
+    motion = render_run(run.store, run.run, path)
     assert_viewable(path)
     rows = {round(time * 1e9): row for row, time in enumerate(run.trace.time)}
     data, seen = mujoco.MjData(run.model), 0
@@ -117,7 +117,7 @@ def test_moments_are_where_labels_begin_and_force_peaks(drawn: Callable[[str], A
         if force > most:
             peak, most = step, force
     events = run_events([LabelEntry(label="chatter", reason="often", step=77)], time)
-    found = telling_moments(motion, run.trace, events, pair.name, 6)
+    found = picture_times(motion, run.trace, events, pair.name, 6)
     assert len(found) == 6
     assert found == sorted(found)
     assert {time[0], time[77], time[peak], time[-1]} <= {*found}
@@ -127,7 +127,7 @@ def test_the_stage_widens_for_what_was_recorded(drawn: Callable[[str], Any]) -> 
     run = drawn("ball")
     motion = read_motion(run.start.prepared, run.trace, 60)
     beside = motion.positions + np.array([0.3, 0, 0])
-    wide = widened(motion, beside, motion.rotations)
+    wide = widen_stage(motion, beside, motion.rotations)
     far = np.linalg.norm(beside[:, 1] - wide.centre, axis=1).max()
     assert motion.radius < far + 0.05 <= wide.radius * (1 + 1e-9)
 

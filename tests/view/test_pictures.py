@@ -15,7 +15,7 @@ from PIL import Image
 from contactlab.contact.trace_arrays import STICK
 from contactlab.contact.trace_setup import RecordedMotion
 from contactlab.errors import OutputError, SceneError
-from contactlab.view.drawn_motion import ContactForces, following, read_motion
+from contactlab.view.drawn_motion import ContactForces, follow_body, read_motion
 from contactlab.view.film import (
     Picture,
     draw_pictures,
@@ -24,7 +24,7 @@ from contactlab.view.film import (
     set_looks,
     side_by_side,
 )
-from contactlab.view.render import PictureOptions, render
+from contactlab.view.render import PictureOptions, render_run
 
 SIZE = (160, 120)
 Draw = Callable[[str], Any]
@@ -136,7 +136,7 @@ def test_the_camera_follows_the_pair_and_the_whole_is_an_inset(drawn: Draw) -> N
     far = run.trace.qpos.copy()
     far[:, 0] += np.linspace(0, 2, len(far))
     motion = read_motion(run.start.prepared, replace(run.trace, qpos=far), 60)
-    followed = following(motion, [0, 1])
+    followed = follow_body(motion, [0, 1])
     assert followed is not None
     chosen = {frame: far[motion.rows[frame]] for frame in (0, 6, 12)}
     seen = list(draw_pictures(run.model, followed, chosen, SIZE))
@@ -148,14 +148,14 @@ def test_the_camera_follows_the_pair_and_the_whole_is_an_inset(drawn: Draw) -> N
         assert np.median(columns) == pytest.approx(SIZE[0] / 2, abs=4)
         assert np.median(rows) == pytest.approx(SIZE[1] / 2, abs=6)
         assert blue.sum() > 5 * bluish(all_of_it).sum()
-    assert following(read_motion(run.start.prepared, run.trace, 60), [0]) is None
+    assert follow_body(read_motion(run.start.prepared, run.trace, 60), [0]) is None
 
 
 @pytest.mark.long
 def test_runs_beside_each_other_are_seen_from_one_place(drawn: Draw, target: Target) -> None:
     run = drawn("slide")
     options = PictureOptions(SIZE, beside=run.run, at=(0.0, 0.2))
-    render(run.store, run.run, target(".png"), options)
+    render_run(run.store, run.run, target(".png"), options)
     with Image.open(target(".png")) as image:
         sheet = np.asarray(image)
     assert sheet.shape[1] == 2 * SIZE[0]
@@ -240,7 +240,7 @@ def test_a_camera_of_the_model_is_used(drawn: Draw) -> None:
 @pytest.mark.parametrize("speed", [None, 0.25])
 def test_films_last_as_long_as_the_run(drawn: Draw, target: Target, speed: float | None) -> None:
     run, path = drawn("ball"), target(".mp4")
-    render(run.store, run.run, path, PictureOptions(SIZE, speed=speed))
+    render_run(run.store, run.run, path, PictureOptions(SIZE, speed=speed))
     seconds = run.trace.time[-1] / (speed or 1)
     with av.open(str(path)) as film:
         stream = film.streams.video[0]
@@ -256,7 +256,7 @@ def test_films_last_as_long_as_the_run(drawn: Draw, target: Target, speed: float
 @pytest.mark.long
 def test_animations_last_as_long_as_the_run(drawn: Draw, target: Target) -> None:
     run, path = drawn("ball"), target(".gif")
-    render(run.store, run.run, path, PictureOptions(SIZE))
+    render_run(run.store, run.run, path, PictureOptions(SIZE))
     with Image.open(path) as animation:
         lasting = 0
         for frame in range(getattr(animation, "n_frames", 0)):
@@ -269,7 +269,7 @@ def test_animations_last_as_long_as_the_run(drawn: Draw, target: Target) -> None
 @pytest.mark.long
 def test_a_sheet_has_a_picture_for_each_moment(drawn: Draw, target: Target) -> None:
     run, path = drawn("ball"), target(".png")
-    render(run.store, run.run, path, PictureOptions(SIZE, at=(0.1, 0.0, 0.1, 0.2)))
+    render_run(run.store, run.run, path, PictureOptions(SIZE, at=(0.1, 0.0, 0.1, 0.2)))
     with Image.open(path) as image:
         sheet = np.asarray(image)
     height, width = sheet.shape[0] // 2, SIZE[0]
@@ -286,7 +286,7 @@ def test_equal_runs_give_equal_pictures(drawn: Draw, target: Target) -> None:
     run = drawn("slide")
     contents: list[bytes] = []
     for _ in range(2):
-        render(run.store, run.run, target(".png"), PictureOptions(SIZE))
+        render_run(run.store, run.run, target(".png"), PictureOptions(SIZE))
         contents.append(target(".png").read_bytes())
     assert contents[0] == contents[1]
 
@@ -350,7 +350,7 @@ def test_missing_graphics_name_a_remedy(
     monkeypatch.setattr("ctypes.util.find_library", lambda _: None)
     run = drawn("ball")
     with pytest.raises(SceneError, match=r"no OpenGL to draw with; install .* libosmesa6") as said:
-        render(run.store, run.run, target(".mp4"))
+        render_run(run.store, run.run, target(".mp4"))
     assert said.value.exit_code == 2
     assert list(target("").parent.iterdir()) == []
 
@@ -360,5 +360,5 @@ def test_a_full_disk_leaves_no_half_film(drawn: Draw, tmp_path: Path) -> None:
     run, folder = drawn("ball"), tmp_path / "taken.mp4"
     folder.mkdir()
     with pytest.raises(OutputError, match=r"cannot write .*taken\.mp4: Is a directory"):
-        render(run.store, run.run, folder, PictureOptions(SIZE))
+        render_run(run.store, run.run, folder, PictureOptions(SIZE))
     assert list(tmp_path.iterdir()) == [folder]

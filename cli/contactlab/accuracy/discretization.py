@@ -48,7 +48,7 @@ class _ComparisonTimes(NamedTuple):
     ends: Floats
 
 
-def families(
+def reference_families(
     models: Mapping[str, RunSpec],
     scene: Scene,
     controls: Mapping[str, str | None] = MappingProxyType({}),
@@ -70,7 +70,7 @@ def reference_steps(
     """Return the number of force evaluations to compare runs with references, of `models`."""
     return sum(
         _evaluation_count([runs[run_id] for run_id in family], models[family[0]], refine)
-        for family in families(models, scene)
+        for family in reference_families(models, scene)
     )
 
 
@@ -195,7 +195,7 @@ def _is_chaotic(
     return visible and (hides_errors or above_estimate)
 
 
-def accuracies(
+def run_accuracies(
     request: AccuracyRequest,
     scene: Scene,
     runs: Mapping[str, RunSpec],

@@ -25,7 +25,7 @@ from contactlab.contact.trace_arrays import Floats, Invariants
 from contactlab.contact.trace_setup import Joints
 from contactlab.engines import engine_of
 from contactlab.engines.engine import SampledStates, SolvesReferences, Watch
-from contactlab.measure.context import HAIR
+from contactlab.measure.context import NEGLIGIBLE_SHARE
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.initial_states import InitialStates, perturbed_copy
 from contactlab.scene.model_edits import read_flag
@@ -48,7 +48,7 @@ class Discrepancy(NamedTuple):
         return cls(float(distances[-1]), float(distances.mean()), float(distances.max()))
 
 
-def distances(joints: Joints, first: Floats, second: Floats) -> Floats:
+def trajectory_distances(joints: Joints, first: Floats, second: Floats) -> Floats:
     """Return (T,) distances [m] between configurations (T, nq): the largest of any joint.
 
     Slides and free positions count in meters. A hinge counts its angle times the length of its
@@ -66,7 +66,7 @@ def distances(joints: Joints, first: Floats, second: Floats) -> Floats:
     return np.concatenate(parts, axis=1).max(axis=1, initial=0.0)
 
 
-def drifts(run: Invariants, reference: Invariants) -> Floats:
+def invariant_drifts(run: Invariants, reference: Invariants) -> Floats:
     """Return (T,) largest relative deviation of a run's energy and momenta from the reference's.
 
     Energy is relative to the reference's peak kinetic energy K, which counts as at least the energy
@@ -224,7 +224,9 @@ class ReferenceSolution:
 
     def distance(self, sampled: SampledStates, rows: Rows = slice(None)) -> Discrepancy:
         """Return the distance of sampled states from the reference's at these rows [m]."""
-        return Discrepancy.of(distances(self.joints, sampled.qpos, self.fine.sampled.qpos[rows]))
+        return Discrepancy.of(
+            trajectory_distances(self.joints, sampled.qpos, self.fine.sampled.qpos[rows])
+        )
 
     def velocity(self, sampled: SampledStates, rows: Rows) -> float:
         """Return the mean over time of the distance of velocities from the reference's [m/s].
@@ -241,7 +243,9 @@ class ReferenceSolution:
         expected, model = self.fine.sampled, self.fine.prepared.model
         free = self.family.scene.base_of(self.family.model).free
         both = (sampled.qpos, sampled.qvel), (expected.qpos[rows], expected.qvel[rows])
-        return Discrepancy.of(drifts(*(invariants(model, *side, free=free) for side in both)))
+        return Discrepancy.of(
+            invariant_drifts(*(state_invariants(model, *side, free=free) for side in both))
+        )
 
     def local_error(
         self, prepared: PreparedModel, begins: Floats, ends: Floats
@@ -259,7 +263,7 @@ class ReferenceSolution:
         if len(qpos) < len(restarts):
             return None
         expected = self.fine.sampled.qpos[self.rows(ends)]
-        return Discrepancy.of(distances(self.joints, np.concatenate(qpos), expected))
+        return Discrepancy.of(trajectory_distances(self.joints, np.concatenate(qpos), expected))
 
     def divergence(self) -> float | None:
         """Return the distance of a start perturbed by 1e-8 from the coarse solution [m].
@@ -274,10 +278,12 @@ class ReferenceSolution:
         if perturbed is None:
             return None
         qpos = self.coarse.sampled.qpos
-        return Discrepancy.of(distances(self.joints, perturbed.sampled.qpos, qpos)).peak
+        return Discrepancy.of(trajectory_distances(self.joints, perturbed.sampled.qpos, qpos)).peak
 
 
-def invariants(model: mujoco.MjModel, qpos: Floats, qvel: Floats, *, free: bool) -> Invariants:
+def state_invariants(
+    model: mujoco.MjModel, qpos: Floats, qvel: Floats, *, free: bool
+) -> Invariants:
     """Return energy and momenta of a passive model at T states (T, nq) and (T, nv).
 
     If no external force acts on it, it is free, so momenta are conserved as well.
@@ -288,7 +294,7 @@ def invariants(model: mujoco.MjModel, qpos: Floats, qvel: Floats, *, free: bool)
     )
     mass = float(model.body_subtreemass[0])
     weight = mass * float(np.linalg.norm(model.opt.gravity)) * read_flag(model, "gravity")
-    conserved, arm = free and not weight, HAIR * float(model.stat.meansize)
+    conserved, arm = free and not weight, NEGLIGIBLE_SHARE * float(model.stat.meansize)
     return Invariants(
         energy=rows[:, 0] + rows[:, 1],
         kinetic=rows[:, 1],

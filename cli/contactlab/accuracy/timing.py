@@ -136,9 +136,9 @@ class InterleavedTimer:
 
     def _timed_segments(self, run_id: str, resolved: RunSpec, work: Work) -> Segments:
         """Return the timed segments of a run; made again each time to limit memory."""
-        start = self.scene.starts([resolved])
+        start = self.scene.initial_states([resolved])
         if run_id in self.controls:
-            start = start.acted_on([self.controls[run_id]])
+            start = start.with_recorded_inputs([self.controls[run_id]])
         model = self.scene.prepare(resolved, start, self._compiled_model(resolved)[0]).model
         return Segments(model, start, work)
 
@@ -189,7 +189,7 @@ def _no_garbage_collection() -> Generator[None]:
         gc.enable()
 
 
-def timings(
+def run_timings(
     runs: Mapping[str, RunSpec],
     request: TimingRequest,
     work: Mapping[str, Note],

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from contactlab.budget.motion import INTEGRATION
-from contactlab.contact.contact_laws import impedance, restitution_of
+from contactlab.contact.contact_laws import impedance_at, restitution_from_damping
 from contactlab.contact.trace_arrays import Floats
 
 _EVEN, _TWICE = np.polynomial.legendre.leggauss(8)
@@ -121,6 +121,6 @@ class ConstraintEnergy:
         violations, springs, loads, powers, zetas, depths, solimp = map(
             np.concatenate, zip(*found, strict=True)
         )
-        rise = impedance(_SHARES * depths, solimp) / impedance(depths, solimp)
+        rise = impedance_at(_SHARES * depths, solimp) / impedance_at(depths, solimp)
         forces = springs * (_WEIGHTS @ (_SHARES * rise**2)) + loads * (_WEIGHTS @ rise)
-        return restitution_of(zetas) * (self._lag * powers - violations * forces)
+        return restitution_from_damping(zetas) * (self._lag * powers - violations * forces)

@@ -25,9 +25,14 @@ from contactlab.budget.rows import disabled, stiffened, used
 from contactlab.budget.verdict import Reason, Verdict
 from contactlab.budget.windows import joint_name
 from contactlab.contact.trace_arrays import Floats
-from contactlab.scene.model_edits import FIELD_KINDS, derive
+from contactlab.scene.model_edits import FIELD_KINDS, derive_fields
 from contactlab.scene.model_names import find_id, name_of
-from contactlab.scene.part_bodies import AT_JOINT, bodies_of_equality, bodies_of_tendon, hauled
+from contactlab.scene.part_bodies import (
+    AT_JOINT,
+    bodies_of_equality,
+    bodies_of_tendon,
+    is_mocap_driven,
+)
 
 _AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
 _STIFFNESS, _DAMPING = 1, 2  # places of their negatives in biasprm
@@ -66,7 +71,7 @@ class FieldChange:
         for value in self.values:
             getattr(model, value.field)[value.place] = value.value
         if any(value.field == "dof_armature" for value in self.values):
-            derive(model)
+            derive_fields(model)
 
 
 def field_changes(motions: Sequence[Motion], verdict: Verdict) -> tuple[FieldChange, ...]:
@@ -374,7 +379,7 @@ def _used_rows(model: mujoco.MjModel, field: str) -> list[int]:
     """Return the rows of a field of solref that anything uses; those of a joint are one."""
     rows = used(model, field)
     if field == "eq_solref":
-        rows &= (model.eq_active0 != 0) & ~hauled(model)
+        rows &= (model.eq_active0 != 0) & ~is_mocap_driven(model)
     rows = np.flatnonzero(rows)
     if field == "dof_solref":
         rows = rows[[int(model.jnt_dofadr[model.dof_jntid[row]]) == row for row in rows]]

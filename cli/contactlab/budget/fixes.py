@@ -37,7 +37,7 @@ from contactlab.budget.verdict import Reason, Verdict, VerdictWord, judge
 from contactlab.budget.windows import replay
 from contactlab.mjcf import OPTIONS
 from contactlab.scene.model_draft import ModelEdits
-from contactlab.scene.model_edits import FIELD_KINDS, FLAGS, read_flag, read_option
+from contactlab.scene.model_edits import FIELD_KINDS, FLAG_NAMES, read_flag, read_option
 from contactlab.scene.model_names import name_of
 
 _EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
@@ -519,7 +519,7 @@ def _is_alike(candidate: Candidate, apart: float, moved: Sequence[tuple[int, flo
 def _is_redundant(candidate: Candidate, word: VerdictWord, removing: Sequence[TriedFix]) -> bool:
     """Return whether a candidate is redundant next to the fixes that remove the verdict."""
     computed = [fix for fix in removing if not fix.changes_model]
-    parted = any(fix.edits.mends_start for fix in removing)
+    parted = any(fix.edits.fixes_start for fix in removing)
     return (
         any(fix.name in candidate.includes and fix.safely for fix in removing)
         or (candidate.rate > _ALWAYS_TRIED_RATE and (any(one.safely for one in computed) or parted))
@@ -535,7 +535,7 @@ def fix_rank(fix: TriedFix) -> tuple[bool, bool, bool, bool, float]:
     equal, since the clock does not separate them. A fix that was tried earlier is simpler.
     """
     cost = round(math.log(fix.time_ratio.ratio, _EQUAL_COST_RATIO)) if fix.time_ratio else math.inf
-    mends_start = fix.edits.mends_start
+    mends_start = fix.edits.fixes_start
     return not fix.removes, not mends_start, fix.changes_model, not fix.safely, cost
 
 
@@ -745,7 +745,7 @@ def options_changed(model: mujoco.MjModel, changed: mujoco.MjModel) -> dict[str,
     """Return the options and flags of a changed model that differ from those of another."""
     values = {name: read_option(changed, name) for name in OPTIONS}
     options = {name: value for name, value in values.items() if value != read_option(model, name)}
-    flags = {name: read_flag(changed, name) for name in FLAGS}
+    flags = {name: read_flag(changed, name) for name in FLAG_NAMES}
     return options | {name: on for name, on in flags.items() if on != read_flag(model, name)}
 
 

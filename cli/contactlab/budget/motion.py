@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.engines.mujoco_batch import driven, start_batch
+from contactlab.engines.mujoco_batch import driven_inputs, start_batch
 from contactlab.errors import EngineError
 from contactlab.scene.initial_states import InitialStates
 
@@ -154,7 +154,7 @@ def motion_of_run(
     model: mujoco.MjModel, starts: InitialStates, run: int, steps: int, name: str = ""
 ) -> Motion:
     """Return the motion of a scene's run: one seed, with the controls and forces that drive it."""
-    batch = start_batch([model], starts.pick(run))
-    given = driven(model, starts, run, steps)
+    batch = start_batch([model], starts.select_run(run))
+    given = driven_inputs(model, starts, run, steps)
     inputs = given.get("control", np.empty((1, steps, 0)))
     return Motion(model, batch.state.copy(), inputs, int(given.get("control_spec", _CONTROL)), name)

@@ -16,7 +16,7 @@ from contactlab.schema.error_budget import (
     BudgetTimeRatio,
     BudgetWarning,
 )
-from contactlab.store.table_layout import as_written
+from contactlab.store.table_layout import axis_cell
 
 
 def budget_report(
@@ -58,7 +58,7 @@ def fix_report(fix: TriedFix) -> BudgetFix:
     return BudgetFix(
         name=fix.name,
         changes_model=fix.changes_model,
-        settings={name: as_written(value) for name, value in fix.edits.settings.items()},
+        settings={name: axis_cell(value) for name, value in fix.edits.settings.items()},
         removes=fix.removes,
         verdict=fix.word,
         error=_finite(fix.error),

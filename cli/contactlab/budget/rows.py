@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.scene.part_bodies import hauled
+from contactlab.scene.part_bodies import is_mocap_driven
 
 Change = Callable[[mujoco.MjModel, mujoco.MjModel], None]  # a copy, and the run's own model
 Uses = Callable[[mujoco.MjModel], bool]
@@ -161,18 +161,18 @@ _SOLREF = (
 
 
 def _stiffer_equalities(model: mujoco.MjModel, _own: mujoco.MjModel) -> None:
-    kept = ~hauled(model)
+    kept = ~is_mocap_driven(model)
     model.eq_solref[kept] = stiffened(model.eq_solref[kept])
 
 
 def _has_joining_equalities(model: mujoco.MjModel) -> bool:
-    return _has_equalities(model) and not hauled(model).all()
+    return _has_equalities(model) and not is_mocap_driven(model).all()
 
 
 def _joins(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
     """Return whether an equality pushes that no mocap body drives."""
     rows = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
-    rows[rows] = ~hauled(model)[data.efc_id[rows]]
+    rows[rows] = ~is_mocap_driven(model)[data.efc_id[rows]]
     force = np.abs(data.efc_force)
     return bool(force[rows].max(initial=0) > _ROUNDING * force.max(initial=0))
 

@@ -57,7 +57,7 @@ def replay(
         StoreError: there is no such store or run, or it cannot be simulated here.
     """
     from contactlab.run.stored_runs import prepare_replay
-    from contactlab.run.stored_runs import replay as run_again
+    from contactlab.run.stored_runs import replay_run as run_again
     from contactlab.store.finished_store import Store
 
     opt.load_plugins(plugin)

@@ -245,9 +245,9 @@ def _print_plan(plan: "Plan", forecast: "Forecast") -> None:
     print_table(("axis", "role", "values", "range"), _axes(plan))
     part, least = 1.0, ""
     if refine := plan.sweep.refining:
-        from contactlab.plan.refined_axes import least_runs
+        from contactlab.plan.refined_axes import smallest_run_count
 
-        runs = least_runs(refine, forecast.runs)
+        runs = smallest_run_count(refine, forecast.runs)
         part, least = runs / forecast.runs, f"{runs:,} to "
     echo(f"runs   {least}{forecast.runs:,} (seeds {len(plan.sweep.seed_values)})")
     echo(f"steps  {f'{part * forecast.steps:,.0f} to ' if least else ''}{forecast.steps:,}")

@@ -104,7 +104,7 @@ def tradeoff(
         StoreError: the store has no error to evaluate.
         OutputError: a file cannot be written.
     """
-    from contactlab.pareto.analysis import analyze
+    from contactlab.pareto.analysis import analyze_tradeoff
     from contactlab.pareto.criteria import Criteria
     from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie
 
@@ -123,7 +123,7 @@ def tradeoff(
     target = None if output is None else opt.address_of(output)
     opened = _open_store(name, target, asked)
     if opened is not None and model is None:
-        report = analyze(opened, criteria)
+        report = analyze_tradeoff(opened, criteria)
     else:
         # An engine is needed to run a sweep, and to write a model.
         from contactlab.studies.tradeoff_sweep import TradeoffRequest, run
@@ -155,9 +155,9 @@ def _open_store(name: str, target: "Address | None", task: "TaskOptions") -> "St
 
 def _draw(report: "TradeoffReport", figure: Path) -> None:
     from contactlab.charts import save_figure
-    from contactlab.pareto.tradeoff_chart import specification
+    from contactlab.pareto.tradeoff_chart import chart_specification
 
-    save_figure(specification(report), figure)
+    save_figure(chart_specification(report), figure)
     say(f"drew {figure}")
 
 

@@ -81,8 +81,7 @@ def verify(
         StoreError: there is no store.
     """
     from contactlab.store.finished_store import Store
-    from contactlab.store.verify_store import MOST_PROBLEMS, unverified
-    from contactlab.store.verify_store import verify as find_problems
+    from contactlab.store.verify_store import MOST_PROBLEMS, find_problems, unverifiable_parts
 
     address = opt.address_of(store)
     opened = Store.unchecked(address)
@@ -92,11 +91,11 @@ def verify(
     from contactlab.run.recomputed_runs import (
         recomputed_problems,
         simulated_problems,
-        unplanned,
-        unresolved,
+        why_ids_unverifiable,
+        why_plan_unverifiable,
     )
 
-    left = unverified(opened)
+    left = unverifiable_parts(opened)
     if chosen is not None:
         seen = int(chosen.sum())
         left.append(f"records and traces of {len(chosen) - seen:,} runs: {seen:,} were drawn")
@@ -105,8 +104,8 @@ def verify(
             f"{address} was written with plug-ins that are not loaded: {plugins}; "
             "their values are shown as stored"
         )
-    left += filter(None, (unresolved(opened), unplanned(opened)))
-    if not problems and unresolved(opened) is None:
+    left += filter(None, (why_ids_unverifiable(opened), why_plan_unverifiable(opened)))
+    if not problems and why_ids_unverifiable(opened) is None:
         # A damaged store need not be run or compiled.
         problems = list(islice(recomputed_problems(opened, chosen), MOST_PROBLEMS))
         again = simulated_problems(opened, simulate, allow_code=allow_code)

@@ -49,7 +49,7 @@ from contactlab.schema.comparison import (
 from contactlab.schema.finding import Change, Finding
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import Address
-from contactlab.store.verify_store import contradictory_records, verify
+from contactlab.store.verify_store import contradictory_records, find_problems
 
 DEFAULT_POLICY = ComparePolicy(version=1)
 _COMPARABLE = Subject("stores can be compared", "evidence", "gate")
@@ -104,7 +104,7 @@ def _refuse_same(one: Address, other: Address) -> None:
 
 def _open(role: str, address: Address, *, thorough: bool) -> Store:
     try:
-        problems = verify(address, thorough=thorough)
+        problems = find_problems(address, thorough=thorough)
         if not problems and not thorough:
             problems = contradictory_records(Store.unchecked(address))
     except StoreError as error:

@@ -31,7 +31,7 @@ from contactlab.judge.subjects import (
     verdict_counts,
 )
 from contactlab.judge.wording import format_percent, format_settings, out_of, plural
-from contactlab.pareto.analysis import analyze
+from contactlab.pareto.analysis import analyze_tradeoff
 from contactlab.schema.comparison import AllowedTransition, Transition
 from contactlab.schema.finding import Finding
 from contactlab.schema.tradeoff_report import TradeoffReport
@@ -262,7 +262,7 @@ def recommendation_check(paired: PairedStores) -> Finding:
 
 def _analysis(store: Store) -> TradeoffReport | None:
     try:
-        return analyze(store)
+        return analyze_tradeoff(store)
     except (ContactlabError, ValidationError):
         # No error was measured, or the sweep is of another version of contactlab.
         return None

@@ -55,7 +55,7 @@ def damping_ratio(solref: ArrayLike) -> Floats:
     return np.where(undriven, np.inf, damping / (2 * np.where(undriven, 1, rate)))
 
 
-def restitution_of(zeta: ArrayLike) -> Floats:
+def restitution_from_damping(zeta: ArrayLike) -> Floats:
     """Return the ratio of rebound to approach speed for damping ratio zeta >= 0, without gravity.
 
     The force pushes only: the bodies part when it would turn to pull, which is before the
@@ -82,7 +82,9 @@ def damping_ratio_of(restitution: ArrayLike) -> Floats:
         raise ValueError(f"restitution must be above 0 and at most 1, not {restitution}")
     # e < 1 / zeta^2 everywhere, so the root lies below 1 / sqrt(e).
     return _bisect_root(
-        np.zeros_like(wanted), 1 / np.sqrt(wanted), lambda zeta: restitution_of(zeta) > wanted
+        np.zeros_like(wanted),
+        1 / np.sqrt(wanted),
+        lambda zeta: restitution_from_damping(zeta) > wanted,
     )
 
 
@@ -97,7 +99,7 @@ def _bisect_root(
     return (low + high) / 2
 
 
-def impedance(penetration: ArrayLike, solimp: ArrayLike) -> Floats:
+def impedance_at(penetration: ArrayLike, solimp: ArrayLike) -> Floats:
     """Return d(r) in (0, 1) at a penetration [m] for solimp (..., 5).
 
     From d0 at the surface to dwidth at `width`, along two power curves that meet at `midpoint`.
@@ -147,7 +149,7 @@ def stiffness_at_rest(
     spring.
     """
     end = np.clip(np.asarray(solimp, dtype=np.float64)[..., 1], *IMPEDANCE_RANGE)
-    d, weight = impedance(depth, solimp), np.asarray(load) * np.asarray(inverse_mass)
+    d, weight = impedance_at(depth, solimp), np.asarray(load) * np.asarray(inverse_mass)
     return weight * (1 - d) * end**2 / (np.asarray(depth) * d**2)
 
 

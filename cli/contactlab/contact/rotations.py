@@ -8,7 +8,7 @@ import numpy as np
 from contactlab.contact.trace_arrays import Floats
 
 
-def rotate(quaternion: Floats, vector: Floats) -> Floats:
+def rotate_vectors(quaternion: Floats, vector: Floats) -> Floats:
     """Return vectors (..., 3) turned by quaternions (..., 4): body to world."""
     scalar, a, b, c = (quaternion[..., place] for place in range(4))
     x, y, z = (vector[..., place] for place in range(3))
@@ -21,12 +21,12 @@ def rotate(quaternion: Floats, vector: Floats) -> Floats:
     return turned
 
 
-def rotate_back(quaternion: Floats, vector: Floats) -> Floats:
+def rotate_vectors_back(quaternion: Floats, vector: Floats) -> Floats:
     """Return vectors (..., 3) turned by the inverses of quaternions (..., 4): world to body."""
-    return rotate(quaternion * np.array([1.0, -1.0, -1.0, -1.0]), vector)
+    return rotate_vectors(quaternion * np.array([1.0, -1.0, -1.0, -1.0]), vector)
 
 
-def multiply(first: Floats, second: Floats) -> Floats:
+def multiply_rotations(first: Floats, second: Floats) -> Floats:
     """Return rotations (..., 4) that turn by the second, then by the first."""
     one, two = first[..., 1:], second[..., 1:]
     real = first[..., :1] * second[..., :1] - (one * two).sum(axis=-1, keepdims=True)

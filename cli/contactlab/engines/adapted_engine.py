@@ -238,11 +238,11 @@ def _end_process(process: subprocess.Popen[bytes]) -> int:
 
 def _encode_request(runs: PreparedRuns) -> Mapping[str, object]:
     """Return n runs of N steps as arrays: models as MuJoCo's binaries, starts, and inputs."""
-    starts, places = runs.starts, runs.starts.driven
+    starts, places = runs.starts, runs.starts.driven_inputs
     steps = np.arange(runs.steps)
     width = sum(inputs.shape[1] for inputs in (starts.ctrl, starts.applied, starts.mocap))
     levels = [
-        starts.inputs(run, model.opt.timestep, steps, width)[:, places]
+        starts.input_rows(run, model.opt.timestep, steps, width)[:, places]
         for run, model in enumerate(runs.models)
     ]
     arrays = ("qpos", "qvel", "ctrl", "applied", "act", "mocap")

@@ -34,14 +34,14 @@ from contactlab.engines.engine import (
 from contactlab.engines.mujoco_batch import (
     STATE,
     Recorder,
-    driven,
+    completed_rollout,
+    driven_inputs,
     record_starts,
-    recorded,
     start_batch,
 )
 from contactlab.engines.older_mujoco import SimulationError
 from contactlab.errors import SceneError, in_one_line
-from contactlab.scene.compile_model import PREFIX
+from contactlab.scene.compile_model import SENSOR_PREFIX
 from contactlab.scene.drive.located_drive import LocatedDrive
 from contactlab.scene.run_spec import RunSpec
 from contactlab.schema.drive import PolicyDrive
@@ -67,7 +67,9 @@ Fields = Mapping[Any, np.ndarray]  # recorded arrays of runs, by field of MjData
 _RunResult = tuple[float, np.ndarray, str | None, RecordedControls | None]
 
 
-def fly(runs: PreparedRuns, buffers: Buffers, watch: Watch, proceed: Proceed) -> Rollout:
+def roll_out_policy(
+    runs: PreparedRuns, buffers: Buffers, watch: Watch, proceed: Proceed
+) -> Rollout:
     """Simulate runs in closed loop; see `SimulationEngine.roll_out`.
 
     The cost of each is its share of the total time, by its steps and samples of their time. If the
@@ -88,15 +90,15 @@ def fly(runs: PreparedRuns, buffers: Buffers, watch: Watch, proceed: Proceed) ->
         if len(flown) <= places[-1]:
             break
     cost, warnings, errors, controls = zip(*flown, strict=True)
-    rollout = recorded(arrays, np.array(cost), np.array(warnings), errors, controls)
+    rollout = completed_rollout(arrays, np.array(cost), np.array(warnings), errors, controls)
     acted = {run: control for run, control in enumerate(controls) if control is not None}
     if acted:
         # Failed runs need no controls, so those of another run replace theirs.
         some, *_ = acted.values()
-        starts = runs.starts.acted_on([acted.get(run, some) for run in range(count)])
+        starts = runs.starts.with_recorded_inputs([acted.get(run, some) for run in range(count)])
         for run in acted:
             recorder.enter(run, run, runs.models[run], starts, arrays.state[run])
-    return recorder.told(rollout)
+    return recorder.attach_outputs(rollout)
 
 
 def _policy_drive(run: RunSpec) -> PolicyDrive:
@@ -144,7 +146,7 @@ class _Flight:
         }
         self._batch = start_batch(self._models, runs.starts)
         self._controls = self._batch.bind("ctrl")
-        self._pushed = bool((runs.starts.driven >= self._controls.shape[1]).any())
+        self._pushed = bool((runs.starts.driven_inputs >= self._controls.shape[1]).any())
         self._timestep = runs.resolved[0].timestep
         self._calls = self._call_steps()
         self._delay = _first_step(_policy_drive(runs.resolved[0]).latency_seconds / self._timestep)
@@ -320,7 +322,7 @@ class _Flight:
         if not self._pushed:
             return {}
         starts = self._runs.starts
-        each = [driven(self._models[run], starts, run, end - begin, begin) for run in runs]
+        each = [driven_inputs(self._models[run], starts, run, end - begin, begin) for run in runs]
         control = np.concatenate([one["control"] for one in each])
         control[:, :, : self._controls.shape[1]] = self._controls[runs][:, None]
         return {**each[0], "control": control}
@@ -365,7 +367,7 @@ def _own_sensor_width(model: mujoco.MjModel) -> int:
     own = [
         sensor
         for sensor in range(model.nsensor)
-        if not model.sensor(sensor).name.startswith(PREFIX)
+        if not model.sensor(sensor).name.startswith(SENSOR_PREFIX)
     ]
     return int((model.sensor_adr + model.sensor_dim)[own].max(initial=0))
 
@@ -386,7 +388,7 @@ def allowed_policy(drive: LocatedDrive, *, allowed: bool) -> LocatedDrive | None
 def load_policy(located: LocatedDrive) -> PolicyClass:
     """Return the class of a policy; a SceneError if its file changed, fails or lacks it."""
     assert isinstance(located.drive, PolicyDrive)
-    located.check()
+    located.check_unchanged()
     name = located.drive.policy.rpartition(":")[2]
     return cast("PolicyClass", load_code("policy", located.files[0], name))
 

@@ -26,7 +26,7 @@ from contactlab.engines.mujoco_batch import PERSISTENT, STATE, BatchStepper, rol
 from contactlab.engines.step_work import FORCES
 from contactlab.errors import CompilerError, EngineError
 from contactlab.native import compiled, is_wanted
-from contactlab.scene.compile_model import PREFIX
+from contactlab.scene.compile_model import SENSOR_PREFIX
 from contactlab.scene.mujoco_versions import VERSION, has_batch, library_file
 
 _KERNEL_SOURCE = Path(__file__).with_suffix(".c")
@@ -102,7 +102,7 @@ class KernelStepper(BatchStepper):
         """Raise a MemoryError if there is not enough memory."""
         self._library, self._models, starts = library, runs.models, runs.starts
         self._pairs, self._steps, model = len(runs.base.pairs), runs.steps, runs.base.model
-        first = model.sensor(f"{PREFIX}contacts").id - self._pairs
+        first = model.sensor(f"{SENSOR_PREFIX}contacts").id - self._pairs
         self.width = model.nsensordata - runs.base.layout.contacts
         self.warnings = np.zeros((len(self._models), int(mujoco.mjtWarning.mjNWARNING)), np.int32)
         begin = starts.qpos, starts.qvel, starts.ctrl, starts.applied, starts.act
@@ -179,7 +179,7 @@ def _agrees_with_sensors(runs: PreparedRuns, rollout: Rollout) -> bool:
     touching = [slot[:, :, 0, FOUND] > 0 for slot in rollout.slots if slot.strides[0]]
     for run, step in np.argwhere(np.logical_or.reduce(touching))[:1].tolist():
         stop = min(step + _CHECKED_STEPS, rollout.steps[run])
-        expected = roll_out([runs.models[run]], runs.starts.pick(run), stop, Buffers())
+        expected = roll_out([runs.models[run]], runs.starts.select_run(run), stop, Buffers())
         rows = expected.sensors[0].copy()
         rows[:, layout.pairs[0] : layout.contacts] = 0
         rows[:, layout.contacts :] = rollout.sensors[run, :stop]

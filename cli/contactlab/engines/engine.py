@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import (
     BackwardError,
+    EngineOutputs,
     Floats,
     RecordedControls,
     SelfChecks,
-    Told,
     Trace,
 )
 from contactlab.registry import Registry
@@ -66,7 +66,7 @@ class RolloutArrays(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Rollout(Told):
+class Rollout(EngineOutputs):
     """Result of an engine for n runs of N steps; rows after a run stopped are not valid.
 
     Attributes:
@@ -177,8 +177,10 @@ class PreparedRuns:
     @classmethod
     def of(cls, scene: Scene, *resolved: RunSpec) -> "PreparedRuns":
         """Prepare runs of one structure and step count."""
-        starts = scene.starts(resolved)
-        prepared = [scene.prepare(run, starts.pick(place)) for place, run in enumerate(resolved)]
+        starts = scene.initial_states(resolved)
+        prepared = [
+            scene.prepare(run, starts.select_run(place)) for place, run in enumerate(resolved)
+        ]
         return cls(scene, resolved, prepared, starts, resolved[0].steps)
 
     @property
@@ -197,13 +199,17 @@ class PreparedRuns:
             self,
             resolved=[self.resolved[run] for run in runs],
             prepared=[self.prepared[run] for run in runs],
-            starts=self.starts.rows(runs),
+            starts=self.starts.select_runs(runs),
         )
 
-    def repeating(self, controls: Sequence[RecordedControls | None]) -> "PreparedRuns":
+    def with_recorded_controls(self, controls: Sequence[RecordedControls | None]) -> "PreparedRuns":
         """Return the runs with the recorded controls of their policies, if any, as inputs."""
         acted = [control for control in controls if control is not None]
-        return replace(self, starts=self.starts.acted_on(acted), policy=None) if acted else self
+        return (
+            replace(self, starts=self.starts.with_recorded_inputs(acted), policy=None)
+            if acted
+            else self
+        )
 
 
 class SimulationEngine(ABC):
@@ -290,7 +296,7 @@ class SimulationEngine(ABC):
 
 # Returns the backward error of one of the runs, from its complete (N + 1, nstate) states: those
 # before each step, and that after the last.
-Judge = Callable[[PreparedRuns, int, Floats], BackwardError]
+BackwardErrorFunction = Callable[[PreparedRuns, int, Floats], BackwardError]
 
 
 @runtime_checkable
@@ -302,7 +308,7 @@ class ChecksRuns(Protocol):
         runs: PreparedRuns,
         trace: Trace,
         proceed: Proceed = proceed_always,
-        judge: Judge | None = None,
+        judge: BackwardErrorFunction | None = None,
     ) -> SelfChecks:
         """Return the self-checks of completed runs; of the first ones after a request to stop.
 

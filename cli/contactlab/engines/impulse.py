@@ -13,7 +13,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from contactlab.contact.contact_laws import damping_ratio, resolve_impact, restitution_of
+from contactlab.contact.contact_laws import damping_ratio, resolve_impact, restitution_from_damping
 from contactlab.contact.trace_arrays import (
     DISTANCE,
     FORCE,
@@ -92,7 +92,7 @@ class ImpulseEngine(SimulationEngine):
         """Return why it cannot simulate a run: other geoms or joints, or external forces."""
         base = scene.base_of(run)
         try:
-            _require_gravity_alone(scene.starts([run]))
+            _require_gravity_alone(scene.initial_states([run]))
             _find_point_mass(base, base.prepare(run.edits()))
         except SceneError as error:
             return str(error)
@@ -117,13 +117,13 @@ class ImpulseEngine(SimulationEngine):
             watch()
             begin = time.thread_time()
             ball = _find_point_mass(runs.base, runs.prepared[run])
-            _simulate_run(runs.base, ball, runs.starts.pick(run), arrays, run)
+            _simulate_run(runs.base, ball, runs.starts.select_run(run), arrays, run)
             cost.append(time.thread_time() - begin)
         return Rollout.completed(arrays, np.array(cost))
 
 
 def _require_gravity_alone(starts: InitialStates) -> None:
-    if starts.applied.any() or starts.driven.size:
+    if starts.applied.any() or starts.driven_inputs.size:
         raise SceneError("the impulse engine has no forces except gravity; use engine: mujoco")
 
 
@@ -206,7 +206,7 @@ def _find_point_mass(base: CompiledScene, prepared: PreparedModel) -> _PointMass
         frame=np.stack([normal, tangent, np.cross(normal, tangent)]),
         gravity=np.array(model.opt.gravity),
         timestep=float(model.opt.timestep),
-        restitution=float(restitution_of(damping_ratio(record.solref))),
+        restitution=float(restitution_from_damping(damping_ratio(record.solref))),
         friction=record.friction[0],
     )
 

@@ -21,7 +21,7 @@ from contactlab.engines.engine import (
 )
 from contactlab.engines.older_mujoco import SimulationError
 from contactlab.engines.passages import Passages
-from contactlab.engines.step_work import Books
+from contactlab.engines.step_work import EnergyLedger
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.mujoco_versions import has_batch
 
@@ -64,7 +64,7 @@ def start_batch(models: Sequence[mujoco.MjModel], starts: InitialStates, threads
     return batch
 
 
-def driven(
+def driven_inputs(
     model: mujoco.MjModel, starts: InitialStates, run: int, steps: int, first: float = 0
 ) -> dict[str, Any]:
     """Return a batch's arguments for time-dependent inputs; empty if all are constant."""
@@ -76,7 +76,7 @@ def driven(
         width, spec = width + 6 * model.nbody, spec | _APPLIED_SPEC
     if places.max() >= width:
         width, spec = width + 7 * model.nmocap, spec | _MOCAP_SPEC
-    inputs = starts.inputs(run, model.opt.timestep, first + np.arange(steps), width)
+    inputs = starts.input_rows(run, model.opt.timestep, first + np.arange(steps), width)
     return {"control": inputs[None], "control_spec": spec}
 
 
@@ -85,7 +85,7 @@ def last_states(
 ) -> Floats:
     """Return (n, nq + nv) the states of runs after some steps, unrecorded; NaN after a warning."""
     batch, count = start_batch(models, starts, threads), len(models)
-    driving = [driven(model, starts, run, steps) for run, model in enumerate(models)]
+    driving = [driven_inputs(model, starts, run, steps) for run, model in enumerate(models)]
     failed = np.zeros(count, bool)
     for run in range(count) if any(driving) else ():
         try:
@@ -145,7 +145,7 @@ def roll_out(
     stepper = stepper or BatchStepper(models, starts, steps)
     size = bytes_of_run(models[0], steps, stepper.width)
     count = min(len(models), max(1, buffers.most // size))
-    models, starts = models[:count], starts.rows(range(count))
+    models, starts = models[:count], starts.select_runs(range(count))
     arrays = buffers.arrays(models[0], count, steps, stepper.width)
     record_starts(starts, arrays)
     cost = np.zeros(count)
@@ -162,15 +162,15 @@ def roll_out(
             "solver_niter": arrays.iterations[run : run + 1],
             **recorder.fields,
         }
-        inputs = driven(models[run], starts, run, steps)
+        inputs = driven_inputs(models[run], starts, run, steps)
         watch()
         start = time.thread_time()
         errors[run] = stepper.step(run, inputs, out) or None
         cost[run] = time.thread_time() - start
         if not errors[run]:
             recorder.enter(run, 0, models[run], starts, arrays.state[run])
-    rollout = recorded(arrays, cost[:count], stepper.warnings[:count], errors)
-    return recorder.told(rollout)
+    rollout = completed_rollout(arrays, cost[:count], stepper.warnings[:count], errors)
+    return recorder.attach_outputs(rollout)
 
 
 class Recorder:
@@ -181,7 +181,7 @@ class Recorder:
 
     def __init__(self, models: Sequence[mujoco.MjModel], steps: int, rows: int) -> None:
         """Record runs of N steps, `rows` of them together."""
-        self._ledger = Books(models, steps, rows)
+        self._ledger = EnergyLedger(models, steps, rows)
         self._passages = Passages(models[0], len(models))
         self.fields = self._ledger.forces
 
@@ -193,7 +193,7 @@ class Recorder:
             self._ledger.enter(run, row, model, starts, states)
             self._passages.enter(run, model, starts, states)
 
-    def told(self, rollout: Rollout) -> Rollout:
+    def attach_outputs(self, rollout: Rollout) -> Rollout:
         """Return a rollout with the evaluated results of its runs."""
         count, books = len(rollout.cost), self._ledger
         rollout = replace(rollout, passages=tuple(self._passages.found[:count]))
@@ -208,7 +208,7 @@ def record_starts(starts: InitialStates, arrays: RolloutArrays) -> None:
     arrays.state[:, 0, 1:] = np.concatenate([starts.qpos, starts.qvel, starts.act], axis=1)
 
 
-def recorded(
+def completed_rollout(
     arrays: RolloutArrays,
     cost: Floats,
     warnings: np.ndarray,

@@ -6,7 +6,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from contactlab.engines.closed_loop import fly
+from contactlab.engines.closed_loop import roll_out_policy
 from contactlab.engines.contact_kernel import roll_out_by_kernel
 from contactlab.engines.engine import (
     Buffers,
@@ -59,7 +59,7 @@ class MujocoEngine(SimulationEngine):
         proceed: Proceed = proceed_always,
     ) -> Rollout:
         """Simulate runs one after the other; under policies together, with shared cost."""
-        roll_out = roll_out_by_kernel if runs.policy is None else fly
+        roll_out = roll_out_by_kernel if runs.policy is None else roll_out_policy
         rollout = with_loads(runs, roll_out(runs, buffers, watch, proceed))
         return self._with_cost(runs, rollout)
 

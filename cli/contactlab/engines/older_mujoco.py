@@ -25,7 +25,7 @@ from contactlab.contact.trace_arrays import (
     TORQUE,
     Floats,
 )
-from contactlab.scene.compile_model import PREFIX
+from contactlab.scene.compile_model import SENSOR_PREFIX
 from contactlab.scene.model_edits import read_flag
 from contactlab.scene.mujoco_versions import has_batch
 
@@ -193,7 +193,7 @@ class ContactSlots:
             index
             for index in range(model.nsensor)
             if model.sensor_type[index] == _USER_SENSOR
-            and model.sensor(index).name.startswith(PREFIX)
+            and model.sensor(index).name.startswith(SENSOR_PREFIX)
         ]
         return cls(sensors) if sensors else None
 

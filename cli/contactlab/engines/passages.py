@@ -13,9 +13,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.rotations import rotate, rotate_back
+from contactlab.contact.rotations import rotate_vectors, rotate_vectors_back
 from contactlab.contact.trace_arrays import Floats, Passage, squared_lengths
-from contactlab.scene.contact_pairs import geom_pairs, half_extents, may_touch, reaches
+from contactlab.scene.contact_pairs import body_reaches, geom_pairs, half_extents, touch_mask
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.scene.model_edits import read_flag
 from contactlab.scene.model_names import name_of
@@ -64,7 +64,7 @@ class Passages:
             or fastest @ self._motion_lengths * model.opt.timestep
             > _MIN_MOTION_SHARE * self._thinnest
         ):
-            acting = starts.inputs(run, model.opt.timestep, np.arange(len(states) - 1))
+            acting = starts.input_rows(run, model.opt.timestep, np.arange(len(states) - 1))
             position, rotation, vertices = _body_poses(model, states[:-1, 1:positions], acting)
             turned = _step_angles(rotation)
             shift = np.sqrt(squared_lengths(np.diff(position, axis=0)))
@@ -183,14 +183,14 @@ def _reach_of_steps(model: mujoco.MjModel) -> tuple[float, Floats, Floats, Float
 
     The last is (ngeom, ngeom) the smallest relevant motion of two geoms in a step.
     """
-    meeting = np.triu(may_touch(model), 1)
+    meeting = np.triu(touch_mask(model), 1)
     on = read_flag(model, "contact") and (meeting.any() or model.nflex)
     half = _colliding_half_extents(model)
     thinnest = float(half.min(initial=np.inf)) if on else np.inf
     half[np.isin(model.geom_type, (_PLANE_TYPE, _HFIELD_TYPE))] = 0
     least = _MIN_MOTION_SHARE * (half[:, None] + half)
     least[~meeting] = np.inf
-    return thinnest, _motion_lengths(model), reaches(model), least
+    return thinnest, _motion_lengths(model), body_reaches(model), least
 
 
 def _step_angles(rotation: Floats) -> Floats:
@@ -301,7 +301,7 @@ def _colliding_half_extents(model: mujoco.MjModel) -> Floats:
 
 def _motion_lengths(model: mujoco.MjModel) -> Floats:
     """Return (nv,) the distance that each coordinate at unit speed moves a point in 1 s [m]."""
-    reach = reaches(model)
+    reach = body_reaches(model)
     for body in range(model.nbody - 1, 0, -1):
         joints = range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body])
         slides = any(int(model.jnt_type[joint]) in _TRANSLATIONS for joint in joints)
@@ -326,8 +326,8 @@ def _point_positions(
     model: mujoco.MjModel, position: Floats, rotation: Floats, geom: int, point: Floats = _ORIGIN
 ) -> Floats:
     """Return (N, 3) the position of a point of a geom, by default its center."""
-    body, own = int(model.geom_bodyid[geom]), rotate(model.geom_quat[geom], point)
-    return position[:, body] + rotate(rotation[:, body], model.geom_pos[geom] + own)
+    body, own = int(model.geom_bodyid[geom]), rotate_vectors(model.geom_quat[geom], point)
+    return position[:, body] + rotate_vectors(rotation[:, body], model.geom_pos[geom] + own)
 
 
 def _in_geom_frame(
@@ -337,8 +337,8 @@ def _in_geom_frame(
     body = int(model.geom_bodyid[wall])
     if model.geom_type[wall] == _SPHERE_TYPE:
         return place - _point_positions(model, position, rotation, wall)
-    seen = rotate_back(rotation[:, body], place - position[:, body])
-    return rotate_back(model.geom_quat[wall], seen - model.geom_pos[wall])
+    seen = rotate_vectors_back(rotation[:, body], place - position[:, body])
+    return rotate_vectors_back(model.geom_quat[wall], seen - model.geom_pos[wall])
 
 
 def _first_passage(

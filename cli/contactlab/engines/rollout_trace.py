@@ -7,10 +7,10 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import (
     SLOT_WIDTH,
+    EngineOutputs,
     Floats,
     HeldPose,
     PairTrace,
-    Told,
     Trace,
     hash_of_states,
 )
@@ -53,7 +53,7 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
         held=held,
         forces=sensors[:, :, layout.forces : layout.forces + model.nu],
         lengths=sensors[:, :, layout.lengths : layout.lengths + model.ntendon],
-        **{field.name: getattr(rollout, field.name) for field in fields(Told)},
+        **{field.name: getattr(rollout, field.name) for field in fields(EngineOutputs)},
     )
 
 

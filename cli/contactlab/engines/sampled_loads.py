@@ -48,8 +48,8 @@ def with_loads(runs: PreparedRuns, rollout: Rollout) -> Rollout:
             ranges[run] = runs.starts.control_ranges(run, end)
         if sampler is None and not model.opt.enableflags & _SLEEP_FLAG:
             continue
-        start = runs.starts.pick(run)
-        start = start if controls is None else start.acted_on([controls])
+        start = runs.starts.select_run(run)
+        start = start if controls is None else start.with_recorded_inputs([controls])
         if model.opt.enableflags & _SLEEP_FLAG:
             sleeper[run] = _worst_sleeper(model, start, rollout.state[run, : steps + 1])
         if sampler is not None and steps:
@@ -131,7 +131,7 @@ def _awake_motion(
     at = np.minimum(first + np.arange(begin + steps - first), last)
     gone, away, here = np.zeros(model.nv), np.empty(model.nv), np.array(data.qpos)
     looks = np.ceil(np.linspace(0, len(at), _MOTION_CHECKS + 1)[1:]).astype(int) - 1
-    for place, inputs in enumerate(start.inputs(0, model.opt.timestep, at)):
+    for place, inputs in enumerate(start.input_rows(0, model.opt.timestep, at)):
         apply_inputs(model, data, inputs)
         mujoco.mj_step(model, data)
         if place in looks:
@@ -158,7 +158,7 @@ class _Sampler:
         hold.
         """
         data, steps = self._data, np.append(0, sampled_steps(len(states) - 1))
-        acting = start.inputs(0, model.opt.timestep, steps)
+        acting = start.input_rows(0, model.opt.timestep, steps)
         loads, gaps = np.zeros(model.neq), np.zeros((len(steps), model.neq))
         creep = np.zeros((len(steps), model.nv + model.ntendon))
         mujoco.mj_resetData(model, data)

@@ -17,14 +17,14 @@ from contactlab.contact.trace_arrays import (
     Trace,
 )
 from contactlab.engines.engine import (
-    Judge,
+    BackwardErrorFunction,
     PreparedRuns,
     Proceed,
     proceed_always,
 )
-from contactlab.engines.mujoco_batch import driven, start_batch
+from contactlab.engines.mujoco_batch import driven_inputs, start_batch
 from contactlab.scene.compiled_scene import CompiledScene
-from contactlab.scene.contact_pairs import colliding, may_touch
+from contactlab.scene.contact_pairs import colliding_geoms, touch_mask
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.scene.model_edits import read_flag
 from contactlab.scene.run_setup import lighter_mass
@@ -56,7 +56,7 @@ def run_checks(
     runs: PreparedRuns,
     trace: Trace,
     proceed: Proceed = proceed_always,
-    judge: Judge | None = None,
+    judge: BackwardErrorFunction | None = None,
 ) -> SelfChecks:
     """Return the self-checks of completed runs; see `ChecksRuns.check_runs`."""
     jacobian_steps = _spread_steps(trace.steps, _JACOBIAN_SAMPLES)
@@ -66,7 +66,7 @@ def run_checks(
     for run, model in enumerate(runs.models):
         if run and not proceed():
             break
-        states, again = _roll_out_again(model, runs.starts.pick(run), trace.steps)
+        states, again = _roll_out_again(model, runs.starts.select_run(run), trace.steps)
         jacobian = _jacobian_difference(model, trace, runs.starts, run, jacobian_steps)
         geometry = _distance_errors(runs.base, model, trace, run, geometry_steps)
         squeeze = _squeeze_forces(runs.base, model, trace.qpos[run, -1])
@@ -105,7 +105,7 @@ def _roll_out_again(
         "solver_fwdinv": np.empty((1, steps, 2)),
         "qfrc_constraint": np.empty((1, steps, model.nv)),
     }
-    batch.rollout(steps, record=list(found), out=found, **driven(checked, start, 0, steps))
+    batch.rollout(steps, record=list(found), out=found, **driven_inputs(checked, start, 0, steps))
     return states, {field: array[0] for field, array in found.items()}
 
 
@@ -136,7 +136,7 @@ def _jacobian_difference(
     model: mujoco.MjModel, trace: Trace, starts: InitialStates, run: int, steps: NDArray[np.intp]
 ) -> Floats:
     """Return (K,) relative differences of accelerations with a dense and a sparse Jacobian."""
-    acting = starts.inputs(run, model.opt.timestep, steps)
+    acting = starts.input_rows(run, model.opt.timestep, steps)
     found: list[Floats] = []
     for kind in (_DENSE_JACOBIAN, _SPARSE_JACOBIAN):
         solved = copy.copy(model)
@@ -170,9 +170,10 @@ def _distance_errors(
     # Effects that are left out as unused would also change the function that measures distances.
     model = copy.copy(model)
     model.opt.disableflags &= ~_NATIVE_CCD | base.model.opt.disableflags
-    touch = may_touch(model)
+    touch = touch_mask(model)
     collided = (
-        (colliding(touch, pair), made) for pair, made in zip(base.pairs, trace.pairs, strict=True)
+        (colliding_geoms(touch, pair), made)
+        for pair, made in zip(base.pairs, trace.pairs, strict=True)
     )
     fields = np.flatnonzero(np.isin(model.geom_type, _FIELD_SHAPES))
     monitored = [geoms for geoms in collided if geoms[0] and not np.isin(geoms[0], fields).any()]

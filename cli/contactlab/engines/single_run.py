@@ -11,7 +11,7 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.engine import SEGMENTS, SampledStates, Segments, Watch, Work, no_limit
-from contactlab.engines.mujoco_batch import STATE, Batch, driven, start_batch
+from contactlab.engines.mujoco_batch import STATE, Batch, driven_inputs, start_batch
 from contactlab.engines.older_mujoco import SimulationError
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 
@@ -55,7 +55,7 @@ def integrate_to(
     for done in range(0, int(steps[-1]), size):
         watch()
         count = min(size, int(steps[-1]) - done)
-        inputs = driven(model, start, 0, count, first + done)
+        inputs = driven_inputs(model, start, 0, count, first + done)
         try:
             out = batch.rollout(count, record=[int(STATE), "ncon"], **inputs)
         except SimulationError:
@@ -82,7 +82,7 @@ def _step_remainders(
         short.opt.timestep = rest[place]
         mujoco.mj_resetData(short, data)
         mujoco.mj_setState(short, data, states[place], int(STATE))
-        inputs = start.inputs(0, model.opt.timestep, steps[[place]])
+        inputs = start.input_rows(0, model.opt.timestep, steps[[place]])
         apply_inputs(short, data, inputs[0])
         mujoco.mj_step(short, data)
         mujoco.mj_getState(short, data, states[place], int(STATE))
@@ -102,7 +102,7 @@ def count_work(
             watch()
             block = min(_BLOCK_STEPS, end - done)
             try:
-                inputs = driven(model, start, 0, block, done)
+                inputs = driven_inputs(model, start, 0, block, done)
                 out = batch.rollout(block, record=list(_WORK_FIELDS), **inputs)
             except SimulationError:
                 return None
@@ -140,7 +140,7 @@ def time_steps(segments: Segments, most: int) -> Floats:
     ):
         mujoco.mj_resetData(model, data)
         mujoco.mj_setState(model, data, state, _INTEGRATION)
-        inputs = segments.start.inputs(0, model.opt.timestep, place + np.arange(length))
+        inputs = segments.start.input_rows(0, model.opt.timestep, place + np.arange(length))
         for row in inputs:
             apply_inputs(model, data, row)
             begin = clock()
@@ -150,7 +150,7 @@ def time_steps(segments: Segments, most: int) -> Floats:
 
 
 def _time_segment(batch: Batch, segments: Segments, place: int, steps: int) -> float:
-    inputs = driven(segments.model, segments.start, 0, steps, segments.work.places[place])
+    inputs = driven_inputs(segments.model, segments.start, 0, steps, segments.work.places[place])
     batch.state[0] = segments.work.states[place]
     begin = time.thread_time()
     batch.rollout(steps, record=[], **inputs)

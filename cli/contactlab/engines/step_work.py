@@ -16,7 +16,7 @@ from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.scene.part_bodies import AT_JOINT
 from contactlab.scene.run_setup import (
     has_moving_surfaces,
-    has_others,
+    has_other_forces,
     is_conservative,
     is_passive,
 )
@@ -33,7 +33,7 @@ FORCES = ("qfrc_constraint", "qfrc_actuator", *_ACTUATOR_FIELDS, *_OTHER_FORCE_F
 """Forces that may be recorded, in the order of `find_forces` in contact_kernel.c."""
 
 
-class Books:
+class EnergyLedger:
     """The work in n runs of N steps, entered run by run: `work` and `given`, see `Trace`.
 
     Both are None if only gravity, springs and contacts act, because energy alone is sufficient
@@ -70,7 +70,7 @@ class Books:
         acts = forces["qfrc_constraint"].any(axis=1)
         given = np.concatenate(([0.0], np.cumsum(self.work[run, :, CONSTRAINTS])))
         held, free = _largest_rise(given, acts | True), _largest_rise(given, ~acts)
-        inputs = starts.inputs(run, model.opt.timestep, np.array([held[0], 0]))
+        inputs = starts.input_rows(run, model.opt.timestep, np.array([held[0], 0]))
         # Without constraints, no energy is stored; driven models may store energy at any time.
         stored, at_start, most = 0.0, 0.0, _stretch_rise(given, free) * (not acts[free[0]])
         if _stretch_rise(given, held) > max(most, 0):
@@ -114,7 +114,7 @@ def _recorded_fields(models: Sequence[mujoco.MjModel]) -> list[str]:
         fields.append("qfrc_actuator")
         if any(model.opt.integrator in _IMPLICIT for model in models):
             fields += _ACTUATOR_FIELDS
-    if any(map(has_others, models)):
+    if any(map(has_other_forces, models)):
         fields += _OTHER_FORCE_FIELDS
     return fields
 

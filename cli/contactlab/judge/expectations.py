@@ -77,5 +77,5 @@ def _unmet_runs(store: Store) -> tuple[RunPair, ...]:
             baseline="",
             candidate=f"{told['label']}: {told['expectation_reason']}",
         )
-        for told in columns.some(names, rows)
+        for told in columns.select_values(names, rows)
     )

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from contactlab.live.surfaces import Texture, textures_of
 from contactlab.scene.compile_model import compile_model
-from contactlab.scene.effects.effect_table import remove
+from contactlab.scene.effects.effect_table import remove_from_spec
 from contactlab.scene.model_draft import fields_of
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
@@ -43,7 +43,7 @@ class BrowserModel:
         fields: dict[str, bytes] = {}
 
         def plain(spec: mujoco.MjSpec) -> None:
-            remove(spec, run.without)
+            remove_from_spec(spec, run.without)
             _without_pictures(spec)
             specs.append(spec)
             # Files written for a model are compiled in a folder that is removed afterwards.
@@ -70,7 +70,7 @@ class BrowserModel:
         return self.spec.to_xml() if self.spec else ""
 
     @cached_property
-    def alone(self) -> tuple[str, Mapping[str, bytes]]:
+    def standalone_mjcf(self) -> tuple[str, Mapping[str, bytes]]:
         """The MJCF for versions before MuJoCo 4, and its files by the names in it.
 
         A mesh is written as compiled, in its author's frame, so that it compiles to itself.
@@ -161,17 +161,17 @@ def _without_pictures(spec: mujoco.MjSpec) -> None:
         spec.delete(element)
 
 
-def changes(before: mujoco.MjModel, after: mujoco.MjModel) -> dict[str, Change]:
+def model_changes(before: mujoco.MjModel, after: mujoco.MjModel) -> dict[str, Change]:
     """Return the differences of two models of one layout, by field."""
     old, new = _numeric_fields(before), _numeric_fields(after)
     return {
-        name: difference(old[name].ravel(), value.ravel())
+        name: array_difference(old[name].ravel(), value.ravel())
         for name, value in new.items()
         if value.tobytes() != old[name].tobytes()
     }
 
 
-def difference(before: np.ndarray, after: np.ndarray) -> Change:
+def array_difference(before: np.ndarray, after: np.ndarray) -> Change:
     """Return the indices at which two flat arrays differ, and the second's numbers there."""
     places = np.flatnonzero(before != after)
     return places.tolist(), after[places].tolist()

@@ -26,7 +26,7 @@ def rows_of(report: BudgetReport) -> Iterator[tuple[Row, str]]:
         yield row, _effect_text(worst[row.name])
 
 
-def switched(model: mujoco.MjModel, row: Row) -> Iterator[tuple[str, mujoco.MjModel]]:
+def switched_models(model: mujoco.MjModel, row: Row) -> Iterator[tuple[str, mujoco.MjModel]]:
     """Yield each change of a row, by its name, in a copy of a model."""
     names = [row.name] if len(row.changes) == 1 else [f"{row.name}, more", f"{row.name}, less"]
     for name, change in zip(names, row.changes, strict=True):

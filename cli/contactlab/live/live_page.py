@@ -18,7 +18,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from contactlab.errors import ContactlabError, OutputError
 from contactlab.live.browser_build import BrowserBuild, find_build
-from contactlab.live.browser_models import BrowserModel, changes, difference
+from contactlab.live.browser_models import BrowserModel, array_difference, model_changes
 from contactlab.live.live_runs import LiveRun, LiveRuns, Slider, Switch, Variant
 from contactlab.live.sliders import value_text
 from contactlab.live.surfaces import Texture
@@ -148,7 +148,7 @@ class _PageContent:
             return entry | {"bytes": self._add_blob(found.compiled)}
         if not found.mjcf:
             return entry
-        text, files = found.alone
+        text, files = found.standalone_mjcf
         return entry | {
             "alone": text,
             "files": {name: self._add_blob(data) for name, data in files.items()},
@@ -215,7 +215,7 @@ class _PageContent:
     def _variant_entry(self, variant: Variant, base: mujoco.MjModel) -> dict[str, Any]:
         return {
             "model": variant.base,
-            "fields": changes(base, variant.model),
+            "fields": model_changes(base, variant.model),
             "parts": pack(variant.parts),
             "inputs": self._input_place(variant),
             "steps": variant.steps,
@@ -236,11 +236,15 @@ class _PageContent:
         if stop.base != run.base:
             return self._variant_entry(stop, self.runs.models[stop.base].model)
         parts = {
-            name: difference(run.parts[name], value)
+            name: array_difference(run.parts[name], value)
             for name, value in stop.parts.items()
             if value.tobytes() != run.parts[name].tobytes()
         }
-        entry = {"fields": changes(run.model, stop.model), "moved": parts, "steps": stop.steps}
+        entry = {
+            "fields": model_changes(run.model, stop.model),
+            "moved": parts,
+            "steps": stop.steps,
+        }
         inputs = self._input_place(stop)
         return entry if inputs == self._input_place(run) else entry | {"inputs": inputs}
 
@@ -264,7 +268,9 @@ class _PageContent:
 
 def _switch_entry(switch: Switch, run: Variant) -> dict[str, Any] | None:
     """Return the changes of a switch; None for no change, or for another structure."""
-    if switch.variant.base != run.base or not (fields := changes(run.model, switch.variant.model)):
+    if switch.variant.base != run.base or not (
+        fields := model_changes(run.model, switch.variant.model)
+    ):
         return None
     words = {name: visible(getattr(switch, name)) for name in ("kind", "name", "summary", "told")}
     return {**words, "fields": fields, "steps": switch.variant.steps}

@@ -13,12 +13,12 @@ from contactlab.engines.engine import Buffers, PreparedRuns
 from contactlab.engines.rollout_trace import trajectory_hash
 from contactlab.errors import ContactlabError
 from contactlab.live.browser_models import BrowserModel
-from contactlab.live.budget_switches import rows_of, switched
+from contactlab.live.budget_switches import rows_of, switched_models
 from contactlab.live.sliders import offered_values, value_text
 from contactlab.mjcf import MODEL_ENGINE
 from contactlab.run.planned_runs import stored_sweep_scene
 from contactlab.run.stored_runs import canonical_values, resolve_record, stored_start
-from contactlab.scene.initial_states import PARTS, InitialStates
+from contactlab.scene.initial_states import STATE_PARTS, InitialStates
 from contactlab.scene.model_edits import LOOP_ENGINE
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
@@ -42,7 +42,7 @@ class Variant:
     @property
     def parts(self) -> dict[str, Floats]:
         """Flat numbers of its start, by part."""
-        return {name: np.ravel(getattr(self.start, name)) for name in PARTS}
+        return {name: np.ravel(getattr(self.start, name)) for name in STATE_PARTS}
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,9 @@ class LiveRuns:
         resolved = resolve_record(self._scene, record)
         runs = PreparedRuns.of(self._scene, resolved)
         starts = stored_start(record, runs.prepared[0], runs.starts)
-        runs = replace(runs, starts=starts, steps=record.steps_asked).repeating([controls])
+        runs = replace(runs, starts=starts, steps=record.steps_asked).with_recorded_controls(
+            [controls]
+        )
         variant = replace(self._add_variant(resolved, runs.starts), steps=record.steps)
         motion = self._stored_motion(record, runs)
         if why := _impossible_reason(record, variant.model):
@@ -187,9 +189,9 @@ class LiveRuns:
     ) -> Variant:
         """Return a run with other values of its axes, resolved as in a sweep."""
         resolved = self._scene.resolve(axes, record.seed, record.duration)
-        start = self._scene.starts([resolved])
+        start = self._scene.initial_states([resolved])
         if controls is not None:
-            start = start.acted_on([controls])
+            start = start.with_recorded_inputs([controls])
         return self._add_variant(resolved, start, text)
 
     def _change_switches(
@@ -215,7 +217,7 @@ class LiveRuns:
     def _budget_switches(self, variant: Variant) -> Iterator[Switch]:
         budget = self.examination.budget if self.examination else None
         for row, told in rows_of(budget) if budget else ():
-            for name, model in switched(variant.model, row):
+            for name, model in switched_models(variant.model, row):
                 changed = replace(variant, model=model)
                 yield Switch("Rows of the budget", name, row.summary, told, changed)
 

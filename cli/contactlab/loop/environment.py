@@ -7,7 +7,7 @@ from typing import Any, cast
 from gymnasium import Wrapper  # pyright: ignore[reportMissingImports] - an extra
 
 from contactlab.loop.recording import Recording, record
-from contactlab.loop.simulation import simulation
+from contactlab.loop.simulation import find_simulation
 
 _SUCCESS_KEYS = ("success", "is_success")
 
@@ -27,7 +27,7 @@ class Evidence(Wrapper):  # pyright: ignore[reportUntypedBaseClass] - likewise
 
     def __init__(self, env: Any, store: str | Path, **how: Any) -> None:  # noqa: ANN401 - as given
         super().__init__(env)
-        model, data = simulation(env.unwrapped)
+        model, data = find_simulation(env.unwrapped)
         self.recording: Recording = record(model, data, store, **how)
         self._begin_episode()
 
@@ -35,7 +35,7 @@ class Evidence(Wrapper):  # pyright: ignore[reportUntypedBaseClass] - likewise
         """Reset the environment, and begin another episode."""
         self._end_episode()
         answer = self.env.reset(**how)
-        self.recording.follow(*simulation(self.env.unwrapped))
+        self.recording.follow(*find_simulation(self.env.unwrapped))
         return answer
 
     def step(self, action: Any) -> Any:  # noqa: ANN401 - likewise

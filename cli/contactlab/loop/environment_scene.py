@@ -26,7 +26,7 @@ from contactlab.engines.engine import PolicyClass
 from contactlab.errors import SceneError, SweepFileError, in_one_line, install_command
 from contactlab.loop.player import Player
 from contactlab.loop.recording import lacking_checks
-from contactlab.loop.simulation import bare, simulation
+from contactlab.loop.simulation import find_simulation, unwrap_environment
 from contactlab.run.mujoco_environment import PACKAGES
 from contactlab.scene.run_spec import START_SETTINGS, RunSpec
 from contactlab.scene.scene import Scene
@@ -77,9 +77,9 @@ class Environment:
             raise SceneError(
                 f"{fixed[0]}: the environment {self.name} sets it; remove it from the manifest"
             )
-        env = self.make()
+        env = self.make_environment()
         try:
-            model, _ = simulation(bare(env))
+            model, _ = find_simulation(unwrap_environment(env))
         except SceneError as error:
             raise SceneError(f"environment {self.name}: {error}") from error
         temporary = TemporaryDirectory(prefix="contactlab-")
@@ -105,7 +105,7 @@ class Environment:
         text = manifest.model_dump_json(indent=2, by_alias=True, exclude_defaults=True)
         (folder / MANIFEST).write_text(text, encoding="utf-8")
 
-    def make(self) -> Any:  # noqa: ANN401 - whatever it is
+    def make_environment(self) -> Any:  # noqa: ANN401 - whatever it is
         """Return the environment from its code; raise a SceneError if that fails."""
         if folder := os.environ.get(PACKAGES):  # Packages of this Python, as its MuJoCo, go first.
             site.addsitedir(folder)
@@ -149,7 +149,7 @@ class Environment:
             return f"{name}: the model of an environment is already compiled; remove {name}"
         return None
 
-    def lacking(self, sweep: Sweep) -> Mapping[str, str]:
+    def missing_fields(self, sweep: Sweep) -> Mapping[str, str]:
         """Return null fields of its records with reasons; a SweepFileError if one is needed."""
         for name in _REPEATING_OPTIONS:
             if getattr(sweep, name):
@@ -173,9 +173,9 @@ class Environment:
         for file, copy in zip(here.files, copies, strict=True):
             if file.read_bytes() != copy.read_bytes():
                 raise SceneError(f"environment {file} has changed since the sweep began")
-        return Player(scene, here.make, policy)
+        return Player(scene, here.make_environment, policy)
 
-    def again(self, record: EvidenceRecord, runs: PreparedRuns, allowed: bool) -> Rollout:
+    def replay_episode(self, record: EvidenceRecord, runs: PreparedRuns, allowed: bool) -> Rollout:
         """Return the episode of a stored run, played again; a SceneError if that is not allowed."""
         if not allowed:
             raise SceneError(
@@ -194,7 +194,7 @@ class Environment:
 
 def _default_manifest(name: str, env: Any) -> SceneManifest:  # noqa: ANN401 - as above
     most = getattr(getattr(env, "spec", None), "max_episode_steps", None)
-    step = getattr(bare(env), "dt", None)
+    step = getattr(unwrap_environment(env), "dt", None)
     seconds = float(most * step) if most and step else _DEFAULT_DURATION
     about = {"title": name, "description": "Episodes of an environment."}
     return SceneManifest.model_validate({"version": 1, **about, "duration": seconds})

@@ -16,7 +16,7 @@ from mujoco import (
 from contactlab.accuracy.reference import PlannedModel
 from contactlab.engines import Rollout
 from contactlab.errors import OutputError, SceneError
-from contactlab.loop.reader import INPUTS, LoopReader, LoopSteps, Since
+from contactlab.loop.reader import INPUTS, LoopReader, LoopSteps, StepEvent
 from contactlab.schema.evidence import Loop
 from contactlab.store.store_files import time_now
 
@@ -36,7 +36,7 @@ class Episode(NamedTuple):
     rollout: Rollout
     known: Mapping[str, object]
     started: str
-    said: Mapping[str, object]
+    extra_fields: Mapping[str, object]
 
 
 class Listener(ABC):
@@ -98,16 +98,16 @@ class Listener(ABC):
         reader = self._reader
         while since := reader.look():
             match since:
-                case Since.NEVER:
+                case StepEvent.NEVER:
                     _check_finite_start(reader.model, reader.data)
                     reader.clear()
                     self._before, self._set = copy.copy(reader.model), []
                     self._started = time_now()
                     reader.start()
-                case Since.SET:
+                case StepEvent.SET:
                     self._set.append(reader.steps)
                     reader.start()
-                case Since.ELSEWHERE:
+                case StepEvent.ELSEWHERE:
                     missed = reader.data.time > reader.time
                     self._cut_episode(
                         "the data was stepped without the recording" if missed else None
@@ -124,7 +124,7 @@ class Listener(ABC):
         """End the episode before its next step; there is no reason if its time decreased."""
 
     def _take_steps(self) -> LoopSteps:
-        return self._reader.taken([0, *self._set])
+        return self._reader.take_steps([0, *self._set])
 
     def _loop_record(self, expected: mujoco.MjModel, unchecked: str) -> Loop:
         """Return changes of the episode's model and state, against an expected model."""
@@ -144,7 +144,7 @@ def _check_finite_start(model: mujoco.MjModel, data: mujoco.MjData) -> None:
                 raise SceneError(f"{name} is not finite at the start of an episode")
 
 
-def known_of(steps: LoopSteps) -> Mapping[str, object]:
+def known_setup(steps: LoopSteps) -> Mapping[str, object]:
     """Return known properties of a setup: external inputs may add energy."""
     driven = {"steered": True, "passive": False, "conservative": False}
     return driven if steps.is_driven else {}

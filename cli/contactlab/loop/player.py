@@ -15,9 +15,9 @@ from contactlab.accuracy.reference import PlannedModel
 from contactlab.engines import PreparedRuns
 from contactlab.engines.engine import Policy, PolicyClass
 from contactlab.errors import SceneError, in_one_line
-from contactlab.loop.listener import Episode, Listener, changed_fields, known_of, write_fields
+from contactlab.loop.listener import Episode, Listener, changed_fields, known_setup, write_fields
 from contactlab.loop.reader import LoopReader
-from contactlab.loop.simulation import bare, other_parts, simulation
+from contactlab.loop.simulation import differing_parts, find_simulation, unwrap_environment
 from contactlab.scene.contact_pairs import effective_parameters
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import PolicyDrive
@@ -70,7 +70,7 @@ class Player:
         try:
             with redirect_stdout(sys.stderr):
                 observation = self._reset_environment(plan)
-                own = simulation(bare(self._env))
+                own = find_simulation(unwrap_environment(self._env))
                 listener = _EpisodeListener(self._scene, plan, *own)
                 self._step_until_end(plan, listener, observation, fields)
         except _CutError as error:
@@ -88,12 +88,12 @@ class Player:
         if self._env is None:
             self._env = self._make()
         base, wanted = self._scene.base({}).model, plan.prepared.model
-        model, data = simulation(bare(self._env))
+        model, data = find_simulation(unwrap_environment(self._env))
         _check_same_parts(model, base)
         write_fields(model, wanted)
         mujoco.mj_resetData(model, data)
         answer = self._env.reset(seed=plan.run.seed)
-        again, data = simulation(bare(self._env))
+        again, data = find_simulation(unwrap_environment(self._env))
         if again is not model:
             _check_same_parts(again, base)
             write_fields(again, wanted)
@@ -114,7 +114,7 @@ class Player:
     ) -> None:
         """Make steps until the environment or the run ends; add their results to `said`."""
         env, ended, total = self._env, False, 0.0
-        act = actor_of(env, self._policy, plan, self._scene.base({}).model, listener.data)
+        act = create_actor(env, self._policy, plan, self._scene.base({}).model, listener.data)
         while not ended and listener.steps < plan.run.steps:
             before, action = listener.steps, act(observation)
             with listener.listening():
@@ -140,7 +140,7 @@ class Player:
 
 
 def _check_same_parts(model: mujoco.MjModel, base: mujoco.MjModel) -> None:
-    if differing := other_parts(model, base):
+    if differing := differing_parts(model, base):
         raise FailureError(f"the model differs from that of the sweep in {differing}")
 
 
@@ -181,10 +181,10 @@ class _EpisodeListener(Listener):
         own = replace(plan, run=resolved, prepared=prepared, start=start)
         loop = self._loop_record(plan.prepared.model, _UNCHECKED_TEXT)
         said = {**said, "loop": loop, "duration": plan.run.duration}
-        return Episode(own, rollout, known_of(steps), self._started, said)
+        return Episode(own, rollout, known_setup(steps), self._started, said)
 
 
-def actor_of(
+def create_actor(
     env: Any,  # noqa: ANN401 - any environment
     policy: PolicyClass | None,
     plan: PlannedModel,

@@ -15,15 +15,15 @@ from mujoco import mj_step  # as a name of its own, since a recording may replac
 from contactlab.contact.trace_arrays import OTHERS, SLOT_WIDTH, Floats, RecordedControls
 from contactlab.engines.contact_kernel import Kernel, recorded_slots, usable_kernel
 from contactlab.engines.engine import PreparedRuns, Rollout, RolloutArrays
-from contactlab.engines.mujoco_batch import PERSISTENT, STATE, Recorder, recorded
+from contactlab.engines.mujoco_batch import PERSISTENT, STATE, Recorder, completed_rollout
 from contactlab.engines.older_mujoco import fill_pair, measure_contacts
 from contactlab.engines.sampled_loads import with_loads
-from contactlab.engines.step_work import Books
+from contactlab.engines.step_work import EnergyLedger
 from contactlab.errors import SceneError
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import MonitoredPair
-from contactlab.scene.initial_states import InitialStates, quaternions
-from contactlab.scene.model_names import known_id
+from contactlab.scene.initial_states import InitialStates, quaternion_indices
+from contactlab.scene.model_names import require_id
 from contactlab.scene.timed_inputs import Signals
 
 _FIRST_STEP_COUNT = 1024
@@ -35,7 +35,7 @@ _FWDINV = int(mujoco.mjtEnableBit.mjENBL_FWDINV)
 INPUTS = ("ctrl", "xfrc_applied", "mocap_pos", "mocap_quat")
 
 
-class Since(IntEnum):
+class StepEvent(IntEnum):
     """Event since the last step; the kernel has the same numbers."""
 
     SAME = 0
@@ -92,8 +92,8 @@ class LoopSteps:
         recorder.enter(0, 0, model, runs.starts, self.state)
         held = [self._held_levels(controls, model)] if (controls != controls[0]).any() else ()
         arrays = RolloutArrays(self.state[None], self.rows[None], self.fields["solver_niter"][None])
-        rollout = recorded(arrays, np.full(1, np.nan), self.warnings[None], [None], held)
-        rollout = replace(recorder.told(rollout), slots=self.slots)
+        rollout = completed_rollout(arrays, np.full(1, np.nan), self.warnings[None], [None], held)
+        rollout = replace(recorder.attach_outputs(rollout), slots=self.slots)
         if rollout.work is not None and self.fields["qfrc_applied"].any():
             rollout.work[:, :, OTHERS] = np.nan
         return with_loads(runs, rollout)
@@ -124,7 +124,7 @@ class LoopReader:
         The next episode overwrites the arrays of the last one, since writes to fresh memory take
         longer.
         """
-        forces = Books([self.model], 0, 1).forces
+        forces = EnergyLedger([self.model], 0, 1).forces
         names = (*INPUTS, "qfrc_applied", "solver_niter", *forces)
         self._views = {name: np.asarray(getattr(self.data, name)) for name in names}
         kernel = usable_kernel()
@@ -209,7 +209,7 @@ class LoopReader:
     def _warning_counts(self) -> np.ndarray:
         return np.array(self.data.warning.number, np.int64)
 
-    def taken(self, set_steps: Sequence[int]) -> LoopSteps:
+    def take_steps(self, set_steps: Sequence[int]) -> LoopSteps:
         """Return the episode so far; raise a MemoryError if there was too little memory.
 
         `given` are the steps before which code set the state. MuJoCo normalizes quaternions in such
@@ -219,7 +219,7 @@ class LoopReader:
         fields = {name: self._arrays[name][:count] for name in self._views}
         states = self._arrays["states"][: count + 1].copy()
         states[:, 0] -= states[0, 0]
-        for place in quaternions(self.model):
+        for place in quaternion_indices(self.model):
             part = states[:, 1 + place : 5 + place]
             norms = np.linalg.norm(part[[*set_steps]], axis=1, keepdims=True)
             part[[*set_steps]] /= np.where(
@@ -253,7 +253,7 @@ class _PlainSteps:
         self._model, self._data, self._views, self._free = model, data, views, base.free
         held = base.holding
         names = (held.subject, held.holder) if held else ()
-        self._bodies = [known_id(model, "body", name) for name in names]
+        self._bodies = [require_id(model, "body", name) for name in names]
         pairs = [(pair.bodies, *_side_ids(model, pair), pair.slots) for pair in base.pairs]
         self._pairs = np.array(pairs, np.int64).reshape(-1, 4)
         self._filled = [list[Floats]() for _ in pairs]
@@ -273,12 +273,12 @@ class _PlainSteps:
         now = np.empty_like(last)
         mujoco.mj_getState(self._model, self._data, now, _STATE)
         if not self._begun:
-            return Since.NEVER
+            return StepEvent.NEVER
         if now[0] != last[0]:
-            return Since.ELSEWHERE
+            return StepEvent.ELSEWHERE
         if now.tobytes() != last.tobytes():
-            return Since.SET
-        return Since.SAME if self._count < len(self._arrays["rows"]) - 1 else Since.FULL
+            return StepEvent.SET
+        return StepEvent.SAME if self._count < len(self._arrays["rows"]) - 1 else StepEvent.FULL
 
     def start(self) -> None:
         """Read the initial state of the next step."""
@@ -383,4 +383,4 @@ class _KernelSteps(_PlainSteps):
 
 def _side_ids(model: mujoco.MjModel, pair: MonitoredPair) -> list[int]:
     sides = zip(pair.sides, pair.geoms, strict=True)
-    return [known_id(model, "body", name) if pair.bodies else own[0] for name, own in sides]
+    return [require_id(model, "body", name) if pair.bodies else own[0] for name, own in sides]

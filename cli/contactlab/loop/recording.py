@@ -21,9 +21,9 @@ from pydantic import ValidationError
 from contactlab.accuracy.reference import PlannedModel
 from contactlab.engines import ENGINES, PreparedRuns
 from contactlab.errors import OutputError, SceneError, in_one_line
-from contactlab.loop.listener import Episode, Listener, known_of
+from contactlab.loop.listener import Episode, Listener, known_setup
 from contactlab.loop.reader import LoopReader
-from contactlab.loop.simulation import other_parts
+from contactlab.loop.simulation import differing_parts
 from contactlab.measure import METRICS
 from contactlab.plugins import load_plugins, loaded_plugins
 from contactlab.printable import shell_word
@@ -31,8 +31,8 @@ from contactlab.run.evidence_record import provenance
 from contactlab.run.sweep_runner import identity_fields, measured_columns, shared_fields
 from contactlab.run.tasks import Task
 from contactlab.run.worker import Worker
-from contactlab.scene.contact_pairs import colliding, declared_pairs, geom_pairs, may_touch
-from contactlab.scene.model_names import matching, name_of
+from contactlab.scene.contact_pairs import colliding_geoms, declared_pairs, geom_pairs, touch_mask
+from contactlab.scene.model_names import match_names, name_of
 from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import BINARY, MANIFEST, stored_scene
 from contactlab.schema.evidence import SweepIdentity
@@ -151,7 +151,7 @@ class Recording(Listener):
             return
         self._end_episode(None)
         base = self._worker.scene.base({})
-        if differing := other_parts(model, base.model):
+        if differing := differing_parts(model, base.model):
             raise SceneError(
                 f"the model and that of {self.store} have different parts ({differing}); "
                 "record it in a separate store"
@@ -214,7 +214,7 @@ class Recording(Listener):
         steps = self._take_steps()
         made, base = len(steps.rows), scene.base({})
         duration = made * model.opt.timestep
-        (run,) = scene.planned({}, [self.episodes], duration, self.episodes)
+        (run,) = scene.plan_runs({}, [self.episodes], duration, self.episodes)
         start = steps.starts(model)
         prepared = scene.prepare(run, start, model)
         total = math.nan if total_reward is None else float(total_reward)
@@ -228,7 +228,7 @@ class Recording(Listener):
         if cut:
             said |= {"status": "stopped", "status_reason": f"cut after {made} steps: {cut}"}
         plan = PlannedModel(run, prepared, start)
-        episode = Episode(plan, rollout, known_of(steps), self._started, said)
+        episode = Episode(plan, rollout, known_setup(steps), self._started, said)
         finished = self._worker.finish_loop(*episode)
         self._writer.append([finished.row])
         self._labels[finished.label] += 1
@@ -260,9 +260,9 @@ def _read_declarations(
     except ValidationError as error:
         first = error.errors()[0]
         raise SceneError(f"{'.'.join(map(str, first['loc']))}: {explained(first)}") from error
-    touch = may_touch(model)
+    touch = touch_mask(model)
     for pair in declared_pairs(model, manifest.pairs):
-        if not colliding(touch, pair):
+        if not colliding_geoms(touch, pair):
             raise SceneError(f"monitor: MuJoCo's filters exclude contacts of {pair.name}")
     return sweep, manifest
 
@@ -275,8 +275,8 @@ def _pair_entries(model: mujoco.MjModel, monitored: Monitored) -> list[Mapping[s
     if not isinstance(monitored, str):
         return [{"geoms" if set(monitored) <= set(names) else "bodies": monitored}]
     bodies = [name_of(model, "body", body) for body in model.geom_bodyid]
-    of = set(matching([*names, *bodies], monitored))
-    pairs = geom_pairs(may_touch(model))
+    of = set(match_names([*names, *bodies], monitored))
+    pairs = geom_pairs(touch_mask(model))
     found = [pair for pair in pairs if any(of & {names[geom], bodies[geom]} for geom in pair)]
     if not found:
         raise SceneError(f"monitor: no geom or body '{monitored}' can touch anything")

@@ -9,7 +9,7 @@ from contactlab.errors import SceneError
 _PART_FIELDS = ("nq", "nv", "na", "nu", "nbody", "njnt", "ngeom", "ntendon", "nmocap", "names")
 
 
-def simulation(env: Any) -> tuple[mujoco.MjModel, mujoco.MjData]:  # noqa: ANN401 - any environment
+def find_simulation(env: Any) -> tuple[mujoco.MjModel, mujoco.MjData]:  # noqa: ANN401 - any environment
     """Return the model and data of MuJoCo that an environment steps; a SceneError if it has none.
 
     Those of dm_control and robosuite have another wrapper.
@@ -24,12 +24,12 @@ def simulation(env: Any) -> tuple[mujoco.MjModel, mujoco.MjData]:  # noqa: ANN40
     )
 
 
-def bare(env: Any) -> Any:  # noqa: ANN401 - likewise
+def unwrap_environment(env: Any) -> Any:  # noqa: ANN401 - likewise
     """Return an environment without the wrappers of Gymnasium."""
     return getattr(env, "unwrapped", env)
 
 
-def other_parts(model: mujoco.MjModel, known: mujoco.MjModel) -> str:
+def differing_parts(model: mujoco.MjModel, known: mujoco.MjModel) -> str:
     """Return the parts of a model that differ from those of another; empty if none do."""
     return ", ".join(part for part in _PART_FIELDS if getattr(model, part) != getattr(known, part))
 

@@ -12,7 +12,7 @@ from contactlab.measure import required_contact, required_motion, requirement_ma
 from contactlab.contact.trace_arrays import Floats as Floats
 from contactlab.measure.assessment import AppliedLabel as AppliedLabel
 from contactlab.measure.assessment import Assessment as Assessment
-from contactlab.measure.assessment import assess as assess
+from contactlab.measure.assessment import assess_runs as assess_runs
 from contactlab.measure.context import Context as Context
 from contactlab.measure.context import cached as cached
 from contactlab.measure.context import contact_depths as contact_depths
@@ -24,11 +24,11 @@ from contactlab.measure.entries import LABELS as LABELS
 from contactlab.measure.entries import METRICS as METRICS
 from contactlab.measure.entries import ORACLES as ORACLES
 from contactlab.measure.entries import THRESHOLDS as THRESHOLDS
-from contactlab.measure.entries import Found as Found
 from contactlab.measure.entries import Label as Label
 from contactlab.measure.entries import MeasuredRuns as MeasuredRuns
 from contactlab.measure.entries import Metric as Metric
 from contactlab.measure.entries import Onset as Onset
+from contactlab.measure.entries import OnsetIterator as OnsetIterator
 from contactlab.measure.entries import Onsets as Onsets
 from contactlab.measure.entries import Requirement as Requirement
 from contactlab.measure.entries import Severity as Severity
@@ -36,9 +36,9 @@ from contactlab.measure.entries import Threshold as Threshold
 from contactlab.measure.entries import added_labels as added_labels
 from contactlab.measure.entries import label as label
 from contactlab.measure.entries import labels_with as labels_with
-from contactlab.measure.entries import limits as limits
 from contactlab.measure.entries import metric as metric
 from contactlab.measure.entries import oracle as oracle
+from contactlab.measure.entries import threshold_values as threshold_values
 from contactlab.measure.run_integrity import STABLE as STABLE
 from contactlab.registry import settle
 

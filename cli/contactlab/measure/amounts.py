@@ -3,7 +3,7 @@
 import math
 
 
-def amount(number: float) -> str:
+def format_amount(number: float) -> str:
     """Return a number as in `0.012`, `4.25`, `4,618` or `more than a million`."""
     if not math.isfinite(number):
         return "beyond all numbers"
@@ -12,8 +12,8 @@ def amount(number: float) -> str:
     return f"{number:,.0f}" if abs(number) >= 100 else f"{number:.3g}"
 
 
-def part_of(ratio: float) -> str:
+def readable_fraction(ratio: float) -> str:
     """Return a ratio as the phrase before a noun: `12% of`, `4,618 times`, `2e-07 of`."""
     if not abs(ratio) < 1:
-        return f"{amount(ratio)} times" if math.isfinite(ratio) else amount(ratio)
+        return f"{format_amount(ratio)} times" if math.isfinite(ratio) else format_amount(ratio)
     return f"{ratio:.2g} of" if abs(ratio) < 1e-4 else f"{100 * ratio:.3g}% of"

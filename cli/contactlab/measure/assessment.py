@@ -12,10 +12,10 @@ from contactlab.contact.trace_setup import Setup
 from contactlab.errors import ContactlabError
 from contactlab.measure.backward_error import numerical_error_text, resolved_runs
 from contactlab.measure.context import Context, StackedPairs, context_of
-from contactlab.measure.coverage import coverages
+from contactlab.measure.coverage import run_coverages
 from contactlab.measure.entries import LABELS, METRICS, MeasuredRuns, Metric, labels_with
 from contactlab.measure.run_integrity import STABLE, invalid
-from contactlab.measure.second_look import suspects
+from contactlab.measure.second_look import needs_second_pass
 from contactlab.schema.coverage import Coverage
 
 Failures = dict[int, list[str]]  # error messages of metrics and labels, by run
@@ -56,7 +56,7 @@ class Assessment:
         return self.pairs.series
 
 
-def assess(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Assessment:
+def assess_runs(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Assessment:
     """Measure and label the runs of a trace, with the results of a second pass if there was one.
 
     Raises a SceneError if the setup names an oracle or a threshold that does not exist.
@@ -70,8 +70,8 @@ def assess(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Asse
         labels = _measure_labels(MeasuredRuns(context, metrics), failures)
         suspect = np.array([own[0].label != STABLE.name for own in labels])
         if checks is None and trace.steps:
-            suspect |= suspects(context)
-        covered = coverages(context)
+            suspect |= needs_second_pass(context)
+        covered = run_coverages(context)
     bodies = tuple(error.body for error in checks.backward) if checks else ()
     return Assessment(metrics, labels, context.pairs, suspect, bodies or None, covered)
 

@@ -4,16 +4,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.measure.amounts import part_of
+from contactlab.measure.amounts import readable_fraction
 from contactlab.measure.context import Context, runs_where
 from contactlab.measure.entries import (
-    Found,
     MeasuredRuns,
     Onset,
+    OnsetIterator,
     Threshold,
     label,
-    limits,
     metric,
+    threshold_values,
 )
 from contactlab.printable import plain
 
@@ -61,7 +61,7 @@ def resolved_runs(context: Context) -> NDArray[np.bool_] | None:
     """Return (n,) whether runs are the motion of their model; None if not measured."""
     if context.checks is None or not context.checks.backward:
         return None
-    within = limits(context.setup.thresholds)[TOLERANCE.name]
+    within = threshold_values(context.setup.thresholds)[TOLERANCE.name]
     return ~(
         (_error_field(context, "share") > within)
         | (np.abs(_error_field(context, "energy")) > within)
@@ -83,18 +83,18 @@ def numerical_error_text(context: Context, run: int) -> str:
     return f"numerical error {plain(100 * error.share)} % in {error.body}"
 
 
-def energy_drifts(runs: MeasuredRuns, sign: int) -> Found:
+def energy_drifts(runs: MeasuredRuns, sign: int) -> OnsetIterator:
     """Yield runs with an energy drift up (1) or down (-1) that their model does not have."""
     within, drifts = runs.limits[TOLERANCE.name], _error_field(runs.context, "energy")
     verb = "gains" if sign > 0 else "loses"
     for run in runs_where(sign * drifts > within):
-        part = part_of(abs(drifts[run]))
+        part = readable_fraction(abs(drifts[run]))
         reason = f"the run {verb} {part} the energy of its motion, but its model does not"
-        where, step = most_in(runs.context, run)
+        where, step = largest_energy_change(runs.context, run)
         yield run, Onset(f"{reason}{where} (limit {within:g})", step)
 
 
-def most_in(context: Context, run: int) -> tuple[str, int]:
+def largest_energy_change(context: Context, run: int) -> tuple[str, int]:
     """Return text about the body with the largest energy change, and its step.
 
     Energy belongs to the whole run, whatever is observed: the body is named but filters nothing.
@@ -114,7 +114,7 @@ def most_in(context: Context, run: int) -> tuple[str, int]:
     colour="#a2130b",
     advice="the fix of its error budget: contactlab MODEL",
 )
-def step_dependent(runs: MeasuredRuns) -> Found:
+def step_dependent(runs: MeasuredRuns) -> OnsetIterator:
     """The run is not the motion of its model: its numerical error is above the tolerance.
 
     It is measured within windows of 40 ms, so that chaos does not count.

@@ -9,7 +9,7 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import DEGREES, QUARTER_TURN, Mechanism, Part
 from contactlab.measure.backward_error import TOLERANCE, numerical_error_text, unresolved_runs
 from contactlab.measure.context import Context, cached, first_step, runs_where, worst_pair
-from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
+from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Threshold, label, metric
 
 _PEAK_THRESHOLD = Threshold(
     "constraint_violation",
@@ -125,7 +125,7 @@ def constraint_violation_rest(context: Context) -> Floats:
     )
 
 
-def _limit_overshoots(runs: MeasuredRuns) -> Found:
+def _limit_overshoots(runs: MeasuredRuns) -> OnsetIterator:
     """Yield runs in which a limit yields, and which are not the motion of their model."""
     context, limit = runs.context, runs.limits[TOLERANCE.name]
     for run in () if context.setup.steered else unresolved_runs(context):
@@ -146,7 +146,7 @@ def _limit_overshoots(runs: MeasuredRuns) -> Found:
     colour="#703efa",
     advice="a shorter time constant of limit or equality, or less load",
 )
-def constraint_violated(runs: MeasuredRuns) -> Found:
+def constraint_violated(runs: MeasuredRuns) -> OnsetIterator:
     """A limit was pushed through, or a loop, weld, gear, rope or brake yields."""
     quarter = 3 * runs.context.trace.steps // 4
     at_rest = "constraint_violation_rest", TOLERANCE, " at rest", quarter

@@ -25,7 +25,7 @@ _BLOCK_ROWS = 1 << 11  # states that are processed together, so that they fit in
 _STEP_ROUNDING = (
     1e-6  # largest deviation of a time from a whole number of steps, as a share of a step
 )
-HAIR = 0.01  # negligible rise or lever arm, as a share of a body's mean size
+NEGLIGIBLE_SHARE = 0.01  # negligible rise or lever arm, as a share of a body's mean size
 _NEGLIGIBLE_SPEED = 0.1
 """Negligible speed in body sizes per second, so that it holds in any unit of length."""
 
@@ -236,7 +236,7 @@ def least_energy(context: Context) -> Floats:
     It lifts everything by 1 % of a body's mean size, and moves it at 0.1 mean sizes a second.
     """
     size = context.setup.size
-    least = gravity(context) * HAIR * size + 0.5 * (_NEGLIGIBLE_SPEED * size) ** 2
+    least = gravity(context) * NEGLIGIBLE_SHARE * size + 0.5 * (_NEGLIGIBLE_SPEED * size) ** 2
     return np.maximum(context.setup.moving_mass * least, np.finfo(float).tiny)
 
 

@@ -36,7 +36,7 @@ Fields = Mapping[str, NDArray[Any]]
 """Measures of parts, (n, parts) for each field of the record; NaN if it does not apply."""
 
 
-def coverages(context: Context) -> tuple[Coverage, ...] | None:
+def run_coverages(context: Context) -> tuple[Coverage, ...] | None:
     """Return the coverage of each run of a context; None if its setup names no mechanism."""
     trace, mechanism = context.trace, context.setup.mechanism
     n = trace.runs

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from contactlab.contact.trace_arrays import ACTUATORS, CONSTRAINTS, OTHERS, Floats, median
-from contactlab.measure.amounts import part_of
+from contactlab.contact.trace_arrays import ACTUATORS, CONSTRAINTS, OTHERS, Floats, fast_median
+from contactlab.measure.amounts import readable_fraction
 from contactlab.measure.backward_error import TOLERANCE, energy_drifts, unresolved_runs
 from contactlab.measure.context import (
     Context,
@@ -14,7 +14,7 @@ from contactlab.measure.context import (
     peak_kinetic,
     semi_implicit,
 )
-from contactlab.measure.entries import Found, MeasuredRuns, Onset, label, metric
+from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, label, metric
 
 _LIFT_SHARE = (
     0.04  # share of a body's mean size; a gain that counts lifts everything by 1.2 % of it
@@ -73,7 +73,7 @@ def integration_loss(context: Context) -> Floats:
     The median of the last quarter, because steps with swinging springs alternately add and remove
     energy.
     """
-    return -median(_unexplained_energy(context)[:, 3 * context.trace.steps // 4 :])
+    return -fast_median(_unexplained_energy(context)[:, 3 * context.trace.steps // 4 :])
 
 
 @metric("1", "lower", 1e-9, kind="detail", requires="energy")
@@ -123,7 +123,7 @@ def constraint_loss(context: Context) -> Floats:
     colour="#dfd816",
     advice="a shorter timestep, or integrator RK4 for free motion",
 )
-def energy_loss(runs: MeasuredRuns) -> Found:
+def energy_loss(runs: MeasuredRuns) -> OnsetIterator:
     """The run loses energy, but its model, simulated with finer steps, keeps it."""
     return energy_drifts(runs, -1)
 
@@ -138,11 +138,12 @@ def energy_loss(runs: MeasuredRuns) -> Found:
     advice="timestep at most half the shortest time constant, or a longer constant",
     traits=("numerical",),
 )
-def generous_constraints(runs: MeasuredRuns) -> Found:
+def generous_constraints(runs: MeasuredRuns) -> OnsetIterator:
     """Contacts, limits or equalities gave more energy than they stored, unlike in their model."""
     given, unresolved = runs.context.trace.given, unresolved_runs(runs.context)
     for run, gain, limit in runs.over("constraint_gain", TOLERANCE.name):
         if run in unresolved:
-            reason = f"constraints gave {part_of(gain)} the largest kinetic energy beyond their"
+            share = readable_fraction(gain)
+            reason = f"constraints gave {share} the largest kinetic energy beyond their"
             step = 0 if given is None else int(given[run, 1])
             yield run, Onset(f"{reason} stored energy (limit {limit:g})", step)

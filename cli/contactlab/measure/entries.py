@@ -125,7 +125,7 @@ class Onset(NamedTuple):
 
 Onsets = dict[int, Onset]  # onsets of one label by run; runs without one are absent
 
-Found = Iterator[tuple[int, Onset]]
+OnsetIterator = Iterator[tuple[int, Onset]]
 """Onsets one by one; of several onsets of one run, the first counts, with the bodies of all."""
 
 
@@ -143,7 +143,7 @@ class MeasuredRuns:
     @cached_property
     def limits(self) -> dict[str, float]:
         """Thresholds by name; those without a value are absent."""
-        return limits(self.context.setup.thresholds)
+        return threshold_values(self.context.setup.thresholds)
 
     def over(self, metric: str, threshold: str = "") -> list[tuple[int, float, float]]:
         """Return run, value and limit if a metric exceeds a threshold, by default its own."""
@@ -156,7 +156,7 @@ class MeasuredRuns:
         return MeasuredRuns(self.context.only(run), metrics)
 
 
-LabelRule = Callable[[MeasuredRuns], Onsets | Found]
+LabelRule = Callable[[MeasuredRuns], Onsets | OnsetIterator]
 
 
 @dataclass(frozen=True)
@@ -400,7 +400,7 @@ def _definition(function: Callable[..., object]) -> str:
     return text
 
 
-def limits(overrides: Mapping[str, float]) -> dict[str, float]:
+def threshold_values(overrides: Mapping[str, float]) -> dict[str, float]:
     """Return the value of every threshold that has one. Raises a SceneError for an unknown name."""
     rest = f"; there are {', '.join(THRESHOLDS)}"
     for name in overrides:

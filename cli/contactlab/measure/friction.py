@@ -17,7 +17,7 @@ from contactlab.contact.trace_arrays import (
     STICK,
     TORQUE,
     Floats,
-    median,
+    fast_median,
     squared_lengths,
 )
 from contactlab.measure.backward_error import TOLERANCE, resolved_runs
@@ -35,8 +35,8 @@ from contactlab.measure.context import (
     share,
     worst_pair,
 )
-from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
-from contactlab.measure.stick_slip import HELD_USAGE, IMPACT, Spans, changes, spans
+from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Threshold, label, metric
+from contactlab.measure.stick_slip import HELD_USAGE, IMPACT, Spans, find_spans, mode_changes
 
 _CREEP_SPEED = Threshold("creep_speed", None, "m/s", "Set it if sticking bodies should stay.")
 _MODE_SWITCHES = Threshold(
@@ -72,7 +72,7 @@ def switch_masks(context: Context) -> NDArray[np.bool_]:
     series = context.net.series
     masks = np.zeros(series.mode[..., 1:].shape, np.bool_)
     for row in runs_where((series.mode == SLIDE).any(axis=(1, 2))):
-        masks[row] = changes(series.mode[row], series.normal[row], series.usage[row])
+        masks[row] = mode_changes(series.mode[row], series.normal[row], series.usage[row])
     return masks
 
 
@@ -148,9 +148,9 @@ def _creep_shares(context: Context) -> dict[str, Floats]:
     used, slip = series.usage[..., half], series.slip[..., half]
     held = (series.mode[..., half] == STICK) & (used > 0) & (used < HELD_USAGE)
     held &= context.net.rolling[..., half] * extents <= slip  # A rolling body leaves the spot.
-    speed = median(series.slip[..., late])
+    speed = fast_median(series.slip[..., late])
     # A settling pair slows down.
-    before = median(series.slip[..., half.start : late.start])
+    before = fast_median(series.slip[..., half.start : late.start])
     steady = (np.abs(before - speed) < _MAX_SPEED_CHANGE * speed) & (share(held) > 0.9)
     ways = (steady * context.seconds * speed)[pairs.rows]
     shares = dict(zip(pairs.names, ways / context.setup.reaches[:, None], strict=True))
@@ -190,7 +190,7 @@ def normal_impulse(context: Context) -> Floats:
     colour="#480f50",
     advice="an elliptic cone with impratio 10, or a shorter time constant of solref",
 )
-def creep(runs: MeasuredRuns) -> Found:
+def creep(runs: MeasuredRuns) -> OnsetIterator:
     """A sticking pair slips faster than the scene accepts; or far for its size, if none is set."""
     for run, speed, limit in runs.over("creep_speed"):
         name = name_of_worst(runs.context, _creep_speeds(runs.context), run)
@@ -235,7 +235,7 @@ def contact_losses(context: Context) -> Floats:
     advice="more damping, a second number of solref near 1, or a shorter timestep",
     traits=("numerical",),
 )
-def chatter(runs: MeasuredRuns) -> Found:
+def chatter(runs: MeasuredRuns) -> OnsetIterator:
     """A pair keeps switching between stick and slide, or losing contact; or a servo keeps hunting.
 
     Not while bodies come to rest, nor outside of the hold window of a scene that has one. If a run
@@ -287,7 +287,7 @@ def lost_contacts(context: Context, row: int) -> Spans:
     within 1 %.
     """
     bears, series = bearing(context)[row], context.net.series
-    touch, gap = spans(bears), spans(~bears)
+    touch, gap = find_spans(bears), find_spans(~bears)
     inner = (gap.start > 0) & (gap.stop < bears.shape[1])
     found = Spans(gap.run[inner], gap.start[inner], gap.stop[inner])
     if not inner.any():
@@ -341,7 +341,7 @@ def _peak_forces(forces: Floats, touch: Spans, places: NDArray[np.intp]) -> Floa
     return np.array([forces[run, start:stop].max() for run, start, stop in stretches])
 
 
-def _find_hunting(runs: MeasuredRuns) -> Found:
+def _find_hunting(runs: MeasuredRuns) -> OnsetIterator:
     """Find actuators that go from one end of their force to the other under constant controls."""
     context, limit = runs.context, runs.limits[_MIN_EVENTS.name]
     trace, mechanism = context.trace, context.setup.mechanism
@@ -366,7 +366,7 @@ def _find_frequent(
     events: Events,
     event: str,
     least: float = 0.0,
-) -> Found:
+) -> OnsetIterator:
     """Find runs with too many events a second that do not end as the run settles.
 
     A hopping pair must slip by at least `least` [m] between events, in the median.

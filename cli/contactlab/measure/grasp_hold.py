@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from contactlab.contact.rotations import rotate
+from contactlab.contact.rotations import rotate_vectors
 from contactlab.contact.trace_arrays import (
     FORCE,
     LINEAR_VELOCITY,
@@ -33,7 +33,7 @@ from contactlab.measure.context import (
     runs_where,
     worst_pair,
 )
-from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
+from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Threshold, label, metric
 from contactlab.measure.friction import hold_switch_masks
 from contactlab.measure.penetration import mean_depths
 
@@ -104,7 +104,9 @@ def hold_drop(context: Context) -> Floats:
     run = np.arange(context.trace.runs)
     first = inside.argmax(axis=1)
     last = inside.shape[1] - 1 - inside[:, ::-1].argmax(axis=1)
-    moved = rotate(held.rotation[run, last], held.position[run, last] - held.position[run, first])
+    moved = rotate_vectors(
+        held.rotation[run, last], held.position[run, last] - held.position[run, first]
+    )
     return np.where(inside.any(axis=1), (moved * down(context)).sum(axis=1), np.nan)
 
 
@@ -137,7 +139,7 @@ def hold_contact(context: Context) -> Floats:
     advice="a shorter time constant of solref, and impratio 10 with an elliptic cone",
     traits=("grip",),
 )
-def exploited(runs: MeasuredRuns) -> Found:
+def exploited(runs: MeasuredRuns) -> OnsetIterator:
     """The grip relies on penetration that no solid body allows."""
     return _find_deep_pairs(runs, "exploited", 2)
 
@@ -154,7 +156,7 @@ def exploited(runs: MeasuredRuns) -> Found:
         "no impact",
     ),
 )
-def broken(runs: MeasuredRuns) -> Found:
+def broken(runs: MeasuredRuns) -> OnsetIterator:
     """The penetration of a grip is so deep that its contact is meaningless."""
     return _find_deep_pairs(runs, "broken", 1)
 
@@ -168,7 +170,7 @@ def broken(runs: MeasuredRuns) -> Found:
     advice="more friction or grip; if it creeps, an elliptic cone with impratio 10",
     traits=("grip",),
 )
-def slipping(runs: MeasuredRuns) -> Found:
+def slipping(runs: MeasuredRuns) -> OnsetIterator:
     """A body that should be held slips, leaves its place, or carries no force."""
     window, held = hold_window(runs.context), runs.context.trace.held
     share, seconds = runs.metrics["hold_contact"], hold_seconds(runs.context)
@@ -188,7 +190,7 @@ def slipping(runs: MeasuredRuns) -> Found:
         yield run, Onset(f"{reason} (limit {limits[row]:.3g} m)", first_step(window[run]), bodies)
 
 
-def _find_deep_pairs(runs: MeasuredRuns, threshold: str, parts: int) -> Found:
+def _find_deep_pairs(runs: MeasuredRuns, threshold: str, parts: int) -> OnsetIterator:
     """Find pairs that are deeper during the hold than a limit, or than a part of a half extent."""
     context, inside = runs.context, hold_window(runs.context)
     limits = _row_limits(runs, threshold, context.setup.thickness[context.pairs.places] / parts)

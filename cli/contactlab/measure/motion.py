@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import DISTANCE, FORCE, Floats, squared_lengths, sum_of_slots
 from contactlab.contact.trace_setup import FreeBody
-from contactlab.measure.amounts import part_of
-from contactlab.measure.backward_error import TOLERANCE, energy_drifts, most_in
+from contactlab.measure.amounts import readable_fraction
+from contactlab.measure.backward_error import TOLERANCE, energy_drifts, largest_energy_change
 from contactlab.measure.context import (
-    HAIR,
+    NEGLIGIBLE_SHARE,
     Context,
     cached,
     down,
@@ -30,7 +30,7 @@ from contactlab.measure.context import (
     squares_from,
     worst_body,
 )
-from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
+from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Threshold, label, metric
 
 _ENERGY_GAIN = Threshold(
     "energy_gain",
@@ -115,7 +115,7 @@ def spin_drift(context: Context) -> Floats:
     if momentum is None:
         return context.undefined()
     largest = np.sqrt(squared_lengths(momentum).max(axis=1))
-    arm = HAIR * context.setup.size
+    arm = NEGLIGIBLE_SHARE * context.setup.size
     return _largest_change(momentum) / np.maximum(largest, arm * _momentum_scale(context))
 
 
@@ -202,7 +202,7 @@ def turn(context: Context) -> Floats:
     advice="a timestep of at most 0.8 times timeconst times dampratio of solref",
     traits=("numerical",),
 )
-def energy_injection(runs: MeasuredRuns) -> Found:
+def energy_injection(runs: MeasuredRuns) -> OnsetIterator:
     """A passive scene gained energy or ejected a body, or a run gains but its model does not.
 
     A passive scene must not gain energy: an invariant. For any run, the gain is its drift of
@@ -213,8 +213,10 @@ def energy_injection(runs: MeasuredRuns) -> Found:
         values = _level_energy(context)[run]
         given = values[0] + _stored_at_start(context)[run]
         risen = values - given > limit * energy_scale(context)[run]
-        where, _ = most_in(context, run)
-        reason = f"energy rose by {part_of(gain)} that at the start{where} (limit {limit:.3g})"
+        where, _ = largest_energy_change(context, run)
+        reason = (
+            f"energy rose by {readable_fraction(gain)} that at the start{where} (limit {limit:.3g})"
+        )
         yield run, Onset(reason, first_step(risen))
     limit = np.sqrt(1 + runs.limits[TOLERANCE.name])  # Energy goes with the square of speed.
     for run in runs_where(runs.metrics["speed_ratio"] > limit):
@@ -225,9 +227,8 @@ def energy_injection(runs: MeasuredRuns) -> Found:
             for squares, most in zip(squared_speeds(context), bounds, strict=True)
         ]
         names = _names_where(context, fast)
-        reason = (
-            f"{_first_name(names)} moved {part_of(ratio)} as fast as the energy at the start allows"
-        )
+        share = readable_fraction(ratio)
+        reason = f"{_first_name(names)} moved {share} as fast as the energy at the start allows"
         yield run, Onset(f"{reason} (limit {limit:.3g})", max(_first_step_of(fast) - 1, 0), names)
     yield from energy_drifts(runs, 1)
 
@@ -240,7 +241,7 @@ def energy_injection(runs: MeasuredRuns) -> Found:
     colour="#8e3a6e",
     advice="sleep off, or a lower sleep_tolerance",
 )
-def asleep_unsupported(runs: MeasuredRuns) -> Found:
+def asleep_unsupported(runs: MeasuredRuns) -> OnsetIterator:
     """A body was put to sleep although nothing holds it, in mid-air or in mid-motion.
 
     Awake it would have moved on by more than 1 % of a mean body, and by more than the tolerance of
@@ -249,7 +250,7 @@ def asleep_unsupported(runs: MeasuredRuns) -> Found:
     setup, sleeper = runs.context.setup, runs.context.trace.sleeper
     if setup.mechanism is None or sleeper is None:
         return
-    limit, hair = runs.limits[TOLERANCE.name], HAIR * setup.size
+    limit, hair = runs.limits[TOLERANCE.name], NEGLIGIBLE_SHARE * setup.size
     for run in runs_where((sleeper[:, 1] > limit) & (sleeper[:, 0] > hair)):
         gone, share, place, step = sleeper[run]
         joint = setup.mechanism.joints[int(place)]
@@ -267,7 +268,7 @@ def asleep_unsupported(runs: MeasuredRuns) -> Found:
     colour="#7b449c",
     advice="impratio 10 and an elliptic cone, or a shorter time constant of solref",
 )
-def drifting(runs: MeasuredRuns) -> Found:
+def drifting(runs: MeasuredRuns) -> OnsetIterator:
     """A body that should stay ended farther from its start than the scene accepts."""
     places = [runs.context.position(body) for body in runs.context.setup.free_bodies]
     for run, moved, limit in runs.over("drift"):
@@ -286,7 +287,7 @@ def drifting(runs: MeasuredRuns) -> Found:
     colour="#9edaff",
     advice="a longer run, or more damping",
 )
-def unsettled(runs: MeasuredRuns) -> Found:
+def unsettled(runs: MeasuredRuns) -> OnsetIterator:
     """A body still moves in the last fifth of the run, although the scene requires rest."""
     squares, start = squared_speeds(runs.context), runs.context.last_fifth.start
     for run, speed, limit in runs.over("rest_speed"):

@@ -24,7 +24,7 @@ from contactlab.contact.trace_arrays import (
     PairSeries,
     PairTrace,
 )
-from contactlab.measure.stick_slip import modes
+from contactlab.measure.stick_slip import contact_modes
 
 Complexes = NDArray[np.complex128]
 """Two numbers each: components along two tangents, or neighbors that are moved together."""
@@ -110,7 +110,7 @@ def net_contact(
             series[row, :, run], worst[row, :, run] = reduced
     normal, tangential, usage, slip, distance, *others = np.moveaxis(series, 1, 0)
     hardest, grip, rolling, spinning = others
-    mode = modes(normal > 0, usage, grip, slip / pull[:, None], timestep)
+    mode = contact_modes(normal > 0, usage, grip, slip / pull[:, None], timestep)
     shown = PairSeries("", contacts, normal, tangential, usage, slip, distance, mode)
     return NetContact(shown, found, hardest, grip, rolling, spinning, *np.moveaxis(worst, 1, 0))
 

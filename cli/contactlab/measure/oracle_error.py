@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from contactlab.contact.rotations import rotate, rotate_back
+from contactlab.contact.rotations import rotate_vectors, rotate_vectors_back
 from contactlab.contact.trace_arrays import Floats, squared_lengths
 from contactlab.errors import SceneError
 from contactlab.measure.backward_error import TOLERANCE
@@ -16,9 +16,9 @@ from contactlab.measure.context import (
 )
 from contactlab.measure.entries import (
     ORACLES,
-    Found,
     MeasuredRuns,
     Onset,
+    OnsetIterator,
     OracleResult,
     label,
     metric,
@@ -56,7 +56,7 @@ def oracle_error(context: Context) -> Floats:
     colour="#507954",
     advice="a shorter timestep; an error that remains is the model's, as of pyramidal cones",
 )
-def oracle_miss(runs: MeasuredRuns) -> Found:
+def oracle_miss(runs: MeasuredRuns) -> OnsetIterator:
     """The error against the scene's closed form exceeds the limit, or nothing could be measured.
 
     Or pairs at rest miss the requested stiffness or depth.
@@ -146,9 +146,9 @@ def precession(context: Context) -> tuple[Floats, Floats]:
     first = context.setup.quaternions[0]
     attitude = context.trace.qpos[:, :, first : first + 4]
     turning = context.trace.qvel[:, 0, first : first + 3]
-    axis = rotate(attitude, _TOP_AXIS)
+    axis = rotate_vectors(attitude, _TOP_AXIS)
     start = axis[:, 0]
-    moving = np.cross(rotate(attitude[:, 0], turning), start)
+    moving = np.cross(rotate_vectors(attitude[:, 0], turning), start)
     rate = (start[:, 0] * moving[:, 1] - start[:, 1] * moving[:, 0]) / (start[:, :2] ** 2).sum(1)
     azimuth = np.unwrap(np.arctan2(axis[..., 1], axis[..., 0]), axis=1)
     return rate, (azimuth[:, -1] - azimuth[:, 0]) / context.seconds
@@ -167,7 +167,7 @@ def flip_time(context: Context) -> tuple[Floats, Floats]:
     body = context.setup.free_bodies[0]
     turning = context.turning(body)
     attitude = context.trace.qpos[:, 0, body.qpos + 3 : body.qpos + 7]
-    momentum = rotate_back(attitude, context.trace.angular_momentum[:, 0])
+    momentum = rotate_vectors_back(attitude, context.trace.angular_momentum[:, 0])
     start = turning[:, 0]
     return middle_axis_flip(momentum / start, start), _first_zero(context, turning[:, :, 1])
 

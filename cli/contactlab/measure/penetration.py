@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.rotations import rotate
-from contactlab.contact.trace_arrays import NORMAL, Floats, Passage, median
+from contactlab.contact.rotations import rotate_vectors
+from contactlab.contact.trace_arrays import NORMAL, Floats, Passage, fast_median
 from contactlab.contact.trace_setup import Barrier
 from contactlab.measure.backward_error import TOLERANCE, resolved_runs
 from contactlab.measure.context import (
@@ -20,8 +20,8 @@ from contactlab.measure.context import (
     share,
     worst_pair,
 )
-from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
-from contactlab.measure.stick_slip import spans
+from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Threshold, label, metric
+from contactlab.measure.stick_slip import find_spans
 
 _PIERCED = Threshold(
     "pierced",
@@ -128,7 +128,7 @@ def _depth_gains(context: Context) -> Floats:
     resting = (share(touching[..., third.start :]) >= _RESTING_SHARE).nonzero()
 
     def medians(values: Floats) -> list[Floats]:
-        return [median(values[..., part][resting]) for part in (third, last)]
+        return [fast_median(values[..., part][resting]) for part in (third, last)]
 
     before, after = medians(depth)
     if context.trace.pairs:
@@ -183,7 +183,7 @@ def distance_min(context: Context) -> Floats:
         "numerical",
     ),
 )
-def tunneling(runs: MeasuredRuns) -> Found:
+def tunneling(runs: MeasuredRuns) -> OnsetIterator:
     """A body's center crossed a surface or a geom, or it overlaps beyond the thinner's middle."""
     passed = [
         (run, Onset(_passage_reason(passage), passage.step, passage.bodies))
@@ -206,7 +206,7 @@ def _passage_reason(passage: Passage) -> str:
     colour="#0a79cf",
     advice="margin 0, or gap as large as margin",
 )
-def contact_at_distance(runs: MeasuredRuns) -> Found:
+def contact_at_distance(runs: MeasuredRuns) -> OnsetIterator:
     """A body is carried or pushed by contacts with a margin that keeps it away."""
     for run, part, limit in runs.over("standoff"):
         reason = f"contacts carry load at {part:.3g} of the thinner body's half extent"
@@ -225,7 +225,7 @@ def contact_at_distance(runs: MeasuredRuns) -> Found:
     advice="more load than solref carries: a shorter time constant, or less force",
     traits=("numerical",),
 )
-def sinking(runs: MeasuredRuns) -> Found:
+def sinking(runs: MeasuredRuns) -> OnsetIterator:
     """A resting pair keeps sinking into each other, under constant controls."""
     if runs.context.setup.steered:
         return
@@ -250,7 +250,7 @@ def sinking(runs: MeasuredRuns) -> Found:
     colour="#f6adc7",
     advice="another solref: contactlab explain depth_at_rest='.1 mm' MODEL",
 )
-def deep_penetration(runs: MeasuredRuns) -> Found:
+def deep_penetration(runs: MeasuredRuns) -> OnsetIterator:
     """The resting penetration of a pair exceeds the limit."""
     context, setup, given = runs.context, runs.context.setup, runs.limits.get(_STEADY.name)
     if context.trace.steps == 0:
@@ -276,7 +276,7 @@ def deep_penetration(runs: MeasuredRuns) -> Found:
             yield run, Onset(reason, step, bodies_of_pair(context, places[row]) if places else ())
 
 
-def _find_pierced(runs: MeasuredRuns) -> Found:
+def _find_pierced(runs: MeasuredRuns) -> OnsetIterator:
     """Find pairs without a barrier that overlap by more than half the thinner geom."""
     context, given = runs.context, runs.limits.get("pierced")
     guarded = {barrier.pair for barrier in context.setup.barriers}
@@ -285,7 +285,7 @@ def _find_pierced(runs: MeasuredRuns) -> Found:
         if place in guarded or (depth.max(initial=0) <= limit):
             continue
         where = f"{limit:.3g} m" if given else f"its middle, {limit:.3g} m from the surface"
-        deep = spans(depth > limit)
+        deep = find_spans(depth > limit)
         for run, start, stop in np.transpose((deep.run, deep.start, deep.stop)).tolist():
             dips = _always_overlaps(context, row)[run] or _turns_back(
                 context, row, run, slice(start, stop)
@@ -318,14 +318,14 @@ def _turns_back(context: Context, row: int, run: int, deep: slice) -> bool:
     return bool(resolved is not None and resolved[run] and turns)
 
 
-def _find_crossings(context: Context) -> Found:
+def _find_crossings(context: Context) -> OnsetIterator:
     """Find the first step with the center of a stopped geom beyond a barrier's mid-plane."""
     for barrier in context.setup.barriers:
         place = context.position(barrier.body)
         if barrier.centre.any():
             turned = barrier.body.qpos + 3
             rotation = context.trace.qpos[:, :, turned : turned + 4]
-            place = place + rotate(rotation, barrier.centre)
+            place = place + rotate_vectors(rotation, barrier.centre)
         height = np.full(place.shape[:2], -float(barrier.point @ barrier.normal))
         for axis in np.flatnonzero(barrier.normal).tolist():
             height += place[:, :, axis] * barrier.normal[axis]
@@ -369,7 +369,7 @@ def _lighter_weights(context: Context) -> Floats:
 @cached
 def _carried_weights(context: Context) -> Floats:
     """Return (P, n) the median of each pair's normal force in the last fifth, in weights."""
-    forces = median(context.net.series.normal[..., context.last_fifth])
+    forces = fast_median(context.net.series.normal[..., context.last_fifth])
     borne = forces[context.pairs.rows] / _lighter_weights(context)
     return borne * (borne < _MAX_WEIGHTS)
 
@@ -397,7 +397,7 @@ def weights_borne(context: Context) -> Floats:
     colour="#c076b1",
     advice="start bodies apart: they overlap in the keyframe, or are closed onto each other",
 )
-def squeezed(runs: MeasuredRuns) -> Found:
+def squeezed(runs: MeasuredRuns) -> OnsetIterator:
     """Bodies at rest press each other with many times their weight, only because they overlap."""
     context, checks = runs.context, runs.context.checks
     if checks is None:

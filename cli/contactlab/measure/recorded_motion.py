@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from contactlab.contact.rotations import angles_between, rotate_back
+from contactlab.contact.rotations import angles_between, rotate_vectors_back
 from contactlab.contact.trace_arrays import Floats, squared_lengths
 from contactlab.measure.context import Context, cached, contact_depths, down, energy, worst_body
 from contactlab.measure.entries import metric
@@ -170,7 +170,7 @@ def reality_side(context: Context) -> Floats:
             _last_value(context, positions[..., turn])
             for positions in (_simulated_states(context)[0], recorded.qpos)
         ]
-        here, there = (_nearest_axis(rotate_back(end, down(context))) for end in ends)
+        here, there = (_nearest_axis(rotate_vectors_back(end, down(context))) for end in ends)
         same.append(np.where(np.isnan(here + there), np.nan, here == there))
     return np.fmin.reduce(same) if same else context.undefined()
 

@@ -11,8 +11,8 @@ from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats
 from contactlab.contact.trace_setup import ExpectedContact
 from contactlab.measure.context import Context, contact_depths, first_step, runs_where
 from contactlab.measure.coverage import TURNING
-from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label
-from contactlab.measure.stick_slip import spans
+from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Threshold, label
+from contactlab.measure.stick_slip import find_spans
 
 _REQUIRED_VERBS = {"sticks": "stick", "slides": "slide", "rolls": "roll"}
 MODE_HOLD = Threshold(
@@ -34,7 +34,7 @@ Faults = Iterator[tuple[str, str, Mask]]
     advice="more friction; or priority, if the other geom's should count",
     traits=("required",),
 )
-def unexpected_slide(runs: MeasuredRuns) -> Found:
+def unexpected_slide(runs: MeasuredRuns) -> OnsetIterator:
     """A pair slides although it must stick or roll."""
     return _find_violations(runs, SLIDE)
 
@@ -48,7 +48,7 @@ def unexpected_slide(runs: MeasuredRuns) -> Found:
     advice="less friction on both geoms, since the larger counts; or priority",
     traits=("required",),
 )
-def unexpected_stick(runs: MeasuredRuns) -> Found:
+def unexpected_stick(runs: MeasuredRuns) -> OnsetIterator:
     """A pair sticks although it must slide."""
     return _find_violations(runs, STICK)
 
@@ -62,7 +62,7 @@ def unexpected_stick(runs: MeasuredRuns) -> Found:
     advice="fix the model, or correct the requirement in `must`",
     traits=("required",),
 )
-def pair_expectation(runs: MeasuredRuns) -> Found:
+def pair_expectation(runs: MeasuredRuns) -> OnsetIterator:
     """A pair does not press, touch, separate or roll as it must, or is deeper."""
     return _find_violations(runs, NO_CONTACT)
 
@@ -98,7 +98,7 @@ class _RequiredStretch:
         mode first lasts, or after it last did.
         """
         series = self.context.net.series.mode[row, self.run]
-        other = lasting(self.inside & (series == STICK + SLIDE - mode), self.width)
+        other = long_stretches(self.inside & (series == STICK + SLIDE - mode), self.width)
         good = np.flatnonzero(other).tolist()
         first, last = (good[0], good[-1]) if good else (None, None)
         part = {"first": slice(first), "last": slice(last, None), "": slice(None)}
@@ -161,7 +161,7 @@ def steps_that_count(context: Context, run: int, hold: float) -> int:
     return max(int(np.ceil(hold / context.trace.timestep[run] - _STEP_ROUNDING)), 1)
 
 
-def _find_violations(runs: MeasuredRuns, mode: int) -> Found:
+def _find_violations(runs: MeasuredRuns, mode: int) -> OnsetIterator:
     """Find unexpected behavior of pairs: sliding, sticking, or anything else."""
     for stretch in _required_stretches(runs.context, runs.limits["mode_hold"]):
         found = (
@@ -190,20 +190,20 @@ def _mode_margins(stretch: _RequiredStretch) -> Iterator[float]:
     for mode in (SLIDE, STICK):
         if stretch.forbids(mode):
             for _, row in stretch.pairs:
-                yield 1 - longest(stretch.in_mode(row, mode)) / stretch.width
+                yield 1 - longest_stretch(stretch.in_mode(row, mode)) / stretch.width
 
 
 def _pair_margins(stretch: _RequiredStretch) -> Iterator[float]:
     word, width = stretch.expected.word, stretch.width
     if stretch.expected.end is not None:
         return
-    yield 1 - longest(stretch.untouched) / width
+    yield 1 - longest_stretch(stretch.untouched) / width
     for _, row in stretch.pairs:
         if word == "apart":
-            time = longest(stretch.pressed(row))
+            time = longest_stretch(stretch.pressed(row))
             yield -time / width if time else 1.0
         elif word == "rolls":
-            yield 1 - longest(stretch.unturned(row)) / width
+            yield 1 - longest_stretch(stretch.unturned(row)) / width
         elif word == "shallow" and np.isfinite(depth := stretch.depth(row)).all():
             yield 1 - float(depth.max()) / stretch.expected.depth
     if word == "presses" and not np.isnan(force := stretch.mean_force).all():
@@ -218,7 +218,7 @@ def _find_wrong_modes(stretch: _RequiredStretch, met: int) -> Faults:
         return
     slips, when = stretch.context.net.series.slip, stretch.expected.end or ""
     for name, row in stretch.pairs:
-        where = lasting(stretch.in_mode(row, met), stretch.width)
+        where = long_stretches(stretch.in_mode(row, met), stretch.width)
         if where.any():
             slides = f"slides, at up to {slips[row, stretch.run, where].max():.3g} m/s"
             does = slides if met == SLIDE else "sticks"
@@ -231,7 +231,7 @@ def _find_mismatches(stretch: _RequiredStretch) -> Faults:
     if expected.end is not None:
         return
     least, most = expected.force
-    apart = lasting(stretch.untouched, stretch.width)
+    apart = long_stretches(stretch.untouched, stretch.width)
     if apart.any():
         wanted = _REQUIRED_VERBS.get(expected.word, f"press with {least:.3g} N or more")
         met = f"touches nothing for {np.count_nonzero(apart) * timestep:.3g} s"
@@ -256,7 +256,7 @@ def _pair_mismatches(stretch: _RequiredStretch, name: str, row: int) -> Faults:
         force = stretch.context.net.series.normal[row, run, pressed].max()
         yield f"{name} should be apart", f"presses with up to {force:.3g} N", pressed
     if word == "rolls":
-        still = lasting(stretch.unturned(row), stretch.width)
+        still = long_stretches(stretch.unturned(row), stretch.width)
         if still.any():
             time = np.count_nonzero(still) * stretch.context.trace.timestep[run]
             yield f"{name} should roll", f"does not turn for {time:.3g} s", still
@@ -265,23 +265,23 @@ def _pair_mismatches(stretch: _RequiredStretch, name: str, row: int) -> Faults:
         yield f"{name} should be at most {expected.depth:.3g} m deep", met, deep
 
 
-def lasting(mask: Mask, shortest: int) -> Mask:
+def long_stretches(mask: Mask, shortest: int) -> Mask:
     """Return (N,) the true steps of a mask that last for at least `shortest` steps."""
-    found, lasting = spans(mask[None]), mask.copy()
+    found, lasting = find_spans(mask[None]), mask.copy()
     for start, stop in zip(found.start, found.stop, strict=True):
         lasting[start:stop] = stop - start >= shortest
     return lasting
 
 
-def longest(mask: Mask) -> int:
+def longest_stretch(mask: Mask) -> int:
     """Return the largest number of consecutive true steps of a mask (N,)."""
-    found = spans(mask[None])
+    found = find_spans(mask[None])
     return int((found.stop - found.start).max(initial=0))
 
 
 def _moving_means(force: Floats, judged: Mask, width: int) -> Floats:
     """Return (N,) means over `width` steps from each on, or over all of a shorter stretch."""
-    means, found = np.full(len(force), np.nan), spans(judged[None])
+    means, found = np.full(len(force), np.nan), find_spans(judged[None])
     for start, stop in zip(found.start.tolist(), found.stop.tolist(), strict=True):
         size = min(width, stop - start)
         total = np.cumsum([0.0, *force[start:stop]])

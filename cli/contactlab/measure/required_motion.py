@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.expected_motion import ExpectedMotion
-from contactlab.contact.rotations import rotate
+from contactlab.contact.rotations import rotate_vectors
 from contactlab.contact.trace_arrays import NO_CONTACT, Floats
 from contactlab.measure.context import Context, cached, first_step, runs_where
-from contactlab.measure.entries import Found, MeasuredRuns, Onset, label
+from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, label
 from contactlab.measure.required_contact import (
     MODE_HOLD,
-    lasting,
-    longest,
+    long_stretches,
+    longest_stretch,
     steps_that_count,
 )
 
@@ -39,7 +39,7 @@ Fault = tuple[str, int]
     advice="fix the model, or correct the requirement in `must`",
     traits=("required",),
 )
-def broken_requirement(runs: MeasuredRuns) -> Found:
+def broken_requirement(runs: MeasuredRuns) -> OnsetIterator:
     """A body is not held, still, upright, passing or staying although it must be."""
     context, hold = runs.context, runs.limits["mode_hold"]
     faults = defaultdict[int, list[tuple[int, str, int]]](list)
@@ -102,7 +102,7 @@ def _path_margin(context: Context, path: _RequiredPath, hold: float) -> float:
     if path.expected.word == "held":
         width = steps_that_count(context, path.run, hold)
         apart = _steps_without_contact(context, path)[1]
-        return float(np.minimum(margin, 1 - longest(apart) / width))
+        return float(np.minimum(margin, 1 - longest_stretch(apart) / width))
     return margin
 
 
@@ -134,7 +134,7 @@ def _find_faults(context: Context, path: _RequiredPath, hold: float) -> Iterator
         return
     if expected.word == "held":
         steps, free = _steps_without_contact(context, path)
-        apart = lasting(free, steps_that_count(context, path.run, hold))
+        apart = long_stretches(free, steps_that_count(context, path.run, hold))
         if apart.any():
             seconds = np.count_nonzero(apart) * float(context.trace.timestep[path.run])
             yield f"its holder does not touch it for {seconds:.3g} s", int(steps[first_step(apart)])
@@ -145,7 +145,7 @@ def _path_departure(path: _RequiredPath) -> tuple[Floats, str]:
     expected, run, _, place, turn = path
     if expected.word == "upright":
         axis = np.broadcast_to(expected.axis[run], (len(turn), 3))
-        cosine = rotate(turn, axis) @ expected.up[run]
+        cosine = rotate_vectors(turn, axis) @ expected.up[run]
         return np.arccos(np.clip(cosine, -1, 1)), "rad"
     moved = np.linalg.norm(place - place[0], axis=1)
     if expected.word != "still":

@@ -3,7 +3,15 @@
 import numpy as np
 
 from contactlab.measure.context import Context, energy, first_step, runs_where, squares_from
-from contactlab.measure.entries import LABELS, Found, Label, MeasuredRuns, Onset, Threshold, label
+from contactlab.measure.entries import (
+    LABELS,
+    Label,
+    MeasuredRuns,
+    Onset,
+    OnsetIterator,
+    Threshold,
+    label,
+)
 
 LABELS.add(
     Label(
@@ -55,7 +63,7 @@ _MEMORY_WARNINGS = {"contactfull", "cnstrfull"}  # warnings of memory for contac
     advice="read the reason: it names the refused input and the correction",
     traits=("no impact",),
 )
-def invalid(runs: MeasuredRuns) -> Found:
+def invalid(runs: MeasuredRuns) -> OnsetIterator:
     """The run cannot be simulated as requested, or recorded no step."""
     trace, setup = runs.context.trace, runs.context.setup
     for run in range(trace.runs):
@@ -73,7 +81,7 @@ def invalid(runs: MeasuredRuns) -> Found:
     colour="#a29f95",
     advice="give <size memory> more, or fewer geoms that collide",
 )
-def buffer_overflow(runs: MeasuredRuns) -> Found:
+def buffer_overflow(runs: MeasuredRuns) -> OnsetIterator:
     """The engine dropped contacts or constraints, because a buffer was too small for them."""
     for run, counts in enumerate(runs.context.trace.warnings):
         if full := _MEMORY_WARNINGS & counts.keys():
@@ -90,7 +98,7 @@ def buffer_overflow(runs: MeasuredRuns) -> Found:
     advice="a shorter timestep; then look for light bodies on stiff joints or strong motors",
     traits=("no impact",),
 )
-def diverged(runs: MeasuredRuns) -> Found:
+def diverged(runs: MeasuredRuns) -> OnsetIterator:
     """The simulation failed: a warning, a wrong number, clock or quaternion, or an early end."""
     signs: dict[int, list[Onset]] = {}
     for check in (
@@ -107,7 +115,7 @@ def diverged(runs: MeasuredRuns) -> Found:
         yield run, Onset(reason, min(sign.step for sign in found))
 
 
-def _find_warnings(runs: MeasuredRuns) -> Found:
+def _find_warnings(runs: MeasuredRuns) -> OnsetIterator:
     for run, found in enumerate(runs.context.trace.warnings):
         counts = {name: count for name, count in found.items() if name not in _MEMORY_WARNINGS}
         raised = [f"{name} x{count}" for name, count in counts.items() if count > 0]
@@ -115,7 +123,7 @@ def _find_warnings(runs: MeasuredRuns) -> Found:
             yield run, Onset(f"engine warnings: {', '.join(raised)}", _last_step(runs.context))
 
 
-def _find_early_ends(runs: MeasuredRuns) -> Found:
+def _find_early_ends(runs: MeasuredRuns) -> OnsetIterator:
     trace = runs.context.trace
     if trace.steps < trace.steps_asked:
         reason = f"stopped after {trace.steps} of {trace.steps_asked} steps"
@@ -123,7 +131,7 @@ def _find_early_ends(runs: MeasuredRuns) -> Found:
             yield run, Onset(reason, _last_step(runs.context))
 
 
-def _find_non_finite(runs: MeasuredRuns) -> Found:
+def _find_non_finite(runs: MeasuredRuns) -> OnsetIterator:
     trace = runs.context.trace
     checked = {"qpos": trace.qpos, "qvel": trace.qvel}
     if trace.has_energy:
@@ -136,7 +144,7 @@ def _find_non_finite(runs: MeasuredRuns) -> Found:
             yield run, Onset(f"{name} is not finite", step)
 
 
-def _find_clock_errors(runs: MeasuredRuns) -> Found:
+def _find_clock_errors(runs: MeasuredRuns) -> OnsetIterator:
     trace, limit = runs.context.trace, runs.limits["clock_error"]
     if trace.steps == 0:
         return
@@ -151,7 +159,7 @@ def _find_clock_errors(runs: MeasuredRuns) -> Found:
         yield run, Onset(f"{reason}{trace.timestep[run]:.3g} s", step)
 
 
-def _find_quaternion_errors(runs: MeasuredRuns) -> Found:
+def _find_quaternion_errors(runs: MeasuredRuns) -> OnsetIterator:
     limit = runs.limits["quaternion_error"]
     low, high = (1 - limit) ** 2, (1 + limit) ** 2
     starts = runs.context.setup.quaternions

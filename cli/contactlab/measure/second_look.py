@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.trace_arrays import Floats, median, squared_lengths
+from contactlab.contact.trace_arrays import Floats, fast_median, squared_lengths
 from contactlab.measure.backward_error import TOLERANCE
 from contactlab.measure.constraint_violation import constraint_violation
 from contactlab.measure.context import Context, squared_speeds
@@ -13,7 +13,7 @@ from contactlab.measure.energy_balance import (
     integration_gain,
     integration_loss,
 )
-from contactlab.measure.entries import limits
+from contactlab.measure.entries import threshold_values
 from contactlab.measure.penetration import PRESSED, weights_borne
 from contactlab.measure.solver_work import stuck_share
 
@@ -53,15 +53,18 @@ def _oscillates(context: Context, late: Floats) -> NDArray[np.bool_]:
     aloft = context.trace.contacts.max(axis=1, initial=0)[:, None] == 0
     if late.shape[1] < _MIN_SPEEDS:
         return np.zeros(len(late), bool)
-    swing = median(np.swapaxes(np.abs(np.diff(late, n=2, axis=1)) / 4, 1, 2))
+    swing = fast_median(np.swapaxes(np.abs(np.diff(late, n=2, axis=1)) / 4, 1, 2))
     swing *= (swing >= _MIN_OSCILLATION * np.sqrt((late**2).mean(axis=1))) & (
         np.array(hinged) | aloft
     )
     acceleration = 2 * size * swing.max(axis=1, initial=0) / context.trace.timestep
-    return acceleration > limits(context.setup.thresholds)[TOLERANCE.name] * context.setup.pull
+    return (
+        acceleration
+        > threshold_values(context.setup.thresholds)[TOLERANCE.name] * context.setup.pull
+    )
 
 
-def suspects(context: Context) -> NDArray[np.bool_]:
+def needs_second_pass(context: Context) -> NDArray[np.bool_]:
     """Return (n,) which runs need a second pass although no label applies.
 
     Such a run oscillates in its steps, is pressed hard at rest or against a limit, has a solver
@@ -70,7 +73,7 @@ def suspects(context: Context) -> NDArray[np.bool_]:
     rattled.
     """
     trace, ranges = context.trace, context.trace.control_ranges
-    most = limits(context.setup.thresholds)
+    most = threshold_values(context.setup.thresholds)
     late = _late_speeds(context)
     found = _oscillates(context, late)
     found |= weights_borne(context) > most[PRESSED.name]

@@ -3,7 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.contact_laws import damping_ratio, restitution_of, stiffness_damping
+from contactlab.contact.contact_laws import (
+    damping_ratio,
+    restitution_from_damping,
+    stiffness_damping,
+)
 from contactlab.contact.contact_laws import rest_penetration as resting_depth
 from contactlab.contact.trace_arrays import (
     DISTANCE,
@@ -19,7 +23,7 @@ from contactlab.contact.trace_setup import Barrier
 from contactlab.measure.context import Context, cached, contact_depths, friction, gravity
 from contactlab.measure.entries import metric, oracle
 from contactlab.measure.penetration import steady_depths
-from contactlab.measure.stick_slip import IMPACT, Rows, Spans, spans
+from contactlab.measure.stick_slip import IMPACT, Rows, Spans, find_spans
 from contactlab.mjcf import AT_REST
 
 _MAX_IMPACTS = 5
@@ -67,7 +71,7 @@ def _find_bounces(context: Context, barrier: Barrier) -> tuple[Rows, Floats]:
 
 def _first_touches(context: Context, barrier: Barrier) -> tuple[Spans, Rows]:
     """Return each run's first contacts with a flight before and after, and their number."""
-    found = spans(context.net.series.contacts[context.pairs.rows[barrier.pair]] > 0)
+    found = find_spans(context.net.series.contacts[context.pairs.rows[barrier.pair]] > 0)
     whole = (found.start > 0) & (found.stop < context.trace.steps)
     run = found.run[whole]
     rank = np.arange(len(run)) - np.searchsorted(run, run)
@@ -148,7 +152,7 @@ def at_rest_error(context: Context) -> Floats:
 
 def restitution_of_solref(context: Context) -> Floats:
     """Return (n,) the restitution that follows from the damping ratio of solref."""
-    return restitution_of(damping_ratio(context.setting("solref")))
+    return restitution_from_damping(damping_ratio(context.setting("solref")))
 
 
 @oracle("1", ("solref",), relative=False)
@@ -186,7 +190,7 @@ def impact_depth(context: Context) -> tuple[Floats, Floats]:
     """
     solref, speed = context.setting("solref"), context.setting("speed")
     rate = np.sqrt(stiffness_damping(solref)[0])
-    depth = speed / rate * np.sqrt(restitution_of(damping_ratio(solref)))
+    depth = speed / rate * np.sqrt(restitution_from_damping(damping_ratio(solref)))
     if context.setup.speculative is not None:
         depth = np.where(context.setup.speculative, np.nan, depth)
     deepest = np.fmax.reduce(contact_depths(context)[1].max(axis=-1))
@@ -207,7 +211,7 @@ def separation_speed(context: Context) -> tuple[Floats, Floats]:
     # Each of N contacts is regularized separately: together they reach d N / (1 + (N - 1) d).
     contacts, impedance = context.trace.pairs[0].found[:, 0], context.setting("solimp")[:, 1]
     shared = contacts / (1 + (contacts - 1) * impedance)
-    restitution_root = np.sqrt(restitution_of(damping_ratio(solref) * np.sqrt(shared)))
+    restitution_root = np.sqrt(restitution_from_damping(damping_ratio(solref) * np.sqrt(shared)))
     speed = np.sqrt(stiffness * shared) * context.setting("overlap") * restitution_root
     one, other = (context.velocity(body)[:, -1] for body in context.setup.free_bodies[:2])
     return speed, np.linalg.norm(other - one, axis=1)

@@ -4,10 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.measure.amounts import part_of
+from contactlab.measure.amounts import readable_fraction
 from contactlab.measure.backward_error import TOLERANCE, resolved_runs
 from contactlab.measure.context import Context, cached, count, first_step, runs_where, share
-from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
+from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Threshold, label, metric
 from contactlab.schema.comparison import MetricRule
 
 _DISTANCE_THRESHOLD = Threshold(
@@ -82,7 +82,7 @@ def ungraded_contacts(context: Context) -> Floats:
     colour="#2701df",
     advice="solver Newton, more iterations; or softer contacts (solref)",
 )
-def solver_nonconvergence(runs: MeasuredRuns) -> Found:
+def solver_nonconvergence(runs: MeasuredRuns) -> OnsetIterator:
     """The solver used all its iterations, and forces and accelerations still differ."""
     context, allowed = runs.context, runs.context.setup.iterations
     # A hit alone is not a failure: one allowed iteration solves an easy problem.
@@ -103,7 +103,7 @@ def solver_nonconvergence(runs: MeasuredRuns) -> Found:
     colour="#622c63",
     advice="more `slots` of the pair in the scene",
 )
-def unrecorded_contacts(runs: MeasuredRuns) -> Found:
+def unrecorded_contacts(runs: MeasuredRuns) -> OnsetIterator:
     """A pair had more contacts than slots; measurements use the recorded ones only."""
     context = runs.context
     for row, run in np.argwhere(_has_cut_contacts(context).any(axis=2)).tolist():
@@ -202,14 +202,19 @@ def repeats(context: Context) -> Floats:
     colour="#c3be22",
     advice="jacobian dense, solver Newton, and a smaller tolerance",
 )
-def solver_inconsistent(runs: MeasuredRuns) -> Found:
+def solver_inconsistent(runs: MeasuredRuns) -> OnsetIterator:
     """The solver stopped early and wrong or left the cone, or a sparse Jacobian or run differs.
 
     An early stop counts only in runs that are not known to be the motion of their model.
     """
     context, checks = runs.context, runs.context.checks
     for run, excess, limit in runs.over("cone_violation", TOLERANCE.name):
-        yield run, Onset(f"a force exceeds its cone by {part_of(excess)} it (limit {limit:g})", 0)
+        yield (
+            run,
+            Onset(
+                f"a force exceeds its cone by {readable_fraction(excess)} it (limit {limit:g})", 0
+            ),
+        )
     if checks is None:
         return
     early = ~saturated(context)
@@ -238,7 +243,7 @@ def solver_inconsistent(runs: MeasuredRuns) -> Found:
     advice="contype, conaffinity and exclude: let the pair collide; multiccd for meshes",
     traits=("no impact",),
 )
-def missed_contact(runs: MeasuredRuns) -> Found:
+def missed_contact(runs: MeasuredRuns) -> OnsetIterator:
     """A monitored pair overlaps without a contact."""
     if checks := runs.context.checks:
         yield from _find_distance_errors(
@@ -254,13 +259,13 @@ def missed_contact(runs: MeasuredRuns) -> Found:
     colour="#867efa",
     advice="margin 0, or a convex shape that is closer to the visible shape",
 )
-def phantom_contact(runs: MeasuredRuns) -> Found:
+def phantom_contact(runs: MeasuredRuns) -> OnsetIterator:
     """A contact is reported between separated bodies."""
     if checks := runs.context.checks:
         yield from _find_distance_errors(runs, checks.apart, "a contact is deeper than its bodies")
 
 
-def _find_distance_errors(runs: MeasuredRuns, amounts: Floats, fault: str) -> Found:
+def _find_distance_errors(runs: MeasuredRuns, amounts: Floats, fault: str) -> OnsetIterator:
     limit = runs.limits.get(
         _DISTANCE_THRESHOLD.name, _DISTANCE_ERROR_FACTOR * runs.context.setup.exact
     )

@@ -44,7 +44,7 @@ class Spans:
     stop: Rows
 
 
-def spans(mask: NDArray[np.bool_]) -> Spans:
+def find_spans(mask: NDArray[np.bool_]) -> Spans:
     """Return the stretches of true steps in `mask` (n, N)."""
     runs, steps = mask.shape
     padded = np.zeros((runs, steps + 2), dtype=np.bool_)
@@ -54,7 +54,7 @@ def spans(mask: NDArray[np.bool_]) -> Spans:
     return Spans(run[::2], step[::2], step[1::2])
 
 
-def modes(
+def contact_modes(
     bearing: NDArray[np.bool_], usage: Floats, grip: Floats, slip: Floats, timestep: Floats
 ) -> Modes:
     """Return the modes (..., n, N) of pairs by the rule of this module.
@@ -75,7 +75,7 @@ def modes(
 def _mark_long_gaps(events: Modes, bearing: NDArray[np.bool_], longest: Floats) -> None:
     """Set events at the start of long gaps, and where contact begins again."""
     steps = bearing.shape[1]
-    gaps = spans(~bearing)
+    gaps = find_spans(~bearing)
     long = (gaps.start == 0) | (gaps.stop - gaps.start > longest[gaps.run])
     events[gaps.run[long], gaps.start[long]] = _SEPARATED
     again = long & (gaps.stop < steps)
@@ -98,14 +98,14 @@ def _hold_last_event(events: Modes) -> Modes:
     return held
 
 
-def changes(mode: Modes, normal: Floats, usage: Floats) -> NDArray[np.bool_]:
+def mode_changes(mode: Modes, normal: Floats, usage: Floats) -> NDArray[np.bool_]:
     """Return (n, N - 1) whether a pair changes between stick and slide at the next sample.
 
     (n, N) each: its mode, normal force, and share of the friction bound in use. Sticking that never
     uses less than 0.9 of the friction bound belongs to the neighboring slides: a slow slide with a
     speed near the least that counts as sliding does not stick.
     """
-    stick = spans(mode == STICK)
+    stick = find_spans(mode == STICK)
     held = (normal > 0) & (usage < HELD_USAGE)
     before = np.zeros((mode.shape[0], mode.shape[1] + 1), dtype=np.int32)
     np.cumsum(held, axis=1, out=before[:, 1:])

@@ -17,7 +17,7 @@ from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats
 from contactlab.page.heatmap import Layered, label_map, number_map
 from contactlab.palette import COLOURS, INK
 from contactlab.pareto.convergence import MethodKey, method_key
-from contactlab.pareto.tradeoff_chart import specification
+from contactlab.pareto.tradeoff_chart import chart_specification
 from contactlab.reporting.report import ReportData
 from contactlab.reporting.report_columns import (
     Codes,
@@ -57,7 +57,7 @@ def tradeoff_chart(data: ReportData) -> Spec | None:
     ):
         return None
     # Altair would hold every configuration against its schema.
-    return themed(specification(report, _drawn_places(report)).to_dict(validate=False))
+    return themed(chart_specification(report, _drawn_places(report)).to_dict(validate=False))
 
 
 def _drawn_places(report: TradeoffReport) -> set[int]:

@@ -25,7 +25,7 @@ from contactlab.page.page_charts import KnobChange, knob_changes, tradeoff_chart
 from contactlab.page.paper_figures import physical_figures
 from contactlab.page.script_data import ScriptData, listed_metrics, page_colours, script_data
 from contactlab.page.sentences import closest_settings, reality_sentence, tradeoff_sentence
-from contactlab.pareto.criteria import RECORDED
+from contactlab.pareto.criteria import RECORDED_TIME_COLUMN
 from contactlab.pareto.recommendation import blocker_texts, next_step_text, robust_text
 from contactlab.reporting.boundaries import boundary_lines, coverage
 from contactlab.reporting.finding import finding
@@ -411,7 +411,9 @@ def listed_runs(data: ReportData) -> Table:
             *(axis.ticks[axis.codes[row]] for axis in data.axes),
             *(f"{quantity.values[row]:.4g}" for quantity in quantities),
         ]
-        for row, identity in zip(worst, data.store.columns.some(["run_id"], worst), strict=True)
+        for row, identity in zip(
+            worst, data.store.columns.select_values(["run_id"], worst), strict=True
+        )
     ]
     titles = (column.title for column in (*data.axes, *quantities))
     return Table(["run", "label", *titles], rows)
@@ -420,7 +422,11 @@ def listed_runs(data: ReportData) -> Table:
 def effects_view(data: ReportData) -> EffectsView | None:
     """Return the effect of each knob; None where no two runs differ in one alone."""
     report = data.tradeoff
-    first = (report.time.name, report.error.name, *report.tolerances) if report else (RECORDED,)
+    first = (
+        (report.time.name, report.error.name, *report.tolerances)
+        if report
+        else (RECORDED_TIME_COLUMN,)
+    )
     wanted = dict.fromkeys((*first, *summary_metrics()))
     quantities = (quantity for name in wanted for quantity in data.quantities.named([name]))
     changes = knob_changes(data.axes, data.labels, quantities, _MOST_RATIOS)
@@ -458,7 +464,7 @@ def _unexpected_runs(store: Store) -> list[tuple[str, str, str]]:
         return []
     met = store.columns.numbers("expectation_met").values
     unmet = np.flatnonzero(met == 0)[:_MOST_UNEXPECTED].tolist()
-    rows = store.columns.some(["run_id", "label", "expectation_reason"], unmet)
+    rows = store.columns.select_values(["run_id", "label", "expectation_reason"], unmet)
     return [(row["run_id"], row["label"], row["expectation_reason"] or "") for row in rows]
 
 

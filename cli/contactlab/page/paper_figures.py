@@ -8,7 +8,7 @@ import altair as alt
 import numpy as np
 
 from contactlab.charts import Rows, Spec, layer_of, themed, word_colours
-from contactlab.contact.contact_laws import damping_ratio, restitution_of, sticking_speed
+from contactlab.contact.contact_laws import damping_ratio, restitution_from_damping, sticking_speed
 from contactlab.contact.trace_arrays import LINEAR_VELOCITY, STICK, Floats
 from contactlab.errors import optional
 from contactlab.measure import labels_with
@@ -80,7 +80,7 @@ def bouncing_runs(store: Store, axes: Sequence[GridAxis], stable: np.ndarray) ->
     """Return `stable` (n,) runs that bounce at least once, one for each value of one axis."""
     axis = _axis_of_restitution(store, axes, stable)
     by_setting: dict[str, BouncingRun] = {}
-    traced = stable & store.columns.given("trace_file")
+    traced = stable & store.columns.has_value("trace_file")
     for row in np.flatnonzero(traced)[:_MOST_BOUNCING_RECORDS_READ].tolist():
         setting = f"{axis.name} {axis.ticks[axis.codes[row]]}" if axis else "the scene's own"
         if setting not in by_setting and len(by_setting) < _MOST_BOUNCING_RUNS:
@@ -128,7 +128,7 @@ def _bouncing_run(trace: StoredTrace, record: EvidenceRecord, setting: str) -> B
     if len(peaks) < _LEAST_PEAKS or np.abs(grounds).max(initial=0.0) > _MOST_RISE * peaks[0]:
         return None
     kept = decimated(height)
-    restitution = float(restitution_of(damping_ratio(record.pairs[pair.name].solref)))
+    restitution = float(restitution_from_damping(damping_ratio(record.pairs[pair.name].solref)))
     return BouncingRun(setting, trace.time[kept], height[kept], peaks, restitution)
 
 
@@ -144,7 +144,7 @@ def first_impacts(store: Store) -> Rows:
     without = labels_with("no impact")
     records = (
         record
-        for record in store.records(store.columns.given("trace_file"))
+        for record in store.records(store.columns.has_value("trace_file"))
         if record.label not in without
     )
     impacts: Rows = []
@@ -165,7 +165,7 @@ def _first_impact(pair: StoredPair, record: EvidenceRecord) -> Rows:
     normal, slip = abs(float(velocity[0])), float(np.linalg.norm(velocity[1:]))
     if normal < _LEAST_APPROACH_M_PER_S:
         return []
-    restitution = restitution_of(damping_ratio(contact.solref))
+    restitution = restitution_from_damping(damping_ratio(contact.solref))
     bound = float(sticking_speed(normal, restitution, contact.friction[0]))
     # The first touch only: after a flight another one follows.
     breaks = np.flatnonzero(np.diff(pair.steps) > 1)

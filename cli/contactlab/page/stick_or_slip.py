@@ -7,7 +7,7 @@ import altair as alt
 import numpy as np
 
 from contactlab.charts import Rows, Spec, layer_of, word_colours
-from contactlab.contact.rotations import rotate, rotate_back
+from contactlab.contact.rotations import rotate_vectors, rotate_vectors_back
 from contactlab.contact.trace_arrays import NORMAL, SLIDE, STICK, Floats
 from contactlab.page.run_series import is_single_body
 from contactlab.palette import INK, mode_colour
@@ -36,7 +36,7 @@ def slope_runs(store: Store) -> Rows:
     """
     if store.manifest.traces_left_out or store.manifest.traces < _LEAST_RUNS:
         return []
-    records = filter(_is_still, store.records(store.columns.given("trace_file")))
+    records = filter(_is_still, store.records(store.columns.has_value("trace_file")))
     found = (
         _slope_run(store.trace(record), record) for record in islice(records, _MOST_RECORDS_READ)
     )
@@ -59,7 +59,7 @@ def _slope_run(trace: StoredTrace, record: EvidenceRecord) -> dict[str, Any] | N
         return None
     normals, pose = pair.points[:, NORMAL], trace.qpos[[0, -1], 3:7]
     normal = normals[-1]
-    turned = rotate(pose[1], rotate_back(pose[0], normal)) if pose.size else normal
+    turned = rotate_vectors(pose[1], rotate_vectors_back(pose[0], normal)) if pose.size else normal
     bears = pair.steps[-1] >= _BEARING * len(trace.contacts)
     if not (bears and turned @ normal > _SAME and (normals @ normal).min() > _SAME):
         return None

@@ -15,15 +15,15 @@ from contactlab.pareto.configurations import (
     Evaluated,
     ResolvedCriteria,
     StoredRuns,
-    evaluate,
+    bounded_magnitudes,
+    evaluate_configurations,
     find_insensitive_knobs,
     fix_insensitive_knobs,
     group_runs,
     is_chaotic,
-    magnitudes,
     read_runs,
 )
-from contactlab.pareto.convergence import methods
+from contactlab.pareto.convergence import find_methods
 from contactlab.pareto.criteria import Criteria, error_measure, time_measure, tolerances_of
 from contactlab.pareto.recommendation import (
     SAFE_MARGIN,
@@ -48,7 +48,7 @@ from contactlab.store.finished_store import Store
 _DEFAULT_CRITERIA = Criteria()
 
 
-def analyze(store: Store, criteria: Criteria = _DEFAULT_CRITERIA) -> TradeoffReport:
+def analyze_tradeoff(store: Store, criteria: Criteria = _DEFAULT_CRITERIA) -> TradeoffReport:
     """Return the time that accuracy costs, over the configurations of a store.
 
     Raises a SweepFileError if the criteria name a column that the store does not have; a StoreError
@@ -58,7 +58,7 @@ def analyze(store: Store, criteria: Criteria = _DEFAULT_CRITERIA) -> TradeoffRep
     error = error_measure(store, criteria, tolerances)
     resolved = ResolvedCriteria(error, time_measure(store), tolerances)
     runs = read_runs(store, (error.name, resolved.time.name, *tolerances, *PASS_COLUMNS))
-    evaluated = evaluate(runs, resolved)
+    evaluated = evaluate_configurations(runs, resolved)
     front = feasible_front(evaluated)
     baseline = None if runs.baseline is None else evaluated[0].summary
     own = baseline and baseline.configuration
@@ -86,7 +86,7 @@ def analyze(store: Store, criteria: Criteria = _DEFAULT_CRITERIA) -> TradeoffRep
         configurations=summaries,
         front=tuple(_front_point(configuration.summary) for configuration in front),
         unconstrained_front=tuple(_front_point(summaries[index]) for index in front_of(summaries)),
-        methods=tuple(methods(alike, is_modeling=is_modeling)),
+        methods=tuple(find_methods(alike, is_modeling=is_modeling)),
         recommendation=_recommendation(store, chosen),
         robust=_recommendation(store, safe),
         next_step=_next_step(feasible_front(possible), best) if best else None,
@@ -237,7 +237,7 @@ def tolerance_table(store: Store, report: TradeoffReport, names: Sequence[str]) 
     def worst(name: str) -> Floats:
         names = {name, ESTIMATES.get(name, name)} & {*columns.schema.names}
         numbers = {column: columns.numbers(column).values for column in names}
-        return np.maximum.reduceat(magnitudes(numbers, groups.order, name), groups.starts)
+        return np.maximum.reduceat(bounded_magnitudes(numbers, groups.order, name), groups.starts)
 
     is_sound = [
         summary.time is not None and summary.outcomes.labels.keys() <= {STABLE}

@@ -212,7 +212,7 @@ class _Figures(NamedTuple):
     impacts: float
 
 
-def evaluate(runs: StoredRuns, criteria: ResolvedCriteria) -> list[Evaluated]:
+def evaluate_configurations(runs: StoredRuns, criteria: ResolvedCriteria) -> list[Evaluated]:
     """Evaluate every configuration, the model as written first, then in the order of the plan.
 
     A configuration is feasible if it was run in every scenario and seed of any other, has no
@@ -247,13 +247,13 @@ def _measured_figures(
     good = np.array([name == STABLE for name in names])[codes]
     worst: dict[str, list[float | None]] = {}
     for name, limit in criteria.tolerances.items():
-        sizes = magnitudes(runs.numbers, groups.order, name)
+        sizes = bounded_magnitudes(runs.numbers, groups.order, name)
         worst[name] = _criterion_sizes(name, sizes, groups)
         # A comparison with NaN is false, as required.
         good &= sizes <= limit
     times = groups.parts(runs.numbers[criteria.time.name][groups.order])
     error = criteria.error
-    sizes = magnitudes(runs.numbers, groups.order, error.name)
+    sizes = bounded_magnitudes(runs.numbers, groups.order, error.name)
     is_estimated = error.kind == "discretization"
     none = [None] * len(groups.starts)
     estimates = _largest_values(runs, groups, ESTIMATES[error.name]) if is_estimated else none
@@ -360,7 +360,7 @@ def _error_spread(sizes: Floats) -> tuple[float, float] | None:
     return (least, (upper + lower) / 2) if len(own) > 1 and last == last else None  # noqa: PLR0124
 
 
-def magnitudes(numbers: Mapping[str, Floats], rows: Rows, name: str) -> Floats:
+def bounded_magnitudes(numbers: Mapping[str, Floats], rows: Rows, name: str) -> Floats:
     """Return the magnitude of a column in each run, as tolerances bound it; NaN without a value.
 
     An error against a reference is at least the uncertainty of the reference.

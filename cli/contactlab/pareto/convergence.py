@@ -11,12 +11,14 @@ from contactlab.pareto.configurations import Evaluated
 from contactlab.schema.evidence import Setting
 from contactlab.schema.tradeoff_report import Floor, Method, Order
 
-FEWEST = 3
-CLEAR = 3.0  # an error this many times the uncertainty of its reference is wrong by at most a third
+MIN_TIMESTEPS = 3
+CLEAR_RATIO = (
+    3.0  # an error this many times the uncertainty of its reference is wrong by at most a third
+)
 # A slope may be wrong by twice this, so that whole orders are clearly distinguishable.
 WORST_STANDARD_ERROR = 0.1
 LEAST_SLOPE = 0.25
-FLAT = 1.5
+FLAT_RATIO = 1.5
 FLAT_SPAN = 4.0
 
 
@@ -28,7 +30,7 @@ class TimestepErrors(NamedTuple):
     uncertainty: Floats  # (n,) of the reference, in the error's unit; 0 without one
 
 
-def order(steps: TimestepErrors, floor: float = 0.0) -> Order:
+def convergence_order(steps: TimestepErrors, floor: float = 0.0) -> Order:
     """Return the order of convergence.
 
     A line through log error over log timestep is fitted to the widest range, from the finest clear
@@ -36,11 +38,11 @@ def order(steps: TimestepErrors, floor: float = 0.0) -> Order:
     the asymptotic range. A step is clear if its error exceeds three times the uncertainty of the
     reference, and three times the floor, which remains at any timestep; 0 if none is known.
     """
-    clear = steps.error > CLEAR * np.maximum(steps.uncertainty, floor)
+    clear = steps.error > CLEAR_RATIO * np.maximum(steps.uncertainty, floor)
     timestep, error = np.log(steps.timestep[clear]), np.log(steps.error[clear])
-    if len(timestep) < FEWEST:
+    if len(timestep) < MIN_TIMESTEPS:
         return no_order(_too_few_text(len(timestep), steps, floor))
-    for count in range(len(timestep), FEWEST - 1, -1):
+    for count in range(len(timestep), MIN_TIMESTEPS - 1, -1):
         slope, standard_error = _fit_line(timestep[:count], error[:count])
         if standard_error <= WORST_STANDARD_ERROR and slope < LEAST_SLOPE:
             return no_order(f"the error does not fall with the timestep (slope {slope:.2g})")
@@ -62,9 +64,9 @@ def find_floor(steps: TimestepErrors) -> Floor | None:
     by 2 over that span, one of order 1 by 4.
     """
     floor = None
-    for count in range(FEWEST, len(steps.timestep) + 1):
+    for count in range(MIN_TIMESTEPS, len(steps.timestep) + 1):
         timestep, error = steps.timestep[:count], steps.error[:count]
-        if error.max() > FLAT * error.min():
+        if error.max() > FLAT_RATIO * error.min():
             break
         # The span is compared with a little room, since timesteps such as 1e-3 / 4 are rounded.
         if timestep[-1] >= FLAT_SPAN * timestep[0] * (1 - 1e-9):
@@ -74,9 +76,11 @@ def find_floor(steps: TimestepErrors) -> Floor | None:
 
 def _too_few_text(clear: int, steps: TimestepErrors, floor: float) -> str:
     if not floor and not steps.uncertainty.any():
-        return f"{clear} timesteps, but a line needs {FEWEST}"
+        return f"{clear} timesteps, but a line needs {MIN_TIMESTEPS}"
     threshold = "the floor" if floor else "the reference's own error"
-    return f"{clear} of at least {FEWEST} timesteps have an error above three times {threshold}"
+    return (
+        f"{clear} of at least {MIN_TIMESTEPS} timesteps have an error above three times {threshold}"
+    )
 
 
 def _fit_line(x: Floats, y: Floats) -> tuple[float, float]:
@@ -97,7 +101,7 @@ _NUMERIC_KNOBS = {
 }
 
 
-def methods(evaluated: Sequence[Evaluated], *, is_modeling: bool) -> list[Method]:
+def find_methods(evaluated: Sequence[Evaluated], *, is_modeling: bool) -> list[Method]:
     """Return the methods, in the order of their first configurations.
 
     They may have a floor if the error has another reference than the model: if `is_modelling`.
@@ -105,7 +109,7 @@ def methods(evaluated: Sequence[Evaluated], *, is_modeling: bool) -> list[Method
     members: dict[MethodKey, list[Evaluated]] = {}
     for configuration in evaluated:
         members.setdefault(method_key(configuration.values), []).append(configuration)
-    differing = varying([dict(key) for key in members])
+    differing = varying_knobs([dict(key) for key in members])
     floors: dict[MethodKey, Floor | None] = dict.fromkeys(members)
     # Methods that differ only in integrator or solver converge to the same solution, and share
     # the smallest floor of any of them.
@@ -145,7 +149,7 @@ def _knob_word(name: str, value: Setting) -> str:
     return f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
 
 
-def varying(keys: Sequence[Mapping[str, Setting]]) -> list[str]:
+def varying_knobs(keys: Sequence[Mapping[str, Setting]]) -> list[str]:
     """Return the knobs that differ between methods."""
     return [name for name in keys[0] if len({key[name] for key in keys}) > 1] if keys else []
 
@@ -155,7 +159,7 @@ def _method_order(members: Sequence[Evaluated], floor: float) -> Order:
     if impacts:
         most = "one impact" if impacts == 1 else f"up to {impacts:.0f} impacts"
         return no_order(f"a run has {most}, at a chance place within a step")
-    return order(_timestep_errors(members), floor)
+    return convergence_order(_timestep_errors(members), floor)
 
 
 def _physics_key(key: MethodKey) -> MethodKey:

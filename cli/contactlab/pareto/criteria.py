@@ -13,9 +13,9 @@ from contactlab.schema.tradeoff_report import REALITY, ErrorMeasure, TimeMeasure
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import Address, parse_address
 
-MODELING = "oracle_error"
-TIMED = "time_median"
-RECORDED = "cost_cpu_per_sim_s"
+MODELING_ERROR = "oracle_error"
+TIMED_COLUMN = "time_median"
+RECORDED_TIME_COLUMN = "cost_cpu_per_sim_s"
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def error_measure(
     # All runs of a sweep have the same kind of error.
     kinds = store.columns.coded("error_kind").values if name in ERRORS else ()
     asked = Sweep.model_validate(store.manifest.sweep.resolved).accuracy
-    modeling = "modeling" if name == MODELING else "metric"
+    modeling = "modeling" if name == MODELING_ERROR else "metric"
     return ErrorMeasure(
         name=name,
         unit=described.unit if described else "",
@@ -80,22 +80,22 @@ def error_measure(
 
 def find_error_metric(names: Sequence[str] | Mapping[str, float]) -> str | None:
     """Return the first of these names that is an error against a reference."""
-    return next((name for name in names if name in {*ERRORS, MODELING, REALITY}), None)
+    return next((name for name in names if name in {*ERRORS, MODELING_ERROR, REALITY}), None)
 
 
 def time_measure(store: Store) -> TimeMeasure:
     """Return the time of the timing pass or, without one, of the recorded runs."""
-    if not _is_measured(store, TIMED):
-        return TimeMeasure(name=RECORDED, source="recording", spread=None)
-    middle, least = (store.columns.numbers(name).values for name in (TIMED, "time_min"))
+    if not _is_measured(store, TIMED_COLUMN):
+        return TimeMeasure(name=RECORDED_TIME_COLUMN, source="recording", spread=None)
+    middle, least = (store.columns.numbers(name).values for name in (TIMED_COLUMN, "time_min"))
     # One round has no spread.
     timed = np.isfinite(middle) & (least > 0) & (middle > least)
     spread = float(np.median(middle[timed] / least[timed] - 1)) if timed.any() else None
-    return TimeMeasure(name=TIMED, source="timing", spread=spread)
+    return TimeMeasure(name=TIMED_COLUMN, source="timing", spread=spread)
 
 
 def _measured_error(store: Store, tolerances: Mapping[str, float]) -> str:
-    candidates = (ERRORS[0], MODELING, REALITY, *tolerances)
+    candidates = (ERRORS[0], MODELING_ERROR, REALITY, *tolerances)
     other = ERRORS[0] if _all_failed(store) else None
     measured = next((name for name in candidates if _is_measured(store, name)), other)
     if measured is None:

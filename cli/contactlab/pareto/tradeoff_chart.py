@@ -9,7 +9,13 @@ import altair as alt
 
 from contactlab.charts import haloed, layer_of
 from contactlab.palette import COLOURS, INK, LETTERS, OTHERS_COLOUR, SHAPES
-from contactlab.pareto.convergence import TIMESTEP, MethodKey, method_key, method_name, varying
+from contactlab.pareto.convergence import (
+    TIMESTEP,
+    MethodKey,
+    method_key,
+    method_name,
+    varying_knobs,
+)
 from contactlab.pareto.recommendation import front_of
 from contactlab.schema.tradeoff_report import Configuration, Settings, TradeoffReport
 
@@ -132,7 +138,7 @@ def _method_names(
     measured = [place for place in shown if not _is_failed(shown[place])]
     by_error = sorted(measured, key=lambda place: shown[place].error or 0.0)
     keys = list(dict.fromkeys(lines[place] for place in (*marked, *front, *by_error, *shown)))
-    differing = varying([dict(key) for key in keys])
+    differing = varying_knobs([dict(key) for key in keys])
     return {
         key: f"{letter}  {method_name(dict(key), differing)}"
         for letter, key in zip(LETTERS, keys, strict=False)
@@ -217,7 +223,7 @@ _MAX_LABELLED_POINTS = 24
 _Channel = TypeVar("_Channel", alt.Color, alt.Shape)
 
 
-def specification(
+def chart_specification(
     report: TradeoffReport, places: Collection[int] | None = None
 ) -> alt.TopLevelMixin:
     """Return the chart of a report, or of the configurations at some places of it.

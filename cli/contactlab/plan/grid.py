@@ -33,7 +33,7 @@ class Block:
         """Return the values of one of its axes, row by row."""
         return tuple(map(itemgetter(self.names.index(name)), self.rows))
 
-    def keeping(self, name: str, values: Collection[object]) -> "Block":
+    def filter_rows(self, name: str, values: Collection[object]) -> "Block":
         """Return only the rows with one of some values of an axis, if the block has the axis."""
         if name not in self.names:
             return self
@@ -92,22 +92,22 @@ class Grid:
     blocks: tuple[Block, ...] | None
     """Factors of the product, the last one fastest; None without a product."""
     excludes: tuple[Match, ...]  # conditions on rows of the product to leave out
-    added: tuple[RowValues, ...]  # rows to include
-    written: tuple[RowValues, ...] = ()  # rows of the scene as written, one for each scenario
+    included_rows: tuple[RowValues, ...]  # rows to include
+    baseline_rows: tuple[RowValues, ...] = ()  # rows of the scene as written, one for each scenario
 
     @property
     def names(self) -> tuple[str, ...]:
         """The axes of any row, in order, including effects of all rows."""
         blocks = (block.names for block in self.blocks or () if block.rows)
-        return tuple(dict.fromkeys(itertools.chain(*blocks, self.base, *self.added)))
+        return tuple(dict.fromkeys(itertools.chain(*blocks, self.base, *self.included_rows)))
 
-    def taken(self, name: str) -> tuple[object, ...]:
+    def axis_values(self, name: str) -> tuple[object, ...]:
         """Return the values of an axis in any row, each once, in order."""
         values = dict[object, None]()
         for block in self.blocks or ():
             if name in block.names:
                 values.update(dict.fromkeys(block.column(name)))
-        rows = (row for row in (self.base, *self.added) if name in row)
+        rows = (row for row in (self.base, *self.included_rows) if name in row)
         return tuple(values | dict.fromkeys(row[name] for row in rows))
 
     def product_values(self, name: str) -> tuple[object, ...]:
@@ -115,14 +115,14 @@ class Grid:
         for block in self.blocks or ():
             if name in block.names:
                 return block.column(name)
-        return self.taken(name)
+        return self.axis_values(name)
 
-    def keeping(self, name: str, values: Collection[object]) -> "Grid":
+    def filter_rows(self, name: str, values: Collection[object]) -> "Grid":
         """Return the grid with only the rows with one of some values of an axis."""
-        added = tuple(row for row in self.added if (self.base | row).get(name) in values)
+        added = tuple(row for row in self.included_rows if (self.base | row).get(name) in values)
         blocks = self.blocks
         if blocks and any(name in block.names for block in blocks):
-            blocks = tuple(block.keeping(name, values) for block in blocks)
+            blocks = tuple(block.filter_rows(name, values) for block in blocks)
         elif self.base.get(name) not in values:
             blocks = None
         return replace(self, blocks=blocks, added=added)
@@ -144,12 +144,12 @@ class Grid:
             yield from (row for row in self._product() if not self._excluded(row))
         else:
             yield from self._product()
-        yield from (self.base | row for row in self.added)
-        yield from self.written
+        yield from (self.base | row for row in self.included_rows)
+        yield from self.baseline_rows
 
     def count(self, most: float = math.inf) -> tuple[int, Sequence[Match]]:
         """Return the number of rows, counted up to `most`, and the excludes that match none."""
-        further = len(self.added) + len(self.written)
+        further = len(self.included_rows) + len(self.baseline_rows)
         if not self.excludes:
             return self.product_size + further, ()
         included, unmatched = 0, list(self.excludes)

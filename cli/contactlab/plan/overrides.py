@@ -11,7 +11,7 @@ from contactlab.errors import SweepFileError, did_you_mean, suggestion
 from contactlab.plan.diagnostics import Place, SourceText
 from contactlab.plan.grid import Grid
 from contactlab.plan.names import add_not_swept
-from contactlab.plan.rows import SweepContext, span, zip_blocks
+from contactlab.plan.rows import SweepContext, parse_unit_range, zip_blocks
 from contactlab.plan.yaml_document import Document, KeyPath, read_argument
 from contactlab.schema.drive import DRIVE_WORDS, Drive, read_drive
 from contactlab.schema.sweep_schema import Sweep
@@ -125,7 +125,7 @@ def _axis_value(document: Document, option: ParsedOption, path: KeyPath, role: o
     call, place = _CALL.fullmatch(option.value), option.place
     if option.value == "all":
         return "all"
-    if form := span(option.value):
+    if form := parse_unit_range(option.value):
         return {**form, **kept}
     if call is None:
         values = _listed(document, option, (*path, "values") if kept else path)
@@ -161,7 +161,7 @@ def read_filters(
 def check_values(document: Document, filters: Sequence[Filter], grid: Grid) -> None:
     """Add a mistake for every filter whose axis never takes any of its values."""
     for condition in filters:
-        values = grid.taken(condition.name)
+        values = grid.axis_values(condition.name)
         if not set(values).intersection(condition.values):
             first = ", ".join(str(value) for value in values[:8])
             more = ", ..." if len(values) > 8 else ""

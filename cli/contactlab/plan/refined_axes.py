@@ -37,7 +37,7 @@ def write_out_refined(document: Document) -> None:
         refine.setdefault("start", max(starts))
 
 
-def stride_of(refine: Refine) -> int | None:
+def first_stride(refine: Refine) -> int | None:
     """Return the steps of the first cells, a power of two; None if no such cells exist."""
     steps = refine.to - 1
     if refine.start is None:
@@ -49,12 +49,12 @@ def stride_of(refine: Refine) -> int | None:
     return stride if not rest and stride and not stride & (stride - 1) else None
 
 
-def least_runs(refine: Refine, runs: int) -> int:
+def smallest_run_count(refine: Refine, runs: int) -> int:
     """Return the smallest number of runs of a grid: the corners of its first cells, and probes.
 
     This is the number if all outcomes are equal.
     """
-    stride, axes = stride_of(refine) or 1, len(refine.axes)
+    stride, axes = first_stride(refine) or 1, len(refine.axes)
     corners = ((refine.to - 1) // stride + 1) ** axes
     probes = min(math.ceil(refine.probe * corners), refine.to**axes - corners)
     return runs // refine.to**axes * (corners + probes)
@@ -68,7 +68,7 @@ def check_refine(context: SweepContext) -> None:
     document, key = context.document, "limit" if limit else "refine"
     for index, name in enumerate(refine.axes):
         _check_refined_axis(context, refine, name, index)
-    stride = stride_of(refine)
+    stride = first_stride(refine)
     if stride is None and refine.start is not None:
         place = document.key((key, "to"))
         message = f"halving cells of {refine.start} values leads past {refine.to}"

@@ -38,14 +38,14 @@ class Cell(NamedTuple):
         return tuple(slice(first, first + self.steps + 1, self.steps) for first in self.origin)
 
 
-class Halved(NamedTuple):
+class HalvedCells(NamedTuple):
     """Cells as far as known points allow, and the points that further halving needs."""
 
     cells: tuple[Cell, ...]
     needed: Mask
 
 
-def halved(codes: Codes, stride: int) -> Halved:
+def halve_cells(codes: Codes, stride: int) -> HalvedCells:
     """Halve the cells of a grid that have differing known points.
 
     Args:
@@ -73,10 +73,10 @@ def halved(codes: Codes, stride: int) -> Halved:
         else:
             starts = product(*((first, first + half) for first in cell.origin))
             waiting += [Cell(start, half) for start in starts]
-    return Halved(tuple(cells), needed)
+    return HalvedCells(tuple(cells), needed)
 
 
-def filled(codes: Codes, cells: Iterable[Cell]) -> Codes:
+def infer_codes(codes: Codes, cells: Iterable[Cell]) -> Codes:
     """Return the outcome of each point: its own, or that of the uniform cell around it."""
     found = codes.copy()
     for cell in cells:
@@ -110,7 +110,7 @@ def next_points(codes: Codes, stride: int, probe: float, ranks: NDArray[np.intp]
     """
     seen = np.zeros(codes.shape, bool)
     while True:
-        found = halved(np.where(seen, codes, UNKNOWN), stride)
+        found = halve_cells(np.where(seen, codes, UNKNOWN), stride)
         requested = found.needed
         if not requested.any():
             requested = _further_probes(seen, corners_of(found.cells, codes.shape), probe, ranks)
@@ -131,7 +131,7 @@ def _further_probes(seen: Mask, corners: Mask, share: float, ranks: NDArray[np.i
     return chosen
 
 
-def missed(points: int, probes: int, island: int) -> float:
+def miss_probability(points: int, probes: int, island: int) -> float:
     """Return the probability that no probe meets an island of some points within uniform cells.
 
     Probes are drawn from all points without replacement, so that the number within the island is
@@ -143,14 +143,18 @@ def missed(points: int, probes: int, island: int) -> float:
     return math.exp(sum(odds))
 
 
-def least_met(points: int, probes: int, sure: float = 0.95) -> int | None:
+def smallest_detected_island(points: int, probes: int, sure: float = 0.95) -> int | None:
     """Return the smallest island that probes meet with some probability; None if none is."""
     if not probes:
         return None
     low, high = 0, points - probes + 1
     while high - low > 1:
         middle = (low + high) // 2
-        low, high = (low, middle) if missed(points, probes, middle) <= 1 - sure else (middle, high)
+        low, high = (
+            (low, middle)
+            if miss_probability(points, probes, middle) <= 1 - sure
+            else (middle, high)
+        )
     return high
 
 
@@ -176,7 +180,7 @@ class Lattice:
         return drawn.permutation(self.places.size).reshape(self.places.shape)
 
 
-def lattices(
+def group_lattices(
     runs: Iterable[tuple[int, Mapping[str, object], int]], axes: Mapping[str, Sequence[object]]
 ) -> list[Lattice]:
     """Return the lattices of runs, from the index, settings by axis, and seed of each.

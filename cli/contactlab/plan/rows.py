@@ -151,7 +151,7 @@ def write_out_units(
     blocks = [document.mapping("axes"), *(block for _, block in zip_blocks(document))]
     for block in blocks:
         for name, data in block.items():
-            form = span(data) if isinstance(data, str) else data
+            form = parse_unit_range(data) if isinstance(data, str) else data
             if isinstance(form, dict):
                 block[name] = _form_in_unit(cast("dict[str, object]", form), unit_of, name)
 
@@ -164,7 +164,7 @@ def _bound_in_unit(data: object, unit_of: Callable[[str], str], name: str) -> ob
     return data if plain is None else plain
 
 
-def span(text: str) -> dict[str, object] | None:
+def parse_unit_range(text: str) -> dict[str, object] | None:
     """Return the form of an axis for a text such as `1..5 N`, in steps of one; or None."""
     if (parts := _UNIT_RANGE.fullmatch(text.strip())) is None:
         return None

@@ -64,7 +64,7 @@ def write_out_searched(document: Document) -> None:
         search["axes"] = names
 
 
-def coordinates(axis: Axis, values: Sequence[object]) -> Callable[[object], float]:
+def axis_coordinates(axis: Axis, values: Sequence[object]) -> Callable[[object], float]:
     """Return a function that maps values of an axis to 0 to 1; NaN for values off the axis."""
     match axis:
         case Uniform(uniform=(low, high)):
@@ -121,7 +121,7 @@ class Trials:
         self._before = frozenset[int]()  # points tried before this round
         self._waiting: list[tuple[Floats, float]] | None = None  # descents that have not ended
 
-    def next(self, measured: Mapping[int, float | None]) -> list[int]:
+    def next_points(self, measured: Mapping[int, float | None]) -> list[int]:
         """Return the points to try next; none once the allowed number or all are tried.
 
         `measured` has the results of points by place; None if a point could not be measured.

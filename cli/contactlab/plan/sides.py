@@ -43,7 +43,7 @@ def side_of(where: str, required: frozenset[str]) -> Side:
     return side
 
 
-def counted(share: str, required: frozenset[str]) -> Side:
+def counts_for_share(share: str, required: frozenset[str]) -> Side:
     """Return a function that decides whether a run counts for a share; an unmeasured one counts.
 
     The share is `failed`, `must` for runs that violate requirements, a label, even of a run with a
@@ -61,7 +61,7 @@ def counted(share: str, required: frozenset[str]) -> Side:
             return lambda row: beyond(row) is not False
 
 
-def read_by(where: str) -> tuple[str, ...]:
+def fields_read_by(where: str) -> tuple[str, ...]:
     """Return the fields of a row that decide its side, or whether it counts."""
     return ("label", "labels") if where.isidentifier() else read_limit(where).names
 

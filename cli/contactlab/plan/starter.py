@@ -23,7 +23,7 @@ Settings = Mapping[str, object]
 """The settings that all geoms and options of a scene share, by name."""
 
 
-def starter(
+def starter_text(
     reference: str, settings: Settings, duration: float, drive: str | None, vocabulary: Vocabulary
 ) -> str:
     """Return a sweep file of a scene, ready to run, with comments on its other possible content.

@@ -121,7 +121,7 @@ def _checked(
     check_search(context)
     check_choices(context)
     grid = _read_grid(context, folder)
-    carried = tuple(dict.fromkeys([*_product_axes(context), *itertools.chain(*grid.added)]))
+    carried = tuple(dict.fromkeys([*_product_axes(context), *itertools.chain(*grid.included_rows)]))
     expected = tuple(
         (
             read_condition(
@@ -168,13 +168,13 @@ def _of_limit(limit: int) -> Place:
 def _kept(sweep: Sweep, grid: Grid, filters: Sequence[Filter]) -> Grid:
     """Return the rows that filters keep, and those of the scene as written in their scenarios."""
     for condition in filters:
-        grid = grid.keeping(condition.name, condition.values)
+        grid = grid.filter_rows(condition.name, condition.values)
     return grid.with_baseline(sweep.scenario) if sweep.baseline else grid
 
 
 def _warn_unmet(document: Document, match: Match, grid: Grid) -> None:
     for name, value in match.settings:
-        if value not in grid.taken(name):
+        if value not in grid.axis_values(name):
             message = f"no run has {name} = {value}, so this applies to no run"
             document.add("unmatched-expect", match.place, message, severity="warning")
 
@@ -224,7 +224,7 @@ def _count(context: SweepContext, grid: Grid, limit: int | None, *, warn: bool) 
 
 def _axes(sweep: Sweep, grid: Grid) -> tuple[SweptAxis, ...]:
     roles, names = sweep.roles, [name for name in grid.names if name not in grid.base]
-    return tuple(SweptAxis(name, roles.get(name, "knob"), grid.taken(name)) for name in names)
+    return tuple(SweptAxis(name, roles.get(name, "knob"), grid.axis_values(name)) for name in names)
 
 
 _Kind = TypeVar("_Kind", bound=BaseModel)

@@ -8,16 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.measure import labels_with
-from contactlab.plan.refined_axes import stride_of
+from contactlab.plan.refined_axes import first_stride
 from contactlab.plan.refinement import (
     UNKNOWN,
     Codes,
-    filled,
-    halved,
-    lattices,
-    least_met,
+    group_lattices,
+    halve_cells,
+    infer_codes,
+    smallest_detected_island,
 )
-from contactlab.plan.sides import read_by, side_of
+from contactlab.plan.sides import fields_read_by, side_of
 from contactlab.reporting.report_columns import in_small_units, number_with_unit
 from contactlab.schema.evidence import WholeGrid
 from contactlab.schema.sweep_schema import Limit, Sweep
@@ -67,10 +67,10 @@ def boundaries(store: Store) -> Boundaries | None:
     sweep = Sweep.model_validate(identity.resolved)
     refine = sweep.refining
     assert refine is not None
-    stride, columns, axes = stride_of(refine), store.columns, identity.whole.axes
+    stride, columns, axes = first_stride(refine), store.columns, identity.whole.axes
     assert stride is not None
     names = [*columns.axis_names, "seed"]
-    rows = columns.arrow([*dict.fromkeys([*names, *read_by(refine.where)])]).to_pylist()
+    rows = columns.arrow([*dict.fromkeys([*names, *fields_read_by(refine.where)])]).to_pylist()
     side = side_of(refine.where, labels_with("required"))
     coded = dict[object, int]()
     of_runs = np.array([coded.setdefault(side(row), len(coded)) for row in rows], np.int32)
@@ -80,11 +80,11 @@ def boundaries(store: Store) -> Boundaries | None:
         for place, (values, row) in enumerate(zip(settings, rows, strict=True))
     )
     found = list[Sides]()
-    for lattice in lattices(runs, axes):
+    for lattice in group_lattices(runs, axes):
         ran = lattice.places != UNKNOWN
         codes = np.where(ran, of_runs[lattice.places], UNKNOWN)
         shared = {**lattice.shared, "seed": lattice.seed}
-        whole = filled(codes, halved(codes, stride).cells)
+        whole = infer_codes(codes, halve_cells(codes, stride).cells)
         found.append(Sides(shared, _named(refine.where, coded), whole, ran))
     units = tuple(columns.described[name].unit for name in axes)
     return Boundaries(refine.where, identity.whole, units, tuple(found), sweep.limit)
@@ -111,7 +111,7 @@ def coverage(found: Boundaries) -> str:
         f"{ran:,} of the grid's {grid.runs:,} runs were made; {inferred:,} are inferred from the "
         "corners of their cells"
     )
-    met = least_met(grid.inside, grid.probes)
+    met = smallest_detected_island(grid.inside, grid.probes)
     if met is None:
         return f"{told}, and none of those was probed"
     return (

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from contactlab.measure import labels_with
 from contactlab.plan.sampled_shares import configuration_of
-from contactlab.plan.sides import counted, read_by
+from contactlab.plan.sides import counts_for_share, fields_read_by
 from contactlab.schema.sweep_schema import Sweep, Until
 from contactlab.shares import anytime
 from contactlab.store.finished_store import Store
@@ -37,13 +37,13 @@ def known_shares(store: Store) -> tuple[Until, list[KnownShare]] | None:
     sweep = Sweep.model_validate(store.manifest.sweep.resolved)
     if sweep.until is None:
         return None
-    counts = counted(sweep.until.share, labels_with("required"))
+    counts = counts_for_share(sweep.until.share, labels_with("required"))
     names, drawn = store.columns.axis_names, sweep.drawn_axes
     runs, good = (
         Counter[tuple[tuple[str, object], ...]](),
         Counter[tuple[tuple[str, object], ...]](),
     )
-    columns = [*dict.fromkeys([*names, *read_by(sweep.until.share)])]
+    columns = [*dict.fromkeys([*names, *fields_read_by(sweep.until.share)])]
     for row in store.columns.arrow(columns).to_pylist():
         configuration = configuration_of({name: row[name] for name in names}, drawn)
         runs[configuration] += 1

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from contactlab.errors import StoreError
-from contactlab.pareto.analysis import ToleranceTable, analyze, tolerance_table
+from contactlab.pareto.analysis import ToleranceTable, analyze_tradeoff, tolerance_table
 from contactlab.pareto.criteria import Criteria
 from contactlab.reporting.boundaries import Boundaries, boundaries
 from contactlab.reporting.map_axes import MapAxes, axes_named, most_informative_axes
@@ -81,7 +81,7 @@ def read_report_data(store: Store, criteria: Criteria = DEFAULT_CRITERIA) -> Rep
     axes, labels = read_axes(store), read_run_labels(store)
     report, reason = None, ""
     try:
-        report = analyze(store, criteria)
+        report = analyze_tradeoff(store, criteria)
     except StoreError as error:
         if criteria.metric is not None:
             raise

@@ -28,22 +28,22 @@ class ChosenRuns(ABC):
         self.known = dict[int, object]()
         """The side of each finished run, by its id."""
 
-    def learn(self, rows: Iterable[Mapping[str, Any]]) -> None:
+    def add_rows(self, rows: Iterable[Mapping[str, Any]]) -> None:
         """Add the rows of finished runs."""
         self.known |= {int(row["run_id"], 16): self._side(row) for row in rows}
 
     def learn_finished(self, finished: Collection[Finished]) -> None:
         """Add finished runs, as workers return them."""
-        self.learn({**from_json(one.shared or b"{}"), **from_json(one.row)} for one in finished)
+        self.add_rows({**from_json(one.shared or b"{}"), **from_json(one.row)} for one in finished)
 
-    def next(self) -> NDArray[np.bool_]:
+    def next_runs(self) -> NDArray[np.bool_]:
         """Return (runs) a mask of the next runs, all unknown; empty once enough are known."""
         wanted = np.zeros(len(self.ids), bool)
-        wanted[[*self.choose()]] = True
+        wanted[[*self.choose_next()]] = True
         return np.isin(self.ids, self.ids[wanted])
 
     @abstractmethod
-    def choose(self) -> Iterable[int]:
+    def choose_next(self) -> Iterable[int]:
         """Yield the plan indices of the next runs."""
 
     def is_known(self, place: int) -> bool:
@@ -54,13 +54,15 @@ class ChosenRuns(ABC):
         """Return the side of the run at a plan index; None if it has not finished."""
         return self.known.get(int(self.ids[place]))
 
-    def whole(self, index: RunIndex) -> WholeGrid:
+    def describe_grid(self, index: RunIndex) -> WholeGrid:
         """Return the description of the whole grid."""
         return WholeGrid(runs=len(index))
 
-    def part(self, index: RunIndex, identity: SweepIdentity) -> tuple[RunIndex, SweepIdentity]:
+    def finished_part(
+        self, index: RunIndex, identity: SweepIdentity
+    ) -> tuple[RunIndex, SweepIdentity]:
         """Return the index of the finished runs, and the identity of a store of them."""
         made = np.fromiter(self.known, np.uint64, len(self.known))
-        part = index.only(np.isin(index.ids, made))
-        own = {"runs_asked": len(part), "whole": self.whole(index)}
+        part = index.select_ids(np.isin(index.ids, made))
+        own = {"runs_asked": len(part), "whole": self.describe_grid(index)}
         return part, identity.model_copy(update=own)

@@ -25,7 +25,7 @@ from contactlab.measure import METRICS, AppliedLabel, Assessment
 from contactlab.plugins import hash_of_packages
 from contactlab.resources import ADAPTERS
 from contactlab.run.git_commit import commit_of
-from contactlab.run.run_verdicts import judge, missing_effects, within_tolerances
+from contactlab.run.run_verdicts import judge_expectations, missing_effects, within_tolerances
 from contactlab.run.tasks import Finished, Task
 from contactlab.scene.effects.effect import NOT_IN_MODEL, EffectState
 from contactlab.scene.initial_states import InitialStates
@@ -56,7 +56,7 @@ def definitions() -> str:
     return hash_of_packages((f"contactlab.{name}" for name in packages), ADAPTERS)
 
 
-class Common:
+class CommonFields:
     """Fields shared by the records of runs that differ only in their seed.
 
     Attributes:
@@ -135,18 +135,18 @@ class Common:
         return parts
 
 
-def commons_of(task: Task, plans: Iterable[PlannedModel]) -> Iterator[Common]:
+def common_fields_of(task: Task, plans: Iterable[PlannedModel]) -> Iterator[CommonFields]:
     """Yield the common fields of each run; neighboring runs may share one object."""
-    common: Common | None = None
+    common: CommonFields | None = None
     last: PlannedModel | None = None
     for plan in plans:
         alike = last and plan.prepared is last.prepared and plan.run.is_sibling(last.run)
         if common is None or not alike:
-            common, last = Common(task, plan), plan
+            common, last = CommonFields(task, plan), plan
         yield common
 
 
-RunRow = tuple[Fields, Common]
+RunRow = tuple[Fields, CommonFields]
 """A run's row: the fields of its own, and the fields in common with others."""
 
 
@@ -189,7 +189,7 @@ class RunOutcome:
     """
 
     plan: PlannedModel
-    common: Common
+    common: CommonFields
     group: MeasuredGroup
     rollout: Rollout
     place: int
@@ -215,11 +215,11 @@ class RunOutcome:
         if self.rollout.controls:
             return self.rollout.controls[self.place]
         run, scene = self.plan.run, self.plan.start
-        held = run.drive == "exercise" or (run.drive == "none" and not scene.driven.size)
-        return scene.applied_until(run.steps * run.timestep) if held else None
+        held = run.drive == "exercise" or (run.drive == "none" and not scene.driven_inputs.size)
+        return scene.recorded_inputs_until(run.steps * run.timestep) if held else None
 
 
-def fields_of(task: Task, outcome: RunOutcome) -> Fields:
+def own_fields(task: Task, outcome: RunOutcome) -> Fields:
     """Return the fields of a run's own in its record, without cost and times of day."""
     common, group, row, place = outcome.common, outcome.group, outcome.row, outcome.place
     labels, coverage = group.assessment.labels[row], group.assessment.coverage
@@ -246,7 +246,7 @@ def fields_of(task: Task, outcome: RunOutcome) -> Fields:
 
 def row_of_crash(task: Task, plan: PlannedModel, label: LabelEntry) -> RunRow:
     """Return the row of a run with a worker that died twice: `crashed` or `timeout`."""
-    common = Common(task, plan)
+    common = CommonFields(task, plan)
     own = _common_outcome_fields(task, plan, common, dict.fromkeys(METRICS), (label,))
     own |= {"status": label.label, "status_reason": label.reason}
     return own | {"steps": 0, "warnings": {}, "effects_missed": {}}, common
@@ -255,12 +255,12 @@ def row_of_crash(task: Task, plan: PlannedModel, label: LabelEntry) -> RunRow:
 def _common_outcome_fields(
     task: Task,
     plan: PlannedModel,
-    common: Common,
+    common: CommonFields,
     metrics: dict[str, float | None],
     labels: Sequence[AppliedLabel | LabelEntry],
 ) -> Fields:
     names, run = [entry.label for entry in labels], plan.run
-    expected, met, missed = judge(common.expectations, names, metrics)
+    expected, met, missed = judge_expectations(common.expectations, names, metrics)
     return {
         "run_id": run.run_id,
         "index": run.index,
@@ -276,7 +276,7 @@ def _common_outcome_fields(
     }
 
 
-def journalled(rows: Sequence[RunRow]) -> list[Finished]:
+def journal_entries(rows: Sequence[RunRow]) -> list[Finished]:
     """Return runs as journal entries: fields shared by all of their rows are written once."""
     entries = {common: common.entries for _, common in rows}
     shared = set.intersection(*map(set, entries.values())) if len(rows) > 1 else set[bytes]()

@@ -14,7 +14,7 @@ from contactlab.errors import OutputError, StoreError
 from contactlab.judge.wording import plural
 from contactlab.run.planned_runs import stored_sweep_scene
 from contactlab.run.recomputed_runs import plan_again
-from contactlab.run.run_verdicts import concluded
+from contactlab.run.run_verdicts import conclude_runs
 from contactlab.schema.evidence import Host, Provenance, StoreManifest, SweepIdentity
 from contactlab.store.atomic_files import hashes_below, sha256_of
 from contactlab.store.backend import Backend
@@ -31,7 +31,7 @@ from contactlab.store.store_files import (
     parse_manifest,
     shard_of,
 )
-from contactlab.store.store_writer import Concluded, StoreWriter, open_writer
+from contactlab.store.store_writer import Conclusion, StoreWriter, open_writer
 
 _MAX_LISTED = 8
 
@@ -217,18 +217,18 @@ def _publish_store(store: StoreWriter, stores: Sequence[Store], identity: SweepI
     store.join(tables, written, times, _merge_conclusion(stores[0], identity))
 
 
-def _merge_conclusion(store: Store, identity: SweepIdentity) -> Concluded:
+def _merge_conclusion(store: Store, identity: SweepIdentity) -> Conclusion:
     """Return the function that concludes over all runs together, once they are stored."""
     expected = any(expectation.get("mean") for expectation in identity.resolved["expect"])
     if not expected or identity.whole:
-        return partial(concluded, None, ())
+        return partial(conclude_runs, None, ())
     if isinstance(identity.resolved.get("include"), dict):
         raise StoreError(
             "the sweep expects means, and a file next to it names runs, which shards do not hold; "
             "run the sweep on one machine"
         )
     scene = stored_sweep_scene(identity, store.scene_folder)
-    return partial(concluded, plan_again(identity, scene), ())
+    return partial(conclude_runs, plan_again(identity, scene), ())
 
 
 def joined_provenance(several: Sequence[Provenance]) -> Provenance:

@@ -60,7 +60,7 @@ def _budgets_of_run(
     try:
         middle = {name: _canonical_value(scene, name, values[1]) for name, values in ranges.items()}
         own, resolved = _prepared_model(scene, {**shared, **middle}, run)
-        starts = scene.starts([resolved])
+        starts = scene.initial_states([resolved])
         rows = [
             Row(
                 name,
@@ -114,7 +114,7 @@ def _prepared_model(
     scene: Scene, values: Mapping[str, object], run: RunSpec
 ) -> tuple[mujoco.MjModel, RunSpec]:
     resolved = scene.resolve(values, run.seed, run.duration)
-    return scene.prepare(resolved, scene.starts([resolved])).model, resolved
+    return scene.prepare(resolved, scene.initial_states([resolved])).model, resolved
 
 
 def _end_models(

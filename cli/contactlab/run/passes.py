@@ -9,12 +9,12 @@ from functools import cached_property
 from statistics import fmean
 from typing import Any
 
-from contactlab.accuracy.discretization import Note, accuracies, families
-from contactlab.accuracy.timing import Groups, InterleavedTimer, timings
+from contactlab.accuracy.discretization import Note, reference_families, run_accuracies
+from contactlab.accuracy.timing import Groups, InterleavedTimer, run_timings
 from contactlab.engines import engine_of
 from contactlab.engines.engine import SimulationEngine, SolvesReferences, TimesSteps
 from contactlab.errors import OutputError
-from contactlab.pareto.criteria import MODELING, find_error_metric
+from contactlab.pareto.criteria import MODELING_ERROR, find_error_metric
 from contactlab.run.planned_runs import RunIndex, pack_jobs, reference_models
 from contactlab.run.run_verdicts import within_tolerances
 from contactlab.run.tasks import (
@@ -26,8 +26,8 @@ from contactlab.run.tasks import (
     Purpose,
     Stop,
     Task,
-    note,
-    noted,
+    note_result,
+    notes_by_run,
     results_of,
 )
 from contactlab.scene.run_spec import RunSpec
@@ -66,7 +66,7 @@ class SweepSession:
     def outcomes(self) -> dict[str, Row]:
         """Results of rows that later passes need, by run id, without errors."""
         tolerances = self.task.sweep.tolerances.keys() - set(ERRORS)
-        names = ("status", "label", "controls", MODELING, *tolerances)
+        names = ("status", "label", "controls", MODELING_ERROR, *tolerances)
         return {row["run_id"]: {name: row.get(name) for name in names} for row in self.store.rows()}
 
     @cached_property
@@ -74,7 +74,7 @@ class SweepSession:
         """All of its runs at once; only small sweeps have passes."""
         return list(self.index.runs())
 
-    def repeatable(self, able: Callable[[SimulationEngine], bool]) -> list[RunSpec]:
+    def repeatable_runs(self, able: Callable[[SimulationEngine], bool]) -> list[RunSpec]:
         """Return the completed runs with an engine that is able; only these are repeated."""
         return [
             replace(run, controls=row["controls"]) if _has_policy(run) else run
@@ -104,15 +104,15 @@ def run_passes(session: SweepSession) -> tuple[dict[str, dict[str, Any]], Sequen
 
 
 def _measure_errors(session: SweepSession, request: AccuracyRequest) -> dict[str, Accuracy]:
-    repeatable = session.repeatable(lambda engine: isinstance(engine, SolvesReferences))
+    repeatable = session.repeatable_runs(lambda engine: isinstance(engine, SolvesReferences))
     runs = {run.run_id: run for run in repeatable}
     controls = {run_id: run.controls for run_id, run in runs.items()}
     models = reference_models(session.scene, session.task.sweep, repeatable)
-    grouped = families(models, session.scene, controls)
+    grouped = reference_families(models, session.scene, controls)
     notes = _pass_results(
         session, "errors", [tuple(map(runs.__getitem__, rows)) for rows in grouped]
     )
-    return accuracies(request, session.scene, _by_id(session.planned), notes)
+    return run_accuracies(request, session.scene, _by_id(session.planned), notes)
 
 
 def _by_id(runs: Iterable[RunSpec]) -> dict[str, RunSpec]:
@@ -129,7 +129,7 @@ def _accuracy_row(session: SweepSession, run_id: str, accuracy: Accuracy) -> dic
 def _measure_times(
     session: SweepSession, request: TimingRequest, errors: Mapping[str, Row]
 ) -> dict[str, Timing]:
-    able = session.repeatable(lambda engine: isinstance(engine, TimesSteps))
+    able = session.repeatable_runs(lambda engine: isinstance(engine, TimesSteps))
     # Seeds share the cost of a step, up to the noise between two rounds; scenarios do not.
     keys = {run.run_id: _axes_key(run) if request.contenders else run.run_id for run in able}
     firsts = {keys[run.run_id]: run.run_id for run in reversed(able)}
@@ -139,7 +139,7 @@ def _measure_times(
     work = _pass_results(session, "work", jobs)
     taken = _timed_runs(session, request, runs, work, errors)
     times = {run_id: taken[firsts[key]] for run_id, key in keys.items() if firsts[key] in taken}
-    return timings(_by_id(session.planned), request, work, times)
+    return run_timings(_by_id(session.planned), request, work, times)
 
 
 def _axes_key(run: RunSpec, but: Collection[str] = ()) -> object:
@@ -149,17 +149,17 @@ def _axes_key(run: RunSpec, but: Collection[str] = ()) -> object:
 
 def _pass_results(session: SweepSession, purpose: Purpose, jobs: Sequence[Job]) -> dict[str, Note]:
     """Return the results of workers in a pass, by run id; empty for runs that crash a worker."""
-    done = noted(session.store.notes(), purpose)
+    done = notes_by_run(session.store.notes(), purpose)
     rest = [job for job in jobs if any(run.run_id not in done for run in job)]
     runs = sum(map(len, jobs))
     session.begin(runs, runs - sum(map(len, rest)))
     task = replace(session.task, purpose=purpose)
     for result in results_of(task, rest, session.executor, session.stop):
         crashed = isinstance(result, Crashed)
-        each = [note(purpose, run.run_id, {}) for run in result.job] if crashed else result
-        session.store.note([one.row for one in each])
+        each = [note_result(purpose, run.run_id, {}) for run in result.job] if crashed else result
+        session.store.write_notes([one.row for one in each])
         session.progress(each)
-    return noted(session.store.notes(), purpose)
+    return notes_by_run(session.store.notes(), purpose)
 
 
 def _timed_runs(
@@ -170,7 +170,7 @@ def _timed_runs(
     errors: Mapping[str, Row],
 ) -> dict[str, Note]:
     """Return the times of all runs, which are measured together or not at all."""
-    times = noted(session.store.notes(), "times")
+    times = notes_by_run(session.store.notes(), "times")
     planned = [run for run in planned if work.get(run.run_id)]
     runs, backend = _by_id(planned), backend_at(session.task.store, OutputError)
     controls = {run.run_id: read_controls(backend, run.controls) for run in planned if run.controls}
@@ -183,11 +183,13 @@ def _timed_runs(
     if request.contenders:
         select = _Contenders(session, planned, errors)
         groups = select.groups
-    turn = note("times", "", {})
+    turn = note_result("times", "", {})
     timer = InterleavedTimer(session.scene, request.rounds, controls)
     found = timer.times(runs, work, groups, select, lambda count: session.progress([turn] * count))
-    session.store.note([note("times", run_id, samples).row for run_id, samples in found])
-    return noted(session.store.notes(), "times")
+    session.store.write_notes(
+        [note_result("times", run_id, samples).row for run_id, samples in found]
+    )
+    return notes_by_run(session.store.notes(), "times")
 
 
 class _Contenders:
@@ -201,7 +203,7 @@ class _Contenders:
         self, session: SweepSession, timed: Sequence[RunSpec], errors: Mapping[str, Row]
     ) -> None:
         sweep, limits = session.task.sweep, session.task.sweep.tolerances
-        name = find_error_metric(limits) or (ERRORS[0] if sweep.accuracy else MODELING)
+        name = find_error_metric(limits) or (ERRORS[0] if sweep.accuracy else MODELING_ERROR)
         every, own = defaultdict[object, list[str]](list), defaultdict[object, list[str]](list)
         for planned, found in ((session.planned, every), (timed, own)):
             for run in planned:

@@ -65,7 +65,7 @@ def reference_models(scene: Scene, sweep: Sweep, runs: Iterable[RunSpec]) -> dic
     if asked is None or asked.against == "own":
         return {run.run_id: run for run in runs}
     scenario = [*sweep.scenario, *asked.scenario]
-    return {run.run_id: scene.as_written(run, scenario) for run in runs}
+    return {run.run_id: scene.resolve_as_written(run, scenario) for run in runs}
 
 
 class RunIndex:
@@ -105,7 +105,7 @@ class RunIndex:
         rows = (ids for _, _, ids in self._identified_rows())
         return np.fromiter((int(run_id, 16) for ids in rows for run_id in ids), np.uint64)
 
-    def only(self, wanted: NDArray[np.bool_]) -> "RunIndex":
+    def select_ids(self, wanted: NDArray[np.bool_]) -> "RunIndex":
         """Return the index of the runs in a mask (runs of the plan)."""
         part = copy(self)
         part._distinct = self._distinct & wanted
@@ -146,7 +146,7 @@ class RunIndex:
         for row, resolved, ids in self._identified_rows(left):
             for index, (seed, run_id) in enumerate(zip(row.seeds, ids, strict=True), row.first):
                 if left[index]:
-                    yield resolved.planned(row.values, seed, run_id, index)
+                    yield resolved.with_seed(row.values, seed, run_id, index)
 
     def rows(self) -> Iterator[tuple[RunSpec, int]]:
         """Yield a run of each row of the plan, and the number of distinct runs of the row."""
@@ -170,19 +170,19 @@ class RunIndex:
         duration = self._plan.sweep.duration
         for row in self._plan.rows():
             if wanted is None or any(wanted[row.first : row.first + len(row.seeds)]):
-                yield row, *self._scene.identified(row.values, row.seeds, duration)
+                yield row, *self._scene.resolve_with_ids(row.values, row.seeds, duration)
 
     def _checked_rows(self) -> Iterator[int]:
         """Yield the id of each row's first run after checking it; keep all runs if they are few."""
         check = _RunCheck(self._scene)
         for row, resolved, ids in self._identified_rows():
-            run = resolved.planned(row.values, row.seeds[0], next(ids), row.first)
+            run = resolved.with_seed(row.values, row.seeds[0], next(ids), row.first)
             shape = _run_shape(run)
             check(run, shape)
             self.firsts.setdefault(shape, run)
             if self._kept is not None:
                 others = enumerate(zip(row.seeds[1:], ids, strict=True), row.first + 1)
-                more = (resolved.planned(row.values, seed, own, at) for at, (seed, own) in others)
+                more = (resolved.with_seed(row.values, seed, own, at) for at, (seed, own) in others)
                 self._kept += [run, *more]
             yield int(run.run_id, 16)
 
@@ -336,11 +336,11 @@ class Preparer:
 
     def plans(self, job: Job) -> list[PlannedModel]:
         """Return model and initial state of each run of a job of one structure."""
-        starts = self.scene.starts(job)
+        starts = self.scene.initial_states(job)
         plans: list[PlannedModel] = []
         key, last = "", None
         for place, run in enumerate(job):
-            start = self._with_recorded_actions(run, starts.pick(place))
+            start = self._with_recorded_actions(run, starts.select_run(place))
             if not run.is_sibling(last):
                 key, last = self.scene.model_key(run), run
             plans.append(PlannedModel(run, self._prepared_model(key, run, start), start))
@@ -351,7 +351,7 @@ class Preparer:
         if run.controls is None:
             return start
         backend = backend_at(self.task.store, OutputError)
-        return start.acted_on([read_controls(backend, run.controls)])
+        return start.with_recorded_inputs([read_controls(backend, run.controls)])
 
     def _prepared_model(self, shared: str, run: RunSpec, start: InitialStates) -> PreparedModel:
         base = self.scene.base_of(run)

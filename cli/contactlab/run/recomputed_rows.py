@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from contactlab.errors import ContactlabError
 from contactlab.plan.grid import Plan
-from contactlab.run.run_verdicts import judge, within_tolerances
-from contactlab.run.stored_runs import another_id, canonical_values
+from contactlab.run.run_verdicts import judge_expectations, within_tolerances
+from contactlab.run.stored_runs import canonical_values, differing_id_text
 from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import Accuracy
-from contactlab.store.alike_rows import AlikeRows
 from contactlab.store.finished_store import Store
-from contactlab.store.run_columns import chosen_rows
+from contactlab.store.rows_by_configuration import RowGroups
+from contactlab.store.run_columns import select_rows
 
 _RESOLVED_COLUMNS = ("run_id", "seed", "duration", "axis_names", "settings")
 _VERDICT_COLUMNS = ("labels", "expected", "expectation_met", "expectation_reason", "tolerances_met")
@@ -35,14 +35,14 @@ def recomputed_rows(
         () if plan is None else (*_VERDICT_COLUMNS, *_verdict_inputs(plan, columns.schema.names))
     )
     names = dict.fromkeys((*_RESOLVED_COLUMNS, *columns.axis_names, *judged))
-    for rows in chosen_rows(columns.batches([*names]), chosen):
-        alike = AlikeRows(rows)
+    for rows in select_rows(columns.batches([*names]), chosen):
+        alike = RowGroups(rows)
         yield from _differing_runs(alike, scene)
         if plan is not None:
             yield from _differing_verdicts(alike, scene, plan)
 
 
-def _differing_runs(alike: AlikeRows, scene: Scene) -> Iterator[str]:
+def _differing_runs(alike: RowGroups, scene: Scene) -> Iterator[str]:
     """Yield the runs that resolve to other ids or settings."""
     differs = alike.differs("settings")
     seeds, durations = alike.values("seed"), alike.values("duration")
@@ -51,7 +51,7 @@ def _differing_runs(alike: AlikeRows, scene: Scene) -> Iterator[str]:
         try:
             values = canonical_values(scene, alike.axes(first))
             own = [seeds[row] for row in members]
-            runs = list(scene.planned(values, own, durations[first]))
+            runs = list(scene.plan_runs(values, own, durations[first]))
         except ContactlabError as error:
             yield from (f"run {alike.ids[row]}: {error}" for row in members)
             continue
@@ -61,7 +61,7 @@ def _differing_runs(alike: AlikeRows, scene: Scene) -> Iterator[str]:
         )
         for row, run in zip(members, runs, strict=True):
             if run.run_id != alike.ids[row]:
-                yield another_id(alike.ids[row], run.run_id)
+                yield differing_id_text(alike.ids[row], run.run_id)
             else:
                 of_row = _stored_settings(alike.value("settings", row)) if differs[row] else stored
                 yield from _differing_settings(alike.ids[row], of_row, again)
@@ -92,7 +92,7 @@ def _verdict_inputs(plan: Plan, names: Sequence[str]) -> list[str]:
     return [name for name in names if name in asked or name in tolerances or name in errors]
 
 
-def _differing_verdicts(alike: AlikeRows, scene: Scene, plan: Plan) -> Iterator[str]:
+def _differing_verdicts(alike: RowGroups, scene: Scene, plan: Plan) -> Iterator[str]:
     """Yield the runs with a stored verdict that the sweep's expectations contradict."""
     expected: list[list[Any]] = []
     for first in alike.firsts if plan.expected else ():
@@ -101,7 +101,7 @@ def _differing_verdicts(alike: AlikeRows, scene: Scene, plan: Plan) -> Iterator[
     measured = alike.table(_verdict_inputs(plan, alike.names))
     verdicts = alike.table(_VERDICT_COLUMNS)
     for run, group, numbers, said in zip(alike.ids, alike.groups, measured, verdicts, strict=True):
-        verdict = judge(expected[group] if expected else (), said["labels"], numbers)
+        verdict = judge_expectations(expected[group] if expected else (), said["labels"], numbers)
         found = said["expected"] and tuple(said["expected"])
         if verdict != (found, said["expectation_met"], said["expectation_reason"]):
             yield f"run {run}: its stored verdict contradicts the expectations of the sweep"

@@ -23,8 +23,8 @@ from contactlab.run.planned_runs import RunIndex, stored_sweep_scene
 from contactlab.run.recomputed_rows import recomputed_rows
 from contactlab.run.run_verdicts import unmet_means
 from contactlab.run.shards import parse_shard, part_of, shard_of_sweep
-from contactlab.run.stored_runs import canonical_values, replay
-from contactlab.run.sweep_request import SweepRequest, supported
+from contactlab.run.stored_runs import canonical_values, replay_run
+from contactlab.run.sweep_request import SweepRequest, supported_plan
 from contactlab.run.sweep_runner import chosen_runs, identity_of
 from contactlab.run.tasks import Task
 from contactlab.run.worker import Worker
@@ -45,7 +45,7 @@ _OUTCOME_COLUMNS = (
 )
 
 
-def unresolved(store: Store) -> str | None:
+def why_ids_unverifiable(store: Store) -> str | None:
     """Return the reason why run ids cannot be recomputed here; None if they can."""
     identity, ours = store.manifest.sweep, engine()
     missing = {plugin.name for plugin in identity.plugins} - {
@@ -59,7 +59,7 @@ def unresolved(store: Store) -> str | None:
     return None
 
 
-def unplanned(store: Store) -> str | None:
+def why_plan_unverifiable(store: Store) -> str | None:
     """Return the reason why the plan cannot be made again here; None if it can."""
     identity, theirs = store.manifest.sweep, store.manifest.provenance.contactlab
     if not identity.source:
@@ -88,7 +88,7 @@ def recomputed_problems(store: Store, chosen: NDArray[np.bool_] | None = None) -
             yield f"{SCENES}/{identity.scene_hash}: its files have the hash {scene.hash}"
             return
         yield from _foreign_scene_files(store, scene)
-        if unplanned(store) is None:
+        if why_plan_unverifiable(store) is None:
             yield from _differing_units(store, scene)
             plan = plan_again(identity, scene)
             yield from _differing_plan(store, scene, plan)
@@ -136,10 +136,10 @@ def _differing_plan(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
         index, planned = _runs_of_slice(store, plan, index, planned)
     elif chosen := chosen_runs(plan, index):
         read = columns.batches(["run_id", *chosen.read_by])
-        chosen.learn(row for rows in read for row in rows.to_pylist())
-        if chosen.next().any():
+        chosen.add_rows(row for rows in read for row in rows.to_pylist())
+        if chosen.next_runs().any():
             yield f"{TABLE}: runs are missing that the results of the others require"
-        _, planned = chosen.part(index, planned)
+        _, planned = chosen.finished_part(index, planned)
     ours, stored = planned.model_dump(), identity.model_dump()
     for field in (key for key in ours if ours[key] != stored[key]):
         yield f"{IDENTITY}: {field} contradicts the sweep's text and options"
@@ -161,7 +161,7 @@ def _runs_of_slice(
     """Return the runs of a shard, or of several merged ones, and their identity."""
     if shard := shard_of(store.manifest.sweep):
         return shard_of_sweep(parse_shard(shard), plan.sweep, whole, planned)
-    part = whole.only(np.isin(whole.ids, store.columns.ids()))
+    part = whole.select_ids(np.isin(whole.ids, store.columns.ids()))
     return part, part_of(whole, part, planned)
 
 
@@ -182,7 +182,7 @@ def plan_again(identity: SweepIdentity, scene: Scene) -> Plan:
         # The empty folder hides all files that the sweep may name.
         file = Path(folder) / "sweep.yaml"
         file.write_text(identity.source, encoding="utf-8")
-        plan, _ = supported(read_sweep(file, lambda _: names, options).plan)
+        plan, _ = supported_plan(read_sweep(file, lambda _: names, options).plan)
     drive = (drive_entry := identity.resolved.get("drive")) and parse_drive(drive_entry)
     return replace(plan, sweep=plan.sweep.model_copy(update={"drive": drive}))
 
@@ -206,11 +206,11 @@ def simulated_problems(store: Store, count: int, *, allow_code: bool = False) ->
             record = store.record(stored["run_id"])
             if played or isinstance(record.drive, PolicyDrive):
                 # The code of a policy is not run: its recorded controls are applied.
-                if not (result := replay(store, record.run_id, allow_code=allow_code)).equal:
+                if not (result := replay_run(store, record.run_id, allow_code=allow_code)).equal:
                     yield f"run {record.run_id}: simulated again, its hash is {result.hash}"
                 continue
             values = canonical_values(scene, record.axes)
-            (run,) = scene.planned(values, [record.seed], record.duration, record.index)
+            (run,) = scene.plan_runs(values, [record.seed], record.duration, record.index)
             (finished,) = worker.run((replace(run, run_id=record.run_id),))
             again = from_json(finished.row)
             before = f"run {record.run_id}: simulated again, "

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from contactlab.store.run_columns import RunColumns  # loads Arrow, which workers do without
 
 
-def judge(
+def judge_expectations(
     expectations: Sequence[Expectation], labels: Sequence[str], metrics: Mapping[str, float | None]
 ) -> tuple[tuple[str, ...] | None, bool | None, str | None]:
     """Return the expected labels (any of which may occur), whether a run meets them, and why not.
@@ -82,7 +82,7 @@ def _outside_bounds(name: str, value: float | None, bounds: Bounds) -> Iterator[
         yield f"expected {name} of at most {bounds.max:g}, found {value:g}"
 
 
-def concluded(
+def conclude_runs(
     plan: Plan | None, budgets: Sequence[ParameterBudget], table: "RunColumns"
 ) -> dict[str, object]:
     """Return the manifest entries about all runs of a plan's store together."""

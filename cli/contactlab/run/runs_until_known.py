@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from contactlab.measure import labels_with
 from contactlab.plan.grid import Plan
 from contactlab.plan.sampled_shares import configuration_of
-from contactlab.plan.sides import counted, read_by
+from contactlab.plan.sides import counts_for_share, fields_read_by
 from contactlab.run.chosen_runs import ChosenRuns
 from contactlab.schema.sweep_schema import Until
 from contactlab.shares import anytime
@@ -23,15 +23,15 @@ class RunsUntilKnown(ChosenRuns):
 
     def __init__(self, until: Until, plan: Plan, ids: NDArray[np.uint64]) -> None:
         """Take the draws of a plan, and the ids (runs) of its runs in order."""
-        side = counted(until.share, labels_with("required"))
-        super().__init__(ids, side, read_by(until.share))
+        side = counts_for_share(until.share, labels_with("required"))
+        super().__init__(ids, side, fields_read_by(until.share))
         self._until = until
         drawn = plan.sweep.drawn_axes
         self._places = defaultdict[object, list[int]](list)
         for run in plan.runs():
             self._places[configuration_of(run.values, drawn)].append(run.index)
 
-    def choose(self) -> Iterator[int]:
+    def choose_next(self) -> Iterator[int]:
         """Yield the plan indices of the next runs."""
         for places in self._places.values():
             yield from self._next_runs(places)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.plan.grid import Plan
-from contactlab.plan.search import Trials, coordinates, searched_axes
+from contactlab.plan.search import Trials, axis_coordinates, searched_axes
 from contactlab.run.chosen_runs import ChosenRuns
 from contactlab.schema.sweep_schema import Search
 
@@ -25,7 +25,7 @@ class SearchedRuns(ChosenRuns):
         super().__init__(ids, lambda row: row.get(metric), (metric,))
         sign = -1.0 if search.maximise else 1.0
         place_on = {
-            name: coordinates(plan.sweep.axes[name], plan.grid.product_values(name))
+            name: axis_coordinates(plan.sweep.axes[name], plan.grid.product_values(name))
             for name in searched_axes(plan.sweep)
         }
         places, self._apart = defaultdict[object, dict[int, tuple[float, ...]]](dict), list[int]()
@@ -41,11 +41,11 @@ class SearchedRuns(ChosenRuns):
             for points in places.values()
         ]
 
-    def choose(self) -> Iterator[int]:
+    def choose_next(self) -> Iterator[int]:
         """Yield the plan indices of the next runs."""
         yield from (place for place in self._apart if not self.is_known(place))
         for places, trials in self._searches:
-            for trial in trials.next(self._measured_values(places)):
+            for trial in trials.next_points(self._measured_values(places)):
                 yield places[trial]
 
     def _measured_values(self, places: list[int]) -> Mapping[int, float | None]:

@@ -74,7 +74,7 @@ def prepare_replay(store: Store, run: str) -> PreparedReplay:
     runs = PreparedRuns.of(scene, resolved)
     starts = stored_start(record, runs.prepared[0], runs.starts)
     runs = replace(runs, starts=starts, steps=record.steps_asked)
-    return PreparedReplay(record, runs.repeating([store.controls(record)]))
+    return PreparedReplay(record, runs.with_recorded_controls([store.controls(record)]))
 
 
 def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, RunSpec]:
@@ -104,11 +104,11 @@ def resolve_record(scene: Scene, record: EvidenceRecord) -> RunSpec:
     """Return everything that decides a stored run. Raises a StoreError if its id differs."""
     resolved = scene.resolve(canonical_values(scene, record.axes), record.seed, record.duration)
     if (run_id := scene.run_id(resolved)) != record.run_id:
-        raise StoreError(another_id(record.run_id, run_id))
+        raise StoreError(differing_id_text(record.run_id, run_id))
     return resolved
 
 
-def another_id(stored: str, again: str) -> str:
+def differing_id_text(stored: str, again: str) -> str:
     """Return the message that a run resolves to an id other than the stored one."""
     return (
         f"run {stored}: the stored scene and settings give another id, {again}; the store or this "
@@ -124,7 +124,7 @@ def canonical_values(scene: Scene, axes: Mapping[str, object]) -> dict[str, obje
     return {name: _parse_value(scene, name, value) for name, value in axes.items()}
 
 
-def replay(store: Store, run: str, *, allow_code: bool = False) -> ReplayResult:
+def replay_run(store: Store, run: str, *, allow_code: bool = False) -> ReplayResult:
     """Simulate a stored run again. Return whether it is equal, or where it first differs.
 
     A SceneError says that it is an episode of an environment with code that is not allowed.
@@ -185,7 +185,7 @@ def _first_difference(
 MAX_STEPS = 2_000  # steps that are timed from each start state along a run
 
 
-def answers(store: Store, lines: Iterator[str]) -> Iterator[dict[str, Any]]:
+def answer_requests(store: Store, lines: Iterator[str]) -> Iterator[dict[str, Any]]:
     """Yield engine and version, then an answer to each line."""
     own = ENGINES[MODEL_ENGINE]
     yield {
@@ -219,7 +219,7 @@ def timed_run(store: Store, run: str) -> tuple[TimesSteps, Segments]:
     engine = engine_of(resolved)
     if not isinstance(engine, TimesSteps):
         raise ContactlabError(f"run {run}: the {resolved.engine} engine does not time its steps")
-    start = PreparedRuns.of(scene, resolved).repeating([store.controls(record)]).starts
+    start = PreparedRuns.of(scene, resolved).with_recorded_controls([store.controls(record)]).starts
     compiled = scene.compile_without_sensors(resolved)
     model = scene.prepare(resolved, start, compiled).model
     work = engine.count_work(model, start, resolved.steps)
@@ -234,7 +234,7 @@ def main(*fillers: Callable[[], None]) -> None:
     silence_mujoco()
     gc.disable()
     try:
-        for answer in answers(Store.open(Path(sys.argv[1])), iter(sys.stdin.readline, "")):
+        for answer in answer_requests(Store.open(Path(sys.argv[1])), iter(sys.stdin.readline, "")):
             sys.stdout.write(json.dumps(answer) + "\n")
             sys.stdout.flush()
     except ContactlabError as error:

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from contactlab.engines import ENGINES
 from contactlab.errors import SceneError
-from contactlab.measure import LABELS, METRICS, ORACLES, THRESHOLDS, limits
+from contactlab.measure import LABELS, METRICS, ORACLES, THRESHOLDS, threshold_values
 from contactlab.plan.grid import Plan
 from contactlab.plan.overrides import Overrides
-from contactlab.plan.starter import starter
+from contactlab.plan.starter import starter_text
 from contactlab.plan.sweep_file import SweepFile, read_sweep
 from contactlab.run.tasks import Executor
 from contactlab.scene.mujoco_versions import incomplete_axes, why_unsupported
@@ -73,7 +73,7 @@ def read_request(  # noqa: PLR0913 - one argument an option
     scenes = SceneLoader(folder, drive, allow_code=allow_code)
     read = read_sweep(source, partial(scenes.vocabulary, lenient=partly), options)
     scene, plan = scenes.for_sweep(read)
-    plan, reasons = supported(plan)
+    plan, reasons = supported_plan(plan)
     return SweepRequest(
         plan=plan,
         scene=scene,
@@ -94,10 +94,10 @@ def _override_options(overrides: Overrides, drive: Drive | None) -> tuple[str, .
     return tuple(options)
 
 
-def supported(plan: Plan) -> tuple[Plan, tuple[str, ...]]:
+def supported_plan(plan: Plan) -> tuple[Plan, tuple[str, ...]]:
     """Return a plan without rows that this engine does not support, and the distinct reasons."""
     concerned = incomplete_axes().intersection(plan.grid.names)
-    taken = ((name, value) for name in concerned for value in plan.grid.taken(name))
+    taken = ((name, value) for name in concerned for value in plan.grid.axis_values(name))
     if not any(starmap(why_unsupported, taken)):
         return plan, ()
     rows = list(plan.grid.rows())
@@ -193,7 +193,7 @@ def _check_names(scene: Scene) -> None:
     manifest = scene.source.manifest
     if manifest is None:
         return
-    limits(manifest.thresholds)
+    threshold_values(manifest.thresholds)
     for name in manifest.tolerances:
         SceneError.unless_known(name, METRICS, f"no metric '{name}'")
     if oracle := manifest.oracle:
@@ -209,4 +209,4 @@ def starter_sweep(reference: str, loader: SceneLoader) -> str:
         raise SceneError(f"{scene.source.model}: its timestep is {step} s; write one above 0 there")
     shared = {name: base.settings[name] for name in base.settings.keys() - base.nonuniform}
     drive = "auto" if scene.source.manifest is None else None
-    return starter(reference, shared, scene.duration, drive, loader.vocabulary(reference))
+    return starter_text(reference, shared, scene.duration, drive, loader.vocabulary(reference))

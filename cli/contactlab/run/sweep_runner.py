@@ -23,7 +23,7 @@ from contactlab.run.parameter_budgets import parameter_budgets
 from contactlab.run.passes import SweepSession, run_passes
 from contactlab.run.planned_runs import RunIndex, pack_jobs
 from contactlab.run.refined_runs import RefinedRuns
-from contactlab.run.run_verdicts import concluded
+from contactlab.run.run_verdicts import conclude_runs
 from contactlab.run.runs_until_known import RunsUntilKnown
 from contactlab.run.searched_runs import SearchedRuns
 from contactlab.run.shards import shard_of_sweep
@@ -126,7 +126,7 @@ def run_sweep(
         shared = shared_fields(identity)
         # A shard cannot conclude over all runs.
         plan, budgets = (None, ()) if request.shard else (request.plan, parameter_budgets(session))
-        conclusion = partial(concluded, plan, [*budgets])
+        conclusion = partial(conclude_runs, plan, [*budgets])
         return store.finish(columns, shared, task.provenance, values, identity, conclusion)
 
 
@@ -159,19 +159,19 @@ def _run_chosen(session: SweepSession, chosen: ChosenRuns) -> tuple[SweepSession
     Return the session with the runs in the store then, and their identity.
     """
     whole, store = session.index, session.store
-    chosen.learn(store.rows())
+    chosen.add_rows(store.rows())
     stored = whole.count(store.done)
 
     def learn(finished: Sequence[Finished]) -> None:
         chosen.learn_finished(finished)
         session.progress(finished)
 
-    while (wanted := chosen.next()).any():
-        index = whole.only(wanted)
+    while (wanted := chosen.next_runs()).any():
+        index = whole.select_ids(wanted)
         session.begin(stored + len(index), stored)
         _run_missing(replace(session, index=index, progress=learn))
         stored = 0
-    index, identity = chosen.part(whole, store.identity)
+    index, identity = chosen.finished_part(whole, store.identity)
     return replace(session, index=index), identity
 
 
@@ -246,7 +246,7 @@ def identity_fields(name: str, scene: Scene, sweep: Sweep) -> dict[str, Any]:
 
 def _baseline_id(request: SweepRequest) -> str | None:
     scene, sweep = request.scene, request.plan.sweep
-    for row in request.plan.grid.written[:1]:
+    for row in request.plan.grid.baseline_rows[:1]:
         return scene.run_id(scene.resolve(row, sweep.seed_values[0], sweep.duration))
     return None
 
@@ -275,7 +275,7 @@ def _axis_column(request: SweepRequest, name: str) -> Column:
     spec = request.scene.catalogue.find(name)
     assert spec is not None
     try:
-        return axis_column(name, request.plan.grid.taken(name), spec.unit, spec.description)
+        return axis_column(name, request.plan.grid.axis_values(name), spec.unit, spec.description)
     except ValueError as error:
         raise SweepFileError(f"axis '{name}' {error}") from error
 

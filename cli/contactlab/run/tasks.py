@@ -138,12 +138,12 @@ _NOTE_LABELS: Mapping[Purpose, str] = {
 }
 
 
-def note(purpose: Purpose, run_id: str, result: Note) -> Finished:
+def note_result(purpose: Purpose, run_id: str, result: Note) -> Finished:
     """Return a pass's result for a run, in the form that a worker returns."""
     row = json.dumps({"pass": purpose, "run_id": run_id, "found": result}).encode()
     return Finished(row=row, label=_NOTE_LABELS[purpose], status="ok", expectation_met=None)
 
 
-def noted(notes: Iterable[Note], purpose: Purpose) -> dict[str, Note]:
+def notes_by_run(notes: Iterable[Note], purpose: Purpose) -> dict[str, Note]:
     """Return the results of a pass, by run id."""
     return {entry["run_id"]: entry["found"] for entry in notes if entry.get("pass") == purpose}

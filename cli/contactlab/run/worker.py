@@ -30,28 +30,28 @@ from contactlab.engines.engine import (
 )
 from contactlab.engines.rollout_trace import make_trace
 from contactlab.errors import OutputError
-from contactlab.measure import assess
+from contactlab.measure import assess_runs
 from contactlab.plan.kept_traces import KeptTraces
 from contactlab.plugins import require_plugins
 from contactlab.registry import fill_registry
 from contactlab.run.evidence_record import (
-    Common,
+    CommonFields,
     Fields,
     MeasuredGroup,
     RunOutcome,
     RunRow,
-    commons_of,
+    common_fields_of,
     cost_and_times,
-    fields_of,
-    journalled,
+    journal_entries,
+    own_fields,
     row_of_crash,
 )
 from contactlab.run.planned_runs import JOB_BYTES, Preparer, reference_models
-from contactlab.run.tasks import Finished, Job, Task, note
+from contactlab.run.tasks import Finished, Job, Task, note_result
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.model_names import input_names
-from contactlab.scene.requirements import Asked
-from contactlab.scene.run_setup import kind_of, make_setup
+from contactlab.scene.requirements import RunRequirement
+from contactlab.scene.run_setup import make_setup, measurement_key
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene_source import BINARY
 from contactlab.schema.evidence import LabelEntry, TraceFile
@@ -60,7 +60,7 @@ from contactlab.store.folder_backend import backend_at
 from contactlab.store.mcap.trace_reader import ACTIVATIONS
 from contactlab.store.store_files import TRACES, time_now
 
-Said = Mapping[str, object]  # fields of a record that its run does not decide
+ExtraFields = Mapping[str, object]  # fields of a record that its run does not decide
 _GRACE_SECONDS = 1.0  # time that a job's second pass may continue after a stop request [s]
 # Time limit of a second pass in limits of a run: it makes six times the steps, more accurately.
 _SECOND_PASS_LIMITS = 10
@@ -104,7 +104,7 @@ class Worker:
         self._store = backend_at(task.store, OutputError)
         self._traces = KeptTraces.of(task.sweep.trace)
         self._controls: set[str] = set()  # hashes of the controls that this process has stored
-        self._policy = task.policy and load_policy(task.policy.found_in(self.scene.drive))
+        self._policy = task.policy and load_policy(task.policy.with_fallback(self.scene.drive))
         self._player = task.environment and task.environment.player(self.scene, self._policy)
         source = self.scene.source
         self._model_xml = b"" if source.model.suffix == BINARY else source.model.read_bytes()
@@ -135,7 +135,10 @@ class Worker:
                 found = discretization_errors(self.scene, plans, model, request, watch)
             else:
                 found = list(work_of_runs(self.scene, plans, watch))
-        return [note(purpose, run.run_id, numbers) for run, numbers in zip(job, found, strict=True)]
+        return [
+            note_result(purpose, run.run_id, numbers)
+            for run, numbers in zip(job, found, strict=True)
+        ]
 
     def _record_job(self, job: Job) -> list[Finished]:
         """Run a job of runs that share structure and step count, and write their traces.
@@ -146,7 +149,7 @@ class Worker:
         plans = self._preparer.plans(job)
         kinds = dict[Hashable, list[int]]()
         for place, plan in enumerate(plans):
-            kinds.setdefault(kind_of(plan.run, plan.prepared.model), []).append(place)
+            kinds.setdefault(measurement_key(plan.run, plan.prepared.model), []).append(place)
         rows = dict[int, RunRow]()
         for places in kinds.values():
             left = places
@@ -154,16 +157,16 @@ class Worker:
                 alike = self._record_alike([plans[place] for place in left])
                 rows |= {left[row]: encoded for row, encoded in alike.items()}
                 left = [place for place in left if place not in rows]
-        return journalled([rows[place] for place in sorted(rows)])
+        return journal_entries([rows[place] for place in sorted(rows)])
 
     def _record_alike(self, plans: Sequence[PlannedModel]) -> dict[int, RunRow]:
         """Return the rows of those runs of one kind that were run, at least the first, by index."""
         started = time_now()
-        starts = InitialStates.joined([plan.start for plan in plans])
+        starts = InitialStates.concatenate([plan.start for plan in plans])
         rollout, groups = self._roll_out_and_measure(plans, starts, self._buffers, self._proceed)
         labels = self._twin_labels(plans[: len(rollout.steps)], starts)
         rows = dict[int, RunRow]()
-        commons = list(commons_of(self._task, plans[: len(rollout.steps)]))
+        commons = list(common_fields_of(self._task, plans[: len(rollout.steps)]))
         for group in groups:
             for place in group.rows:
                 twin, common = labels.get(place), commons[place]
@@ -204,16 +207,21 @@ class Worker:
         done = len(rollout.steps)
         resolved, models = runs.resolved[:done], runs.models[:done]
         manifest, sweep = self.scene.source.manifest, self._task.sweep
-        asked: list[Asked] = [(text, [True] * done) for text in sweep.must]
+        asked: list[RunRequirement] = [(text, [True] * done) for text in sweep.must]
         for match, expectation in self._task.expected:
             where = [match.holds(run.axes) for run in resolved] if expectation.must else []
             asked += [(text, where) for text in expectation.must]
         setup = make_setup(runs.base, manifest, resolved, models, sweep.thresholds, asked)
-        setup = replace(setup, recorded=self.scene.motion(resolved))
+        setup = replace(setup, recorded=self.scene.recorded_motion(resolved))
         return _without_momentum(make_trace(runs.base, runs.prepared[:done], rollout), setup), setup
 
     def finish_loop(
-        self, plan: PlannedModel, rollout: Rollout, known: Said, started: str, said: Said
+        self,
+        plan: PlannedModel,
+        rollout: Rollout,
+        known: ExtraFields,
+        started: str,
+        said: ExtraFields,
     ) -> Finished:
         """Store a run of a user's loop, from parts of its setup and fields of its record."""
         runs = PreparedRuns(self.scene, [plan.run], [plan.prepared], plan.start, plan.run.steps)
@@ -223,9 +231,9 @@ class Worker:
             ends = np.minimum(setup.hold.stop, setup.duration)
             setup = replace(setup, hold=replace(setup.hold, stop=ends))
         (group,) = self._measured_groups(runs, rollout, trace, setup)
-        common = Common(self._task, plan)
+        common = CommonFields(self._task, plan)
         row = self._finish_run(RunOutcome(plan, common, group, rollout, 0, started, None), said)
-        return journalled([row])[0]
+        return journal_entries([row])[0]
 
     def _measured_groups(
         self, runs: PreparedRuns, rollout: Rollout, trace: Trace, setup: Setup
@@ -238,7 +246,7 @@ class Worker:
             )
         for place in sorted(set(range(trace.runs)) - set(whole)):
             cut, alone = trace.select([place], rollout.steps[place]), setup.select([place])
-            yield MeasuredGroup({place: 0}, cut, assess(cut, alone))
+            yield MeasuredGroup({place: 0}, cut, assess_runs(cut, alone))
 
     def _checked_groups(
         self,
@@ -252,7 +260,7 @@ class Worker:
 
         Some of the latter are missing if the second pass is cut short.
         """
-        assessment, rule = assess(trace, setup), self._task.sweep.checks
+        assessment, rule = assess_runs(trace, setup), self._task.sweep.checks
         engine = engine_of(runs.resolved[0])
         asked = np.full(trace.runs, rule == "all") | (assessment.suspect & (rule == "flagged"))
         able = isinstance(engine, ChecksRuns)
@@ -262,14 +270,14 @@ class Worker:
         if suspects and able:
             picked, chosen = trace.select(suspects), [whole[row] for row in suspects]
             controls = rollout.controls and [rollout.controls[row] for row in chosen]
-            again = runs.rows(chosen).repeating(controls)
+            again = runs.rows(chosen).with_recorded_controls(controls)
             with self._preparer.watchdog(_SECOND_PASS_LIMITS) as start_clock:
                 start_clock()
                 proceed = self._grace_period(start_clock)
                 checks = engine.check_runs(again, picked, proceed, backward_error)
             done = range(checks.runs)
             checked, known = picked.select(done), setup.select([suspects[row] for row in done])
-            second = assess(checked, known, checks)
+            second = assess_runs(checked, known, checks)
             yield MeasuredGroup({whole[suspects[row]]: row for row in done}, checked, second)
 
     def _twin_labels(self, plans: Sequence[PlannedModel], starts: InitialStates) -> dict[int, str]:
@@ -277,7 +285,7 @@ class Worker:
         if not self._task.sweep.knife_edge:
             return {}
         resolved = [plan.run for plan in plans]
-        nudged = self.scene.nudged(starts.rows(range(len(plans))), resolved)
+        nudged = self.scene.nudged_states(starts.select_runs(range(len(plans))), resolved)
         _, groups = self._roll_out_and_measure(
             plans, nudged, self._twin_buffers, self._grace_period()
         )
@@ -301,11 +309,11 @@ class Worker:
         """Record a run that crashes every worker; it has no trace."""
         self._store.delete([_trace_name(run.run_id)])
         (plan,) = self._preparer.plans((run,))
-        return journalled([row_of_crash(self._task, plan, label)])[0]
+        return journal_entries([row_of_crash(self._task, plan, label)])[0]
 
-    def _finish_run(self, outcome: RunOutcome, said: Said | None = None) -> RunRow:
+    def _finish_run(self, outcome: RunOutcome, said: ExtraFields | None = None) -> RunRow:
         plan, common = outcome.plan, outcome.common
-        own = fields_of(self._task, outcome)
+        own = own_fields(self._task, outcome)
         for name, value in (said or {}).items():
             (common.fields if name in common.fields else own)[name] = value
         if outcome.controls is not None:
@@ -332,7 +340,7 @@ class Worker:
             self._controls.add(sha256)
         return sha256
 
-    def _write_trace(self, own: Fields, common: Common, outcome: RunOutcome) -> TraceFile:
+    def _write_trace(self, own: Fields, common: CommonFields, outcome: RunOutcome) -> TraceFile:
         """Store a run's trace; its record omits cost and times of day, so it is reproducible."""
         group, name = outcome.group, _trace_name(own["run_id"])
         metadata = self._trace_metadata(own, outcome.plan)

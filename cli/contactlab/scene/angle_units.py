@@ -8,7 +8,7 @@ import numpy as np
 
 from contactlab.scene.model_names import name_of
 
-FEWEST = 2
+MIN_LIMITED_HINGES = 2
 """Smallest number of limited hinges from which a majority is meaningful."""
 _NARROW_RANGE_RAD = math.radians(15)  # joints of robots rarely have a smaller range
 _FULL_TURN_RAD = 2 * math.pi * (1 + 1e-3)  # a full turn, with room for rounding by hand
@@ -20,10 +20,10 @@ def limited_hinges(model: mujoco.MjModel) -> list[int]:
     return np.flatnonzero(hinges).tolist()
 
 
-def in_radians(model: mujoco.MjModel) -> Iterator[tuple[int, str]]:
+def find_radian_angles(model: mujoco.MjModel) -> Iterator[tuple[int, str]]:
     """Yield the first hinge and a message if angles read as degrees have the size of radians."""
     hinges = limited_hinges(model)
-    if len(hinges) < FEWEST:
+    if len(hinges) < MIN_LIMITED_HINGES:
         return
     narrow = [joint for joint in hinges if np.ptp(model.jnt_range[joint]) < _NARROW_RANGE_RAD]
     written = np.rad2deg(model.jnt_range[narrow])

@@ -65,7 +65,7 @@ class SceneCatalogue:
             return None
         return axis and in_this_version(axis, lenient=lenient)
 
-    def switched(self, manifest: SceneManifest | None) -> dict[str, object]:
+    def switched_effects(self, manifest: SceneManifest | None) -> dict[str, object]:
         """Return the effects that the scene itself switches.
 
         Raises a SceneError if one is unknown.

@@ -14,7 +14,7 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 
-OPEN = 0.01
+OPEN_TOLERANCE = 0.01
 """A constraint violated by more is open: share of the extent of the moving geoms, or radians."""
 _MAX_ITERATIONS, _MAX_OPEN_ROWS = 30, 300  # keep the search below one second
 _CLOSED_TOLERANCE = (
@@ -37,7 +37,7 @@ def closed_start(model: mujoco.MjModel, start: Floats, spec: int) -> Floats | No
     frictionless = _without_friction(model)
     data = mujoco.MjData(frictionless)
     mujoco.mj_setState(frictionless, data, start, spec)
-    if _largest_violation(frictionless, data) <= OPEN:
+    if _largest_violation(frictionless, data) <= OPEN_TOLERANCE:
         return None
     for _ in range(_MAX_ITERATIONS):
         apart, sizes = _row_violations(frictionless, data)

@@ -22,7 +22,7 @@ _URDF_JOINTS = ("revolute", "continuous", "prismatic", "fixed", "floating", "pla
 _SYMBOL_VALUES = {"mjMINVAL": f"{mujoco.mjMINVAL:g}", "mjMAXVAL": "1e10"}
 
 
-def in_words(lines: Sequence[str], model: Path) -> Iterator[str]:
+def explain_compile_error(lines: Sequence[str], model: Path) -> Iterator[str]:
     """Yield the reasons why a model does not compile, from the lines of MuJoCo's error."""
     message = _MESSAGE_PREFIX.sub("", lines[0])
     rest = " ".join(lines[1:])

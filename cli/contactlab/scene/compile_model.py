@@ -23,7 +23,7 @@ from mujoco._specs import MjsBody, MjsSensor
 from contactlab.contact.trace_arrays import SLOT_WIDTH, Floats
 from contactlab.errors import ModelWarning, SceneError
 from contactlab.expression import Expression, ExpressionError
-from contactlab.scene.compile_messages import in_words
+from contactlab.scene.compile_messages import explain_compile_error
 from contactlab.scene.contact_pairs import MonitoredPair
 from contactlab.scene.model_files import FileSearch, name_in_copy, plain_name
 from contactlab.scene.model_names import name_by_address
@@ -33,7 +33,7 @@ from contactlab.scene.scene_source import BINARY, MODEL_SUFFIXES, SceneSource
 from contactlab.scene.timed_inputs import HoldSpec
 from contactlab.schema.scene_manifest import SceneManifest
 
-PREFIX = "contactlab/"
+SENSOR_PREFIX = "contactlab/"
 _FORCE, _LENGTH = "force/", "length/"
 _ALL_FIELDS = (1 << 9) - 1
 _FOUND_AND_DISTANCE = 1 << 0 | 1 << 3
@@ -111,7 +111,7 @@ def _add_sensor(
     kind: mujoco.mjtSensor,
     of: tuple[mujoco.mjtObj, str] = _NO_OBJECT,
 ) -> MjsSensor:
-    return spec.add_sensor(name=PREFIX + name, type=kind, objtype=of[0], objname=of[1])
+    return spec.add_sensor(name=SENSOR_PREFIX + name, type=kind, objtype=of[0], objname=of[1])
 
 
 def _add_contact_sensor(
@@ -139,9 +139,9 @@ def find_layout(
     """
     sensors = (model.sensor(index) for index in range(model.nsensor))
     found = {
-        sensor.name.removeprefix(PREFIX): int(sensor.adr[0])
+        sensor.name.removeprefix(SENSOR_PREFIX): int(sensor.adr[0])
         for sensor in sensors
-        if sensor.name.startswith(PREFIX)
+        if sensor.name.startswith(SENSOR_PREFIX)
     }
     if not found:
         forces, nowhere = 4 + 6 * free + 7 * bool(holding), (0,) * len(pairs)
@@ -313,7 +313,9 @@ def compile_error(model: Path, tried: Path, error: Exception) -> SceneError:
             "MuJoCo reads meshes from .stl, .obj and .msh files; convert it to one of them"
         )
     return SceneError(
-        "\n  ".join([f"{model}{place}: does not compile", *in_words(lines, model), *hints])
+        "\n  ".join(
+            [f"{model}{place}: does not compile", *explain_compile_error(lines, model), *hints]
+        )
     )
 
 
@@ -364,9 +366,9 @@ def written_inertia_faults(spec: mujoco.MjSpec) -> Iterator[InertiaFault]:
         # A body fixed to another may have no inertia of its own, but not a negative one.
         lower = mujoco.mjMINVAL if alone else -np.finfo(float).tiny
         if not np.min([mass, *moments]) > lower:
-            yield not_positive(name, mass, moments)
-        elif not closes(moments):
-            yield open_triangle(name, moments, balanced=bool(compiler.balanceinertia))
+            yield nonpositive_inertia_fault(name, mass, moments)
+        elif not satisfies_triangle(moments):
+            yield triangle_inertia_fault(name, moments, balanced=bool(compiler.balanceinertia))
 
 
 def _principal_moments(body: MjsBody) -> Floats:
@@ -378,7 +380,7 @@ def _principal_moments(body: MjsBody) -> Floats:
     return np.linalg.eigvalsh(tensor) if np.isfinite(tensor).all() else np.full(3, np.nan)
 
 
-def not_positive(name: str, mass: float, moments: Floats) -> InertiaFault:
+def nonpositive_inertia_fault(name: str, mass: float, moments: Floats) -> InertiaFault:
     """Return the fault of a body with zero or negative mass or inertia."""
     reason = (
         f"its mass is {mass:g} kg and its principal moments are {_moments_text(moments)} kg m^2; "
@@ -388,13 +390,13 @@ def not_positive(name: str, mass: float, moments: Floats) -> InertiaFault:
     return InertiaFault(name, "not_positive", least, 0.0, "kg or kg m^2", reason)
 
 
-def closes(moments: Floats) -> bool:
+def satisfies_triangle(moments: Floats) -> bool:
     """Return whether no principal moment exceeds the sum of the other two."""
     low, middle, high = np.sort(moments)
     return bool(low + middle >= high)
 
 
-def open_triangle(name: str, moments: Floats, *, balanced: bool) -> InertiaFault:
+def triangle_inertia_fault(name: str, moments: Floats, *, balanced: bool) -> InertiaFault:
     """Return the fault of principal moments [kg m^2] that violate the triangle inequality.
 
     If `balanced`, the compiler replaced them by their mean.

@@ -23,16 +23,22 @@ from contactlab.scene.contact_pairs import (
 )
 from contactlab.scene.drive.hold import Load
 from contactlab.scene.effects.effect import EffectRequest, EffectState
-from contactlab.scene.effects.effect_table import EFFECTS, choose, is_straight, leave_out, remove
+from contactlab.scene.effects.effect_table import (
+    EFFECTS,
+    choose_effects,
+    is_straight,
+    remove_from_spec,
+    turn_off_unused,
+)
 from contactlab.scene.effects.proofs import ModelFacts, RunState
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.keyframes import default_keyframe, place_mocap
 from contactlab.scene.model_edits import (
-    FLAGS,
+    FLAG_NAMES,
     LOOP_ENGINE,
     EditTargets,
     base_settings,
-    derive,
+    derive_fields,
     find_targets,
     is_as_written,
     nonuniform_settings,
@@ -104,18 +110,20 @@ class CompiledScene:
         keyframe = str({**self.settings, **edits}.get("keyframe", QPOS0))
         place_mocap(model, keyframe)
         derived = write_settings(model, edits, self.targets)
-        for name in (edit for edit in edits if edit in EFFECTS and edit not in (*FLAGS, *OPTIONS)):
+        for name in (
+            edit for edit in edits if edit in EFFECTS and edit not in (*FLAG_NAMES, *OPTIONS)
+        ):
             EFFECTS[name].switch.write(model, bool(edits[name]))
         if derived:
-            derive(model)
+            derive_fields(model)
         for name in edits.keys() & AT_REST.keys():
             write_at_rest(model, self.pairs, name, as_number(edits[name]), keyframe)
         effects: dict[str, EffectState] = {}
         if effect_request is not None:
             straight = start is not None and is_straight(model, start)
             run = RunState(model, self.facts, straight, loaded=load is not None)
-            effects = choose(run, effect_request)
-            leave_out(run, effects)
+            effects = choose_effects(run, effect_request)
+            turn_off_unused(run, effects)
         if load is not None:
             load.write(model)
         written = self.targets.geoms if edits.keys() & {*CONTACT, *AT_REST} else ()
@@ -180,7 +188,7 @@ def compile_scene(
     energy = "energy" not in without
 
     def record(spec: mujoco.MjSpec) -> None:
-        remove(spec, without)
+        remove_from_spec(spec, without)
         add_sensors(spec, pairs, holding, free=free, energy=energy)
 
     model = compile_model(source, structure, record)

@@ -24,11 +24,11 @@ from contactlab.errors import SceneError
 from contactlab.mjcf import AT_REST
 from contactlab.scene.contact_pairs import (
     MonitoredPair,
-    colliding,
+    colliding_geoms,
     effective_parameters,
     explicit_pair,
-    may_touch,
     mixing_weight,
+    touch_mask,
 )
 from contactlab.scene.keyframes import start_data
 from contactlab.scene.model_names import name_of
@@ -51,7 +51,7 @@ class ContactAtRest:
     softness: float  # factor of the friction cone on the load
     radius: float  # radius of the smaller geom [m]
 
-    def solref_of(self, depth: float, load: float, zeta: float) -> tuple[float, float]:
+    def solref_for_depth(self, depth: float, load: float, zeta: float) -> tuple[float, float]:
         """Return the solref with which a load [N] reaches a depth [m] at a damping ratio.
 
         It is in standard form. A SceneError says that the depth exceeds the geom, or that there is
@@ -72,7 +72,7 @@ class ContactAtRest:
         return 1 / (zeta * rate), zeta
 
 
-def law_of_rest(model: mujoco.MjModel, pair: MonitoredPair, used: PairRecord) -> ContactAtRest:
+def rest_law_inputs(model: mujoco.MjModel, pair: MonitoredPair, used: PairRecord) -> ContactAtRest:
     """Return the inputs of the law of rest for a pair of a run's model."""
     geoms = [side[0] for side in pair.geoms]
     inverse = float(model.body_invweight0[model.geom_bodyid[geoms], 0].sum())
@@ -95,19 +95,19 @@ def write_at_rest(
 
     A SceneError names the pair for which the value has no meaning or the timestep is too long.
     """
-    touch, deep = may_touch(model), name == "depth_at_rest"
+    touch, deep = touch_mask(model), name == "depth_at_rest"
     loads = _loads_at_rest(model, keyframe) if deep else {}
     rows = dict[tuple[int, int], Floats]()
     for pair in pairs:
-        every = colliding(touch, pair)
+        every = colliding_geoms(touch, pair)
         carried = [load for geoms in every for load in loads.get(frozenset(geoms), ())]
         if not (carried if deep else every):
             continue
-        law = law_of_rest(model, pair, effective_parameters(model, pair))
+        law = rest_law_inputs(model, pair, effective_parameters(model, pair))
         if not deep:  # the load does not matter: take that of 1 micrometer, at constant impedance
             law = replace(law, solimp=(law.solimp[1], *law.solimp[1:]))
         depth, load = (size, float(np.mean(carried))) if deep else (_MICROMETRE, size * _MICROMETRE)
-        solref = law.solref_of(depth, load, float(damping_ratio(law.solref)))
+        solref = law.solref_for_depth(depth, load, float(damping_ratio(law.solref)))
         if model.opt.timestep > (1 + _ROUNDING_TOLERANCE) * largest_step(solref):
             raise SceneError(
                 f"{pair.name}: {name} {size:g} {AT_REST[name]} needs a timestep of at most "

@@ -19,7 +19,7 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.mjcf import CONTACT
 from contactlab.scene.keyframes import start_data
-from contactlab.scene.model_names import known_id, matching, name_of
+from contactlab.scene.model_names import match_names, name_of, require_id
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.schema.evidence import PairRecord
 from contactlab.schema.scene_manifest import PairEntry
@@ -68,7 +68,7 @@ def detected_pairs(model: mujoco.MjModel, keyframe: str = QPOS0) -> tuple[Monito
     The runs start at qpos0 and at the keyframe, because contacts depend on the posture, such as
     whether fingers are open or closed.
     """
-    pairs = geom_pairs(may_touch(model))
+    pairs = geom_pairs(touch_mask(model))
     if len(pairs) > MAX_PAIRS:
         pairs = _touching_pairs(model, {QPOS0, keyframe})[:MAX_PAIRS]
     rough = [bool((model.geom_type[[*pair]] == _GEOM_OBJECT.mjGEOM_HFIELD).any()) for pair in pairs]
@@ -84,8 +84,8 @@ def entry_pairs(model: mujoco.MjModel, entry: PairEntry) -> list[MonitoredPair]:
     if entry.bodies is not None:
         return [_body_pair(model, *entry.bodies, entry.slots)]
     names = [name_of(model, "geom", index) for index in range(model.ngeom)]
-    chain = [name for part in entry.chain or () for name in matching(names, part) or [part]]
-    ids = [known_id(model, "geom", name) for name in chain or entry.geoms or ()]
+    chain = [name for part in entry.chain or () for name in match_names(names, part) or [part]]
+    ids = [require_id(model, "geom", name) for name in chain or entry.geoms or ()]
     if len(ids) < 2:
         raise SceneError(f"the chain {', '.join(chain)} has fewer than two geoms")
     return [_geom_pair(model, first, second, entry.slots) for first, second in pairwise(ids)]
@@ -105,7 +105,7 @@ def _body_pair(model: mujoco.MjModel, first: str, second: str, slots: int | None
 
 
 def _colliding_geoms(model: mujoco.MjModel, name: str) -> tuple[int, ...]:
-    own = np.asarray(model.geom_bodyid) == known_id(model, "body", name)
+    own = np.asarray(model.geom_bodyid) == require_id(model, "body", name)
     listed = np.isin(np.arange(model.ngeom), [model.pair_geom1, model.pair_geom2])
     solid = listed | (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     geoms: list[int] = np.flatnonzero(own & solid).tolist()
@@ -123,7 +123,7 @@ def _geom_pair_slots(first: int, second: int) -> int:
     return 2 if _GEOM_OBJECT.mjGEOM_CAPSULE in shapes else 8
 
 
-def colliding(touch: NDArray[np.bool_], pair: MonitoredPair) -> list[tuple[int, int]]:
+def colliding_geoms(touch: NDArray[np.bool_], pair: MonitoredPair) -> list[tuple[int, int]]:
     """Return the geoms of a pair, one of each side, that may touch. `touch` is from `may_touch`."""
     return [geoms for geoms in product(*pair.geoms) if touch[geoms]]
 
@@ -138,7 +138,7 @@ def half_extents(model: mujoco.MjModel) -> Floats:
     )
 
 
-def reaches(model: mujoco.MjModel) -> Floats:
+def body_reaches(model: mujoco.MjModel) -> Floats:
     """Return how far the geoms of each body reach from its frame [m] (nbody,); 0 without geoms."""
     reach = np.zeros(model.nbody)
     ends = np.linalg.norm(model.geom_pos, axis=1) + model.geom_rbound
@@ -146,7 +146,7 @@ def reaches(model: mujoco.MjModel) -> Floats:
     return reach
 
 
-def may_touch(model: mujoco.MjModel, *, listed: bool = True) -> NDArray[np.bool_]:
+def touch_mask(model: mujoco.MjModel, *, listed: bool = True) -> NDArray[np.bool_]:
     """Return (ngeom, ngeom) whether MuJoCo's collision filters let two geoms touch.
 
     The geoms of <pair> elements touch whatever their masks are. If not `listed`, they do not count.
@@ -155,7 +155,7 @@ def may_touch(model: mujoco.MjModel, *, listed: bool = True) -> NDArray[np.bool_
     bodies = np.asarray(model.geom_bodyid)
     welds, flat = model.body_weldid[bodies], np.isin(model.geom_type, _SURFACE_TYPES)
     moving = model.body_dofnum[welds] > 0
-    touch = masks_meet(model) & (welds[:, None] != welds) & ~(flat[:, None] & flat)
+    touch = mask_overlap(model) & (welds[:, None] != welds) & ~(flat[:, None] & flat)
     touch &= moving[:, None] | moving
     if not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FILTERPARENT:
         parents = model.body_weldid[model.body_parentid[welds]]
@@ -169,7 +169,7 @@ def may_touch(model: mujoco.MjModel, *, listed: bool = True) -> NDArray[np.bool_
     return touch
 
 
-def masks_meet(model: mujoco.MjModel) -> NDArray[np.bool_]:
+def mask_overlap(model: mujoco.MjModel) -> NDArray[np.bool_]:
     """Return (ngeom, ngeom) whether contype and conaffinity of two geoms let them touch."""
     kinds, affinities = np.asarray(model.geom_contype), np.asarray(model.geom_conaffinity)
     bits = kinds[:, None] & affinities

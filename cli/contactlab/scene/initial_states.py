@@ -13,12 +13,12 @@ from contactlab.contact.trace_arrays import Floats, RecordedControls
 from contactlab.contact.trace_setup import Joints
 from contactlab.expression import Expression
 from contactlab.scene.keyframes import start_data
-from contactlab.scene.model_names import PARTS, match_coordinates, part_starts
+from contactlab.scene.model_names import STATE_PARTS, match_coordinates, part_starts
 from contactlab.scene.timed_inputs import (
     ControlProfile,
     Signals,
-    computed,
     control_signals,
+    evaluate_formula,
     read_control,
     read_formula,
 )
@@ -46,31 +46,31 @@ class InitialStates(NamedTuple):
     signals: tuple[Signals, ...]  # (n) the signals that drive each run
 
     @property
-    def driven(self) -> NDArray[np.intp]:
+    def driven_inputs(self) -> NDArray[np.intp]:
         """Indices of the inputs that are driven in any of the runs."""
         driven = set(itertools.chain(*[signal.places.tolist() for signal in self.signals]))
         return np.array(sorted(driven), np.intp)
 
-    def pick(self, run: int) -> "InitialStates":
+    def select_run(self, run: int) -> "InitialStates":
         """Return the initial state of one run (n is 1)."""
-        picked = {name: getattr(self, name)[run : run + 1] for name in PARTS}
+        picked = {name: getattr(self, name)[run : run + 1] for name in STATE_PARTS}
         return self._replace(**picked, signals=(self.signals[run],))
 
-    def rows(self, runs: Sequence[int]) -> "InitialStates":
+    def select_runs(self, runs: Sequence[int]) -> "InitialStates":
         """Return the initial states of some runs."""
-        picked = {name: getattr(self, name)[list(runs)] for name in PARTS}
+        picked = {name: getattr(self, name)[list(runs)] for name in STATE_PARTS}
         return self._replace(**picked, signals=tuple(self.signals[run] for run in runs))
 
-    def acted_on(self, controls: Sequence[RecordedControls]) -> "InitialStates":
+    def with_recorded_inputs(self, controls: Sequence[RecordedControls]) -> "InitialStates":
         """Return these states with recorded inputs, one for each run, in place of all others."""
         signals: list[Signals] = []
         for recorded, own in zip(controls, self.signals, strict=True):
             times, levels = recorded.knots
             places = np.array(recorded.places or range(self.ctrl.shape[1]), np.intp)
-            signals.append(Signals(places, times[None], levels).joined(own))
+            signals.append(Signals(places, times[None], levels).merge(own))
         return at_begin(self._replace(signals=tuple(signals)))
 
-    def applied_until(self, end: float) -> RecordedControls | None:
+    def recorded_inputs_until(self, end: float) -> RecordedControls | None:
         """Return the inputs of one run (n is 1) until `end` [s]: its signals and constant controls.
 
         The signals are held levels, such as those of a task's excitation. The result is None if
@@ -84,20 +84,22 @@ class InitialStates(NamedTuple):
         times = np.array([0.0, *within, end])
         known = np.concatenate([self.ctrl[0], self.applied[0], self.mocap[0]])[places]
         levels = np.tile(known, (len(times), 1))
-        levels[:-1, np.searchsorted(places, signals.places)] = signals.at(times[:-1])
+        levels[:-1, np.searchsorted(places, signals.places)] = signals.values_at(times[:-1])
         levels[-1] = levels[-2]
         alone = len(places) == self.ctrl.shape[1]
         return RecordedControls(times, levels, () if alone else tuple(places.tolist()))
 
     @classmethod
-    def joined(cls, starts: Sequence["InitialStates"]) -> "InitialStates":
+    def concatenate(cls, starts: Sequence["InitialStates"]) -> "InitialStates":
         """Return several initial states, one after the other."""
-        arrays = {name: np.concatenate([getattr(one, name) for one in starts]) for name in PARTS}
+        arrays = {
+            name: np.concatenate([getattr(one, name) for one in starts]) for name in STATE_PARTS
+        }
         return starts[0]._replace(
             **arrays, signals=tuple(itertools.chain(*[start.signals for start in starts]))
         )
 
-    def inputs(
+    def input_rows(
         self, run: int, timestep: float, steps: np.ndarray, width: int | None = None
     ) -> Floats:
         """Return (T, nu + 6 nbody + 7 nmocap) the inputs of one run during some steps.
@@ -108,9 +110,9 @@ class InitialStates(NamedTuple):
         constant = np.concatenate([self.ctrl[run], self.applied[run], self.mocap[run]])[:width]
         signals = self.signals[run]
         if np.array_equal(signals.places, np.arange(len(constant))):
-            return signals.at(steps * timestep)
+            return signals.values_at(steps * timestep)
         inputs = np.tile(constant, (len(steps), 1))
-        inputs[:, signals.places] = signals.at(steps * timestep)
+        inputs[:, signals.places] = signals.values_at(steps * timestep)
         return inputs
 
     def control_ranges(self, run: int, end: float) -> Floats:
@@ -121,7 +123,7 @@ class InitialStates(NamedTuple):
         ranges, signals = np.stack([self.ctrl[run]] * 2, axis=1), self.signals[run]
         own = signals.places < len(ranges)
         if own.any():
-            ends = signals.at(np.array([0.0, end])).T
+            ends = signals.values_at(np.array([0.0, end])).T
             passed = (signals.times >= 0) & (signals.times <= end)
             levels = np.hstack([ends, np.where(passed, signals.levels, ends[:, :1])])[own]
             ranges[signals.places[own]] = np.stack([levels.min(axis=1), levels.max(axis=1)], axis=1)
@@ -183,7 +185,7 @@ class InitialStateRule:
             formulas=tuple(_read_formulas(model, manifest)) if manifest else (),
             profiles=read_control(model, manifest),
             perturbed=_perturbed_coordinates(model, manifest),
-            quaternions=quaternions(model),
+            quaternions=quaternion_indices(model),
             first_as_written=manifest is None,
         )
 
@@ -206,7 +208,7 @@ class InitialStateRule:
         places |= {place - first for _, indices in self.formulas for place in indices}
         return places & set(range(self.starts["applied"] - first))
 
-    def nominal(self, initial: Mapping[str, float]) -> Floats:
+    def nominal_configuration(self, initial: Mapping[str, float]) -> Floats:
         """Return the (nq,) unperturbed configuration for some initial values."""
         return initial_states(self, [(initial, 0, 0.0)]).qpos[0]
 
@@ -220,10 +222,10 @@ def initial_states(
     formulas = [(formula, list(indices)) for formula, indices in rule.formulas]
     for row, (initial, seed, factor) in zip(states, runs, strict=True):
         if rule.recorded:
-            start = rule.recorded.start(initial[RECORDED_RUN])
+            start = rule.recorded.start_state(initial[RECORDED_RUN])
             np.copyto(row[: len(start)], start, where=np.isfinite(start))
         for formula, indices in formulas:
-            row[indices] = computed(formula, initial)
+            row[indices] = evaluate_formula(formula, initial)
         if places and factor and (seed or not rule.first_as_written):
             row[places] += sizes * factor * np.random.default_rng(seed).uniform(-1, 1, len(places))
     # Dividing by a norm of exactly 1 is harmless, but dividing by 1 + 1e-16 would change bits.
@@ -233,19 +235,19 @@ def initial_states(
         np.divide(part, norm, out=part, where=np.abs(norm - 1) > 1e-12)
     signals = tuple(control_signals(rule.profiles, initial) for initial, _, _ in runs)
     if rule.recorded:
-        commands = [rule.recorded.signals(initial[RECORDED_RUN]) for initial, _, _ in runs]
-        signals = tuple(a.joined(b) for a, b in zip(signals, commands, strict=True))
+        commands = [rule.recorded.command_signals(initial[RECORDED_RUN]) for initial, _, _ in runs]
+        signals = tuple(a.merge(b) for a, b in zip(signals, commands, strict=True))
     parts = np.split(states, list(rule.starts.values())[1:], axis=1)
     return at_begin(InitialStates(*parts, signals=signals))
 
 
 def at_begin(starts: InitialStates) -> InitialStates:
     """Return initial states with driven inputs set to their values at time 0."""
-    if not starts.driven.size:
+    if not starts.driven_inputs.size:
         return starts
     inputs = np.concatenate([starts.ctrl, starts.applied, starts.mocap], axis=1)
     for row, signals in zip(inputs, starts.signals, strict=True):
-        row[signals.places] = signals.at(np.zeros(1))[0]
+        row[signals.places] = signals.values_at(np.zeros(1))[0]
     ends = np.cumsum([starts.ctrl.shape[1], starts.applied.shape[1]])
     parts = zip(("ctrl", "applied", "mocap"), np.split(inputs, ends, axis=1), strict=True)
     return starts._replace(**dict(parts))
@@ -277,7 +279,7 @@ def perturbed_copy(start: InitialStates, joints: Joints, seed: int) -> InitialSt
     return start._replace(qpos=qpos, qvel=qvel)
 
 
-def quaternions(model: mujoco.MjModel) -> tuple[int, ...]:
+def quaternion_indices(model: mujoco.MjModel) -> tuple[int, ...]:
     """Return the indices in qpos where a unit quaternion starts."""
     joints = zip(model.jnt_type.tolist(), model.jnt_qposadr.tolist(), strict=True)
     return tuple(

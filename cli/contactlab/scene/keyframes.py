@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import SceneError
-from contactlab.scene.task import first_start, keyframe_names
+from contactlab.scene.task import default_start_keyframe, keyframe_names
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.task import QPOS0
 
@@ -17,7 +17,7 @@ def default_keyframe(model: mujoco.MjModel, manifest: SceneManifest | None) -> s
     links often intersect and joints exceed their limits.
     """
     if manifest is None:
-        return first_start(model)
+        return default_start_keyframe(model)
     known = keyframe_names(model)
     keyframe = manifest.keyframe or QPOS0
     SceneError.unless_known(keyframe, (*known, QPOS0), f"the model has no keyframe '{keyframe}'")

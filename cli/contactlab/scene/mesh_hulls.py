@@ -6,7 +6,7 @@ import numpy as np
 from contactlab.contact.trace_arrays import Floats
 
 
-def hull(model: mujoco.MjModel, mesh: int) -> Floats:
+def hull_vertices(model: mujoco.MjModel, mesh: int) -> Floats:
     """Return the (n, 3) vertices of a mesh's hull, in the frame of its geoms [m].
 
     For a mesh without a hull graph, these are all of its vertices.
@@ -20,7 +20,7 @@ def hull(model: mujoco.MjModel, mesh: int) -> Floats:
     return points[model.mesh_graph[graph + 2 + hulled : graph + 2 + 2 * hulled]]
 
 
-def rotation(quaternion: Floats) -> Floats:
+def rotation_matrix(quaternion: Floats) -> Floats:
     """Return the (3, 3) matrix of a unit quaternion."""
     turn = np.zeros(9)
     mujoco.mju_quat2Mat(turn, quaternion)

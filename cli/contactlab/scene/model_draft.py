@@ -18,20 +18,26 @@ import numpy as np
 from contactlab.errors import SceneError
 from contactlab.mjcf import OPTIONS
 from contactlab.scene.compile_model import compile_model
-from contactlab.scene.effects.effect_table import remove
-from contactlab.scene.model_edits import FIELD_KINDS, FLAGS, is_writable, read_flag, read_option
-from contactlab.scene.model_names import KINDS
+from contactlab.scene.effects.effect_table import remove_from_spec
+from contactlab.scene.model_edits import (
+    FIELD_KINDS,
+    FLAG_NAMES,
+    is_writable,
+    read_flag,
+    read_option,
+)
+from contactlab.scene.model_names import OBJECT_LISTS
 from contactlab.scene.model_text import (
     Origin,
     Origins,
     Replacement,
-    at_end,
-    attributes,
+    append_lines,
+    apply_replacements,
+    attribute_text,
     elements_of,
     line_of,
-    replaced,
+    remove_element,
     with_attributes,
-    without,
 )
 from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource
@@ -70,14 +76,14 @@ class ModelEdits:
     unflagged: tuple[str, ...] = ()
 
     @property
-    def parts(self) -> bool:
+    def separates_links(self) -> bool:
         """Whether overlapping links no longer touch."""
         return bool(self.excluded or self.freed)
 
     @property
-    def mends_start(self) -> bool:
+    def fixes_start(self) -> bool:
         """Whether the changes fix a start that joints, contacts or equalities do not allow."""
-        return self.parts or bool(self.posed)
+        return self.separates_links or bool(self.posed)
 
 
 @dataclass(frozen=True)
@@ -100,7 +106,7 @@ class Change:
         return f"{self.where}: {self.element or 'removed'}"
 
 
-_SPEC_LISTS = {**KINDS, "sensor": "sensors", "mesh": "meshes"}
+_SPEC_LISTS = {**OBJECT_LISTS, "sensor": "sensors", "mesh": "meshes"}
 
 
 def _elements_by_name(spec: mujoco.MjSpec, kind: str) -> dict[str, Any]:
@@ -142,7 +148,7 @@ class CompiledFiles(NamedTuple):
         def change(spec: mujoco.MjSpec) -> None:
             for place, sensor in enumerate(spec.sensors):
                 sensor.name = sensor.name or f"sensor[{place}]"
-            remove(spec, run.without)
+            remove_from_spec(spec, run.without)
             edit(spec)
             for kind in _SPEC_LISTS:
                 parts = _elements_by_name(spec, kind).items()
@@ -255,7 +261,7 @@ class Draft:
             raise SceneError(f"cannot write {kind} '{name}': no element of a file defines it alone")
         return origin
 
-    def described(self, model: mujoco.MjModel, field: str, row: int) -> str:
+    def describe_row(self, model: mujoco.MjModel, field: str, row: int) -> str:
         """Name the object of a row of a model's field, and another one from the same element."""
         kind = FIELD_KINDS.get(field.partition("_")[0])
         if kind is None:
@@ -297,7 +303,7 @@ class Draft:
         new, old = meant.model, meant.plain
         changed = [name for name in OPTIONS if read_option(new, name) != read_option(old, name)]
         options = {name: mjcf_text(read_option(new, name)) for name in changed}
-        switched = [name for name in FLAGS if read_flag(new, name) != read_flag(old, name)]
+        switched = [name for name in FLAG_NAMES if read_flag(new, name) != read_flag(old, name)]
         flags = {name: "enable" if read_flag(new, name) else "disable" for name in switched}
         self._set_last_element("option", options)
         self._set_last_element("flag", flags)
@@ -309,14 +315,14 @@ class Draft:
         if found and origin and origin[0] == self.main:
             self.values[origin] |= found
         elif found:
-            self.added.append(added.format(attributes(found)))
+            self.added.append(added.format(attribute_text(found)))
 
     def set_parts(self, edits: ModelEdits, meant: CompiledFiles) -> None:
         """Apply the changes that no field of a compiled model shows; remove deleted elements."""
         for change in _attribute_edits(edits):
             self._set_attribute(*change)
         for one, other in edits.excluded:
-            pair = attributes({"body1": one, "body2": other})
+            pair = attribute_text({"body1": one, "body2": other})
             self.added.append(f"<contact><exclude{pair}/></contact>")
         for name in edits.freed:
             self.inserted[self._find_origin("body", name)] = "<freejoint/>"
@@ -333,7 +339,7 @@ class Draft:
             if name in self.now.lines["key"]:
                 self._set_attribute("key", name, "qpos", text)
             else:
-                key = attributes({"name": name, "qpos": text})
+                key = attribute_text({"name": name, "qpos": text})
                 self.added.append(f"<keyframe><key{key}/></keyframe>")
 
     def _text_replacements(self) -> Iterator[tuple[Path, list[Replacement]]]:
@@ -344,20 +350,22 @@ class Draft:
                 for (file, place), values in self.values.items()
                 if file == path
             ]
-            found += [without(data, elements[at]) for file, at in self.removed if file == path]
             found += [
-                at_end(data, elements[at], [line])
+                remove_element(data, elements[at]) for file, at in self.removed if file == path
+            ]
+            found += [
+                append_lines(data, elements[at], [line])
                 for (file, at), line in self.inserted.items()
                 if file == path
             ]
             if path == self.main and self.added:
-                found.append(at_end(data, elements[0], self.added))
+                found.append(append_lines(data, elements[0], self.added))
             yield path, sorted(found)
 
     def texts(self) -> dict[Path, bytes]:
         """Return the text of each file with the changes applied."""
         return {
-            path: replaced(self.before[path], replacements)
+            path: apply_replacements(self.before[path], replacements)
             for path, replacements in self._text_replacements()
         }
 

@@ -186,7 +186,7 @@ def write_settings(
     inputs, derived = getattr(mujoco.MjModel, "_setconst_inputs", ()), False
     flags = dict[str, bool]()
     for name, value in changed.items():
-        if name in FLAGS:
+        if name in FLAG_NAMES:
             flags[name] = bool(value)
         if name in OPTIONS:
             write_option(model, name, value)
@@ -205,7 +205,7 @@ def write_settings(
     return derived
 
 
-def derive(model: mujoco.MjModel) -> None:
+def derive_fields(model: mujoco.MjModel) -> None:
     """Let MuJoCo derive the dependent fields of a model, and its mean inertia, in place.
 
     The mean inertia, a scale of the solver's tolerance, is kept if the author set another value.
@@ -239,7 +239,7 @@ _DISABLE_BITS, _ENABLE_BITS = (
     {name.lower(): bit for name, bit in enum_members(enum, prefix).items()}
     for enum, prefix in ((mujoco.mjtDisableBit, "mjDSBL_"), (mujoco.mjtEnableBit, "mjENBL_"))
 )
-FLAGS = tuple(
+FLAG_NAMES = tuple(
     sorted(
         (_DISABLE_BITS.keys() | _ENABLE_BITS.keys()) - _RECORDING_FLAGS.keys() - _UNSUPPORTED_FLAGS
     )
@@ -260,7 +260,7 @@ def read_flag(model: mujoco.MjModel, name: str) -> bool:
     return bool(int(model.opt.enableflags) & _ENABLE_BITS.get(name, 0))
 
 
-def non_default(states: Mapping[str, bool]) -> dict[str, bool]:
+def non_default_flags(states: Mapping[str, bool]) -> dict[str, bool]:
     """Return the flags that differ from MuJoCo's defaults.
 
     A version without a flag behaves as with its default, so the result is the same for every

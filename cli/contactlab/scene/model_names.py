@@ -18,7 +18,7 @@ import numpy as np
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.printable import Told
 
-KINDS = {
+OBJECT_LISTS = {
     "body": "bodies",
     "joint": "joints",
     "geom": "geoms",
@@ -29,7 +29,7 @@ KINDS = {
     "key": "keys",
 }
 """MuJoCo's name of one object of a kind, and of the list of all of them in a specification."""
-_ADDRESS = re.compile(rf"({'|'.join(KINDS)})\[\d+\]_*")
+_ADDRESS = re.compile(rf"({'|'.join(OBJECT_LISTS)})\[\d+\]_*")
 _GEOM_ADDRESS = re.compile(r"geom\[\d+\]_*")
 _OLD_ADDRESS = re.compile(r"geom(\d+)")  # address of a geom before version 0.3
 # A bracket before a number or a wildcard belongs to an address.
@@ -46,7 +46,7 @@ def name_by_address(spec: mujoco.MjSpec) -> None:
 
     Raises a ValueError if it is invalid.
     """
-    kinds = {kind: list(getattr(spec, plural)) for kind, plural in KINDS.items()}
+    kinds = {kind: list(getattr(spec, plural)) for kind, plural in OBJECT_LISTS.items()}
     if all(element.name for elements in kinds.values() for element in elements):
         return
     ids = _compiled_ids(spec)
@@ -63,10 +63,10 @@ def name_by_address(spec: mujoco.MjSpec) -> None:
 def _compiled_ids(spec: mujoco.MjSpec) -> dict[str, Sequence[int]]:
     """Return the id of each element in the compiled specification; -1 for removed elements."""
     if not (spec.compiler.fusestatic or spec.compiler.discardvisual):
-        return {kind: range(len(getattr(spec, plural))) for kind, plural in KINDS.items()}
+        return {kind: range(len(getattr(spec, plural))) for kind, plural in OBJECT_LISTS.items()}
     trial = spec.copy()
     names: dict[str, list[str]] = {}
-    for kind, plural in KINDS.items():
+    for kind, plural in OBJECT_LISTS.items():
         elements: list[Any] = list(getattr(trial, plural))
         names[kind] = [element.name or f"?{place}" for place, element in enumerate(elements)]
         for element, name in zip(elements, names[kind], strict=True):
@@ -93,7 +93,7 @@ def name_of(model: mujoco.MjModel, kind: str, index: int) -> str:
     return getattr(model, kind)(index).name or f"{kind}[{index}]"
 
 
-def geom_words(model: mujoco.MjModel) -> dict[str, str]:
+def geom_names_by_address(model: mujoco.MjModel) -> dict[str, str]:
     """Return the printed names of unnamed geoms by address: their body's name.
 
     If the body has several geoms, the address follows the name.
@@ -108,19 +108,19 @@ def geom_words(model: mujoco.MjModel) -> dict[str, str]:
     }
 
 
-def in_geom_words(model: mujoco.MjModel) -> Told:
+def geom_name_replacer(model: mujoco.MjModel) -> Told:
     """Return the function that replaces addresses of geoms in a text, such as a pair's name."""
-    words = geom_words(model)
+    words = geom_names_by_address(model)
     return lambda text: _GEOM_ADDRESS.sub(lambda found: words.get(found[0], found[0]), text)
 
 
-def geom_word(model: mujoco.MjModel, geom: int) -> str:
+def printed_geom_name(model: mujoco.MjModel, geom: int) -> str:
     """Return the printed name of a geom: its name, or otherwise its body's."""
     name = name_of(model, "geom", geom)
-    return geom_words(model).get(name, name)
+    return geom_names_by_address(model).get(name, name)
 
 
-def known_id(model: mujoco.MjModel, kind: Literal["body", "geom"], name: str) -> int:
+def require_id(model: mujoco.MjModel, kind: Literal["body", "geom"], name: str) -> int:
     """Return the id of a body or geom. Raises a SceneError if the name does not exist."""
     index = find_id(model, kind, name)
     if index < 0:
@@ -130,7 +130,7 @@ def known_id(model: mujoco.MjModel, kind: Literal["body", "geom"], name: str) ->
     return index
 
 
-def matching(names: Iterable[str], pattern: str) -> list[str]:
+def match_names(names: Iterable[str], pattern: str) -> list[str]:
     """Return the names that equal or match a pattern such as `box*.x`, `leg[12]`, `actuator[*]`."""
     known = list(names)
     if pattern in known:
@@ -143,7 +143,7 @@ def matching(names: Iterable[str], pattern: str) -> list[str]:
     ]
 
 
-PARTS = ("qpos", "qvel", "act", "ctrl", "applied", "mocap")
+STATE_PARTS = ("qpos", "qvel", "act", "ctrl", "applied", "mocap")
 """The parts of a state, followed by the parts of its inputs, as in `InitialStates`."""
 
 _POSE_SUFFIXES = (".x", ".y", ".z", ".qw", ".qx", ".qy", ".qz")
@@ -158,10 +158,10 @@ _JOINT_SUFFIXES = {
 def part_starts(model: mujoco.MjModel) -> dict[str, int]:
     """Return the index of each part in a row with one run's data of `InitialStates`."""
     sizes = (model.nq, model.nv, model.na, model.nu, 6 * model.nbody)
-    return dict(zip(PARTS, np.cumsum([0, *sizes]).tolist(), strict=True))
+    return dict(zip(STATE_PARTS, np.cumsum([0, *sizes]).tolist(), strict=True))
 
 
-def coordinates(model: mujoco.MjModel) -> dict[str, int]:
+def coordinate_indices(model: mujoco.MjModel) -> dict[str, int]:
     """Return the index of every coordinate of a model in such a row, by name.
 
     Slides and hinges are JOINT [m or rad] and JOINT.v; free and ball joints have a name for each
@@ -190,8 +190,8 @@ def match_coordinates(model: mujoco.MjModel, pattern: str, *, mocap: bool = Fals
 
     Raises a SceneError if nothing matches.
     """
-    known = coordinates(model) | (mocap_coordinates(model) if mocap else {})
-    found = dict.fromkeys(known[name] for name in matching(known, pattern))
+    known = coordinate_indices(model) | (mocap_coordinates(model) if mocap else {})
+    found = dict.fromkeys(known[name] for name in match_names(known, pattern))
     if not found:
         raise SceneError(f"the model has no coordinate '{pattern}'{did_you_mean(pattern, known)}")
     return list(found)
@@ -200,7 +200,7 @@ def match_coordinates(model: mujoco.MjModel, pattern: str, *, mocap: bool = Fals
 def input_names(model: mujoco.MjModel, places: Sequence[int] = ()) -> list[str]:
     """Return the names of some inputs by index, or of all controls, without `.ctrl`."""
     first = part_starts(model)["ctrl"]
-    named = {place - first: name for name, place in coordinates(model).items()}
+    named = {place - first: name for name, place in coordinate_indices(model).items()}
     names = (named[place] for place in places or range(model.nu))
     return [name.removesuffix(".ctrl") for name in names]
 

@@ -39,7 +39,7 @@ class Replacement(NamedTuple):
     text: bytes
 
 
-def attributes(values: Mapping[str, str]) -> str:
+def attribute_text(values: Mapping[str, str]) -> str:
     """Return attributes as written in an element, each preceded by a space."""
     return "".join(f" {name}={quoteattr(value)}" for name, value in values.items())
 
@@ -74,11 +74,11 @@ def with_attributes(data: bytes, element: ElementText, values: Mapping[str, str]
 
     text = _ATTRIBUTE.sub(put, data[element.start : element.inner])
     head = text[:-1].rstrip(b"/").rstrip()
-    text = head + attributes(missing).encode() + text[len(head) :]
+    text = head + attribute_text(missing).encode() + text[len(head) :]
     return Replacement(element.start, element.inner, text)
 
 
-def without(data: bytes, element: ElementText) -> Replacement:
+def remove_element(data: bytes, element: ElementText) -> Replacement:
     """Return the removal of an element, and of its lines if nothing else is on them."""
     start, end = data.rfind(b"\n", 0, element.start) + 1, data.find(b"\n", element.end) + 1
     if data[start : element.start].strip() or not end or data[element.end : end].strip():
@@ -86,7 +86,7 @@ def without(data: bytes, element: ElementText) -> Replacement:
     return Replacement(start, end, b"")
 
 
-def at_end(data: bytes, root: ElementText, lines: Iterable[str]) -> Replacement:
+def append_lines(data: bytes, root: ElementText, lines: Iterable[str]) -> Replacement:
     """Return the insertion of the last lines of an element that has an end tag.
 
     They are indented like the element's first child.
@@ -101,7 +101,7 @@ def at_end(data: bytes, root: ElementText, lines: Iterable[str]) -> Replacement:
     return Replacement(place, place, text if place == start else newline + text)
 
 
-def replaced(data: bytes, changes: Iterable[Replacement]) -> bytes:
+def apply_replacements(data: bytes, changes: Iterable[Replacement]) -> bytes:
     """Return a text with non-overlapping replacements applied."""
     for start, end, text in sorted(changes, reverse=True):
         data = data[:start] + text + data[end:]

@@ -125,7 +125,7 @@ def _refuse_differences(made: mujoco.MjModel, meant: mujoco.MjModel, draft: Draf
                 continue
             for row in differing_rows(old[name], new[name])[:1]:
                 then, wanted = (mjcf_text(side[name][row].tolist()) for side in (old, new))
-                of = draft.described(made, name, row)
+                of = draft.describe_row(made, name, row)
                 raise SceneError(f"cannot write {name}{of}: it would be {then}, not {wanted}")
 
 

@@ -68,7 +68,7 @@ def bodies_of_equality(model: mujoco.MjModel, index: int) -> tuple[str, ...]:
     return moving_bodies(model, ends)
 
 
-def hauled(model: mujoco.MjModel) -> np.ndarray:
+def is_mocap_driven(model: mujoco.MjModel) -> np.ndarray:
     """Return (neq,) whether an equality holds a body to a mocap body, which drives it.
 
     Its softness acts like the gain of a servo: it describes how a hand is led, not how rigid the

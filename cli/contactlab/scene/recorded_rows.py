@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.rotations import multiply, rotate, rotate_back
+from contactlab.contact.rotations import multiply_rotations, rotate_vectors, rotate_vectors_back
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import QUARTER_TURN, RecordedPart
 from contactlab.errors import SceneError
@@ -50,17 +50,17 @@ class RecordedRows:
         named = {
             f"{name}.qpos" if name in joints else name: column for name, column in named.items()
         }
-        found, self._mistakes = table.matched(model, named)
-        if lacking := [table.lacks(key) for key in keys if key not in table.columns]:
+        found, self._mistakes = table.match_columns(model, named)
+        if lacking := [table.missing_column_text(key) for key in keys if key not in table.columns]:
             self._mistakes += lacking
-            self.refuse()
+            self.raise_mistakes()
         self._unsound = set[float]()
         self._sort_by_run(*(table.columns[key] for key in keys))
         columns = {place: table.columns[name][self._order] for place, name in found.items()}
         names = [entry.time, *found.values()]
         for column, values in zip(names, [self.times, *columns.values()], strict=True):
             unknown = ~np.isfinite(values)
-            self.note(f"no finite number in column `{column}`", np.flatnonzero(unknown))
+            self.add_mistake(f"no finite number in column `{column}`", np.flatnonzero(unknown))
             values[unknown] = np.nan
         self._assign_columns(columns)
         self._convert_units()
@@ -68,11 +68,11 @@ class RecordedRows:
         self._check_velocities()
 
     @property
-    def sound(self) -> tuple[float, ...]:
+    def valid_runs(self) -> tuple[float, ...]:
         """The runs without mistakes in their rows."""
         return tuple(run for run in self.runs if run not in self._unsound)
 
-    def note(self, mistake: str, rows: NDArray[np.intp]) -> None:
+    def add_mistake(self, mistake: str, rows: NDArray[np.intp]) -> None:
         """Collect one kind of mistake with the first of its rows, if there are any."""
         if len(rows):
             self._unsound.update(self._numbers[rows].tolist())
@@ -88,7 +88,7 @@ class RecordedRows:
             )
             self._mistakes.append(f"{mistake}: {', '.join(shown)}{more}")
 
-    def refuse(self) -> None:
+    def raise_mistakes(self) -> None:
         """Raise a SceneError with the collected mistakes, if there are any."""
         if self._mistakes:
             head = f"{self._name} is not a recording of this model:"
@@ -106,12 +106,12 @@ class RecordedRows:
         ends = (first + counts).tolist()
         self.runs = dict(zip(ids.tolist(), map(slice, first.tolist(), ends), strict=True))
         odd = np.nan_to_num(self._numbers, nan=0.5, posinf=0.5, neginf=0.5) % 1
-        self.note("the number of a run is not an integer", np.flatnonzero(odd))
+        self.add_mistake("the number of a run is not an integer", np.flatnonzero(odd))
         if unknown := sorted(set(self._entry.leave_out) - set(numbers.tolist())):
             self._mistakes.append(f"no run to leave out: {', '.join(map(str, unknown))}")
         if not self.runs:
             self._mistakes.append("it has no rows")
-            self.refuse()
+            self.raise_mistakes()
 
     def _assign_columns(self, columns: dict[int, Floats]) -> None:
         model, first = self._model, part_starts(self._model)["ctrl"]
@@ -145,32 +145,34 @@ class RecordedRows:
             if part.kind == "turn":
                 norm = np.linalg.norm(place, axis=1)
                 what = f"the quaternion of {part.joint} does not have the norm 1"
-                self.note(what, np.flatnonzero(np.abs(norm - 1) > _MAX_NORM_ERROR))
-                place[:] = multiply(turn, place / np.maximum(norm, _MAX_NORM_ERROR)[:, None])
+                self.add_mistake(what, np.flatnonzero(np.abs(norm - 1) > _MAX_NORM_ERROR))
+                place[:] = multiply_rotations(
+                    turn, place / np.maximum(norm, _MAX_NORM_ERROR)[:, None]
+                )
                 if self._entry.turning == "world":
-                    speed[:] = rotate_back(place, rotate(turn, speed))
+                    speed[:] = rotate_vectors_back(place, rotate_vectors(turn, speed))
                 continue
             place *= angle if part.kind == "hinge" else length
             if part.kind == "point" and frame != "world":
-                place[:] = rotate(turn, place) + np.array(frame.position)
-                speed[:] = rotate(turn, speed)
+                place[:] = rotate_vectors(turn, place) + np.array(frame.position)
+                speed[:] = rotate_vectors(turn, speed)
 
     def _check_times(self) -> None:
         """Find runs with one row, late or missing rows, and joints beyond their ranges."""
         single = [rows.start for rows in self.runs.values() if rows.stop - rows.start < 2]
-        self.note("the only row of a run", np.array(single, np.intp))
+        self.add_mistake("the only row of a run", np.array(single, np.intp))
         steps = np.diff(self.times)[self.within]
-        self.note("time does not increase after", self.within[steps <= 0])
+        self.add_mistake("time does not increase after", self.within[steps <= 0])
         usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
         what = f"rows are missing (others are {usual * 1e3:.3g} ms apart) after"
-        self.note(what, self.within[steps > _MAX_GAP_RATIO * usual])
+        self.add_mistake(what, self.within[steps > _MAX_GAP_RATIO * usual])
         for part in self.parts:
             joint = self._model.joint(part.joint)
             if part.kind in ("slide", "hinge") and self._model.jnt_limited[joint.id]:
                 low, high = joint.range
                 out = np.abs(self.qpos[:, part.qpos.start] - (low + high) / 2) / part.size
                 what = f"{part.joint} is beyond its range of {low:.3g} to {high:.3g}"
-                self.note(what, np.flatnonzero(out > 0.5 + _MAX_RANGE_EXCESS))
+                self.add_mistake(what, np.flatnonzero(out > 0.5 + _MAX_RANGE_EXCESS))
 
     def _check_velocities(self) -> None:
         """Find jumps, and velocities that contradict the poses; fill in missing velocities."""
@@ -185,15 +187,17 @@ class RecordedRows:
             quantity = "angular velocity" if part.kind in ("turn", "hinge") else "velocity"
             rates = self.rates[:, part.qvel]
             jumps = np.flatnonzero(np.linalg.norm(rates, axis=1) > _MAX_SPEED)
-            self.note(f"{part.joint} jumps, or is in another unit ({quantity}), after", jumps)
-            self.note(
+            self.add_mistake(
+                f"{part.joint} jumps, or is in another unit ({quantity}), after", jumps
+            )
+            self.add_mistake(
                 f"{part.joint} jumps in one row only",
                 _single_row_jumps(rates * steps[:, None], part),
             )
             difference = measured[:, part.qvel] - rates
             off, typical = _smoothed_rms(difference), _smoothed_rms(rates)
             if off > _MAX_VELOCITY_DIFFERENCE * typical:
-                self.note(
+                self.add_mistake(
                     f"{part.joint}: its {quantity} differs by {off:.3g} from that of its poses, "
                     f"which is {typical:.3g} (root mean squares); check unit and frame, or remove "
                     "it; largest after",

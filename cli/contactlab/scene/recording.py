@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import RecordedMotion, RecordedPart
-from contactlab.scene.contact_pairs import geom_pairs, may_touch
+from contactlab.scene.contact_pairs import geom_pairs, touch_mask
 from contactlab.scene.drive.recorded import RecordedTable
 from contactlab.scene.recorded_rows import WINDOW, RecordedRows
 from contactlab.scene.timed_inputs import Signals
@@ -45,19 +45,19 @@ class RecordedRuns:
         self._starts = dict(self._find_starts())
         if model.opt.gravity.any():
             self._check_motion()
-        rows.refuse()
+        rows.raise_mistakes()
 
-    def lasts(self, number: float) -> float:
+    def duration_of(self, number: float) -> float:
         """Return the duration of the simulation of a run [s]: until its last row, or a bit more."""
         rows = self._from_start(number)
         seconds = self._rows.times[rows.stop - 1] - self._rows.times[rows.start]
         return round(float(np.ceil(seconds / _DURATION_GRAIN_S - 1e-6)) * _DURATION_GRAIN_S, 9)
 
-    def start(self, number: float) -> Floats:
+    def start_state(self, number: float) -> Floats:
         """Return (nq + nv,) the state that a run starts from; NaN for unknown coordinates."""
         return np.concatenate([self._rows.qpos[self._starts[number]], self._start_velocity(number)])
 
-    def signals(self, number: float) -> Signals:
+    def command_signals(self, number: float) -> Signals:
         """Return the recorded commands over time."""
         rows, inputs = self._from_start(number), self._rows.inputs
         if not inputs:
@@ -66,7 +66,7 @@ class RecordedRuns:
         levels = np.array([curves[rows] for curves in inputs.values()])
         return Signals(np.array(list(inputs), np.intp), times[None], levels)
 
-    def motion(self, numbers: Sequence[float]) -> RecordedMotion:
+    def recorded_motion(self, numbers: Sequence[float]) -> RecordedMotion:
         """Return the recorded motion that n runs are compared with."""
         runs = [self._from_start(number) for number in numbers]
         most = max(run.stop - run.start for run in runs)
@@ -107,7 +107,7 @@ class RecordedRuns:
     def _find_starts(self) -> Iterator[tuple[float, int]]:
         """Yield the start row of each run, and record a mistake for runs without one."""
         rule, without = self._rule, list[int]()
-        for number in self._rows.sound:
+        for number in self._rows.valid_runs:
             if (start := self._find_start_row(self._rows.runs[number])) is None:
                 without.append(self._rows.runs[number].start)
             else:
@@ -115,7 +115,7 @@ class RecordedRuns:
         mistake = f"runs start after {rule.time:g} s, but a run is shorter"
         if rule.before_contact is not None:
             mistake = "no recorded free body comes close to contact in the run of"
-        self._rows.note(mistake, np.array(without, np.intp))
+        self._rows.add_mistake(mistake, np.array(without, np.intp))
 
     def _find_start_row(self, rows: slice) -> int | None:
         times, rule = self._rows.times[rows], self._rule
@@ -152,7 +152,7 @@ class RecordedRuns:
         model, spheres = self._model, copy.copy(self._model)
         roots = np.asarray(model.body_rootid)[model.geom_bodyid]
         own = np.isin(roots, model.body_rootid[[part.body for part in self._points]])
-        touch = may_touch(model) & (roots[:, None] != roots) & (own[:, None] | own)
+        touch = touch_mask(model) & (roots[:, None] != roots) & (own[:, None] | own)
         spheres.geom_size[own, 0] = model.geom_rbound[own]
         spheres.geom_type[own] = int(mujoco.mjtGeom.mjGEOM_SPHERE)
         return geom_pairs(touch), spheres
@@ -194,7 +194,7 @@ class RecordedRuns:
             )
             for word, off in (("rests above", still & (gaps > far)), ("overlaps", gaps < -deep)):
                 mistake = f"{part.joint} {word} the geoms it may touch; check body, unit and frame"
-                rows.note(mistake, ends[off])
+                rows.add_mistake(mistake, ends[off])
             falls = np.array(
                 [self._fall_acceleration(part, number) for number in self._starts]
             ).reshape(-1, 3)
@@ -202,7 +202,7 @@ class RecordedRuns:
             fall = float(np.median(falls)) if len(falls) else 1.0
             if abs(fall - 1) > self._allowed_gravity_difference(falls):
                 mistake = f"{part.joint} falls {fall:.3g} times as fast as in the model's gravity"
-                rows.note(
+                rows.add_mistake(
                     f"{mistake}; check the units of length and time, or set the model's `density` "
                     "if air matters",
                     ends[:1],

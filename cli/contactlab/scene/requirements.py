@@ -9,19 +9,19 @@ import numpy as np
 
 from contactlab.contact.expected_motion import ExpectedMotion
 from contactlab.contact.required_words import CONTACT_WORDS, ContactWord, MotionWord
-from contactlab.contact.rotations import multiply, rotate_back
+from contactlab.contact.rotations import multiply_rotations, rotate_vectors_back
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import ExpectedContact
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.scene.compiled_scene import CompiledScene
-from contactlab.scene.contact_pairs import reaches
-from contactlab.scene.model_names import matching, name_of
+from contactlab.scene.contact_pairs import body_reaches
+from contactlab.scene.model_names import match_names, name_of
 from contactlab.scene.run_spec import RunSpec
-from contactlab.scene.timed_inputs import computed, read_formula
+from contactlab.scene.timed_inputs import evaluate_formula, read_formula
 from contactlab.schema.requirement import Requirement, read_requirement
 from contactlab.schema.scene_manifest import SceneManifest
 
-Asked = tuple[str, Sequence[bool]]
+RunRequirement = tuple[str, Sequence[bool]]
 """A requirement of a sweep, and a mask of the n runs that it applies to."""
 
 _ROUNDING_TOLERANCE = 1e-9
@@ -32,12 +32,12 @@ _BODY, _SITE = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE
 _Frame = tuple[mujoco.mjtObj, int]
 
 
-def required_of(
+def expected_of_runs(
     base: CompiledScene,
     manifest: SceneManifest | None,
     runs: Sequence[RunSpec],
     models: Sequence[mujoco.MjModel],
-    asked: Sequence[Asked],
+    asked: Sequence[RunRequirement],
 ) -> tuple[ExpectedContact | ExpectedMotion, ...]:
     """Return the requirements of n runs of one structure, from their scene and their sweep."""
     every = [True] * len(models)
@@ -104,7 +104,9 @@ def _requirement_window(
 ) -> tuple[float, float]:
     """Return the start and end of a requirement in a run [s]."""
     start, stop = (
-        default if term is None else computed(read_formula(term, f"`{key}` goes", initial), initial)
+        default
+        if term is None
+        else evaluate_formula(read_formula(term, f"`{key}` goes", initial), initial)
         for term, key, default in (
             (requirement.start, "from", 0.0),
             (requirement.stop, "until", np.inf),
@@ -126,7 +128,7 @@ def _unknown_pair(requirement: Requirement, base: CompiledScene) -> str | None:
 def _find_pairs(base: CompiledScene, name: str) -> tuple[int, ...]:
     """Return the indices of the monitored pairs of a body, a pair, or a pattern of either."""
     for names in _index_pairs(base):
-        if found := matching(names, name):
+        if found := match_names(names, name):
             return tuple(sorted({index for known in found for index in names[known]}))
     return ()
 
@@ -218,7 +220,7 @@ def _expected_motion(
         placing=tuple(partial(_poses_in_frame, each, body, frame) for each in models),
         up=ups,
         axis=np.array(axes),
-        reach=float(reaches(model)[body]),
+        reach=float(body_reaches(model)[body]),
         pairs=_pairs_between(base, requirement.names[0], requirement.holder)
         if requirement.holder
         else (),
@@ -265,7 +267,7 @@ def _up_direction(model: mujoco.MjModel) -> Floats:
 def _direction_in_default_pose(model: mujoco.MjModel, body: int, direction: Floats) -> Floats:
     """Return (3,) a direction of the world in the frame of a body at qpos0."""
     _, turn = _poses_in_frame(model, body, (_BODY, 0), np.asarray(model.qpos0)[None])
-    return rotate_back(turn[0], direction)
+    return rotate_vectors_back(turn[0], direction)
 
 
 def _poses_in_frame(
@@ -287,6 +289,6 @@ def _poses_in_frame(
             mujoco.mju_mat2Quat(own, data.site_xmat[index])
         else:
             origin, own = data.xpos[index], data.xquat[index]
-        place[row] = rotate_back(own, data.xpos[body] - origin)
-        turn[row] = multiply(own * _CONJUGATE, data.xquat[body])
+        place[row] = rotate_vectors_back(own, data.xpos[body] - origin)
+        turn[row] = multiply_rotations(own * _CONJUGATE, data.xquat[body])
     return place, turn

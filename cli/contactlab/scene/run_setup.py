@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from contactlab.contact.rotations import rotate_back
+from contactlab.contact.rotations import rotate_vectors_back
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import (
     QUARTER_TURN,
@@ -26,13 +26,13 @@ from contactlab.mjcf import AT_REST
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import (
     MonitoredPair,
-    colliding,
+    body_reaches,
+    colliding_geoms,
     effective_parameters,
     half_extents,
-    may_touch,
-    reaches,
+    touch_mask,
 )
-from contactlab.scene.initial_states import quaternions
+from contactlab.scene.initial_states import quaternion_indices
 from contactlab.scene.model_edits import read_flag
 from contactlab.scene.model_names import is_address, name_of
 from contactlab.scene.part_bodies import (
@@ -40,10 +40,10 @@ from contactlab.scene.part_bodies import (
     bodies_of_actuator,
     bodies_of_equality,
     bodies_of_tendon,
-    hauled,
+    is_mocap_driven,
     moving_bodies,
 )
-from contactlab.scene.requirements import Asked, required_of
+from contactlab.scene.requirements import RunRequirement, expected_of_runs
 from contactlab.scene.run_spec import RunSpec, settings_table
 from contactlab.schema.drive import Drive, FileDrive, drive_word
 from contactlab.schema.scene_manifest import SceneManifest
@@ -54,7 +54,7 @@ _STEADY_DRIVES = ("none", "hold")
 _FORCE_COORDINATE = re.compile(r"\.[ft][xyz]$")
 
 
-def kind_of(run: RunSpec, model: mujoco.MjModel) -> Hashable:
+def measurement_key(run: RunSpec, model: mujoco.MjModel) -> Hashable:
     """Return the key that runs of one structure must share to be recorded and measured together.
 
     `Setup` and the energy ledger hold one value for all runs of a group.
@@ -66,7 +66,7 @@ def kind_of(run: RunSpec, model: mujoco.MjModel) -> Hashable:
 @lru_cache(maxsize=1)
 def _model_kind(model: mujoco.MjModel) -> Hashable:
     """Return the model's part of the key, which runs of the model share."""
-    acts = is_passive(model), is_conservative(model), has_others(model), has_springs(model)
+    acts = is_passive(model), is_conservative(model), has_other_forces(model), has_springs(model)
     acts += (has_moving_surfaces(model),)
     # Inputs that decide a pair's solimp width.
     mixed = model.geom_solimp[:, 2], model.geom_solmix, model.geom_priority
@@ -81,7 +81,7 @@ def make_setup(
     runs: Sequence[RunSpec],
     models: Sequence[mujoco.MjModel],
     thresholds: Mapping[str, float],
-    asked: Sequence[Asked] = (),
+    asked: Sequence[RunRequirement] = (),
 ) -> Setup:
     """Return the setup of n runs of one structure, with the requirements of their sweep."""
     bodies, holding = _free_bodies(models), base.holding
@@ -109,7 +109,7 @@ def make_setup(
         duration=np.array([run.duration for run in runs]),
         limits_act=np.array([read_flag(model, "limit") for model in models]),
         speculative=np.array([run.flags.get("speculative", False) for run in runs]),
-        expected=required_of(base, manifest, runs, models, asked),
+        expected=expected_of_runs(base, manifest, runs, models, asked),
         oracle=oracle.name if oracle else None,
         oracle_tolerance=oracle.tolerance if oracle else np.inf,
         thresholds={**(manifest.thresholds if manifest else {}), **thresholds},
@@ -121,7 +121,7 @@ def make_setup(
 @lru_cache(maxsize=1)
 def _mechanism_entries(base: CompiledScene) -> Mapping[str, Any]:
     """Return the setup entries of joints and mechanism, which runs of a structure share."""
-    return {"quaternions": quaternions(base.model), "mechanism": find_mechanism(base.model)}
+    return {"quaternions": quaternion_indices(base.model), "mechanism": find_mechanism(base.model)}
 
 
 @lru_cache(maxsize=1)
@@ -189,7 +189,7 @@ def has_springs(model: mujoco.MjModel) -> bool:
     return any(bool(stiffness.any()) for stiffness in stiff)
 
 
-def has_others(model: mujoco.MjModel) -> bool:
+def has_other_forces(model: mujoco.MjModel) -> bool:
     """Return whether forces other than constraints, actuators, gravity and springs may act."""
     opt = model.opt
     damped = model.dof_damping.any() or model.tendon_damping.any() or model.nflex
@@ -250,7 +250,7 @@ def _find_walls(base: CompiledScene) -> list[tuple[int, Mapping[str, Any]]]:
                 continue
             root = int(model.body_weldid[model.geom_bodyid[mover]])
             point, axes = data.geom_xpos[geom].copy(), data.geom_xmat[geom].reshape(3, 3)
-            centre = rotate_back(data.xquat[root], data.geom_xpos[mover] - data.xpos[root])
+            centre = rotate_vectors_back(data.xquat[root], data.geom_xpos[mover] - data.xpos[root])
             thin, reach = 2, np.inf
             if kind == _GEOM_TYPES.mjGEOM_BOX:
                 thin = int(np.argmin(size))
@@ -266,9 +266,9 @@ def _half_thicknesses(base: CompiledScene) -> Floats:
 
     If geoms differ in the width of their solimp, only the widest deform.
     """
-    touch, halves = may_touch(base.model), half_extents(base.model)
+    touch, halves = touch_mask(base.model), half_extents(base.model)
     widths = np.where(np.isfinite(halves), base.model.geom_solimp[:, 2], -np.inf)
-    touching = [np.array(colliding(touch, pair), np.intp).ravel() for pair in base.pairs]
+    touching = [np.array(colliding_geoms(touch, pair), np.intp).ravel() for pair in base.pairs]
     soft = (geoms[widths[geoms] == widths[geoms].max(initial=-np.inf)] for geoms in touching)
     return np.array([halves[geoms].min(initial=np.inf) for geoms in soft])
 
@@ -318,7 +318,10 @@ def find_mechanism(model: mujoco.MjModel) -> Mechanism:
     springs = np.asarray(model.tendon_stiffness) != 0
     springs |= np.any(getattr(model, "tendon_stiffnesspoly", springs[:, None]), axis=1)
     places = _infinite_if_unlimited(model.jnt_limited, model.jnt_range)
-    reach, ends = _body_reaches(model), np.where(hauled(model), np.inf, equality_reach(model))
+    reach, ends = (
+        _body_reaches(model),
+        np.where(is_mocap_driven(model), np.inf, equality_reach(model)),
+    )
     return Mechanism(
         joints=tuple(
             _describe_joint(model, index, places[index], reach) for index in range(model.njnt)
@@ -355,7 +358,7 @@ def find_mechanism(model: mujoco.MjModel) -> Mechanism:
 
 def _body_reaches(model: mujoco.MjModel) -> Floats:
     """Return (nbody,) the reach of each body [m]; the mean body size for bodies without geoms."""
-    reach = reaches(model)
+    reach = body_reaches(model)
     return np.where(reach > 0, reach, model.stat.meansize)
 
 

@@ -16,7 +16,7 @@ from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.effects.effect import EffectRequest
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.effects.proofs import RunState
-from contactlab.scene.model_edits import FLAGS, non_default
+from contactlab.scene.model_edits import FLAG_NAMES, non_default_flags
 from contactlab.scene.parameters import PARAMETERS, application_order
 from contactlab.schema.drive import Drive, drive_identity
 from contactlab.schema.setting_values import Settings, as_number
@@ -80,14 +80,16 @@ class RunSpec:
     @cached_property
     def steps(self) -> int:
         """Number of steps that cover the duration; at least one."""
-        return steps_of(self.duration, self.timestep)
+        return step_count(self.duration, self.timestep)
 
     @property
     def values(self) -> dict[str, Any]:
         """Structure, settings and initial values in one table."""
         return {**self.structure, **self.settings, **self.initial}
 
-    def planned(self, axes: Mapping[str, object], seed: int, run_id: str, index: int) -> "RunSpec":
+    def with_seed(
+        self, axes: Mapping[str, object], seed: int, run_id: str, index: int
+    ) -> "RunSpec":
         """Return the run with another seed at an index of a plan."""
         planned = object.__new__(RunSpec)
         # This takes a fifth of the time of `replace`, which matters for each run of a plan.
@@ -104,10 +106,10 @@ class RunSpec:
         names = sorted(self.changed & set(self.settings), key=lambda name: ("[" in name, name))
         edits = {name: self.settings[name] for name in names}
         # Gravity is a setting, although a flag has the same name.
-        flagged = sorted(self.changed & set(FLAGS) - set(self.settings))
+        flagged = sorted(self.changed & set(FLAG_NAMES) - set(self.settings))
         edits |= {name: self.flags[name] for name in flagged}
         requested = self.effect_request.requested
-        other = sorted(requested.keys() & self.changed - set(FLAGS) - self.without)
+        other = sorted(requested.keys() & self.changed - set(FLAG_NAMES) - self.without)
         return edits | {name: requested[name] for name in other}
 
 
@@ -122,7 +124,7 @@ def settings_table(runs: Sequence[RunSpec]) -> dict[str, list[object]]:
     return table
 
 
-def steps_of(duration: float, timestep: float) -> int:
+def step_count(duration: float, timestep: float) -> int:
     """Return the number of steps that cover a duration; at least one."""
     return max(1, round(duration / timestep))
 
@@ -163,7 +165,7 @@ def write_axis(settings: Settings, axis: str, value: object) -> tuple[str, ...]:
 START_SETTINGS = ("keyframe", "joint_speed", "perturbation")
 """Settings that affect the initial state, besides initial values."""
 _ID_DIGITS = 16
-_FLAG_NAMES = frozenset(FLAGS)
+_FLAG_NAMES = frozenset(FLAG_NAMES)
 _encode_json = json.JSONEncoder(sort_keys=True, separators=(",", ":")).encode
 
 
@@ -174,7 +176,7 @@ def run_ids(base: CompiledScene, run: RunSpec, scene: str, seeds: Iterable[int])
     value in the file. `base` is its structure with all effects; `scene` is the hash of the scene's
     files.
     """
-    flags = non_default(run.flags) | other_effects(base, run)
+    flags = non_default_flags(run.flags) | other_effects(base, run)
     drive = {} if run.drive == "none" else {"drive": drive_identity(run.drive)}
     head = _encode_json({**drive, "duration": run.duration, "flags": flags, "scene": scene})
     own, entries = base.settings, dict(base.id_entries)

@@ -28,12 +28,12 @@ from contactlab.scene.drive.located_drive import (
     DRIVE_AXES,
     LocatedDrive,
     drive_settings,
-    locate,
+    locate_drive,
     with_values,
 )
 from contactlab.scene.drive.recorded import RecordedTable, TableReader
 from contactlab.scene.effects.effect import EffectRequest
-from contactlab.scene.effects.effect_table import left_uncompiled, remove
+from contactlab.scene.effects.effect_table import left_uncompiled, remove_from_spec
 from contactlab.scene.initial_states import (
     InitialStateRule,
     InitialStates,
@@ -51,7 +51,7 @@ from contactlab.scene.run_spec import (
     write_axes,
 )
 from contactlab.scene.scene_source import SceneSource, find_scene
-from contactlab.scene.task import drive_of, infer_task
+from contactlab.scene.task import infer_drive, infer_task
 from contactlab.schema.drive import (
     Drive,
     FileDrive,
@@ -97,13 +97,13 @@ class Scene:
             self.catalogue = SceneCatalogue(base, manifest, engines, runs)
             if manifest:
                 check_requirements(base, manifest)
-            self.switched = self.catalogue.switched(manifest)
-            written = locate(manifest.drive if manifest else "none", source.path.parent)
+            self.switched = self.catalogue.switched_effects(manifest)
+            written = locate_drive(manifest.drive if manifest else "none", source.path.parent)
         self.lacking = missing_flags()
         # A model without a manifest keeps all effects as written.
         self.auto = manifest is not None and manifest.effects.get("base", "auto") == "auto"
         self._set_drive(written)
-        self.starts([self.resolve({}, 0, None)])
+        self.initial_states([self.resolve({}, 0, None)])
 
     @classmethod
     def open(
@@ -150,7 +150,7 @@ class Scene:
         if drive is None:
             return self
         scene = copy.copy(self)
-        scene._set_drive(locate(drive, folder))
+        scene._set_drive(locate_drive(drive, folder))
         return scene
 
     def _recorded_in(self, base: CompiledScene) -> RecordedRuns | None:
@@ -167,7 +167,7 @@ class Scene:
         """Return the default duration of a run with some initial values [s]."""
         if self.recorded is None:
             return self.duration
-        return min(self.duration, self.recorded.lasts(initial[RECORDED_RUN]))
+        return min(self.duration, self.recorded.duration_of(initial[RECORDED_RUN]))
 
     def _set_drive(self, drive: LocatedDrive) -> None:
         requested, model, manifest = drive.drive, self.base({}).model, self.source.manifest
@@ -257,7 +257,7 @@ class Scene:
         settings.update(drive_settings(drive))
         changed, requested = write_axes(settings, flags, of_model)
         if drive == "auto":
-            drive = drive_of(base.model, str(settings.get("keyframe", QPOS0)))
+            drive = infer_drive(base.model, str(settings.get("keyframe", QPOS0)))
         engine = self._engines.get(str(settings["engine"]))
         if isinstance(drive, PolicyDrive):
             # A policy may read sensors that no metric reads.
@@ -277,7 +277,7 @@ class Scene:
             drive=drive,
         )
 
-    def as_written(self, run: RunSpec, scenario: Collection[str]) -> RunSpec:
+    def resolve_as_written(self, run: RunSpec, scenario: Collection[str]) -> RunSpec:
         """Return the run of the scene as written, with the scenario and start of a planned run.
 
         It keeps the axes of the scenario, and those that decide the bodies, the start, the drive
@@ -301,7 +301,7 @@ class Scene:
         """
         return next(run_ids(self.base(run.structure), run, self.hash, [run.seed]))
 
-    def planned(
+    def plan_runs(
         self,
         values: Mapping[str, object],
         seeds: Sequence[int],
@@ -312,25 +312,25 @@ class Scene:
 
         The first has the index `first` in the plan. Equal runs of a plan have equal ids.
         """
-        run, ids = self.identified(values, seeds, duration)
+        run, ids = self.resolve_with_ids(values, seeds, duration)
         for index, (seed, run_id) in enumerate(zip(seeds, ids, strict=True), first):
-            yield run.planned(values, seed, run_id, index)
+            yield run.with_seed(values, seed, run_id, index)
 
-    def identified(
+    def resolve_with_ids(
         self, values: Mapping[str, object], seeds: Sequence[int], duration: float | None
     ) -> tuple[RunSpec, Iterator[str]]:
         """Return the common part of the runs of `planned`, and their ids."""
         run = self.resolve(values, seeds[0], duration)
         return run, run_ids(self.base(run.structure), run, self.hash, seeds)
 
-    def starts(self, runs: Sequence[RunSpec]) -> InitialStates:
+    def initial_states(self, runs: Sequence[RunSpec]) -> InitialStates:
         """Return the initial states of runs of one structure.
 
         Raises a SceneError if a drive is wrong.
         """
         groups = [list(group) for _, group in groupby(runs, lambda run: (run.keyframe, run.drive))]
         with self.source.named_in_errors():
-            starts = InitialStates.joined([self._group_starts(group) for group in groups])
+            starts = InitialStates.concatenate([self._group_starts(group) for group in groups])
         if any(run.joint_speed for run in runs):
             model = self.base(runs[0].structure).model
             added = [run.joint_speed * joint_directions(model, run.seed) for run in runs]
@@ -338,19 +338,21 @@ class Scene:
         if not isinstance(self.drive.drive, PolicyDrive):
             return starts
         # The policy's controls are not known yet: these apply until the policy acts.
-        return starts.acted_on([RecordedControls(np.zeros(1), row[None]) for row in starts.ctrl])
+        return starts.with_recorded_inputs(
+            [RecordedControls(np.zeros(1), row[None]) for row in starts.ctrl]
+        )
 
     def _group_starts(self, runs: Sequence[RunSpec]) -> InitialStates:
         if is_driven(runs[0].drive):
-            return self._driving_of(runs[0]).starts(runs)
+            return self._driving_of(runs[0]).with_start_inputs(runs)
         return initial_states(self._initial_state_rule(runs[0]), [run.start for run in runs])
 
-    def motion(self, runs: Sequence[RunSpec]) -> RecordedMotion | None:
+    def recorded_motion(self, runs: Sequence[RunSpec]) -> RecordedMotion | None:
         """Return the recorded motion of runs of one structure; None without a recording."""
         recorded = self._initial_state_rule(runs[0]).recorded
-        return recorded and recorded.motion([run.initial[RECORDED_RUN] for run in runs])
+        return recorded and recorded.recorded_motion([run.initial[RECORDED_RUN] for run in runs])
 
-    def nudged(self, starts: InitialStates, runs: Sequence[RunSpec]) -> InitialStates:
+    def nudged_states(self, starts: InitialStates, runs: Sequence[RunSpec]) -> InitialStates:
         """Return initial states moved by up to 1e-6 m or rad, by each run's seed."""
         return nudged_states(self._initial_state_rule(runs[0]), starts, [run.seed for run in runs])
 
@@ -365,7 +367,7 @@ class Scene:
 
         A SceneError says that times decrease, that a hold is empty, or that a drive does not fit.
         """
-        self.starts([run])
+        self.initial_states([run])
         if holding := self.base(run.structure).holding:
             with self.source.named_in_errors():
                 holding.window(run.initial)
@@ -416,4 +418,6 @@ class Scene:
 
     def compile_without_sensors(self, run: RunSpec) -> mujoco.MjModel:
         """Compile the structure of a run without the recording sensors."""
-        return compile_model(self.source, run.structure, lambda spec: remove(spec, run.without))
+        return compile_model(
+            self.source, run.structure, lambda spec: remove_from_spec(spec, run.without)
+        )

@@ -32,14 +32,14 @@ def has_controls(model: mujoco.MjModel, keyframe: str) -> bool:
     return keyframe != QPOS0 and bool(np.any(model.key_ctrl[model.key(keyframe).id]))
 
 
-def first_start(model: mujoco.MjModel) -> str:
+def default_start_keyframe(model: mujoco.MjModel) -> str:
     """Return the first keyframe with controls; otherwise the first one; otherwise `QPOS0`."""
     known = keyframe_names(model)
     own = (name for name in known if has_controls(model, name))
     return next(own, next(iter(known), QPOS0))
 
 
-def drive_of(model: mujoco.MjModel, keyframe: str) -> Drive:
+def infer_drive(model: mujoco.MjModel, keyframe: str) -> Drive:
     """Return the drive of a model from a start: its constant controls, or otherwise an exercise."""
     return "none" if has_controls(model, keyframe) else "exercise"
 
@@ -75,7 +75,7 @@ def infer_task(
     observed, with a tolerance of 10 %. A SceneError names a keyframe or a body that the model
     lacks.
     """
-    begin = start or first_start(model)
+    begin = start or default_start_keyframe(model)
     known = (*keyframe_names(model), QPOS0)
     SceneError.unless_known(begin, known, f"the model has no keyframe '{begin}'")
     bodies = [name_of(model, "body", index) for index in range(model.nbody)]
@@ -83,7 +83,7 @@ def infer_task(
         has = first_names(f"it has: {', '.join(bodies[1:])}")
         message = f"the model has no body '{name}' to observe"
         SceneError.unless_known(name, bodies, message, f"; {has}")
-    moving = drive_of(model, begin) if drive == "auto" else drive
+    moving = infer_drive(model, begin) if drive == "auto" else drive
     two = moving == "exercise"
     seconds = duration or (_REST_SECONDS + _EXCITATION_SECONDS if two else HELD_DURATION)
     if two:

@@ -29,7 +29,7 @@ def read_formula(term: Term, where: str, initial: Collection[str]) -> Expression
     return expression
 
 
-def computed(formula: Expression, initial: Mapping[str, float]) -> float:
+def evaluate_formula(formula: Expression, initial: Mapping[str, float]) -> float:
     """Return an expression's number for a run's initial values.
 
     Raises a SceneError if it has none.
@@ -77,7 +77,7 @@ class Signals:
         """Return the signals of a run with constant inputs."""
         return cls(np.empty(0, np.intp), np.empty((0, 0)), np.empty((0, 0)))
 
-    def at(self, times: Floats) -> Floats:
+    def values_at(self, times: Floats) -> Floats:
         """Return (T, P) the inputs at some times [s]."""
         if len(self.times) == 1:
             before, after, width, along = _bracketing_knots(times.tobytes(), self.times.tobytes())
@@ -96,14 +96,14 @@ class Signals:
         times = np.where(near, steps * timestep, self.times)
         return Signals(self.places, times, self.levels)
 
-    def without(self, left: NDArray[np.bool_]) -> "Signals":
+    def exclude(self, left: NDArray[np.bool_]) -> "Signals":
         """Return the signals except those that `left` (P,) marks."""
         times = self.times if len(self.times) < len(left) else self.times[~left]
         return Signals(self.places[~left], times, self.levels[~left])
 
-    def joined(self, other: "Signals") -> "Signals":
+    def merge(self, other: "Signals") -> "Signals":
         """Return these signals, and others of the same run for inputs that these do not drive."""
-        rest = other.without(np.isin(other.places, self.places)) if self.places.size else other
+        rest = other.exclude(np.isin(other.places, self.places)) if self.places.size else other
         if not (self.places.size and rest.places.size):
             return self if self.places.size else rest
         most = max(self.levels.shape[1], rest.levels.shape[1])
@@ -189,13 +189,13 @@ def _inputs_set_at_start(model: mujoco.MjModel, manifest: SceneManifest) -> dict
 def _padded_knots(
     profile: ControlProfile, initial: Mapping[str, float], most: int
 ) -> tuple[list[float], list[float]]:
-    times = [computed(instant, initial) for instant in profile.times]
+    times = [evaluate_formula(instant, initial) for instant in profile.times]
     if times != sorted(times):
         raise SceneError(
             f"control {profile.name}: times must not decrease, but are "
             f"{', '.join(f'{time:g}' for time in times)} s for {dict(initial)}"
         )
-    levels = [computed(level, initial) for level in profile.levels]
+    levels = [evaluate_formula(level, initial) for level in profile.levels]
     rest = most - len(times)
     return times + times[-1:] * rest, levels + levels[-1:] * rest
 
@@ -211,7 +211,7 @@ class HoldSpec:
 
     def window(self, initial: Mapping[str, float]) -> tuple[float, float]:
         """Return its start and end [s] for initial values. Raises a SceneError if it is empty."""
-        start, stop = computed(self.start, initial), computed(self.stop, initial)
+        start, stop = evaluate_formula(self.start, initial), evaluate_formula(self.stop, initial)
         if not 0 <= start < stop:
             raise SceneError(
                 f"hold goes from {start:g} s to {stop:g} s for {dict(initial)}; "

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.scene.contact_pairs import geom_pairs, may_touch
+from contactlab.scene.contact_pairs import geom_pairs, touch_mask
 from contactlab.scene.model_edits import read_flag
 
 GeomPair = tuple[int, int]
@@ -29,7 +29,7 @@ _FIRST_BOXES, _ALL_FIRST_BOXES = 128, 1 << 16
 
 def filtered_pairs(model: mujoco.MjModel) -> list[GeomPair]:
     """Return the pairs of geoms, lower id first, that may touch because of their masks."""
-    return geom_pairs(may_touch(model, listed=False))
+    return geom_pairs(touch_mask(model, listed=False))
 
 
 class Clearance:
@@ -43,7 +43,7 @@ class Clearance:
         self.ranges = joint_ranges(model, runs)
         self._joint_extents = _joint_extents(model, self.ranges)
 
-    def place(self, qpos: Floats) -> None:
+    def set_configuration(self, qpos: Floats) -> None:
         """Put all bodies where a configuration (nq,) has them."""
         self.data.qpos[:] = qpos
         mujoco.mj_kinematics(self.model, self.data)
@@ -59,15 +59,15 @@ class Clearance:
         gap = mujoco.mj_geomDistance(self.model, self.data, first, second, limit, None)
         return most if gap >= limit else gap - margin
 
-    def touching(self, qpos: Floats) -> set[GeomPair]:
+    def touching_pairs(self, qpos: Floats) -> set[GeomPair]:
         """Return the pairs of geoms that touch in a configuration (nq,), lower id first."""
-        self.place(qpos)
+        self.set_configuration(qpos)
         mujoco.mj_comPos(self.model, self.data)
         mujoco.mj_collision(self.model, self.data)
         pairs: list[list[int]] = np.sort(self.data.contact.geom, axis=1).tolist()
         return {(first, second) for first, second in pairs}
 
-    def levers(self, pair: GeomPair) -> Floats | None:
+    def motion_bounds(self, pair: GeomPair) -> Floats | None:
         """Return (njnt,) how far each joint moves two geoms against each other at most.
 
         In meters per radian, or per meter; 0 for joints that are not between them. The result is
@@ -144,12 +144,12 @@ def unreachable_pairs(
     well, because the number of boxes is limited.
     """
     clearance = Clearance(model, runs)
-    levers = {pair: each for pair in pairs if (each := clearance.levers(pair)) is not None}
+    levers = {pair: each for pair in pairs if (each := clearance.motion_bounds(pair)) is not None}
     known, generator = np.isfinite(clearance.ranges).all(axis=1), np.random.default_rng(0)
     for _ in range(_RANDOM_SAMPLES):
         qpos = model.qpos0.copy()
         qpos[model.jnt_qposadr[known]] = generator.uniform(*clearance.ranges[known].T)
-        for pair in clearance.touching(qpos) & levers.keys():
+        for pair in clearance.touching_pairs(qpos) & levers.keys():
             del levers[pair]
     first = min(_FIRST_BOXES, _ALL_FIRST_BOXES // max(1, len(levers)))
     return {pair for pair, lever in levers.items() if _is_separated(clearance, pair, lever, first)}
@@ -168,7 +168,7 @@ def _is_separated(clearance: Clearance, pair: GeomPair, levers: Floats, first: i
         tried += 1
         middle, half, share = boxes.pop()
         qpos[places] = middle
-        clearance.place(qpos)
+        clearance.set_configuration(qpos)
         slack = float(levers @ half)
         distance = clearance.distance(*pair, slack)
         if distance <= 0 or (tried > first and tried > done * _MAX_BOXES):

@@ -19,14 +19,14 @@ from contactlab.schema.evidence import EvidenceRecord, InTable, SweepIdentity
 from contactlab.schema.strict_model import Model
 from contactlab.store.arrow_values import number_array, numpy_array, text_scalar
 from contactlab.store.run_columns import rows_of
-from contactlab.store.runs_table import compute
+from contactlab.store.runs_table import compute_digests
 from contactlab.store.table_layout import (
     AXES_COLUMN,
     FIELDS_OF_PARTS,
     OF_LABELS,
     PLAIN_FIELDS,
     StoredField,
-    as_made,
+    original_type,
     row_to_record,
     type_of_field,
 )
@@ -80,7 +80,7 @@ class RowChecks:
         for name in self._shared["units"]:
             yield _wrong_values(columns[name], {_REAL_TYPE, _WHOLE_TYPE})
         yield _wrong_labels(columns)
-        through = compute("equal", columns["status"], text_scalar("ok"))
+        through = compute_digests("equal", columns["status"], text_scalar("ok"))
         yield numpy_array(through) != is_null(columns["status_reason"])
         yield _misnamed_traces(columns)
         for part in ("accuracy", "timing"):
@@ -111,7 +111,7 @@ class _FieldCheck:
             (_, entry) = get_args(stored.info.annotation)
             kind = type_of_field(entry)
             return wrong | _wrong_struct(column, _SETTING_TYPES if kind is None else {kind})
-        if as_made(column.type) != stored.column.type:
+        if original_type(column.type) != stored.column.type:
             return np.ones(len(column), bool)
         if self._is_plain:
             return wrong | _wrong_values(column, {stored.column.type})
@@ -164,11 +164,11 @@ def _is_unrestricted(info: FieldInfo) -> bool:
 
 def _wrong_values(column: pa.Array, kinds: Collection[pa.DataType]) -> Truths:
     """Return (n,) a mask of NaN, infinities, and lists with nulls; all if the type differs."""
-    kind = as_made(column.type)
+    kind = original_type(column.type)
     if kind not in kinds:
         return np.ones(len(column), bool)
     if pa.types.is_list(kind):
-        entries = compute("list_flatten", column)
+        entries = compute_digests("list_flatten", column)
         wrong = is_null(entries) | _wrong_values(entries, {kind.value_type})
         return _any_of_lists(column, wrong)
     if pa.types.is_floating(kind):
@@ -210,7 +210,7 @@ def _wrong_part(columns: Columns, part: str, checks: Sequence[_FieldCheck]) -> T
 def _wrong_axes(columns: Columns) -> Truths:
     names = columns[AXES_COLUMN.name]
     wrong = is_null(names) | _wrong_values(names, {AXES_COLUMN.type})
-    for name in compute("list_flatten", names).unique().to_pylist():
+    for name in compute_digests("list_flatten", names).unique().to_pylist():
         wrong |= _wrong_values(columns[name], _SCALAR_TYPES) if name is not None else True
     return wrong
 
@@ -226,48 +226,50 @@ def _wrong_labels(columns: Columns) -> Truths:
         wrong |= is_null(column) | (list_lengths(column) != lengths)
         if name == "label_steps":
             # A label may have no step.
-            wrong |= as_made(column.type) != kind
+            wrong |= original_type(column.type) != kind
         elif name == "label_bodies":
-            bodies = compute("list_flatten", column)
+            bodies = compute_digests("list_flatten", column)
             unfit = is_null(bodies) | _wrong_values(bodies, {kind.value_type})
             wrong |= _any_of_lists(column, unfit)
         else:
             wrong |= _wrong_values(column, {kind})
     for one, several in (("label_reason", "label_reasons"), ("label_step", "label_steps")):
-        wrong |= ~same(columns[one], _first_entries(columns[several]))
-    return wrong | ((lengths > 0) & ~same(columns["label"], _first_entries(names)))
+        wrong |= ~equal_values(columns[one], _first_entries(columns[several]))
+    return wrong | ((lengths > 0) & ~equal_values(columns["label"], _first_entries(names)))
 
 
 def is_null(column: pa.Array) -> Truths:
     """Return (n,) a mask of nulls in a column."""
     if column.null_count in {0, len(column)}:
         return np.full(len(column), column.null_count > 0)
-    return numpy_array(compute("is_null", column))
+    return numpy_array(compute_digests("is_null", column))
 
 
 def list_lengths(lists: pa.Array) -> NDArray[np.int64]:
     """Return (n,) the lengths of lists, 0 for nulls."""
-    lengths = compute("list_value_length", lists)
+    lengths = compute_digests("list_value_length", lists)
     return np.where(is_null(lengths), 0, numpy_array(lengths)).astype(np.int64)
 
 
 def _first_entries(lists: pa.Array) -> pa.Array:
     """Return (n,) the first entry of each list, null for an empty one."""
-    lengths, entries = list_lengths(lists), compute("list_flatten", lists)
+    lengths, entries = list_lengths(lists), compute_digests("list_flatten", lists)
     places = np.cumsum(lengths) - lengths
     # Append a null entry, which empty lists refer to.
     ends = pa.concat_arrays([entries, pa.nulls(1, entries.type)])
-    return compute("take", ends, number_array(np.where(lengths > 0, places, len(entries))))
+    return compute_digests("take", ends, number_array(np.where(lengths > 0, places, len(entries))))
 
 
-def same(one: pa.Array, other: pa.Array) -> Truths:
+def equal_values(one: pa.Array, other: pa.Array) -> Truths:
     """Return (n,) whether entries of two columns of one type are equal, or both null."""
     null, also = is_null(one), is_null(other)
     if not pa.types.is_list(one.type):
-        return np.where(null | also, null & also, numpy_array(compute("equal", one, other)))
+        return np.where(null | also, null & also, numpy_array(compute_digests("equal", one, other)))
     equal = (null == also) & (list_lengths(one) == list_lengths(other))
-    (ours, theirs) = (compute("list_flatten", rows_of(lists, equal)) for lists in (one, other))
-    equal[equal] = ~_any_of_lists(rows_of(one, equal), ~same(ours, theirs))
+    (ours, theirs) = (
+        compute_digests("list_flatten", rows_of(lists, equal)) for lists in (one, other)
+    )
+    equal[equal] = ~_any_of_lists(rows_of(one, equal), ~equal_values(ours, theirs))
     return equal
 
 

@@ -37,17 +37,17 @@ SEAL_SIZE = 10  # number of bytes of the checksum at the end of a line
 SHARED = b"shared"
 
 
-def sealed(row: bytes) -> bytes:
+def with_checksum(row: bytes) -> bytes:
     """Return a row as a line: its JSON, a tab, its CRC-32 as 8 hex digits, the line end."""
     return row + _CHECKSUM_FORMAT % zlib.crc32(row)
 
 
-def lines_of(rows: Iterable[bytes], shared: bytes) -> list[bytes]:
+def encode_lines(rows: Iterable[bytes], shared: bytes) -> list[bytes]:
     """Return rows as lines, after a line with their shared fields, if any."""
     if not shared:
-        return [sealed(row) for row in rows]
-    first = sealed(shared + b"\t" + SHARED)
-    return [first, *(sealed(row + first[-SEAL_SIZE:-1]) for row in rows)]
+        return [with_checksum(row) for row in rows]
+    first = with_checksum(shared + b"\t" + SHARED)
+    return [first, *(with_checksum(row + first[-SEAL_SIZE:-1]) for row in rows)]
 
 
 def row_extent(line: bytes) -> tuple[int, bytes]:
@@ -59,9 +59,9 @@ def row_extent(line: bytes) -> tuple[int, bytes]:
     return size, line[size + 1 : -SEAL_SIZE]
 
 
-def parsed(line: bytes) -> dict[str, Any]:
+def parse_line(line: bytes) -> dict[str, Any]:
     """Return the row's own fields in a whole line. Raises a ValueError that describes damage."""
-    if line != sealed(line[:-SEAL_SIZE]):
+    if line != with_checksum(line[:-SEAL_SIZE]):
         raise ValueError("does not match its checksum")
     try:
         content = from_json(line[: row_extent(line)[0]])
@@ -80,7 +80,7 @@ class _LineReader:
 
     def row(self, line: bytes) -> dict[str, Any] | None:
         """Return the row of a whole line, None for a line of shared fields; see `parsed`."""
-        row, name = parsed(line), row_extent(line)[1]
+        row, name = parse_line(line), row_extent(line)[1]
         if name == SHARED:
             self._name, self._shared = line[1 - SEAL_SIZE : -1], row
             return None
@@ -91,7 +91,7 @@ class _LineReader:
         return row
 
 
-def mend_journal(
+def repair_journal(
     folder: Path,
     check: Callable[[Row], None],
     is_complete: Callable[[Row], bool],
@@ -173,7 +173,7 @@ def amend_journal(folder: Path, amendments: Mapping[str, Row]) -> None:
 def write_journal(path: Path, rows: Iterable[Row]) -> None:
     """Replace all rows of a journal atomically; the new ones may come from the journal itself."""
     with atomic_write(path, durable=True) as temporary, temporary.open("wb") as lines:
-        lines.writelines(sealed(json.dumps(row).encode()) for row in rows)
+        lines.writelines(with_checksum(json.dumps(row).encode()) for row in rows)
 
 
 class _RowHead(BaseModel):

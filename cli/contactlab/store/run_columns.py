@@ -19,7 +19,7 @@ from contactlab.store.arrow_values import number_array, numpy_array, text_scalar
 from contactlab.store.runs_table import (
     GROUP,
     batches_of,
-    compute,
+    compute_digests,
     listed_columns,
     shared_fields,
     table_errors,
@@ -144,7 +144,7 @@ class RunColumns:
 
     def run_id(self, row: int) -> str:
         """Return the id of a run."""
-        return str(self.some(["run_id"], [row])[0]["run_id"])
+        return str(self.select_values(["run_id"], [row])[0]["run_id"])
 
     def place_of(self, run: str) -> int | None:
         """Return the row of a run by its id; None if it does not exist."""
@@ -158,7 +158,7 @@ class RunColumns:
         """The names of the swept axes, in table order."""
         used = set[str]()
         for _, lists in self.parts("axis_names"):
-            used.update(compute("list_flatten", lists).unique().to_pylist())
+            used.update(compute_digests("list_flatten", lists).unique().to_pylist())
         return tuple(name for name in self.schema.names if name in used)
 
     def varies(self, name: str) -> bool:
@@ -175,11 +175,11 @@ class RunColumns:
         kind = self.schema.field(name).type
         return pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind)
 
-    def given(self, name: str) -> NDArray[np.bool_]:
+    def has_value(self, name: str) -> NDArray[np.bool_]:
         """Return (runs,) whether a column has a value."""
         found = np.empty(self.runs, np.bool_)
         for rows, column in self.parts(name):
-            found[rows] = numpy_array(compute("is_valid", column))
+            found[rows] = numpy_array(compute_digests("is_valid", column))
         return found
 
     def has_finite(self, name: str) -> bool:
@@ -217,7 +217,7 @@ class RunColumns:
             encoded = column.dictionary_encode()
             words = _python_values(encoded.dictionary)
             codes = np.array([known.setdefault(word, len(known)) for word in words], np.int32)
-            is_valid = numpy_array(compute("is_valid", encoded.indices))
+            is_valid = numpy_array(compute_digests("is_valid", encoded.indices))
             nulls = nulls or not is_valid.all()
             found[rows] = -1
             found[rows][is_valid] = codes[numpy_array(encoded.indices)[is_valid]]
@@ -231,33 +231,33 @@ class RunColumns:
         """
         masks, known = np.zeros(self.runs, np.int64), dict[str, int]()
         for rows, lists in self.parts(name):
-            entries = compute("list_flatten", lists).dictionary_encode()
+            entries = compute_digests("list_flatten", lists).dictionary_encode()
             words = [known.setdefault(word, len(known)) for word in entries.dictionary.to_pylist()]
             if len(known) > _MAX_CATEGORIES:
                 raise StoreError(
                     f"{self.path} is damaged: {len(known)} different strings in '{name}'"
                 )
             bits = (np.int64(1) << np.array(words, np.int64))[numpy_array(entries.indices)]
-            places = numpy_array(compute("list_parent_indices", lists))
+            places = numpy_array(compute_digests("list_parent_indices", lists))
             np.bitwise_or.at(masks[rows], places, bits)
         return masks, tuple(known)
 
     def byte_strings(self, name: str) -> NDArray[np.bytes_]:
         """Return (n,) strings as fixed-length bytes, for ids and hashes; empty for nulls."""
-        lengths = (compute("binary_length", column) for _, column in self.parts(name))
-        width = max((compute("max", part).as_py() or 1 for part in lengths), default=1)
+        lengths = (compute_digests("binary_length", column) for _, column in self.parts(name))
+        width = max((compute_digests("max", part).as_py() or 1 for part in lengths), default=1)
         found = np.empty(self.runs, f"S{width}")
         for rows, column in self.parts(name):
-            filled = compute("coalesce", column, text_scalar(""))
-            padded = compute("utf8_rpad", filled, options=pc.PadOptions(width, "\0"))
+            filled = compute_digests("coalesce", column, text_scalar(""))
+            padded = compute_digests("utf8_rpad", filled, options=pc.PadOptions(width, "\0"))
             found[rows] = np.frombuffer(padded.buffers()[2], found.dtype, len(padded))
         return found
 
     def identify(self, rows: Sequence[int]) -> list[dict[str, Any]]:
         """Return run id, seed and axis values of some runs."""
-        return self.some(["run_id", "seed", *self.axis_names], rows)
+        return self.select_values(["run_id", "seed", *self.axis_names], rows)
 
-    def some(self, names: Sequence[str], rows: Sequence[int]) -> list[dict[str, Any]]:
+    def select_values(self, names: Sequence[str], rows: Sequence[int]) -> list[dict[str, Any]]:
         """Return the values of some runs in some columns, reading only their row groups."""
         found: list[dict[str, Any]] = []
         with table_errors(self.path):
@@ -302,12 +302,12 @@ class RunColumns:
         with table_errors(self.path):
             for rows in batches_of(self._file, GROUP, [*names]):
                 part = rows.select([*names])
-                is_there = compute("is_valid", part.column(0))
-                yield from compute("filter", part, is_there).to_pylist()
+                is_there = compute_digests("is_valid", part.column(0))
+                yield from compute_digests("filter", part, is_there).to_pylist()
 
     def row(self, index: int) -> dict[str, Any]:
         """Return one row of the table, reading only its row group."""
-        return self.some(self.schema.names, [index])[0]
+        return self.select_values(self.schema.names, [index])[0]
 
     def parts(
         self, name: str, file: pq.ParquetFile | None = None
@@ -341,15 +341,17 @@ def equal_texts(one: RunColumns, other: RunColumns, name: str) -> NDArray[np.boo
     equal = np.zeros(one.runs, np.bool_)
     for rows, ours in one.parts(name):
         theirs = other.between(name, rows)
-        both = compute("and", compute("is_valid", ours), compute("is_valid", theirs))
-        equal[rows] = numpy_array(both) & numpy_array(compute("equal", ours, theirs))
+        both = compute_digests(
+            "and", compute_digests("is_valid", ours), compute_digests("is_valid", theirs)
+        )
+        equal[rows] = numpy_array(both) & numpy_array(compute_digests("equal", ours, theirs))
     return equal
 
 
 _Rows = TypeVar("_Rows", pa.RecordBatch, pa.Array)
 
 
-def chosen_rows(
+def select_rows(
     batches: Iterator[pa.RecordBatch], chosen: NDArray[np.bool_] | None
 ) -> Iterator[pa.RecordBatch]:
     """Return the rows of batches, or only the `chosen` ones (runs,), some at a time."""
@@ -367,7 +369,7 @@ def _chosen_rows(
 
 
 def _number_column(column: pa.Array) -> NumberColumn:
-    valid = numpy_array(compute("is_valid", column))
+    valid = numpy_array(compute_digests("is_valid", column))
     return NumberColumn(np.where(valid, numpy_array(column), np.nan), valid)
 
 
@@ -383,7 +385,7 @@ def _validate_rows(rows: pa.RecordBatch) -> pa.RecordBatch:
 
 def rows_of(rows: _Rows, wanted: NDArray[np.bool_]) -> _Rows:
     """Return the wanted (n,) rows, or entries of a column."""
-    return compute("take", rows, number_array(np.flatnonzero(wanted)))
+    return compute_digests("take", rows, number_array(np.flatnonzero(wanted)))
 
 
 def hash_of_ids(parts: Iterable[NDArray[np.uint64]]) -> str:

@@ -31,8 +31,8 @@ from contactlab.store.store_files import TABLE, Address
 from contactlab.store.table_layout import (
     COLUMNS_OF_MACHINE,
     Column,
-    as_made,
     column_of,
+    original_type,
     table_schema,
     texts_of,
 )
@@ -104,7 +104,7 @@ def merge_tables(
 
 
 def _original_schema(stored: pa.Schema) -> pa.Schema:
-    return table_schema([replace(column_of(f), type=as_made(f.type)) for f in stored])
+    return table_schema([replace(column_of(f), type=original_type(f.type)) for f in stored])
 
 
 def _write_groups(
@@ -184,7 +184,7 @@ def _merged_groups(sources: Mapping[Address, Path]) -> Iterator[pa.Table]:
             # Row j of these, source by source, belongs to index p[j] of the group.
             back = np.empty(len(source_order), np.int64)
             back[np.argsort(source_order, kind="stable")] = np.arange(len(source_order))
-            yield compute("take", rows, number_array(back))
+            yield compute_digests("take", rows, number_array(back))
 
 
 def _plan_indices(table: Path) -> NDArray[np.int64]:
@@ -252,8 +252,8 @@ def _fill_nulls(own: pa.ChunkedArray, shared: pa.ChunkedArray, places: pa.Array)
     """Return a column of rows, with nulls replaced by the shared values at these indices."""
     if shared.null_count == len(shared):
         return own
-    taken = compute("take", shared, places)
-    return taken if own.null_count == len(own) else compute("coalesce", own, taken)
+    taken = compute_digests("take", shared, places)
+    return taken if own.null_count == len(own) else compute_digests("coalesce", own, taken)
 
 
 def _parse_rows(lines: bytes, schema: pa.Schema) -> pa.Table:
@@ -418,7 +418,9 @@ def listed_columns(schema: pa.Schema) -> dict[str, Any]:
     return json.loads((schema.metadata or {}).get(_COLUMNS_KEY, b"{}"))
 
 
-def compute(function: str, *arrays: object, options: pc.FunctionOptions | None = None) -> Any:  # noqa: ANN401
+def compute_digests(
+    function: str, *arrays: object, options: pc.FunctionOptions | None = None
+) -> Any:  # noqa: ANN401
     """Return the result of an Arrow function by name; the methods would load all wrappers."""
     return pc.call_function(function, [*arrays], options)
 
@@ -457,16 +459,16 @@ class RowsDigest:
         if column.null_count in {0, len(column)}:
             given.repeat(b"\0" if column.null_count else b"\1", len(column))
         else:
-            given.add(numpy_array(compute("is_valid", column)))
+            given.add(numpy_array(compute_digests("is_valid", column)))
         if pa.types.is_struct(kind):
             for field, inner in zip(kind, column.flatten(), strict=True):
                 self._add(name, f"{part}.{field.name}", inner)
         elif pa.types.is_list(kind):
             self._streams[name, f"{part}#"].add(_entry_lengths("list_value_length", column))
-            self._add(name, f"{part}[]", compute("list_flatten", column))
+            self._add(name, f"{part}[]", compute_digests("list_flatten", column))
         elif pa.types.is_string(kind):
             self._streams[name, f"{part}#"].add(_entry_lengths("binary_length", column))
-            self._streams[name, f"{part}="].add(_join_letters(compute("drop_null", column)))
+            self._streams[name, f"{part}="].add(_join_letters(compute_digests("drop_null", column)))
         else:
             self._streams[name, f"{part}="].add(_filled_numbers(column))
 
@@ -560,12 +562,12 @@ def _entry_lengths(function: str, column: pa.Array) -> NDArray[np.int64]:
     """Return (n,) lengths of texts or lists by a function of Arrow, 0 for nulls."""
     if column.null_count == len(column):
         return np.zeros(len(column), np.int64)
-    return _filled_numbers(compute(function, column)).astype(np.int64)
+    return _filled_numbers(compute_digests(function, column)).astype(np.int64)
 
 
 def _filled_numbers(column: pa.Array) -> NDArray[Any]:
     """Return (n,) numbers or booleans, 0 for nulls."""
     if 0 < column.null_count < len(column):
-        column = compute("coalesce", column, zero(column.type))
+        column = compute_digests("coalesce", column, zero(column.type))
     values = numpy_array(column)
     return np.zeros_like(values) if column.null_count else values

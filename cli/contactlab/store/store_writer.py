@@ -22,10 +22,10 @@ from contactlab.store.row_journal import (
     ResumedRows,
     Row,
     amend_journal,
+    encode_lines,
     end_torn_line,
-    lines_of,
-    mend_journal,
     read_lines,
+    repair_journal,
     write_journal,
 )
 from contactlab.store.run_columns import RunColumns
@@ -54,10 +54,10 @@ from contactlab.store.store_files import (
     time_now,
 )
 from contactlab.store.table_layout import Column
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import find_problems
 
 _NO_FIELDS: Mapping[str, Any] = MappingProxyType({})
-Concluded = Callable[[RunColumns], Mapping[str, Any]]
+Conclusion = Callable[[RunColumns], Mapping[str, Any]]
 """Returns fields of a manifest from the runs of its table."""
 
 
@@ -91,11 +91,11 @@ class StoreWriter:
 
     def append(self, rows: Sequence[bytes], shared: bytes = b"") -> None:
         """Add finished runs as JSON rows, and their shared fields; their traces must exist."""
-        self._add_lines(JOURNAL, lines_of(rows, shared))
+        self._add_lines(JOURNAL, encode_lines(rows, shared))
 
-    def note(self, notes: Sequence[bytes]) -> None:
+    def write_notes(self, notes: Sequence[bytes]) -> None:
         """Keep results of a later pass, each as JSON, in case of an interruption."""
-        self._add_lines(NOTES, lines_of(notes, b""))
+        self._add_lines(NOTES, encode_lines(notes, b""))
 
     def _add_lines(self, name: str, lines: Sequence[bytes]) -> None:
         with write_errors(self.path / name):
@@ -120,7 +120,7 @@ class StoreWriter:
         provenance: Provenance,
         amendments: Mapping[str, Mapping[str, Any]] = _NO_FIELDS,
         identity: SweepIdentity | None = None,
-        concluded: Concluded = lambda _: {},
+        concluded: Conclusion = lambda _: {},
     ) -> StoreManifest:
         """Publish the table, then the manifest, which makes the store finished.
 
@@ -145,7 +145,7 @@ class StoreWriter:
         tables: Mapping[Address, Path],
         provenance: Provenance,
         times: tuple[str, str],
-        concluded: Concluded,
+        concluded: Conclusion,
     ) -> StoreManifest:
         """Publish a table with all rows of other tables, then the manifest; see `finish`."""
         self.close()
@@ -158,7 +158,7 @@ class StoreWriter:
         digests: Digests,
         provenance: Provenance,
         times: tuple[str, str],
-        concluded: Concluded,
+        concluded: Conclusion,
     ) -> StoreManifest:
         files = {name: sha256_of(self.path / name) for name in (IDENTITY, TABLE)}
         scenes = hashes_below(self.path / SCENES).items()
@@ -282,7 +282,7 @@ def _prepare_store(
     if not is_begun or not _chooses_alike(rows, stored):
         session.begin(rows.identity)
     end_torn_line(folder / NOTES)
-    run_ids = mend_journal(
+    run_ids = repair_journal(
         folder, rows.check, rows.keeps, repair=rows.repair, shown_path=address / JOURNAL
     )
     if rows.repair:
@@ -332,7 +332,7 @@ def _rows_to_keep(
     rows: ResumedRows, session: WriteSession, manifest: StoreManifest
 ) -> Iterable[Row] | None:
     """Return the rows of a finished store with damaged or failed runs; None if it has none."""
-    if rows.repair and verify(rows.backend.address):
+    if rows.repair and find_problems(rows.backend.address):
         # In a changed table, no row is known to be valid.
         table = session.table()
         is_sound = table.is_file() and sha256_of(table) == manifest.files.get(TABLE)

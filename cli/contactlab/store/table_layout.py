@@ -203,7 +203,7 @@ def axis_column(name: str, values: Iterable[object], unit: str, description: str
 
     Raises a ValueError if only some of the values are texts.
     """
-    kinds = {*map(_value_type, map(as_written, values))}
+    kinds = {*map(_value_type, map(axis_cell, values))}
     if _TEXT_TYPE in kinds and len(kinds) > 1:
         raise ValueError("mixes single numbers with lists or shares; write all in one form")
     for kind, fitting in (
@@ -216,7 +216,7 @@ def axis_column(name: str, values: Iterable[object], unit: str, description: str
     return Column(name, _TEXT_TYPE, unit, description)
 
 
-def as_written(value: object) -> bool | int | float | str:
+def axis_cell(value: object) -> bool | int | float | str:
     """Return an axis value as in its column; several numbers become one string, "0.02 1"."""
     if isinstance(value, tuple):
         return " ".join(map(_short_number, cast("tuple[object, ...]", value)))
@@ -255,12 +255,12 @@ def column_of(field: pa.Field) -> Column:
     return Column(field.name, field.type, *texts, resolution=resolution, second_pass=second)
 
 
-def as_made(kind: pa.DataType) -> pa.DataType:
+def original_type(kind: pa.DataType) -> pa.DataType:
     """Return the original type of a stored one: Parquet renames entries of lists."""
     if pa.types.is_list(kind):
-        return pa.list_(as_made(kind.value_type))
+        return pa.list_(original_type(kind.value_type))
     if pa.types.is_struct(kind):
-        return pa.struct([pa.field(inner.name, as_made(inner.type)) for inner in kind])
+        return pa.struct([pa.field(inner.name, original_type(inner.type)) for inner in kind])
     return kind
 
 
@@ -318,7 +318,7 @@ def to_row(fields: Mapping[str, Any]) -> Row:
 
 def axes_as_written(axes: Mapping[str, object]) -> dict[str, bool | int | float | str]:
     """Return the values of axes as in their columns."""
-    return dict(zip(axes, map(as_written, axes.values()), strict=True))
+    return dict(zip(axes, map(axis_cell, axes.values()), strict=True))
 
 
 def _columns_of_labels(labels: Sequence[Any]) -> Row:

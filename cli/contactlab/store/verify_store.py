@@ -25,7 +25,7 @@ from contactlab.store.atomic_files import exchange_folders, sha256_of, sync_file
 from contactlab.store.controls_file import controls_name, read_controls
 from contactlab.store.finished_store import Store
 from contactlab.store.row_checks import RowChecks, is_null
-from contactlab.store.run_columns import RunColumns, chosen_rows, rows_of
+from contactlab.store.run_columns import RunColumns, rows_of, select_rows
 from contactlab.store.runs_table import RowsDigest, digests_of, write_compact_table
 from contactlab.store.store_files import (
     IDENTITY,
@@ -58,7 +58,7 @@ _MAX_NAMED_DAMAGES = 3
 _RECORD_FILES = re.compile(r"traces/([0-9a-f]{2}/)?(.*\.mcap)?|controls/[0-9a-f]{64}\.arrow")
 
 
-def verify(
+def find_problems(
     address: Address, *, thorough: bool = True, chosen: NDArray[np.bool_] | None = None
 ) -> list[str]:
     """Return the first thousand defects of a store; empty if it is valid.
@@ -114,7 +114,7 @@ def contradictory_records(store: Store) -> list[str]:
     return problems
 
 
-def unverified(store: Store) -> list[str]:
+def unverifiable_parts(store: Store) -> list[str]:
     """Return the parts of a store that its own content cannot prove, with reasons."""
     manifest = store.manifest
     found: list[str] = []
@@ -321,7 +321,7 @@ def _traced_records(
     """Yield the records with a trace, collect damaged ones, and add all rows to a digest."""
     batches = map(digest.add, store.columns.batches())
     traced = not store.manifest.traces_left_out
-    rows = _suspected_rows(store, chosen_rows(batches, chosen), traced=traced)
+    rows = _suspected_rows(store, select_rows(batches, chosen), traced=traced)
     for record in _sound_records(store, rows, problems):
         if record.trace is not None and traced:
             yield record
@@ -394,7 +394,7 @@ def write_baseline(source: Address, target: Path, pinned: str | None = None) -> 
     digest. Raises a StoreError if the store is not valid; an OutputError if the target is not a
     baseline, is another one, or cannot be written.
     """
-    if problems := verify(source, thorough=False):
+    if problems := find_problems(source, thorough=False):
         raise StoreError(f"{source} is not sound: {problems[0]} (see `contactlab verify {source}`)")
     try:
         with _staging_folder(target) as folder:

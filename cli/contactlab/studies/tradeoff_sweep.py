@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 
 from contactlab import resources
 from contactlab.errors import SceneError, StoreError
-from contactlab.pareto.analysis import analyze
+from contactlab.pareto.analysis import analyze_tradeoff
 from contactlab.pareto.criteria import Criteria, find_error_metric, find_store
 from contactlab.plan.overrides import Overrides
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
@@ -69,7 +69,7 @@ def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
         task = sweep.scene.task(values, duration, watch=watch, within=within, seeds=tuple(seeds))
         records = records_of(store, sweep.scene, values, task)
         verdict = task_verdict(task, sweep.scene, values, records, session)
-    report = analyze(store, request.criteria)
+    report = analyze_tradeoff(store, request.criteria)
     with TemporaryDirectory(prefix="contactlab-") as folder:
         chosen, notes = _written(
             report, report.recommendation, request.model or Path(folder), store

@@ -9,14 +9,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.rotations import rotate
+from contactlab.contact.rotations import rotate_vectors
 from contactlab.contact.trace_arrays import FORCE, NORMAL, POSITION, TANGENT, Floats
 from contactlab.errors import StoreError
 from contactlab.measure import LABELS
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.schema.evidence import EvidenceRecord, LabelEntry
 from contactlab.store.mcap.trace_reader import StoredPair, StoredTrace
-from contactlab.view.drawn_shapes import BodyShape, poses, shapes
+from contactlab.view.drawn_shapes import BodyShape, body_poses, body_shapes
 
 Rows = NDArray[np.intp]
 
@@ -133,8 +133,8 @@ def read_motion(
     if not sound:
         raise StoreError(f"run {trace.metadata['run_id']} has no finite state to draw")
     rows = frame_rows(trace.time[:sound], rate, times)
-    positions, rotations = poses(model, trace.qpos[rows])
-    parts, moving = shapes(model), model.body_weldid != 0
+    positions, rotations = body_poses(model, trace.qpos[rows])
+    parts, moving = body_shapes(model), model.body_weldid != 0
     forces = peak_forces(trace.pairs, rows)
     stage = scene_sphere(parts, moving, positions, rotations, forces.position)
     scale, longest = arrow_scale(forces.force, stage.radius)
@@ -177,7 +177,7 @@ def run_events(labels: Sequence[LabelEntry], time: Floats) -> tuple[RunEvent, ..
     return tuple(sorted(events, key=lambda event: event.row))
 
 
-def following(motion: BodyMotion, bodies: Sequence[int]) -> BodyMotion | None:
+def follow_body(motion: BodyMotion, bodies: Sequence[int]) -> BodyMotion | None:
     """Return a motion with arrows and a stage for a camera that follows the smaller moving body.
 
     The bodies are the indices of a pair's two. None if neither moves, or if a camera that follows
@@ -214,7 +214,7 @@ def failing_pair(record: EvidenceRecord, pairs: Sequence[StoredPair]) -> str | N
     return named[0] if named else strongest.name if strongest else None
 
 
-def widened(motion: BodyMotion, positions: Floats, rotations: Floats) -> BodyMotion:
+def widen_stage(motion: BodyMotion, positions: Floats, rotations: Floats) -> BodyMotion:
     """Return a motion with a stage that also contains other poses (F, B, 3) [m], (F, B, 4)."""
     both = [
         np.concatenate(parts)
@@ -226,7 +226,7 @@ def widened(motion: BodyMotion, positions: Floats, rotations: Floats) -> BodyMot
     )
 
 
-def telling_moments(
+def picture_times(
     motion: BodyMotion, trace: StoredTrace, events: Sequence[RunEvent], pair: str | None, most: int
 ) -> list[float]:
     """Return up to `most` informative times [s] for pictures, in order.
@@ -288,7 +288,7 @@ def scene_sphere(
 
 def _shape_centres(shape: BodyShape, positions: Floats, rotations: Floats) -> Floats:
     """Return (F, 3) the centre of a shape [m]."""
-    return positions[:, shape.body] + rotate(rotations[:, shape.body], shape.position)
+    return positions[:, shape.body] + rotate_vectors(rotations[:, shape.body], shape.position)
 
 
 def _shape_radius(shape: BodyShape) -> float:
@@ -318,7 +318,7 @@ def frame_rows(time: Floats, rate: float, times: Sequence[float] = ()) -> Rows:
     The times [s] of the N + 1 states grow; the rate is in frames per simulated second.
     """
     wanted = np.append(frame_times(time, rate), times)
-    return np.unique(np.append(nearest(time, wanted), len(time) - 1))
+    return np.unique(np.append(nearest_indices(time, wanted), len(time) - 1))
 
 
 def frame_times(time: Floats, rate: float) -> Floats:
@@ -328,7 +328,7 @@ def frame_times(time: Floats, rate: float) -> Floats:
     return time[0] + np.arange(count) / rate
 
 
-def nearest(time: Floats, wanted: Floats) -> Rows:
+def nearest_indices(time: Floats, wanted: Floats) -> Rows:
     """Return the index of the time nearest to each wanted one, the earlier of two."""
     return np.searchsorted((time[1:] + time[:-1]) / 2, wanted)
 

@@ -47,7 +47,7 @@ _NO_VERTICES = np.empty((0, 3))
 _NO_TRIANGLES = np.empty((0, 3), np.int32)
 
 
-def poses(model: mujoco.MjModel, qpos: Floats) -> tuple[Floats, Floats]:
+def body_poses(model: mujoco.MjModel, qpos: Floats) -> tuple[Floats, Floats]:
     """Return the poses of all B bodies in configurations (F, nq), in the world frame.
 
     They are positions (F, B, 3) [m] and unit quaternions (F, B, 4) w, x, y, z.
@@ -62,7 +62,7 @@ def poses(model: mujoco.MjModel, qpos: Floats) -> tuple[Floats, Floats]:
     return positions, rotations
 
 
-def shapes(model: mujoco.MjModel) -> tuple[BodyShape, ...]:
+def body_shapes(model: mujoco.MjModel) -> tuple[BodyShape, ...]:
     """Return the drawn parts: geoms of groups 0 to 2, or all geoms of a body without such."""
     low = model.geom_group < _VISIBLE_GROUPS
     visible_bodies = set(model.geom_bodyid[low].tolist())

@@ -28,7 +28,7 @@ from contactlab.palette import MODE_COLOURS
 from contactlab.printable import newtons
 from contactlab.run.stored_runs import PreparedReplay
 from contactlab.store.atomic_files import atomic_write
-from contactlab.view.drawn_motion import BodyMotion, Stage, frame_times, nearest
+from contactlab.view.drawn_motion import BodyMotion, Stage, frame_times, nearest_indices
 
 Picture = NDArray[np.uint8]
 
@@ -75,7 +75,7 @@ class _Screen(Protocol):
 
 
 @contextmanager
-def graphics(width: int, height: int) -> Generator[_Screen]:
+def graphics_context(width: int, height: int) -> Generator[_Screen]:
     """Make an off-screen OpenGL context of this size current; raise a SceneError without OpenGL."""
     requested = os.environ.get("MUJOCO_GL", "").lower()
     installed = [
@@ -124,7 +124,7 @@ def draw_pictures(
     option = mujoco.MjvOption()
     option.flags[mujoco.mjtVisFlag.mjVIS_TRANSPARENT] = True
     data, scene = mujoco.MjData(model), mujoco.MjvScene(model, _MAX_SCENE_GEOMS)
-    with graphics(width, height) as screen:
+    with graphics_context(width, height) as screen:
         context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
         try:
             for frame, configuration in frames.items():
@@ -331,20 +331,20 @@ class RunPictures:
     size: tuple[int, int]
     camera: str | None
     recorded: Mapping[int, Floats]
-    said: Mapping[int, str]
+    captions: Mapping[int, str]
     between: tuple[float, float] = (-math.inf, math.inf)  # time range of a film [s]
 
     def film(self, rate: float) -> Iterator[Picture]:
         """Yield a film's pictures, `rate` per simulated second."""
         time = self.motion.time
         times, (begin, end) = frame_times(time, rate), self.between
-        shown = Counter(nearest(time, times[(times >= begin) & (times <= end)]).tolist())
+        shown = Counter(nearest_indices(time, times[(times >= begin) & (times <= end)]).tolist())
         for count, picture in zip(shown.values(), self._draw_frames(list(shown)), strict=True):
             yield from repeat(picture, count)
 
     def sheet(self, times: Sequence[float]) -> list[Picture]:
         """Return a sheet's pictures, at times [s]."""
-        wanted: list[int] = nearest(self.motion.time, np.array(times)).tolist()
+        wanted: list[int] = nearest_indices(self.motion.time, np.array(times)).tolist()
         frames = sorted(set(wanted))
         drawn = dict(zip(frames, self._draw_frames(frames), strict=True))
         return [drawn[frame] for frame in wanted]
@@ -358,8 +358,8 @@ class RunPictures:
             bar = force_bar(model, motion.view(0), self.size, motion.scale)
         drawn = draw_pictures(model, motion, chosen, self.size, self.camera, self.recorded)
         for frame, picture in zip(frames, drawn, strict=True):
-            said = [f"begins: {self.said[frame]}"] if frame in self.said else []
-            yield captioned(picture, [f"{motion.time[frame]:.3f} s", *said, run], bar)
+            said = [f"begins: {self.captions[frame]}"] if frame in self.captions else []
+            yield add_caption(picture, [f"{motion.time[frame]:.3f} s", *said, run], bar)
 
 
 def side_by_side(first: Iterator[Picture], second: Iterator[Picture]) -> Iterator[Picture]:
@@ -374,7 +374,7 @@ def recorded_poses(motion: RecordedMotion | None, times: Floats) -> dict[int, Fl
     """Return recorded configurations (nq,) of a run nearest to some times (F,) [s], by index."""
     if motion is None:
         return {}
-    rows: list[int] = nearest(motion.times[0][np.isfinite(motion.times[0])], times).tolist()
+    rows: list[int] = nearest_indices(motion.times[0][np.isfinite(motion.times[0])], times).tolist()
     return {frame: motion.qpos[0, row] for frame, row in enumerate(rows)}
 
 
@@ -398,7 +398,7 @@ def write_gif(target: Path, pictures: Iterator[Picture], rate: int) -> None:
         next(images).save(temporary, format="GIF", **animation)
 
 
-def captioned(
+def add_caption(
     picture: Picture, words: Sequence[str], bar: tuple[float, int] | None = None
 ) -> Picture:
     """Return a picture with a line of words below it; its height is even, as H.264 requires.

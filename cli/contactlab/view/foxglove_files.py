@@ -39,10 +39,10 @@ def layout_file(target: Path) -> Path:
 def write_layout(path: Path, motion: BodyMotion) -> None:
     """Write a layout that shows the scene, its events, and plots of its pairs and joints."""
     with atomic_write(path) as temporary:
-        temporary.write_text(json.dumps(layout(motion), indent=2) + "\n")
+        temporary.write_text(json.dumps(viewer_layout(motion), indent=2) + "\n")
 
 
-def layout(motion: BodyMotion) -> Node:
+def viewer_layout(motion: BodyMotion) -> Node:
     """Return the layout that Foxglove and Lichtblick import for a motion with its layer."""
     topics = {pair: contacts_topic(pair) for pair in motion.pairs}
     plots: Node = {}

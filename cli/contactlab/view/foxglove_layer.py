@@ -60,11 +60,11 @@ def write_with_layer(
     An OutputError says that a file cannot be written.
     """
     rows = motion.rows.tolist()
-    poses = [(row, transforms(motion, frame)) for frame, row in enumerate(rows)]
+    poses = [(row, frame_transforms(motion, frame)) for frame, row in enumerate(rows)]
     forces = [(row, contact_forces(motion, frame)) for frame, row in enumerate(rows)]
     joints = [(row, joint_states(motion, frame)) for frame, row in enumerate(rows)]
     channels = (
-        _added_channel(SCENE, SceneUpdate, [(rows[0], scene(motion))]),
+        _added_channel(SCENE, SceneUpdate, [(rows[0], scene_update(motion))]),
         _added_channel("/tf", FrameTransforms, poses),
         _added_channel(FORCES, SceneUpdate, forces),
         _added_channel(JOINTS, JointStates, joints if motion.joints.names else []),
@@ -78,10 +78,10 @@ def _added_channel(
     topic: str, kind: type[Message], messages: Iterable[tuple[int, Message]]
 ) -> AddedChannel:
     encoded = [(row, message.SerializeToString(deterministic=True)) for row, message in messages]
-    return AddedChannel(topic, kind.DESCRIPTOR.full_name, descriptors(kind), encoded)
+    return AddedChannel(topic, kind.DESCRIPTOR.full_name, message_descriptors(kind), encoded)
 
 
-def descriptors(message: type[Message]) -> bytes:
+def message_descriptors(message: type[Message]) -> bytes:
     """Return a FileDescriptorSet that defines a message and all its dependencies."""
     pending, files = [message.DESCRIPTOR.file], {}
     while pending:
@@ -96,7 +96,7 @@ def descriptors(message: type[Message]) -> bytes:
     return descriptor_set.SerializeToString(deterministic=True)
 
 
-def transforms(motion: BodyMotion, frame: int) -> FrameTransforms:
+def frame_transforms(motion: BodyMotion, frame: int) -> FrameTransforms:
     """Return the poses of all bodies except the world in a frame."""
     time = _timestamp_message(motion.time[frame])
     return FrameTransforms(
@@ -113,7 +113,7 @@ def transforms(motion: BodyMotion, frame: int) -> FrameTransforms:
     )
 
 
-def scene(motion: BodyMotion) -> SceneUpdate:
+def scene_update(motion: BodyMotion) -> SceneUpdate:
     """Return the shapes of the bodies, each as an entity that moves with its body's frame."""
     time, entities = _timestamp_message(motion.time[0]), dict[str, SceneEntity]()
     for shape in sorted(motion.shapes, key=lambda drawn: drawn.body):

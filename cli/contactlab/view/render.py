@@ -21,13 +21,13 @@ from contactlab.view.drawn_motion import (
     Stage,
     arrow_scale,
     failing_pair,
-    following,
+    follow_body,
+    picture_times,
     read_motion,
     run_events,
-    telling_moments,
-    widened,
+    widen_stage,
 )
-from contactlab.view.drawn_shapes import poses
+from contactlab.view.drawn_shapes import body_poses
 from contactlab.view.foxglove_files import layout_file
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ class PictureOptions:
 _DEFAULT_OPTIONS = PictureOptions()
 
 
-def render(
+def render_run(
     store: Store, run: str, target: Path, options: PictureOptions = _DEFAULT_OPTIONS
 ) -> BodyMotion:
     """Write a stored run as .mcap with a 3D layer, .rrd, .mp4, .gif or .png.
@@ -108,7 +108,7 @@ def write_file(  # noqa: PLR0913 - one argument an option
 ) -> str | None:
     """Write a run like `render`; return the meaning of its arrows and the other written files."""
     options = PictureOptions(size, camera, speed, tuple(at), beside, between, around)
-    motion = render(store, run, target, options)
+    motion = render_run(store, run, target, options)
     notes: list[str] = []
     if len(motion.forces.frame):
         notes.append(
@@ -176,7 +176,7 @@ def _write_pictures(
 def _sheet_times(replay: PreparedReplay, trace: StoredTrace, most: int) -> list[float]:
     motion = read_motion(replay.prepared, trace, _FRAME_RATE)
     events = run_events(replay.record.labels, trace.time[: motion.rows[-1] + 1])
-    return telling_moments(motion, trace, events, failing_pair(replay.record, trace.pairs), most)
+    return picture_times(motion, trace, events, failing_pair(replay.record, trace.pairs), most)
 
 
 def _run_pictures(
@@ -190,16 +190,16 @@ def _run_pictures(
 
     motion, model = read_motion(replay.prepared, trace, rate, times), replay.prepared.model
     qpos = trace.qpos[motion.rows]
-    recorded = recorded_poses(replay.runs.scene.motion(replay.runs.resolved), motion.time)
+    recorded = recorded_poses(replay.runs.scene.recorded_motion(replay.runs.resolved), motion.time)
     if recorded:
         ghosts = np.stack([recorded[frame] for frame in range(len(qpos))])
-        motion = widened(motion, *poses(model, np.where(np.isnan(ghosts), qpos, ghosts)))
+        motion = widen_stage(motion, *body_poses(model, np.where(np.isnan(ghosts), qpos, ghosts)))
     pair = failing_pair(replay.record, trace.pairs)
     bodies = [] if pair is None else _pair_bodies(replay, pair)
     if options.around is not None:
         bodies = [body for body, name in enumerate(motion.bodies) if name == options.around]
     if bodies and options.camera is None and not recorded:
-        motion = following(motion, bodies) or motion
+        motion = follow_body(motion, bodies) or motion
     begins = [(label.step, label.label) for label in replay.record.labels if label.step is not None]
     said = {int(np.searchsorted(motion.rows, step)): label for step, label in reversed(begins)}
     size = options.size or _DEFAULT_SIZE
@@ -289,9 +289,9 @@ def open_viewer(model: mujoco.MjModel, start: InitialStates) -> None:
 def _apply_driven_inputs(model: mujoco.MjModel, data: mujoco.MjData, start: InitialStates) -> None:
     """Set the inputs that change over time; the user sets the others."""
     step = np.array([round(data.time / model.opt.timestep)])
-    inputs = start.inputs(0, model.opt.timestep, step)[0]
+    inputs = start.input_rows(0, model.opt.timestep, step)[0]
     own = np.concatenate(
         [part.ravel() for part in (data.ctrl, data.xfrc_applied, data.mocap_pos, data.mocap_quat)]
     )
-    own[start.driven] = inputs[start.driven]
+    own[start.driven_inputs] = inputs[start.driven_inputs]
     apply_inputs(model, data, own)

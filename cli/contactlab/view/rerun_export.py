@@ -11,7 +11,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from contactlab.contact.rotations import rotate
+from contactlab.contact.rotations import rotate_vectors
 from contactlab.contact.trace_arrays import Floats
 from contactlab.palette import MODE_COLOURS
 from contactlab.store.atomic_files import atomic_write
@@ -99,7 +99,7 @@ def _send_bodies(recording: rr.RecordingStream, motion: BodyMotion) -> None:
 def _shape_archetype(shape: BodyShape) -> rr.AsComponents:
     if shape.form == "mesh":
         return rr.Mesh3D(
-            vertex_positions=rotate(shape.rotation, shape.vertices) + shape.position,
+            vertex_positions=rotate_vectors(shape.rotation, shape.vertices) + shape.position,
             triangle_indices=shape.triangles,
             albedo_factor=shape.colour,
         )

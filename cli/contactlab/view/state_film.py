@@ -17,7 +17,7 @@ from contactlab.view.drawn_motion import (
     joint_motion,
     scene_sphere,
 )
-from contactlab.view.drawn_shapes import poses, shapes
+from contactlab.view.drawn_shapes import body_poses, body_shapes
 
 SIZE = (640, 480)
 """Width and height of a film in pixels."""
@@ -65,7 +65,7 @@ def write_states(
     """
     check_film(target)
     from contactlab.view.film import (  # noqa: PLC0415 - an extra
-        captioned,
+        add_caption,
         draw_pictures,
         force_bar,
         write_gif,
@@ -81,7 +81,7 @@ def write_states(
 
     def pictures() -> Iterator[np.ndarray]:
         for picture, word in zip(drawn, words, strict=True):
-            yield captioned(picture, [word], bar)
+            yield add_caption(picture, [word], bar)
 
     write = write_mp4 if target.suffix.lower() == ".mp4" else write_gif
     write(target, pictures(), rate)
@@ -114,8 +114,8 @@ def _states_motion(
         position=np.array(points).reshape(-1, 3),
         force=np.array(forces).reshape(-1, 3),
     )
-    positions, rotations = poses(model, qpos)
-    parts, moving = shapes(model), model.body_weldid != 0
+    positions, rotations = body_poses(model, qpos)
+    parts, moving = body_shapes(model), model.body_weldid != 0
     near = np.isin(np.arange(model.nbody), around)
     stage = scene_sphere(parts, near, positions[:1], rotations[:1], positions[0, around][None])
     stage = stage._replace(radius=_VIEW_RADII * stage.radius)

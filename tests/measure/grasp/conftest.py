@@ -12,7 +12,7 @@ from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.engines import Buffers
 from contactlab.engines.mujoco_batch import roll_out
 from contactlab.engines.rollout_trace import make_trace
-from contactlab.measure import assess
+from contactlab.measure import assess_runs
 from contactlab.plan.overrides import Overrides
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
@@ -43,10 +43,10 @@ def measured() -> Callable[..., Measured]:
         run = scene.resolve(values, 0, None)
         base = scene.base(run.structure)
         prepared = base.prepare(run.edits())
-        rollout = roll_out([prepared.model], scene.starts([run]), run.steps, Buffers())
+        rollout = roll_out([prepared.model], scene.initial_states([run]), run.steps, Buffers())
         trace = make_trace(base, [prepared], rollout)
         setup = make_setup(base, scene.source.manifest, [run], [prepared.model], {})
-        found = assess(trace, setup)
+        found = assess_runs(trace, setup)
         return Measured(
             metrics={key: float(column[0]) for key, column in found.metrics.items()},
             labels=[each.label for each in found.labels[0]],

@@ -51,7 +51,7 @@ def test_each_of_fifty_two_contacts_is_in_the_trace(tmp_path: Path) -> None:
     run = scene.resolve(values, row["seed"], 0.6)
     base = scene.base(run.structure)
     prepared = base.prepare(run.edits())
-    rollout = roll_out([prepared.model], scene.starts([run]), run.steps, Buffers())
+    rollout = roll_out([prepared.model], scene.initial_states([run]), run.steps, Buffers())
     floor = make_trace(base, [prepared], rollout).pairs[2]
     filled = floor.touching[0].sum(axis=1)
     assert filled.max() == CONTACTS

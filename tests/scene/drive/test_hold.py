@@ -145,7 +145,7 @@ def test_a_keyframes_controls_are_kept(tmp_path: Path) -> None:
     path.write_text(text)
     scene = Scene.open(str(path)).with_drive("hold", tmp_path)
     run = scene.resolve({"keyframe": "key[0]"}, 0, None)
-    assert scene.starts([run]).ctrl.tolist() == [[0.3, 0.4]]
+    assert scene.initial_states([run]).ctrl.tolist() == [[0.3, 0.4]]
 
 
 def test_a_load_follows_initial_values(tmp_path: Path) -> None:

@@ -55,7 +55,7 @@ def test_a_file_repeats_a_run_to_the_bit(
     """Its rows have the clock that MuJoCo adds up, which is off from k h by its rounding."""
     noisy = scene.with_drive(NoiseDrive(noise=0.5, rate=20.0), tmp_path)
     run = noisy.resolve({}, 4, 0.2)
-    inputs = noisy.starts([run]).inputs(0, 0.002, np.arange(101))
+    inputs = noisy.initial_states([run]).input_rows(0, 0.002, np.arange(101))
     recorded = states_of(noisy)
     assert recorded[-1, 0] != 100 * 0.002
     columns = {"time": recorded[:, 0], "servo": inputs[:, 0], "elbow": inputs[:, 1]}
@@ -100,8 +100,8 @@ def test_columns_name_actuators_joints_and_bodies(scene: Scene, tmp_path: Path) 
     text += "5,.1,.2,3,1,1,.5,-.4\n6,.3,.2,3,2,1,9,9\n"
     found = driven(scene, tmp_path, text)
     run = found.resolve({}, 0, 1.0)
-    start = found.starts([run])
-    inputs = start.inputs(0, 0.5, np.arange(3))
+    start = found.initial_states([run])
+    inputs = start.input_rows(0, 0.5, np.arange(3))
     model = found.base({}).model
     assert inputs[:, 0] == pytest.approx([0.1, 0.2, 0.3])
     assert inputs[:, 1] == pytest.approx(0.2)
@@ -125,7 +125,7 @@ def test_mocap_bodies_follow(scene: Scene, tmp_path: Path) -> None:
 def test_what_has_no_column_is_held(scene: Scene, tmp_path: Path) -> None:
     found = driven(scene, tmp_path, "time,servo\n0,.1\n2,.1\n")
     held = scene.with_drive("hold", tmp_path)
-    starts = [each.starts([each.resolve({}, 0, 1.0)]).ctrl[0] for each in (found, held)]
+    starts = [each.initial_states([each.resolve({}, 0, 1.0)]).ctrl[0] for each in (found, held)]
     assert starts[0][0] == 0.1
     assert starts[0][1] == starts[1][1] == 0
 
@@ -158,7 +158,7 @@ def test_mistakes_are_named_in_one_line(scene: Scene, tmp_path: Path, case: str)
 def test_a_file_too_short_says_what_to_write(scene: Scene, tmp_path: Path) -> None:
     short = driven(scene, tmp_path, "time,servo\n0,1\n.5,1\n")
     with pytest.raises(SceneError, match=r"last row is at 0\.5 s of column `time`, but runs take"):
-        short.starts([short.resolve({}, 0, 0.6)])
+        short.initial_states([short.resolve({}, 0, 0.6)])
 
 
 def test_other_files_are_refused(scene: Scene, tmp_path: Path) -> None:

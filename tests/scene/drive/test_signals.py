@@ -31,7 +31,7 @@ def scene(tmp_path: Path) -> Scene:
 def controls(scene: Scene, timestep: float, seconds: float, seed: int = 0) -> np.ndarray:
     """Return (T, nu) the controls of a run."""
     run = scene.resolve({"timestep": timestep}, seed, seconds)
-    return scene.starts([run]).inputs(0, timestep, np.arange(run.steps))[:, :2]
+    return scene.initial_states([run]).input_rows(0, timestep, np.arange(run.steps))[:, :2]
 
 
 def test_noise_has_its_band_and_its_share(scene: Scene, tmp_path: Path) -> None:
@@ -65,10 +65,10 @@ def test_runs_of_a_job_get_what_each_gets_alone(scene: Scene, tmp_path: Path) ->
     noisy = scene.with_drive(NoiseDrive(noise=0.2, rate=10.0), tmp_path)
     asked = [(0.002, 5, 1.0), (0.002, 6, 1.0), (0.004, 5, 1.0), (0.002, 5, 0.5), (0.002, 7, 1.0)]
     runs = [noisy.resolve({"timestep": step}, seed, end) for step, seed, end in asked]
-    together = noisy.starts(runs)
+    together = noisy.initial_states(runs)
     for place, (run, (step, _, end)) in enumerate(zip(runs, asked, strict=True)):
-        alone, steps = noisy.starts([run]), np.arange(run.steps)
-        inputs = together.inputs(place, step, steps), alone.inputs(0, step, steps)
+        alone, steps = noisy.initial_states([run]), np.arange(run.steps)
+        inputs = together.input_rows(place, step, steps), alone.input_rows(0, step, steps)
         assert inputs[0].tobytes() == inputs[1].tobytes()
         assert np.array_equal(together.control_ranges(place, end), alone.control_ranges(0, end))
 
@@ -110,7 +110,7 @@ def test_servos_hold_a_posture_that_has_no_controls(tmp_path: Path) -> None:
     path.write_text(POSTURE)
     scene = Scene.open(str(path)).with_drive("exercise", tmp_path)
     runs = [scene.resolve({"keyframe": name}, 0, 1.0) for name in ("posture", "qpos0")]
-    held, reference = (scene.starts([run]).ctrl[0] for run in runs)
+    held, reference = (scene.initial_states([run]).ctrl[0] for run in runs)
     # Lengths are 3 x .7, -2 x .3 and .1; of the third, (4 x .1 - 1) / 2 is below its range.
     assert held == pytest.approx([2.1, -0.6, 0, 0, 0])
     assert not reference.any()
@@ -138,7 +138,7 @@ def test_free_bodies_are_pushed_by_their_weight_for_50_ms(tmp_path: Path) -> Non
     (tmp_path / "free.xml").write_text(PUSHED)
     scene = Scene.open(str(tmp_path / "free.xml")).with_drive("exercise", tmp_path)
     run = scene.resolve({"timestep": 1e-3}, 0, 3.0)
-    inputs = scene.starts([run]).inputs(0, 1e-3, np.arange(run.steps))
+    inputs = scene.initial_states([run]).input_rows(0, 1e-3, np.arange(run.steps))
     forces = inputs.reshape(len(inputs), -1, 6)
     assert not forces[..., 3:].any()
     sizes = np.linalg.norm(forces[..., :3], axis=2)
@@ -172,8 +172,8 @@ def test_exercised_controls_stay_in_their_ranges(tmp_path: Path) -> None:
     (tmp_path / "bounded.xml").write_text(BOUNDED)
     scene = Scene.open(str(tmp_path / "bounded.xml")).with_drive("exercise", tmp_path)
     run = scene.resolve({"timestep": 1e-3}, 0, 10.0)
-    starts, model = scene.starts([run]), scene.base_of(run).model
-    inputs = starts.inputs(0, 1e-3, np.arange(run.steps))[:, : model.nu]
+    starts, model = scene.initial_states([run]), scene.base_of(run).model
+    inputs = starts.input_rows(0, 1e-3, np.arange(run.steps))[:, : model.nu]
     assert (np.ptp(inputs, axis=0) > 1e-3).all()
     low, high = model.actuator_ctrlrange.T
     limited = model.actuator_ctrllimited.astype(bool)
@@ -219,7 +219,7 @@ def test_shared_knots_interpolate_as_numpy_does() -> None:
     times = np.sort(np.round(generator.uniform(0, 1, 60), 2))
     levels = generator.normal(size=(4, 60))
     asked = np.concatenate([np.linspace(-0.2, 1.2, 701), times])
-    found = Signals(np.arange(4), times[None], levels).at(asked)
+    found = Signals(np.arange(4), times[None], levels).values_at(asked)
     for place in range(4):
         assert found[:, place].tobytes() == np.interp(asked, times, levels[place]).tobytes()
 
@@ -227,8 +227,8 @@ def test_shared_knots_interpolate_as_numpy_does() -> None:
 def test_joined_signals_leave_inputs_that_are_driven_already() -> None:
     first = Signals(np.array([2, 0]), np.array([[0.0, 1.0]]), np.array([[1.0, 2.0], [3.0, 4.0]]))
     other = Signals(np.array([1, 2]), np.array([[0.5]]), np.array([[5.0], [6.0]]))
-    both, asked = first.joined(other), np.linspace(0, 1, 5)
+    both, asked = first.merge(other), np.linspace(0, 1, 5)
     assert both.places.tolist() == [2, 0, 1]
-    assert np.array_equal(both.at(asked)[:, :2], first.at(asked))
-    assert both.at(asked)[:, 2].tolist() == [5.0] * 5
-    assert first.joined(first) is first
+    assert np.array_equal(both.values_at(asked)[:, :2], first.values_at(asked))
+    assert both.values_at(asked)[:, 2].tolist() == [5.0] * 5
+    assert first.merge(first) is first

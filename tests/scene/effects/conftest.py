@@ -23,6 +23,6 @@ def prepared() -> Prepare:
     def prepare(scene: Scene, rest: str | None = "auto", **values: object) -> PreparedModel:
         scene = scene.with_effects(rest)
         run = scene.resolve(values, 0, None)
-        return scene.prepare(run, scene.starts([run]))
+        return scene.prepare(run, scene.initial_states([run]))
 
     return prepare

@@ -12,7 +12,7 @@ from contactlab.engines.mujoco_batch import roll_out
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.effects.proofs import RunState
-from contactlab.scene.model_edits import FLAGS
+from contactlab.scene.model_edits import FLAG_NAMES
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.scene import Scene
 from contactlab.store.control_tables import read_control_table
@@ -30,7 +30,7 @@ _FLOOR = '<geom name="floor" type="plane" size="2 2 .1"/>'
 def states(scene: Scene, model: mujoco.MjModel) -> np.ndarray:
     """Return the states of a short run of a scene's own start."""
     silence_mujoco()
-    start = scene.starts([scene.resolve({}, 0, None)])
+    start = scene.initial_states([scene.resolve({}, 0, None)])
     return roll_out([model], start, _STEPS, Buffers()).state[0].copy()
 
 
@@ -189,7 +189,7 @@ def test_air_stays_though_springs_and_damping_are_left_out(
         assert np.array_equal(states(scene, auto.model), states(scene, everything.model))
 
 
-@pytest.mark.skipif("speculative" not in FLAGS, reason="speculative came with MuJoCo 4.0")
+@pytest.mark.skipif("speculative" not in FLAG_NAMES, reason="speculative came with MuJoCo 4.0")
 def test_contacts_ahead_of_touch_need_the_general_collision_function(prepared: Prepare) -> None:
     scene = Scene.open("thin_plate")
     assert not prepared(scene).effects["multiccd"].on

@@ -10,7 +10,7 @@ import pytest
 from contactlab.errors import SceneError
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.effects.effect_table import EFFECTS
-from contactlab.scene.model_edits import FLAGS
+from contactlab.scene.model_edits import FLAG_NAMES
 from contactlab.scene.mujoco_versions import NEW_FEATURES
 from contactlab.scene.scene import Scene
 from contactlab.schema.sweep_schema import Sweep, effects_base, switches
@@ -161,7 +161,7 @@ def test_a_sweep_says_it_in_a_word_or_by_name(
 
 
 def test_every_switch_of_the_engine_is_an_effect() -> None:
-    assert set(FLAGS) <= set(EFFECTS)
+    assert set(FLAG_NAMES) <= set(EFFECTS)
 
 
 def test_the_guide_lists_effects_that_there_are() -> None:

@@ -17,10 +17,10 @@ from tests.written_traces import TraceExtras, assert_viewable
 from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.errors import StoreError
 from contactlab.store.mcap import compact_blocks, file_parts
-from contactlab.store.mcap.compact_blocks import expanded
-from contactlab.store.mcap.file_parts import encode_file, interleave
+from contactlab.store.mcap.compact_blocks import expand_file
+from contactlab.store.mcap.file_parts import encode_file, interleave_groups
 from contactlab.store.mcap.message_encoder import single_message
-from contactlab.store.mcap.stored_messages import find_defect, start_of, stored_file
+from contactlab.store.mcap.stored_messages import file_start_of, find_defect, stored_file
 from contactlab.store.mcap.trace_reader import read_trace
 from contactlab.store.mcap.trace_writer import TraceEncoder
 
@@ -51,9 +51,9 @@ def test_blocks_expand_to_the_messages_byte_for_byte(
     ):
         compact, same_counts = TraceEncoder(trace, series).encode(run, *extras, form="compact")
     assert find_defect(compact) is None
-    assert expanded(compact) == messages
+    assert expand_file(compact) == messages
     assert counts == same_counts
-    assert expanded(messages) is messages
+    assert expand_file(messages) is messages
 
 
 def test_viewers_find_blocks_in_order_of_time(
@@ -115,7 +115,7 @@ def with_blocks(content: bytes, changed: Sequence[Sequence[bytes]]) -> bytes:
         for channel, each in enumerate(changed, start=1)
         for row, block in enumerate(each)
     ]
-    return encode_file(start_of(file), interleave(groups, len(changed), times))
+    return encode_file(file_start_of(file), interleave_groups(groups, len(changed), times))
 
 
 def refused(path: Path, content: bytes) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from contactlab.scene.model_edits import FLAGS
+from contactlab.scene.model_edits import FLAG_NAMES
 from contactlab.schema.study_reports import EffectFinding, EffectsReport
 
 Ablate = Callable[..., EffectsReport]
@@ -87,7 +87,7 @@ def test_an_effect_that_matters_in_one_scenario_is_kept(ablate: Ablate) -> None:
 
 @pytest.mark.night
 @pytest.mark.parametrize(("shape", "need"), [(2, "needed"), (1, "unused")])
-@pytest.mark.skipif("multiccd" not in FLAGS, reason="this engine has no such switch")
+@pytest.mark.skipif("multiccd" not in FLAG_NAMES, reason="this engine has no such switch")
 def test_plates_need_several_contacts_as_meshes_not_as_boxes(
     ablate: Ablate, shape: int, need: str
 ) -> None:
@@ -100,7 +100,7 @@ def test_plates_need_several_contacts_as_meshes_not_as_boxes(
 
 
 @pytest.mark.long
-@pytest.mark.skipif("speculative" not in FLAGS, reason="speculative came with MuJoCo 4.0")
+@pytest.mark.skipif("speculative" not in FLAG_NAMES, reason="speculative came with MuJoCo 4.0")
 def test_a_thin_plate_at_speed_needs_contacts_ahead_of_touch(ablate: Ablate) -> None:
     report = ablate(
         "version: 1\nscene: thin_plate\neffects: {speculative: true}\n"

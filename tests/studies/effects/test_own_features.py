@@ -74,7 +74,7 @@ def test_the_stripped_model_computes_none_of_it(report: EffectsReport) -> None:
     scene = Scene.open(report.source)
     values = {**report.base, **report.smallest_set.settings}
     run = scene.resolve(values, 0, None)
-    model = scene.prepare(run, scene.starts([run])).model
+    model = scene.prepare(run, scene.initial_states([run])).model
     assert (model.ntendon, model.opt.density, model.geom_condim.max()) == (0, 0.0, 4)
     assert all(model.sensor(index).name.startswith("contactlab/") for index in range(model.nsensor))
     assert scene.resolve(values, 0, None).flags["limit"]

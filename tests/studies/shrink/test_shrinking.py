@@ -16,7 +16,7 @@ import contactlab
 from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.errors import StoreError
 from contactlab.run.stored_runs import prepare_replay
-from contactlab.scene.mesh_hulls import hull
+from contactlab.scene.mesh_hulls import hull_vertices
 from contactlab.store.finished_store import Store
 from contactlab.studies.shrink.failing_model import FailingModel, Start, as_one_file, file_hull
 from contactlab.studies.shrink.shrinking import ShrinkRequest, run
@@ -181,7 +181,7 @@ def test_hulls_and_what_is_fitted_to_a_mesh_stand_in_one_file_where_they_stood(
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         turns = data.geom_xmat.reshape(-1, 3, 3)
-        corners = hull(model, 0) @ turns[0].T + data.geom_xpos[0]
+        corners = hull_vertices(model, 0) @ turns[0].T + data.geom_xpos[0]
         places += [
             [
                 corners[np.lexsort(corners.round(4).T)].ravel(),

@@ -30,7 +30,7 @@ class NodeRequirements:
     sentinel: Path | None = None
 
 
-def refusal(requirements: NodeRequirements) -> str | None:
+def refusal_reason(requirements: NodeRequirements) -> str | None:
     """Return the reason why jobs cannot be run here; None if they can."""
     reason = _version_fault(requirements) or _store_fault(requirements.sentinel)
     return f"node {platform.node()} ({ray.util.get_node_ip_address()}) {reason}" if reason else None
@@ -43,7 +43,7 @@ def run_job(token: str, shared: Sequence[Any], job: bytes) -> Any:  # noqa: ANN4
     """
     requirements, bundle = shared
     if token not in _accepted_tokens:
-        if (refused := refusal(ray.get(requirements))) is not None:
+        if (refused := refusal_reason(ray.get(requirements))) is not None:
             return refused
         _accepted_tokens.add(token)
     from contactlab.run.ray.worker import run_on_worker  # noqa: PLC0415 - see the top

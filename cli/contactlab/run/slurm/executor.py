@@ -16,7 +16,7 @@ from typing import Any
 import submitit
 from submitit.core.utils import FailedJobError, UncompletedJobError
 
-from contactlab.run.slurm.part import BUNDLE, RESULT, STOP, Part, runs_of, unfinished
+from contactlab.run.slurm.part import BUNDLE, RESULT, STOP, Part, runs_of, unfinished_jobs
 from contactlab.run.task_bundle import pack_bundle
 from contactlab.run.tasks import Crashed, Job, Result, Stop, Task
 
@@ -143,7 +143,7 @@ class Arrays:
             result: Result = pickle.loads(file.read_bytes())  # noqa: S301 - our own
             done = {*runs_of(result)}
             for task, (jobs, losses) in self._active.items():
-                self._active[task] = unfinished(jobs, done), losses
+                self._active[task] = unfinished_jobs(jobs, done), losses
             file.unlink()
             yield result
 

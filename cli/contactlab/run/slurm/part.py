@@ -61,7 +61,7 @@ class Part:
     def _run_jobs(self) -> None:
         with TemporaryDirectory(prefix="contactlab-") as own, self._watch_stop_file() as stop:
             task = unpack_bundle((self.folder / BUNDLE).read_bytes(), Path(own))
-            left = unfinished(self.jobs, stored_runs(self.folder))
+            left = unfinished_jobs(self.jobs, stored_runs(self.folder))
             for result in LocalPool(self.workers).run(task, left, stop):
                 name = f"{self.folder}/{uuid.uuid4().hex}{RESULT}"
                 write_file(name, pickle.dumps(result))
@@ -93,7 +93,7 @@ def runs_of(result: Result) -> Iterator[str]:
         yield from (from_json(finished.row)["run_id"] for finished in result)
 
 
-def unfinished(jobs: tuple[Job, ...], done: set[str]) -> tuple[Job, ...]:
+def unfinished_jobs(jobs: tuple[Job, ...], done: set[str]) -> tuple[Job, ...]:
     """Return the jobs with runs without a result, reduced to these runs."""
     left = (tuple(run for run in job if run.run_id not in done) for job in jobs)
     return tuple(filter(None, left))

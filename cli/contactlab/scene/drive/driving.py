@@ -7,11 +7,11 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import SceneError
-from contactlab.scene.drive.hold import Load, find_load, unheld
+from contactlab.scene.drive.hold import Load, find_load, unheld_text
 from contactlab.scene.drive.recorded import RecordedTable, read_recorded
 from contactlab.scene.drive.signals import (
     control_ranges,
-    excitement_signals,
+    excitation_signals,
     neutral_controls,
     noise_signals,
 )
@@ -75,7 +75,7 @@ class Driving:
             self._loads[key] = find_load(self._model, start.qpos[0], ctrl, start.act[0])
         return self._loads[key]
 
-    def starts(self, runs: Sequence[RunSpec]) -> InitialStates:
+    def with_start_inputs(self, runs: Sequence[RunSpec]) -> InitialStates:
         """Return the initial states of runs, with their signals.
 
         Raises a SceneError if a run is too long for the drive's file, or its timestep too long for
@@ -95,7 +95,11 @@ class Driving:
     def unheld(self, run: RunSpec) -> str:
         """Return the joints of a run's start that a hold does not hold; empty for other drives."""
         load = self.load(run)
-        return unheld(self._model, self._rule.nominal(run.initial), load) if load else ""
+        return (
+            unheld_text(self._model, self._rule.nominal_configuration(run.initial), load)
+            if load
+            else ""
+        )
 
     def _group_signals(self, runs: Sequence[RunSpec]) -> Sequence[Signals]:
         """Return the signals of runs that differ only in their seeds; see `_signal_key`."""
@@ -116,17 +120,19 @@ class Driving:
         key = _signal_key(run)
         if key not in self._shared:
             held = self._recorded
-            self._shared[key] = held.during(run.duration, run.timestep) if held else Signals.none()
+            self._shared[key] = (
+                held.signals_for(run.duration, run.timestep) if held else Signals.none()
+            )
         return [self._shared[key]] * len(runs)
 
     def _excitation(self, run: RunSpec) -> Signals:
         span = rest_time(run.duration), run.duration
-        signals = excitement_signals(self._model, self._rest, span, run.seed)
+        signals = excitation_signals(self._model, self._rest, span, run.seed)
         return self._resting_only(signals.at_steps(run.timestep))
 
     def _resting_only(self, signals: Signals) -> Signals:
         other = np.setdiff1d(np.arange(self._model.nu), self._resting)
-        return signals.without(np.isin(signals.places, other)) if other.size else signals
+        return signals.exclude(np.isin(signals.places, other)) if other.size else signals
 
 
 def _signal_key(run: RunSpec) -> tuple[float, ...]:

@@ -67,7 +67,7 @@ def find_load(model: mujoco.MjModel, qpos: Floats, ctrl: Floats, act: Floats) ->
     excluded, because a load cannot be added to them.
     """
     data = _forward_data(model, qpos, ctrl, act)
-    moment = moments(model, data)
+    moment = actuator_moments(model, data)
     moved = np.abs(moment).max(axis=0, initial=0) > 0
     scalar = np.isin(model.jnt_type, _SCALAR_JOINTS)
     curved = np.any(getattr(model, "jnt_stiffnesspoly", np.zeros((model.njnt, 1))), axis=1)
@@ -130,7 +130,7 @@ def _settled_distance(model: mujoco.MjModel, load: Load, start: mujoco.MjData) -
     return np.mean(looks[len(looks) // 2 :], axis=0)
 
 
-def unheld(model: mujoco.MjModel, qpos: Floats, load: Load) -> str:
+def unheld_text(model: mujoco.MjModel, qpos: Floats, load: Load) -> str:
     """Return the joints and bodies of a start qpos (nq,) that a load does not hold.
 
     It is empty if the load holds everything. Free bodies do not count.
@@ -165,7 +165,7 @@ def _bodies_fixed_to_mocap(model: mujoco.MjModel) -> NDArray[np.int32]:
     return np.unique(sides[~moved & moved.any(axis=1, keepdims=True)])
 
 
-def moments(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
+def actuator_moments(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
     """Return (nu, nv) the derivatives of actuator lengths with respect to joints."""
     moment = np.zeros((model.nu, model.nv))
     rows = data.moment_rownnz, data.moment_rowadr

@@ -35,11 +35,11 @@ class LocatedDrive:
             return str(self.drive.sha256)[:_HASH_DIGITS]
         return None
 
-    def found_in(self, copy: "LocatedDrive") -> "LocatedDrive":
+    def with_fallback(self, copy: "LocatedDrive") -> "LocatedDrive":
         """Return it, or its copy with the same hash if its own files are missing."""
         return self if all(file.is_file() for file in self.files) else copy
 
-    def check(self) -> None:
+    def check_unchanged(self) -> None:
         """Check that its files are unchanged. Raises a SceneError that names a changed file."""
         assert isinstance(self.drive, FileDrive | PolicyDrive)
         if (sha256 := _hash_files(self.files)) != self.drive.sha256:
@@ -52,7 +52,7 @@ class LocatedDrive:
             shutil.copyfile(file, folder / file.name)
 
 
-def locate(drive: Drive, folder: Path) -> LocatedDrive:
+def locate_drive(drive: Drive, folder: Path) -> LocatedDrive:
     """Find the files of a drive; relative paths start at a folder.
 
     A SceneError names a file that is missing, or that differs from the hash in a record or store.
@@ -67,7 +67,7 @@ def locate(drive: Drive, folder: Path) -> LocatedDrive:
         own = tuple(Path(file).name for file in drive.files)
         names = {"policy": Path(drive.policy).name, "files": own}
     located = LocatedDrive(drive.model_copy(update={**names, "sha256": sha256}), files)
-    located.check()
+    located.check_unchanged()
     return located
 
 

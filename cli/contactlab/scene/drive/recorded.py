@@ -10,7 +10,7 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError, did_you_mean
-from contactlab.scene.model_names import coordinates, mocap_coordinates, part_starts
+from contactlab.scene.model_names import coordinate_indices, mocap_coordinates, part_starts
 from contactlab.scene.part_bodies import AT_JOINT
 from contactlab.scene.timed_inputs import Signals
 
@@ -35,7 +35,7 @@ class RecordedTable:
         times = self.columns.get(TIME)
         return None if times is None or not len(times) else float(times[-1] - times[0])
 
-    def matched(
+    def match_columns(
         self, model: mujoco.MjModel, columns: Mapping[str, str]
     ) -> tuple[dict[int, str], list[str]]:
         """Return columns by their indices in a row of state and inputs, and all mistakes.
@@ -45,7 +45,7 @@ class RecordedTable:
         found, mistakes = dict[int, str](), list[str]()
         for name, column in columns.items():
             if column not in self.columns:
-                mistakes.append(self.lacks(column))
+                mistakes.append(self.missing_column_text(column))
             place = _find_place(model, name, columns)
             if isinstance(place, str):
                 mistakes.append(place)
@@ -53,7 +53,7 @@ class RecordedTable:
                 found[place] = column
         return found, mistakes
 
-    def lacks(self, column: str) -> str:
+    def missing_column_text(self, column: str) -> str:
         """Return the message for a missing column."""
         hint = did_you_mean(column, self.columns) or f"; it has {', '.join(self.columns)}"
         return f"no column `{column}`{hint if self.columns else '; it is empty'}"
@@ -67,7 +67,7 @@ class RecordedInputs:
     signals: Signals
     start: tuple[tuple[str, int, float], ...]  # qpos or qvel, an index in it, and the value there
 
-    def during(self, duration: float, timestep: float) -> Signals:
+    def signals_for(self, duration: float, timestep: float) -> Signals:
         """Return the signals for runs of a duration [s]; a SceneError if the last row is earlier.
 
         Rows at steps are moved exactly onto them, because clocks that add up timesteps accumulate
@@ -92,7 +92,9 @@ def read_recorded(model: mujoco.MjModel, table: RecordedTable, *, held: bool) ->
     name, columns = table.name, table.columns
     if TIME not in columns or not len(columns[TIME]):
         raise SceneError(f"{name}: no rows, or no column `{TIME}` [s]; add both")
-    found, mistakes = table.matched(model, {column: column for column in columns if column != TIME})
+    found, mistakes = table.match_columns(
+        model, {column: column for column in columns if column != TIME}
+    )
     times = columns[TIME] - columns[TIME][0]
     for column in (TIME, *found.values()):
         if (bad := np.flatnonzero(~np.isfinite(columns[column]))).size:
@@ -121,7 +123,7 @@ def _find_place(model: mujoco.MjModel, column: str, columns: Collection[str]) ->
     sizes = {"ctrl": model.nu, "qpos": model.nq, "qvel": model.nv}
     if element and int(element[2]) < sizes[element[1]]:
         return part_starts(model)[element[1]] + int(element[2])
-    known = coordinates(model) | mocap_coordinates(model)
+    known = coordinate_indices(model) | mocap_coordinates(model)
     joints = _actuators_of_joints(model)
     if f"{column}.ctrl" in known:
         return known[f"{column}.ctrl"]

@@ -130,7 +130,7 @@ def pushed_bodies(model: mujoco.MjModel) -> NDArray[np.intp]:
     return np.flatnonzero(jointed & last & (np.asarray(model.body_mass) > 0))
 
 
-def excitement_signals(
+def excitation_signals(
     model: mujoco.MjModel, rest: Floats, span: tuple[float, float], seed: int
 ) -> Signals:
     """Return sines of controls around the middle of their ranges, and pushes of bodies.

@@ -7,7 +7,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from contactlab.scene.effects.proofs import Proof, RunState, most_condim, never
+from contactlab.scene.effects.proofs import Proof, RunState, most_condim, proof_of_absence
 from contactlab.scene.model_edits import read_flag, read_option, write_flags, write_option
 from contactlab.schema.coverage import Feature
 from contactlab.schema.setting_values import Settings
@@ -53,7 +53,7 @@ class Effect:
     switch: Switch  # the functions that turn it on and off
     studied: bool = True  # whether studies change it; some effects define the model itself
     called_by: str = ""  # the part of a scene that needs it
-    unused: Proof = never  # a proof that nothing changes without it
+    unused: Proof = proof_of_absence  # a proof that nothing changes without it
     # The feature that runs must exercise to show the effect; None if every run shows it.
     feature: Feature | None = None
     # Axis values with which a study turns it on; empty if studies do not.
@@ -64,7 +64,7 @@ class Effect:
     def needed_by(
         self,
         called_by: str,
-        unused: Proof = never,
+        unused: Proof = proof_of_absence,
         feature: Feature | None = None,
         **toggles: Mapping[str, object],
     ) -> "Effect":
@@ -80,7 +80,7 @@ class EffectState:
     reason: str
 
 
-def by_flag(name: str) -> Switch:
+def flag_switch(name: str) -> Switch:
     """Return the switch of one of MuJoCo's flags."""
     return Switch(
         lambda run: read_flag(run.model, name),
@@ -89,7 +89,7 @@ def by_flag(name: str) -> Switch:
     )
 
 
-def by_condim(least: int, most: int) -> Switch:
+def condim_switch(least: int, most: int) -> Switch:
     """Return the switch of a friction effect, which is on if contacts have enough dimensions.
 
     Contacts take the larger condim of their two geoms, so a bound on each geom bounds the contact.
@@ -105,7 +105,7 @@ def by_condim(least: int, most: int) -> Switch:
     return Switch(lambda run: most_condim(run.model) >= least, write, settings=("condim",))
 
 
-def by_options(
+def option_switch(
     off: Mapping[str, object],
     on: Mapping[str, object],
     is_on: Callable[[Settings], bool] | None = None,
@@ -136,7 +136,7 @@ def by_options(
     )
 
 
-def by_compiling(compiled: Callable[[RunState], bool], *fields: str) -> Switch:
+def compile_switch(compiled: Callable[[RunState], bool], *fields: str) -> Switch:
     """Return the switch of an effect that is compiled into the model or omitted.
 
     If it is compiled although it is off, the named fields of the model are set to zero.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.registry import Registry
-from contactlab.scene.compile_model import PREFIX
+from contactlab.scene.compile_model import SENSOR_PREFIX
 from contactlab.scene.effects import proofs
 from contactlab.scene.effects.effect import (
     NOT_IN_MODEL,
@@ -19,14 +19,20 @@ from contactlab.scene.effects.effect import (
     EffectRequest,
     EffectState,
     Kind,
-    by_compiling,
-    by_condim,
-    by_flag,
-    by_options,
+    compile_switch,
+    condim_switch,
+    flag_switch,
+    option_switch,
 )
-from contactlab.scene.effects.proofs import ModelFacts, RunState, acts, where, zero
+from contactlab.scene.effects.proofs import (
+    ModelFacts,
+    RunState,
+    has_nonzero_fields,
+    proof_from_condition,
+    proof_of_zero_fields,
+)
 from contactlab.scene.initial_states import InitialStates
-from contactlab.scene.model_edits import FLAGS
+from contactlab.scene.model_edits import FLAG_NAMES
 from contactlab.schema.setting_values import as_number
 
 EFFECTS: Registry[Effect] = Registry("effect")
@@ -34,38 +40,41 @@ EFFECTS: Registry[Effect] = Registry("effect")
 
 
 def _flag_effect(name: str, kind: Kind, what: str, *, studied: bool = True) -> Effect:
-    return Effect(name, kind, what, by_flag(name), studied=studied)
+    return Effect(name, kind, what, flag_switch(name), studied=studied)
 
 
 _EFFECT_LIST = (
     _flag_effect("contact", "physical", "normal force between bodies that touch").needed_by(
         "geoms that can touch", proofs.no_contact, feature="contact"
     ),
-    Effect("tangential_friction", "physical", "force against sliding", by_condim(3, 1)).needed_by(
-        "contacts that may slide", proofs.straight_drop, feature="friction"
-    ),
     Effect(
-        "torsional_friction", "physical", "torque against spin about the normal", by_condim(4, 3)
+        "tangential_friction", "physical", "force against sliding", condim_switch(3, 1)
+    ).needed_by("contacts that may slide", proofs.straight_drop, feature="friction"),
+    Effect(
+        "torsional_friction",
+        "physical",
+        "torque against spin about the normal",
+        condim_switch(4, 3),
     ).needed_by(
         "bodies that may spin in their contacts",
         proofs.no_turning,
         feature="spin",
         on={"torsional_friction": True},
     ),
-    Effect("rolling_friction", "physical", "torque against rolling", by_condim(6, 4)).needed_by(
+    Effect("rolling_friction", "physical", "torque against rolling", condim_switch(6, 4)).needed_by(
         "bodies that may roll", proofs.no_turning, feature="rolling", on={"rolling_friction": True}
     ),
     Effect(
         "elliptic",
         "numerical",
         "friction of one size in all directions, not a pyramid",
-        by_options(off={"cone": "pyramidal"}, on={"cone": "elliptic"}),
+        option_switch(off={"cone": "pyramidal"}, on={"cone": "elliptic"}),
     ).needed_by("contacts with friction", feature="friction", on={"elliptic": True}),
     Effect(
         "noslip",
         "numerical",
         "a second solve against the creep of soft friction",
-        by_options(off={"noslip_iterations": 0}, on={"noslip_iterations": 3}),
+        option_switch(off={"noslip_iterations": 0}, on={"noslip_iterations": 3}),
     ).needed_by(
         "friction that may creep", proofs.no_noslip, feature="friction", on={"noslip": True}
     ),
@@ -73,7 +82,7 @@ _EFFECT_LIST = (
         "impratio",
         "numerical",
         "friction harder than the normal force",
-        by_options(
+        option_switch(
             is_on=lambda settings: as_number(settings["impratio"]) > 1,
             off={"impratio": 1.0},
             on={"impratio": 10.0},
@@ -135,7 +144,7 @@ _EFFECT_LIST = (
     ).needed_by("chains of bodies", proofs.no_constraint, on={"diagexact": True}),
     _flag_effect("gravity", "physical", "weight").needed_by(
         "gravity above zero",
-        where("gravity is zero", lambda run: not run.model.opt.gravity.any()),
+        proof_from_condition("gravity is zero", lambda run: not run.model.opt.gravity.any()),
         feature="motion",
         off={"gravity": 0.0},
     ),
@@ -143,7 +152,7 @@ _EFFECT_LIST = (
         "air",
         "physical",
         "forces of the medium and of wind",
-        by_options(off={"density": 0.0, "viscosity": 0.0, "wind": (0.0, 0.0, 0.0)}, on={}),
+        option_switch(off={"density": 0.0, "viscosity": 0.0, "wind": (0.0, 0.0, 0.0)}, on={}),
     ).needed_by("a medium of some density or viscosity", proofs.no_air, feature="motion"),
     _flag_effect("spring", "physical", "springs of joints and tendons").needed_by(
         "springs", proofs.no_spring, feature="motion"
@@ -156,7 +165,7 @@ _EFFECT_LIST = (
     ).needed_by("joint damping", proofs.no_joint_damping, feature="motion"),
     _flag_effect("frictionloss", "physical", "dry friction in joints and tendons").needed_by(
         "friction loss above zero",
-        zero("no joint or tendon has friction loss", *proofs.FRICTION_LOSS),
+        proof_of_zero_fields("no joint or tendon has friction loss", *proofs.FRICTION_LOSS),
         feature="motion",
     ),
     _flag_effect("limit", "physical", "ends of joints and tendons").needed_by(
@@ -170,34 +179,38 @@ _EFFECT_LIST = (
         "physical",
         "springs, damping, friction, inertia and limits of tendons",
         # Tendons that only transmit, for actuators or equalities, have no effect of their own.
-        by_compiling(
+        compile_switch(
             lambda run: (
                 run.facts.tendons > 0
-                and (run.facts.idle_tendons or acts(run.model, *proofs.TENDON_EFFECTS))
+                and (
+                    run.facts.idle_tendons or has_nonzero_fields(run.model, *proofs.TENDON_EFFECTS)
+                )
             ),
             *proofs.TENDON_EFFECTS,
         ),
     ).needed_by(
         "tendons",
-        where(
+        proof_from_condition(
             "no tendon exerts a force",
-            lambda run: run.facts.idle_tendons and not acts(run.model, *proofs.TENDON_EFFECTS),
+            lambda run: (
+                run.facts.idle_tendons and not has_nonzero_fields(run.model, *proofs.TENDON_EFFECTS)
+            ),
         ),
         feature="tendon",
     ),
     _flag_effect("actuation", "physical", "actuators").needed_by(
-        "actuators", zero("no actuator", "nu"), feature="actuation"
+        "actuators", proof_of_zero_fields("no actuator", "nu"), feature="actuation"
     ),
     _flag_effect("clampctrl", "physical", "limits of controls").needed_by(
         "limited controls",
-        zero("no control is limited", "actuator_ctrllimited"),
+        proof_of_zero_fields("no control is limited", "actuator_ctrllimited"),
         feature="clamping",
     ),
     Effect(
         "implicit",
         "numerical",
         "forces that depend on velocity taken at the step's end",
-        by_options(
+        option_switch(
             is_on=lambda settings: settings["integrator"] not in ("Euler", "RK4"),
             off={"integrator": "Euler"},
             on={"integrator": "implicitfast"},
@@ -210,25 +223,25 @@ _EFFECT_LIST = (
         "sensor",
         "recording",
         "sensors beyond those that record the run",
-        by_compiling(lambda run: run.facts.sensors > 0),
+        compile_switch(lambda run: run.facts.sensors > 0),
     ).needed_by(
         "whoever reads them; no metric does",
-        where("no metric reads the model's own sensors", lambda _: True),
+        proof_from_condition("no metric reads the model's own sensors", lambda _: True),
     ),
     Effect(
         "energy",
         "recording",
         "kinetic and potential energy",
-        by_compiling(lambda run: run.facts.energy),
+        compile_switch(lambda run: run.facts.energy),
     ).needed_by("metrics of energy and speed"),
     *(
         _flag_effect(name, "numerical", "engine switch").needed_by("whoever sets it")
-        for name in FLAGS
+        for name in FLAG_NAMES
     ),
 )
 
 for effect in _EFFECT_LIST:
-    supported = effect.switch.flag is None or effect.switch.flag in FLAGS
+    supported = effect.switch.flag is None or effect.switch.flag in FLAG_NAMES
     if supported and effect.name not in EFFECTS:
         EFFECTS.add(effect)
 
@@ -240,7 +253,7 @@ def is_straight(model: mujoco.MjModel, start: InitialStates) -> bool:
         speed = speed[_is_not_vertical(model)]
     if push.any():
         push = np.delete(push.reshape(-1, 6), 2, axis=1)
-    return not (speed.any() or push.any() or start.driven.size)
+    return not (speed.any() or push.any() or start.driven_inputs.size)
 
 
 @lru_cache(maxsize=1)
@@ -253,12 +266,12 @@ def _is_not_vertical(model: mujoco.MjModel) -> NDArray[np.bool_]:
 _COMPILED_EFFECTS = ("sensor", "tendon", "energy")
 
 
-def choose(run: RunState, request: EffectRequest) -> dict[str, EffectState]:
+def choose_effects(run: RunState, request: EffectRequest) -> dict[str, EffectState]:
     """Decide every effect of a run; its settings and request are already written in its model."""
     return {name: _choose_effect(effect, run, request) for name, effect in EFFECTS.items()}
 
 
-def leave_out(run: RunState, chosen: Mapping[str, EffectState]) -> None:
+def turn_off_unused(run: RunState, chosen: Mapping[str, EffectState]) -> None:
     """Turn off the effects that are not chosen in a run's model, in place."""
     # Read all effects before writing any, because friction effects share condim.
     off = [
@@ -302,10 +315,13 @@ def left_uncompiled(facts: ModelFacts, request: EffectRequest) -> frozenset[str]
     return frozenset(out)
 
 
-def remove(spec: mujoco.MjSpec, without: Collection[str]) -> None:
+def remove_from_spec(spec: mujoco.MjSpec, without: Collection[str]) -> None:
     """Delete sensors and tendons from a specification, before recording sensors are added."""
     for sensor in list(spec.sensors) if "sensor" in without else ():
-        if not sensor.name.startswith(PREFIX) and sensor.type != mujoco.mjtSensor.mjSENS_PLUGIN:
+        if (
+            not sensor.name.startswith(SENSOR_PREFIX)
+            and sensor.type != mujoco.mjtSensor.mjSENS_PLUGIN
+        ):
             spec.delete(sensor)
     for tendon in list(spec.tendons) if "tendon" in without else ():
         spec.delete(tendon)

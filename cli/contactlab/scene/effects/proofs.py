@@ -11,8 +11,8 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from contactlab.scene.compile_model import PREFIX
-from contactlab.scene.contact_pairs import masks_meet
+from contactlab.scene.compile_model import SENSOR_PREFIX
+from contactlab.scene.contact_pairs import mask_overlap
 from contactlab.scene.model_edits import read_flag
 
 _GEOM_TYPES = mujoco.mjtGeom
@@ -52,7 +52,7 @@ class ModelFacts:
         self.energy = energy
         # Sensors that do not record the run, except those of MuJoCo plugins.
         self.sensors = sum(
-            not model.sensor(index).name.startswith(PREFIX)
+            not model.sensor(index).name.startswith(SENSOR_PREFIX)
             and model.sensor_type[index] != mujoco.mjtSensor.mjSENS_PLUGIN
             for index in range(model.nsensor)
         )
@@ -70,7 +70,7 @@ class ModelFacts:
         if many or model.nflex or model.nplugin or read_flag(model, "override"):
             return None
         weld = np.asarray(model.body_weldid)[model.geom_bodyid]
-        filtered = np.argwhere(np.triu(masks_meet(model) & (weld[:, None] != weld), 1))
+        filtered = np.argwhere(np.triu(mask_overlap(model) & (weld[:, None] != weld), 1))
         listed = np.stack([model.pair_geom1, model.pair_geom2], axis=1)
         return np.concatenate([filtered, listed]).astype(np.intp)
 
@@ -116,7 +116,7 @@ class ModelFacts:
         driven = (np.asarray(model.actuator_trntype) == mujoco.mjtTrn.mjTRN_TENDON).any()
         tied = (np.asarray(model.eq_type) == mujoco.mjtEq.mjEQ_TENDON).any()
         return not model.ntendon or not (
-            acts(model, *TENDON_EFFECTS) or driven or tied or model.nplugin
+            has_nonzero_fields(model, *TENDON_EFFECTS) or driven or tied or model.nplugin
         )
 
 
@@ -165,22 +165,22 @@ Proof = Callable[[RunState], str | None]
 """Returns why nothing changes in a run without an effect; None without a proof."""
 
 
-def where(reason: str, holds: Callable[[RunState], object]) -> Proof:
+def proof_from_condition(reason: str, holds: Callable[[RunState], object]) -> Proof:
     """Return a proof from a condition on a run."""
     return lambda run: reason if holds(run) else None
 
 
-def zero(reason: str, *fields: str) -> Proof:
+def proof_of_zero_fields(reason: str, *fields: str) -> Proof:
     """Return a proof that all coefficients in some fields of the model are zero."""
-    return where(reason, lambda run: not acts(run.model, *fields))
+    return proof_from_condition(reason, lambda run: not has_nonzero_fields(run.model, *fields))
 
 
-def either(*proofs: Proof) -> Proof:
+def first_proof(*proofs: Proof) -> Proof:
     """Return the proof by the first of some proofs that holds."""
     return lambda run: next(filter(None, (proof(run) for proof in proofs)), None)
 
 
-def acts(model: mujoco.MjModel, *fields: str) -> bool:
+def has_nonzero_fields(model: mujoco.MjModel, *fields: str) -> bool:
     """Return whether any coefficient in existing fields of a model is not zero."""
     return any(np.any(getattr(model, field, 0)) for field in fields)
 
@@ -218,55 +218,64 @@ def _falls_straight(run: RunState) -> bool:
     return still and (_is_elliptic(model) or is_unit)
 
 
-never = where("", lambda _: False)
-no_contact = where("no two geoms can touch", lambda run: run.facts.kinds == frozenset())
-no_limit = zero("no joint or tendon has a limit", "jnt_limited", "tendon_limited")
+proof_of_absence = proof_from_condition("", lambda _: False)
+no_contact = proof_from_condition(
+    "no two geoms can touch", lambda run: run.facts.kinds == frozenset()
+)
+no_limit = proof_of_zero_fields("no joint or tendon has a limit", "jnt_limited", "tendon_limited")
 # With springs and damping off, MuJoCo also skips the other passive forces; and a holding load acts
 # through both.
-no_damping = where(
+no_damping = proof_from_condition(
     "no joint or tendon is damped",
     lambda run: (
         not (
             run.loaded
             or _has_other_forces(run.model)
-            or acts(run.model, *DAMPING, *_TENDON_DAMPING_FIELDS)
+            or has_nonzero_fields(run.model, *DAMPING, *_TENDON_DAMPING_FIELDS)
         )
     ),
 )
-no_spring = where(
+no_spring = proof_from_condition(
     "no joint or tendon is a spring",
     lambda run: (
-        not (run.loaded or _has_other_forces(run.model) or acts(run.model, *_SPRING_FIELDS))
+        not (
+            run.loaded
+            or _has_other_forces(run.model)
+            or has_nonzero_fields(run.model, *_SPRING_FIELDS)
+        )
     ),
 )
-no_joint_damping = where(
-    "no joint is damped", lambda run: not (run.loaded or acts(run.model, *DAMPING))
+no_joint_damping = proof_from_condition(
+    "no joint is damped", lambda run: not (run.loaded or has_nonzero_fields(run.model, *DAMPING))
 )
 # Without density and viscosity a medium exerts no force, whatever the wind.
-no_air = where(
+no_air = proof_from_condition(
     "the medium has no density or viscosity",
     lambda run: not (run.model.opt.density or run.model.opt.viscosity),
 )
-no_friction = either(
-    no_contact, where("no contact has friction", lambda run: most_condim(run.model) <= 1)
-)
-straight_drop = either(
+no_friction = first_proof(
     no_contact,
-    where("what falls does so straight, and its contacts never move sideways", _falls_straight),
+    proof_from_condition("no contact has friction", lambda run: most_condim(run.model) <= 1),
+)
+straight_drop = first_proof(
+    no_contact,
+    proof_from_condition(
+        "what falls does so straight, and its contacts never move sideways", _falls_straight
+    ),
 )
 # An elliptic cone treats every direction separately.
-no_turning = either(
+no_turning = first_proof(
     no_contact,
-    where(
+    proof_from_condition(
         "no body that can touch another can turn",
         lambda run: not run.facts.turning and _is_elliptic(run.model),
     ),
     straight_drop,
 )
 # Speculative contacts come from the general function.
-no_general_collision = either(
+no_general_collision = first_proof(
     no_contact,
-    where(
+    proof_from_condition(
         "all shapes that can touch have a collision function of their own",
         lambda run: (
             not read_flag(run.model, "speculative")
@@ -275,27 +284,29 @@ no_general_collision = either(
         ),
     ),
 )
-no_crowd = either(
-    no_contact, where("no body has more than one geom", lambda run: not run.facts.crowded)
+no_crowd = first_proof(
+    no_contact,
+    proof_from_condition("no body has more than one geom", lambda run: not run.facts.crowded),
 )
 # Sleeping needs islands.
-one_tree = where(
+one_tree = proof_from_condition(
     "a single tree of bodies is one island",
     lambda run: run.model.ntree <= 1 and not run.model.nflex and not read_flag(run.model, "sleep"),
 )
-no_constraint = where(
+no_constraint = proof_from_condition(
     "there is nothing to solve",
     lambda run: (
-        not (run.model.neq or run.model.nflex or acts(run.model, *FRICTION_LOSS))
+        not (run.model.neq or run.model.nflex or has_nonzero_fields(run.model, *FRICTION_LOSS))
         and no_contact(run)
         and no_limit(run)
     ),
 )
-no_equality = either(
-    zero("no equality constraint", "neq"), zero("no equality constraint is active", "eq_active0")
+no_equality = first_proof(
+    proof_of_zero_fields("no equality constraint", "neq"),
+    proof_of_zero_fields("no equality constraint is active", "eq_active0"),
 )
 
 
 def no_noslip(run: RunState) -> str | None:
     """Return the reason if no contact or joint has friction that could slip."""
-    return None if acts(run.model, *FRICTION_LOSS) else no_friction(run)
+    return None if has_nonzero_fields(run.model, *FRICTION_LOSS) else no_friction(run)

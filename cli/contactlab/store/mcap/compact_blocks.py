@@ -17,25 +17,30 @@ import numpy as np
 from mcap.records import Channel
 from numpy.typing import NDArray
 
-from contactlab.store.mcap.file_parts import encode_file, interleave
-from contactlab.store.mcap.message_encoder import MessageGroup, Times, derived, single_message
+from contactlab.store.mcap.encode_buffers import SCRATCH
+from contactlab.store.mcap.file_parts import encode_file, interleave_groups
+from contactlab.store.mcap.message_encoder import (
+    MessageGroup,
+    Times,
+    derived_fields,
+    single_message,
+)
 from contactlab.store.mcap.record_encoder import (
     Bytes,
     Integers,
     Items,
     Records,
     Unsigned,
-    overlapping,
     overlapping_numbers,
+    overlapping_view,
     pack_values,
     write_records,
 )
-from contactlab.store.mcap.scratch import SCRATCH
 from contactlab.store.mcap.stored_messages import (
     ChannelMessages,
     StoredFile,
+    file_start_of,
     message_stream,
-    start_of,
     stored_file,
 )
 from contactlab.store.mcap.trace_messages import (
@@ -60,7 +65,7 @@ _GROUP_HEAD = struct.Struct(
 _MAX_EXPANSION = 4
 
 
-def compacted(
+def compact_records(
     records: Sequence[Records], times: Times, timestep: float
 ) -> tuple[list[MessageGroup], Times]:
     """Return the messages of (N + 1,) times as blocks, and the (B,) start times of these."""
@@ -107,17 +112,17 @@ def _encode_block(
     return MessageGroup(np.array([channel]), np.array([row]), size, write)
 
 
-def expanded(data: bytes) -> bytes:
+def expand_file(data: bytes) -> bytes:
     """Return a trace file in the message form, byte for byte as it would have been written.
 
     A file in that form is returned unchanged. Raises the errors in `UNREADABLE`.
     """
     stored = stored_file(data)
-    file = in_messages(stored)
-    return data if file is stored else encode_file(start_of(file), message_stream(file))
+    file = expand_blocks(stored)
+    return data if file is stored else encode_file(file_start_of(file), message_stream(file))
 
 
-def in_messages(file: StoredFile) -> StoredFile:
+def expand_blocks(file: StoredFile) -> StoredFile:
     """Return a file in the compact form as one of messages, and any other unchanged."""
     blocks = [channel for channel in file.channels if channel.message_encoding == BLOCKS]
     others = [channel for channel in file.channels if channel not in blocks]
@@ -138,7 +143,7 @@ def in_messages(file: StoredFile) -> StoredFile:
     for channel in others:
         [content] = file.messages[channel.id].contents()
         groups.append(single_message(channel.id, len(times) - 1, int(times[-1]), content))
-    stream = interleave(groups, len(file.channels), times)
+    stream = interleave_groups(groups, len(file.channels), times)
     if np.count_nonzero(stream.sizes) != sum(len(group.rows) for group in groups):
         raise ValueError("a channel has two messages of one time")
     data = stream.data.copy()
@@ -159,7 +164,7 @@ def _message_group(
 
     def write(data: Bytes, starts: Integers) -> None:
         # NumPy copies records field by field, and bytes at once.
-        overlapping(data, layout.size)[starts] = items.view(f"V{layout.size}")
+        overlapping_view(data, layout.size)[starts] = items.view(f"V{layout.size}")
 
     return MessageGroup(np.full_like(rows, channel.id), rows, layout.size, write)
 
@@ -182,7 +187,7 @@ def _read_block(channel: Channel, content: bytes) -> Iterator[tuple[MessageLayou
         items["publish_time"] = items["log_time"]
         if channel.topic != STATE_TOPIC:
             net = items["normal_force"], items["tangential_force"], items["distance"]
-            for name, values in derived(*net, timestep).items():
+            for name, values in derived_fields(*net, timestep).items():
                 items[name] = values
         yield layout, items
 

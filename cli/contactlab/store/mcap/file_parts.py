@@ -19,9 +19,9 @@ from mcap.records import Attachment, AttachmentIndex, Channel, Header, McapRecor
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
+from contactlab.store.mcap.encode_buffers import SCRATCH
 from contactlab.store.mcap.message_encoder import MessageGroup, Times
 from contactlab.store.mcap.record_encoder import message_indexes
-from contactlab.store.mcap.scratch import SCRATCH
 
 CHUNK_SIZE = 1 << 20
 _COMPRESSION = "zstd"
@@ -113,7 +113,7 @@ class MessageStream:
         return [0, *(np.flatnonzero(np.diff(block)) + 1).tolist(), len(block)]
 
 
-def interleave(groups: Sequence[MessageGroup], channels: int, times: Times) -> MessageStream:
+def interleave_groups(groups: Sequence[MessageGroup], channels: int, times: Times) -> MessageStream:
     """Return the records of all groups in one buffer, valid until the next call."""
     sizes = np.zeros((len(times), channels), np.int64)
     for group in groups:

@@ -140,7 +140,7 @@ def contact_records(
         points = np.concatenate(slots)
         values["found"] = points[:, 0, FOUND].astype(np.int32)
         values |= {f"points.{name}": points[..., columns] for name, columns in POINT_FIELDS.items()}
-        return values | derived(*net, timestep)
+        return values | derived_fields(*net, timestep)
 
     for count in range(1, counts.max() + 1):
         places, rows = np.nonzero(counts == count)
@@ -153,7 +153,7 @@ def _head_fields(channels: Rows, times: Times) -> dict[str, NDArray[Any]]:
     return {"channel": channels, "log_time": times, "publish_time": times}
 
 
-def derived(
+def derived_fields(
     normal: Floats, tangential: Floats, distance: Floats, timestep: float
 ) -> dict[str, Floats]:
     """Return the contact values that follow from others, by field."""

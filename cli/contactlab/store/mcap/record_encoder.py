@@ -12,7 +12,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from contactlab.store.mcap.scratch import SCRATCH
+from contactlab.store.mcap.encode_buffers import SCRATCH
 from contactlab.store.mcap.trace_messages import MessageLayout
 
 Bytes = NDArray[np.uint8]
@@ -56,7 +56,7 @@ def write_records(records: Records, data: Bytes, starts: Integers) -> None:
                 for name in path.split("."):
                     target = target[name]
                 target[...] = values[path]
-        overlapping(data, layout.size)[starts[some]] = items.view(f"V{layout.size}")
+        overlapping_view(data, layout.size)[starts[some]] = items.view(f"V{layout.size}")
 
 
 def message_indexes(
@@ -101,7 +101,7 @@ def span_of(rows: Rows) -> Rows | slice:
     return slice(int(rows[0]), int(rows[-1]) + 1) if consecutive else rows
 
 
-def overlapping(data: Bytes, size: int) -> NDArray[np.void]:
+def overlapping_view(data: Bytes, size: int) -> NDArray[np.void]:
     """Return a view with the `size` bytes that start at byte i as item i."""
     return np.ndarray((max(len(data) - size + 1, 0),), f"V{size}", data, strides=(1,))
 

@@ -33,7 +33,7 @@ from contactlab.store.mcap.file_parts import (
     with_metadata,
 )
 from contactlab.store.mcap.message_encoder import STATE_CHANNEL
-from contactlab.store.mcap.record_encoder import INDEX_HEAD, overlapping
+from contactlab.store.mcap.record_encoder import INDEX_HEAD, overlapping_view
 from contactlab.store.mcap.trace_messages import (
     CONTACTS,
     HEAD,
@@ -93,7 +93,7 @@ class ChannelMessages:
     @property
     def heads(self) -> NDArray[np.void]:
         """(M,) the start of each record, before its content."""
-        return overlapping(self.data, HEAD.itemsize)[self.offsets].view(HEAD)
+        return overlapping_view(self.data, HEAD.itemsize)[self.offsets].view(HEAD)
 
     @property
     def sizes(self) -> NDArray[np.int64]:
@@ -105,7 +105,7 @@ class ChannelMessages:
 
     def pick(self, chosen: slice | NDArray[np.bool_], layout: MessageLayout) -> NDArray[np.void]:
         """Return the chosen records, all of which must have this layout."""
-        items = overlapping(self.data, layout.size)[self.offsets[chosen]]
+        items = overlapping_view(self.data, layout.size)[self.offsets[chosen]]
         bytes_of = items.view(np.uint8).reshape(len(items), layout.size)
         template = np.frombuffer(layout.template, np.uint8)
         if np.any(bytes_of[:, layout.constant] != template[layout.constant]):
@@ -154,7 +154,7 @@ def stored_file(data: bytes) -> StoredFile:
             offsets[channel].append(entries[1::2].astype(np.int64) + base)
         base += chunk.uncompressed_size
     sizes = (chunk.uncompressed_size for chunk in summary.chunk_indexes)
-    stream = np.frombuffer(b"".join(map(unpacked, packed.values(), sizes)), np.uint8)
+    stream = np.frombuffer(b"".join(map(unpack_chunk, packed.values(), sizes)), np.uint8)
     none = np.empty(0, np.int64)
     messages = {
         channel: ChannelMessages(stream, np.concatenate((none, *parts)))
@@ -164,7 +164,7 @@ def stored_file(data: bytes) -> StoredFile:
     return StoredFile(*described, metadata, model, packed, messages)
 
 
-def unpacked(compressed: bytes, size: int) -> bytes:
+def unpack_chunk(compressed: bytes, size: int) -> bytes:
     """Return the content of a chunk; both the chunk and the compressed data state its size."""
     if size > _MAX_CHUNK_BYTES or zstandard.frame_content_size(compressed) != size:
         raise ValueError(f"a chunk claims to hold {size:,} bytes")
@@ -176,21 +176,21 @@ def find_defect(data: bytes) -> str | None:
     if damage := find_damage(data):
         return damage
     try:
-        again = written_again(stored_file(data))
+        again = encode_again(stored_file(data))
     except UNREADABLE as error:
         return f"a record cannot be decoded: {error}"
     return None if again == data else "its chunks, indexes or summary do not match its messages"
 
 
-def written_again(file: StoredFile) -> bytes:
+def encode_again(file: StoredFile) -> bytes:
     """Return the file that stored messages encode to, with chunks compressed as before."""
     stream = message_stream(file)
     rows = np.searchsorted(stream.times, np.array([*file.packed], np.uint64)).tolist()
     packed = dict(zip(rows, file.packed.values(), strict=True))
-    return encode_file(start_of(file), stream, packed)
+    return encode_file(file_start_of(file), stream, packed)
 
 
-def start_of(file: StoredFile) -> FileStart:
+def file_start_of(file: StoredFile) -> FileStart:
     """Return the start of a file with these schemas, channels, model and metadata."""
     start = file_start(file.schemas, file.channels, file.model)
     return with_metadata(start, file.metadata.name, file.metadata.metadata)

@@ -21,7 +21,7 @@ from contactlab.contact.trace_arrays import (
 )
 from contactlab.errors import StoreError
 from contactlab.schema.evidence import EvidenceRecord, TraceFile
-from contactlab.store.mcap.compact_blocks import expanded, in_messages
+from contactlab.store.mcap.compact_blocks import expand_blocks, expand_file
 from contactlab.store.mcap.message_encoder import MOMENTUM_ARRAYS, PAIR_ARRAYS, STEP_ARRAYS
 from contactlab.store.mcap.stored_messages import (
     UNREADABLE,
@@ -141,7 +141,7 @@ def read_trace(path: Path, shown_path: object = None) -> StoredTrace:
 
 def read_messages(path: Path, shown_path: object = None) -> bytes:
     """Return a trace file in the message form. A StoreError names it by the shown path."""
-    return _read_file(path, shown_path, expanded)
+    return _read_file(path, shown_path, expand_file)
 
 
 def _read_file(
@@ -163,7 +163,7 @@ def _read_file(
 
 
 def _decode_trace(data: bytes) -> StoredTrace:
-    file = in_messages(stored_file(data))
+    file = expand_blocks(stored_file(data))
     messages = {channel.topic: file.messages[channel.id] for channel in file.channels}
     [state] = [channel for channel in file.channels if channel.topic == STATE_TOPIC]
     sizes = int(state.metadata["nq"]), int(state.metadata["nv"])

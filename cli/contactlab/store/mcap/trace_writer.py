@@ -21,13 +21,13 @@ from contactlab.contact.trace_arrays import Floats, PairSeries, Trace
 from contactlab.errors import OutputError
 from contactlab.schema.vocabulary import TraceFormat
 from contactlab.store.atomic_files import atomic_write
-from contactlab.store.mcap.compact_blocks import BLOCKS, compacted, expanded
+from contactlab.store.mcap.compact_blocks import BLOCKS, compact_records, expand_file
 from contactlab.store.mcap.file_parts import (
     LIBRARY,
     FileStart,
     encode_file,
     file_start,
-    interleave,
+    interleave_groups,
     with_metadata,
 )
 from contactlab.store.mcap.message_encoder import (
@@ -113,12 +113,12 @@ class TraceEncoder:
         )
         counts[EVIDENCE_TOPIC] = 1
         if form == "compact":
-            groups, begins = compacted(records, times, timestep)
+            groups, begins = compact_records(records, times, timestep)
         else:
             groups, begins = [*map(message_group, records)], times
         last = len(begins) - 1
         groups.append(single_message(channels, last, int(begins[last]), record_json))
-        return encode_file(start, interleave(groups, channels, begins)), counts
+        return encode_file(start, interleave_groups(groups, channels, begins)), counts
 
 
 def _log_times(time: Floats) -> tuple[Times, NDArray[np.bool_]]:
@@ -170,7 +170,7 @@ def copy_trace(
 
     A file in the compact form becomes one of messages; `schemas` by name replace its own.
     """
-    reader = SeekingReader(BytesIO(expanded(source.read_bytes())))
+    reader = SeekingReader(BytesIO(expand_file(source.read_bytes())))
     summary = reader.get_summary()
     assert summary is not None, "a sound file has a summary"
     stored = [(channel, message) for _, channel, message in reader.iter_messages()]

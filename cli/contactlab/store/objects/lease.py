@@ -48,7 +48,7 @@ class LockHolder(BaseModel):
     released: bool = False
 
     @classmethod
-    def this(cls) -> "LockHolder":
+    def current_process(cls) -> "LockHolder":
         """Return this process."""
         pid, host = os.getpid(), socket.gethostname()
         started = _start_time(pid) or 0
@@ -72,7 +72,7 @@ class LockHolder(BaseModel):
         """Whether it released the lock, or was a process here that has ended."""
         return self.released or (self.is_here and _start_time(self.pid) != self.started)
 
-    def encoded(self) -> bytes:
+    def to_json_bytes(self) -> bytes:
         """Return the content of the lock object."""
         return self.model_dump_json().encode()
 
@@ -132,7 +132,7 @@ class StoreLease:
         with self._writing:
             self.check()
             holder = self._holder.model_copy(update=changes)
-            version = self._client.create(LOCK, holder.encoded(), self._version)
+            version = self._client.create(LOCK, holder.to_json_bytes(), self._version)
             if version is None:
                 self._lost = True
             else:
@@ -151,7 +151,7 @@ class StoreLease:
 def hold_lease(client: "ObjectClient", seconds: float | None = None) -> Generator[StoreLease]:
     """Hold the lock of a store, after one of another machine was unchanged for some seconds."""
     seconds = LEASE if seconds is None else seconds
-    holder = LockHolder.this()
+    holder = LockHolder.current_process()
     lease = StoreLease(client, holder, _take_lock(client, holder, seconds), seconds)
     try:
         yield lease
@@ -162,10 +162,10 @@ def hold_lease(client: "ObjectClient", seconds: float | None = None) -> Generato
 def _take_lock(client: "ObjectClient", holder: LockHolder, seconds: float) -> "UpdateVersion":
     version = None
     while version is None:
-        version = client.create(LOCK, holder.encoded())
+        version = client.create(LOCK, holder.to_json_bytes())
         if version is None and (other := client.find(LOCK)) is not None:
             _wait_until_gone(client, other, seconds)
-            version = client.create(LOCK, holder.encoded(), other.version)
+            version = client.create(LOCK, holder.to_json_bytes(), other.version)
     return version
 
 

@@ -20,7 +20,7 @@ from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.printable import Told
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
-from contactlab.scene.model_names import in_geom_words
+from contactlab.scene.model_names import geom_name_replacer
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.schema.check_report import Measure
@@ -119,7 +119,7 @@ class CheckedModel:
     @cached_property
     def told(self) -> Told:
         """What is said of a text with geoms that nobody named: their bodies."""
-        return in_geom_words(self.base.model)
+        return geom_name_replacer(self.base.model)
 
     @cached_property
     def moves(self) -> bool:

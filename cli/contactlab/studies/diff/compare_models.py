@@ -9,9 +9,9 @@ import numpy as np
 from contactlab.mjcf import OPTIONS
 from contactlab.run.planned_runs import stored_sweep_scene
 from contactlab.run.sweep_request import SceneLoader
-from contactlab.scene.contact_pairs import may_touch, reaches
-from contactlab.scene.model_edits import FLAGS, read_flag, read_option
-from contactlab.scene.model_names import KINDS, name_of
+from contactlab.scene.contact_pairs import body_reaches, touch_mask
+from contactlab.scene.model_edits import FLAG_NAMES, read_flag, read_option
+from contactlab.scene.model_names import OBJECT_LISTS, name_of
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.scene.scene import Scene
 from contactlab.schema.diff_report import Difference, DiffReport
@@ -101,7 +101,7 @@ def _option_differences(
                 after=told[1],
                 relative_change=share,
             )
-    for name in FLAGS:
+    for name in FLAG_NAMES:
         before, after = read_flag(one, name), read_flag(other, name)
         if before != after:
             words = ["enable" if state else "disable" for state in (before, after)]
@@ -148,7 +148,7 @@ def _reference_length(model: mujoco.MjModel, kind: str, index: int) -> float:
         return least
     owner = owners[kind]
     body = index if owner is None else int(owner[index])
-    inside = reaches(model)[body]
+    inside = body_reaches(model)[body]
     away = float(np.linalg.norm(model.body_pos[body]))
     return float(max(least, inside, away))
 
@@ -192,7 +192,7 @@ def _filters(
 
 def _touching(model: mujoco.MjModel, names: dict[int, str]) -> set[str]:
     bodies = np.asarray(model.geom_bodyid)
-    pairs = {tuple(bodies[[*pair]].tolist()) for pair in np.argwhere(may_touch(model)).tolist()}
+    pairs = {tuple(bodies[[*pair]].tolist()) for pair in np.argwhere(touch_mask(model)).tolist()}
     return {
         " - ".join(sorted((names[first], names[second])))
         for first, second in pairs
@@ -231,7 +231,7 @@ def report_of(report: DiffReport) -> Report:
     )
     header = ("kind", "name", "quantity", "before", "after", "unit", "change")
     parts = ", ".join(
-        f"{count} {KINDS[kind] if count > 1 else kind}"
+        f"{count} {OBJECT_LISTS[kind] if count > 1 else kind}"
         for kind, count in report.matched.items()
         if count
     )

@@ -23,7 +23,7 @@ from contactlab.schema.study_reports import (
     Verification,
 )
 from contactlab.schema.tradeoff_report import REALITY
-from contactlab.store.table_layout import as_written
+from contactlab.store.table_layout import axis_cell
 from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.effect_toggles import (
     BASE,
@@ -327,4 +327,4 @@ def _verify_set(
 
 
 def _as_written(values: Values) -> dict[str, Setting]:
-    return {name: as_written(value) for name, value in values.items()}
+    return {name: axis_cell(value) for name, value in values.items()}

@@ -19,7 +19,7 @@ from contactlab.schema.drive import NoiseDrive, parse_drive
 from contactlab.schema.study_reports import MetricChange, Ratio
 from contactlab.schema.tradeoff_report import REALITY
 from contactlab.store.finished_store import Store
-from contactlab.store.table_layout import as_written
+from contactlab.store.table_layout import axis_cell
 from contactlab.studies.configuration_runs import ConfigurationRows, Row, run_configurations
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Session, Values
@@ -50,7 +50,7 @@ def _choices(setup: AblationSetup, rest: str) -> Iterator[States]:
     scene = setup.scene.with_effects(rest)
     for scenario in setup.scenarios:
         run = scene.resolve({**setup.base, **scenario}, setup.seeds[0], setup.duration)
-        yield scene.prepare(run, scene.starts([run])).effects
+        yield scene.prepare(run, scene.initial_states([run])).effects
 
 
 def _toggle(effect: Effect, written: list[States], proven: list[States]) -> Toggle | None:
@@ -74,7 +74,7 @@ def settings_sweep(settings: Values, proven: Iterable[str]) -> tuple[str, ...]:
     lines = [f"effects: {{{', '.join(words)}}}"]
     if axes:
         lines.append("axes:")
-        lines += [f"  {name}: [{as_written(value)}]" for name, value in axes.items()]
+        lines += [f"  {name}: [{axis_cell(value)}]" for name, value in axes.items()]
     return tuple(lines)
 
 
@@ -307,7 +307,7 @@ def _change(
         if appears or (size and not tolerance)
         else size / (tolerance or 1.0),
         spread=spread,
-        scenario={key: as_written(value) for key, value in scenario.items()},
+        scenario={key: axis_cell(value) for key, value in scenario.items()},
         significant=size > tolerance and size > spread,
     )
 

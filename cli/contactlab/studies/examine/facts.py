@@ -16,7 +16,7 @@ from contactlab.budget.windows import Run, joint_name, replay
 from contactlab.contact.trace_arrays import Floats
 from contactlab.printable import newtons
 from contactlab.scene.compile_model import InertiaFault
-from contactlab.scene.part_bodies import hauled
+from contactlab.scene.part_bodies import is_mocap_driven
 from contactlab.schema.examination import Fact
 from contactlab.studies.examine.masked_passages import MaskedPassages
 from contactlab.studies.lint.inertia import in_words, inertia_faults
@@ -245,7 +245,7 @@ def _of_equalities(motion: Motion) -> Iterator[Fact]:
     name = model.equality(worst).name
     place = f"equality {name or f'[{worst}]'}"
     said = f"at the start the ends of {place} are {_mm(apart[worst])} mm apart, and it draws them"
-    led = bool(hauled(model)[worst])
+    led = bool(is_mocap_driven(model)[worst])
     advice = "place its mocap body there" if led else "begin where they meet"
     yield Fact(
         kind="equality",

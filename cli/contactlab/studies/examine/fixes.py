@@ -145,7 +145,9 @@ class FixSearch:
         self._parting = [
             candidate
             for candidate in physical
-            if candidate.edits.parts and candidate.name not in known and self._parts(candidate)
+            if candidate.edits.separates_links
+            and candidate.name not in known
+            and self._parts(candidate)
         ]
 
     @property
@@ -158,7 +160,7 @@ class FixSearch:
 
         If all leave labels, it is the first one at a finer step, or joined with a fix of labels.
         """
-        if helping and (not self._repeats.labels or helping[0].edits.mends_start):
+        if helping and (not self._repeats.labels or helping[0].edits.fixes_start):
             return [*helping]
         base, left = None, self._repeats.labels
         for fix in helping:

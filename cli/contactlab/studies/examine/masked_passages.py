@@ -13,7 +13,7 @@ from contactlab.budget.motion import Motion
 from contactlab.budget.verdict import plain
 from contactlab.budget.windows import KEPT, Run, cut
 from contactlab.contact.trace_arrays import Floats
-from contactlab.scene.contact_pairs import geom_pairs, half_extents, masks_meet, may_touch
+from contactlab.scene.contact_pairs import geom_pairs, half_extents, mask_overlap, touch_mask
 from contactlab.schema.examination import Fact
 
 _WINDOW = 0.02  # between states that are looked at [s]
@@ -70,7 +70,7 @@ def _masked(model: mujoco.MjModel) -> list[tuple[int, int]]:
     open_to_all = copy(model)
     solid = (np.asarray(model.geom_contype) | np.asarray(model.geom_conaffinity)) != 0
     open_to_all.geom_contype[:] = open_to_all.geom_conaffinity[:] = solid
-    masked = may_touch(open_to_all) & ~masks_meet(model) & ~may_touch(model)
+    masked = touch_mask(open_to_all) & ~mask_overlap(model) & ~touch_mask(model)
     masked &= ~np.isin(model.geom_type, _UNMEASURED)
     return geom_pairs(masked)
 

@@ -14,7 +14,7 @@ from contactlab.budget import Motion, Verdict
 from contactlab.budget.fixes import Candidate
 from contactlab.budget.motion import INTEGRATION
 from contactlab.contact.trace_arrays import Floats
-from contactlab.scene.mesh_hulls import hull, rotation
+from contactlab.scene.mesh_hulls import hull_vertices, rotation_matrix
 from contactlab.scene.model_draft import PRIMITIVES, ModelEdits, edit_spec
 from contactlab.scene.scene import Scene
 from contactlab.studies.examine.start_fixes import compiled
@@ -95,8 +95,8 @@ def _fitted(own: mujoco.MjModel, name: str, fitted: Any) -> Floats:  # noqa: ANN
     Both are of one body.
     """
     geom = own.geom(name)
-    corners = hull(own, int(geom.dataid[0])) @ rotation(geom.quat).T + geom.pos
-    return (corners - fitted.pos) @ rotation(fitted.quat)
+    corners = hull_vertices(own, int(geom.dataid[0])) @ rotation_matrix(geom.quat).T + geom.pos
+    return (corners - fitted.pos) @ rotation_matrix(fitted.quat)
 
 
 def distances(shape: str, size: Floats, points: Floats) -> Floats:

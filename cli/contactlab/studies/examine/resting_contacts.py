@@ -11,12 +11,12 @@ from contactlab.contact.contact_laws import (
     largest_step,
     refsafe_solref,
     rest_penetration,
-    restitution_of,
+    restitution_from_damping,
     stiffness_damping,
 )
 from contactlab.contact.trace_arrays import DISTANCE
 from contactlab.mjcf import AT_REST
-from contactlab.scene.contact_at_rest import ContactAtRest, law_of_rest
+from contactlab.scene.contact_at_rest import ContactAtRest, rest_law_inputs
 from contactlab.schema.examination import RestingContact
 from contactlab.studies.check.checked_model import CheckedModel
 
@@ -60,7 +60,7 @@ class RestingPair:
             stiffness=float(rate) * mass,
             damping=float(drag) * mass,
             damping_ratio=float(zeta),
-            restitution=float(restitution_of(zeta)),
+            restitution=float(restitution_from_damping(zeta)),
             bounced=self.restitution,
             longest_step=float(largest_step(solref)),
             timestep=timestep,
@@ -74,7 +74,7 @@ class RestingPair:
         if not words.keys() & AT_REST.keys():
             return 1 / (zeta * float(stiffness_damping(self.law.solref)[0]) ** 0.5), zeta
         depth = words.get("depth_at_rest") or self.load / words["stiffness"]
-        return self.law.solref_of(depth, self.load, zeta)
+        return self.law.solref_for_depth(depth, self.load, zeta)
 
 
 def resting_contacts(examined: CheckedModel) -> Iterator[RestingContact]:
@@ -101,7 +101,7 @@ def resting_pairs(examined: CheckedModel) -> Iterator[RestingPair]:
         points = stored.points[np.repeat(last, stored.contacts), DISTANCE]
         safe = record.effects.get("refsafe", True)
         solref = refsafe_solref(used.solref, timestep) if safe else used.solref
-        law = replace(law_of_rest(examined.prepared.model, pair, used), solref=solref)
+        law = replace(rest_law_inputs(examined.prepared.model, pair, used), solref=solref)
         if not law.inverse_mass:
             continue
         found = RestingPair(

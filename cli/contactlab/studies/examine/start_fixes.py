@@ -15,7 +15,7 @@ from contactlab.budget.fixes import Candidate
 from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.verdict import VerdictWord
 from contactlab.errors import SceneError
-from contactlab.scene.closed_start import OPEN, closed_start, moving_extent
+from contactlab.scene.closed_start import OPEN_TOLERANCE, closed_start, moving_extent
 from contactlab.scene.model_draft import CompiledFiles, ModelEdits, edit_spec
 from contactlab.scene.model_names import name_of
 from contactlab.scene.scene import Scene
@@ -143,7 +143,7 @@ def overlapping(motion: Motion) -> Iterator[tuple[int, int]]:
 def _stuck(motion: Motion) -> Iterator[tuple[int, int]]:
     """Yield pairs deep in each other of which neither is the world's, and neither floats."""
     model, data = motion.model, _begun(motion)
-    least = OPEN * moving_extent(model, data)
+    least = OPEN_TOLERANCE * moving_extent(model, data)
     for one, two, depth in _in_each_other(model, data):
         held = [_way(model, body) for body in (one, two)]
         if depth > least and all(way[0] and way[-1] == 0 for way in held):

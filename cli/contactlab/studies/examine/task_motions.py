@@ -13,7 +13,7 @@ from contactlab.budget.windows import usual_changes
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines import Buffers, PreparedRuns, engine_of
 from contactlab.engines.closed_loop import allowed_policy, load_policy
-from contactlab.engines.mujoco_batch import driven, start_batch
+from contactlab.engines.mujoco_batch import driven_inputs, start_batch
 from contactlab.engines.older_mujoco import SimulationError
 from contactlab.errors import EngineError, SceneError
 from contactlab.scene.initial_states import InitialStates
@@ -90,7 +90,7 @@ def _acted(prepared: PreparedRuns) -> PreparedRuns:
     rollout = engine_of(prepared.resolved[0]).roll_out(prepared, Buffers())
     if failed := next((error for error in rollout.errors if error), None):
         raise SceneError(f"the policy cannot be replayed: {failed}")
-    return prepared.repeating(rollout.controls)
+    return prepared.with_recorded_controls(rollout.controls)
 
 
 def _span(phase: Phase, model: mujoco.MjModel, steps: int) -> tuple[int, int] | None:
@@ -101,14 +101,14 @@ def _span(phase: Phase, model: mujoco.MjModel, steps: int) -> tuple[int, int] | 
 
 def _pieces(prepared: PreparedRuns, run: int, spans: Sequence[tuple[int, int]]) -> Iterator[_Piece]:
     """Yield the phases that a run reaches."""
-    model, start = prepared.models[run], prepared.starts.pick(run)
+    model, start = prepared.models[run], prepared.starts.select_run(run)
     batch = start_batch([model], start)
     done = 0
     for begin, end in spans:
         try:
             if begin > done:
                 batch.rollout(
-                    begin - done, record=[], **driven(model, start, 0, begin - done, done)
+                    begin - done, record=[], **driven_inputs(model, start, 0, begin - done, done)
                 )
         except SimulationError:
             return
@@ -122,6 +122,6 @@ def _piece(
     model: mujoco.MjModel, start: InitialStates, span: tuple[int, int], state: Floats
 ) -> _Piece:
     begin, end = span
-    given = driven(model, start, 0, end - begin, begin)
+    given = driven_inputs(model, start, 0, end - begin, begin)
     inputs = given.get("control", np.empty((1, end - begin, 0)))
     return _Piece(state, inputs, int(given.get("control_spec", _CONTROL)))

@@ -19,7 +19,7 @@ from contactlab.scene.scene import Scene
 from contactlab.schema.study_reports import FIT_REPORT, FITTED, FitReport, FittedSetting
 from contactlab.schema.sweep_schema import Sample
 from contactlab.schema.vocabulary import RECORDED_RUN, AxisSpec
-from contactlab.store.table_layout import as_written
+from contactlab.store.table_layout import axis_cell
 from contactlab.studies.session import Session, Values, read_settings
 
 FREE = ("friction.slide", "solref", "impratio", "cone")
@@ -116,10 +116,10 @@ class _Trials:
         """Return (points, runs) errors; a run that fails is as bad as the worst one."""
         request, names = self.request, list(settings[0])
         axes = {RECORDED_RUN: list(runs)} | {
-            fixed: [as_written(y)] for fixed, y in self.fixed.items()
+            fixed: [axis_cell(y)] for fixed, y in self.fixed.items()
         }
         block = {
-            parameter: [as_written(candidate[parameter]) for candidate in settings]
+            parameter: [axis_cell(candidate[parameter]) for candidate in settings]
             for parameter in names
         }
         sweep = {"version": 1, "scene": request.scene, "axes": axes, "trace": "none"}
@@ -128,7 +128,7 @@ class _Trials:
         self.runs += store.columns.runs
         columns = store.columns.to_pydict([RECORDED_RUN, *names, request.metric])
         found = {row[:-1]: row[-1] for row in zip(*columns.values(), strict=True)}
-        keys = [[as_written(candidate[parameter]) for parameter in names] for candidate in settings]
+        keys = [[axis_cell(candidate[parameter]) for parameter in names] for candidate in settings]
         errors = np.array([[found[(run, *key)] for run in runs] for key in keys], np.float64)
         if np.isnan(errors).all():
             raise ExpectationError(f"no run of {request.scene} has a value of {request.metric}")
@@ -240,7 +240,7 @@ def _fitted_setting(trials: _Trials, best: Floats, place: int, minima: Floats) -
     errors = trials.run(f"profile-{name}", settings, trials.fitted[: 2 * _SCREENING_RUNS])
     alike = errors.mean(axis=1) <= (1 + _FLAT_RISE) * errors[0].mean()
     alike |= _is_as_good(errors)
-    values = [as_written(setting[name]) for setting in settings]
+    values = [axis_cell(setting[name]) for setting in settings]
     points, every = trials.best(len(trials.points))
     middle, *ends = np.percentile(minima[:, place], [50, 2.5, 97.5])
     # Resampling of few runs makes intervals too narrow.

@@ -25,7 +25,7 @@ from contactlab.schema.gradients import (
     GradientsReport,
 )
 from contactlab.schema.setting_values import as_number, as_vector
-from contactlab.store.table_layout import as_written
+from contactlab.store.table_layout import axis_cell
 from contactlab.studies.gradients import automatic_differentiation
 from contactlab.studies.gradients.automatic_differentiation import ADAPTIVE, ENGINE
 from contactlab.studies.gradients.derivative_cache import DerivativeCache
@@ -108,7 +108,7 @@ def differentiate_scene(request: GradientsRequest, session: Session) -> Gradient
     most = max(influence(by) for found in derivatives.values() for by in found)
     places = tuple(
         GradientPlace(
-            settings={name: as_written(value) for name, value in point.values.items()},
+            settings={name: axis_cell(value) for name, value in point.values.items()},
             end=float(ends[place]) if np.isfinite(ends[place]) else None,
             mode=modes[place],
             inputs={

@@ -19,7 +19,7 @@ from contactlab.measure.net_contact import net_contact
 from contactlab.mjcf import MODEL_ENGINE
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.model_edits import find_field
-from contactlab.scene.model_names import PARTS, coordinates, part_starts
+from contactlab.scene.model_names import STATE_PARTS, coordinate_indices, part_starts
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.schema.setting_values import as_number, as_vector
@@ -64,7 +64,7 @@ class DifferentiatedScene:
         """Find the coordinate; a SweepFileError says that it is not one of the state."""
         model = scene.base({}).model
         end = part_starts(model)["act"]
-        known = {each: place for each, place in coordinates(model).items() if place < end}
+        known = {each: place for each, place in coordinate_indices(model).items() if place < end}
         if name not in known:
             near = did_you_mean(name, known) or f"; write one of {', '.join(list(known)[:8])}"
             raise SweepFileError(
@@ -85,7 +85,7 @@ class DifferentiatedScene:
         """Return a parameter; a SweepFileError says that there is none of this name."""
         known = {
             each: place
-            for each, place in coordinates(self.model).items()
+            for each, place in coordinate_indices(self.model).items()
             if not each.endswith(_QUATERNION)
         }
         spec = self.scene.catalogue.find(name)
@@ -193,19 +193,19 @@ class Parameter:
 
 
 def _row(starts: InitialStates) -> Floats:
-    return np.concatenate([getattr(starts, part)[0] for part in PARTS])
+    return np.concatenate([getattr(starts, part)[0] for part in STATE_PARTS])
 
 
 def _moved_starts(starts: InitialStates, points: Sequence[Point]) -> InitialStates:
     """Return starts with the changed coordinates of points."""
     if not any(point.moved for point in points):
         return starts
-    sizes = np.cumsum([getattr(starts, part).shape[1] for part in PARTS])[:-1]
-    rows = np.concatenate([getattr(starts, part) for part in PARTS], axis=1)
+    sizes = np.cumsum([getattr(starts, part).shape[1] for part in STATE_PARTS])[:-1]
+    rows = np.concatenate([getattr(starts, part) for part in STATE_PARTS], axis=1)
     for row, point in zip(rows, points, strict=True):
         row[list(point.moved)] = list(point.moved.values())
     parts = np.split(rows, sizes, axis=1)
-    return starts._replace(**dict(zip(PARTS, parts, strict=True)))
+    return starts._replace(**dict(zip(STATE_PARTS, parts, strict=True)))
 
 
 def _mode_sequence(mode: np.ndarray) -> str:

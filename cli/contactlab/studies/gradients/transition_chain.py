@@ -28,7 +28,7 @@ def chain_transitions(
     if row is None:
         return None
     count = np.arange(runs.steps)
-    inputs = [runs.starts.inputs(run, model.opt.timestep, count) for run in range(3)]
+    inputs = [runs.starts.input_rows(run, model.opt.timestep, count) for run in range(3)]
     data, both = mujoco.MjData(model), [mujoco.MjData(side) for side in sides]
     for run, one in enumerate((data, *both)):
         one.qpos[:], one.qvel[:] = runs.starts.qpos[run], runs.starts.qvel[run]

@@ -9,7 +9,7 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
-from contactlab.scene.model_names import known_id
+from contactlab.scene.model_names import require_id
 from contactlab.scene.part_bodies import AT_JOINT, bodies_of_actuator, bodies_of_equality
 from contactlab.studies.grip.rollouts import repeat_input, roll_out, start_row
 
@@ -88,7 +88,7 @@ def loose_bodies(model: mujoco.MjModel) -> set[int]:
 def _driven_bodies(model: mujoco.MjModel) -> set[int]:
     """Return the bodies that actuators act on, directly or by a tendon."""
     names = {name for each in range(model.nu) for name in bodies_of_actuator(model, each)}
-    return {known_id(model, "body", name) for name in names}
+    return {require_id(model, "body", name) for name in names}
 
 
 def subtree(model: mujoco.MjModel, body: int) -> list[int]:
@@ -117,7 +117,7 @@ def find_hand(model: mujoco.MjModel, base: str | None = None) -> Hand:
         )
     carriers = _carriers(model)
     if base is not None:
-        bodies = [known_id(model, "body", base)]
+        bodies = [require_id(model, "body", base)]
     else:
         above = {body for carrier, _ in carriers.values() for body in _upward(model, carrier)}
         weight = {body: float(model.body_subtreemass[body]) for body in above}
@@ -253,7 +253,7 @@ def _couplings(model: mujoco.MjModel, kinds: frozenset[int]) -> Iterator[set[int
     """Yield the bodies that each equality of the given kinds couples."""
     for equality in range(model.neq):
         if int(model.eq_type[equality]) in kinds:
-            yield {known_id(model, "body", name) for name in bodies_of_equality(model, equality)}
+            yield {require_id(model, "body", name) for name in bodies_of_equality(model, equality)}
 
 
 def _fixed_to(model: mujoco.MjModel, body: int, base: int) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 
 from contactlab.errors import SceneError, SweepFileError
 from contactlab.run.sweep_request import SceneLoader
-from contactlab.scene.angle_units import in_radians
+from contactlab.scene.angle_units import find_radian_angles
 from contactlab.scene.compile_model import compile_model
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
@@ -192,7 +192,7 @@ def _compile_request(request: GripRequest) -> tuple[mujoco.MjModel, mujoco.MjSpe
     source = find_scene(request.model)
     model = compile_model(source, {}, lambda spec: kept.append(spec.copy()))
     reads_degrees = kept[0].compiler.degree and source.model.suffix != ".urdf"
-    messages = [message for _, message in in_radians(model)] if reads_degrees else []
+    messages = [message for _, message in find_radian_angles(model)] if reads_degrees else []
     notes = (f"{message} (contactlab lint), so all numbers here are wrong" for message in messages)
     return model, kept[0], tuple(notes)
 

@@ -8,7 +8,7 @@ import numpy as np
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.scene.keyframes import place_mocap, start_data
-from contactlab.scene.model_names import known_id
+from contactlab.scene.model_names import require_id
 from contactlab.scene.task import keyframe_names
 from contactlab.studies.grip.closing import Squeeze, frame, measure_squeeze
 from contactlab.studies.grip.fingers import loose_bodies, subtree
@@ -71,7 +71,7 @@ def _lifted(model: mujoco.MjModel) -> Floats:
 
 def _object(model: mujoco.MjModel, data: mujoco.MjData, keyframe: str, name: str | None) -> int:
     """Return the free body with the largest contact force by bodies other than the world."""
-    bodies = [known_id(model, "body", name)] if name else sorted(loose_bodies(model))
+    bodies = [require_id(model, "body", name)] if name else sorted(loose_bodies(model))
     forces = dict[int, float]()
     for body in bodies:
         if not model.body_jntnum[body] or model.jnt_type[model.body_jntadr[body]] != 0:
@@ -97,7 +97,7 @@ def _find_fixture(
 ) -> GripFixture:
     """Return a fixture of the bodies that press, carried by their nearest common base."""
     touching = sorted({int(model.geom_bodyid[contact.geom]) for contact in found} - {0})
-    number = known_id(model, "body", base) if base else _shared(model, touching)
+    number = require_id(model, "body", base) if base else _shared(model, touching)
     fingers = [
         tuple(subtree(model, root))
         for root in range(1, model.nbody)

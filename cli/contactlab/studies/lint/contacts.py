@@ -14,7 +14,7 @@ from contactlab.contact.contact_laws import (
     stiffness_damping,
 )
 from contactlab.judge.limits import MILLIMETRES, MILLISECONDS, Limit
-from contactlab.scene.contact_pairs import geom_pairs, may_touch
+from contactlab.scene.contact_pairs import geom_pairs, touch_mask
 from contactlab.scene.model_draft import mjcf_text
 from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel
 from contactlab.studies.lint.rules import rule
@@ -58,7 +58,7 @@ def _touching_geoms(model: mujoco.MjModel) -> np.ndarray:
     """Return the geoms that can touch others by their masks; pairs have their own parameters."""
     if model.opt.disableflags & _NO_CONTACT:
         return np.empty(0, int)
-    return np.flatnonzero(may_touch(model, listed=False).any(axis=1))
+    return np.flatnonzero(touch_mask(model, listed=False).any(axis=1))
 
 
 def _solref_users(model: mujoco.MjModel) -> Iterator[_User]:
@@ -193,7 +193,7 @@ def frictionless_condim(linted: LintedModel) -> Iterator[Fault]:
     if not slides.any() or model.opt.disableflags & _NO_CONTACT:
         return
     told = set[int]()
-    for first, second in geom_pairs(may_touch(model, listed=False)):
+    for first, second in geom_pairs(touch_mask(model, listed=False)):
         priority = model.geom_priority[[first, second]]
         deciding = [g for g in (first, second) if model.geom_priority[g] == priority.max()]
         condim = int(model.geom_condim[deciding].max())

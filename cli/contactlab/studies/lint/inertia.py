@@ -19,10 +19,10 @@ from contactlab.contact.rotations import rotation_matrices
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.compile_model import (
     InertiaFault,
-    closes,
     compile_model,
-    not_positive,
-    open_triangle,
+    nonpositive_inertia_fault,
+    satisfies_triangle,
+    triangle_inertia_fault,
     written_inertia_faults,
 )
 from contactlab.scene.scene_source import SceneSource
@@ -146,11 +146,11 @@ def inertia_faults(model: mujoco.MjModel) -> tuple[InertiaFault, ...]:
 def _body_faults(model: mujoco.MjModel, body: int) -> Iterator[InertiaFault]:
     name, mass, moments = model.body(body).name, _mass(model, body), model.body_inertia[body]
     if mass < 0 or moments.min() < 0:
-        yield not_positive(name, mass, moments)
+        yield nonpositive_inertia_fault(name, mass, moments)
     elif mass > 0:
         # A model may be edited after compilation.
-        if not closes(moments + _ROUNDING * moments.max()):
-            yield open_triangle(name, moments, balanced=False)
+        if not satisfies_triangle(moments + _ROUNDING * moments.max()):
+            yield triangle_inertia_fault(name, moments, balanced=False)
         yield from density_faults(model, body)
         yield from shape_faults(model, body)
 

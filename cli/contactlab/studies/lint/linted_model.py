@@ -15,16 +15,16 @@ import mujoco
 
 from contactlab.scene.compile_model import InertiaFault, compile_error, written_inertia_faults
 from contactlab.scene.model_files import plain_name
-from contactlab.scene.model_names import KINDS, name_by_address, name_of
+from contactlab.scene.model_names import OBJECT_LISTS, name_by_address, name_of
 from contactlab.scene.model_text import (
     ElementText,
     Origin,
     Origins,
     Replacement,
-    at_end,
+    append_lines,
+    apply_replacements,
     elements_of,
     line_of,
-    replaced,
     with_attributes,
 )
 from contactlab.scene.model_xml import parse
@@ -34,7 +34,13 @@ from contactlab.scene.task import keyframe_names
 from contactlab.schema.task import QPOS0
 from contactlab.studies.lint.inertia import inertia_faults
 
-_KINDS = {**KINDS, "mesh": "meshes", "hfield": "hfields", "texture": "textures", "site": "sites"}
+_KINDS = {
+    **OBJECT_LISTS,
+    "mesh": "meshes",
+    "hfield": "hfields",
+    "texture": "textures",
+    "site": "sites",
+}
 _UNLINED = "key"  # MuJoCo keeps no lines of keyframes
 _LINE = re.compile(r":(\d+): does not compile")
 _LINKS = {"body": "link", "joint": "joint"}  # names in URDF
@@ -181,7 +187,7 @@ class LintedModel:
         line = ET.tostring(element, encoding="unicode").replace(" />", "/>")
         if b"</" not in data[root.inner : root.end]:
             return ()
-        replacement = at_end(data, root, [line])
+        replacement = append_lines(data, root, [line])
         number = line_of(data, replacement.start)
         return (Edit(Place(self.main, number, number), line, replacement),)
 
@@ -227,7 +233,7 @@ def edited(faults: Iterator[Fault]) -> Mapping[Path, bytes]:
     for fault in faults:
         for edit in fault.edits:
             changes.setdefault(edit.place.file, set()).add(edit.replacement)
-    return {file: replaced(file.read_bytes(), found) for file, found in changes.items()}
+    return {file: apply_replacements(file.read_bytes(), found) for file, found in changes.items()}
 
 
 @contextmanager

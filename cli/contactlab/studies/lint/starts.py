@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.scene.angle_units import FEWEST, in_radians, limited_hinges
+from contactlab.scene.angle_units import MIN_LIMITED_HINGES, find_radian_angles, limited_hinges
 from contactlab.scene.keyframes import start_data
 from contactlab.scene.model_draft import mjcf_text
 from contactlab.scene.task import keyframe_names
@@ -137,7 +137,7 @@ def radians_as_degrees(linted: LintedModel) -> Iterator[Fault]:
     """Ranges of joints are in radians, where the compiler reads degrees."""
     if linted.is_urdf or not linted.spec.compiler.degree:
         return
-    for joint, message in in_radians(linted.model):
+    for joint, message in find_radian_angles(linted.model):
         edits = linted.set_in("compiler", angle="radian")
         yield Fault(message, linted.place("joint", joint), edits)
 
@@ -146,7 +146,7 @@ def radians_as_degrees(linted: LintedModel) -> Iterator[Fault]:
 def degrees_as_radians(linted: LintedModel) -> Iterator[Fault]:
     """Ranges of joints are in degrees, where the compiler reads radians."""
     hinges, model = limited_hinges(linted.model), linted.model
-    if len(hinges) < FEWEST or (linted.spec.compiler.degree and not linted.is_urdf):
+    if len(hinges) < MIN_LIMITED_HINGES or (linted.spec.compiler.degree and not linted.is_urdf):
         return
     wide = [joint for joint in hinges if np.ptp(model.jnt_range[joint]) > _WIDE]
     if 2 * len(wide) > len(hinges) and np.abs(model.jnt_range[wide]).max() <= 360:

@@ -166,7 +166,7 @@ def _write_runs(panel: Panel, folder: Path) -> tuple[list[BundledRun], dict[str,
 def _arrays(ours: PreparedRuns, run: int, rollouts: Sequence[Rollout]) -> Mapping[str, Floats]:
     """Return the arrays of a run: MuJoCo's motion, its noise floor, controls, and single steps."""
     model, steps = ours.models[run], min(rollout.steps[run] for rollout in rollouts)
-    inputs = ours.starts.inputs(run, model.opt.timestep, np.arange(steps))
+    inputs = ours.starts.input_rows(run, model.opt.timestep, np.arange(steps))
     if inputs[:, model.nu :].any():
         raise ValueError("the drive applies forces to bodies; use actuators instead")
     if not steps:

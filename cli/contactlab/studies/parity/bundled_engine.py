@@ -103,5 +103,5 @@ class BundledEngine(AdaptedEngine):
 def _measure_quantity(runs: PreparedRuns, run: int, states: np.ndarray) -> np.ndarray:
     """Return (N, nsensordata) what sensors measure before each step of a run."""
     model = runs.models[run]
-    inputs = runs.starts.inputs(run, model.opt.timestep, np.arange(runs.steps))
+    inputs = runs.starts.input_rows(run, model.opt.timestep, np.arange(runs.steps))
     return load_adapter(SERVER).measured(model, states, inputs[:, : model.nu])

@@ -19,7 +19,7 @@ from contactlab.engines.engine import (
 )
 from contactlab.engines.rollout_trace import make_trace
 from contactlab.errors import SweepFileError
-from contactlab.measure import assess
+from contactlab.measure import assess_runs
 from contactlab.plan.grid import Run
 from contactlab.plan.overrides import Overrides
 from contactlab.run.sweep_request import SweepRequest, read_request
@@ -128,14 +128,14 @@ class Panel:
         manifest, sweep = self.scene.source.manifest, self.request.plan.sweep
         trace = make_trace(runs.base, runs.prepared, rollout)
         setup = make_setup(runs.base, manifest, runs.resolved, runs.models, sweep.thresholds)
-        setup = replace(setup, recorded=self.scene.motion(runs.resolved))
+        setup = replace(setup, recorded=self.scene.recorded_motion(runs.resolved))
         told: list[dict[str, float | str]] = []
         for run, steps in enumerate(rollout.steps):
             if not steps:
                 told.append({})
                 continue
             alone = trace.select([run], steps)
-            found = assess(alone, setup.select([run]))
+            found = assess_runs(alone, setup.select([run]))
             energy = (alone.kinetic + alone.potential)[0]
             told.append(
                 {name: float(values[0]) for name, values in found.metrics.items()}
@@ -150,7 +150,7 @@ def runs_from_states(
 ) -> PreparedRuns:
     """Return one step from each of (K, nstate) states of a run, as its steps (K,) drive it."""
     model, count = runs.models[run], len(places)
-    inputs = runs.starts.inputs(run, model.opt.timestep, places)
+    inputs = runs.starts.input_rows(run, model.opt.timestep, places)
     driven = np.split(inputs, [model.nu, model.nu + 6 * model.nbody], axis=1)
     parts = np.split(states[:, 1:], [model.nq, model.nq + model.nv], axis=1)
     return replace(

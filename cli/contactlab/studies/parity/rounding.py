@@ -10,14 +10,14 @@ import numpy as np
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.engine import PreparedRuns
 from contactlab.scene.initial_states import apply_inputs
-from contactlab.scene.model_names import PARTS
+from contactlab.scene.model_names import STATE_PARTS
 
 _WARMSTART = int(mujoco.mjtDisableBit.mjDSBL_WARMSTART)
 
 
 def round_starts(runs: PreparedRuns) -> PreparedRuns:
     """Return runs that start from states, and with inputs, rounded to single precision."""
-    arrays = {name: getattr(runs.starts, name) for name in PARTS}
+    arrays = {name: getattr(runs.starts, name) for name in STATE_PARTS}
     single = {name: array.astype(np.float32).astype(np.float64) for name, array in arrays.items()}
     return replace(runs, starts=runs.starts._replace(**single))
 
@@ -59,7 +59,7 @@ def rounded_at_each_step(runs: PreparedRuns, run: int, steps: int) -> Floats:
     data.qpos[:], data.qvel[:], data.act[:] = (
         array[run] for array in (starts.qpos, starts.qvel, starts.act)
     )
-    for inputs in starts.inputs(run, model.opt.timestep, np.arange(steps)):
+    for inputs in starts.input_rows(run, model.opt.timestep, np.arange(steps)):
         apply_inputs(model, data, inputs)
         mujoco.mj_step(model, data)
         for state in (data.qpos, data.qvel, data.act):

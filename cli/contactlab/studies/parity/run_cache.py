@@ -12,7 +12,7 @@ from pydantic_core import to_json
 from contactlab.plugins import hash_of_packages, loaded_plugins
 from contactlab.resources import ADAPTERS
 from contactlab.store.atomic_files import write_errors
-from contactlab.store.row_journal import end_torn_line, read_lines, sealed
+from contactlab.store.row_journal import end_torn_line, read_lines, with_checksum
 from contactlab.studies.parity.parity_report import RunParity
 
 NAME = "runs.jsonl"
@@ -71,4 +71,4 @@ class RunCache:
             self.folder.mkdir(parents=True, exist_ok=True)
             end_torn_line(path)
             with path.open("ab") as file:
-                file.write(sealed(to_json(line, inf_nan_mode="constants")))
+                file.write(with_checksum(to_json(line, inf_nan_mode="constants")))

@@ -25,7 +25,7 @@ from contactlab.scene.scene import Scene
 from contactlab.schema.comparison import ComparePolicy, MetricRule
 from contactlab.schema.evidence import Setting
 from contactlab.schema.finding import Finding, RunPair
-from contactlab.store.table_layout import as_written
+from contactlab.store.table_layout import axis_cell
 from contactlab.studies.parity.panel import Panel, PanelRun
 from contactlab.studies.parity.parity_report import ClosedForm, Measured, ParityReport, RunParity
 from contactlab.studies.parity.run_cache import ComparedRun, RunCache
@@ -133,7 +133,7 @@ def _metrics(panel: Panel, comparison: Comparison) -> Sequence[Sequence[Metrics]
 
 def _describe_run(member: PanelRun, **rest: Any) -> RunParity:  # noqa: ANN401 - fields of the report
     axes: dict[str, Setting] = {
-        name: as_written(value) for name, value in member.run.values.items() if name != "engine"
+        name: axis_cell(value) for name, value in member.run.values.items() if name != "engine"
     }
     return RunParity(run_id=member.run_id, axes=axes, seed=member.run.seed, **rest)
 

@@ -8,14 +8,14 @@ from typing import Literal
 import mujoco
 
 from contactlab.scene.model_edits import (
-    FLAGS,
+    FLAG_NAMES,
     EditTargets,
     is_as_written,
     read_flag,
     read_option,
     write_settings,
 )
-from contactlab.store.table_layout import as_written
+from contactlab.store.table_layout import axis_cell
 
 Reduction = Literal["unused", "apart", "hulls"]
 """Parts that a configuration removes: whatever changes no state, collisions of far pairs, and
@@ -85,7 +85,7 @@ def changed_settings(settings: Mapping[str, object], model: mujoco.MjModel) -> d
 
 
 def _is_set(model: mujoco.MjModel, name: str, value: object) -> bool:
-    if name in FLAGS:
+    if name in FLAG_NAMES:
         return read_flag(model, name) == value
     if "[" in name:
         return is_as_written(model, name, value)
@@ -96,7 +96,7 @@ def _is_set(model: mujoco.MjModel, name: str, value: object) -> bool:
 
 def format_settings(settings: Mapping[str, object]) -> str:
     """Return settings in one line; settings of many parts are counted, flags are on or off."""
-    single = {name: as_written(value) for name, value in settings.items() if "[" not in name}
+    single = {name: axis_cell(value) for name, value in settings.items() if "[" not in name}
     words = {True: "on", False: "off"}
     parts = [
         f"{name} {words[value] if isinstance(value, bool) else value}"
@@ -105,7 +105,7 @@ def format_settings(settings: Mapping[str, object]) -> str:
     fields: dict[tuple[str, str], int] = {}
     for name, value in settings.items():
         if "[" in name:
-            key = name.partition("[")[0], str(as_written(value))
+            key = name.partition("[")[0], str(axis_cell(value))
             fields[key] = fields.get(key, 0) + 1
     parts += [f"{name} {value} of {count}" for (name, value), count in fields.items()]
     return ", ".join(parts)

@@ -23,7 +23,7 @@ from contactlab.budget.rows import ROWS, Row
 from contactlab.budget.time_ratios import TimeRatio
 from contactlab.budget.windows import without_sensors
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
-from contactlab.scene.model_names import geom_words, name_of
+from contactlab.scene.model_names import geom_names_by_address, name_of
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.error_budget import BudgetTimeRatio
 from contactlab.schema.parts_report import REPORT, PartEffect, PartKind, PartsReport, PartVerdict
@@ -280,7 +280,7 @@ def _model_parts(
 def _collision_parts(
     model: mujoco.MjModel, used: ActiveFeatures, positions: Sequence[np.ndarray]
 ) -> Iterator[Feature]:
-    unused, words = unreachable_edits(model, positions), geom_words(model)
+    unused, words = unreachable_edits(model, positions), geom_names_by_address(model)
     for geom in _nonzero_ids(model.geom_contype | model.geom_conaffinity):
         without, name = (
             _zero_fields(geom, "geom_contype", "geom_conaffinity"),

@@ -9,7 +9,7 @@ import numpy as np
 from contactlab.budget import Motion
 from contactlab.budget.exercised_rows import exercised_rows
 from contactlab.budget.rows import ROWS
-from contactlab.scene.model_edits import FLAGS, read_flag, read_option
+from contactlab.scene.model_edits import FLAG_NAMES, read_flag, read_option
 from contactlab.scene.model_names import name_of
 from contactlab.scene.parameters import WORDS
 from contactlab.scene.unreachable import filtered_pairs
@@ -121,10 +121,10 @@ def _proposed_parameters(model: mujoco.MjModel) -> Iterator[Parameter]:
 
 
 def _flag_parameters(model: mujoco.MjModel) -> Iterator[Parameter]:
-    if "island" in FLAGS:
+    if "island" in FLAG_NAMES:
         yield Parameter("island", [{"island": not read_flag(model, "island")}])
     for flag in _OPTIONAL_FLAGS:
-        if flag in FLAGS and read_flag(model, flag):
+        if flag in FLAG_NAMES and read_flag(model, flag):
             yield Parameter(flag, [{flag: False}])
     if read_flag(model, "eulerdamp"):
         yield Parameter("eulerdamp", (), [{"eulerdamp": False}])
@@ -137,7 +137,7 @@ def may_sleep(model: mujoco.MjModel) -> bool:
 
     Driven trees stay awake, and sleep of a single other tree saves little.
     """
-    if "sleep" not in FLAGS or read_flag(model, "sleep"):
+    if "sleep" not in FLAG_NAMES or read_flag(model, "sleep"):
         return False
     allowed = (mujoco.mjtSleepPolicy.mjSLEEP_AUTO_ALLOWED, mujoco.mjtSleepPolicy.mjSLEEP_ALLOWED)
     return bool(np.isin(model.tree_sleep_policy, [int(each) for each in allowed]).any())

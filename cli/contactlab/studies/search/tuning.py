@@ -12,7 +12,7 @@ import mujoco
 from contactlab.budget import Motion
 from contactlab.errors import ExpectationError
 from contactlab.scene.model_draft import ModelEdits
-from contactlab.scene.model_edits import FLAGS, read_flag, read_option
+from contactlab.scene.model_edits import FLAG_NAMES, read_flag, read_option
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.error_budget import BudgetTimeRatio
 from contactlab.schema.evidence import Setting
@@ -32,7 +32,7 @@ from contactlab.schema.tune_report import (
     TargetKind,
     TuneReport,
 )
-from contactlab.store.table_layout import as_written
+from contactlab.store.table_layout import axis_cell
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.examine.fixes import with_new_seeds
 from contactlab.studies.search.clock import Clock
@@ -417,20 +417,20 @@ class TuningStudy:
         model = self._problem.model
         for name, after in self._verifier.settings(chosen.configuration).items():
             before: object
-            if name in FLAGS:
+            if name in FLAG_NAMES:
                 before = read_flag(model, name)
             elif "[" in name:
                 geom = name.partition("[")[2].removesuffix("]")
                 before = int(model.geom(geom).condim[0])
             else:
                 before = read_option(model, name)
-            yield ChangedSetting(name=name, before=as_written(before), after=as_written(after))
+            yield ChangedSetting(name=name, before=axis_cell(before), after=axis_cell(after))
 
     def _candidate(self, tried: Evaluation) -> Candidate:
         error, price, choice = tried.error, tried.time_ratio, tried.configuration
         assert error
         own = changed_settings(choice.settings, self._problem.model)
-        settings: dict[str, Setting] = {name: as_written(value) for name, value in own.items()}
+        settings: dict[str, Setting] = {name: axis_cell(value) for name, value in own.items()}
         return Candidate(
             settings=settings,
             timestep=float(f"{choice.multiple * self._problem.reference.step:.12g}"),

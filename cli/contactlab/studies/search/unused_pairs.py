@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.scene.compile_model import PREFIX
+from contactlab.scene.compile_model import SENSOR_PREFIX
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_names import is_address
 from contactlab.scene.unreachable import GeomPair, filtered_pairs, unreachable_pairs
@@ -86,7 +86,7 @@ def _body_pairs(model: mujoco.MjModel, pairs: Sequence[GeomPair]) -> set[tuple[i
 def own_sensors(model: mujoco.MjModel) -> tuple[str, ...]:
     """Return the model's own sensors, by name or address."""
     names = (model.sensor(sensor).name or f"sensor[{sensor}]" for sensor in range(model.nsensor))
-    return tuple(name for name in names if not name.startswith(PREFIX))
+    return tuple(name for name in names if not name.startswith(SENSOR_PREFIX))
 
 
 def unused_flags(file: Path) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ from contactlab.budget import ErrorBudget, Motion, Settings, error_budget, judge
 from contactlab.budget.measuring import evaluations
 from contactlab.errors import SceneError
 from contactlab.judge.wording import plural
-from contactlab.scene.model_names import geom_word
+from contactlab.scene.model_names import printed_geom_name
 from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.schema.task import Task
 from contactlab.schema.tune_report import MODEL, CurrentVerdict, Target, Verification
@@ -692,7 +692,7 @@ class CandidateVerifier:
         runs = [part.positions for part in self._fresh_reference.phases]
         near, pairs = pairs_within(model, runs, 0.0), self._problem.far_geom_pairs
         pair = min(pairs if near is None else pairs & near, default=None)
-        return " and ".join(geom_word(model, geom) for geom in pair) if pair else ""
+        return " and ".join(printed_geom_name(model, geom) for geom in pair) if pair else ""
 
 
 def step_fraction(share: float | None, limit: float) -> float:

@@ -13,12 +13,12 @@ from contactlab.contact.trace_arrays import Floats, RecordedControls
 from contactlab.errors import SceneError
 from contactlab.scene.compile_model import compile_model
 from contactlab.scene.contact_pairs import MonitoredPair
-from contactlab.scene.effects.effect_table import remove
+from contactlab.scene.effects.effect_table import remove_from_spec
 from contactlab.scene.initial_states import InitialStates
-from contactlab.scene.mesh_hulls import hull, rotation
+from contactlab.scene.mesh_hulls import hull_vertices, rotation_matrix
 from contactlab.scene.model_draft import differing_rows, fields_of
 from contactlab.scene.model_edits import is_writable
-from contactlab.scene.model_names import coordinates, input_names, part_starts
+from contactlab.scene.model_names import coordinate_indices, input_names, part_starts
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 
@@ -143,7 +143,7 @@ class Start:
 
     def _places(self, model: mujoco.MjModel) -> list[int]:
         """Return the places of what is left of the inputs among controls and then forces."""
-        known, first = coordinates(model), part_starts(model)["ctrl"]
+        known, first = coordinate_indices(model), part_starts(model)["ctrl"]
         named = [self.inputs[place] for place in self._kept(model)]
         return [known[name if name in known else f"{name}.ctrl"] - first for name in named]
 
@@ -204,7 +204,7 @@ def as_one_file(scene: Scene, run: RunSpec, start: InitialStates) -> str:
     texts = list[str]()
 
     def flatten(spec: mujoco.MjSpec) -> None:
-        remove(spec, run.without)
+        remove_from_spec(spec, run.without)
         for kind in PARTS:
             for place, part in enumerate(getattr(spec, kind)):
                 part.name = part.name or f"{kind}[{place}]"
@@ -323,7 +323,9 @@ def _without_assets(spec: mujoco.MjSpec, model: mujoco.MjModel) -> str:
 
 def file_hull(model: mujoco.MjModel, mesh: int) -> Floats:
     """Return the (n, 3) vertices of a mesh's hull, in the frame of its file [m]."""
-    return hull(model, mesh) @ rotation(model.mesh_quat[mesh]).T + model.mesh_pos[mesh]
+    return (
+        hull_vertices(model, mesh) @ rotation_matrix(model.mesh_quat[mesh]).T + model.mesh_pos[mesh]
+    )
 
 
 def _set_poses(spec: mujoco.MjSpec, meant: mujoco.MjModel) -> None:
@@ -365,7 +367,7 @@ def _geom_poses(model: mujoco.MjModel) -> Floats:
         mesh, back, turn = int(model.geom_dataid[geom]), np.zeros(4), np.zeros(4)
         mujoco.mju_negQuat(back, model.mesh_quat[mesh])
         mujoco.mju_mulQuat(turn, model.geom_quat[geom], back)
-        found[geom, :3] -= rotation(turn) @ model.mesh_pos[mesh]
+        found[geom, :3] -= rotation_matrix(turn) @ model.mesh_pos[mesh]
         found[geom, 3:] = turn
     return _one_sign(found)
 

@@ -10,20 +10,20 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from contactlab.store.arrow_values import number_array, numpy_array, text_scalar
-from contactlab.store.row_checks import is_null, same
-from contactlab.store.runs_table import compute
+from contactlab.store.row_checks import equal_values, is_null
+from contactlab.store.runs_table import compute_digests
 from contactlab.store.table_layout import AXES_COLUMN
 
 
-class AlikeRows:
+class RowGroups:
     """Some rows, grouped by equal axes and durations."""
 
     def __init__(self, rows: pa.RecordBatch) -> None:
         """Group the rows, which have at least their ids, axes and durations."""
         self._rows = rows
         axes = rows[AXES_COLUMN.name]
-        codes = _equality_codes(compute("binary_join", axes, text_scalar("\n")))
-        for name in ("duration", *{*compute("list_flatten", axes).to_pylist()}):
+        codes = _equality_codes(compute_digests("binary_join", axes, text_scalar("\n")))
+        for name in ("duration", *{*compute_digests("list_flatten", axes).to_pylist()}):
             codes = _dense_codes(codes * (len(rows) + 1) + _equality_codes(rows[name]))
         _, firsts, group = np.unique(codes, return_index=True, return_inverse=True)
         self._firsts, self._group = firsts, group
@@ -76,7 +76,7 @@ class AlikeRows:
         """Return (n,) whether rows differ from their group's first in a column of structs."""
         first, found = number_array(self._firsts[self._group]), np.zeros(len(self._rows), bool)
         for entry in self._rows[name].flatten():
-            found |= ~same(entry, compute("take", entry, first))
+            found |= ~equal_values(entry, compute_digests("take", entry, first))
         return found
 
 
@@ -84,7 +84,7 @@ def _equality_codes(column: pa.Array) -> NDArray[np.int64]:
     """Return (n,) numbers up to n that are equal if values are equal to the bit."""
     if pa.types.is_string(column.type):
         encode = pc.DictionaryEncodeOptions("encode")
-        indices = compute("dictionary_encode", column, options=encode).indices
+        indices = compute_digests("dictionary_encode", column, options=encode).indices
         return numpy_array(indices).astype(np.int64)
     values = numpy_array(column)
     bits = values.view(np.int64) if values.dtype.kind == "f" else values

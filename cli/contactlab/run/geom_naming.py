@@ -7,12 +7,12 @@ from contactlab.errors import ContactlabError
 from contactlab.printable import Told
 from contactlab.run.planned_runs import stored_sweep_scene
 from contactlab.run.stored_runs import resolve_record
-from contactlab.scene.model_names import in_geom_words
+from contactlab.scene.model_names import geom_name_replacer
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
 
 
-def told_of_runs(store: Store, records: Mapping[int, EvidenceRecord]) -> dict[int, Told]:
+def geom_replacers(store: Store, records: Mapping[int, EvidenceRecord]) -> dict[int, Told]:
     """Return the function that replaces geom addresses in texts about each run.
 
     Addresses stay if the scene cannot be compiled, and nothing is replaced without any.
@@ -26,5 +26,5 @@ def told_of_runs(store: Store, records: Mapping[int, EvidenceRecord]) -> dict[in
             scene = stored_sweep_scene(store.manifest.sweep, store.scene_folder)
             for place in unnamed:
                 model = scene.base_of(resolve_record(scene, records[place])).model
-                replacements[place] = in_geom_words(model)
+                replacements[place] = geom_name_replacer(model)
     return replacements
