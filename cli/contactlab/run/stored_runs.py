@@ -133,7 +133,7 @@ def replay_run(store: Store, run: str, *, allow_code: bool = False) -> ReplayRes
     start = prepare_replay(store, run)
     record = start.record
     if environment := start.runs.scene.source.environment:
-        rollout = environment.again(record, start.runs, allow_code)
+        rollout = environment.replay_episode(record, start.runs, allow_code)
     else:
         rollout = find_engine(record.engine.name).roll_out(start.runs, Buffers())
     old, new = record.trajectory_hash, trajectory_hash(rollout, 0)

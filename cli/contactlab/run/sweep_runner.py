@@ -202,7 +202,7 @@ def identity_of(request: SweepRequest, index: RunIndex) -> SweepIdentity:
     timed = bool(manifest and manifest.control) or moved
     engines = {run.engine: engine_of(run) for run in index.firsts.values()}.values()
     lacking = [used.null_fields(driven=timed).items() for used in engines]
-    lacking += [own.lacking(sweep).items()] if (own := scene.source.environment) else []
+    lacking += [own.missing_fields(sweep).items()] if (own := scene.source.environment) else []
     name = request.name
     identity = SweepIdentity(
         **identity_fields(name, scene, sweep),
