@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.text import Text
 
 import contactlab
-from contactlab.view.render import PictureOptions, render
+from contactlab.view.render import PictureOptions, render_run
 
 _COMMAND = ["contactlab", "sweep", "bounce"]
 _WIDTH = 118
@@ -59,7 +59,7 @@ def film_grips() -> None:
         sweep.write_text(_GRIPS, encoding="utf-8")
         store = contactlab.sweep(sweep, output=Path(folder) / "grips")
         holds, fails = store.table["run_id"].to_pylist()
-        render(store, holds, film, PictureOptions(_SIZE, speed=_SPEED, beside=fails))
+        render_run(store, holds, film, PictureOptions(_SIZE, speed=_SPEED, beside=fails))
         with Image.open(film) as animation:
             lasting = animation.info["duration"]
             first, *others = (each.convert("RGB") for each in ImageSequence.Iterator(animation))

@@ -11,7 +11,7 @@ import contactlab
 from contactlab.measure import LABELS
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
-from contactlab.view.render import PictureOptions, render
+from contactlab.view.render import PictureOptions, render_run
 
 _CASES = sorted((Path(__file__).parents[2] / "sweeps/stability").glob("*.yaml"))
 _STATIC = "_static/gallery"
@@ -53,7 +53,7 @@ def _films(case: Path, media: Path) -> Iterator[str]:
     for record in _shown(store):
         film = media / f"{case.stem}-{record.run_id}.mp4"
         speed = max(0.001, record.duration / _SECONDS)
-        render(store, record.run_id, film, PictureOptions(size=_SIZE, speed=speed))
+        render_run(store, record.run_id, film, PictureOptions(size=_SIZE, speed=speed))
         reason = html.escape(record.labels[0].reason)
         yield f'<figure><video src="../{_STATIC}/{film.name}" controls muted loop></video>'
         yield f"<figcaption><b>{record.label}</b> {reason}</figcaption></figure>"
