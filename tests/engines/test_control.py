@@ -129,7 +129,7 @@ def test_a_pattern_drives_several_inputs(make_scene: Make, roll: Any) -> None:
     scene = driven(make_scene, '{"*.ctrl": {at: [0, 0.1], to: [0, 1]}, box.fy: {at: [0], to: [2]}}')
     rolled = roll(scene, [{}], STEPS)
     rolled.assert_equals_loop(STEPS)
-    assert rolled.starts.driven.shape == (3,)
+    assert rolled.starts.driven_inputs.shape == (3,)
     assert rolled.starts.applied[0].max() == 2
 
 
@@ -141,7 +141,7 @@ def test_what_is_not_driven_stays(make_scene: Make, roll: Any) -> None:
     )
     rolled = roll(scene, [{}], STEPS)
     rolled.assert_equals_loop(STEPS)
-    inputs = rolled.starts.inputs(0, 2e-3, np.arange(STEPS))
+    inputs = rolled.starts.input_rows(0, 2e-3, np.arange(STEPS))
     assert (inputs[:, 1] == 3).all()
     assert (inputs[:, 2 + 6] == 3).all()
 

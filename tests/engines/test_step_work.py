@@ -47,7 +47,7 @@ def test_work_is_that_of_a_loop(make_scene: Callable[..., Any], roll: Callable[.
     scene = make_scene(ARM.format(integrator="Euler", kv=0))
     rolled = roll(scene, [{}, {"timestep": 1e-3}], 200)
     for run, prepared in enumerate(rolled.prepared):
-        expected = slow_work(prepared.model, rolled.starts.pick(run), 200)
+        expected = slow_work(prepared.model, rolled.starts.select_run(run), 200)
         work = rolled.rollout.work[run]
         scale = np.abs(expected).max()
         # The last step's dampers count as before it: what follows it is not recorded.

@@ -125,13 +125,13 @@ class Grid:
             blocks = tuple(block.filter_rows(name, values) for block in blocks)
         elif self.base.get(name) not in values:
             blocks = None
-        return replace(self, blocks=blocks, added=added)
+        return replace(self, blocks=blocks, included_rows=added)
 
     def with_baseline(self, scenario: Sequence[str]) -> "Grid":
         """Return the grid with a row of the scene as written for each scenario of some axes."""
         rows = [{name: row[name] for name in scenario if name in row} for row in self.rows()]
         distinct = {tuple(row.items()): row for row in rows}
-        return replace(self, written=tuple(distinct.values()))
+        return replace(self, baseline_rows=tuple(distinct.values()))
 
     @property
     def product_size(self) -> int:

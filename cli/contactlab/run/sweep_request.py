@@ -103,7 +103,9 @@ def supported_plan(plan: Plan) -> tuple[Plan, tuple[str, ...]]:
     rows = list(plan.grid.rows())
     reasons = [next(filter(None, starmap(why_unsupported, row.items())), None) for row in rows]
     left = tuple(row for row, reason in zip(rows, reasons, strict=True) if reason is None)
-    grid = replace(plan.grid, base={}, blocks=None, excludes=(), added=left, written=())
+    grid = replace(
+        plan.grid, base={}, blocks=None, excludes=(), included_rows=left, baseline_rows=()
+    )
     count = min(plan.count, len(left) * len(plan.sweep.seed_values))
     distinct = dict.fromkeys(filter(None, reasons))
     return replace(plan, grid=grid, count=count), tuple(distinct)
