@@ -153,8 +153,8 @@ HARMFUL = (
         "pyramidal cones", PINCH, 'impratio="10" cone="elliptic" noslip_iterations="3"', "", _GRIP
     ),
     PlantedChange(
-        "half the pads' friction", PINCH, 'friction="1"', 'friction=".5"', ("pull-out force",),
-        same_model=False,
+        "half the pads' friction", PINCH, 'friction="1"', 'friction=".5" priority="1"',
+        ("pull-out force",), same_model=False,
     ),
     PlantedChange(
         "pads without friction", PINCH, 'friction="1"', 'friction="1" condim="1" priority="1"',
@@ -280,7 +280,7 @@ HARMLESS = (
     ),
     PlantedChange(
         "a pair that never touches", PINCH, "<actuator>",
-        '<contact><exclude body1="hand" body2="left"/></contact><actuator>',
+        '<contact><exclude body1="hand" body2="box"/></contact><actuator>',
     ),
     PlantedChange(
         "a pair of parent and child", ARM, "<actuator>",

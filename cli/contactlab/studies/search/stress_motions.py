@@ -5,6 +5,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 
 from contactlab.budget import Motion
@@ -19,14 +20,19 @@ def tilt_gravity(motion: Motion, sign: float = 1.0) -> Motion:
 
     A sign of -1 tilts it the other way.
     """
-    model, angle = copy.copy(motion.model), math.radians(TILT_DEGREES)
-    down = np.array(model.opt.gravity)
+    return replace(motion, model=tilt_model(motion.model, sign), name=f"{motion.name}, tilted")
+
+
+def tilt_model(model: mujoco.MjModel, sign: float = 1.0) -> mujoco.MjModel:
+    """Return a copy of a model with gravity tilted; a sign of -1 tilts it the other way."""
+    made, angle = copy.copy(model), math.radians(TILT_DEGREES)
+    down = np.array(made.opt.gravity)
     size = float(np.linalg.norm(down))
     aside = np.cross(down, [0.0, 1.0, 0.0] if abs(down[1]) < 0.9 * size else [1.0, 0.0, 0.0])
     if size > 0:
         aside *= sign * size / float(np.linalg.norm(aside))
-        model.opt.gravity[:] = math.cos(angle) * down + math.sin(angle) * aside
-    return replace(motion, model=model, name=f"{motion.name}, tilted")
+        made.opt.gravity[:] = math.cos(angle) * down + math.sin(angle) * aside
+    return made
 
 
 def double_inputs(motion: Motion) -> Motion:

@@ -28,6 +28,7 @@ from contactlab.studies.examine.fixes import with_new_seeds
 from contactlab.studies.search.reference_error import ErrorEstimate, TaskReference
 from contactlab.studies.task_verdict import run_labels
 from contactlab.studies.verification.grip_measures import compare_grips
+from contactlab.studies.verification.loop_runs import LoopRuns, has_policy
 from contactlab.studies.verification.run_measures import (
     RELATIVE_TOLERANCE,
     compare_run,
@@ -89,6 +90,10 @@ class VerificationRequest:
         changed: the changed model, as saved.
         same_model: True if the change computes the same model in another way. Otherwise it is
             another model, and has its own reference for the numerical error.
+        keeps_motion: False if the change is meant to move bodies otherwise, as one that removes a
+            failure is. Then ends of bodies are not compared.
+        must_improve: names of measures; the largest of them has to become better by more than its
+            spread.
         allowed_error: error that the change may cost, as a share of each motion. 0 demands that it
             is no less accurate than the original.
         stop_early: True to stop at the first measure that is worse.
@@ -100,6 +105,8 @@ class VerificationRequest:
     original: CheckedModel
     changed: CheckedModel
     same_model: bool = True
+    keeps_motion: bool = True
+    must_improve: tuple[str, ...] = ()
     allowed_error: float = 0.0
     stop_early: bool = False
     with_labels: bool = True
@@ -120,6 +127,7 @@ def verify_change(request: VerificationRequest) -> Verification:
         if measure.worse and request.stop_early:
             break
     worse = [measure for measure in measures if measure.worse]
+    idle = not worse and not _is_improved(measures, request.must_improve)
     task = request.original.task
     return Verification(
         seeds=task.seeds,
@@ -127,9 +135,30 @@ def verify_change(request: VerificationRequest) -> Verification:
         measures=tuple(measures),
         skipped=tuple(panel.skipped),
         identical=panel.identical and not worse,
-        passed=not worse,
-        sentence=summarize_measures(measures),
+        passed=not worse and not idle,
+        sentence=_idle_sentence(measures, request.must_improve)
+        if idle
+        else summarize_measures(measures),
     )
+
+
+def _is_improved(measures: Sequence[VerifiedMeasure], names: Sequence[str]) -> bool:
+    first = _largest_of(measures, names)
+    if first is None or first.before is None or first.after is None:
+        return not names
+    return first.before - first.after > first.spread
+
+
+def _largest_of(
+    measures: Sequence[VerifiedMeasure], names: Sequence[str]
+) -> VerifiedMeasure | None:
+    own = [measure for measure in measures if measure.name in names]
+    return max(own, key=lambda measure: measure.before or 0.0, default=None)
+
+
+def _idle_sentence(measures: Sequence[VerifiedMeasure], names: Sequence[str]) -> str:
+    first = _largest_of(measures, names)
+    return f"no better: {describe_measure(first)}" if first else f"no {names[0]} was measured"
 
 
 def summarize_measures(measures: Sequence[VerifiedMeasure]) -> str:
@@ -181,28 +210,50 @@ class _Panel:
         self.identical = True
         task = request.original.task
         self._tasks = {"task": task, "task on fresh seeds": with_new_seeds(task)}
-        self._in_loop = _has_policy(request.original)
+        self._in_loop = has_policy(request.original)
 
     def measure_all(self) -> Iterator[VerifiedMeasure]:
         """Yield all measures, those first that find most harm for their time."""
+        if self._in_loop:
+            yield from self._measure_loops()
+        else:
+            yield from self._measure_motions()
+        yield from self._compare_grips()
+        for name, task in self._tasks.items() if self._request.with_labels else ():
+            yield from self._compare_labels(name, task)
+
+    def _measure_motions(self) -> Iterator[VerifiedMeasure]:
         motions = {name: self._both_motions(task) for name, task in self._tasks.items()}
         first = motions["task"]
-        if self._has_same_layout(first):
+        comparable = self._has_same_layout(first)
+        if comparable:
             for run in build_load_runs(first[0][0], first[1][0]):
                 yield from self._compare_states(run)
             yield from self._compare_tracking(first)
         for name, (own, other) in motions.items():
             yield from self._measure_errors(name, own, other)
-        if self._has_same_layout(first):
+        if comparable:
             for name, (own, other) in motions.items():
                 for before, after in zip(own, other, strict=False):
-                    run = pair_motions(f"{name}, {before.name}", before, after)
-                    yield from self._compare_states(replace(run, in_loop=self._in_loop))
+                    yield from self._compare_states(
+                        pair_motions(f"{name}, {before.name}", before, after)
+                    )
             if first[0][-1].inputs.any():
                 yield from self._compare_states(build_doubled_run(first[0][-1], first[1][-1]))
-        yield from self._compare_grips()
-        for name, task in self._tasks.items() if self._request.with_labels else ():
-            yield from self._compare_labels(name, task)
+
+    def _measure_loops(self) -> Iterator[VerifiedMeasure]:
+        # Replays of recorded controls say nothing of a loop, so all runs have the policy in them.
+        self._skip_run("numerical error", "a policy acts, so its loop is compared as a whole")
+        self._skip_run("step and sine", "without its policy, a model does not hold itself")
+        own, other = (each.prepared.model for each in (self._original, self._changed))
+        if not self._has_same_sizes(own, other):
+            return
+        loops = LoopRuns(self._original, self._changed)
+        for name, task in self._tasks.items():
+            for run in loops.build_task_runs(name, task):
+                yield from self._compare_states(run)
+        for run in loops.build_tilted_runs(self._tasks["task"]):
+            yield from self._compare_states(run)
 
     def _both_motions(self, task: Task) -> tuple[list[Motion], list[Motion]]:
         return self._original.motions_of(task), self._changed.motions_of(task)
@@ -213,6 +264,9 @@ class _Panel:
 
     def _has_same_layout(self, motions: tuple[list[Motion], list[Motion]]) -> bool:
         own, other = (each[0].model for each in motions)
+        return self._has_same_sizes(own, other)
+
+    def _has_same_sizes(self, own: mujoco.MjModel, other: mujoco.MjModel) -> bool:
         same = all(
             getattr(own, size) == getattr(other, size) for size in ("nq", "nv", "nu", "nbody")
         )
@@ -224,14 +278,17 @@ class _Panel:
         self._request.notify(run.name)
         tables = tabulate_run(run, self._original.threads, self._request.runs.tables)
         self.identical &= tables.original.bits == tables.changed.bits
-        yield from compare_run(run, tables, self._request.allowed_error)
+        request = self._request
+        yield from compare_run(
+            run, tables, request.allowed_error, keeps_motion=request.keeps_motion
+        )
 
     def _compare_tracking(
         self, motions: tuple[list[Motion], list[Motion]]
     ) -> Iterator[VerifiedMeasure]:
         own, other = (each[0] for each in motions)
         count = own.model.nu
-        if self._in_loop or not count:
+        if not count:
             return
         chosen = np.unique(
             np.linspace(0, count - 1, min(count, MAX_TRACKED_ACTUATORS)).round().astype(int)
@@ -246,11 +303,6 @@ class _Panel:
         self, name: str, own: Sequence[Motion], other: Sequence[Motion]
     ) -> Iterator[VerifiedMeasure]:
         # Both errors are measured against the original's motion at a fine step.
-        if self._in_loop:
-            self._skip_run(
-                "numerical error", "a policy acts; a replay of its controls says nothing"
-            )
-            return
         self._request.notify(f"numerical error, {name}")
         errors = _measure_error_pair(self._request, name, own, other)
         if errors is None:
@@ -298,10 +350,6 @@ class _Panel:
             )
 
 
-def _has_policy(checked: CheckedModel) -> bool:
-    return bool(getattr(checked.scene.drive, "policy", None))
-
-
 def _count_failure_labels(checked: CheckedModel, task: Task) -> Counter[str]:
     with TemporaryDirectory(prefix="contactlab-") as folder:
         alone = replace(checked, session=replace(checked.session, folder=Path(folder)))
@@ -318,21 +366,20 @@ def _measure_error_pair(
     request: VerificationRequest, name: str, own: Sequence[Motion], other: Sequence[Motion]
 ) -> tuple[float, float, float, str] | None:
     # The result is the error before and after, its spread over seeds, and the worst body.
-    if not request.same_model or _state_size(own[0].model) != _state_size(other[0].model):
-        budgets = request.original.budget, request.changed.budget
-        before, after = (float(budget.error) for budget in budgets)
-        return before, after, 0.0, ""
-    model = other[0].model
-    ratio = float(model.opt.timestep) / float(own[0].model.opt.timestep)
+    threads, known = request.original.threads, request.runs.references
+    shared = request.same_model and _state_size(own[0].model) == _state_size(other[0].model)
+    # Another model is compared with its own motion at a fine step.
+    ratio = float(other[0].model.opt.timestep / own[0].model.opt.timestep) if shared else 1.0
     rate = next((each for each in _RATES if _is_whole(each * ratio)), None)
     if rate is None:
         return None
-    known = request.runs.references
     if (name, rate) not in known:
-        fine = TaskReference.run_references(own, rate, request.original.threads).complete_phases()
+        fine = TaskReference.run_references(own, rate, threads).complete_phases()
         known[name, rate] = fine, fine.estimate_error(run_at_once(own[0].model), rate)
     references, before = known[name, rate]
-    after = references.estimate_error(model, round(rate * ratio))
+    if not shared:
+        references = TaskReference.run_references(other, rate, threads).complete_phases()
+    after = references.estimate_error(run_at_once(other[0].model), round(rate * ratio))
     return before.error, after.error, before.high - before.low, after.body
 
 

@@ -33,6 +33,9 @@ ENERGY_TOLERANCE = 0.01
 """Share of a run's energy. A smaller gain is not reported as a failure either."""
 TRACKING_TOLERANCE = 1e-3
 """Share of the reference's excursion that a tracking error may grow by."""
+ENCODER_ANGLE, ENCODER_LENGTH = 1e-4, 1e-4
+"""rad, and share of the mean size of a body: a turn in 65,536 counts of an encoder. A tracking
+error may grow by as much, however little an actuator moves."""
 RESTING_SPEED = 5e-3
 """m/s, for a body of 10 cm: below it, a body of the reference counts as resting at its end."""
 PLACE_TOLERANCE = 1.0
@@ -79,13 +82,17 @@ def tabulate_run(
     return Tables(original, changed, reference, twin)
 
 
-def compare_run(run: PairedRun, tables: Tables, allowed: float) -> Iterator[VerifiedMeasure]:
+def compare_run(
+    run: PairedRun, tables: Tables, allowed: float, *, keeps_motion: bool = True
+) -> Iterator[VerifiedMeasure]:
     """Yield the measures of a run.
 
     Args:
         run: the experiment.
         tables: its states.
         allowed: error that the change may cost, as a share of each motion; 0 by default.
+        keeps_motion: False if the change is meant to move bodies otherwise; then ends of bodies and
+            energies are not compared.
     """
     model = run.original.model
     scale = float(model.stat.meansize)
@@ -109,13 +116,14 @@ def compare_run(run: PairedRun, tables: Tables, allowed: float) -> Iterator[Veri
             floor = LENGTH_TOLERANCE * scale
             place = tables.changed.extremes["depth"].place
             yield _average_measure("resting depth", run.name, "m", values, floor, place)
-        if not run.in_loop:
-            yield from _compare_creep(run, tables, good, scale)
+        yield from _compare_creep(run, tables, good, scale)
     if run.passive:
-        yield from _compare_energy(run, tables, good)
+        yield from _compare_energy(run, tables, good, keeps_motion=keeps_motion)
+    if run.in_loop:
+        yield from _compare_loop_tracking(run, tables, good, allowed)
     if run.actuators:
         yield from _compare_tracking(run, tables, good, allowed)
-    elif not run.in_loop:
+    elif keeps_motion:
         yield from _compare_places(run, tables, good, scale, allowed)
 
 
@@ -203,7 +211,9 @@ def _measure_end_speeds(table: StateTable) -> Floats:
     return np.linalg.norm(way, axis=-1) / (table.times[-1] - table.times[first])
 
 
-def _compare_energy(run: PairedRun, tables: Tables, good: np.ndarray) -> Iterator[VerifiedMeasure]:
+def _compare_energy(
+    run: PairedRun, tables: Tables, good: np.ndarray, *, keeps_motion: bool
+) -> Iterator[VerifiedMeasure]:
     whole = [
         table.energies[good]
         for table in (tables.original, tables.changed, tables.twin, tables.reference)
@@ -217,8 +227,9 @@ def _compare_energy(run: PairedRun, tables: Tables, good: np.ndarray) -> Iterato
     scale = np.maximum(np.ptp(whole[3], axis=1), weight) + 1e-300
     gains = [(each.max(axis=1) - each[:, 0]) / scale for each in whole]
     yield _average_measure("energy gain", run.name, "1", gains, ENERGY_TOLERANCE, "")
-    ends = [np.abs(each[:, -1] - whole[3][:, -1]) / scale for each in whole]
-    yield _average_measure("energy error", run.name, "1", ends, ENERGY_TOLERANCE, "")
+    if keeps_motion:
+        ends = [np.abs(each[:, -1] - whole[3][:, -1]) / scale for each in whole]
+        yield _average_measure("energy error", run.name, "1", ends, ENERGY_TOLERANCE, "")
 
 
 def _compare_tracking(
@@ -235,12 +246,48 @@ def _compare_tracking(
         before, after = (_root_mean_square(way - ways[3]) for way in ways[:2])
         spread = _root_mean_square(ways[2] - ways[0])
         excursion = float(np.ptp(ways[3]))
-        share = max(TRACKING_TOLERANCE, allowed)
-        tolerance = max(spread, RELATIVE_TOLERANCE * before, share * excursion)
-        yield _build_measure(
-            "tracking error", run.name, _unit_of(model, actuator), before, after,
-            spread=spread, tolerance=tolerance, place=run.actuators[row],
-        )  # fmt: skip
+        yield _build_tracking(run, actuator, before, after, spread, excursion, allowed)
+
+
+def _build_tracking(
+    run: PairedRun,
+    actuator: int,
+    before: float,
+    after: float,
+    spread: float,
+    excursion: float,
+    allowed: float,
+) -> VerifiedMeasure:
+    # The excursion is that of the actuator in the reference.
+    model, unit = run.original.model, _unit_of(run.original.model, actuator)
+    floor = ENCODER_ANGLE if unit == "rad" else ENCODER_LENGTH * float(model.stat.meansize)
+    share = max(TRACKING_TOLERANCE, allowed)
+    return _build_measure(
+        "tracking error",
+        run.name,
+        unit,
+        before,
+        after,
+        spread=spread,
+        tolerance=max(spread, RELATIVE_TOLERANCE * before, share * excursion, floor),
+        place=model.actuator(actuator).name or f"actuator[{actuator}]",
+    )
+
+
+def _compare_loop_tracking(
+    run: PairedRun, tables: Tables, good: np.ndarray, allowed: float
+) -> Iterator[VerifiedMeasure]:
+    # (S, K, nu) lengths of actuators that a policy moves, against those of its loop at a fine step.
+    model = run.original.model
+    ways = [table.lengths[good] for table in tables.in_order]
+    for actuator in range(model.nu):
+        own, other, twin, fine = (way[..., actuator] for way in ways)
+        before, after, spread = (
+            _root_mean_square(first - second)
+            for first, second in ((own, fine), (other, fine), (twin, own))
+        )
+        excursion = float(np.ptp(fine, axis=1).mean())
+        yield _build_tracking(run, actuator, before, after, spread, excursion, allowed)
 
 
 def _unit_of(model: mujoco.MjModel, actuator: int) -> str:

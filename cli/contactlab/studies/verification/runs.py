@@ -45,8 +45,7 @@ class PairedRun:
         changed: the same experiment with the changed model.
         reference: the original at a finer step.
         twin: the original from a nudged start.
-        in_loop: True if a policy acted in each; then no reference exists, since a replay of its
-            controls is another experiment.
+        in_loop: True if a policy acted in each of its motions.
         passive: True if actuators do nothing, so that energy can only fall.
         at_rest: True if inputs are constant, so that a body that rests should not move.
         actuators: names of the actuators that its rows excite, one row each; empty otherwise.
