@@ -4,7 +4,6 @@ Names, labels and reasons may hold anything: escape sequences, which terminals o
 the direction of reading; commands of a CI job, which are lines of its log; markup, and mentions.
 """
 
-import math
 import re
 import shlex
 import textwrap
@@ -68,27 +67,6 @@ def first_names(line: str) -> str:
     more = len(names) - _MOST_NAMES
     rest = [f"and {more} more"] if more > 0 else []
     return f"{kind}: {', '.join([*names[:_MOST_NAMES], *rest])}"
-
-
-def percent(share: float) -> str:
-    """Return a share as people write it: two digits, or all before the point."""
-    if not math.isfinite(share):
-        return "∞" if share > 0 else "-"
-    return f"{plain(100 * share, 2)} %"
-
-
-def newtons(force: float) -> str:
-    """Return a force in N, kN, MN or GN, in two digits."""
-    power = min(3, max(0, math.floor(math.log10(force) / 3))) if force > 0 else 0
-    return f"{plain(force / 1e3**power, 2)} {('N', 'kN', 'MN', 'GN')[power]}"
-
-
-def plain(number: float, digits: int = 3) -> str:
-    """Return a number in so many digits, without an exponent from 1e-3 to 1e5."""
-    short = f"{number:.{digits}g}"
-    if "e" not in short or not 1e-3 <= abs(number) < 1e5:
-        return short
-    return f"{float(short):.0f}" if abs(number) < 10**digits else f"{number:.0f}"
 
 
 def wrapped(text: str, indent: str = "") -> list[str]:

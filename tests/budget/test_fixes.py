@@ -38,8 +38,9 @@ from contactlab.budget.fixes import (
 )
 from contactlab.budget.measuring import PhaseMeasure
 from contactlab.budget.time_ratios import measure_time_ratios
-from contactlab.budget.verdict import Reason, Verdict, percent
+from contactlab.budget.verdict import Reason, Verdict
 from contactlab.budget.windows import replay
+from contactlab.rendering.amounts import format_percent
 from contactlab.schema.error_budget import BudgetReport
 from contactlab.schema.json_schemas import json_schemas
 
@@ -239,7 +240,7 @@ def test_a_solver_is_tried_where_contacts_need_it() -> None:
     ("share", "said"), [(0.9951, "100 %"), (0.034, "3.4 %"), (1.5, "150 %"), (6.83, "683 %")]
 )
 def test_shares_have_no_exponents(share: float, said: str) -> None:
-    assert percent(share) == said
+    assert format_percent(share) == said
 
 
 @pytest.mark.long

@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import pytest
 
-from contactlab.judge.wording import format_percent
+from contactlab.rendering.amounts import format_percent
 from contactlab.reporting.label_shares import share_words
 from contactlab.shares import wilson
 from contactlab.store.finished_store import Store

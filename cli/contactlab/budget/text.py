@@ -7,7 +7,8 @@ from typing import NamedTuple
 from contactlab.budget.readings import ErrorBudget
 from contactlab.budget.report import budget_report
 from contactlab.budget.verdict import Verdict, percent_above
-from contactlab.printable import COLUMNS, percent, visible, wrapped
+from contactlab.printable import COLUMNS, visible, wrapped
+from contactlab.rendering.amounts import format_percent
 from contactlab.schema.error_budget import BudgetPhase, BudgetReason, BudgetRow
 
 _ERROR, _SPREAD, _BAR, _RATIO = 7, 12, 8, 5
@@ -37,7 +38,7 @@ class Placed(NamedTuple):
 def budget_lines(budget: ErrorBudget, verdict: Verdict) -> list[str]:
     """Return a verdict with its reasons, and the table of each phase."""
     report = budget_report(budget, verdict)
-    lines = [f"{report.verdict} (tolerance {percent(report.tolerance)})"]
+    lines = [f"{report.verdict} (tolerance {format_percent(report.tolerance)})"]
     for reason in report.reasons:
         lines += wrapped(f"{reason.sentence}{_where(reason)}", "  ")
     for phase in report.phases:
@@ -131,18 +132,18 @@ def _short(share: float | None) -> str:
     """Return a share in at most two digits; a share below a hundredth of a percent is 0."""
     if share is None:
         return "-"
-    return "0 %" if share < _NOTHING else percent(share)
+    return "0 %" if share < _NOTHING else format_percent(share)
 
 
 def share_text(share: float | None) -> str:
     """Return a share of a report, in which infinite shares are null."""
-    return "∞" if share is None else percent(share)
+    return "∞" if share is None else format_percent(share)
 
 
 def _signed(share: float | None) -> str:
     if share is None:
         return "∞"
-    return "0 %" if abs(share) < _NOTHING else f"{'+' if share > 0 else '-'}{percent(abs(share))}"
+    return "0 %" if abs(share) < _NOTHING else format_percent(share, signed=True)
 
 
 def _bar(share: float | None) -> str:

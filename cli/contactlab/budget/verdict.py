@@ -8,7 +8,7 @@ import numpy as np
 
 from contactlab.budget.readings import ErrorBudget, PhaseBudget
 from contactlab.budget.rows import ROWS
-from contactlab.printable import percent, plain
+from contactlab.rendering.amounts import format_digits, format_percent
 from contactlab.schema.verdict import VerdictWord
 
 TOLERANCE = 0.1
@@ -51,12 +51,12 @@ class Verdict:
 
 def percent_above(share: float, tolerance: float) -> str:
     """Write a share with as many digits as it takes to show that it is above a tolerance."""
-    if not np.isfinite(share) or percent(share) != percent(tolerance):
-        return percent(share)
+    if not np.isfinite(share) or format_percent(share) != format_percent(tolerance):
+        return format_percent(share)
     for digits in range(3, _MOST_DIGITS):
-        if (text := plain(100 * share, digits)) != plain(100 * tolerance, digits):
+        if (text := format_digits(100 * share, digits)) != format_digits(100 * tolerance, digits):
             return f"{text} %"
-    return percent(share)
+    return format_percent(share)
 
 
 def judge(
@@ -113,7 +113,7 @@ def _numerical_reasons(phase: PhaseBudget, tolerance: float) -> Iterator[Reason]
         sentence = f"energy drift {sign}{size}, most in {origin.body}"
         yield Reason("inaccurate", name, "energy", drift, *origin, sentence)
     if phase.invalid_windows:
-        sentence = f"the reference fails in {percent(phase.invalid_windows)} of the windows"
+        sentence = f"the reference fails in {format_percent(phase.invalid_windows)} of the windows"
         yield Reason("undecided", name, "reference", phase.invalid_windows, *where, sentence)
     elif run.error <= tolerance < phase.upper_bound:
         sentence = "the reference fails at an eighth of the time step"

@@ -9,7 +9,8 @@ from contactlab.command_line.declaration import Argument, Given, Option, command
 from contactlab.command_line.surroundings import say, study_session
 from contactlab.command_line.terminal import echo, print_report_json, print_table
 from contactlab.errors import ExpectationError, SweepFileError
-from contactlab.printable import percent, shell_word, shortened, wrapped
+from contactlab.printable import shell_word, shortened, wrapped
+from contactlab.rendering.amounts import format_percent
 
 if TYPE_CHECKING:
     from contactlab.plan.task_options import TaskOptions
@@ -169,13 +170,15 @@ def _unmeasured_lines(shown: "Sequence[PartEffect]", report: "PartsReport") -> I
 def _part_row(part: "PartEffect", report: "PartsReport") -> tuple[object, ...]:
     from contactlab.studies.search.report_text import is_faster, time_ratio_text
 
-    error = "" if part.error is None else percent(part.error)
+    error = "" if part.error is None else format_percent(part.error)
     where = f"{part.body}, {part.phase}" if part.body else ""
     verdict: str = part.verdict
     ratio, noise_floor = part.time_ratio, report.noise_floor
     saves = bool(ratio and noise_floor and is_faster(ratio, noise_floor))
     if part.verdict == "below the tolerance" and not part.reason:
-        verdict += f", saves {percent(1 - ratio.ratio)}" if saves and ratio else ", saves nothing"
+        verdict += (
+            f", saves {format_percent(1 - ratio.ratio)}" if saves and ratio else ", saves nothing"
+        )
     elif part.reason:
         verdict += f" ({part.reason})"
     time = "" if ratio is None else time_ratio_text(ratio)

@@ -12,7 +12,8 @@ from contactlab.command_line.surroundings import say
 from contactlab.command_line.terminal import echo, echo_bytes, print_report_json, print_table
 from contactlab.errors import ExpectationError, SweepFileError
 from contactlab.judge.wording import out_of, plural
-from contactlab.printable import percent, shell_word, shortened, wrapped
+from contactlab.printable import shell_word, shortened, wrapped
+from contactlab.rendering.amounts import format_percent
 
 if TYPE_CHECKING:
     from contactlab.schema.tune_report import Candidate, CurrentVerdict, FarPairs, TuneReport
@@ -266,7 +267,7 @@ def _verdict(verdict: "CurrentVerdict", report: "TuneReport") -> str:
     error = (
         "MuJoCo gave up"
         if verdict.numerical_error is None
-        else f"numerical error {percent(verdict.numerical_error)}"
+        else f"numerical error {format_percent(verdict.numerical_error)}"
     )
     text = f"{verdict.verdict} as written, {error} along its own motion"
     count = len(report.task.seeds)
@@ -292,7 +293,9 @@ def _row(standing: str, candidate: "Candidate", report: "TuneReport") -> tuple[o
 def _number(value: float | None, report: "TuneReport") -> str:
     if value is None:
         return "gave up"
-    return percent(value) if report.target.unit == "1" else f"{value:.2e} {report.target.unit}"
+    return (
+        format_percent(value) if report.target.unit == "1" else f"{value:.2e} {report.target.unit}"
+    )
 
 
 def _details(report: "TuneReport", folder: Path) -> Iterator[str]:

@@ -7,7 +7,8 @@ not comparable: a baseline of which most was left out or blanked would else let 
 
 from contactlab.comparison.pairing import PairedStores
 from contactlab.judge.subjects import SAME, Mask, Subject
-from contactlab.judge.wording import format_percent, out_of
+from contactlab.judge.wording import out_of
+from contactlab.rendering.amounts import format_percent
 from contactlab.schema.finding import Finding
 
 

@@ -27,7 +27,8 @@ from contactlab.judge.subjects import (
     Verdicts,
     verdict_counts,
 )
-from contactlab.judge.wording import format_percent, out_of, plural, value_change
+from contactlab.judge.wording import out_of, plural, value_change
+from contactlab.rendering.amounts import format_percent
 from contactlab.schema.finding import Finding, RunPair, Verdict
 from contactlab.store.run_columns import NumberColumn
 from contactlab.store.table_layout import REAL, Column

@@ -30,8 +30,9 @@ from contactlab.judge.subjects import (
     Verdicts,
     verdict_counts,
 )
-from contactlab.judge.wording import format_percent, format_settings, out_of, plural
+from contactlab.judge.wording import format_settings, out_of, plural
 from contactlab.pareto.analysis import analyze_tradeoff
+from contactlab.rendering.amounts import format_percent
 from contactlab.schema.comparison import AllowedTransition, Transition
 from contactlab.schema.finding import Finding
 from contactlab.schema.tradeoff_report import TradeoffReport

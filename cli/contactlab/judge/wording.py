@@ -2,33 +2,22 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from contactlab.rendering.amounts import format_digits, format_interval, format_percent
 from contactlab.schema.evidence import Setting
 from contactlab.schema.finding import Finding, RunPair
 from contactlab.shares import wilson
 
 
-def format_number(value: float) -> str:
-    """Return a number to four digits."""
-    return f"{value:.4g}"
-
-
 def value_change(baseline: float, candidate: float, unit: str) -> str:
     """Return `0.1 -> 0.12 m (+20 %)`: two values and their relative change."""
-    shown = f"{format_number(baseline)} -> {format_number(candidate)}"
-    if format_number(baseline) == format_number(candidate):
+    before, after = format_digits(baseline, 4), format_digits(candidate, 4)
+    shown = f"{before} -> {after}"
+    if before == after:
         shown = f"{baseline:.10g} -> {candidate:.10g}"
     named = shown if unit in {"", "1", "any"} else f"{shown} {unit}"
     if baseline <= 0 or not abs(candidate / baseline) < 1e3:
         return named
     return f"{named} ({format_percent(candidate / baseline - 1, signed=True)})"
-
-
-def format_percent(value: float, *, signed: bool = False) -> str:
-    """Return a fraction in percent, to two digits."""
-    sign = "+" if signed else ""
-    percent = 100 * value
-    digits = f"{percent:{sign}.0f}" if abs(percent) >= 10 else f"{percent:{sign}.2g}"
-    return f"{digits} %"
 
 
 def share_with_interval(good: int, runs: int) -> str:
@@ -38,8 +27,7 @@ def share_with_interval(good: int, runs: int) -> str:
 
 def with_interval(share: float, low: float, high: float) -> str:
     """Return `80 % (58 to 92 %)`."""
-    shown = format_percent(low).removesuffix(" %")
-    return f"{format_percent(share)} ({shown} to {format_percent(high)})"
+    return f"{format_percent(share)} ({format_interval(low, high)})"
 
 
 def out_of(count: int, total: int, noun: str = "run") -> str:
@@ -81,7 +69,7 @@ def pair_values(finding: Finding, pair: RunPair) -> str:
 def _value(value: float | str | None) -> str:
     if value is None:
         return "none"
-    return value if isinstance(value, str) else format_number(value)
+    return value if isinstance(value, str) else format_digits(value, 4)
 
 
 def pair_location(pair: RunPair) -> str:

@@ -8,7 +8,7 @@ import mujoco
 
 from contactlab.budget import ROWS
 from contactlab.budget.rows import Row
-from contactlab.budget.verdict import percent
+from contactlab.rendering.amounts import format_percent
 from contactlab.schema.error_budget import BudgetReport, BudgetRow
 
 _NOT_EXERCISED = "not exercised"
@@ -49,4 +49,8 @@ def _effect_text(row: BudgetRow) -> str:
         return _NOT_EXERCISED
     if row.error is None:
         return "ends it"
-    return percent(row.error) if row.error >= _SMALLEST_SHARE else f"< {percent(_SMALLEST_SHARE)}"
+    return (
+        format_percent(row.error)
+        if row.error >= _SMALLEST_SHARE
+        else f"< {format_percent(_SMALLEST_SHARE)}"
+    )

@@ -15,7 +15,7 @@ from contactlab.measure.entries import (
     metric,
     threshold_values,
 )
-from contactlab.printable import plain
+from contactlab.rendering.amounts import format_amount
 
 TOLERANCE = Threshold(
     "backward_error",
@@ -80,7 +80,7 @@ def numerical_error_text(context: Context, run: int) -> str:
     error = context.checks.backward[run]
     if np.isinf(error.share):
         return "the engine warned"
-    return f"numerical error {plain(100 * error.share)} % in {error.body}"
+    return f"numerical error {format_amount(error.share, '%', digits=3)} in {error.body}"
 
 
 def energy_drifts(runs: MeasuredRuns, sign: int) -> OnsetIterator:

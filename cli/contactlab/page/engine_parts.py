@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from contactlab.comparison.pairing import rounded
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import StoreError
-from contactlab.judge.wording import format_percent
+from contactlab.rendering.amounts import format_percent
 from contactlab.reporting.report import ReportData
 from contactlab.reporting.report_columns import Codes
 from contactlab.studies.parity.parity_report import ParityReport

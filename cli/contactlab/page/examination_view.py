@@ -10,7 +10,7 @@ import altair as alt
 from contactlab.charts import Rows, Spec, haloed, layer_of, static_svg, themed, word_colours
 from contactlab.page.header_films import Films, HeaderFilm, Moment, film_in, film_of_moment
 from contactlab.palette import COLOURS, OTHERS_COLOUR
-from contactlab.printable import percent
+from contactlab.rendering.amounts import format_percent
 from contactlab.reporting.examination import (
     fix_summary,
     grouped_contacts,
@@ -156,8 +156,8 @@ def _lines(report: Examination, budget: BudgetReport) -> Iterator[BudgetLine]:
         yield BudgetLine(
             name=name,
             kind="" if name == run else _KINDS[row.kind],
-            error=percent(error),
-            spread="" if row.seeds is None else " to ".join(map(percent, row.seeds)),
+            error=format_percent(error),
+            spread="" if row.seeds is None else " to ".join(map(format_percent, row.seeds)),
             bar=_along(error),
             exceeds=row.kind in {"numerics", "model"} and error > budget.tolerance,
             time=f"x{row.time_ratio.ratio:.2f}" if row.time_ratio else "",

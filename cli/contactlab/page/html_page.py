@@ -5,10 +5,10 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from contactlab.judge.wording import format_percent
 from contactlab.page.page_view import PACKAGE, page_view
 from contactlab.pareto.recommendation import setting_text, settings_text
 from contactlab.printable import visible
+from contactlab.rendering.amounts import format_percent
 from contactlab.reporting.report import PageRequest
 from contactlab.reporting.report_columns import number_with_unit, with_unit
 from contactlab.store.finished_store import Store

@@ -2,7 +2,8 @@
 
 from collections.abc import Callable
 
-from contactlab.judge.wording import format_percent, share_with_interval
+from contactlab.judge.wording import share_with_interval
+from contactlab.rendering.amounts import format_percent
 from contactlab.reporting.report_columns import STABLE, RunLabels
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.finished_store import Store

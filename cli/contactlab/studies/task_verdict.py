@@ -12,11 +12,11 @@ import mujoco
 import numpy as np
 
 from contactlab.budget import ErrorBudget, PhaseBudget, Settings, error_budget, judge
-from contactlab.budget.verdict import percent
 from contactlab.errors import SweepFileError
 from contactlab.measure.backward_error import step_dependent
 from contactlab.mjcf import MODEL_ENGINE
 from contactlab.plan.task_options import TaskOptions
+from contactlab.rendering.amounts import format_percent
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import EvidenceRecord, LabelEntry
@@ -79,12 +79,14 @@ def verdict_of(
         verdict = judge(ErrorBudget(numerics), task.tolerance)
         word = verdict.word
         worst = max(budget.phases, key=lambda phase: phase.run.error)
-        error = f"{percent(worst.run.error)} in {worst.bodies[worst.run.body]}, {worst.name}"
-        sentence = f"{word} (numerical error {error}; tolerance {percent(verdict.tolerance)})"
+        error = f"{format_percent(worst.run.error)} in {worst.bodies[worst.run.body]}, {worst.name}"
+        sentence = (
+            f"{word} (numerical error {error}; tolerance {format_percent(verdict.tolerance)})"
+        )
         if verdict.reasons:
             reason = verdict.reasons[0]
             where = f"{reason.sentence}, {reason.phase}"
-            sentence = f"{word} ({where}; tolerance {percent(verdict.tolerance)})"
+            sentence = f"{word} ({where}; tolerance {format_percent(verdict.tolerance)})"
     return TaskVerdict.model_validate(
         {
             "verdict": word,

@@ -25,7 +25,7 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import RecordedMotion
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.palette import MODE_COLOURS
-from contactlab.printable import newtons
+from contactlab.rendering.amounts import format_amount
 from contactlab.run.stored_runs import PreparedReplay
 from contactlab.store.atomic_files import atomic_write
 from contactlab.view.drawn_motion import BodyMotion, Stage, frame_times, nearest_indices
@@ -415,7 +415,7 @@ def add_caption(
     pen, font = ImageDraw.Draw(image), ImageFont.load_default(size)
     if bar is not None:
         force, pixels = bar
-        label, left = newtons(force), right - pixels
+        label, left = format_amount(force, "N"), right - pixels
         pen.line((left, middle, right, middle), _INK_COLOUR, 2)
         for end in (left, right):
             pen.line((end, middle - size // 3, end, middle + size // 3), _INK_COLOUR, 2)

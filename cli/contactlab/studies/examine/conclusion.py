@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 
 from contactlab.budget.rows import ROWS
 from contactlab.judge.conclusion import failed_names
-from contactlab.printable import percent
+from contactlab.rendering.amounts import format_percent
 from contactlab.reporting.examination import (
     first_fix,
     fix_summary,
@@ -58,7 +58,7 @@ def _failed_checks(report: Examination) -> list[str]:
 
 def _headline(report: Examination, verdict: VerdictWord) -> str:
     reason = report.budget.reasons[0] if report.budget and report.budget.reasons else None
-    tolerance = f"(tolerance {percent(report.task.tolerance)})"
+    tolerance = f"(tolerance {format_percent(report.task.tolerance)})"
     if verdict == "fails":
         labels = list(dict.fromkeys(label.label for label in judged_labels(report)))
         causes = [*labels, *(f"check {name}" for name in _failed_checks(report))]
@@ -71,7 +71,7 @@ def _headline(report: Examination, verdict: VerdictWord) -> str:
     if reason is None:
         phase = max(report.budget.phases, key=_error_of)
         worst = phase.numerical_error
-        return f"ok: numerical error {percent(_error_of(phase))} in {worst.body} {tolerance}"
+        return f"ok: numerical error {format_percent(_error_of(phase))} in {worst.body} {tolerance}"
     if verdict == "depends":
         return f"depends on {_SUBJECTS[reason.row]}: {reason.sentence}"
     return f"{verdict}: {reason.sentence}{'' if reason.row == 'warning' else f' {tolerance}'}"
@@ -131,14 +131,14 @@ def _place_line(report: Examination, reason: BudgetReason, phase: BudgetPhase) -
             verb = "gains" if (reason.error or 0.0) > 0 else "loses"
             return f"the run {verb} energy that the exact motion does not, most{at}"
         case "reference":
-            error = percent(_error_of(phase))
+            error = format_percent(_error_of(phase))
             return (
                 f"the measured error is {error}, but its references at 1/4 and 1/8 of the time "
                 f"step still differ, most{at}"
             )
         case _ if reason.verdict == "depends":
             return (
-                f"the numerics are fine (numerical error {percent(_largest_error(report))}), but "
+                f"the numerics are fine (numerical error {_percent(_largest_error(report))}), but "
                 f"this modeling choice decides the motion, most{at}"
             )
         case _:
@@ -167,7 +167,7 @@ def _choices_line(report: Examination, reasons: Sequence[BudgetReason]) -> str:
     also = f"also depends on {' and '.join(choices.values())}" if choices else ""
     if report.verdict == "depends":
         return also
-    fine = f"the numerics are fine: numerical error {percent(_largest_error(report))}"
+    fine = f"the numerics are fine: numerical error {format_percent(_largest_error(report))}"
     return "; ".join(filter(None, (also, fine)))
 
 
@@ -177,7 +177,7 @@ def _largest_error(report: Examination) -> float:
 
 
 def _percent(error: float | None) -> str:
-    return percent(math.inf if error is None else abs(error))
+    return format_percent(math.inf if error is None else abs(error))
 
 
 def _time(report: Examination, phase: BudgetPhase) -> str:

@@ -12,7 +12,8 @@ from contactlab.budget.text import (
     table_lines,
     unexercised_lines,
 )
-from contactlab.printable import COLUMNS, percent, visible, wrapped
+from contactlab.printable import COLUMNS, visible, wrapped
+from contactlab.rendering.amounts import format_percent
 from contactlab.reporting.examination import (
     contact_lines,
     first_fix,
@@ -168,7 +169,7 @@ def budget_table(report: Examination) -> Iterator[str]:
     yield from wrapped(DEFINITION)
     yield from table_lines(run, list(shown.values()), report.budget.tolerance)
     if less := [name for name in found if name not in shown]:
-        yield from wrapped(f"below {percent(least)}: {', '.join(less)}")
+        yield from wrapped(f"below {format_percent(least)}: {', '.join(less)}")
     rows = {row.name: None for phase in report.budget.phases for row in phase.rows}
     yield from unexercised_lines([name for name in rows if name not in found])
 
@@ -204,5 +205,5 @@ def _tried(report: Examination) -> Iterator[str]:
 def _tried_fix(fix: BudgetFix) -> str:
     ratio = f"x{fix.time_ratio.ratio:.2f}" if fix.time_ratio else ""
     end = "removes it" if fix.removes else f"still {fix.verdict}"
-    error = "∞" if fix.error is None else percent(fix.error)
+    error = "∞" if fix.error is None else format_percent(fix.error)
     return f"  {fix.name:43} {ratio:>6} {error:>7}  {end}"

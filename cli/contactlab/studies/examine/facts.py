@@ -11,10 +11,9 @@ import numpy as np
 
 from contactlab.budget.force_places import contact_name
 from contactlab.budget.motion import INTEGRATION, Motion
-from contactlab.budget.verdict import percent, plain
 from contactlab.budget.windows import Run, joint_name, replay
 from contactlab.contact.trace_arrays import Floats
-from contactlab.printable import newtons
+from contactlab.rendering.amounts import format_amount, format_digits, format_percent
 from contactlab.scene.compile_model import InertiaFault
 from contactlab.scene.part_bodies import is_mocap_driven
 from contactlab.schema.examination import Fact
@@ -139,12 +138,12 @@ def _worst(contacts: Sequence[_Contact]) -> _Contact | None:
 
 
 def _in_words(contact: _Contact) -> str:
-    share = percent(contact.share)
+    share = format_percent(contact.share)
     return f"{contact.pair}, {_mm(contact.amount)} mm ({share} of half the thinner geom)"
 
 
 def _mm(length: float) -> str:
-    return plain(1e3 * length, 2)
+    return format_digits(1e3 * length, 2)
 
 
 def _of_creep(motion: Motion, run: Run) -> Iterator[Fact]:
@@ -214,7 +213,7 @@ def _of_limits(motion: Motion) -> Iterator[Fact]:
     worst = int(shares.argmax())
     joint, amount = int(joints[worst]), float(beyond[worst])
     turns = int(model.jnt_type[joint]) == mujoco.mjtJoint.mjJNT_HINGE
-    said = f"{plain(np.degrees(amount), 2)} deg" if turns else f"{_mm(amount)} mm"
+    said = f"{format_digits(np.degrees(amount), 2)} deg" if turns else f"{_mm(amount)} mm"
     others = int((shares > _DEEP).sum()) - 1
     are = "are" if others > 1 else "is"
     more = f" ({others} more {are}, too)" if others else ""
@@ -259,8 +258,8 @@ def _of_equalities(motion: Motion) -> Iterator[Fact]:
 def _of_force(hardest: Sequence[_Contact]) -> Iterator[Fact]:
     if (worst := _worst(hardest)) and worst.share > _HEAVY:
         sentence = (
-            f"extreme force: {worst.pair} carries {newtons(worst.amount)}, {plain(worst.share, 2)} "
-            f"times the model's weight, at {worst.time:.2f} s"
+            f"extreme force: {worst.pair} carries {format_amount(worst.amount, 'N')}, "
+            f"{format_digits(worst.share, 2)} times the model's weight, at {worst.time:.2f} s"
         )
         yield Fact(kind="force", place=worst.pair, value=worst.amount, unit="N", sentence=sentence)
 

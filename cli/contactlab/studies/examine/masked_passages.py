@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from contactlab.budget.force_places import contact_name
 from contactlab.budget.motion import Motion
-from contactlab.budget.verdict import plain
 from contactlab.budget.windows import KEPT, Run, cut
 from contactlab.contact.trace_arrays import Floats
+from contactlab.rendering.amounts import format_digits
 from contactlab.scene.contact_pairs import geom_pairs, half_extents, mask_overlap, touch_mask
 from contactlab.schema.examination import Fact
 
@@ -58,7 +58,7 @@ class MaskedPassages:
         others = len(names) - 1
         more = f"; so do {others} more pairs of bodies" if others > 1 else "; so does another pair"
         sentence = (
-            f"{one} and {other} go through each other, {plain(1e3 * first.depth, 2)} mm at "
+            f"{one} and {other} go through each other, {format_digits(1e3 * first.depth, 2)} mm at "
             f"{first.time:.2f} s: contype and conaffinity let them have no contact"
         )
         sentence += more if others else ""

@@ -18,9 +18,10 @@ from contactlab.judge.conclusion import exit_code, failed_names
 from contactlab.judge.limits import Limit
 from contactlab.judge.subjects import NOT_COMPARABLE, SAME, WORSE, Subject
 from contactlab.judge.waivers import apply_waivers
-from contactlab.judge.wording import format_percent, out_of, plural
+from contactlab.judge.wording import out_of, plural
 from contactlab.measure import METRICS
 from contactlab.mjcf import MODEL_ENGINE
+from contactlab.rendering.amounts import format_percent
 from contactlab.scene.scene import Scene
 from contactlab.schema.comparison import ComparePolicy, MetricRule
 from contactlab.schema.evidence import Setting

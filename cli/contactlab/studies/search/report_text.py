@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 
 from contactlab.budget.time_ratios import TimeRatio
-from contactlab.printable import percent
+from contactlab.rendering.amounts import format_percent
 from contactlab.schema.error_budget import BudgetTimeRatio
 from contactlab.schema.tune_report import Candidate, TuneReport
 from contactlab.studies.search.configuration import format_settings
@@ -21,7 +21,7 @@ def error_text(error: float | None, unit: str) -> str:
     """Return an error with its unit; a share in percent."""
     if error is None:
         return "unknown"
-    return percent(error) if unit == "1" else f"{error:.2e} {unit}"
+    return format_percent(error) if unit == "1" else f"{error:.2e} {unit}"
 
 
 def time_ratio_text(price: TimeRatio | BudgetTimeRatio) -> str:
@@ -92,7 +92,7 @@ def sentence_of(report: TuneReport) -> str:
             f"{error_text(best.error, target.unit)}, {fresh} (current {current})."
         )
         if _is_above_tolerance(report):
-            limit = percent(target.tolerance)
+            limit = format_percent(target.tolerance)
             head = f"The error as written is above the tolerance of {limit}. {head}"
     else:
         head = no_recommendation_text(report, has_options=bool(options))
@@ -107,7 +107,7 @@ def no_recommendation_text(report: TuneReport, *, has_options: bool) -> str:
     above = _is_above_tolerance(report) and report.target.real_time is None
     error = f"{'Numerical error' if unit == '1' else 'Forward error'} is {current}"
     if above:
-        error += f", above the tolerance of {percent(report.target.tolerance)}"
+        error += f", above the tolerance of {format_percent(report.target.tolerance)}"
     if (likely := _unverified_candidate(report)) and likely.time_ratio:
         goal = "within the tolerance" if above else "faster"
         settings = settings_text(likely, report.current)
@@ -193,4 +193,4 @@ def _strict_target_note(report: TuneReport) -> str:
     uncertainty = target.model_uncertainty
     if uncertainty is None or current is None or uncertainty >= target.limit:
         return ""
-    return f" (the model uncertainty is only {percent(uncertainty)})"
+    return f" (the model uncertainty is only {format_percent(uncertainty)})"

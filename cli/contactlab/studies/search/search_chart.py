@@ -6,7 +6,7 @@ import altair as alt
 
 from contactlab.charts import Rows, layer_of
 from contactlab.palette import COLOURS, INK, OTHERS_COLOUR
-from contactlab.printable import percent
+from contactlab.rendering.amounts import format_percent
 from contactlab.schema.tune_report import Candidate, TuneReport
 from contactlab.studies.search.configuration import format_settings
 
@@ -93,14 +93,16 @@ def _error_lines(report: TuneReport) -> Rows:
     target = report.target
     if target.unit != "1":
         return [{"error": target.limit, "text": f"requested: {target.limit:.2g} {target.unit}"}]
-    lines: Rows = [{"error": target.tolerance, "text": f"tolerance {percent(target.tolerance)}"}]
+    lines: Rows = [
+        {"error": target.tolerance, "text": f"tolerance {format_percent(target.tolerance)}"}
+    ]
     if target.model_uncertainty:
         lines.append(
             {
                 "error": target.model_uncertainty,
-                "text": f"model uncertainty {percent(target.model_uncertainty)}",
+                "text": f"model uncertainty {format_percent(target.model_uncertainty)}",
             }
         )
     if target.kind == "error":
-        lines.append({"error": target.limit, "text": f"requested: {percent(target.limit)}"})
+        lines.append({"error": target.limit, "text": f"requested: {format_percent(target.limit)}"})
     return lines

@@ -1,0 +1,64 @@
+"""Formats numbers with their units: one spelling of a share, a time, a length and a count."""
+
+import math
+
+_SCALED = {"mm": 1e3, "mm/s": 1e3, "ms": 1e3, "us": 1e6}
+"""Units that are printed for SI numbers, and the factor from the SI unit."""
+_TWO_DIGITS = 0.1  # smallest ratio of which two decimals have two significant digits
+
+
+def format_amount(
+    value: float | None, unit: str = "", *, digits: int | None = None, signed: bool = False
+) -> str:
+    """Return a number with its unit.
+
+    Args:
+        value: in SI units; of a share or a ratio, 0.5 is a half. None is unknown.
+        unit: `%` for a share, `x` for a ratio of times, `count` for a whole number with its
+            thousands, `N` with a prefix as needed, `mm`, `mm/s`, `ms` or `us` for small SI numbers;
+            any other unit is written after the number, and "" and "1" are not.
+        digits: significant digits; 2 of shares and forces, 3 of other numbers. Digits before the
+            point are never lost below 1e5.
+        signed: whether positive numbers have a sign.
+    """
+    if value is None or not math.isfinite(value):
+        return "-" if value is None or math.isnan(value) else "∞" if value > 0 else "-∞"
+    match unit:
+        case "%":
+            text = f"{format_digits(100 * value, digits or 2)} %"
+        case "x":
+            text = f"x{value:.2f}" if value >= _TWO_DIGITS else f"x{value:.2g}"
+        case "count":
+            text = f"{value:,.0f}"
+        case "N":
+            text = _format_force(value, digits or 2)
+        case "" | "1":
+            text = format_digits(value, digits or 3)
+        case _:
+            text = f"{format_digits(_SCALED.get(unit, 1.0) * value, digits or 3)} {unit}"
+    return f"+{text}" if signed and value > 0 else text
+
+
+def format_percent(share: float | None, *, signed: bool = False) -> str:
+    """Return a share in percent: two digits, or all before the point."""
+    return format_amount(share, "%", signed=signed)
+
+
+def format_interval(low: float | None, high: float | None, unit: str = "%") -> str:
+    """Return `58 to 92 %`: two numbers with their unit written once."""
+    suffix = "" if unit == "x" else f" {unit}"
+    first, last = format_amount(low, unit), format_amount(high, unit)
+    return f"{first.removesuffix(suffix).removeprefix('x')} to {last.removeprefix('x')}"
+
+
+def format_digits(number: float, digits: int = 3) -> str:
+    """Return a number in this many digits, without an exponent from 1e-3 to 1e5."""
+    short = f"{number:.{digits}g}"
+    if "e" not in short or not 1e-3 <= abs(number) < 1e5:
+        return short
+    return f"{float(short):.0f}" if abs(number) < 10**digits else f"{number:.0f}"
+
+
+def _format_force(force: float, digits: int) -> str:
+    power = min(3, max(0, math.floor(math.log10(force) / 3))) if force > 0 else 0
+    return f"{format_digits(force / 1e3**power, digits)} {('N', 'kN', 'MN', 'GN')[power]}"

@@ -1,0 +1,204 @@
+"""A report as a tree of blocks, which is rendered as text, Markdown and HTML with the same facts.
+
+Blocks hold plain text only: each renderer escapes it. A function that describes a report decides
+what is said and in which order; a renderer decides how it looks.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+Align = Literal["left", "right"]
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A cell that states an outcome: a word in text, a sign elsewhere."""
+
+    word: str
+    sign: str = ""
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A cell that draws a number along a scale; the number itself is in another cell.
+
+    Attributes:
+        part: filled part of the full width, 0 to 1.
+        limit: place of the limit along the full width; None without one.
+        exceeds: whether the number is above the limit.
+    """
+
+    part: float
+    limit: float | None = None
+    exceeds: bool = False
+
+
+Cell = str | Mark | Bar
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table.
+
+    Attributes:
+        name: the head; "" for none.
+        align: numbers are aligned right.
+        droppable: whether a narrow terminal may leave it out.
+        breakable: whether its words may be broken, as names of bodies may.
+    """
+
+    name: str
+    align: Align = "left"
+    droppable: bool = False
+    breakable: bool = False
+
+
+@dataclass(frozen=True)
+class Row:
+    """Cells of a table, one for each column.
+
+    Attributes:
+        group: the head above all rows in a row that have the same group; "" for none.
+        details: lines of a file below the row, such as those of a fix.
+        title: an explanation that HTML shows on request.
+    """
+
+    cells: tuple[Cell, ...]
+    group: str = ""
+    details: tuple[str, ...] = ()
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under named columns.
+
+    Attributes:
+        ruled: whether a line separates the head in text.
+        more: what is left out and where it is, in a sentence; "" if nothing is.
+    """
+
+    columns: tuple[Column, ...]
+    rows: tuple[Row, ...]
+    ruled: bool = True
+    more: str = ""
+
+
+@dataclass(frozen=True)
+class Headline:
+    """The result in one sentence."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Sentence:
+    """A paragraph."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Names with texts. Further texts of one name follow with the name ""."""
+
+    entries: tuple[tuple[str, str], ...]
+    colon: bool = False  # whether text has a colon after a name
+
+
+@dataclass(frozen=True)
+class Items:
+    """A list of texts, each a line of its own, under a title or none."""
+
+    texts: tuple[str, ...]
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Code:
+    """Lines of a file or commands, which are never wrapped."""
+
+    lines: tuple[str, ...]
+    language: str = ""
+    more: str = ""  # what is left out, in words
+    indent: int = 2  # of text
+
+
+Block = Headline | Sentence | Facts | Items | Code | Table
+
+
+@dataclass(frozen=True)
+class Section:
+    """Blocks that belong together.
+
+    Attributes:
+        name: by which a page takes the section, such as `budget`.
+        title: its head; "" for none.
+        folded: whether Markdown and HTML show it on request only.
+    """
+
+    blocks: tuple[Block, ...]
+    name: str = ""
+    title: str = ""
+    folded: bool = False
+
+
+@dataclass(frozen=True)
+class Document:
+    """A report in words: sections in the order of their weight."""
+
+    sections: tuple[Section, ...] = field(default_factory=tuple[Section, ...])
+
+    @property
+    def blocks(self) -> Iterator[Block]:
+        """All blocks in their order."""
+        for section in self.sections:
+            yield from section.blocks
+
+    def section(self, name: str) -> "Document":
+        """Return a document of the sections of a name; empty if there are none."""
+        return Document(tuple(one for one in self.sections if one.name == name))
+
+
+def document_of(*sections: Section | Sequence[Block]) -> Document:
+    """Return a document of sections, or of the blocks of sections; empty ones are left out."""
+    built = [one if isinstance(one, Section) else Section(tuple(one)) for one in sections]
+    return Document(tuple(section for section in built if section.blocks))
+
+
+def table_of(
+    columns: Sequence[str | Column], rows: Sequence[Sequence[object]], *, most: int | None = None
+) -> Table:
+    """Return a table of values; columns of numbers are aligned right.
+
+    With more than `most` rows, the first are shown, and a sentence says where the others are.
+    """
+    shown = rows if most is None else rows[:most]
+    built = tuple(
+        column
+        if isinstance(column, Column)
+        else Column(column, "right" if _is_numeric(shown, place) else "left")
+        for place, column in enumerate(columns)
+    )
+    more = f"and {len(rows) - len(shown):,} more, see --format json" if rows[len(shown) :] else ""
+    return Table(built, tuple(Row(tuple(map(cell_of, row))) for row in shown), more=more)
+
+
+def _is_numeric(rows: Sequence[Sequence[object]], place: int) -> bool:
+    return bool(rows) and all(isinstance(row[place], int | float) for row in rows)
+
+
+def cell_of(value: object) -> Cell:
+    """Return a value as a cell: `-` for None, yes or no, and numbers in four digits."""
+    match value:
+        case Mark() | Bar() | str():
+            return value
+        case None:
+            return "-"
+        case bool():
+            return "yes" if value else "no"
+        case float():
+            return f"{value:.4g}"
+        case _:
+            return str(value)

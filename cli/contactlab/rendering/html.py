@@ -1,0 +1,133 @@
+"""Renders a document as HTML, for pages and notebooks."""
+
+from collections.abc import Iterator
+from html import escape
+
+from contactlab.printable import visible
+from contactlab.rendering.document import (
+    Bar,
+    Block,
+    Cell,
+    Code,
+    Column,
+    Document,
+    Facts,
+    Headline,
+    Items,
+    Mark,
+    Row,
+    Section,
+    Sentence,
+    Table,
+)
+
+_BAR_PIXELS = 160
+
+
+def render_html(document: Document) -> str:
+    """Return a document as HTML, without a page around it."""
+    return "\n".join(line for section in document.sections for line in _section_lines(section))
+
+
+def _text(text: str) -> str:
+    return escape(visible(text))
+
+
+def _section_lines(section: Section) -> Iterator[str]:
+    if section.folded:
+        yield f"<details><summary>{_text(section.title)}</summary>"
+    elif section.title:
+        yield f"<h3>{_text(section.title)}</h3>"
+    for block in section.blocks:
+        yield from _block_lines(block)
+    if section.folded:
+        yield "</details>"
+
+
+def _block_lines(block: Block) -> Iterator[str]:
+    match block:
+        case Headline(text):
+            yield f"<p><strong>{_text(text)}</strong></p>"
+        case Sentence(text):
+            yield f"<p>{_text(text)}</p>"
+        case Facts(entries):
+            yield '<dl class="causes">'
+            for name, text in entries:
+                head = f"<dt>{_text(name)}</dt>" if name else ""
+                yield f"{head}<dd><p>{_text(text)}</p></dd>"
+            yield "</dl>"
+        case Items(texts, title):
+            yield from [f"<p>{_text(title)}</p>"] if title else []
+            yield f'<ul class="reasons">{"".join(f"<li>{_text(text)}</li>" for text in texts)}</ul>'
+        case Code(lines, more=more):
+            yield _code(lines)
+            yield from [f'<p class="caption">{_text(more)}</p>'] if more else []
+        case Table():
+            yield from _table_lines(block)
+
+
+def _code(lines: tuple[str, ...]) -> str:
+    return f'<pre class="code">{_text(chr(10).join(lines))}</pre>'
+
+
+def _table_lines(table: Table) -> Iterator[str]:
+    yield '<div class="scroll"><table class="budget">'
+    if any(column.name for column in table.columns):
+        heads = "".join(
+            f'<th scope="col"{_class(column)}>{_text(column.name)}</th>' for column in table.columns
+        )
+        yield f"<thead><tr>{heads}</tr></thead>"
+    yield "<tbody>"
+    group = ""
+    width = len(table.columns)
+    for row in table.rows:
+        if row.group != group:
+            group = row.group
+            if group:
+                head = f'<th scope="rowgroup" colspan="{width}">{_text(group)}</th>'
+                yield f'<tr class="kind">{head}</tr>'
+        yield _row(table.columns, row)
+        if row.details:
+            yield f'<tr><td colspan="{width}">{_code(row.details)}</td></tr>'
+    yield "</tbody></table></div>"
+    yield from [f'<p class="caption">{_text(table.more)}</p>'] if table.more else []
+
+
+def _row(columns: tuple[Column, ...], row: Row) -> str:
+    first, *others = zip(columns, row.cells, strict=True)
+    title = f' title="{_text(row.title)}"' if row.title else ""
+    head = f'<th scope="row"{title}>{_cell_text(first[1])}</th>'
+    cells = "".join(
+        f'<td class="along">{_bar(cell)}</td>'
+        if isinstance(cell, Bar)
+        else f"<td{_class(column)}>{_cell_text(cell)}</td>"
+        for column, cell in others
+    )
+    return f"<tr>{head}{cells}</tr>"
+
+
+def _class(column: Column) -> str:
+    return ' class="number"' if column.align == "right" else ""
+
+
+def _cell_text(cell: Cell) -> str:
+    match cell:
+        case Mark(word):
+            return _text(word)
+        case Bar():
+            return _bar(cell)
+        case _:
+            return _text(cell)
+
+
+def _bar(bar: Bar) -> str:
+    """Draw a bar with a line at its limit."""
+    width, limit = _BAR_PIXELS * min(1.0, max(0.0, bar.part)), ""
+    if bar.limit is not None:
+        place = f"{_BAR_PIXELS * bar.limit:.1f}"
+        limit = f'<line x1="{place}" x2="{place}" y2="12"/>'
+    return (
+        f'<svg class="share{" over" if bar.exceeds else ""}" width="{_BAR_PIXELS}" height="12" '
+        f'viewBox="0 0 {_BAR_PIXELS} 12" preserveAspectRatio="none" aria-hidden="true">'
+        f'<rect width="{width:.1f}" height="12" rx="2"/>{limit}</svg>'
+    )

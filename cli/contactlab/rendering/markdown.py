@@ -1,0 +1,107 @@
+"""Renders a document as Markdown."""
+
+from collections.abc import Iterable, Iterator
+
+from contactlab.printable import in_markdown, in_one_line
+from contactlab.rendering.document import (
+    Bar,
+    Block,
+    Cell,
+    Code,
+    Document,
+    Facts,
+    Headline,
+    Items,
+    Mark,
+    Section,
+    Sentence,
+    Table,
+)
+
+_BAR_SIGNS = 8
+
+
+def render_markdown(document: Document) -> str:
+    """Return a document as Markdown; each block is separated by an empty line."""
+    lines: list[str] = []
+    for section in document.sections:
+        lines += _section_lines(section)
+    while lines and not lines[-1]:
+        lines.pop()
+    return "\n".join(lines)
+
+
+def markdown_row(cells: Iterable[str]) -> str:
+    """Return a row of a table, from cells in Markdown."""
+    return f"| {' | '.join(cells)} |"
+
+
+def _section_lines(section: Section) -> Iterator[str]:
+    if section.folded:
+        yield from (f"<details><summary>{in_markdown(section.title)}</summary>", "")
+    elif section.title:
+        yield from (f"#### {in_markdown(section.title)}", "")
+    for block in section.blocks:
+        yield from _block_lines(block)
+        yield ""
+    if section.folded:
+        yield from ("</details>", "")
+
+
+def _block_lines(block: Block) -> Iterator[str]:
+    match block:
+        case Headline(text):
+            yield f"### {in_markdown(text)}"
+        case Sentence(text):
+            yield in_markdown(text)
+        case Facts(entries):
+            name = ""
+            for given, text in entries:
+                name = given or name
+                yield f"- **{in_markdown(name)}** {in_markdown(text)}"
+        case Items(texts, title):
+            yield from [in_markdown(title), ""] if title else []
+            yield from (f"- {in_markdown(text)}" for text in texts)
+        case Code(lines, language, more):
+            yield from _code_lines(lines, language)
+            yield from ["", in_markdown(more)] if more else []
+        case Table():
+            yield from _table_lines(block)
+
+
+def _code_lines(lines: Iterable[str], language: str = "") -> Iterator[str]:
+    """Yield lines as code, which no line of theirs can end."""
+    yield f"```{language}"
+    yield from (in_one_line(line).replace("`", "'") for line in lines)
+    yield "```"
+
+
+def _table_lines(table: Table) -> Iterator[str]:
+    yield markdown_row(in_markdown(column.name) for column in table.columns)
+    yield "|".join(
+        ["", *("---:" if column.align == "right" else "---" for column in table.columns), ""]
+    )
+    group = ""
+    details: list[tuple[str, tuple[str, ...]]] = []
+    for row in table.rows:
+        if row.group != group:
+            group = row.group
+            if group:
+                blank = [""] * (len(table.columns) - 1)
+                yield markdown_row([f"**{in_markdown(group)}**", *blank])
+        yield markdown_row(map(_cell_text, row.cells))
+        if row.details:
+            details.append((_cell_text(row.cells[0]), row.details))
+    for name, lines in details:
+        yield from ("", name, "", *_code_lines(lines))
+    yield from ["", in_markdown(table.more)] if table.more else []
+
+
+def _cell_text(cell: Cell) -> str:
+    match cell:
+        case Mark(word, sign):
+            return sign or in_markdown(word)
+        case Bar(part):
+            return "█" * max(1, round(_BAR_SIGNS * min(1.0, part))) if part > 0 else ""
+        case _:
+            return in_markdown(cell)
