@@ -25,7 +25,7 @@ from atlas.entry import (
 from PIL import Image
 
 from contactlab.budget.rows import ROWS
-from contactlab.printable import percent
+from contactlab.rendering.amounts import format_percent
 from contactlab.schema.examination import Examination
 from contactlab.studies.examine.examination_lines import examination_lines
 
@@ -420,7 +420,7 @@ def _cells(
     link = f'<a href="{page}/">{still}{shown}</a><small>{entry.wheel}{aged}</small>'
     grip = f"{_grip(entry)}<small>gripper</small>" if entry.grip else _NONE
     saving = _saving(entry)
-    saved = _NONE if saving is None else percent(saving) if saving else "nothing"
+    saved = _NONE if saving is None else format_percent(saving) if saving else "nothing"
     return (
         (link, _short(name)),
         (f'<span title="{_MEANINGS.get(entry.word, "")}">{dot}{entry.word}</span>', ""),
