@@ -16,6 +16,7 @@ from contactlab.accuracy.reference import (
 from contactlab.contact.contact_laws import refsafe_solref
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines import Watch
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import Accuracy, ErrorKind, SolrefRule
@@ -38,7 +39,6 @@ _EMPTY_NOTE: Note = {}
 _ERROR_FIELDS = ("final", "mean", "peak", "estimate", "final_estimate", "mean_estimate")
 # RK4 evaluates the forces four times a step.
 _EVALUATIONS_PER_STEP = 4
-_EQUAL_RATIO = 1e-9
 
 
 class _ComparisonTimes(NamedTuple):
@@ -261,4 +261,4 @@ def _solref_rule(runs: Sequence[RunSpec]) -> SolrefRule | None:
         for run, solref in zip(runs, solrefs, strict=True)
     ]
     least, most = min(multiples), max(multiples)
-    return "tied" if least > 0 and most - least <= _EQUAL_RATIO * most else "absolute"
+    return "tied" if least > 0 and most - least <= SUM_ROUNDING * most else "absolute"

@@ -3,6 +3,7 @@
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
+from contactlab.numerical_tolerance import ROUNDING
 
 
 def nearest(end: Floats, others: Floats) -> Floats:
@@ -56,7 +57,7 @@ def energy_defects(end: Floats, around: Floats) -> Floats:
     with np.errstate(invalid="ignore", over="ignore"):
         low, high = around.min(axis=1), around.max(axis=1)
         apart = end - np.clip(end, low, high)
-        rounding = 1e-12 * np.maximum(np.abs(end), np.abs(around).max(axis=1))
+        rounding = ROUNDING * np.maximum(np.abs(end), np.abs(around).max(axis=1))
         apart = np.where(np.abs(apart) > rounding, apart, 0.0)
         forgiven = end - around[:, around.shape[1] // 2] - apart
     return np.stack((apart, forgiven), axis=-1)

@@ -36,6 +36,7 @@ from contactlab.budget.time_ratios import TimeRatio, measure_time_ratios
 from contactlab.budget.verdict import Reason, Verdict, VerdictWord, judge
 from contactlab.budget.windows import replay
 from contactlab.mjcf import OPTIONS
+from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_edits import FIELD_KINDS, FLAG_NAMES, read_flag, read_option
 from contactlab.scene.model_names import name_of
@@ -49,7 +50,6 @@ _SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 _MAX_REFINEMENT = 64  # most steps per step of the run that are tried
 _ALWAYS_TRIED_RATE = 2  # steps per step of the run that are tried even if another fix helps
 _EQUAL_COST_RATIO = 1.1  # the clock does not separate costs that differ by less
-_EQUAL_DISTANCE = 1e-6  # relative difference of distances that is rounding
 _MAX_IMPEDANCE = 0.9999  # the largest impedance that MuJoCo allows
 _SOLREFS = (
     "geom_solref",
@@ -510,7 +510,7 @@ def _is_alike(candidate: Candidate, apart: float, moved: Sequence[tuple[int, flo
     """Return whether a candidate moves the model as another one with the same step does."""
     compared = candidate.must_come_nearer and not candidate.changes_model
     return compared and any(
-        candidate.rate == rate and math.isclose(apart, each, rel_tol=_EQUAL_DISTANCE)
+        candidate.rate == rate and math.isclose(apart, each, rel_tol=COARSE_ROUNDING)
         for rate, each in moved
         if math.isfinite(each)
     )

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
+from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.part_bodies import is_mocap_driven
 
 Change = Callable[[mujoco.MjModel, mujoco.MjModel], None]  # a copy, and the run's own model
@@ -21,8 +22,6 @@ Shows = Callable[[mujoco.MjModel, mujoco.MjData], bool]
 Kind = Literal["numerics", "model", "effect", "unknown"]
 
 _LIMITED = "clampctrl"
-# Forces and torques below this share of the largest others are rounding.
-_ROUNDING = 1e-6
 _SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 # Of a solver that runs to convergence.
 _ITERATIONS, _LINE_SEARCHES, _SMALL, _DENSE_UP_TO = 100, 50, 1e-12, 400
@@ -174,7 +173,7 @@ def _joins(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
     rows = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
     rows[rows] = ~is_mocap_driven(model)[data.efc_id[rows]]
     force = np.abs(data.efc_force)
-    return bool(force[rows].max(initial=0) > _ROUNDING * force.max(initial=0))
+    return bool(force[rows].max(initial=0) > COARSE_ROUNDING * force.max(initial=0))
 
 
 def _raised(model: mujoco.MjModel, own: mujoco.MjModel) -> None:
@@ -292,7 +291,9 @@ def _at_joint_range(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
     limited = np.flatnonzero(model.jnt_actfrclimited)
     force = data.qfrc_actuator[model.jnt_dofadr[limited]]
     low, high = model.jnt_actfrcrange[limited].T
-    joints = ((force <= low * (1 - _ROUNDING)) | (force >= high * (1 - _ROUNDING))).any()
+    joints = (
+        (force <= low * (1 - COARSE_ROUNDING)) | (force >= high * (1 - COARSE_ROUNDING))
+    ).any()
     # MuJoCo scales the actuators of a tendon together; their sum is then at the range.
     return bool(joints or model.tendon_actfrclimited.any())
 
@@ -305,7 +306,7 @@ def _has_force(field: str) -> Shows:
             np.abs(data.qfrc_bias).max(initial=0), np.abs(data.qfrc_passive).max(initial=0)
         )
         own = np.abs(getattr(data, field)).max(initial=0)
-        return bool(own > _ROUNDING * beside)
+        return bool(own > COARSE_ROUNDING * beside)
 
     return shows
 
@@ -319,7 +320,7 @@ def _has_rows(*kinds: str) -> Shows:
             return False
         force = np.abs(data.efc_force)
         own = force[np.isin(data.efc_type, wanted)].max(initial=0)
-        return bool(own > _ROUNDING * force.max())
+        return bool(own > COARSE_ROUNDING * force.max())
 
     return shows
 
@@ -342,7 +343,7 @@ def _resists(first: int, last: int) -> Shows:
 
     def shows(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
         return any(
-            np.abs(force[first:last]).max() > _ROUNDING * abs(force[0])
+            np.abs(force[first:last]).max() > COARSE_ROUNDING * abs(force[0])
             for _, force in _contact_forces(model, data)
         )
 

@@ -14,6 +14,7 @@ from contactlab.budget.motion import INTEGRATION, Motion
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.mujoco_batch import PERSISTENT
 from contactlab.engines.older_mujoco import SimulationError
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.mujoco_versions import has_batch
 
 if TYPE_CHECKING or has_batch():
@@ -352,7 +353,7 @@ def gyration(model: mujoco.MjModel) -> Floats:
 
 def judged_bodies(model: mujoco.MjModel) -> np.ndarray:
     """Return (B,) bodies that can move and have mass: more than rounding of the model's."""
-    heavy = model.body_mass > 1e-9 * model.body_mass[1:].max(initial=0)
+    heavy = model.body_mass > SUM_ROUNDING * model.body_mass[1:].max(initial=0)
     return np.flatnonzero((model.body_weldid > 0) & heavy)
 
 

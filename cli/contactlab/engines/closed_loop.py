@@ -41,6 +41,7 @@ from contactlab.engines.mujoco_batch import (
 )
 from contactlab.engines.older_mujoco import SimulationError
 from contactlab.errors import SceneError, in_one_line
+from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.compile_model import SENSOR_PREFIX
 from contactlab.scene.drive.located_drive import LocatedDrive
 from contactlab.scene.run_spec import RunSpec
@@ -50,8 +51,6 @@ _STATE = int(STATE)
 _INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _WARNING_KINDS = int(mujoco.mjtWarning.mjNWARNING)
 _COUNT_INDEX = 1
-# Times up to this fraction of a step after a step's start count as that start.
-_SNAP_STEPS = 1e-6
 _POLICY_ERRORS = (Exception, SystemExit)
 # Segments of a flight in which runs step one by one, and smallest number of segments.
 _SAMPLED_SEGMENTS, _MIN_SEGMENTS = 2, 16
@@ -190,7 +189,7 @@ class _Flight:
     def _call_steps(self) -> list[int]:
         rate, timestep = _policy_drive(self._runs.resolved[0]).rate, self._timestep
         period = 1 / (rate * timestep)
-        if period < 1 - _SNAP_STEPS:
+        if period < 1 - COARSE_ROUNDING:
             raise _PolicyFailureError(
                 f"the policy should act at {rate:g} Hz, but steps of {timestep:g} s have a rate of "
                 f"{1 / timestep:g} Hz; lower its rate, or the timestep"
@@ -359,7 +358,7 @@ class _Flight:
 
 def _first_step(time: float) -> int:
     """Return the first step that starts at or after a time, in steps."""
-    return int(np.ceil(time - _SNAP_STEPS))
+    return int(np.ceil(time - COARSE_ROUNDING))
 
 
 def _own_sensor_width(model: mujoco.MjModel) -> int:

@@ -39,6 +39,7 @@ from contactlab.engines.engine import (
     proceed_always,
 )
 from contactlab.errors import SceneError
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.run_spec import RunSpec
@@ -218,6 +219,8 @@ def _velocity_axes(model: mujoco.MjModel, body: int) -> Floats:
     kinds, axes = set(model.jnt_type.tolist()), np.array(model.jnt_axis.T)
     if kinds == {_FREE_JOINT}:
         return np.eye(3)
-    if kinds != {_SLIDE_JOINT} or not np.allclose(axes.T @ axes, np.eye(model.njnt), atol=1e-9):
+    if kinds != {_SLIDE_JOINT} or not np.allclose(
+        axes.T @ axes, np.eye(model.njnt), atol=SUM_ROUNDING
+    ):
         raise SceneError(_REQUIREMENTS_TEXT)
     return axes

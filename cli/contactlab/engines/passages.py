@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.rotations import rotate_vectors, rotate_vectors_back
 from contactlab.contact.trace_arrays import Floats, Passage, squared_lengths
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.contact_pairs import body_reaches, geom_pairs, half_extents, touch_mask
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.scene.model_edits import read_flag
@@ -36,7 +37,6 @@ _PLANE_TYPE, _HFIELD_TYPE = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom
 _MESH_TYPE, _SPHERE_TYPE = int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_SPHERE)
 _TRANSLATIONS = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_SLIDE): 1}
 _MAX_LINE_ANGLE_RAD = 1.0  # angle [rad] beyond which the path of a point is not nearly a line
-_RAY_ROUNDING = 1e-9
 _UP_AXIS, _ORIGIN, _AXES = np.array([0.0, 0.0, 1.0]), np.zeros(3), np.eye(3).ravel()
 
 
@@ -387,7 +387,7 @@ class _PassableGeom:
         if self._kind == _HFIELD_TYPE and self._depth_below(end) > self._size:
             return True
         entered, left = self._ray_distance(begin, end - begin), self._ray_distance(end, begin - end)
-        return min(entered, left) >= 0 and entered + left < 1 - _RAY_ROUNDING
+        return min(entered, left) >= 0 and entered + left < 1 - SUM_ROUNDING
 
     def _depth_below(self, point: Floats) -> float:
         """Return the depth of a point beneath a height field [m]; negative if it is above."""

@@ -13,11 +13,10 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.engine import SEGMENTS, SampledStates, Segments, Watch, Work, no_limit
 from contactlab.engines.mujoco_batch import STATE, Batch, driven_inputs, start_batch
 from contactlab.engines.older_mujoco import SimulationError
+from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 
 _BLOCK_BYTES = 4 << 20
-# Times up to this fraction of a step from a step's end count as that end.
-_SNAP_STEPS = 1e-6
 _INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _CLOCK_SAMPLES = 200
 _WARM_STEPS = 10
@@ -41,8 +40,8 @@ def integrate_to(
     """
     timestep = float(model.opt.timestep)
     exact, first = (times - begin) / timestep, begin / timestep
-    steps = np.floor(exact + _SNAP_STEPS).astype(np.intp)
-    rest = np.where(exact - steps > _SNAP_STEPS, exact - steps, 0.0) * timestep
+    steps = np.floor(exact + COARSE_ROUNDING).astype(np.intp)
+    rest = np.where(exact - steps > COARSE_ROUNDING, exact - steps, 0.0) * timestep
     batch = start_batch([model], start)
     parts = [batch.bind(name) for name in ("time", "qpos", "qvel", "act")]
     speed, activation = 1 + model.nq, 1 + model.nq + model.nv

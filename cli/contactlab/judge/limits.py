@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.judge.subjects import OUTCOMES
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.registry import Registry
 from contactlab.schema.check_report import Measure
 from contactlab.schema.finding import Finding, Level
 
 _ALL = {2: "both"}
-_SLACK = 1 + 1e-9  # keeps a value that equals its limit within it, whatever its rounding error
+_SLACK = 1 + SUM_ROUNDING  # keeps a value that equals its limit within it
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from contactlab.errors import SceneError, in_one_line
 from contactlab.loop.listener import Episode, Listener, changed_fields, known_setup, write_fields
 from contactlab.loop.reader import LoopReader
 from contactlab.loop.simulation import differing_parts, find_simulation, unwrap_environment
+from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.contact_pairs import effective_parameters
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import PolicyDrive
@@ -34,9 +35,6 @@ _SHORT_RESULT, _LONG_RESULT = (
 Act = Callable[[Any], Any]
 """Returns an action for the last observation of the environment."""
 _DEFAULT_RATE = PolicyDrive.model_fields["rate"].default
-_SNAP_PERIODS = (
-    1e-6  # a time up to this much before that of a call, in periods, counts as that time
-)
 
 
 class FailureError(Exception):
@@ -225,7 +223,7 @@ class _StateActor:
 
     def __call__(self, _: object) -> Any:  # noqa: ANN401 - as environments take them
         time = self._data.time - self._start
-        due_calls = int(np.floor(time * self._rate + _SNAP_PERIODS)) + 1
+        due_calls = int(np.floor(time * self._rate + COARSE_ROUNDING)) + 1
         if due_calls > self._calls + 1:
             raise FailureError(
                 f"the policy should act at {self._rate:g} Hz, but the environment asks for actions "

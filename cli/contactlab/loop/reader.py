@@ -20,6 +20,7 @@ from contactlab.engines.older_mujoco import fill_pair, measure_contacts
 from contactlab.engines.sampled_loads import with_loads
 from contactlab.engines.step_work import EnergyLedger
 from contactlab.errors import SceneError
+from contactlab.numerical_tolerance import ROUNDING
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import MonitoredPair
 from contactlab.scene.initial_states import InitialStates, quaternion_indices
@@ -27,7 +28,6 @@ from contactlab.scene.model_names import require_id
 from contactlab.scene.timed_inputs import Signals
 
 _FIRST_STEP_COUNT = 1024
-_NORM_TOLERANCE = 1e-12
 _MAX_EPISODE_BYTES = 1 << 30
 _STATE = int(STATE)
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
@@ -222,9 +222,7 @@ class LoopReader:
         for place in quaternion_indices(self.model):
             part = states[:, 1 + place : 5 + place]
             norms = np.linalg.norm(part[[*set_steps]], axis=1, keepdims=True)
-            part[[*set_steps]] /= np.where(
-                (norms > 0) & (np.abs(norms - 1) > _NORM_TOLERANCE), norms, 1
-            )
+            part[[*set_steps]] /= np.where((norms > 0) & (np.abs(norms - 1) > ROUNDING), norms, 1)
         inputs = np.concatenate([fields[name].reshape(count, -1) for name in INPUTS], axis=1)
         warned = self._warning_counts()
         # A reset cleared the counts.

@@ -17,14 +17,12 @@ from contactlab.contact.trace_arrays import (
 )
 from contactlab.contact.trace_setup import FreeBody, Setup
 from contactlab.measure.net_contact import NetContact, net_contact
+from contactlab.numerical_tolerance import COARSE_ROUNDING
 
 Cached = TypeVar("Cached")
 
 _SERIES_FIELDS = [entry.name for entry in fields(PairSeries)][1:]
 _BLOCK_ROWS = 1 << 11  # states that are processed together, so that they fit into the cache
-_STEP_ROUNDING = (
-    1e-6  # largest deviation of a time from a whole number of steps, as a share of a step
-)
 NEGLIGIBLE_SHARE = 0.01  # negligible rise or lever arm, as a share of a body's mean size
 _NEGLIGIBLE_SPEED = 0.1
 """Negligible speed in body sizes per second, so that it holds in any unit of length."""
@@ -317,7 +315,7 @@ def hold_window(context: Context) -> NDArray[np.bool_]:
     if hold is None:
         return np.zeros(trace.contacts.shape, dtype=np.bool_)
     first, last = (
-        np.ceil(times / trace.timestep - _STEP_ROUNDING)[:, None]
+        np.ceil(times / trace.timestep - COARSE_ROUNDING)[:, None]
         for times in (hold.start, hold.stop)
     )
     steps = np.arange(trace.steps)

@@ -22,12 +22,12 @@ from contactlab.contact.trace_arrays import (
 )
 from contactlab.contact.trace_setup import Mechanism, Part
 from contactlab.measure.context import Context, bearing, share
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.schema.coverage import Coverage, End
 
 TURNING = 0.1
 """Least angular velocity [rad/s] of a rolling or spinning contact; soft ones rock more slowly."""
 _LEAST_LOAD_SHARE = 1e-4  # smallest load of an equality that counts, as a share of the weight
-_LIMIT_ROUNDING = 1e-9  # rounding of a force at its limit, as a share of its range
 _LARGEST_NUMBER = float(np.finfo(np.float64).max)
 _RANGE = ("low", "high", "margin")
 _END_CODES: tuple[tuple[End, ...], ...] = ((), ("upper",), ("lower",), ("lower", "upper"))
@@ -148,7 +148,7 @@ def _actuator_fields(mechanism: Mechanism, trace: Trace) -> Fields:
     ranges = trace.control_ranges
     controls = np.zeros((trace.runs, shape[2], 2)) if ranges is None else ranges
     low, high = mechanism.forces.T
-    slack = np.where(np.isfinite(high - low), _LIMIT_ROUNDING * (high - low), 0)
+    slack = np.where(np.isfinite(high - low), SUM_ROUNDING * (high - low), 0)
     at_limit = (forces <= low + slack) | (forces >= high - slack)
     least, greatest = controls[:, :, 0], controls[:, :, 1]
     first = np.array([actuator.low for actuator in mechanism.actuators])

@@ -25,6 +25,7 @@ from contactlab.contact.trace_arrays import (
     PairTrace,
 )
 from contactlab.measure.stick_slip import contact_modes
+from contactlab.numerical_tolerance import SUM_ROUNDING
 
 Complexes = NDArray[np.complex128]
 """Two numbers each: components along two tangents, or neighbors that are moved together."""
@@ -33,7 +34,6 @@ _NORMAL_FORCE = FORCE.start
 _TANGENTIAL_FORCE = slice(FORCE.start + 1, FORCE.stop)
 _SLIP_FIELDS = slice(LINEAR_VELOCITY.start + 1, LINEAR_VELOCITY.stop)
 _FRAME_FIELDS = slice(NORMAL.start, TANGENT.stop)
-_FORCELESS_SHARE = 1e-9  # below this share of a run's largest normal force, directions are rounding
 
 
 @dataclass(frozen=True)
@@ -221,5 +221,5 @@ def _least_distance(distance: Floats, contacts: NDArray[np.int32]) -> Floats:
 def _cone_excess(columns: _SlotColumns, cone: _Cone) -> Floats:
     used, bound = cone.norm(columns.force), cone.friction * columns.normal
     over = used > bound
-    over &= columns.normal > _FORCELESS_SHARE * columns.normal.max(initial=0)
+    over &= columns.normal > SUM_ROUNDING * columns.normal.max(initial=0)
     return (used[over] / bound[over]).max(initial=1) - 1

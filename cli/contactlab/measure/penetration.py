@@ -22,6 +22,7 @@ from contactlab.measure.context import (
 )
 from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Threshold, label, metric
 from contactlab.measure.stick_slip import find_spans
+from contactlab.numerical_tolerance import COARSE_ROUNDING
 
 _PIERCED = Threshold(
     "pierced",
@@ -54,7 +55,6 @@ _DRIVEN_DEEP_SHARE = (
 _SOFT_DIVISOR = (
     1.5  # divisor of the half extent for the allowed depth of pairs with such a wide solimp
 )
-_MIN_FORCE_SHARE = 1e-6  # smallest force that counts, as a share of the weight
 # Depth in half extents that a geom may reach on either side: it may be thin across.
 _MAX_DIP_DEPTH = 1.1
 _MAX_DIP_STEPS = 2  # it must turn back within these steps; pads that sink in stay longer
@@ -159,7 +159,7 @@ def _relative_standoffs(context: Context) -> Floats:
     force, places = context.net.series.normal.mean(axis=-1), context.pairs.places
     shares = context.net.standoff / context.setup.thickness[places, None]
     return np.where(
-        force >= _MIN_FORCE_SHARE * context.setup.moving_mass * context.setup.pull, shares, 0
+        force >= COARSE_ROUNDING * context.setup.moving_mass * context.setup.pull, shares, 0
     )
 
 

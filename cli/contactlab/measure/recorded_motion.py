@@ -8,8 +8,7 @@ from contactlab.contact.rotations import angles_between, rotate_vectors_back
 from contactlab.contact.trace_arrays import Floats, squared_lengths
 from contactlab.measure.context import Context, cached, contact_depths, down, energy, worst_body
 from contactlab.measure.entries import metric
-
-_STEP_ROUNDING = 1e-6  # allowed delay of a recorded time after the last state, as a share of a step
+from contactlab.numerical_tolerance import COARSE_ROUNDING
 
 
 @cached
@@ -18,7 +17,7 @@ def _simulated_states(context: Context) -> tuple[Floats, Floats]:
     trace, recorded = context.trace, context.setup.recorded
     assert recorded is not None
     places = recorded.times / trace.timestep[:, None]
-    within = places <= trace.steps + _STEP_ROUNDING
+    within = places <= trace.steps + COARSE_ROUNDING
     before = np.minimum(np.where(within, places, 0).astype(np.intp), trace.steps - 1)
     share = np.where(within, places - before, np.nan)[..., None]
     runs = np.arange(trace.runs)[:, None]

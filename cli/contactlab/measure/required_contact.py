@@ -13,12 +13,12 @@ from contactlab.measure.context import Context, contact_depths, first_step, runs
 from contactlab.measure.coverage import TURNING
 from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Threshold, label
 from contactlab.measure.stick_slip import find_spans
+from contactlab.numerical_tolerance import COARSE_ROUNDING
 
 _REQUIRED_VERBS = {"sticks": "stick", "slides": "slide", "rolls": "roll"}
 MODE_HOLD = Threshold(
     "mode_hold", 0.02, "s", "Shortest that counts; 4 to 24 ms distinguish sliding from sticking."
 )
-_STEP_ROUNDING = 1e-6  # largest deviation of a time from the start of a step, as a share of a step
 
 Mask = NDArray[np.bool_]
 Faults = Iterator[tuple[str, str, Mask]]
@@ -145,7 +145,7 @@ class _RequiredStretch:
 
 
 def _required_stretches(context: Context, hold: float) -> Iterator[_RequiredStretch]:
-    time = context.trace.time[:, :-1] + _STEP_ROUNDING * context.trace.timestep[:, None]
+    time = context.trace.time[:, :-1] + COARSE_ROUNDING * context.trace.timestep[:, None]
     for expected in context.setup.expected:
         if isinstance(expected, ExpectedContact) and expected.pairs:
             start, stop = np.moveaxis(expected.window[:, :, None], 1, 0)
@@ -158,7 +158,7 @@ def _required_stretches(context: Context, hold: float) -> Iterator[_RequiredStre
 
 def steps_that_count(context: Context, run: int, hold: float) -> int:
     """Return the number of steps of a run in the shortest time that counts [s]."""
-    return max(int(np.ceil(hold / context.trace.timestep[run] - _STEP_ROUNDING)), 1)
+    return max(int(np.ceil(hold / context.trace.timestep[run] - COARSE_ROUNDING)), 1)
 
 
 def _find_violations(runs: MeasuredRuns, mode: int) -> OnsetIterator:

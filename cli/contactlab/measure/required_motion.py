@@ -18,8 +18,8 @@ from contactlab.measure.required_contact import (
     longest_stretch,
     steps_that_count,
 )
+from contactlab.numerical_tolerance import COARSE_ROUNDING
 
-_STEP_ROUNDING = 1e-6  # largest deviation of a time from that of a state, as a share of a step
 _DEPARTURE_VERBS = {
     "held": "moves in its grip by",
     "still": "moves by",
@@ -67,7 +67,7 @@ class _RequiredPath(NamedTuple):
 @cached
 def _required_paths(context: Context) -> list[_RequiredPath]:
     paths, time = list[_RequiredPath](), context.trace.time
-    slack = _STEP_ROUNDING * context.trace.timestep[:, None]
+    slack = COARSE_ROUNDING * context.trace.timestep[:, None]
     for expected in context.setup.expected:
         if isinstance(expected, ExpectedMotion):
             start, stop = np.moveaxis(expected.window[:, :, None], 1, 0)

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats
+from contactlab.numerical_tolerance import COARSE_ROUNDING
 
 ENTER_USAGE, LEAVE_USAGE = 0.999, 0.98
 ENTER_SLIP, LEAVE_SLIP = 5e-4, 2.5e-4  # slip speeds over gravity: times of a free fall [s]
@@ -64,7 +65,7 @@ def contact_modes(
     [s].
     """
     *shape, steps = bearing.shape
-    longest = np.broadcast_to(np.floor(LONGEST_GAP / timestep + 1e-6), shape).ravel()
+    longest = np.broadcast_to(np.floor(LONGEST_GAP / timestep + COARSE_ROUNDING), shape).ravel()
     enter = (usage >= ENTER_USAGE) & (slip >= ENTER_SLIP) & bearing
     leave = ((grip < LEAVE_USAGE) | (slip < LEAVE_SLIP)) & bearing
     events = (enter * np.int8(SLIDE) + leave * np.int8(STICK)).reshape(len(longest), steps)

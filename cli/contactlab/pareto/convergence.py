@@ -7,6 +7,7 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.measure import LABELS
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.pareto.configurations import Evaluated
 from contactlab.schema.evidence import Setting
 from contactlab.schema.tradeoff_report import Floor, Method, Order
@@ -69,7 +70,7 @@ def find_floor(steps: TimestepErrors) -> Floor | None:
         if error.max() > FLAT_RATIO * error.min():
             break
         # The span is compared with a little room, since timesteps such as 1e-3 / 4 are rounded.
-        if timestep[-1] >= FLAT_SPAN * timestep[0] * (1 - 1e-9):
+        if timestep[-1] >= FLAT_SPAN * timestep[0] * (1 - SUM_ROUNDING):
             floor = Floor(error=float(np.median(error)), points=count, timestep=float(timestep[-1]))
     return floor
 

@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
+from contactlab.numerical_tolerance import SUM_ROUNDING
 
 OPEN_TOLERANCE = 0.01
 """A constraint violated by more is open: share of the extent of the moving geoms, or radians."""
@@ -20,7 +21,6 @@ _MAX_ITERATIONS, _MAX_OPEN_ROWS = 30, 300  # keep the search below one second
 _CLOSED_TOLERANCE = (
     1e-6  # a constraint violated by less is closed: share of that extent, or radians
 )
-_SINGULAR_RATIO = 1e-9  # relative singular value below which rows count as redundant
 _DENSE_JACOBIAN = int(mujoco.mjtJacobian.mjJAC_DENSE)
 _EQUALITY_ROW = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 _LIMIT_ROW = int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT)
@@ -48,7 +48,7 @@ def closed_start(model: mujoco.MjModel, start: Floats, spec: int) -> Floats | No
         jacobian = data.efc_J.reshape(data.nefc, model.nv)[apart != 0]
         moved = np.zeros_like(jacobian)
         mujoco.mj_solveM(frictionless, data, moved, jacobian)
-        weights = np.linalg.pinv(jacobian @ moved.T, rcond=_SINGULAR_RATIO, hermitian=True)
+        weights = np.linalg.pinv(jacobian @ moved.T, rcond=SUM_ROUNDING, hermitian=True)
         step = -moved.T @ (weights @ apart[apart != 0])
         if not np.abs(step).max() <= max(math.pi, moving_extent(frictionless, data)):
             return None  # too large a step, or NaN

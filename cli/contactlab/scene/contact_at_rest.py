@@ -22,6 +22,7 @@ from contactlab.contact.contact_laws import (
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.mjcf import AT_REST
+from contactlab.numerical_tolerance import COARSE_ROUNDING, SUM_ROUNDING
 from contactlab.scene.contact_pairs import (
     MonitoredPair,
     colliding_geoms,
@@ -35,9 +36,7 @@ from contactlab.scene.model_names import name_of
 from contactlab.schema.evidence import PairRecord
 
 _TOUCHING_GAP_M = 1e-3  # largest gap of geoms that count as touching when loads are computed [m]
-_MIN_LOAD_SHARE = 1e-6  # smallest load of a contact, as a share of the greatest load
 _MICROMETRE = 1e-6
-_ROUNDING_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -108,7 +107,7 @@ def write_at_rest(
             law = replace(law, solimp=(law.solimp[1], *law.solimp[1:]))
         depth, load = (size, float(np.mean(carried))) if deep else (_MICROMETRE, size * _MICROMETRE)
         solref = law.solref_for_depth(depth, load, float(damping_ratio(law.solref)))
-        if model.opt.timestep > (1 + _ROUNDING_TOLERANCE) * largest_step(solref):
+        if model.opt.timestep > (1 + SUM_ROUNDING) * largest_step(solref):
             raise SceneError(
                 f"{pair.name}: {name} {size:g} {AT_REST[name]} needs a timestep of at most "
                 f"{largest_step(solref):.3g} s; it is {model.opt.timestep:g} s"
@@ -141,7 +140,7 @@ def _loads_at_rest(model: mujoco.MjModel, keyframe: str) -> dict[frozenset[int],
     for index, geoms in enumerate(data.contact.geom.tolist()):
         mujoco.mj_contactForce(rigid, data, index, force)
         loads.setdefault(frozenset(geoms), []).append(float(force[0]))
-    least = _MIN_LOAD_SHARE * max(
+    least = COARSE_ROUNDING * max(
         (load for shares in loads.values() for load in shares), default=0.0
     )
     return {
@@ -169,7 +168,7 @@ def _write_pair_parameters(model: mujoco.MjModel, rows: Mapping[tuple[int, int],
     used = weights > 0
     mean = used.T @ wanted / np.maximum(used.sum(axis=0), 1)[:, None]
     values = mean + np.linalg.pinv(weights) @ (wanted - weights @ mean)
-    apart = ~np.isclose(weights @ values, wanted, rtol=_ROUNDING_TOLERANCE, atol=0).all(axis=1)
+    apart = ~np.isclose(weights @ values, wanted, rtol=SUM_ROUNDING, atol=0).all(axis=1)
     if apart.any() or (values[used.any(axis=0)] <= 0)[:, :2].any():
         first, second = (name_of(model, "geom", geom) for geom in [*mixed][int(apart.argmax())])
         raise SceneError(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import Floats, RecordedControls
 from contactlab.contact.trace_setup import Joints
 from contactlab.expression import Expression
+from contactlab.numerical_tolerance import ROUNDING
 from contactlab.scene.keyframes import start_data
 from contactlab.scene.model_names import STATE_PARTS, match_coordinates, part_starts
 from contactlab.scene.timed_inputs import (
@@ -232,7 +233,7 @@ def initial_states(
     for address in rule.quaternions if rule.formulas or rule.perturbed else ():
         part = states[:, address : address + 4]
         norm = np.linalg.norm(part, axis=1, keepdims=True)
-        np.divide(part, norm, out=part, where=np.abs(norm - 1) > 1e-12)
+        np.divide(part, norm, out=part, where=np.abs(norm - 1) > ROUNDING)
     signals = tuple(control_signals(rule.profiles, initial) for initial, _, _ in runs)
     if rule.recorded:
         commands = [rule.recorded.command_signals(initial[RECORDED_RUN]) for initial, _, _ in runs]

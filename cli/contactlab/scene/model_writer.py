@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import OutputError, SceneError
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.model_draft import (
     Change,
     CompiledFiles,
@@ -106,7 +107,7 @@ _ELEMENT_FIELDS = tuple(f"{prefix}_" for prefix in FIELD_KINDS if prefix != "bod
 
 
 # MuJoCo's compiler computes muscle lengths by simulation; changed options round them differently.
-_SIMULATED_FIELD, _ROUNDING_TOLERANCE = "actuator_lengthrange", 1e-9
+_SIMULATED_FIELD = "actuator_lengthrange"
 
 
 def _refuse_differences(made: mujoco.MjModel, meant: mujoco.MjModel, draft: Draft) -> None:
@@ -119,9 +120,7 @@ def _refuse_differences(made: mujoco.MjModel, meant: mujoco.MjModel, draft: Draf
                 raise SceneError(
                     f"cannot be written: {name} would have {rows} rows, not {intended}"
                 )
-            if name == _SIMULATED_FIELD and np.allclose(
-                old[name], new[name], rtol=_ROUNDING_TOLERANCE
-            ):
+            if name == _SIMULATED_FIELD and np.allclose(old[name], new[name], rtol=SUM_ROUNDING):
                 continue
             for row in differing_rows(old[name], new[name])[:1]:
                 then, wanted = (mjcf_text(side[name][row].tolist()) for side in (old, new))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import RecordedMotion, RecordedPart
+from contactlab.numerical_tolerance import COARSE_ROUNDING, SUM_ROUNDING
 from contactlab.scene.contact_pairs import geom_pairs, touch_mask
 from contactlab.scene.drive.recorded import RecordedTable
 from contactlab.scene.recorded_rows import WINDOW, RecordedRows
@@ -51,7 +52,9 @@ class RecordedRuns:
         """Return the duration of the simulation of a run [s]: until its last row, or a bit more."""
         rows = self._from_start(number)
         seconds = self._rows.times[rows.stop - 1] - self._rows.times[rows.start]
-        return round(float(np.ceil(seconds / _DURATION_GRAIN_S - 1e-6)) * _DURATION_GRAIN_S, 9)
+        return round(
+            float(np.ceil(seconds / _DURATION_GRAIN_S - COARSE_ROUNDING)) * _DURATION_GRAIN_S, 9
+        )
 
     def start_state(self, number: float) -> Floats:
         """Return (nq + nv,) the state that a run starts from; NaN for unknown coordinates."""
@@ -120,7 +123,7 @@ class RecordedRuns:
     def _find_start_row(self, rows: slice) -> int | None:
         times, rule = self._rows.times[rows], self._rule
         if rule.before_contact is None:
-            late = times - times[0] >= rule.time - 1e-9
+            late = times - times[0] >= rule.time - SUM_ROUNDING
             return rows.start + int(late.argmax()) if late[:-1].any() else None
         near = (
             row

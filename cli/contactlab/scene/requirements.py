@@ -13,6 +13,7 @@ from contactlab.contact.rotations import multiply_rotations, rotate_vectors_back
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import ExpectedContact
 from contactlab.errors import SceneError, did_you_mean
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import body_reaches
 from contactlab.scene.model_names import match_names, name_of
@@ -24,7 +25,6 @@ from contactlab.schema.scene_manifest import SceneManifest
 RunRequirement = tuple[str, Sequence[bool]]
 """A requirement of a sweep, and a mask of the n runs that it applies to."""
 
-_ROUNDING_TOLERANCE = 1e-9
 _NO_WINDOW = (np.nan, np.nan)
 """The window of a run without the requirement."""
 _CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
@@ -94,7 +94,7 @@ def _window_mistake(start: float, stop: float, duration: float) -> str | None:
         return f"{start:g} s is outside the run, which takes {duration:g} s"
     if not start < stop:
         return f"{stop:g} s is not after {start:g} s"
-    if np.isfinite(stop) and stop > duration * (1 + _ROUNDING_TOLERANCE):
+    if np.isfinite(stop) and stop > duration * (1 + SUM_ROUNDING):
         return f"{stop:g} s is after the end of the run, which takes {duration:g} s"
     return None
 

@@ -23,6 +23,7 @@ from contactlab.contact.trace_setup import (
     Setup,
 )
 from contactlab.mjcf import AT_REST
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import (
     MonitoredPair,
@@ -157,7 +158,7 @@ def _settings_at_rest(
 
 def _common_parameter(base: CompiledScene, model: mujoco.MjModel, name: str) -> tuple[float, ...]:
     every = np.array([getattr(effective_parameters(model, pair), name) for pair in base.pairs])
-    same = np.isclose(every, every[0], rtol=1e-9).all()
+    same = np.isclose(every, every[0], rtol=SUM_ROUNDING).all()
     return tuple((every[0] if same else np.full(every.shape[1], np.nan)).tolist())
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.expression import Expression, ExpressionError
+from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.model_names import match_coordinates, name_of, part_starts
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.strict_model import Term
@@ -43,7 +44,6 @@ def evaluate_formula(formula: Expression, initial: Mapping[str, float]) -> float
     return result
 
 
-_SNAP_TIMESTEPS = 1e-6  # a knot this close to a step, in timesteps, is at that step
 _INPUT_FORMS = "ACTUATOR.ctrl, BODY.fx to .tz, or MOCAP_BODY.x to .qz"
 
 
@@ -92,7 +92,7 @@ class Signals:
         Then every timestep [s] has the same levels, even if a clock accumulates rounding errors.
         """
         steps = np.round(self.times / timestep)
-        near = np.abs(self.times / timestep - steps) < _SNAP_TIMESTEPS
+        near = np.abs(self.times / timestep - steps) < COARSE_ROUNDING
         times = np.where(near, steps * timestep, self.times)
         return Signals(self.places, times, self.levels)
 

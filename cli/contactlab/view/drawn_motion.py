@@ -13,6 +13,7 @@ from contactlab.contact.rotations import rotate_vectors
 from contactlab.contact.trace_arrays import FORCE, NORMAL, POSITION, TANGENT, Floats
 from contactlab.errors import StoreError
 from contactlab.measure import LABELS
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.schema.evidence import EvidenceRecord, LabelEntry
 from contactlab.store.mcap.trace_reader import StoredPair, StoredTrace
@@ -324,7 +325,7 @@ def frame_rows(time: Floats, rate: float, times: Sequence[float] = ()) -> Rows:
 def frame_times(time: Floats, rate: float) -> Floats:
     """Return the times of frames at a rate, between the first and the last state [s]."""
     # Rounding must not remove the frame of the last state.
-    count = int((time[-1] - time[0]) * rate * (1 + 1e-9)) + 1
+    count = int((time[-1] - time[0]) * rate * (1 + SUM_ROUNDING)) + 1
     return time[0] + np.arange(count) / rate
 
 

@@ -24,6 +24,7 @@ from PIL import Image, ImageDraw, ImageFont
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import RecordedMotion
 from contactlab.errors import SceneError, did_you_mean
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.palette import MODE_COLOURS
 from contactlab.rendering.amounts import format_amount
 from contactlab.run.stored_runs import PreparedReplay
@@ -286,7 +287,9 @@ def force_bar(
     pixels = height / across * scale
     most = _MAX_BAR_SHARE * width / pixels
     decade = 10.0 ** math.floor(math.log10(most))
-    force = max(digit * decade for digit in (1, 2, 5) if digit * decade <= most * (1 + 1e-9))
+    force = max(
+        digit * decade for digit in (1, 2, 5) if digit * decade <= most * (1 + SUM_ROUNDING)
+    )
     return force, round(force * pixels)
 
 

@@ -10,13 +10,13 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError, did_you_mean
+from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.model_names import coordinate_indices, mocap_coordinates, part_starts
 from contactlab.scene.part_bodies import AT_JOINT
 from contactlab.scene.timed_inputs import Signals
 
 TIME = "time"
 _INDEXED_NAME = re.compile(r"(ctrl|qpos|qvel)\[(\d+)\]")
-_TIME_ROUNDING = 1e-6  # relative rounding of the time of the last row
 
 TableReader = Callable[[Path], Mapping[str, Floats]]
 """Returns the columns of a file by name, each (T,)."""
@@ -74,7 +74,7 @@ class RecordedInputs:
         rounding.
         """
         times = self.signals.times
-        if (end := float(times[0, -1])) < duration * (1 - _TIME_ROUNDING):
+        if (end := float(times[0, -1])) < duration * (1 - COARSE_ROUNDING):
             raise SceneError(
                 f"{self.name}: its last row is at {end:g} s of column `{TIME}`, but runs take "
                 f"{duration:g} s; write duration: {end:g}, or add rows"

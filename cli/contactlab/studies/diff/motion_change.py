@@ -18,6 +18,7 @@ from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.windows import gyration, judged_bodies
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import EngineError, SceneError
+from contactlab.numerical_tolerance import ROUNDING, SUM_ROUNDING
 from contactlab.scene.model_names import name_of
 from contactlab.scene.scene import Scene
 from contactlab.schema.diff_report import MotionChange
@@ -142,14 +143,14 @@ def _follow_window(
     seen, times = list[Floats](), list[float]()
     elapsed, place = 0.0, -1
     own = float(model.opt.timestep)
-    while elapsed < (length + 1) * step * (1 - 1e-9):
-        now = begin + int(elapsed / step * (1 + 1e-12))
+    while elapsed < (length + 1) * step * (1 - SUM_ROUNDING):
+        now = begin + int(elapsed / step * (1 + ROUNDING))
         if now != place:
             place = now
             _apply_inputs(motion, place, motion.model, source)
             _copy_inputs(source, data, places)
         # From the last step that is not past a step of the run before the end.
-        if elapsed + own > (length - 1) * step * (1 + 1e-9):
+        if elapsed + own > (length - 1) * step * (1 + SUM_ROUNDING):
             seen.append(_velocities(model, data, bodies))
             times.append(elapsed)
         mujoco.mj_step(model, data)

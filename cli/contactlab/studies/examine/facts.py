@@ -13,6 +13,7 @@ from contactlab.budget.force_places import contact_name
 from contactlab.budget.motion import INTEGRATION, Motion
 from contactlab.budget.windows import Run, joint_name, replay
 from contactlab.contact.trace_arrays import Floats
+from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.rendering.amounts import format_amount, format_digits, format_percent
 from contactlab.scene.compile_model import InertiaFault
 from contactlab.scene.part_bodies import is_mocap_driven
@@ -28,7 +29,6 @@ _HOLDS = 0.95  # of a cone of friction: beyond, a contact slides
 _WITH_FRICTION = 3  # dimensions of a contact
 _PYRAMIDAL = int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
 _DEEP = 0.05  # of half the thinner geom, a range or a body's size, up to which a start is ordinary
-_TOUCH = 1e-6  # of half a geom's extent, up to which geoms touch: what is less is rounding
 _ENDS_MEET = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 _HEAVY = 1e3  # weights of the model, below which a force is ordinary
 
@@ -108,7 +108,7 @@ def _of_depth(deepest: Sequence[_Contact], overlap: Sequence[_Contact]) -> Itera
             unit="m",
             sentence=f"bodies begin inside each other: {_in_words(worst)}",
         )
-    if (worst := _worst(deepest)) and worst.share > _TOUCH:
+    if (worst := _worst(deepest)) and worst.share > COARSE_ROUNDING:
         yield Fact(
             kind="depth",
             place=worst.pair,

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contactlab.contact.contact_laws import RESOLVED_STEP, STABLE_STEP, largest_step
 from contactlab.errors import SceneError, SweepFileError
 from contactlab.mjcf import AT_REST
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.reporting.examination import contact_lines, grouped_contacts
 from contactlab.schema.setting_values import without_unit
@@ -91,7 +92,7 @@ def explain_contacts(
 def _missed(pair: RestingPair, words: Mapping[str, float], timestep: float) -> Iterator[str]:
     """Yield the requested values that a run does not reach."""
     most = largest_step(pair.law.solref)
-    if timestep > most * (1 + 1e-9):
+    if timestep > most * (1 + SUM_ROUNDING):
         yield f"{pair.name}: a timestep of {timestep:g} s is too long for these values"
     found = {
         "stiffness": pair.load / pair.depth if pair.depth else 0.0,

@@ -10,6 +10,7 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.studies.grip.fingers import (
     NO_HAND,
     control_ranges,
@@ -145,7 +146,9 @@ def find_closing(fixture: GripFixture) -> Closing:
     signs, places = _run_design(fixture, model, ends)
     sides = _sides(_fingertips(fixture, model, places), signs, places)
     effects = _effects(signs, _mean_distances(places, list(product(*sides))))
-    closing = np.abs(effects) > max(_EFFECT * np.abs(effects).max(), 1e-9 * model.stat.extent)
+    closing = np.abs(effects) > max(
+        _EFFECT * np.abs(effects).max(), SUM_ROUNDING * model.stat.extent
+    )
     if not closing.any():
         raise SceneError(f"no actuator brings two fingers together; {NO_HAND}")
     low, high = ends.T

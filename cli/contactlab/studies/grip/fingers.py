@@ -9,6 +9,7 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
+from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.model_names import require_id
 from contactlab.scene.part_bodies import AT_JOINT, bodies_of_actuator, bodies_of_equality
 from contactlab.studies.grip.rollouts import repeat_input, roll_out, start_row
@@ -156,7 +157,8 @@ def _carriers(model: mujoco.MjModel) -> _Carriers:
         apart = [np.linalg.norm(one - other, axis=1) for one, other in combinations(poses, 2)]
         way = np.max(apart, axis=0).reshape(-1, model.nbody).max(axis=0)
         way[list(loose)] = 0
-        if not np.isfinite(way).all() or way.max() < 1e-6 * max(model.stat.extent, 1e-9):
+        least = COARSE_ROUNDING * max(model.stat.extent, 1e-9)
+        if not np.isfinite(way).all() or way.max() < least:
             continue
         moved = np.flatnonzero(way > _MOVED * way.max())
         carriers[actuator] = _carrier(model, moved), frozenset(map(int, moved))

@@ -11,6 +11,7 @@ from contactlab.budget.time_ratios import TimeRatio, measure_time_ratios
 from contactlab.budget.windows import replay
 from contactlab.contact.trace_arrays import Floats
 from contactlab.mjcf import OPTIONS
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.model_edits import read_option
 from contactlab.studies.grip.closing import Closing, Squeeze, close_at, measure_squeeze
 from contactlab.studies.grip.fingers import control_ranges
@@ -234,7 +235,9 @@ def double_squeeze(grip: Grip) -> tuple[Floats, float] | None:
     ends, control = control_ranges(grip.fixture.model), grip.held.control
     own = sum(grip.held.forces)
     target = grip.closing.closed if grip.closing else _squeezing_ends(grip, ends, own)
-    if own <= 0 or np.allclose(target, control, rtol=0, atol=1e-9 * (1 + np.abs(ends).max())):
+    if own <= 0 or np.allclose(
+        target, control, rtol=0, atol=SUM_ROUNDING * (1 + np.abs(ends).max())
+    ):
         return None
     best, most = control, own
     for share in _SHARES:

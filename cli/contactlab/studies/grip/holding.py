@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
+from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.studies.grip.closing import Squeeze, measure_squeeze
 from contactlab.studies.grip.grip_fixture import GripFixture
 from contactlab.studies.grip.rollouts import (
@@ -246,7 +247,7 @@ class Pace(NamedTuple):
         low, high = 0.0, _MAX_WINDOWS
         if self.way(high) <= way:
             return math.inf
-        while high - low > 1e-6 * (1 + low):
+        while high - low > COARSE_ROUNDING * (1 + low):
             middle = (low + high) / 2
             low, high = (low, middle) if self.way(middle) > way else (middle, high)
         return high

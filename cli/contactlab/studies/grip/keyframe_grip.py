@@ -7,6 +7,7 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
+from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.keyframes import place_mocap, start_data
 from contactlab.scene.model_names import require_id
 from contactlab.scene.task import keyframe_names
@@ -147,6 +148,6 @@ def _object_frame(
     if not up.any():
         up = data.xpos[fixture.body] - data.xpos[fixture.base]
     up -= across * (up @ across)
-    if np.linalg.norm(up) < 1e-6 * (1 + np.linalg.norm(model.opt.gravity)):
+    if np.linalg.norm(up) < COARSE_ROUNDING * (1 + np.linalg.norm(model.opt.gravity)):
         up[:] = np.cross(across, np.eye(3)[int(np.argmin(np.abs(across)))])
     return frame(across, up)

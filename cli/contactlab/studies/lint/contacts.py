@@ -14,6 +14,7 @@ from contactlab.contact.contact_laws import (
     stiffness_damping,
 )
 from contactlab.judge.limits import MILLIMETRES, MILLISECONDS, Limit
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.contact_pairs import geom_pairs, touch_mask
 from contactlab.scene.model_draft import mjcf_text
 from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel
@@ -21,7 +22,7 @@ from contactlab.studies.lint.rules import rule
 
 Solref = tuple[float, ...]
 _DEFAULT: Solref = (0.02, 1.0)
-_LESS = 1 - 1e-9  # of the timestep, for rounding
+_LESS = 1 - SUM_ROUNDING  # of the timestep, for rounding
 _DISABLE = mujoco.mjtDisableBit
 _REFSAFE = int(_DISABLE.mjDSBL_REFSAFE)
 _NO_CONTACT = int(_DISABLE.mjDSBL_CONTACT) | int(_DISABLE.mjDSBL_CONSTRAINT)
@@ -241,7 +242,7 @@ def contact_softness(linted: LintedModel) -> Iterator[Fault]:
     """Contacts are softer than the engine's default."""
     limit = SOFTNESS.value or 0.0
     for solref, users in _users_by_solref(
-        linted, lambda solref: softness(solref) > limit * (1 + 1e-9)
+        linted, lambda solref: softness(solref) > limit * (1 + SUM_ROUNDING)
     ):
         if users[0].kind in ("geom", "pair"):
             yield Fault(

@@ -21,15 +21,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
+from contactlab.numerical_tolerance import COARSE_ROUNDING, SUM_ROUNDING
 from contactlab.scene.model_names import name_of
 from contactlab.studies.lint.linted_model import Fault, LintedModel
 from contactlab.studies.lint.rules import rule
 
 Ids = NDArray[np.int32]
 # An eigenvalue of exactly 1 is a uniform motion; rounding makes it slightly larger.
-_GROWS = 1 + 1e-6
+_GROWS = 1 + COARSE_ROUNDING
 _HALVINGS = 20
-_RANK = 1e-9  # share of the largest singular value
 _INTEGRATOR = mujoco.mjtIntegrator
 _DISCRETE = int(getattr(_INTEGRATOR, "mjINT_DISCRETE", -1))
 _SPRING, _DAMPER = (
@@ -149,7 +149,7 @@ def _free_directions(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
     else:
         rows[:] = np.reshape(data.efc_J, (-1, model.nv))[: data.ne]
     _, sizes, directions = np.linalg.svd(rows)
-    held = int(np.sum(sizes > _RANK * sizes.max(initial=0.0)))
+    held = int(np.sum(sizes > SUM_ROUNDING * sizes.max(initial=0.0)))
     return directions[held:].T
 
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from contactlab.contact.rotations import rotation_matrices
 from contactlab.contact.trace_arrays import Floats
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.compile_model import (
     InertiaFault,
     compile_model,
@@ -123,9 +124,6 @@ def _too_small(name: str, mass: float, spread: float, length: float) -> Iterator
         yield InertiaFault(name, "too_small", spread, limit, "m", reason)
 
 
-_ROUNDING = 1e-9  # the moments of a thin plate meet the triangle inequality only up to rounding
-
-
 def scene_inertia_faults(
     source: SceneSource, structure: Mapping[str, object] | None = None
 ) -> tuple[InertiaFault, ...]:
@@ -149,7 +147,7 @@ def _body_faults(model: mujoco.MjModel, body: int) -> Iterator[InertiaFault]:
         yield nonpositive_inertia_fault(name, mass, moments)
     elif mass > 0:
         # A model may be edited after compilation.
-        if not satisfies_triangle(moments + _ROUNDING * moments.max()):
+        if not satisfies_triangle(moments + SUM_ROUNDING * moments.max()):
             yield triangle_inertia_fault(name, moments, balanced=False)
         yield from density_faults(model, body)
         yield from shape_faults(model, body)

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
+from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.angle_units import MIN_LIMITED_HINGES, find_radian_angles, limited_hinges
 from contactlab.scene.keyframes import start_data
 from contactlab.scene.model_draft import mjcf_text
@@ -20,7 +21,6 @@ from contactlab.studies.lint.static_equilibrium import is_in_equilibrium, limit_
 
 # Limits are soft, so a joint at rest against one lies slightly beyond it.
 _SOFT = 0.01  # of the range
-_ROUNDING = 1e-6  # of the range
 _WIDE = 8 * math.pi  # four turns
 _JOINT = mujoco.mjtJoint
 
@@ -69,7 +69,7 @@ def _controls_out_of_range(model: mujoco.MjModel, controls: Floats) -> Iterator[
         return
     for place in np.flatnonzero(model.actuator_ctrllimited).tolist():
         low, high = model.actuator_ctrlrange[place].tolist()
-        value, slack = float(controls[place]), _ROUNDING * (high - low)
+        value, slack = float(controls[place]), COARSE_ROUNDING * (high - low)
         if not low - slack <= value <= high + slack:
             name = f"actuator '{model.actuator(place).name}'"
             yield _Beyond(name, value, low, high, place)

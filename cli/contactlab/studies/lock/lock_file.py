@@ -20,6 +20,7 @@ from contactlab.comparison.pairing import engine_of
 from contactlab.errors import SweepFileError
 from contactlab.judge.policies import effective_rule, kind_of
 from contactlab.measure import METRICS
+from contactlab.numerical_tolerance import ROUNDING
 from contactlab.plan.sweep_file import read_yaml_as
 from contactlab.schema.comparison import ComparePolicy
 from contactlab.store.atomic_files import atomic_write, write_errors
@@ -33,7 +34,6 @@ _OF_LOOPS = (
 )
 _COUNTED = {"success": "success", "expectation_met": "as expected"}
 _DIGITS = 7  # of a number that is written; compare accepts changes of 1 %
-_ROUNDING = 1e-12  # of a mean: a smaller spread is rounding
 _HEAD = """\
 # What `contactlab lock` froze; `contactlab lock {source} --check` fails where it changed.
 # A line for each group of runs: how many had each outcome; and of each metric the mean, the
@@ -176,7 +176,7 @@ def _measured(values: Sequence[float | None]) -> tuple[float, ...]:
     return (
         (*said, len(finite))
         if len(finite) < len(values)
-        else tuple(said[: 1 + (spread > _ROUNDING * abs(said[0]))])
+        else tuple(said[: 1 + (spread > ROUNDING * abs(said[0]))])
     )
 
 

@@ -11,12 +11,11 @@ import numpy as np
 from contactlab.engines.adapted_engine import SERVER, AdaptedEngine, load_adapter
 from contactlab.engines.engine import PreparedRuns, Watch, no_limit
 from contactlab.errors import StoreError
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.resources import ADAPTERS
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.studies.parity.bundle import ENGINE, Bundle
-
-_SAME = 1e-9  # difference of MuJoCo's own coordinates from those in the bundle [m or rad]
 
 
 class BundledEngine(AdaptedEngine):
@@ -93,7 +92,7 @@ class BundledEngine(AdaptedEngine):
 
     def _check_start(self, run_id: str, written: np.ndarray, here: np.ndarray) -> None:
         """Refuse results that started from another state than MuJoCo has here."""
-        if np.abs(written - here).max(initial=0) > _SAME:
+        if np.abs(written - here).max(initial=0) > SUM_ROUNDING:
             raise StoreError(
                 f"MuJoCo {mujoco.__version__} here makes another run {run_id[:8]} than MuJoCo "
                 f"{self._bundle.mujoco} did where the bundle was written; judge it there"

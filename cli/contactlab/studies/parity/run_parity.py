@@ -11,6 +11,7 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.engines import ENGINES
 from contactlab.engines.engine import PreparedRuns, Rollout, SimulationEngine
 from contactlab.mjcf import MODEL_ENGINE
+from contactlab.numerical_tolerance import COARSE_ROUNDING, SUM_ROUNDING
 from contactlab.studies.parity.forward import FLOOR_FACTOR, LIMITS, ForwardStates, forward
 from contactlab.studies.parity.panel import roll_out, runs_from_states
 from contactlab.studies.parity.parity_report import Divergence, Verdict
@@ -26,8 +27,6 @@ _MOST_STEPS, _MOST_FORWARD = (
     24,
 )  # single-step states of a run, and states whose quantities are compared
 _AROUND = 33  # neighboring states with similar convergence of the solver
-_SAME = 1e-9  # difference of coordinates that counts as zero [m or rad]
-_RESOLVED = 1e-6  # resolution of single precision for coordinates of this size [m or rad]
 _RUN_FACTOR = 10.0  # allowed multiple of the largest noise floor so far
 _BUFFERS = ("contactfull", "cnstrfull")
 
@@ -171,7 +170,7 @@ class WholeRun:
         """Return the first difference from MuJoCo that the noise floors do not explain."""
         error, floor, repeat = self.differences()
         floors = np.maximum.accumulate(np.maximum(floor, repeat))
-        beyond = np.flatnonzero(~(error <= _RESOLVED + _RUN_FACTOR * floors))
+        beyond = np.flatnonzero(~(error <= COARSE_ROUNDING + _RUN_FACTOR * floors))
         if not len(beyond):
             return None
         step = int(beyond[0])
@@ -261,4 +260,4 @@ def judge(
         return "ambiguous", None, numbers
     if left:
         return "different", left, numbers
-    return ("same" if error <= _SAME else "within noise floor"), None, numbers
+    return ("same" if error <= SUM_ROUNDING else "within noise floor"), None, numbers

@@ -11,6 +11,7 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats, RecordedControls
 from contactlab.errors import SceneError
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.compile_model import compile_model
 from contactlab.scene.contact_pairs import MonitoredPair
 from contactlab.scene.effects.effect_table import remove_from_spec
@@ -52,7 +53,6 @@ _KINDS = {
 }
 _MESH = mujoco.mjtGeom.mjGEOM_MESH
 _POSES = ("geom_pos", "geom_quat", "body_pos", "body_quat")
-_ROUNDING = 1e-9  # of poses, in metres or of unit quaternions
 _LOOKS = {"material", "texture", "skin", "light", "visual"}
 PARTS = ("bodies", "actuators", "equalities", "tendons", "sensors", "excludes", "pairs", "geoms")
 """Kinds of parts that can be taken out, those first that take others with them."""
@@ -333,7 +333,7 @@ def _set_poses(spec: mujoco.MjSpec, meant: mujoco.MjModel) -> None:
     model = spec.compile()
     for parts, poses in ((spec.bodies, _body_poses), (spec.geoms, _geom_poses)):
         want = poses(meant)
-        for place in np.flatnonzero(np.abs(poses(model) - want).max(axis=1) > _ROUNDING):
+        for place in np.flatnonzero(np.abs(poses(model) - want).max(axis=1) > SUM_ROUNDING):
             _set_pose(parts[place], want[place, :3], want[place, 3:])
 
 

@@ -20,6 +20,7 @@ from contactlab.budget import Motion
 from contactlab.budget.measuring import run_at_once
 from contactlab.budget.motion import INTEGRATION
 from contactlab.measure import LABELS
+from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.schema.grip import GripReport
 from contactlab.schema.task import Task
 from contactlab.schema.verification import SkippedRun, Verification, VerifiedMeasure
@@ -51,9 +52,6 @@ ERROR_FLOOR = 1e-3
 below the error of any measured parameter."""
 _RATES = (8, 10, 12, 16, 20, 25, 32)
 """Steps of the reference in one step of the original. One of them fits nearly any usual ratio."""
-_GRID = (
-    1e-6  # relative: a ratio of steps counts as a multiple of a reference's step if it is as near
-)
 _JUDGING = {"void", "bad", "poor"}  # bands of labels that say that something is wrong
 
 
@@ -384,7 +382,7 @@ def _measure_error_pair(
 
 
 def _is_whole(value: float) -> bool:
-    return round(value) >= 1 and abs(value - round(value)) <= _GRID * value
+    return round(value) >= 1 and abs(value - round(value)) <= COARSE_ROUNDING * value
 
 
 def _state_size(model: mujoco.MjModel) -> int:

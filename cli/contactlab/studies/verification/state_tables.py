@@ -9,6 +9,7 @@ import numpy as np
 from contactlab.budget.motion import Motion
 from contactlab.budget.windows import KEPT, body_name, replay
 from contactlab.contact.trace_arrays import Floats
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.model_names import name_of
 
 SAMPLES = 40
@@ -133,7 +134,7 @@ class _StateSampler:
         """
         step = float(self.model.opt.timestep)
         for place, time in enumerate(times):
-            first = min(int(time / step + 1e-9), self._motion.steps)
+            first = min(int(time / step + SUM_ROUNDING), self._motion.steps)
             ends = [self._locate_with_rates(seed, number) for number in (first, first + 1)]
             share = time / step - first
             if not np.isfinite(ends[1][0]).all():
