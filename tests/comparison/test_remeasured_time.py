@@ -14,12 +14,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.comparison.compare_stores import compare
-from contactlab.comparison.metric_checks import Remeasure, median_interval
+from contactlab.comparison.metric_checks import Remeasure
 from contactlab.comparison.report import report_of
 from contactlab.errors import PolicyError, StoreError
 from contactlab.run.stored_runs import timing_process
 from contactlab.schema.comparison import ComparisonReport
 from contactlab.schema.finding import Finding
+from contactlab.shares import median_interval
 from contactlab.writers import as_text
 
 Runs = Callable[[], Any]

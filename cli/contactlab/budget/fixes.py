@@ -32,7 +32,7 @@ from contactlab.budget.rows import (
     shortest_time_constant,
     used,
 )
-from contactlab.budget.time_ratios import TimeRatio, measure_time_ratios
+from contactlab.budget.time_ratios import measure_time_ratios
 from contactlab.budget.verdict import Reason, Verdict, VerdictWord, judge
 from contactlab.budget.windows import replay
 from contactlab.mjcf import OPTIONS
@@ -40,6 +40,7 @@ from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_edits import FIELD_KINDS, FLAG_NAMES, read_flag, read_option
 from contactlab.scene.model_names import name_of
+from contactlab.schema.time_ratio import TimeRatio, cost_class
 
 _EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
@@ -49,7 +50,6 @@ _ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
 _SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 _MAX_REFINEMENT = 64  # most steps per step of the run that are tried
 _ALWAYS_TRIED_RATE = 2  # steps per step of the run that are tried even if another fix helps
-_EQUAL_COST_RATIO = 1.1  # the clock does not separate costs that differ by less
 _MAX_IMPEDANCE = 0.9999  # the largest impedance that MuJoCo allows
 _SOLREFS = (
     "geom_solref",
@@ -532,11 +532,16 @@ def fix_rank(fix: TriedFix) -> tuple[bool, bool, bool, bool, float]:
 
     A fix of an impossible start comes before one that computes the jam differently. A fix that
     leaves less than half of the tolerance comes before one at its edge. Costs within a tenth are
-    equal, since the clock does not separate them. A fix that was tried earlier is simpler.
+    equal. A fix that was tried earlier is simpler.
     """
-    cost = round(math.log(fix.time_ratio.ratio, _EQUAL_COST_RATIO)) if fix.time_ratio else math.inf
     mends_start = fix.edits.fixes_start
-    return not fix.removes, not mends_start, fix.changes_model, not fix.safely, cost
+    return (
+        not fix.removes,
+        not mends_start,
+        fix.changes_model,
+        not fix.safely,
+        cost_class(fix.time_ratio),
+    )
 
 
 def _is_possible(

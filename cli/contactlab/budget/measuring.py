@@ -34,7 +34,7 @@ from contactlab.budget.rows import (
     gravity_of,
     raises_time_constants,
 )
-from contactlab.budget.time_ratios import TimeRatio, measure_time_ratios
+from contactlab.budget.time_ratios import measure_time_ratios
 from contactlab.budget.windows import (
     EngineWarning,
     Observer,
@@ -50,6 +50,7 @@ from contactlab.budget.windows import (
 )
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import EngineError
+from contactlab.schema.time_ratio import TimeRatio
 
 WINDOW = 0.04  # s; docs/budget-derivation.md compares others
 FINER = 4

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from contactlab.budget.rows import Kind
-from contactlab.budget.time_ratios import TimeRatio
 from contactlab.budget.windows import EngineWarning
 from contactlab.contact.trace_arrays import Floats
+from contactlab.schema.time_ratio import TimeRatio
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 
 from contactlab.budget.fixes import TriedFix
 from contactlab.budget.readings import ErrorBudget, PhaseBudget, Reading
-from contactlab.budget.time_ratios import TimeRatio
 from contactlab.budget.verdict import Reason, Verdict
 from contactlab.schema.error_budget import (
     BudgetFix,
@@ -13,7 +12,6 @@ from contactlab.schema.error_budget import (
     BudgetReason,
     BudgetReport,
     BudgetRow,
-    BudgetTimeRatio,
     BudgetWarning,
 )
 from contactlab.store.table_layout import axis_cell
@@ -34,10 +32,6 @@ def budget_report(
 
 def _finite(number: float) -> float | None:
     return float(number) if math.isfinite(number) else None
-
-
-def _ratio_report(ratio: TimeRatio | None) -> BudgetTimeRatio | None:
-    return ratio and BudgetTimeRatio(ratio=ratio.ratio, low=ratio.low, high=ratio.high)
 
 
 def _reason(reason: Reason) -> BudgetReason:
@@ -64,7 +58,7 @@ def fix_report(fix: TriedFix) -> BudgetFix:
         error=_finite(fix.error),
         distance_to_reference=_finite(fix.distance),
         distance_before=_finite(fix.distance_before),
-        time_ratio=_ratio_report(fix.time_ratio),
+        time_ratio=fix.time_ratio,
     )
 
 
@@ -116,5 +110,5 @@ def _row(phase: PhaseBudget, reading: Reading) -> BudgetRow:
         speed=_finite(reading.speed),
         seed=reading.seed if known else None,
         time=_finite(reading.time),
-        time_ratio=_ratio_report(reading.time_ratio),
+        time_ratio=reading.time_ratio,
     )

@@ -11,6 +11,7 @@ import numpy as np
 from contactlab.budget.motion import Motion
 from contactlab.budget.windows import Batch, Run, start_rows
 from contactlab.contact.trace_arrays import Floats
+from contactlab.schema.time_ratio import TimeRatio
 
 Made = Callable[[], mujoco.MjModel]
 
@@ -18,20 +19,6 @@ _ROUNDS, _WARM = 11, 1
 _LEAST = 5e-3  # s, for which the model as written is timed in each round
 _HELD = 1 << 27  # bytes of models that are held
 _STRETCH = 5  # windows, so that setting states is no part of the time
-
-
-class TimeRatio(NamedTuple):
-    """A ratio of times.
-
-    Attributes:
-        ratio: the median over rounds.
-        low, high: the second least and the second largest of 11 rounds. The median of all rounds
-            lies outside if at most one of 11 falls on one side of it: 2 (1 + 11) / 2^11 = 1.2 %.
-    """
-
-    ratio: float
-    low: float
-    high: float
 
 
 def measure_time_ratios(
@@ -67,10 +54,7 @@ def measure_time_ratios(
                 ratio = model.seconds() / base
                 if number >= _WARM:
                     ratios[name].append(ratio)
-    return {
-        name: TimeRatio(float(np.median(found)), sorted(found)[1], sorted(found)[-2])
-        for name, found in ratios.items()
-    }
+    return {name: TimeRatio.of_pairs(found) for name, found in ratios.items()}
 
 
 def _enough(valid: np.ndarray, seconds: float) -> np.ndarray:

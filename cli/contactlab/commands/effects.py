@@ -15,7 +15,8 @@ from contactlab.rendering.amounts import format_percent
 if TYPE_CHECKING:
     from contactlab.plan.task_options import TaskOptions
     from contactlab.schema.parts_report import PartEffect, PartsReport
-    from contactlab.schema.study_reports import EffectFinding, EffectsReport, Ratio
+    from contactlab.schema.study_reports import EffectFinding, EffectsReport
+    from contactlab.schema.time_ratio import TimeRatio
 
 _SEEDS = 6
 
@@ -212,7 +213,7 @@ def _effect_row(finding: "EffectFinding") -> tuple[object, ...]:
     return finding.effect, state, finding.verdict, _ratio_text(finding.time_ratio), why
 
 
-def _ratio_text(ratio: "Ratio | None") -> str:
+def _ratio_text(ratio: "TimeRatio | None") -> str:
     return "" if ratio is None else f"x{ratio.ratio:.2f} ({ratio.low:.2f} to {ratio.high:.2f})"
 
 

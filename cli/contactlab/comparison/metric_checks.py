@@ -30,6 +30,7 @@ from contactlab.judge.subjects import (
 from contactlab.judge.wording import out_of, plural, value_change
 from contactlab.rendering.amounts import format_percent
 from contactlab.schema.finding import Finding, RunPair, Verdict
+from contactlab.shares import SURE, median_interval
 from contactlab.store.run_columns import NumberColumn
 from contactlab.store.table_layout import REAL, Column
 
@@ -45,7 +46,6 @@ _MOST_TOLERANCES_ORDERED = (
     1e6  # changes of more than half as many tolerances are not ordered among each other
 )
 _JUDGED_AT_ONCE = 1 << 16  # pairs: of more, what is computed on the way would fill memory
-_CONFIDENCE = 0.95
 _LEAST_SECONDS_OF_A_TIMING = 0.05  # CPU time that each timing of a run takes at least [s]
 _MOST_REPEATS_OF_A_TIMING = 200
 
@@ -268,7 +268,7 @@ def remeasured_check(paired: PairedStores, request: Remeasure) -> Finding:
     low, high = median_interval(ratios)
     code = WORSE if low > 1 + rule.rel else BETTER if high < 1 - rule.rel else SAME
     message = (
-        f"median ratio {np.median(ratios):.3f}, {format_percent(_CONFIDENCE)} interval "
+        f"median ratio {np.median(ratios):.3f}, {format_percent(SURE)} interval "
         f"{low:.3f} to {high:.3f} over {plural(len(ratios))} "
         f"(within {format_percent(rule.rel)}; {engines})"
     )
@@ -276,21 +276,6 @@ def remeasured_check(paired: PairedStores, request: Remeasure) -> Finding:
     then, now = times[worst]
     shown = pairs[worst].model_copy(update={"baseline": then, "candidate": now})
     return subject.single(code, message, [shown] if code != SAME else [], judged=len(ratios))
-
-
-def median_interval(values: Sequence[float]) -> tuple[float, float]:
-    """Return a 95 % confidence interval of the median of the distribution of independent values.
-
-    Its ends are the k-th sorted value from each end, with the largest k such that fewer than k of n
-    fair coins show heads with a probability of at most 2.5 %. With five values or fewer it is their
-    range, which covers less than 95 %.
-    """
-    ordered, n = sorted(values), len(values)
-    chance, k = 0.0, 0
-    while (chance := chance + math.comb(n, k) / 2**n) <= (1 - _CONFIDENCE) / 2:
-        k += 1
-    k = max(k, 1)
-    return ordered[k - 1], ordered[n - k]
 
 
 def _time_pair(before: RunTimer, after: RunTimer, pair: RunPair) -> tuple[float, float]:

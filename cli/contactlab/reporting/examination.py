@@ -10,7 +10,6 @@ from contactlab.schema.examination import Examination, Fix, RestingContact, RunL
 from contactlab.schema.task import Task
 
 _MOST_LABELS = 2  # that the causes of a verdict have
-_SAME_TIME = 0.05  # |ratio - 1| below which a fix costs no time
 _MOST_NAMES = 3  # of skipped rows and fixes
 
 
@@ -93,9 +92,7 @@ def time_text(fix: Fix) -> str:
     if fix.time_ratio is None:
         return ""
     ratio = fix.time_ratio.ratio
-    return (
-        f"same speed (x{ratio:.2f} time)" if abs(ratio - 1) < _SAME_TIME else f"x{ratio:.2f} time"
-    )
+    return f"same speed (x{ratio:.2f} time)" if fix.time_ratio.is_equal() else f"x{ratio:.2f} time"
 
 
 def not_tried_line(report: Examination) -> str:

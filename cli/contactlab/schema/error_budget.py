@@ -4,19 +4,12 @@ from typing import Literal
 
 from contactlab.schema.evidence import Setting
 from contactlab.schema.strict_model import Model, about
+from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.verdict import VerdictWord
 
 BUDGET_VERSION = 2
 
 RowKind = Literal["numerics", "model", "effect", "unknown"]
-
-
-class BudgetTimeRatio(Model):
-    """A ratio of times, measured in turns from the same states."""
-
-    ratio: float = about("Time with the change over time without, the median of rounds.")
-    low: float = about("Lower end of a 98.8 % interval of that median.")
-    high: float = about("Its upper end.")
 
 
 class BudgetRow(Model):
@@ -43,7 +36,7 @@ class BudgetRow(Model):
     )
     seed: int | None = about("Of the worst window; null if not exercised.")
     time: float | None = about("When the worst window begins [s]; null if not exercised.")
-    time_ratio: BudgetTimeRatio | None = about(
+    time_ratio: TimeRatio | None = about(
         "Of the change in the model's own settings; null if not measured."
     )
 
@@ -120,7 +113,7 @@ class BudgetFix(Model):
         "infinite."
     )
     distance_before: float | None = about("The same of the model as written; null if infinite.")
-    time_ratio: BudgetTimeRatio | None
+    time_ratio: TimeRatio | None
 
 
 class BudgetReport(Model):

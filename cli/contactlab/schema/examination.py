@@ -4,12 +4,13 @@ from html import escape
 from typing import Literal
 
 from contactlab.schema.check_report import CheckResult
-from contactlab.schema.error_budget import BudgetReport, BudgetTimeRatio
+from contactlab.schema.error_budget import BudgetReport
 from contactlab.schema.evidence import Setting
 from contactlab.schema.finding import Finding
 from contactlab.schema.strict_model import Model, about
 from contactlab.schema.task import Task
 from contactlab.schema.task_verdict import TaskVerdict
+from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.verdict import VerdictWord
 
 EXAMINATION_VERSION = 2
@@ -73,9 +74,7 @@ class Fix(Model):
         "with the choice changed, as a share; null if infinite."
     )
     distance_before: float | None = about("The same of the model as written; null if infinite.")
-    time_ratio: BudgetTimeRatio | None = about(
-        "Time with the fix over time without; null if unknown."
-    )
+    time_ratio: TimeRatio | None = about("Time with the fix over time without; null if unknown.")
     lines: tuple[str, ...] = about("The lines of the model's files, each after FILE:LINE.")
     no_patch_reason: str = about("Why there are no lines.", default="")
 

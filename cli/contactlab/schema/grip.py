@@ -2,9 +2,9 @@
 
 from typing import Literal
 
-from contactlab.schema.error_budget import BudgetTimeRatio
 from contactlab.schema.evidence import Setting
 from contactlab.schema.strict_model import Model, about
+from contactlab.schema.time_ratio import TimeRatio
 
 GripVerdict = Literal["holds", "creeps", "drops"]
 GripTrend = Literal["still", "steady", "fading", "growing", "uneven", "lost"]
@@ -89,7 +89,7 @@ class GripFix(Model):
     speed: float | None = about("Speed in the worst direction; null if it is lost.", unit="m/s")
     verdict: GripVerdict
     worse: bool = about("Whether the object moves faster than as written.")
-    time_ratio: BudgetTimeRatio | None = about("Time with it over time without; null if unknown.")
+    time_ratio: TimeRatio | None = about("Time with it over time without; null if unknown.")
     lines: tuple[str, ...] = about("Changed lines of the model files, each after FILE:LINE.")
     no_patch_reason: str = about("Why there are no lines.", default="")
 

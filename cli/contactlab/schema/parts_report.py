@@ -2,9 +2,9 @@
 
 from typing import Literal
 
-from contactlab.schema.error_budget import BudgetTimeRatio
 from contactlab.schema.strict_model import Model, about
 from contactlab.schema.task import Task
+from contactlab.schema.time_ratio import TimeRatio
 
 PARTS_VERSION = 2
 REPORT = "parts.json"
@@ -33,9 +33,7 @@ class PartEffect(Model):
     body: str = about("The worst body; empty without an error.")
     phase: str
     time: float | None = about("When its worst window begins [s since the phase began].")
-    time_ratio: BudgetTimeRatio | None = about(
-        "Time without it over time with it; null if not timed."
-    )
+    time_ratio: TimeRatio | None = about("Time without it over time with it; null if not timed.")
     reason: str = about("A proof, or why it is kept whatever it saves; otherwise empty.")
 
 
@@ -50,6 +48,6 @@ class PartsReport(Model):
     tilt: float = about("Tilt of gravity in the other runs [degrees].")
     tolerance: float = about("The tolerance, a share of the real forces.")
     parts: tuple[PartEffect, ...]
-    noise_floor: BudgetTimeRatio | None = about("Time of the model over its own time: the noise.")
+    noise_floor: TimeRatio | None = about("Time of the model over its own time: the noise.")
     timed_out: bool = about("Whether the time limit was reached before all parts were measured.")
     seconds: float = about("Wall time of the study.")

@@ -1,32 +1,17 @@
 """The reports of `contactlab effects` and of `contactlab fit`."""
 
-from collections.abc import Sequence
-from statistics import median
 from typing import Literal
 
 from contactlab.schema.evidence import Engine, Provenance, Setting
 from contactlab.schema.strict_model import Model, about
 from contactlab.schema.task import Task
+from contactlab.schema.time_ratio import TimeRatio
 
 EFFECTS_VERSION = 2
 
 EffectVerdict = Literal[
     "needed", "below the tolerance", "not exercised", "unused", "missing", "saves time", "no effect"
 ]
-
-
-class Ratio(Model):
-    """A ratio of CPU times, from interleaved runs."""
-
-    ratio: float = about("Median over matched pairs of runs.")
-    low: float = about("Least of the pairs.")
-    high: float = about("Largest of the pairs.")
-    pairs: int
-
-    @classmethod
-    def of(cls, ratios: Sequence[float]) -> "Ratio":
-        """Return the median ratio of matched pairs, with its range."""
-        return cls(ratio=median(ratios), low=min(ratios), high=max(ratios), pairs=len(ratios))
 
 
 class MetricChange(Model):
@@ -65,7 +50,7 @@ class EffectFinding(Model):
         "Metrics above the tolerance, but within the spread over seeds."
     )
     labels: dict[str, int] = about("Label changes, as `stable -> tunneling`, by runs.")
-    time_ratio: Ratio | None = about("CPU time with the change over that without it.")
+    time_ratio: TimeRatio | None = about("CPU time with the change over that without it.")
     work_ratios: dict[str, float] = about("Ratios of work counters, change over base.")
 
 
@@ -102,7 +87,7 @@ class Verification(Model):
     )
     holds: bool
     reason: str
-    time_ratio: Ratio | None
+    time_ratio: TimeRatio | None
 
 
 class EffectsReport(Model):
@@ -125,7 +110,7 @@ class EffectsReport(Model):
     effects: tuple[EffectFinding, ...]
     interactions: tuple[Interaction, ...]
     smallest_set: SmallestSet
-    time_ratio: Ratio | None = about("CPU time of the smallest set over the base's.")
+    time_ratio: TimeRatio | None = about("CPU time of the smallest set over the base's.")
     verification: Verification
     stores: tuple[str, ...] = about("The evidence, relative to the report.")
 

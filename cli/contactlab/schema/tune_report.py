@@ -2,10 +2,10 @@
 
 from typing import Literal
 
-from contactlab.schema.error_budget import BudgetTimeRatio
 from contactlab.schema.evidence import Setting
 from contactlab.schema.strict_model import Model, about
 from contactlab.schema.task import Task
+from contactlab.schema.time_ratio import TimeRatio
 
 TUNE_VERSION = 3
 REPORT, MODEL, FOLDER = "tune.json", "tuned.xml", "tuned"
@@ -54,7 +54,7 @@ class Candidate(Model):
     body: str = about("The worst body.")
     phase: str
     time: float | None = about("When its worst window begins [s since the phase began].")
-    time_ratio: BudgetTimeRatio | None = about(
+    time_ratio: TimeRatio | None = about(
         "Time over the time of the model as written; null if not timed."
     )
 
@@ -126,7 +126,7 @@ class FarPairs(Model):
     geoms: tuple[str, ...] = about("Geoms that stayed farther than that from every other geom.")
     bodies: tuple[tuple[str, str], ...] = about("Bodies that stayed farther apart than that.")
     removed: bool = about("Whether the written models lack these collisions.")
-    time_ratio: BudgetTimeRatio | None = about(
+    time_ratio: TimeRatio | None = about(
         "Time without them over the time of the recommended model, or else of the one that meets "
         "the target, or else of the model as written; null if they are removed already."
     )
@@ -170,7 +170,7 @@ class TuneReport(Model):
     limiting_factor: str = about(
         "Its body, time and row of the error budget, if these were measured; otherwise empty."
     )
-    unconstrained_cost: BudgetTimeRatio | None = about(
+    unconstrained_cost: TimeRatio | None = about(
         "If nothing saves 20 %: time without contacts and other constraints, at the model's own "
         "step, over the time as written. No solver setting and no pair changes it. Otherwise null."
     )

@@ -9,14 +9,13 @@ import pytest
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
-from contactlab.budget.time_ratios import TimeRatio
+from contactlab.schema.time_ratio import TimeRatio
 from contactlab.studies.search import clock as timing
 from contactlab.studies.search.clock import (
     Clock,
     InterleavedTimer,
     Segment,
     TimedModel,
-    half_width,
     ratio_over_seeds,
     ratio_over_turns,
 )
@@ -42,7 +41,7 @@ def test_seeds_that_agree_leave_nothing_open() -> None:
     base = np.array([1.0, 5.0, 2.0])
     price = ratio_over_seeds(base, 0.25 * base)
     assert abs(price.ratio - 0.25) < 1e-15
-    assert half_width(price) < 1e-12
+    assert price.half_width < 1e-12
 
 
 def test_what_disturbs_a_piece_in_some_turns_disturbs_no_ratio() -> None:
@@ -59,7 +58,7 @@ def test_what_disturbs_a_piece_in_some_turns_disturbs_no_ratio() -> None:
     assert abs(price.ratio - 0.1) < 1e-12
     # Of nine turns drawn again, all are the same few now and then: 1 / 3 of seven, say.
     assert price.low <= 0.1 <= price.high
-    assert half_width(price) < 0.05
+    assert price.half_width < 0.05
 
 
 def _clock(seeds: int, steps: int) -> tuple[Clock, Motion]:
@@ -127,18 +126,18 @@ def test_told_intervals_have_the_truth_in_nineteen_of_twenty(
     within = np.mean([price.low <= 0.5 <= price.high for price in prices])
     assert 0.95 - 0.02 - 3 * math.sqrt(0.95 * 0.05 / 300) < within < 1.0
     # Where seeds differ, more of them are run, until half the interval is as narrow as wanted.
-    narrow = [half_width(price) <= timing.MAX_HALF_WIDTH for price in prices]
+    narrow = [price.half_width <= timing.MAX_HALF_WIDTH for price in prices]
     assert all(one or machine.begun == 24 for one, machine in zip(narrow, tries, strict=True))
 
 
 def test_what_a_twin_takes_as_well_is_no_saving() -> None:
-    noise = TimeRatio(0.99, 0.94, 1.03)
-    assert is_faster(TimeRatio(0.9, 0.88, 0.93), noise)
-    assert not is_faster(TimeRatio(0.9, 0.86, 0.95), noise)
+    noise = TimeRatio.of(0.99, 0.94, 1.03)
+    assert is_faster(TimeRatio.of(0.9, 0.88, 0.93), noise)
+    assert not is_faster(TimeRatio.of(0.9, 0.86, 0.95), noise)
     # A twin that looks slow makes nothing fast that is not.
-    assert not is_faster(TimeRatio(1.01, 1.0, 1.02), TimeRatio(1.05, 1.03, 1.07))
-    assert time_ratio_text(TimeRatio(0.0183, 0.0179, 0.0191)) == "x0.018 (0.018 to 0.019)"
-    assert time_ratio_text(TimeRatio(0.95, 0.9, 1.0)) == "x0.95 (0.90 to 1.00)"
+    assert not is_faster(TimeRatio.of(1.01, 1.0, 1.02), TimeRatio.of(1.05, 1.03, 1.07))
+    assert time_ratio_text(TimeRatio.of(0.0183, 0.0179, 0.0191)) == "x0.018 (0.018 to 0.019)"
+    assert time_ratio_text(TimeRatio.of(0.95, 0.9, 1.0)) == "x0.95 (0.90 to 1.00)"
 
 
 class _Disturbed:

@@ -7,7 +7,7 @@ import pytest
 
 from contactlab.plan.task_options import read_task_options
 from contactlab.scene.mujoco_versions import VERSION
-from contactlab.schema.error_budget import BudgetTimeRatio
+from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.tune_report import REPORT, Candidate, SkippedSetting, Target, TuneReport
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.search.report_text import UNVERIFIED, no_speedup_text, sentence_of
@@ -154,8 +154,8 @@ def test_what_saves_no_fifth_is_told_with_what_there_is_to_save(
     report = found(asked, tmp_path)
     assert report
     assert not no_speedup_text(report)
-    price = BudgetTimeRatio(ratio=0.5, low=0.4, high=0.6)
-    off = BudgetTimeRatio(ratio=0.93, low=0.9, high=0.95)
+    price = TimeRatio(ratio=0.5, low=0.4, high=0.6)
+    off = TimeRatio(ratio=0.93, low=0.9, high=0.95)
     own = report.current.model_copy(update={"settings": {"island": False}, "time_ratio": off})
     rough = own.model_copy(
         update={"settings": {"cone": "elliptic"}, "error": 0.03, "time_ratio": price}
@@ -176,14 +176,14 @@ def test_what_no_time_was_left_to_judge_is_not_told_to_be_kept(
     """Of what was tried, the fastest within the limit that did not fail before."""
     report = found(asked, tmp_path)
     assert report
-    twin = BudgetTimeRatio(ratio=1.0, low=0.98, high=1.02)
+    twin = TimeRatio(ratio=1.0, low=0.98, high=1.02)
     now = report.current.model_copy(update={"time_ratio": twin})
     fast, faster, failed, rough = (
         now.model_copy(
             update={
                 "timestep": step,
                 "error": error,
-                "time_ratio": BudgetTimeRatio(ratio=ratio, low=ratio, high=ratio),
+                "time_ratio": TimeRatio(ratio=ratio, low=ratio, high=ratio),
             }
         )
         for step, error, ratio in (
@@ -224,7 +224,7 @@ def test_what_may_keep_the_aim_is_told_apart_from_what_failed(
         "0.001, error 1.5 %, not timed; limiting factor: the ball."
     )
     # A model beyond the tolerance is told to be so, with what may keep that.
-    near = near.model_copy(update={"time_ratio": BudgetTimeRatio(ratio=2.0, low=2.0, high=2.0)})
+    near = near.model_copy(update={"time_ratio": TimeRatio(ratio=2.0, low=2.0, high=2.0)})
     now = now.model_copy(update={"error": 0.5})
     missed = {**missed, "current": now, "candidates": (now, near), "closest": None}
     told = sentence_of(report.model_copy(update={**missed, "not_changed": kept}))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import mujoco
 import pytest
 
-from contactlab.budget.time_ratios import TimeRatio
+from contactlab.schema.time_ratio import TimeRatio
 from contactlab.studies.search.configuration import (
     AS_WRITTEN,
     Configuration,
@@ -81,7 +81,7 @@ class Costs:
         del turns
         self.calls += 1
         ratio = self._price(*one).ratio / self._price(*other).ratio
-        return TimeRatio(ratio, ratio, ratio)
+        return TimeRatio.of(ratio, ratio, ratio)
 
     def _price(self, model: mujoco.MjModel, multiple: int) -> TimeRatio:
         self.timed.append(multiple)
@@ -90,7 +90,7 @@ class Costs:
         # A loose tolerance ends what few iterations end as well.
         early = model.opt.iterations < 100 or model.opt.tolerance > 1e-8
         ratio *= 0.8 if early else 1
-        return TimeRatio(ratio, ratio, ratio)
+        return TimeRatio.of(ratio, ratio, ratio)
 
 
 def searched(

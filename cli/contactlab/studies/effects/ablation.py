@@ -18,10 +18,10 @@ from contactlab.schema.study_reports import (
     EffectsReport,
     EffectVerdict,
     Interaction,
-    Ratio,
     SmallestSet,
     Verification,
 )
+from contactlab.schema.time_ratio import LEAST_SAVING, TimeRatio
 from contactlab.schema.tradeoff_report import REALITY
 from contactlab.store.table_layout import axis_cell
 from contactlab.studies.configuration_runs import ConfigurationRows
@@ -116,7 +116,6 @@ REPORT = "effects.json"
 FRESH_SEEDS = 10
 SAFEGUARDS = frozenset({"refsafe", "warmstart", "clampctrl"})
 """Effects that guard against conditions that a few runs of one drive may not meet; all stay."""
-MAX_TIME_RATIO = 0.95  # an effect is added only if the time ratio is at most this
 
 
 def find_smallest_set(request: EffectsRequest, session: Session) -> EffectsReport:
@@ -213,7 +212,7 @@ def _finding_of(
 
 
 def _verdict_of(
-    toggle: Toggle, change: ConfigurationDifference, ratio: Ratio | None
+    toggle: Toggle, change: ConfigurationDifference, ratio: TimeRatio | None
 ) -> EffectVerdict:
     if toggle.on:
         if change.is_significant:
@@ -221,7 +220,7 @@ def _verdict_of(
         return "below the tolerance" if toggle.proof is None else "unused"
     if change.is_significant:
         return "missing"
-    faster = ratio is not None and ratio.high < 1 and ratio.ratio <= MAX_TIME_RATIO
+    faster = ratio is not None and ratio.is_less(by=LEAST_SAVING)
     return "saves time" if faster else "no effect"
 
 
@@ -235,7 +234,7 @@ def _rank_worthwhile(findings: Sequence[EffectFinding], setup: AblationSetup) ->
     faster = {
         finding.effect
         for finding in findings
-        if finding.time_ratio is not None and finding.time_ratio.high < 1
+        if finding.time_ratio is not None and finding.time_ratio.is_less()
     }
     worthwhile = [
         finding

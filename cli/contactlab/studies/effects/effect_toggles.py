@@ -16,7 +16,8 @@ from contactlab.measure import METRICS, Requirement
 from contactlab.scene.effects.effect import Effect, EffectState
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.schema.drive import NoiseDrive, parse_drive
-from contactlab.schema.study_reports import MetricChange, Ratio
+from contactlab.schema.study_reports import MetricChange
+from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.tradeoff_report import REALITY
 from contactlab.store.finished_store import Store
 from contactlab.store.table_layout import axis_cell
@@ -342,10 +343,10 @@ def _change_text(change: MetricChange) -> str:
 _WORK = ("work_iterations", "work_contacts", "work_rows")
 
 
-def cost_ratio(base: ConfigurationRows, other: ConfigurationRows) -> Ratio | None:
+def cost_ratio(base: ConfigurationRows, other: ConfigurationRows) -> TimeRatio | None:
     """Return the ratio of CPU times; None without any timed pair."""
     ratios = list(_ratios(base, other, "time_min"))
-    return Ratio.of(ratios) if ratios else None
+    return TimeRatio.of_pairs(ratios) if ratios else None
 
 
 def work_ratios(base: ConfigurationRows, other: ConfigurationRows) -> dict[str, float]:

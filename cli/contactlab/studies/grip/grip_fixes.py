@@ -7,12 +7,13 @@ import mujoco
 import numpy as np
 
 from contactlab.budget.motion import Motion
-from contactlab.budget.time_ratios import TimeRatio, measure_time_ratios
+from contactlab.budget.time_ratios import measure_time_ratios
 from contactlab.budget.windows import replay
 from contactlab.contact.trace_arrays import Floats
 from contactlab.mjcf import OPTIONS
 from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.model_edits import read_option
+from contactlab.schema.time_ratio import TimeRatio
 from contactlab.studies.grip.closing import Closing, Squeeze, close_at, measure_squeeze
 from contactlab.studies.grip.fingers import control_ranges
 from contactlab.studies.grip.grip_fixture import GripFixture

@@ -17,7 +17,6 @@ from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.scene.scene_source import find_scene
-from contactlab.schema.error_budget import BudgetTimeRatio
 from contactlab.schema.examination import MOST_FIXES
 from contactlab.schema.grip import (
     GripCause,
@@ -30,6 +29,7 @@ from contactlab.schema.grip import (
     GripReport,
     GripTrial,
 )
+from contactlab.schema.time_ratio import cost_class
 from contactlab.studies.grip.closing import (
     Closing,
     Squeeze,
@@ -63,7 +63,6 @@ from contactlab.studies.grip.holding import (
 from contactlab.studies.grip.keyframe_grip import find_held_object
 
 CREEP_SPEED_LIMIT = 1e-4  # m/s: 1 mm in the ten seconds of a pick and place
-_ALIKE = 1.1  # ratio of times that count as equal
 _WORSE_RATIO = 1.1  # ratio of speeds
 _DEFAULT_OBJECT_SCALES = (
     1.0,
@@ -377,7 +376,7 @@ def _fixes(request: GripRequest, speed: float, tried: Sequence[TestedFix]) -> tu
     def use(place: int) -> tuple[bool, float, float]:
         each = tried[place]
         holds = verdict_of(each.drifts, request.tolerance) == "holds"
-        cost = round(math.log(each.time_ratio.ratio, _ALIKE)) if each.time_ratio else math.inf
+        cost = cost_class(each.time_ratio)
         return not holds, cost if holds else worst_speed(each.drifts), place
 
     made = list[GripFix]()
@@ -396,7 +395,7 @@ def _fixes(request: GripRequest, speed: float, tried: Sequence[TestedFix]) -> tu
                 speed=_finite(left),
                 verdict=word,
                 worse=left > _WORSE_RATIO * speed,
-                time_ratio=each.time_ratio and BudgetTimeRatio(**each.time_ratio._asdict()),
+                time_ratio=each.time_ratio,
                 lines=lines,
                 no_patch_reason=reason,
             )

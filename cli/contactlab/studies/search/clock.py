@@ -20,8 +20,8 @@ from scipy.special import stdtrit
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
-from contactlab.budget.time_ratios import TimeRatio
 from contactlab.contact.trace_arrays import Floats
+from contactlab.schema.time_ratio import TimeRatio
 from contactlab.studies.search.reference_error import TaskReference, motion_at_steps
 
 _MIN_SEGMENTS, _MAX_SEGMENTS = 4, 12  # states of each phase in which segments begin
@@ -301,7 +301,7 @@ def ratio_over_turns(base: Floats, model: Floats) -> TimeRatio:
     below, above = (each[drawn].min(axis=1).sum(axis=1) for each in (base, model))
     ratio = float(model.min(axis=0).sum() / base.min(axis=0).sum())
     low, high = np.quantile(above / below, [_SIGNIFICANCE / 2, 1 - _SIGNIFICANCE / 2])
-    return TimeRatio(ratio, float(min(low, ratio)), float(max(high, ratio)))
+    return TimeRatio.of(ratio, float(min(low, ratio)), float(max(high, ratio)))
 
 
 def ratio_over_seeds(base: Floats, model: Floats) -> TimeRatio:
@@ -319,10 +319,10 @@ def ratio_over_seeds(base: Floats, model: Floats) -> TimeRatio:
     off = model / ratio - base
     share = math.sqrt(count / (count - 1) * float(off @ off)) / float(base.sum())
     half = float(stdtrit(count - 1, 1 - _SIGNIFICANCE / 2)) * share
-    return TimeRatio(ratio, ratio * math.exp(-half), ratio * math.exp(half))
+    return TimeRatio.of(ratio, ratio * math.exp(-half), ratio * math.exp(half))
 
 
-_INFINITE_RATIO = TimeRatio(math.inf, math.inf, math.inf)
+_INFINITE_RATIO = TimeRatio.of(math.inf, math.inf, math.inf)
 
 
 def _ratios_over_seeds(taken: Sequence[Floats]) -> list[TimeRatio]:
@@ -342,9 +342,4 @@ def _ratios_over_turns(taken: Sequence[Sequence[Floats]]) -> list[TimeRatio]:
 
 
 def _all_narrow(prices: Sequence[TimeRatio]) -> bool:
-    return all(half_width(price) <= MAX_HALF_WIDTH for price in prices)
-
-
-def half_width(price: TimeRatio) -> float:
-    """Return half the interval of a ratio, as a share of it."""
-    return (price.high - price.low) / (2 * price.ratio)
+    return all(price.half_width <= MAX_HALF_WIDTH for price in prices)

@@ -20,13 +20,12 @@ from contactlab.budget.exercised_rows import exercised_rows
 from contactlab.budget.measuring import reference_of
 from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.rows import ROWS, Row
-from contactlab.budget.time_ratios import TimeRatio
 from contactlab.budget.windows import without_sensors
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.scene.model_names import geom_names_by_address, name_of
 from contactlab.scene.mujoco_versions import VERSION
-from contactlab.schema.error_budget import BudgetTimeRatio
 from contactlab.schema.parts_report import REPORT, PartEffect, PartKind, PartsReport, PartVerdict
+from contactlab.schema.time_ratio import TimeRatio
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.search.clock import Clock
 from contactlab.studies.search.reference_error import ErrorEstimate, TaskReference
@@ -130,7 +129,7 @@ def ablate_model(request: PartsRequest, session: Session) -> PartsReport:
         tilt=TILT_DEGREES,
         tolerance=examined.task.tolerance,
         parts=tuple(_effect_of(*each, examined.task.tolerance) for each in measured),
-        noise_floor=_time_ratio(noise_floor),
+        noise_floor=noise_floor,
         timed_out=timed_out,
         seconds=time.monotonic() - begin,
     )
@@ -173,13 +172,9 @@ def _effect_of(
         body=estimate.body if estimate else "",
         phase=estimate.phase if estimate else "",
         time=estimate.time if estimate else None,
-        time_ratio=_time_ratio(ratio),
+        time_ratio=ratio,
         reason=reason,
     )
-
-
-def _time_ratio(price: TimeRatio | None) -> BudgetTimeRatio | None:
-    return price and BudgetTimeRatio(ratio=price.ratio, low=price.low, high=price.high)
 
 
 def find_features(

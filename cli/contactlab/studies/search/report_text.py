@@ -3,9 +3,8 @@
 import math
 from collections.abc import Iterator
 
-from contactlab.budget.time_ratios import TimeRatio
 from contactlab.rendering.amounts import format_percent
-from contactlab.schema.error_budget import BudgetTimeRatio
+from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.tune_report import Candidate, TuneReport
 from contactlab.studies.search.configuration import format_settings
 from contactlab.studies.search.settings_search import EQUAL_ERROR_RATIO
@@ -24,7 +23,7 @@ def error_text(error: float | None, unit: str) -> str:
     return format_percent(error) if unit == "1" else f"{error:.2e} {unit}"
 
 
-def time_ratio_text(price: TimeRatio | BudgetTimeRatio) -> str:
+def time_ratio_text(price: TimeRatio) -> str:
     """Return a ratio of times with its interval, such as `x0.80 (0.78 to 0.82)`."""
     ratio, low, high = (
         f"{part:.2f}" if part >= _TWO_DIGITS else f"{part:.2g}"
@@ -33,12 +32,12 @@ def time_ratio_text(price: TimeRatio | BudgetTimeRatio) -> str:
     return f"x{ratio} ({low} to {high})"
 
 
-def is_faster(price: TimeRatio | BudgetTimeRatio, noise_floor: TimeRatio | BudgetTimeRatio) -> bool:
+def is_faster(price: TimeRatio, noise_floor: TimeRatio) -> bool:
     """Return whether a ratio of times is below 1, and below the noise floor.
 
     The noise floor is the ratio of the model as written to itself, from the same turns.
     """
-    return price.high < min(1.0, noise_floor.low)
+    return price.is_less(min(1.0, noise_floor.low))
 
 
 def finite_or_none(number: float) -> float | None:

@@ -7,10 +7,11 @@ import altair as alt
 from contactlab.charts import Rows, layer_of
 from contactlab.palette import COLOURS, INK, OTHERS_COLOUR
 from contactlab.rendering.amounts import format_percent
+from contactlab.schema.time_ratio import LEAST_SAVING
 from contactlab.schema.tune_report import Candidate, TuneReport
 from contactlab.studies.search.configuration import format_settings
 
-_MERGE_RATIO = 1.03  # ratio of times, and of errors, below which candidates are drawn as one
+_MERGE_RATIO = 1 + LEAST_SAVING  # of times, and of errors: candidates that are drawn as one
 _MAX_ERROR_RATIO = 1e3  # of the limit: larger errors are not drawn
 _MARKS = ["as written", "recommended", "meets target", "equal error"]
 _WIDTH, _HEIGHT = 520, 340

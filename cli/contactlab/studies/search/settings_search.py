@@ -17,7 +17,7 @@ from typing import Protocol
 
 import mujoco
 
-from contactlab.budget.time_ratios import TimeRatio
+from contactlab.schema.time_ratio import LEAST_SAVING, TimeRatio
 from contactlab.studies.search.clock import Clock
 from contactlab.studies.search.configuration import (
     AS_WRITTEN,
@@ -30,7 +30,7 @@ from contactlab.studies.search.configuration import (
 from contactlab.studies.search.reference_error import ErrorEstimate
 from contactlab.studies.search.search_space import SLEEP_SETTINGS, Parameter, Settings, split_condim
 
-MIN_SPEEDUP_RATIO = 0.97
+MIN_SPEEDUP_RATIO = 1 - LEAST_SAVING
 """Ratio of times below which a setting saves time."""
 _LOSSLESS_SHARE = (
     0.05  # share of the limit that a lossless setting may add to the error of the model
@@ -322,10 +322,8 @@ class Search:
         begin, (own, price) = time.monotonic(), (self._model_at_step(one) for one in (base, asleep))
         found = self.clock.compare_whole_runs(price, own)
         known = self._evaluation_of(base).time_ratio
-        if known and found.high < MIN_SPEEDUP_RATIO and self._is_within_bound(asleep):
-            self._evaluation_of(asleep).time_ratio = TimeRatio(
-                *(known.ratio * part for part in (found.ratio, found.low, found.high))
-            )
+        if known and found.is_less(MIN_SPEEDUP_RATIO) and self._is_within_bound(asleep):
+            self._evaluation_of(asleep).time_ratio = found.scaled(known.ratio)
         self._sleep_seconds = (time.monotonic() - begin) * base.multiple
 
     def _remove_lossless(self) -> Configuration:
@@ -440,7 +438,7 @@ class Search:
         beside = self.clock.compare_segments(
             self._model_at_step(choice), self._model_at_step(least), _COMPARISON_TURNS
         )
-        if beside.high < MIN_SPEEDUP_RATIO:
+        if beside.is_less(MIN_SPEEDUP_RATIO):
             return choice
         self._error_of(least)
         self._time_ratios_of([least])
@@ -452,7 +450,7 @@ class Search:
         price = self.clock.compare_segments(
             self._model_at_step(choice), self._model_at_step(base), _COMPARISON_TURNS
         )
-        if saves := price.ratio < MIN_SPEEDUP_RATIO and price.high < 1:
+        if saves := price.is_less(by=LEAST_SAVING):
             self._time_ratios_of([choice])
         return saves
 

@@ -14,8 +14,8 @@ from contactlab.errors import ExpectationError
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_edits import FLAG_NAMES, read_flag, read_option
 from contactlab.scene.mujoco_versions import VERSION
-from contactlab.schema.error_budget import BudgetTimeRatio
 from contactlab.schema.evidence import Setting
+from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.tune_report import (
     EQUAL_ERROR_FOLDER,
     FOLDER,
@@ -358,11 +358,7 @@ class TuningStudy:
                 [(each, choice.multiple) for each in (before, choice.apply_to(sparser))],
                 _COMPARISON_TURNS,
             )
-            price = BudgetTimeRatio(
-                ratio=without.ratio / own.ratio,
-                low=without.low / own.ratio,
-                high=without.high / own.ratio,
-            )
+            price = without.scaled(1 / own.ratio)
         return FarPairs(
             distance=self._request.skip_pairs_beyond or OFFERED_DISTANCE,
             geoms=problem.far_pairs.masked,
@@ -397,7 +393,7 @@ class TuningStudy:
             row = "solver"
         return f"{row} error of {where}"
 
-    def _unconstrained_cost(self, *made: Evaluation | None) -> BudgetTimeRatio | None:
+    def _unconstrained_cost(self, *made: Evaluation | None) -> TimeRatio | None:
         """Time the model without constraints, unless a verified candidate saves 20 %."""
         saving = [
             one.time_ratio and one.time_ratio.ratio < _LARGE_SAVING_RATIO for one in made if one
@@ -408,10 +404,9 @@ class TuningStudy:
         own = self._search.space.model_of(now)
         bare = copy.copy(own)
         bare.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-        price = self._clock.compare_segments(
+        return self._clock.compare_segments(
             (bare, now.multiple), (own, now.multiple), _COMPARISON_TURNS
         )
-        return BudgetTimeRatio(ratio=price.ratio, low=price.low, high=price.high)
 
     def _changed_settings(self, chosen: Evaluation) -> Iterator[ChangedSetting]:
         model = self._problem.model
@@ -443,5 +438,5 @@ class TuningStudy:
             body=error.body,
             phase=error.phase,
             time=finite_or_none(error.time),
-            time_ratio=price and BudgetTimeRatio(ratio=price.ratio, low=price.low, high=price.high),
+            time_ratio=price,
         )

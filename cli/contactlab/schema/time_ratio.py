@@ -1,0 +1,66 @@
+"""A ratio of times with its interval: the one type in which a change says what it costs."""
+
+import math
+from collections.abc import Sequence
+from statistics import median
+
+from pydantic import ConfigDict
+
+from contactlab.schema.strict_model import Model, about
+from contactlab.shares import median_interval
+
+LEAST_SAVING = 0.03
+"""Least relevant difference, as a share of the time: another build or machine changes the time of
+one and the same model by up to 5 %, so that a smaller saving is gone elsewhere."""
+
+SIMPLER_SHARE = 0.1
+"""Share of the time that a simpler fix may cost more: fixes within it rank by simplicity."""
+
+
+class TimeRatio(Model):
+    """A ratio of times, measured in turns from the same states."""
+
+    # Infinite where the engine refuses a model. Reports have no such ratio.
+    model_config = ConfigDict(allow_inf_nan=True)
+
+    ratio: float = about("Time with the change over time without.")
+    low: float = about("Lower end of its 95 % interval.")
+    high: float = about("Its upper end.")
+
+    @classmethod
+    def of(cls, ratio: float, low: float, high: float) -> "TimeRatio":
+        """Return a ratio with its interval."""
+        return cls(ratio=ratio, low=low, high=high)
+
+    @classmethod
+    def of_pairs(cls, ratios: Sequence[float]) -> "TimeRatio":
+        """Return the median ratio of matched pairs, with the interval of that median."""
+        return cls.of(median(ratios), *median_interval(ratios))
+
+    def is_less(self, than: float = 1.0, *, by: float = 0.0) -> bool:
+        """Return whether the interval is below a number, and the ratio is less by a share of it."""
+        return self.high < than and self.ratio < than * (1 - by)
+
+    def is_greater(self, than: float = 1.0, *, by: float = 0.0) -> bool:
+        """Return whether the interval is above a number, and the ratio is larger by a share."""
+        return self.low > than and self.ratio > than * (1 + by)
+
+    def is_equal(self, to: float = 1.0, *, by: float = LEAST_SAVING) -> bool:
+        """Return whether the ratio is neither relevantly less nor relevantly greater."""
+        return not self.is_less(to, by=by) and not self.is_greater(to, by=by)
+
+    @property
+    def half_width(self) -> float:
+        """Half of the interval, as a share of the ratio."""
+        return (self.high - self.low) / (2 * self.ratio)
+
+    def scaled(self, factor: float) -> "TimeRatio":
+        """Return the ratio to another time, which is so much shorter; its noise is ignored."""
+        return self.of(self.ratio * factor, self.low * factor, self.high * factor)
+
+
+def cost_class(ratio: TimeRatio | None) -> float:
+    """Return a number that is equal for ratios within about a tenth; infinite if not known."""
+    if ratio is None:
+        return math.inf
+    return round(math.log(ratio.ratio, 1 + SIMPLER_SHARE))
