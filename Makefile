@@ -113,7 +113,7 @@ bench: .venv/dev
 # Examines the robots of wheels that are unpacked in the folder ROBOT_WHEELS, each in a folder of its
 # own: minutes to hours for what has no record yet, and none for what has. `make site` shows them.
 atlas: .venv/dev
-	$(BIN)/python -m atlas run "$(ROBOT_WHEELS)"
+	$(BIN)/python -m bench.atlas run "$(ROBOT_WHEELS)"
 
 # Fails if a verdict differs from the records of the commit ATLAS_BEFORE, and neither a fragment in
 # changelog.d nor the newest section of the changelog names its model.
@@ -121,9 +121,11 @@ ATLAS_BEFORE ?= origin/main
 atlas-compare: .venv/dev
 	rm -rf build/atlas-before && mkdir -p build/atlas-before
 	git rev-parse --verify $(ATLAS_BEFORE)
-	if git cat-file -e $(ATLAS_BEFORE):atlas/records 2>/dev/null; \
-	  then git archive $(ATLAS_BEFORE) atlas/records | tar -x -C build/atlas-before; fi
-	$(BIN)/python -m atlas compare build/atlas-before/atlas/records
+	for records in bench/atlas/records atlas/records; do \
+	  if git cat-file -e $(ATLAS_BEFORE):$$records 2>/dev/null; then \
+	    git archive $(ATLAS_BEFORE) $$records | tar -x -C build/atlas-before; \
+	    mv build/atlas-before/$$records build/atlas-before/records; break; fi; done
+	$(BIN)/python -m bench.atlas compare build/atlas-before/records
 
 # The picture and the film of the README, from real runs.
 picture: .venv/dev
@@ -140,14 +142,14 @@ clean:
 	rm -rf .venv .stubs build dist results live/node_modules cli/contactlab/live/built
 
 # What runs, by hash; --no-deps and no build isolation keep the editable install from adding any.
-.venv/run: constraints/run.txt pyproject.toml
+.venv/run: .ci/constraints/run.txt pyproject.toml
 	$(PYTHON) -m venv .venv || { echo "no venv module: install Python's venv (Debian: python3-venv)" >&2; exit 1; }
-	$(INSTALL) --require-hashes -r constraints/run.txt
+	$(INSTALL) --require-hashes -r .ci/constraints/run.txt
 	$(INSTALL) --no-deps --no-build-isolation -e .
 	touch $@
 
-.venv/dev: .venv/run constraints/dev.txt
-	$(INSTALL) --require-hashes -r constraints/dev.txt
+.venv/dev: .venv/run .ci/constraints/dev.txt
+	$(INSTALL) --require-hashes -r .ci/constraints/dev.txt
 	$(INSTALL) --no-deps --no-build-isolation -e .
 	touch $@
 

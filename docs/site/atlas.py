@@ -10,8 +10,8 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from atlas.confirming import SCRIPT
-from atlas.entry import (
+from bench.atlas.confirming import SCRIPT
+from bench.atlas.entry import (
     ROOT,
     Entry,
     FixedModel,

@@ -212,5 +212,5 @@ def test_modules_of_the_checkout_do_not_run_while_installing(tmp_path: Path, pac
     )
     # Neither is there to install, but an environment was made, and its pip was called.
     assert done.returncode
-    assert "contactlab.whl" in done.stderr if package else "constraints/run.txt" in done.stderr
+    assert "contactlab.whl" in done.stderr if package else ".ci/constraints/run.txt" in done.stderr
     assert not (tmp_path / "ran").exists()

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from atlas.confirm import REST, Case, load, nearer, shown, started
-from atlas.confirming import write_inputs
+from bench.atlas.confirm import REST, Case, load, nearer, shown, started
+from bench.atlas.confirming import write_inputs
 
 from contactlab.budget.motion import INTEGRATION
 from contactlab.run.sweep_request import SceneLoader

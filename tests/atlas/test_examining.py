@@ -1,6 +1,6 @@
 """A record says in one line why a model has no verdict."""
 
-from atlas.examining import said
+from bench.atlas.examining import said
 
 from contactlab.errors import SceneError
 

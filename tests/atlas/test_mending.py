@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from atlas.mending import unseen_verdict
+from bench.atlas.mending import unseen_verdict
 from tests.atlas.test_confirm import SPRING
 
 

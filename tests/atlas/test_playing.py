@@ -4,7 +4,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from atlas.playing import moments, real_time
+from bench.atlas.playing import moments, real_time
 
 from contactlab.budget.motion import INTEGRATION
 from contactlab.studies.examine.examination import ExamineRequest, open_model

@@ -4,9 +4,9 @@ from pathlib import Path
 from typing import Literal
 
 import pytest
-from atlas.__main__ import compare
-from atlas.comparing import differences
-from atlas.entry import (
+from bench.atlas.__main__ import compare
+from bench.atlas.comparing import differences
+from bench.atlas.entry import (
     Confirmation,
     Entry,
     FixedModel,
@@ -17,7 +17,7 @@ from atlas.entry import (
     record_of,
     releases,
 )
-from atlas.views import contradictions
+from bench.atlas.views import contradictions
 from docs.site import atlas
 
 KNOWN = list(entries())
@@ -126,7 +126,7 @@ def test_a_mended_robot_has_a_script_that_installs_its_wheel() -> None:
         name="half", changes_model=True, passed=True, headline="yes", patch="-a\n+b\n"
     )
     shown = Confirmation(
-        command="python atlas/confirm.py a/b.xml --of run", holds=True, shown="9 %"
+        command="python bench/atlas/confirm.py a/b.xml --of run", holds=True, shown="9 %"
     )
     entry = JUDGED[0].model_copy(
         update={

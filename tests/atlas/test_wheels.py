@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from atlas.wheels import families, wheels
+from bench.atlas.wheels import families, wheels
 
 MODEL = "<mujoco model='{}'><worldbody/></mujoco>"
 

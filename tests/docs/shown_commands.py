@@ -23,7 +23,6 @@ PLACES = (
     "docs/**/*.py",
     "examples/**/*",
     "models/**/*.yaml",
-    "skills/**/*.md",
     "sweeps/**/*.yaml",
 )
 FORMER = frozenset({"CHANGELOG.md"})

@@ -82,7 +82,7 @@ def test_lines_are_found_wherever_they_stand() -> None:
     files = {shown.file for shown in SHOWN}
     assert {".ci/smoke", "Makefile", "action.yml", ".github/action/judge", "README.md"} <= files
     assert {".pre-commit-hooks.yaml", ".pre-commit-config.yaml", "docs/tune.md"} <= files
-    assert {"skills/contactlab/SKILL.md", "examples/grasp_gate/grasp-gate.yaml"} <= files
+    assert {"docs/skills/contactlab/SKILL.md", "examples/grasp_gate/grasp-gate.yaml"} <= files
     assert {"cli/contactlab/commands/list.py", "examples/onnx_policy.py"} <= files
 
 

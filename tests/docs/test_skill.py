@@ -1,4 +1,4 @@
-"""Each command of skills/contactlab/SKILL.md answers as it says."""
+"""Each command of docs/skills/contactlab/SKILL.md answers as it says."""
 
 import json
 import re
@@ -10,7 +10,7 @@ import pytest
 
 import contactlab
 
-TEXT = (Path(__file__).parents[2] / "skills/contactlab/SKILL.md").read_text(encoding="utf-8")
+TEXT = (Path(__file__).parents[2] / "docs/skills/contactlab/SKILL.md").read_text(encoding="utf-8")
 ROWS = re.findall(r"^\| .* \| `contactlab (.*)` \| (.*) \|$", TEXT, re.MULTILINE)
 HERE = [row for row in ROWS if not row[0].startswith("bisect")]
 # docs/upgrading.md: implicitfast loses the energy of free rotation since 3.11.0.

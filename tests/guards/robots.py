@@ -17,7 +17,7 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from atlas.wheels import wheels
+from bench.atlas.wheels import wheels
 
 PINNED = Path(__file__).with_name("robots.json")
 MENAGERIE = "menagerie"

@@ -15,12 +15,10 @@ FOLDERS = (
     ".ci",
     ".github",
     "adapters",
-    "atlas",
     "bench",
     "cli",
     "docs",
     "examples",
-    "skills",
     "sweeps",
 )
 # A command that installs, up to the end of its line or of the code that it stands in.

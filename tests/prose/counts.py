@@ -35,11 +35,11 @@ class Rise:
 
 
 def list_files(root: Path = ROOT) -> Iterator[Path]:
-    """Yield the checked files: the package, adapters, atlas, documentation and examples.
+    """Yield the checked files: the package, adapters, the atlas, documentation and examples.
 
-    Tests and benchmarks are not checked: users do not read them, and their names are sentences.
+    Tests and other benchmarks are not checked: users do not read them, and their names are sentences.
     """
-    for folder in ("adapters", "atlas", "changelog.d", "cli", "docs", "examples", "skills"):
+    for folder in ("adapters", "bench/atlas", "changelog.d", "cli", "docs", "examples"):
         for suffix in ("py", "md"):
             yield from sorted((root / folder).rglob(f"*.{suffix}"))
     yield from sorted(root.glob("*.md"))

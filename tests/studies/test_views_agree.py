@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from atlas.views import apart, contradictions, of_report, of_views
+from bench.atlas.views import apart, contradictions, of_report, of_views
 
 import contactlab
 from contactlab.schema.examination import Examination
