@@ -201,6 +201,7 @@ def test_time_constants_that_the_step_raises_may_be_written_as_it_has_them() -> 
     assert offered(4e-3, "true") == offered(2e-4, "false") == {}
 
 
+@pytest.mark.long
 def test_what_a_step_does_not_hold_is_tried_stiffer_after_finer_steps() -> None:
     """A servo that diverges stays so whatever is stiffer at its step."""
     motion, tried = servo(), list[str]()

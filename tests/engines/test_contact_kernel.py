@@ -229,6 +229,7 @@ def test_a_pair_may_be_monitored_from_both_sides(
     assert [int(pair.found.max()) for pair in trace.pairs] == [4, 4, 4]
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("kernel")
 def test_what_sleeps_is_left_to_sensors(monkeypatch: pytest.MonkeyPatch) -> None:
     runs = runs_of(Scene.open("box_stack"), {"sleep": True})

@@ -51,6 +51,7 @@ axes: {engine: [mujoco], timestep: [0.002, 0.004]}
 """
 
 
+@pytest.mark.long
 def test_a_task_is_run_once_and_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A ball falls by 1 m, .45 s, and bounces, by MuJoCo and by an engine of spheres alone."""
     for task, scene in (

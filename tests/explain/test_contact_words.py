@@ -82,6 +82,7 @@ def test_what_does_not_rest_has_no_depth(tmp_path: Path) -> None:
         explain_contacts("ball_drop", [], {"depth_at_rest": 1e-4}, Session(tmp_path))
 
 
+@pytest.mark.long
 def test_rest_is_that_of_the_first_phase(tmp_path: Path) -> None:
     """Pushes of its weight come later; a box lies on four corners, each with mg / 4."""
     floor = '<geom name="floor" type="plane" size="1 1 .1"/>'

@@ -114,6 +114,7 @@ def test_a_push_that_slips_has_newtons_derivative(by: str, expected: float) -> N
     inside(differentiated(subject, by, {"push": 6.0}), expected / 4, share=0.02)
 
 
+@pytest.mark.long
 def test_a_push_that_sticks_goes_nowhere() -> None:
     """It creeps at (1 - d) F / (m B), a millimetre a second for each newton: d is .9, B 100 / s."""
     found = differentiated(replace(subject_of("push", "x"), duration=0.5), "push", {"push": 3.0})
@@ -121,6 +122,7 @@ def test_a_push_that_sticks_goes_nowhere() -> None:
     assert 0 <= found.model.value < 0.5e-3
 
 
+@pytest.mark.long
 def test_transition_matrices_are_the_runs_own() -> None:
     """Chained with a small step, the matrices are the run's derivative; with 1e-6 they need not be.
 
@@ -137,6 +139,7 @@ def test_transition_matrices_are_the_runs_own() -> None:
     assert abs(beyond) > 1e3
 
 
+@pytest.mark.long
 def test_a_coordinate_of_the_start_is_a_parameter(tmp_path: Path) -> None:
     """In free fall the end moves with the speed at the start by the time, in run and model.
 
@@ -195,6 +198,7 @@ axes: {{push: [3.0, 6.0, 7.0], friction.slide: [0.5]}}
 """
 
 
+@pytest.mark.long
 def test_a_map_counts_words_and_switches(tmp_path: Path) -> None:
     path = tmp_path / "map.yaml"
     path.write_text(MAP.format(scene=GRADIENTS / "push"))

@@ -145,6 +145,7 @@ def test_actuators_are_held_against_their_limits(tmp_path: Path) -> None:
     assert [each.force for each in report.fingers] == pytest.approx([12, 12], rel=1e-3)
 
 
+@pytest.mark.long
 def test_a_squeeze_is_found_or_refused(tmp_path: Path) -> None:
     report, _ = judged(tmp_path, claw(most="12"), held=BOX, squeeze=5.0)
     # To within the hundredth that a squeeze is sought to.
@@ -162,6 +163,7 @@ def test_too_weak_a_squeeze_drops(tmp_path: Path) -> None:
     assert report.pull.weights < 1
 
 
+@pytest.mark.long
 def test_remedies_of_a_keyframe_rank_and_hold_in_plain_mujoco(tmp_path: Path) -> None:
     """What is said to hold does: from the keyframe, four seconds of mj_step, at the speed told."""
     report, grip = judged(tmp_path, claw_with_bar(8, 0.1), keyframe="held", fixes=True)
@@ -196,6 +198,7 @@ def plain_speed(model: mujoco.MjModel) -> float:
     return float(np.linalg.norm(data.body("bar").xipos - before)) / 2
 
 
+@pytest.mark.long
 def test_the_bench_is_plain_mujoco(tmp_path: Path) -> None:
     """Loads on every body are gravity: a loop of mj_step under it goes the same way."""
     report, grip = judged(tmp_path, claw(), held=BOX)

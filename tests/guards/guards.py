@@ -134,7 +134,6 @@ def _open_cases() -> Iterator[Case]:
 
 
 QUICK_CASES = {
-    "a motor that pulls a cable of two pulleys",
     "a piston that passes a resting ball",
     "rate feedback on a spinning wheel",
 }

@@ -109,7 +109,9 @@ def test_a_probe_that_differs_halves_its_cell() -> None:
     assert (refined(truth) != 1).all()
 
 
-@pytest.mark.parametrize("side", [1, 2, 4])
+@pytest.mark.parametrize(
+    "side", [1, pytest.param(2, marks=pytest.mark.long), pytest.param(4, marks=pytest.mark.long)]
+)
 def test_islands_are_missed_as_often_as_is_said(side: int) -> None:
     """Of 200 lattices with an island of 1, 4 and 16 points, each with its own draw of probes.
 

@@ -169,6 +169,7 @@ def kills(
         yield change
 
 
+@pytest.mark.long
 def test_a_sweep_killed_early_and_late_is_resumed(sweeper: Any) -> None:
     """At its identity and within the table; the next test kills at every write."""
     sweeper.run(TINY, "whole")

@@ -10,7 +10,7 @@ from contactlab.engines import ENGINES, Rollout
 from contactlab.run import planned_runs, worker
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [pytest.param(1, marks=pytest.mark.long), 2])
 def test_workers_change_nothing(sweeper: Any, sweep_text: str, workers: int) -> None:
     sweeper.run(sweep_text, "here", workers=0)
     sweeper.run(sweep_text, "there", workers=workers)

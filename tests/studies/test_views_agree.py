@@ -102,6 +102,7 @@ def test_a_shipped_scene_has_one_answer(tmp_path: Path) -> None:
     views_agree("box_slide", tmp_path, "0.2s")
 
 
+@pytest.mark.long
 def test_a_small_model_has_one_answer(tmp_path: Path) -> None:
     path = tmp_path / "swing.xml"
     path.write_text(

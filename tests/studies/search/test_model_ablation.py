@@ -82,7 +82,11 @@ def test_a_limit_that_holds_is_needed_and_one_out_of_reach_is_kept(shed: PartsRe
 
 @pytest.mark.parametrize(
     ("own", "holds"),
-    [('frictionloss="20"', True), ('stiffness="400" springlength=".5"', True), ("", False)],
+    [
+        ('frictionloss="20"', True),
+        pytest.param('stiffness="400" springlength=".5"', True, marks=pytest.mark.long),
+        ("", False),
+    ],
 )
 def test_a_tendon_is_needed_where_the_row_of_all_tendons_is(
     tmp_path: Path, own: str, holds: bool
@@ -115,6 +119,7 @@ BALL = """<mujoco><option timestep="0.002"/><worldbody>
 </worldbody></mujoco>"""
 
 
+@pytest.mark.long
 def test_what_no_force_shows_in_use_is_unused_only_if_no_bit_is_other(tmp_path: Path) -> None:
     (tmp_path / "ball.xml").write_text(BALL)
     request = PartsRequest(
