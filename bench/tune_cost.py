@@ -99,10 +99,7 @@ def answers_of(report: TuneReport) -> dict[str, tuple[Candidate, str]]:
     found: dict[str, tuple[Candidate, str]] = {}
     if report.recommended and report.file:
         found["recommended"] = report.recommended, report.file
-    for name, other in (
-        ("equal error", report.equal_error),
-        ("meets target", report.meets_target),
-    ):
+    for name, other in (("equal error", report.equal_error),):
         if other:
             found[name] = other.candidate, other.file
     return found

@@ -226,7 +226,7 @@ def change_facts(report: "Examination") -> tuple[Facts, Facts]:
 
 def tune_facts(report: "TuneReport") -> tuple[Facts, Facts]:
     """Return what a search recommends, and the sentences about it."""
-    others = {"to aim": report.meets_target, "as accurate": report.equal_error}
+    others = {"as accurate": report.equal_error}
     results: Facts = {
         "aim": {
             "kind": report.target.kind,
@@ -244,7 +244,7 @@ def tune_facts(report: "TuneReport") -> tuple[Facts, Facts]:
         "cannot touch": {"geoms": [*report.masked], "bodies": _nested(report.excluded)},
         "flags": [*report.disabled_flags],
         "tried": len(report.candidates),
-        "ended early": report.timed_out,
+        "ended early": report.ended == "time",
         "verified": report.verified.holds if report.verified else None,
         "not changed": [one.name for one in report.not_changed],
     }

@@ -75,7 +75,7 @@ def tradeoff(
     metric: opt.ErrorMetric = None,
     error: Annotated[
         float | str | None,
-        Option("ERROR", "Target error of a MODEL, 2%; default: the model uncertainty.", kind=str),
+        Option("ERROR", "Target error of a MODEL, 2%; default: its error as written.", kind=str),
     ] = None,
     max_time: opt.MaxTime = "2min",
     figure: opt.Figure = None,

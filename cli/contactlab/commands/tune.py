@@ -60,7 +60,7 @@ def tune(
         float | str | None,
         Option(
             "ERROR",
-            "Target error, 2%; default: the model uncertainty. With --error-at in m, 1e-5.",
+            "Target error, 2%; default: its error as written. With --error-at in m, 1e-5.",
             kind=str,
         ),
     ] = None,
@@ -101,11 +101,9 @@ def tune(
 ) -> "TuneReport":
     """Find faster settings of equal accuracy, and write the model.
 
-    The target is the fastest settings whose numerical error is at most the effect of friction
-    known to 10 % and masses known to 5 %, at least 1 %, and at most the tolerance. If an accurate
-    model misses that as written, the fastest settings with no larger error are recommended, and
-    the settings that meet the target are written too. Results go to `results/tune/NAME` unless
-    `output` is given.
+    The target is the fastest settings that are no less accurate than the model as written; if that
+    is above the tolerance, the fastest settings within it. `error` allows another error. Results go
+    to `results/tune/NAME` unless `output` is given.
 
     Raises:
         SceneError: there is no such model.
@@ -211,7 +209,6 @@ def print_search(report: "TuneReport", folder: Path) -> None:
     shown = [("current", report.current)]
     for standing, candidate in (
         ("recommended", report.recommended),
-        ("meets target", report.meets_target and report.meets_target.candidate),
         ("closest", report.closest),
         ("equal error", report.equal_error and report.equal_error.candidate),
     ):
@@ -228,13 +225,10 @@ def _head(report: "TuneReport") -> Iterator[str]:
     yield from wrapped(f"{report.model}: {report.sentence}")
     limit = _number(target.limit, report)
     match target.kind:
-        case "uncertainty":
-            source = f"model uncertainty: {target.uncertainty_source}"
-            if target.model_uncertainty is None or target.model_uncertainty < target.limit:
-                source = "the model uncertainty is smaller"
-            elif target.model_uncertainty > target.limit:
-                source = "the tolerance"
-            yield from wrapped(f"target     error at most {limit} ({source})", "  ")
+        case "as written":
+            yield f"  target     error at most {limit}, as the model as written"
+        case "tolerance":
+            yield f"  target     error at most {limit} (the tolerance)"
         case "real time":
             yield f"  target     the least error at {target.real_time:g}x real time"
         case _:
@@ -253,11 +247,9 @@ def _head(report: "TuneReport") -> Iterator[str]:
 
 
 def _search_lines(report: "TuneReport") -> Iterator[str]:
-    from contactlab.studies.search.report_text import no_speedup_text
+    from contactlab.studies.search.report_text import ending_text, no_speedup_text
 
-    timed_out = "; the time limit ended the search early" if report.timed_out else ""
-    count = plural(len(report.candidates), "candidate")
-    yield from wrapped(f"search     {count} in {report.seconds:.0f} s{timed_out}", "  ")
+    yield from wrapped(f"search     {ending_text(report)}, {report.seconds:.0f} s", "  ")
     yield f"  speed      {report.real_time:.3g}x real time as written, on one core"
     if why := no_speedup_text(report):
         yield from wrapped(f"limits     {why}", "  ")
@@ -281,7 +273,8 @@ def _row(standing: str, candidate: "Candidate", report: "TuneReport") -> tuple[o
     from contactlab.studies.search.configuration import format_settings
     from contactlab.studies.search.report_text import time_ratio_text
 
-    time = "" if candidate.time_ratio is None else time_ratio_text(candidate.time_ratio)
+    time = "" if candidate.cost is None else f"work x{candidate.cost:.2g}"
+    time = time if candidate.time_ratio is None else time_ratio_text(candidate.time_ratio)
     spread = f"{_number(candidate.low, report)} to {_number(candidate.high, report)}"
     settings = format_settings(candidate.settings) or (
         "as written" if standing == "current" else ""
@@ -344,14 +337,8 @@ def _notes(report: "TuneReport") -> Iterator[str]:
 def _written_files(report: "TuneReport", folder: Path) -> Iterator[str]:
     from contactlab.schema.tune_report import PATCH, REPORT
 
-    for standing, other in (
-        ("equal error", report.equal_error),
-        ("meets the target", report.meets_target),
-    ):
-        if other:
-            yield from wrapped(
-                f"wrote {folder / other.file} ({standing}): {other.verified.sentence}"
-            )
+    if other := report.equal_error:
+        yield from wrapped(f"wrote {folder / other.file} (equal error): {other.verified.sentence}")
     if report.file:
         patch = f", {PATCH}" if (folder / PATCH).is_file() else ""
         yield from wrapped(f"wrote {folder / report.file}{patch} and {REPORT}")
@@ -372,8 +359,10 @@ def _assumptions(report: "TuneReport") -> Iterator[str]:
 
 
 def _saves_time(pairs: "FarPairs") -> bool:
-    """Return whether removing their collisions saves time; true if it was not measured."""
-    return pairs.time_ratio is None or pairs.time_ratio.high < 1
+    """Return whether removing their collisions saves work; true if it was not counted."""
+    from contactlab.schema.time_ratio import LEAST_SAVING
+
+    return pairs.cost is None or pairs.cost < 1 - LEAST_SAVING
 
 
 def _count_pairs(geoms: Sequence[str], bodies: Sequence[object]) -> str:
@@ -382,8 +371,6 @@ def _count_pairs(geoms: Sequence[str], bodies: Sequence[object]) -> str:
 
 
 def _far_pairs_text(pairs: "FarPairs") -> str:
-    from contactlab.studies.search.report_text import time_ratio_text
-
     count = _count_pairs(pairs.geoms, pairs.bodies)
     distance = f"{1e3 * pairs.distance:g} mm"
     text = (
@@ -392,6 +379,6 @@ def _far_pairs_text(pairs: "FarPairs") -> str:
     )
     if pairs.removed:
         return f"assumed: {text}. If they meet, they now pass through each other"
-    ratio = f" at {time_ratio_text(pairs.time_ratio)} time" if pairs.time_ratio else ""
+    ratio = f" at x{pairs.cost:.2g} work" if pairs.cost else ""
     option = f"--skip-pairs-beyond {distance.replace(' ', '')}"
     return f"option: {text}. {option} ignores their collisions{ratio}"

@@ -6,34 +6,31 @@ from contactlab.schema.evidence import Setting
 from contactlab.schema.strict_model import Model, about
 from contactlab.schema.task import Task
 from contactlab.schema.time_ratio import TimeRatio
+from contactlab.schema.verification import Verification as Panel
 
-TUNE_VERSION = 3
+TUNE_VERSION = 4
 REPORT, MODEL, FOLDER = "tune.json", "tuned.xml", "tuned"
 PATCH = f"{FOLDER}/tuned.patch"
 """Files of the study's folder. The model is in `tuned`, with the files that it refers to."""
-TARGET_FOLDER = "meets_target"
-"""Folder of a slower model that meets the target, if the model as written misses it."""
 EQUAL_ERROR_FOLDER = "equal_error"
 """Folder of a model that is as accurate as the model as written, if that one is not ok."""
 
-TargetKind = Literal["uncertainty", "error", "real time", "forward error"]
+TargetKind = Literal["as written", "tolerance", "error", "real time", "forward error"]
+SearchEnd = Literal["complete", "work", "time"]
 
 
 class Target(Model):
     """The goal of the search."""
 
     kind: TargetKind = about(
-        "uncertainty: the fastest whose error is at most the model uncertainty; error: the fastest "
+        "as written: the fastest that is no less accurate than the model as written; tolerance: "
+        "the fastest within the tolerance, since the model as written is not; error: the fastest "
         "whose error is at most the requested one; real time: the most accurate that is fast "
         "enough; forward error: the fastest whose forward error is at most the requested one."
     )
     limit: float = about("Largest error: a share of the real forces, or in `unit`.")
     unit: str = about("Unit of errors: 1 (a share), m, or the unit of a sensor.")
     tolerance: float = about("The tolerance, a share of the real forces.")
-    model_uncertainty: float | None = about(
-        "Largest effect of friction +-10 % or masses +-5 % on the motion; null if not measured."
-    )
-    uncertainty_source: str = about("The body, phase and row of that effect; empty if unmeasured.")
     real_time: float | None = about("Requested simulated time over CPU time.")
     observed: tuple[str, ...] = about("Bodies, sites and sensors of a forward error.")
     error_at: Literal["end", "peak"] | None = about("When the forward error is measured.")
@@ -54,8 +51,14 @@ class Candidate(Model):
     body: str = about("The worst body.")
     phase: str
     time: float | None = about("When its worst window begins [s since the phase began].")
+    exact: bool = about("Whether each bit of the task's motion is that of the model as written.")
+    cost: float | None = about(
+        "Counted work per simulated second, over that of the model as written; null if infinite. "
+        "It is the same on any machine, and decides the search."
+    )
     time_ratio: TimeRatio | None = about(
-        "Time over the time of the model as written; null if not timed."
+        "Measured time over the time of the model as written; only of what is recommended, and of "
+        "the model as written against itself, which shows the noise."
     )
 
 
@@ -73,6 +76,11 @@ class Verification(Model):
     numerical_error: float | None = about("Its numerical error as `contactlab MODEL` measures it.")
     labels: tuple[str, ...] = about("Labels of its runs that the model as written does not have.")
     sentence: str = about("Why it does not hold, or that it does.")
+    panel: Panel | None = about(
+        "Each measure next to that of the model as written; null if the candidate was rejected "
+        "before, or moves exactly as the model as written.",
+        default=None,
+    )
 
 
 class CurrentVerdict(Model):
@@ -126,9 +134,9 @@ class FarPairs(Model):
     geoms: tuple[str, ...] = about("Geoms that stayed farther than that from every other geom.")
     bodies: tuple[tuple[str, str], ...] = about("Bodies that stayed farther apart than that.")
     removed: bool = about("Whether the written models lack these collisions.")
-    time_ratio: TimeRatio | None = about(
-        "Time without them over the time of the recommended model, or else of the one that meets "
-        "the target, or else of the model as written; null if they are removed already."
+    cost: float | None = about(
+        "Counted work without them over that of the recommended model, or of the model as written "
+        "if none is recommended; null if they are removed already."
     )
 
 
@@ -142,27 +150,21 @@ class SimplifiedHulls(Model):
 class TuneReport(Model):
     """From a model to recommended settings (`tune.json`). Units are SI."""
 
-    tune_version: Literal[3] = TUNE_VERSION
+    tune_version: Literal[4] = TUNE_VERSION
     model: str = about("As given.")
     scene_hash: str
     mujoco: str
     task: Task = about("The task that the model is judged on.")
     target: Target
     sentence: str = about("The result in a sentence.")
-    target_met: bool = about(
-        "Whether the target is met: as written, as recommended, or by `meets_target`."
-    )
+    target_met: bool = about("Whether the target is met, as written or as recommended.")
     current: Candidate = about("The model as written.")
     current_verdict: CurrentVerdict | None = about(
         "The verdict on the model as written; null if the time limit left none for it."
     )
     recommended: Candidate | None = about(
-        "The fastest that meets the target and is ok. If an ok model misses the default target as "
-        "written, the fastest whose error is no larger than that; if the model is not ok, the "
-        "fastest within the tolerance. Null if no change is recommended."
-    )
-    meets_target: AlternativeCandidate | None = about(
-        "If the recommended candidate misses the target: the fastest that meets it."
+        "The fastest that meets the target and makes no measure worse; null if no change is "
+        "recommended."
     )
     far_pairs: FarPairs | None = about("Null if there are none, or they were not searched.")
     simplified_hulls: SimplifiedHulls | None = about("Null if no written model has them.")
@@ -170,9 +172,9 @@ class TuneReport(Model):
     limiting_factor: str = about(
         "Its body, time and row of the error budget, if these were measured; otherwise empty."
     )
-    unconstrained_cost: TimeRatio | None = about(
-        "If nothing saves 20 %: time without contacts and other constraints, at the model's own "
-        "step, over the time as written. No solver setting and no pair changes it. Otherwise null."
+    unconstrained_cost: float | None = about(
+        "If nothing saves 20 %: counted work without contacts and other constraints, at the own "
+        "step, over that as written. No solver setting and no pair changes it. Otherwise null."
     )
     equal_error: AlternativeCandidate | None = about(
         "If the model as written is above the tolerance, or above the requested error: the fastest "
@@ -191,5 +193,11 @@ class TuneReport(Model):
     verified: Verification | None = about("Null if nothing is recommended.")
     file: str | None = about("The written model, relative to the report.")
     lines: tuple[PatchedLine, ...] = about("Lines that the patch changes.")
-    timed_out: bool = about("Whether the time limit ended the search early.")
+    trials: int = about("Number of configurations that were tried.")
+    planned_trials: int = about("Number of configurations that a search without limits tries.")
+    ended: SearchEnd = about(
+        "complete: nothing was left to try; work: the search did its share of counted work; time: "
+        "the time limit ended it early, so that another run may have another result."
+    )
+    max_time: float = about("Time limit [s], which the share of counted work follows from.")
     seconds: float = about("Wall time of the study.")

@@ -76,13 +76,6 @@ def test_errors_grow_with_the_step_as_the_order_of_the_method_says() -> None:
     assert shares[1] / shares[0] == pytest.approx(4, rel=0.1)
 
 
-def test_what_is_unknown_is_what_masses_and_friction_are_worth() -> None:
-    """A free body falls as fast whatever its mass: nothing is unknown of it."""
-    unknown = TaskReference.run_references([motion(FALL, 0.4)], 1, 1).model_uncertainty()
-    assert unknown
-    assert unknown.error < 1e-6
-
-
 def test_inputs_of_a_longer_step_are_the_mean_of_those_that_it_covers() -> None:
     model = mujoco.MjModel.from_xml_string(
         SWING.replace(

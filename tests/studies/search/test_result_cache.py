@@ -7,7 +7,6 @@ import pytest
 
 from contactlab.plan.task_options import read_task_options
 from contactlab.scene.mujoco_versions import VERSION
-from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.tune_report import REPORT, Candidate, SkippedSetting, Target, TuneReport
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.search.report_text import UNVERIFIED, no_speedup_text, sentence_of
@@ -39,6 +38,8 @@ def asked(tmp_path: Path) -> TuneRequest:
         body="body[1]",
         phase="free",
         time=0.0,
+        exact=False,
+        cost=1.0,
         time_ratio=None,
     )
     report = TuneReport(
@@ -51,8 +52,6 @@ def asked(tmp_path: Path) -> TuneRequest:
             limit=0.02,
             unit="1",
             tolerance=0.1,
-            model_uncertainty=None,
-            uncertainty_source="",
             real_time=None,
             observed=(),
             error_at=None,
@@ -63,7 +62,6 @@ def asked(tmp_path: Path) -> TuneRequest:
         current=now,
         current_verdict=None,
         recommended=now,
-        meets_target=None,
         far_pairs=None,
         simplified_hulls=None,
         closest=None,
@@ -82,7 +80,10 @@ def asked(tmp_path: Path) -> TuneRequest:
         verified=None,
         file="tuned/tuned.xml",
         lines=(),
-        timed_out=False,
+        trials=1,
+        planned_trials=2,
+        ended="complete",
+        max_time=120.0,
         seconds=1.0,
     )
     written = tmp_path / "before" / "tuned" / "tuned.xml"
@@ -140,8 +141,12 @@ def test_another_model_and_lost_files_and_short_times_are_no_answer(
     assert found(asked, tmp_path) is None
     path.write_text(BALL)
     stored = (before / REPORT).read_text()
-    (before / REPORT).write_text(stored.replace('"timed_out":false', '"timed_out":true'))
+    (before / REPORT).write_text(stored.replace('"ended":"complete"', '"ended":"time"'))
     assert found(asked, tmp_path) is None
+    # A search that its work ended may find more with more of it.
+    (before / REPORT).write_text(stored.replace('"ended":"complete"', '"ended":"work"'))
+    assert found(asked, tmp_path)
+    assert found(replace(asked, max_time=240.0), tmp_path) is None
     (before / REPORT).write_text(stored)
     (before / "tuned" / "tuned.xml").unlink()
     assert found(asked, tmp_path) is None
@@ -154,18 +159,14 @@ def test_what_saves_no_fifth_is_told_with_what_there_is_to_save(
     report = found(asked, tmp_path)
     assert report
     assert not no_speedup_text(report)
-    price = TimeRatio(ratio=0.5, low=0.4, high=0.6)
-    off = TimeRatio(ratio=0.93, low=0.9, high=0.95)
-    own = report.current.model_copy(update={"settings": {"island": False}, "time_ratio": off})
-    rough = own.model_copy(
-        update={"settings": {"cone": "elliptic"}, "error": 0.03, "time_ratio": price}
-    )
+    own = report.current.model_copy(update={"settings": {"island": False}, "cost": 0.93})
+    rough = own.model_copy(update={"settings": {"cone": "elliptic"}, "error": 0.03, "cost": 0.5})
     longer = report.current.model_copy(update={"timestep": 0.003, "error": 0.04})
     points = (report.current, own, rough, longer)
     assert no_speedup_text(
-        report.model_copy(update={"unconstrained_cost": price, "candidates": points})
+        report.model_copy(update={"unconstrained_cost": 0.5, "candidates": points})
     ) == (
-        "time at the same timestep: x0.50 without contacts and other constraints, x0.93 at best "
+        "work at the same timestep: x0.50 without contacts and other constraints, x0.93 at best "
         "(island off), the next longer timestep, 0.003 s, has an error of 4 %"
     )
 
@@ -176,17 +177,10 @@ def test_what_no_time_was_left_to_judge_is_not_told_to_be_kept(
     """Of what was tried, the fastest within the limit that did not fail before."""
     report = found(asked, tmp_path)
     assert report
-    twin = TimeRatio(ratio=1.0, low=0.98, high=1.02)
-    now = report.current.model_copy(update={"time_ratio": twin})
+    now = report.current
     fast, faster, failed, rough = (
-        now.model_copy(
-            update={
-                "timestep": step,
-                "error": error,
-                "time_ratio": TimeRatio(ratio=ratio, low=ratio, high=ratio),
-            }
-        )
-        for step, error, ratio in (
+        now.model_copy(update={"timestep": step, "error": error, "cost": cost})
+        for step, error, cost in (
             (0.004, 0.01, 0.5),
             (0.008, 0.02, 0.25),
             (0.01, 0.02, 0.2),
@@ -200,7 +194,7 @@ def test_what_no_time_was_left_to_judge_is_not_told_to_be_kept(
     kept = (*kept, SkippedSetting(name="tuned", reason=UNVERIFIED))
     assert sentence_of(report.model_copy(update={**ended, "not_changed": kept})) == (
         "Numerical error is 1 %. The time limit left no time to verify a candidate that may be "
-        "faster: timestep 0.008, x0.25 (0.25 to 0.25) time, error 2 %. Allow more with --max-time."
+        "faster: timestep 0.008, x0.25 work, error 2 %. Allow more with --max-time."
     )
 
 
@@ -210,28 +204,27 @@ def test_what_may_keep_the_aim_is_told_apart_from_what_failed(
     report = found(asked, tmp_path)
     assert report
     now = report.current.model_copy(update={"error": 0.05})
-    near = now.model_copy(update={"timestep": 0.001, "error": 0.015})
+    near = now.model_copy(update={"timestep": 0.001, "error": 0.015, "cost": 2.0})
     missed = {"current": now, "recommended": None, "closest": near, "limiting_factor": "the ball"}
-    kept = (SkippedSetting(name="meets_target", reason=UNVERIFIED),)
+    kept = (SkippedSetting(name="tuned", reason=UNVERIFIED),)
     told = sentence_of(report.model_copy(update={**missed, "not_changed": kept}))
     assert told.endswith(
         "The time limit left no time to verify a candidate for the target of 2 %: timestep 0.001, "
-        "error 1.5 %, not timed. Allow more with --max-time."
+        "error 1.5 % at x2 work. Allow more with --max-time."
     )
     told = sentence_of(report.model_copy(update=missed))
     assert told.endswith(
         "No tested setting meets the target of 2 % on fresh seeds as well. Closest: timestep "
-        "0.001, error 1.5 %, not timed; limiting factor: the ball."
+        "0.001, error 1.5 % at x2 work; limiting factor: the ball."
     )
     # A model beyond the tolerance is told to be so, with what may keep that.
-    near = near.model_copy(update={"time_ratio": TimeRatio(ratio=2.0, low=2.0, high=2.0)})
     now = now.model_copy(update={"error": 0.5})
     missed = {**missed, "current": now, "candidates": (now, near), "closest": None}
     told = sentence_of(report.model_copy(update={**missed, "not_changed": kept}))
     assert told == (
         "Numerical error is 50 %, above the tolerance of 10 %. The time limit left no time to "
-        "verify a candidate that may be within the tolerance: timestep 0.001, x2.00 (2.00 to 2.00) "
-        "time, error 1.5 %. Allow more with --max-time."
+        "verify a candidate that may be within the tolerance: timestep 0.001, x2 work, error "
+        "1.5 %. Allow more with --max-time."
     )
     told = sentence_of(report.model_copy(update=missed))
     assert told == (

@@ -1,13 +1,16 @@
-"""The search finds what its aim means, within the time, of errors and prices in closed form."""
+"""The search finds what its aim means, of errors and costs in closed form, and repeats itself."""
 
+import itertools
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import mujoco
+import numpy as np
 import pytest
 
-from contactlab.schema.time_ratio import TimeRatio
 from contactlab.studies.search.configuration import (
     AS_WRITTEN,
     Configuration,
@@ -19,10 +22,12 @@ from contactlab.studies.search.reference_error import ErrorEstimate
 from contactlab.studies.search.search_space import Parameter, has_contacts
 from contactlab.studies.search.settings_search import (
     EQUAL_ERROR_RATIO,
+    STEP_MARGIN,
     Bound,
     Search,
     SearchSpace,
     error_of,
+    find_usable_steps,
 )
 
 FINER, LONGEST = 4, 400
@@ -60,95 +65,147 @@ class Ideal:
 
 @dataclass
 class Costs:
-    """Prices that go with the number of steps: RK4 takes four, a sparse Jacobian half the time."""
+    """Costs that go with the number of steps: RK4 takes four, a sparse Jacobian half the work."""
 
-    base_seconds: float = 0.01
-    timed: list[int] = field(default_factory=list[int])
-    calls: int = 0
+    counted: list[int] = field(default_factory=list[int])
 
-    def time_ratios(
-        self,
-        models: list[tuple[mujoco.MjModel, int]],
-        turns: int = 3,
-    ) -> list[TimeRatio]:
-        del turns
-        self.calls += 1
-        return [self._price(*each) for each in models]
-
-    def compare_segments(
-        self, one: tuple[mujoco.MjModel, int], other: tuple[mujoco.MjModel, int], turns: int
-    ) -> TimeRatio:
-        del turns
-        self.calls += 1
-        ratio = self._price(*one).ratio / self._price(*other).ratio
-        return TimeRatio.of(ratio, ratio, ratio)
-
-    def _price(self, model: mujoco.MjModel, multiple: int) -> TimeRatio:
-        self.timed.append(multiple)
-        ratio = FINER / multiple * (4 if model.opt.integrator == RK4 else 1)
-        ratio *= 0.5 if model.opt.jacobian == SPARSE else 1
+    def count_cost(self, model: mujoco.MjModel, multiple: int) -> float:
+        self.counted.append(multiple)
+        cost = FINER / multiple * (4 if model.opt.integrator == RK4 else 1)
+        cost *= 0.5 if model.opt.jacobian == SPARSE else 1
         # A loose tolerance ends what few iterations end as well.
         early = model.opt.iterations < 100 or model.opt.tolerance > 1e-8
-        ratio *= 0.8 if early else 1
-        return TimeRatio.of(ratio, ratio, ratio)
+        return cost * (0.8 if early else 1)
+
+
+STEPS = find_usable_steps(0.004, 0.001, 0.4, None)[1:]  # the first is the reference's
 
 
 def searched(
     measure: Ideal,
     limit: float,
     *,
-    max_time_ratio: float | None = None,
+    max_cost: float | None = None,
     integrators: tuple[str, ...] = ("Euler",),
     seconds: float = 60.0,
+    work: float = 1e6,
     bounds: tuple[Bound, ...] = (),
     more: tuple[Parameter, ...] = (),
-    costs: Costs | None = None,
+    steps: Sequence[int] = STEPS,
+    exact: tuple[str, ...] = (),
 ) -> Search:
     levers = [
         Parameter("jacobian", [{"jacobian": "sparse"}, {"jacobian": "dense"}], cost_falls=False),
         Parameter("iterations", [], [{"iterations": 5}]),
         *more,
     ]
-    space = SearchSpace({AS_WRITTEN: MODEL}, AS_WRITTEN, FINER, LONGEST, levers, integrators)
-    deadline = time.monotonic() + seconds
-    clock: object = costs or Costs()
+    space = SearchSpace({AS_WRITTEN: MODEL}, AS_WRITTEN, FINER, steps, levers, integrators)
+
+    def is_exact(model: mujoco.MjModel) -> bool:
+        return "jacobian" in exact and model.opt.jacobian == SPARSE
+
     search = Search(
         space,
         measure,
-        clock,  # pyright: ignore[reportArgumentType]
+        Costs(),
         bounds or (Bound.of(limit),),
-        max_time_ratio,
-        deadline,
+        max_cost,
+        work,
+        time.monotonic() + seconds,
+        is_exact,
     )
     search.run_search()
     return search
 
 
+def longest_step(multiple: float) -> int:
+    return max(step for step in STEPS if step <= multiple)
+
+
 @pytest.mark.parametrize("limit", [0.01, 0.02, 0.05, 0.3])
-def test_the_step_is_the_longest_that_keeps_the_limit(limit: float) -> None:
+def test_the_step_is_the_longest_usable_one_that_keeps_the_limit(limit: float) -> None:
     slope = 1e-3
     best = searched(Ideal(slope), limit).rank_candidates(Bound.of(limit))[0].configuration
-    longest = limit / slope
-    assert longest / 1.2 <= best.multiple <= longest
+    assert best.multiple == longest_step(limit / slope)
     assert best.settings == {"jacobian": "sparse", "iterations": 5}
 
 
-def test_steps_are_sought_beyond_those_whose_errors_are_larger() -> None:
-    """The model has 4 fine steps, and 100 keep the limit; 64 are one of its doublings."""
+def test_steps_beyond_one_whose_error_is_larger_are_found_and_beyond_two_are_not() -> None:
     limit, slope = 0.1, 1e-3
-    for bump in ((FINER, 32), (FINER, 60), (17, 40)):
-        search = searched(Ideal(slope, bump=bump), limit)
-        assert 100 / 1.2 <= search.rank_candidates(Bound.of(limit))[0].configuration.multiple <= 100
-    # Beyond the last doubling that keeps the limit, nothing is sought.
-    search = searched(Ideal(slope, bump=(FINER, 100)), limit)
-    assert search.rank_candidates(Bound.of(limit))[0].configuration.multiple == FINER
+    search = searched(Ideal(slope, bump=(8, 20)), limit)  # 10 fine steps fail
+    assert search.rank_candidates(Bound.of(limit))[0].configuration.multiple == 100
+    search = searched(Ideal(slope, bump=(8, 40)), limit)  # 10, 20 and 25 fail
+    assert search.rank_candidates(Bound.of(limit))[0].configuration.multiple == 8
 
 
 def test_a_model_that_misses_the_limit_gets_a_finer_step() -> None:
     limit = 0.035
     search = searched(Ideal(0.01), limit)
-    assert search.rank_candidates(Bound.of(limit))[0].configuration.multiple == 3
+    assert search.rank_candidates(Bound.of(limit))[0].configuration.multiple == 2
     assert search.evaluations[search.current.key].error
+
+
+def test_usable_steps_divide_the_period_of_a_controller() -> None:
+    steps = find_usable_steps(0.002, 0.0005, 0.04, 0.02)
+    assert all(math.isclose(0.02 / (0.0005 * each) % 1, 0, abs_tol=1e-9) for each in steps)
+    assert 40 in steps  # the period itself
+    assert not any(0.0005 * each > 0.02 for each in steps)
+
+
+def test_usable_steps_are_round_numbers_and_keep_a_margin_to_the_next() -> None:
+    steps = find_usable_steps(0.002, 0.0005, 0.04, None)
+    assert [0.0005 * each for each in steps] == pytest.approx(
+        [0.0005, 0.001, 0.002, 0.0025, 0.004, 0.005, 0.008, 0.01, 0.02, 0.025, 0.04]
+    )
+    for shorter, longer in itertools.pairwise(steps):
+        assert shorter <= STEP_MARGIN * longer
+
+
+def test_steps_of_an_odd_step_are_its_own_parts_and_doubles() -> None:
+    own = 1 / 240
+    steps = find_usable_steps(own, own / 4, 0.04, None)
+    assert steps == (1, 2, 4, 8, 16, 24, 32)  # 24 are 25 ms
+
+
+@pytest.mark.parametrize(("steps", "found"), [((4, 90, 100), 4), ((4, 80, 100), 80)])
+def test_a_step_near_one_that_failed_is_not_recommended(steps: tuple[int, ...], found: int) -> None:
+    search = searched(Ideal(1e-3), 0.095, steps=steps)
+    measured = [one for one in search.evaluations.values() if one.error]
+    failed = {one.configuration.multiple for one in measured if error_of(one) > 0.095}
+    assert failed == {100}
+    assert search.rank_candidates(Bound.of(0.095))[0].configuration.multiple == found
+
+
+@pytest.mark.parametrize("work", [0.5, 1.0, 2.0, 1e6])
+def test_the_same_search_makes_the_same_trials_on_any_machine(
+    work: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A clock that runs at another rate in each look, as beside busy programs, changes nothing."""
+    runs = list[list[tuple[Key, float]]]()
+    for seed in range(4):
+        looks = itertools.accumulate(np.random.default_rng(seed).exponential(seed, size=10_000))
+        monkeypatch.setattr(time, "monotonic", partial(next, looks))
+        search = searched(Ideal(1e-3), 0.05, work=work, seconds=1e9, integrators=("Euler", "RK4"))
+        assert search.ending == ("complete" if work > 1e3 else "work")
+        runs.append([(key, error_of(one)) for key, one in search.evaluations.items()])
+    assert all(run == runs[0] for run in runs)
+
+
+def test_exact_savings_are_found_before_all_else() -> None:
+    """Of a slow model, the work of two tasks is enough for them."""
+    search = searched(Ideal(1e-3), 0.05, work=2.0, exact=("jacobian",))
+    assert search.ending == "work"
+    (best,) = (one for one in search.evaluations.values() if one.exact and one.cost < 1)
+    assert best.configuration.settings == {"jacobian": "sparse"}
+    assert best.configuration.multiple == FINER
+
+
+def test_time_ends_the_search_and_it_says_so() -> None:
+    search = searched(Ideal(1e-3), 0.05, seconds=-1.0)
+    assert search.ending == "time"
+    measured = [one.configuration for one in search.evaluations.values() if one.error]
+    assert measured == [search.current]
+    assert search.trials > 1
 
 
 def test_what_nothing_meets_has_a_nearest() -> None:
@@ -158,14 +215,6 @@ def test_what_nothing_meets_has_a_nearest() -> None:
     nearest = search.closest_to(limit)
     assert nearest
     assert nearest.configuration.multiple == 2
-
-
-def test_steps_of_a_later_bound_are_sought_without_what_the_first_found_to_be_waste() -> None:
-    bounds = Bound.as_current(0.04), Bound.of(0.02)
-    tried = searched(Ideal(0.01), 0.02, bounds=bounds).evaluations.values()
-    shorter = [one.configuration for one in tried if one.configuration.multiple < FINER]
-    assert shorter
-    assert all("jacobian" in choice.settings for choice in shorter)
 
 
 def test_what_time_did_not_allow_to_judge_is_the_cheapest_within_the_limit() -> None:
@@ -182,25 +231,13 @@ def test_what_time_did_not_allow_to_judge_is_the_cheapest_within_the_limit() -> 
 
 
 def test_an_integrator_of_higher_order_wins_where_its_steps_are_four_times_as_long() -> None:
-    """Errors are 1e-2 at one step, and for RK4 1e-2 (m / 8)^4: 4 m > 4 x the other's step."""
-    limit = 0.05
-    best = (
-        searched(Ideal(1e-2), limit, integrators=("Euler", "RK4"))
-        .rank_candidates(Bound.of(limit))[0]
-        .configuration
-    )
-    euler, rk4 = limit / 1e-2, 8 * (limit / 1e-2) ** 0.25
-    assert rk4 < 4 * euler
-    assert "integrator" not in best.settings
-    limit = 0.01
-    best = (
-        searched(Ideal(4e-3), limit, integrators=("Euler", "RK4"))
-        .rank_candidates(Bound.of(limit))[0]
-        .configuration
-    )
-    euler, rk4 = limit / 4e-3, 8 * (limit / 4e-3) ** 0.25
-    assert rk4 > 4 * euler
-    assert best.settings["integrator"] == "RK4"
+    """Errors are m times the slope, and for RK4 (m / 8)^4 times."""
+    for slope, limit in ((1e-2, 0.05), (4e-3, 0.01)):
+        search = searched(Ideal(slope), limit, integrators=("Euler", "RK4"))
+        best = search.rank_candidates(Bound.of(limit))[0].configuration
+        euler = longest_step(limit / slope)
+        rk4 = longest_step(8 * (limit / slope) ** 0.25)
+        assert (best.settings.get("integrator") == "RK4") is (rk4 > 4 * euler)
 
 
 def test_what_saves_time_and_misses_the_limit_is_left_out() -> None:
@@ -210,48 +247,27 @@ def test_what_saves_time_and_misses_the_limit_is_left_out() -> None:
     assert best.settings["jacobian"] == "sparse"
 
 
-def test_of_settings_that_save_the_same_time_one_is_left() -> None:
+def test_of_settings_that_save_the_same_work_one_is_left() -> None:
     limit, loose = 0.02, Parameter("tolerance", [{"tolerance": 1e-6}])
     search = searched(Ideal(1e-3), limit, more=(loose,))
     best = search.rank_candidates(Bound.of(limit))[0].configuration
     assert best.settings == {"jacobian": "sparse", "tolerance": 1e-6}
 
 
-def test_the_step_is_found_first_by_errors_and_what_is_free_by_few_timings() -> None:
-    """Each of three rounds times all values at once, what is added beside it, and what is left."""
-    limit = 0.02
-    search = searched(Ideal(1e-3), limit, more=(Parameter("noslip", [{"noslip_iterations": 1}]),))
-    tried = list(search.evaluations.values())
-    set_first = next(place for place, one in enumerate(tried) if one.configuration.settings)
-    (alone,) = (one for one in tried[1:set_first] if one.time_ratio)
-    assert 20 / 1.15 <= alone.configuration.multiple <= 20
-    assert isinstance(search.clock, Costs)
-    assert search.clock.calls < 17
+def test_of_values_that_save_the_same_work_the_nearest_is_taken() -> None:
+    loose = Parameter("tolerance", [{"tolerance": 1e-6}, {"tolerance": 1e-5}, {"tolerance": 1e-4}])
+    search = searched(Ideal(1e-3), 0.02, more=(loose,))
+    best = search.rank_candidates(Bound.of(0.02))[0].configuration
+    assert best.settings["tolerance"] == 1e-6
 
 
-def test_at_a_price_the_most_accurate_is_found() -> None:
-    """Half the time, of which the Jacobian saves half: so the step stays what it is."""
+def test_at_a_cost_the_most_accurate_is_found() -> None:
+    """Half the work, of which the Jacobian saves half: so the step stays what it is."""
     limit = 0.02
-    search = searched(Ideal(1e-3), limit, max_time_ratio=0.5)
+    search = searched(Ideal(1e-3), limit, max_cost=0.5)
     best = search.rank_candidates(Bound.of(limit))[0]
-    assert best.time_ratio
-    assert best.time_ratio.ratio <= 0.5
-    assert best.configuration.multiple in (FINER - 1, FINER)
-
-
-@pytest.mark.parametrize(("seconds", "longest"), [(0.0, FINER), (20.0, 298), (1000.0, 298)])
-def test_little_time_gives_the_longest_step(
-    seconds: float, longest: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Errors take a second, a price three: five errors tell the step, before all else is timed."""
-    measure, limit = Ideal(1e-3), 0.3
-    costs = Costs()
-    monkeypatch.setattr(time, "monotonic", lambda: measure.asked + 3.0 * len(costs.timed))
-    search = searched(measure, limit, seconds=seconds, costs=costs)
-    assert search.timed_out is (seconds < 1000)
-    ranked = search.rank_candidates(Bound.of(limit))
-    assert ranked[0].configuration.multiple >= longest if ranked else longest == FINER
-    assert time.monotonic() < seconds + 3.0 * 12
+    assert best.cost <= 0.5
+    assert best.configuration.multiple == FINER
 
 
 def test_a_choice_says_what_it_changes() -> None:
@@ -268,19 +284,18 @@ def test_a_choice_says_what_it_changes() -> None:
 def test_of_a_model_that_misses_its_aim_what_is_as_accurate_is_found_and_what_keeps_the_aim() -> (
     None
 ):
-    """One step has 1 % of error, so 4 % as written: equal at its own step, or 3 steps for 3 %."""
+    """One step has 1 % of error, so 4 % as written: equal at its own step, or 2 steps for 2 %."""
     aim = Bound.of(0.035)
     as_current = Bound.as_current(0.04)
     search = searched(Ideal(0.01), aim.limit, bounds=(as_current, aim))
     same, kept = (search.rank_candidates(bound)[0] for bound in (as_current, aim))
-    assert (same.configuration.multiple, kept.configuration.multiple) == (FINER, 3)
+    assert (same.configuration.multiple, kept.configuration.multiple) == (FINER, 2)
     assert (
         same.configuration.settings
         == kept.configuration.settings
         == {"jacobian": "sparse", "iterations": 5}
     )
-    assert same.time_ratio
-    assert same.time_ratio.ratio < 1
+    assert same.cost < 1
 
 
 def test_what_keeps_its_aim_may_stay_as_accurate_as_it_is() -> None:
@@ -289,23 +304,6 @@ def test_what_keeps_its_aim_may_stay_as_accurate_as_it_is() -> None:
     assert aim.or_as_current(0.0199) == Bound(0.02, EQUAL_ERROR_RATIO * 0.0199)
     assert aim.or_as_current(0.001) == aim
     assert aim.or_as_current(0.2) == aim
-
-
-def test_the_safest_is_as_accurate_as_now_at_its_own_step() -> None:
-    """Longer steps are cheaper, and nearly use up the limit; the Jacobian costs no accuracy."""
-    limit = 0.3
-    search = searched(Ideal(1e-3, few=0.05), limit)
-    best = search.rank_candidates(Bound.of(limit))[0]
-    safest = search.as_accurate_as_current(time.monotonic() + 10)[0]
-    assert best.configuration.multiple > 10 * FINER
-    assert (safest.configuration.multiple, safest.configuration.settings) == (
-        FINER,
-        {"jacobian": "sparse"},
-    )
-    # Without time, it is what is known, and never at longer steps.
-    late = searched(Ideal(1e-3, few=0.05), limit).as_accurate_as_current(-math.inf)
-    assert late
-    assert all(one.time_ratio and one.configuration.multiple <= FINER for one in late)
 
 
 @pytest.mark.parametrize(

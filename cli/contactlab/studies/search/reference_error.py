@@ -16,7 +16,7 @@ from contactlab.budget import Motion
 from contactlab.budget.defects import defects, paths
 from contactlab.budget.measuring import WINDOW, reference_of, run_at_once
 from contactlab.budget.motion import pulls, without_delays
-from contactlab.budget.rows import GRAVITY_AS_REAL, ROWS, disabled
+from contactlab.budget.rows import GRAVITY_AS_REAL, disabled
 from contactlab.budget.windows import Observer, Run, body_name, judged_bodies, replay
 from contactlab.contact.trace_arrays import Floats
 
@@ -27,7 +27,6 @@ _REFERENCE_POINTS = (
     4  # points of the reference within a step of the candidate, on either side of an end
 )
 _STATIONARY_SHARE = 1e-6
-_UNCERTAINTY_ROWS = "unknown"
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 
 
@@ -232,26 +231,6 @@ class PhaseReference:
         """(M, 2) seeds and windows that candidates begin in."""
         return self._windows
 
-    def model_uncertainty(self) -> ErrorEstimate | None:
-        """Return the effect of friction +-10 % and masses +-5 %; None without either.
-
-        Both sides have the model's own step, and a converged solver.
-        """
-        rate, found = self._substeps, list[ErrorEstimate]()
-        base = reference_of(self._motion.model, 1)
-        _, which = self._window_ends(rate)
-        if not len(which):
-            return None
-        same = self.velocities_around(base, rate)
-        for row in (row for row in ROWS if row.kind == _UNCERTAINTY_ROWS and row.uses(base)):
-            for change in row.changes:
-                varied = reference_of(self._motion.model, 1)
-                change(varied, self._motion.model)
-                apart = self.estimate_error(varied, rate, same)
-                if math.isfinite(apart.error):
-                    found.append(replace(apart, phase=f"{apart.phase}: {row.name}"))
-        return max(found, key=lambda apart: apart.error, default=None)
-
 
 def subsample_windows(windows: np.ndarray, every: int) -> tuple[np.ndarray, Floats]:
     """Return the first window and one in `every` of the others, with the number each stands for.
@@ -352,8 +331,3 @@ class TaskReference:
             for part, own in zip(self.phases, same, strict=True)
         ]
         return max(found, key=lambda apart: apart.error)
-
-    def model_uncertainty(self) -> ErrorEstimate | None:
-        """Return the largest model uncertainty, over phases."""
-        found = [apart for part in self.phases if (apart := part.model_uncertainty())]
-        return max(found, key=lambda apart: apart.error, default=None)

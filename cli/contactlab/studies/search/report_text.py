@@ -32,14 +32,6 @@ def time_ratio_text(price: TimeRatio) -> str:
     return f"x{ratio} ({low} to {high})"
 
 
-def is_faster(price: TimeRatio, noise_floor: TimeRatio) -> bool:
-    """Return whether a ratio of times is below 1, and below the noise floor.
-
-    The noise floor is the ratio of the model as written to itself, from the same turns.
-    """
-    return price.is_less(min(1.0, noise_floor.low))
-
-
 def finite_or_none(number: float) -> float | None:
     """Return a number, or None if JSON has no such number."""
     return float(number) if math.isfinite(number) else None
@@ -56,17 +48,13 @@ def no_speedup_text(report: TuneReport) -> str:
     current, unconstrained = report.current, report.unconstrained_cost
     if unconstrained is None or current.error is None:
         return ""
-    limit = report.target.limit
-    if current.error > limit:
-        limit = EQUAL_ERROR_RATIO * current.error
+    limit = max(report.target.limit, EQUAL_ERROR_RATIO * current.error)
     measured = [one for one in report.candidates if one.error is not None]
     same_step = [one for one in measured if one.timestep == current.timestep]
     good = [
-        (one.time_ratio.ratio, one)
-        for one in same_step
-        if one.time_ratio and (one.error or 0.0) <= limit
+        (one.cost, one) for one in same_step if one.cost is not None and (one.error or 0.0) <= limit
     ]
-    parts = [f"x{unconstrained.ratio:.2f} without contacts and other constraints"]
+    parts = [f"x{unconstrained:.2f} without contacts and other constraints"]
     if good:
         ratio, best = min(good, key=lambda pair: pair[0])
         parts.append(f"x{min(ratio, 1.0):.2f} at best ({settings_text(best, current)})")
@@ -77,7 +65,7 @@ def no_speedup_text(report: TuneReport) -> str:
         next_one = min(longer, key=lambda one: (one.timestep, one.error))
         error = error_text(next_one.error, report.target.unit)
         parts.append(f"the next longer timestep, {next_one.timestep:g} s, has an error of {error}")
-    return f"time at the same timestep: {', '.join(parts)}"
+    return f"work at the same timestep: {', '.join(parts)}"
 
 
 def sentence_of(report: TuneReport) -> str:
@@ -86,6 +74,8 @@ def sentence_of(report: TuneReport) -> str:
     current, options = error_text(report.current.error, target.unit), list(_extra_options(report))
     if best and best.time_ratio and verified:
         fresh = f"{error_text(verified.error, target.unit)} on fresh seeds"
+        if best.exact:
+            fresh = "with the same motion"
         head = (
             f"Recommended: {time_ratio_text(best.time_ratio)} time, error "
             f"{error_text(best.error, target.unit)}, {fresh} (current {current})."
@@ -107,15 +97,14 @@ def no_recommendation_text(report: TuneReport, *, has_options: bool) -> str:
     error = f"{'Numerical error' if unit == '1' else 'Forward error'} is {current}"
     if above:
         error += f", above the tolerance of {format_percent(report.target.tolerance)}"
-    if (likely := _unverified_candidate(report)) and likely.time_ratio:
+    if likely := _unverified_candidate(report):
         goal = "within the tolerance" if above else "faster"
         settings = settings_text(likely, report.current)
-        ratio, its_error = time_ratio_text(likely.time_ratio), error_text(likely.error, unit)
         return (
-            f"{error}. {_NOT_VERIFIED} a candidate that may be {goal}: {settings}, {ratio} time, "
-            f"error {its_error}."
+            f"{error}. {_NOT_VERIFIED} a candidate that may be {goal}: {settings}, x"
+            f"{likely.cost:.2g} work, error {error_text(likely.error, unit)}."
         )
-    tested = "setting tested in time" if report.timed_out else "tested setting"
+    tested = _tested_text(report)
     if above:
         return f"{error}, and no {tested} that is numerically accurate is within it."
     if has_options:
@@ -133,10 +122,10 @@ def _unverified_candidate(report: TuneReport) -> Candidate | None:
     if not above:
         limit = max(report.target.limit, EQUAL_ERROR_RATIO * current)
     found = [
-        (one.time_ratio.ratio, one)
+        (one.cost, one)
         for one in report.candidates
-        if one.time_ratio
-        and (above or is_faster(one.time_ratio, report.current.time_ratio or one.time_ratio))
+        if one.cost is not None
+        and (above or one.cost < 1)
         and (one.error or 0.0) <= limit
         and settings_text(one, report.current) not in rejected
     ]
@@ -159,21 +148,11 @@ def _extra_options(report: TuneReport) -> Iterator[str]:
     if report.equal_error and report.equal_error.candidate.time_ratio:
         ratio = time_ratio_text(report.equal_error.candidate.time_ratio)
         yield f"Equally accurate as written, with the same verdict: {ratio} time."
-    if report.meets_target and report.meets_target.candidate.time_ratio:
-        ratio = time_ratio_text(report.meets_target.candidate.time_ratio)
-        yield (
-            f"The model as written misses the target of {limit}{_strict_target_note(report)}; "
-            f"settings that meet it: {ratio} time."
-        )
-    elif closest := report.closest:
+    if closest := report.closest:
         which = f"{settings_text(closest, report.current)}, error "
         which += error_text(closest.error, target.unit)
-        which += (
-            f" at {time_ratio_text(closest.time_ratio)} time"
-            if closest.time_ratio
-            else ", not timed"
-        )
-        tested = "setting tested in time" if report.timed_out else "tested setting"
+        which += "" if closest.cost is None else f" at x{closest.cost:.2g} work"
+        tested = _tested_text(report)
         goal = f"the target of {limit}"
         if target.real_time is not None:
             goal = f"the target of {target.real_time:g}x real time"
@@ -186,10 +165,17 @@ def _extra_options(report: TuneReport) -> Iterator[str]:
         yield f"No {tested} meets {goal}. Closest: {which}{factor}."
 
 
-def _strict_target_note(report: TuneReport) -> str:
-    """Note that the target is strict because the model uncertainty is small."""
-    target, current = report.target, report.current.error
-    uncertainty = target.model_uncertainty
-    if uncertainty is None or current is None or uncertainty >= target.limit:
-        return ""
-    return f" (the model uncertainty is only {format_percent(uncertainty)})"
+def _tested_text(report: TuneReport) -> str:
+    return "tested setting" if report.ended == "complete" else "setting that was tested"
+
+
+def ending_text(report: TuneReport) -> str:
+    """Say how many trials were made, and what ended them."""
+    count = f"{report.trials} trials"
+    match report.ended:
+        case "complete":
+            return f"{count}; nothing was left to try"
+        case "work":
+            return f"{count}; ended by the work that {report.max_time:g} s allow"
+        case "time":
+            return f"ended early after {report.trials} of {report.planned_trials} trials"

@@ -12,7 +12,6 @@ from contactlab.schema.tune_report import (
     EQUAL_ERROR_FOLDER,
     FOLDER,
     REPORT,
-    TARGET_FOLDER,
     TuneReport,
 )
 from contactlab.studies.examine.examination import ExamineRequest, open_model
@@ -25,8 +24,8 @@ def find_cached_report(
 ) -> TuneReport | None:
     """Return the report of the same question in one of the folders, or None.
 
-    It is copied into the folder of the session, with the written models. A report that timed out,
-    or with missing files, does not count.
+    It is copied into the folder of the session, with the written models. A report that the time
+    limit ended, or with missing files, does not count.
 
     Raises:
         SceneError: there is no such model, or it does not compile.
@@ -49,7 +48,7 @@ def find_cached_report(
         session.notify(f"{place / REPORT} answers the same question; remove it to search again")
         if place.resolve() != session.folder:
             session.claim("tune", request.model)
-            for folder in (FOLDER, EQUAL_ERROR_FOLDER, TARGET_FOLDER):
+            for folder in (FOLDER, EQUAL_ERROR_FOLDER):
                 if (place / folder).is_dir():
                     copytree(place / folder, session.folder / folder, dirs_exist_ok=True)
             session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
@@ -62,8 +61,8 @@ def _read_report(place: Path) -> TuneReport | None:
         report = TuneReport.model_validate_json((place / REPORT).read_bytes())
     except (OSError, ValidationError):
         return None
-    others = [other.file for other in (report.meets_target, report.equal_error) if other]
-    files = [file for file in (report.file, *others) if file]
+    other = report.equal_error.file if report.equal_error else None
+    files = [file for file in (report.file, other) if file]
     return report if all((place / file).is_file() for file in files) else None
 
 
@@ -74,10 +73,15 @@ def _is_same_question(request: TuneRequest, report: TuneReport) -> bool:
     asked = request.error
     if asked is not None and request.error_at is None:
         asked = min(asked, target.tolerance)
-    return not report.timed_out and (
-        (asked, request.real_time, tuple(request.observed), request.error_at)
-        == (given, target.real_time, target.observed, target.error_at)
-        and request.skip_pairs_beyond == (apart.distance if apart and apart.removed else None)
-        and request.simplify_hulls == (hulls.max_distance if hulls else None)
-        and request.drop_sensors == bool(report.removed_sensors)
+    same_work = report.ended == "complete" or report.max_time == request.max_time
+    return (
+        report.ended != "time"
+        and same_work
+        and (
+            (asked, request.real_time, tuple(request.observed), request.error_at)
+            == (given, target.real_time, target.observed, target.error_at)
+            and request.skip_pairs_beyond == (apart.distance if apart and apart.removed else None)
+            and request.simplify_hulls == (hulls.max_distance if hulls else None)
+            and request.drop_sensors == bool(report.removed_sensors)
+        )
     )

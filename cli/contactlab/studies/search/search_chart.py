@@ -1,4 +1,4 @@
-"""Chart of time over error of every candidate, with the target and the tolerance as lines."""
+"""Chart of counted work over error of every candidate, with target and tolerance as lines."""
 
 from pathlib import Path
 
@@ -11,9 +11,9 @@ from contactlab.schema.time_ratio import LEAST_SAVING
 from contactlab.schema.tune_report import Candidate, TuneReport
 from contactlab.studies.search.configuration import format_settings
 
-_MERGE_RATIO = 1 + LEAST_SAVING  # of times, and of errors: candidates that are drawn as one
+_MERGE_RATIO = 1 + LEAST_SAVING  # of works, and of errors: candidates that are drawn as one
 _MAX_ERROR_RATIO = 1e3  # of the limit: larger errors are not drawn
-_MARKS = ["as written", "recommended", "meets target", "equal error"]
+_MARKS = ["as written", "recommended", "equal error"]
 _WIDTH, _HEIGHT = 520, 340
 
 
@@ -21,7 +21,7 @@ def specification(report: TuneReport) -> alt.TopLevelMixin:
     """Return the chart: candidates, the recommended one, the target and its source."""
     rows = merge_candidates(report)
     unit = "share of the real forces" if report.target.unit == "1" else report.target.unit
-    x = alt.X("time:Q").title("time, over the time as written").scale(type="log")
+    x = alt.X("time:Q").title("counted work, over that as written").scale(type="log")
     y = alt.Y("error:Q").title(f"error [{unit}]").scale(type="log")
     tried = layer_of("tried", rows).encode(x=x, y=y, tooltip=["settings:N", "time:Q", "error:Q"])
     spans = layer_of("tried", rows).mark_rule(color=OTHERS_COLOUR)
@@ -55,15 +55,13 @@ def merge_candidates(report: TuneReport) -> Rows:
     shown: list[tuple[Candidate, str]] = [(report.current, "as written")]
     if report.recommended:
         shown.append((report.recommended, "recommended"))
-    if report.meets_target:
-        shown.append((report.meets_target.candidate, "meets target"))
     if report.equal_error:
         shown.append((report.equal_error.candidate, "equal error"))
     shown += [(candidate, "") for candidate in report.candidates]
     rows: Rows = []
     for candidate, what in shown:
         if (
-            candidate.time_ratio is None
+            candidate.cost is None
             or not candidate.error
             or candidate.error > _MAX_ERROR_RATIO * report.target.limit
         ):
@@ -72,7 +70,7 @@ def merge_candidates(report: TuneReport) -> Rows:
             continue
         rows.append(
             {
-                "time": candidate.time_ratio.ratio,
+                "time": candidate.cost,
                 "error": candidate.error,
                 "low": candidate.low or candidate.error,
                 "high": candidate.high or candidate.error,
@@ -84,9 +82,9 @@ def merge_candidates(report: TuneReport) -> Rows:
 
 
 def _is_close(candidate: Candidate, time: float, error: float) -> bool:
-    assert candidate.time_ratio
+    assert candidate.cost
     assert candidate.error
-    ratios = candidate.time_ratio.ratio / time, candidate.error / error
+    ratios = candidate.cost / time, candidate.error / error
     return all(1 / _MERGE_RATIO < ratio < _MERGE_RATIO for ratio in ratios)
 
 
@@ -97,13 +95,6 @@ def _error_lines(report: TuneReport) -> Rows:
     lines: Rows = [
         {"error": target.tolerance, "text": f"tolerance {format_percent(target.tolerance)}"}
     ]
-    if target.model_uncertainty:
-        lines.append(
-            {
-                "error": target.model_uncertainty,
-                "text": f"model uncertainty {format_percent(target.model_uncertainty)}",
-            }
-        )
     if target.kind == "error":
         lines.append({"error": target.limit, "text": f"requested: {format_percent(target.limit)}"})
     return lines

@@ -15,8 +15,8 @@ class TuneRequest:
     Attributes:
         model: a scene, its folder, a model file, or a robot.
         task: options that replace parts of the model's task; of its limits, only the tolerance.
-        error: target error: a share, or in the unit of the observed output; None for the model
-            uncertainty.
+        error: target error: a share, or in the unit of the observed output; None for that of the
+            model as written, at most the tolerance.
         real_time: if given, find the most accurate settings at this multiple of real time.
         observed: bodies, sites and sensors of a forward error.
         error_at: when the forward error is measured; None for the error budget.

@@ -15,12 +15,10 @@ from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_edits import FLAG_NAMES, read_flag, read_option
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.evidence import Setting
-from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.tune_report import (
     EQUAL_ERROR_FOLDER,
     FOLDER,
     REPORT,
-    TARGET_FOLDER,
     AlternativeCandidate,
     Candidate,
     ChangedSetting,
@@ -41,32 +39,27 @@ from contactlab.studies.search.forward_error import Divergence, join_phases, mea
 from contactlab.studies.search.report_text import finite_or_none, sentence_of
 from contactlab.studies.search.search_space import find_integrators, find_parameters, may_sleep
 from contactlab.studies.search.settings_search import (
-    MIN_SPEEDUP_RATIO,
+    SAVING,
     Bound,
     Evaluation,
     Search,
     SearchSpace,
+    error_of,
 )
 from contactlab.studies.search.stress_motions import join_seeds
 from contactlab.studies.search.time_limit import TimeLimit
 from contactlab.studies.search.tune_request import TuneRequest, refuse_contradictions
-from contactlab.studies.search.tuning_problem import (
-    OFFERED_DISTANCE,
-    SEARCH_TIME_SHARE,
-    TuningProblem,
-)
+from contactlab.studies.search.tuning_problem import OFFERED_DISTANCE, TuningProblem
 from contactlab.studies.search.verification import CandidateVerifier, Goal, VerifiedCandidate
 from contactlab.studies.session import Session
+from contactlab.studies.verification.panel import ERROR_FLOOR
 
-_MAX_STEP = 0.04  # s: the length of a window
+_SEARCH_SHARE = 0.5
+"""Share of the time limit after which the search ends, whatever it has counted: the rest is for
+verification. The counted work ends it sooner unless the machine is busy."""
 _TIMING_SHARE = 0.3  # share of the remaining time for timing a verified candidate
-_MIN_SEARCH_SHARE = (
-    0.3  # least share of the remaining time for the search, if a verdict may take the rest
-)
-_LEAST_SEARCH_SHARE = 0.1  # share of it in any case
-_COMPARISON_TURNS = 5
 _TIMING_SEED_FACTOR = 6  # seeds of the clock, in multiples of the search's seeds, if seeds differ
-_LARGE_SAVING_RATIO = 0.8  # ratio of times above which the unconstrained cost is reported
+_LARGE_SAVING = 0.8  # cost above which the unconstrained cost is reported
 
 
 def tune_model(request: TuneRequest, session: Session, begin: float | None = None) -> TuneReport:
@@ -109,38 +102,48 @@ class TuningStudy:
         """Set up the search."""
         self._request, self._session, self._problem = request, session, problem
         self._time_limit = allowed
-        self._divergence: Divergence | None = None
-        self._target = self._find_target()
         self._clock = Clock(problem.reference, problem.model)
         motions = problem.motions
-        levers, kept = find_parameters(problem.own_model, motions)
+        parameters, kept = find_parameters(problem.own_model, motions)
         self._skipped = [*problem.skipped, *kept]
         space = SearchSpace(
             problem.models,
             problem.start,
             problem.reference.substeps,
-            max(problem.reference.substeps, round(_MAX_STEP / problem.reference.step)),
-            levers,
+            problem.steps,
+            parameters,
             find_integrators(problem.own_model),
             problem.simplified,
             may_sleep=may_sleep(problem.own_model),
         )
-        measure = problem.error_estimator(problem.reference, motions)
-        search = Search(space, measure, self._clock, (), self._max_time_ratio(), math.inf)
-        known = Evaluation(
-            search.current, measure.estimate_error(problem.model, search.current.multiple)
+        estimator = problem.error_estimator(problem.reference, motions)
+        self._search = Search(
+            space,
+            estimator,
+            problem.cost,
+            (),
+            self._max_cost(),
+            problem.search_passes,
+            allowed.begin + _SEARCH_SHARE * allowed.seconds,
+            problem.moves_alike,
         )
-        self._goals = self._find_goals(known)
-        search.evaluations[search.current.key] = known
-        search.bounds = tuple(goal.bound for goal in self._goals)
-        self._search = search
-        self._verifier = CandidateVerifier(request, session, problem, search, self._target, allowed)
+        self._divergence: Divergence | None = None
+        self._target = self._find_target()
+        self._goals = self._find_goals()
+        self._search.bounds = tuple(goal.bound for goal in self._goals)
+        self._verifier = CandidateVerifier(
+            request, session, problem, self._search, self._target, allowed, self._time_closely
+        )
+
+    @property
+    def _current_error(self) -> float:
+        """Error of the model as written, from the seeds of the search."""
+        return error_of(self._search.evaluate_current())
 
     def _find_target(self) -> Target:
         request, problem, unit = self._request, self._problem, "1"
-        kind: TargetKind = "uncertainty" if request.error is None else "error"
-        if request.real_time is not None:
-            kind = "real time"
+        tolerance = problem.examined.task.tolerance
+        kind: TargetKind = "as written"
         if request.error_at is not None:
             kind = "forward error"
             self._divergence = measure_divergence(join_phases(problem.motions), problem.threads)
@@ -150,65 +153,57 @@ class TuningStudy:
                     f"{self._divergence.sentence}. Remove --error-at to use the error budget"
                 )
             unit = problem.observed[0].unit
-        uncertain = problem.model_uncertainty
-        by = "" if uncertain is None else f"{uncertain.body}, {uncertain.phase}"
+        now = self._current_error
+        limit = max(now, ERROR_FLOOR)
+        if request.error is not None:
+            kind = "error" if request.error_at is None else kind
+            limit = request.error if request.error_at else min(request.error, tolerance)
+        elif request.real_time is not None:
+            kind = "real time"
+        elif now > tolerance:
+            kind, limit = "tolerance", tolerance
         return Target(
             kind=kind,
-            limit=problem.limit,
+            limit=limit if math.isfinite(limit) else tolerance,
             unit=unit,
-            tolerance=problem.examined.task.tolerance,
-            model_uncertainty=uncertain.error if uncertain else None,
-            uncertainty_source=by,
+            tolerance=tolerance,
             real_time=request.real_time,
             observed=tuple(request.observed) if request.error_at else (),
             error_at=request.error_at,
             divergence=self._divergence.sentence if self._divergence else "",
         )
 
-    def _max_time_ratio(self) -> float | None:
+    def _max_cost(self) -> float | None:
         if self._request.real_time is None:
             return None
         return 1 / (self._request.real_time * self._clock.base_seconds)
 
-    def _find_goals(self, known: Evaluation) -> list[Goal]:
+    def _find_goals(self) -> list[Goal]:
         """Return the goals in the order of the search.
 
-        If the model as written meets the target: the fastest that meets it. Otherwise also the
-        fastest with no larger error, which costs no more than the model as written; and if that is
-        above the tolerance, the fastest within the tolerance.
+        By default: the fastest candidate that is no less accurate than the model as written. If
+        that is less accurate than the target: also the fastest that meets the target.
         """
-        assert known.error
-        aim, now = Bound.of(self._target.limit), known.error.error
-        if now <= aim.limit or self._request.real_time is not None:
-            return [Goal(aim.or_as_current(now), FOLDER)]
-        as_current = Bound.as_current(now)
-        if self._target.kind != "uncertainty":
-            return [Goal(as_current, EQUAL_ERROR_FOLDER, must_be_sound=False), Goal(aim, FOLDER)]
-        within = Bound.of(self._target.tolerance)
-        if now <= within.limit:
-            return [Goal(as_current, FOLDER), Goal(aim, TARGET_FOLDER)]
-        found = [Goal(as_current, EQUAL_ERROR_FOLDER, must_be_sound=False), Goal(within, FOLDER)]
-        return [*found, Goal(aim, TARGET_FOLDER)] if aim.limit < within.limit else found
+        now, limit = self._current_error, self._target.limit
+        if self._target.kind in ("as written", "real time"):
+            return [Goal(Bound.as_current(now, ERROR_FLOOR), FOLDER)]
+        if now <= limit:
+            return [Goal(Bound.of(limit).or_as_current(now), FOLDER)]
+        as_current = Goal(Bound.as_current(now), EQUAL_ERROR_FOLDER, must_be_sound=False)
+        return [as_current, Goal(Bound.of(limit), FOLDER)]
 
     def run_study(self) -> TuneReport:
         """Search, write and verify candidates, and return the report."""
         search, verifier = self._search, self._verifier
         verifier.judge_current()
-        search.deadline = self._end_of_search()
         search.run_search()
         known = verifier.current
-        if known.error is None or known.time_ratio is None:
-            raise ExpectationError(
-                f"{self._request.model}: {self._request.max_time:g} s are too short to measure the "
-                "model as written; allow more with --max-time"
-            )
-        for folder in (FOLDER, EQUAL_ERROR_FOLDER, TARGET_FOLDER):
+        for folder in (FOLDER, EQUAL_ERROR_FOLDER):
             rmtree(self._session.folder / folder, ignore_errors=True)
-        best, as_current, to_aim = self._verify_goals()
-        keeps = best is not None and best.verification.meets_target
-        met = keeps or to_aim is not None or self._meets_target(known)
+        best, as_current = self._verify_goals()
+        met = best is not None or self._meets_target(known)
         nearest = None if met else search.closest_to(self._target.limit, verifier.rejected)
-        made = [answer for answer in (best, to_aim, as_current) if answer]
+        made = [answer for answer in (best, as_current) if answer]
         used = any("unused" in answer.evaluation.configuration.reductions for answer in made)
         edits = self._problem.unused if used else ModelEdits()
         report = TuneReport(
@@ -222,7 +217,6 @@ class TuningStudy:
             current=self._candidate(known),
             current_verdict=verifier.current_verdict(),
             recommended=self._candidate(best.evaluation) if best else None,
-            meets_target=self._alternative(to_aim),
             far_pairs=self._report_far_pairs([answer.evaluation for answer in made]),
             simplified_hulls=self._report_hulls(made),
             closest=self._candidate(nearest) if nearest else None,
@@ -250,62 +244,32 @@ class TuningStudy:
             lines=tuple(PatchedLine(**vars(change)) for change in best.written.changes)
             if best
             else (),
-            timed_out=search.timed_out,
+            trials=len(search.evaluations),
+            planned_trials=max(len(search.evaluations), search.trials * len(self._goals)),
+            ended="time" if verifier.is_late else search.ending,
+            max_time=self._request.max_time,
             seconds=time.monotonic() - self._time_limit.begin,
         )
         return report.model_copy(update={"sentence": sentence_of(report)})
 
-    def _end_of_search(self) -> float:
-        """Return when the search ends, on the clock of `time.monotonic`; verdicts follow."""
-        allowed, one = self._time_limit, self._verifier.current_verification_time
-        left, own = allowed.remaining, allowed.begin + SEARCH_TIME_SHARE * allowed.seconds
-        least = max(min(_MIN_SEARCH_SHARE * left, left - one), _LEAST_SEARCH_SHARE * left)
-        return min(own, time.monotonic() + max(least, left - len(self._goals) * one))
-
-    def _verify_goals(
-        self,
-    ) -> tuple[VerifiedCandidate | None, VerifiedCandidate | None, VerifiedCandidate | None]:
-        """Return the candidates: recommended, of equal error, and meeting the target."""
+    def _verify_goals(self) -> tuple[VerifiedCandidate | None, VerifiedCandidate | None]:
+        """Return the recommended candidate, and the one of equal error if it is faster."""
         by_folder = {goal.folder: goal for goal in self._goals}
-        best = self._verify_goal(by_folder[FOLDER], len(self._goals) - 1)
-        as_current = to_aim = None
+        best = self._verifier.verify_best(by_folder[FOLDER])
         own = by_folder.get(EQUAL_ERROR_FOLDER)
-        late = self._time_limit.remaining < self._verifier.current_verification_time
-        if own is None and best is None and not late and not self._verifier.is_current_sound:
-            own = Goal(by_folder[FOLDER].bound, EQUAL_ERROR_FOLDER, must_be_sound=False)
-        aim = None if best and best.verification.meets_target else by_folder.get(TARGET_FOLDER)
-        if own and not (best and self._is_as_good(best.evaluation, own.bound)):
-            as_current = self._verify_goal(own, later=1 if aim else 0)
-        if aim:
-            to_aim = self._verify_goal(aim)
-        return best, as_current, to_aim
-
-    def _verify_goal(self, goal: Goal, later: int = 0) -> VerifiedCandidate | None:
-        """Return the best verified and timed candidate, or None if it is not better.
-
-        `later` other goals follow.
-        """
-        found = self._verifier.verify_best(goal, later)
-        if found:
-            self._time_closely(found.evaluation)
-            if not self._verifier.is_better(found.evaluation, goal.bound):
-                self._verifier.drop_candidate(goal)
-                return None
-        return found
+        if own is None or (best and self._is_as_good(best.evaluation, own.bound)):
+            return best, None
+        return best, self._verifier.verify_best(own)
 
     def _is_as_good(self, tried: Evaluation, bound: Bound) -> bool:
-        """Return whether an evaluation takes no longer than the best candidate of another bound."""
+        """Return whether an evaluation costs no more than the best candidate of another bound."""
         other = next(iter(self._search.rank_candidates(bound)), None)
-        assert tried.time_ratio
-        return other is None or (
-            other.time_ratio is not None
-            and tried.time_ratio.ratio <= other.time_ratio.ratio / MIN_SPEEDUP_RATIO
-        )
+        return other is None or tried.cost <= other.cost / SAVING
 
     def _meets_target(self, known: Evaluation) -> bool:
         assert known.error
-        if self._search.max_time_ratio is not None:
-            return self._search.max_time_ratio >= 1
+        if self._search.max_cost is not None:
+            return self._search.max_cost >= 1
         return known.error.error <= self._target.limit
 
     def _time_closely(self, tried: Evaluation) -> None:
@@ -342,7 +306,7 @@ class TuningStudy:
 
     def _report_far_pairs(self, made: Sequence[Evaluation]) -> FarPairs | None:
         """Return the far pairs, and the time without them, for the first verified candidate."""
-        asked, price = self._request.skip_pairs_beyond is not None, None
+        asked, cost = self._request.skip_pairs_beyond is not None, None
         problem = self._problem
         if not asked and self._time_limit.remaining < 0:
             return None
@@ -354,17 +318,17 @@ class TuningStudy:
         if not asked:
             choice = made[0].configuration if made else self._search.current
             before = self._search.space.model_of(choice)
-            own, without = self._clock.time_ratios(
-                [(each, choice.multiple) for each in (before, choice.apply_to(sparser))],
-                _COMPARISON_TURNS,
+            own, without = (
+                problem.cost.count_cost(each, choice.multiple)
+                for each in (before, choice.apply_to(sparser))
             )
-            price = without.scaled(1 / own.ratio)
+            cost = without / own
         return FarPairs(
             distance=self._request.skip_pairs_beyond or OFFERED_DISTANCE,
             geoms=problem.far_pairs.masked,
             bodies=problem.far_pairs.excluded,
             removed=asked,
-            time_ratio=price,
+            cost=cost,
         )
 
     def _report_hulls(self, made: Sequence[VerifiedCandidate]) -> SimplifiedHulls | None:
@@ -379,7 +343,7 @@ class TuningStudy:
         """Return the body, time and row that keep the target from being met."""
         error = nearest.error
         assert error
-        if self._search.max_time_ratio is not None:
+        if self._search.max_cost is not None:
             return "no tested setting is fast enough"
         where = f"{error.body} at {error.time:.2f} s of {error.phase}"
         if self._time_limit.remaining < 0:
@@ -393,20 +357,14 @@ class TuningStudy:
             row = "solver"
         return f"{row} error of {where}"
 
-    def _unconstrained_cost(self, *made: Evaluation | None) -> TimeRatio | None:
-        """Time the model without constraints, unless a verified candidate saves 20 %."""
-        saving = [
-            one.time_ratio and one.time_ratio.ratio < _LARGE_SAVING_RATIO for one in made if one
-        ]
-        if any(saving) or self._search.max_time_ratio is not None or self._time_limit.remaining < 0:
+    def _unconstrained_cost(self, *made: Evaluation | None) -> float | None:
+        """Count the model without constraints, unless a verified candidate saves 20 %."""
+        saving = [one.cost < _LARGE_SAVING for one in made if one]
+        if any(saving) or self._search.max_cost is not None:
             return None
-        now = self._search.current
-        own = self._search.space.model_of(now)
-        bare = copy.copy(own)
+        bare = copy.copy(self._problem.model)
         bare.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-        return self._clock.compare_segments(
-            (bare, now.multiple), (own, now.multiple), _COMPARISON_TURNS
-        )
+        return self._problem.cost.count_cost(bare, self._search.current.multiple)
 
     def _changed_settings(self, chosen: Evaluation) -> Iterator[ChangedSetting]:
         model = self._problem.model
@@ -428,7 +386,9 @@ class TuningStudy:
         settings: dict[str, Setting] = {name: axis_cell(value) for name, value in own.items()}
         return Candidate(
             settings=settings,
-            timestep=float(f"{choice.multiple * self._problem.reference.step:.12g}"),
+            timestep=self._problem.timestep_of(choice),
+            exact=tried.exact,
+            cost=finite_or_none(tried.cost),
             removes_unused="unused" in choice.reductions,
             removes_far_pairs="apart" in choice.reductions,
             simplifies_hulls="hulls" in choice.reductions,

@@ -1,7 +1,7 @@
 """The model to tune: its motions, its reference, and the parts that can be removed."""
 
+import copy
 import math
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -11,16 +11,17 @@ import mujoco
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
-from contactlab.budget.windows import replay
 from contactlab.errors import EngineError, SceneError
 from contactlab.scene.model_draft import CompiledFiles, ModelEdits, drop_textures, edit_spec
+from contactlab.scene.scene import Scene
 from contactlab.scene.unreachable import GeomPair, filtered_pairs
 from contactlab.studies.check.checked_model import CheckedModel
-from contactlab.studies.search.configuration import AS_WRITTEN, Reductions
+from contactlab.studies.search.configuration import AS_WRITTEN, Configuration, Reductions
+from contactlab.studies.search.counted_cost import CountedCost
 from contactlab.studies.search.forward_error import ForwardError, ObservedOutput
-from contactlab.studies.search.reference_error import ErrorEstimate, TaskReference
+from contactlab.studies.search.reference_error import TaskReference
 from contactlab.studies.search.search_space import SkippedParameter
-from contactlab.studies.search.settings_search import ErrorEstimator
+from contactlab.studies.search.settings_search import ErrorEstimator, find_usable_steps
 from contactlab.studies.search.simplified_hulls import (
     colliding_meshes,
     fewest_vertices,
@@ -43,21 +44,26 @@ from contactlab.studies.search.unused_pairs import (
     unused_flags,
     with_flags,
 )
+from contactlab.studies.verification.panel import ERROR_FLOOR
 
-MIN_TARGET = 0.01
-"""An error that is small enough for any model, as a share."""
+WORK_SHARE = 0.25
+"""Share of the time limit that the search may take, in counted time. The rest is for the written
+model, for fresh seeds, and for other programs: the search ends at the same trial when it has a
+third of a core."""
 OFFERED_DISTANCE = 0.05
 """m: distance for which the saving without collisions is reported."""
-SEARCH_TIME_SHARE = 0.6
-"""Share of the time limit for the search; the rest is for files, fresh seeds and the clock."""
+MAX_STEP_SECONDS = 0.04
+"""Longest timestep [s]: the length of a window."""
 LIMITED = ("reference", "seeds", "windows")
 """Names of report entries on the effects of the time limit."""
-_SUBSTEPS = (2, 4, 8, 16)
+_SUBSTEPS = (2, 4, 5, 8, 10, 16, 20)
 _REFERENCE_ERROR_SHARE = 0.2  # share of the limit that the reference's own error may have
-_REFERENCE_TIME_SHARE, _MAX_SEED_TIME_SHARE = 0.15, 0.4
-"""Shares of the time limit for references: of all seeds, and of one."""
+_REFERENCE_SHARE, _MAX_SEED_SHARE = 0.15, 0.4
+"""Shares of the work for references: of all seeds, and of one."""
 _SEARCH_PASSES = 80  # approximate simulations of the task per search
 _MAX_WINDOW_STRIDE = 4  # at least one in this many windows is used
+_MAX_DIGITS, _ROUNDED = 6, 1e-7
+"""Most digits of a written timestep; relative difference below which fewer digits are the same."""
 _MANY_VERTICES = 32
 _UNUSED: Reductions = frozenset({"unused"})
 
@@ -66,12 +72,12 @@ class TuningProblem:
     """The model to tune.
 
     Attributes:
-        motions: phases of the task, with as many seeds as the time limit allows.
-        pass_seconds: CPU time of the task for one seed [s].
-        compile_seconds: CPU time of compiling the files [s].
+        motions: phases of the task, with as many seeds as the work allows.
         model: the model compiled from its files, without recording.
+        cost: counts the work of models.
+        work: counted time that the search may take [s].
         reference: the reference that errors are measured from.
-        model_uncertainty: effect of friction +-10 % and masses +-5 %.
+        steps: usable timesteps, in fine steps.
         models: compiled models by reductions.
         skipped: settings that are not tried, and why.
         hull_vertices: largest numbers of hull vertices within the requested distance, by mesh.
@@ -80,18 +86,21 @@ class TuningProblem:
     def __init__(
         self, request: TuneRequest, examined: CheckedModel, threads: int, allowed: TimeLimit
     ) -> None:
-        """Measure the cost, the reference, the model uncertainty, and the unused parts."""
+        """Count the work, and run the reference; find the unused parts."""
         self._request, self.examined, self.threads = request, examined, threads
         self._time_limit = allowed
         task = examined.task
         if request.error_at is not None:
             task = task.model_copy(update={"observed": ()})
-        self.motions = self._affordable_motions(examined.motions_of(task))
-        begin = time.process_time()
+        self.motions = examined.motions_of(task)
         self.model = self._compile_edited(ModelEdits())
-        self.compile_seconds = time.process_time() - begin
+        self.cost = CountedCost(self.motions, self.model, threads)
+        self.work = WORK_SHARE * request.max_time
+        self._window_stride = self._plan_windows()
         self.skipped = list[SkippedParameter]()
-        self.reference, self.model_uncertainty = self._converged_reference()
+        self.reference = self._converged_reference()
+        self.cost.fine_step = self.reference.step
+        self.steps = self._usable_steps(self.reference.substeps)
         self.models: dict[Reductions, mujoco.MjModel] = {}
         self.unused = self._find_unused()
         self.models[AS_WRITTEN] = self.model
@@ -112,14 +121,18 @@ class TuningProblem:
         return self.motions[0].seeds
 
     @property
-    def limit(self) -> float:
-        """The target error."""
-        return self._limit_of(self.model_uncertainty)
-
-    @property
     def observed(self) -> list[ObservedOutput]:
         """Outputs of the forward error."""
         return [ObservedOutput.find(self.model, name) for name in self._request.observed]
+
+    def timestep_of(self, choice: Configuration) -> float:
+        """Return the timestep of a configuration [s], in as few digits as a person would write."""
+        exact = choice.multiple * self.reference.step
+        for digits in range(1, _MAX_DIGITS):
+            rounded = float(f"{exact:.{digits}g}")
+            if math.isclose(rounded, exact, rel_tol=_ROUNDED):
+                return rounded
+        return float(f"{exact:.{_MAX_DIGITS}g}")
 
     def error_estimator(
         self, reference: TaskReference, motions: Sequence[Motion]
@@ -130,17 +143,24 @@ class TuningProblem:
         finer, at = self.reference.substeps, self._request.error_at
         return ForwardError(motions, finer, self.observed, at, self.threads)
 
-    def _affordable_motions(self, motions: Sequence[Motion]) -> list[Motion]:
-        """Return motions of as many seeds as the time limit allows, with all windows or fewer."""
-        begin = time.process_time()
-        for motion in motions:
-            replay(motion, 1.0, self.threads)
-        self.pass_seconds = (time.process_time() - begin) / motions[0].seeds
-        takes = self._time_limit.wall_time_of(self.pass_seconds)
-        allowed = SEARCH_TIME_SHARE * self._request.max_time / _SEARCH_PASSES
-        seeds = min(motions[0].seeds, max(1, int(_MAX_WINDOW_STRIDE * allowed / takes)))
-        self._window_stride = min(_MAX_WINDOW_STRIDE, max(1, math.ceil(seeds * takes / allowed)))
-        return [first_seeds(motion, seeds) for motion in motions]
+    def _plan_windows(self) -> int:
+        """Take as many seeds as the work allows; return that one in how many windows is used."""
+        takes, allowed = self.cost.pass_seconds, self.work / _SEARCH_PASSES
+        seeds = min(self.seeds, max(1, int(_MAX_WINDOW_STRIDE * allowed / takes)))
+        self.motions = [first_seeds(motion, seeds) for motion in self.motions]
+        return min(_MAX_WINDOW_STRIDE, max(1, math.ceil(seeds * takes / allowed)))
+
+    @property
+    def search_passes(self) -> float:
+        """Error estimates of the model as written that the work allows."""
+        return self.work * self._window_stride / (self.cost.pass_seconds * self.seeds)
+
+    def _usable_steps(self, substeps: int) -> tuple[int, ...]:
+        own = float(self.own_model.opt.timestep)
+        period = control_period(self.examined.scene)
+        found = find_usable_steps(own, own / substeps, max(own, MAX_STEP_SECONDS), period)
+        # Errors of the step of the reference itself cannot be measured.
+        return tuple(step for step in found if step >= min(substeps, 2))
 
     def _compile_edited(self, edits: ModelEdits) -> mujoco.MjModel:
         """Return the model of the scene's files with edits, without recording and textures."""
@@ -157,8 +177,8 @@ class TuningProblem:
             return own
         return files.model
 
-    def _converged_reference(self) -> tuple[TaskReference, ErrorEstimate | None]:
-        """Return a reference that is fine enough, and the model uncertainty."""
+    def _converged_reference(self) -> TaskReference:
+        """Return a reference that is fine enough."""
         coarse = TaskReference.run_references(self.motions, 1, self.threads, self._window_stride)
         if not coarse.is_complete:
             finest = TaskReference.run_references(
@@ -169,32 +189,32 @@ class TuningProblem:
                     f"{self._request.model}: MuJoCo gives up even at an eighth of the timestep; "
                     f"see contactlab {self._request.model}"
                 )
-            return finest, finest.model_uncertainty()
-        uncertain = coarse.model_uncertainty()
-        finer = self._needed_substeps(coarse, uncertain)
+            return finest
+        finer = self._needed_substeps(coarse)
         fine = TaskReference.run_references(self.motions, finer, self.threads, self._window_stride)
-        return (fine, uncertain) if fine.is_complete else (coarse, uncertain)
+        return fine if fine.is_complete else coarse
 
-    def _needed_substeps(self, coarse: TaskReference, uncertain: ErrorEstimate | None) -> int:
-        """Return the substeps that the error needs; use fewer seeds if time is short.
+    def _needed_substeps(self, coarse: TaskReference) -> int:
+        """Return the substeps that the error needs; use fewer seeds if the work allows no more.
 
-        Substeps are reduced only if even one seed would take too long.
+        Substeps are reduced only if even one seed would take too long. Of those that are fine
+        enough, the ones with the most usable timesteps are chosen.
         """
-        limit = self._limit_of(uncertain)
-        if self._request.error_at is not None or self._request.real_time is not None:
-            limit = MIN_TARGET
-        # In first order, one step differs from two as much as from the limit.
-        needed = coarse.uncorrected_error(self.own_model, 2).error / (
-            _REFERENCE_ERROR_SHARE * limit
+        # In first order, one step differs from two as much as from the exact motion.
+        own = coarse.uncorrected_error(self.own_model, 2).error
+        limit = min(self.examined.task.tolerance, max(ERROR_FLOOR, own))
+        if self._request.error is not None and self._request.error_at is None:
+            limit = min(limit, self._request.error)
+        needed = min(own / (_REFERENCE_ERROR_SHARE * limit), _SUBSTEPS[-1])
+        enough = [rate for rate in _SUBSTEPS if needed <= rate <= max(2 * needed, _SUBSTEPS[1])]
+        finer = max(
+            enough or _SUBSTEPS[-1:], key=lambda rate: (len(self._usable_steps(rate)), -rate)
         )
-        finer = next((rate for rate in _SUBSTEPS if rate >= needed), _SUBSTEPS[-1])
-        passes = self._request.max_time / max(
-            self._time_limit.wall_time_of(self.pass_seconds), 1e-6
-        )
-        seeds = min(self.seeds, max(1, int(_REFERENCE_TIME_SHARE * passes / finer)))
+        passes = self.work / self.cost.pass_seconds
+        seeds = min(self.seeds, max(1, int(_REFERENCE_SHARE * passes / finer)))
         self.motions = [first_seeds(motion, seeds) for motion in self.motions]
         allowed = max(
-            rate for rate in _SUBSTEPS if rate <= max(_SUBSTEPS[0], _MAX_SEED_TIME_SHARE * passes)
+            rate for rate in _SUBSTEPS if rate <= max(_SUBSTEPS[0], _MAX_SEED_SHARE * passes)
         )
         if allowed < finer:
             reason = f"the reference uses {allowed} substeps, the error needs {finer}"
@@ -206,13 +226,20 @@ class TuningProblem:
             self._skip("windows", reason)
         return min(finer, allowed)
 
-    def _limit_of(self, uncertain: ErrorEstimate | None) -> float:
-        within = self.examined.task.tolerance
-        if self._request.error is not None:
-            return (
-                self._request.error if self._request.error_at else min(self._request.error, within)
-            )
-        return min(within, max(MIN_TARGET, uncertain.error if uncertain else 0.0))
+    @staticmethod
+    def as_run(model: mujoco.MjModel, own: mujoco.MjModel) -> mujoco.MjModel:
+        """Return a model with the flag of another one that stops a run instead of resetting it."""
+        made, bit = copy.copy(model), int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        made.opt.disableflags = int(model.opt.disableflags) & ~bit | int(own.opt.disableflags) & bit
+        return made
+
+    def moves_alike(self, model: mujoco.MjModel) -> bool:
+        """Return whether each bit of the task's motion is that of the model as written."""
+        others = [
+            replace(motion, model=self.as_run(model, motion.model)) for motion in self.motions
+        ]
+        own, changed = (state_bytes(motions, self.threads) for motions in (self.motions, others))
+        return all(map(eq, own, changed))
 
     def _find_unused(self) -> ModelEdits:
         """Find parts that change no state: without them the motion is the same, bit for bit."""
@@ -232,9 +259,7 @@ class TuningProblem:
         except SceneError as error:
             self._skip("impossible collisions", str(error).splitlines()[0])
             return ModelEdits()
-        others = [replace(motion, model=lighter) for motion in self.motions]
-        own, without = (state_bytes(motions, self.threads) for motions in (self.motions, others))
-        if not all(map(eq, own, without)):
+        if not self.moves_alike(lighter):
             self._skip("impossible collisions", "the motion differs")
             return ModelEdits()
         self.models[_UNUSED] = lighter
@@ -314,6 +339,13 @@ class TuningProblem:
                 excluded=(*edits.excluded, *self.far_pairs.excluded),
             )
         return replace(edits, hulls=self.hull_vertices) if "hulls" in reductions else edits
+
+
+def control_period(scene: Scene) -> float | None:
+    """Return the period of the controller that drives a scene [s], or None without one."""
+    drive = scene.drive
+    rate = getattr(drive, "rate", None) if getattr(drive, "policy", None) else None
+    return None if rate is None else 1.0 / float(rate)
 
 
 def first_seeds(motion: Motion, seeds: int) -> Motion:

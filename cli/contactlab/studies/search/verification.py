@@ -1,28 +1,23 @@
 """Writes and verifies the recommended settings on fresh seeds.
 
-A candidate that fails verification is skipped, and the next best one is tried. Before the time
-limit or the number of tries is reached, the most conservative candidate is tried.
+A candidate that fails verification is skipped, and the next best one is tried. If the time limit
+ends that, the candidate with exact savings remains: its motion is that of the model as written.
 """
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
-from pathlib import Path
+from functools import cached_property
 from shutil import rmtree
-from tempfile import TemporaryDirectory
-
-import mujoco
 
 from contactlab.budget import ErrorBudget, Motion, Settings, error_budget, judge
-from contactlab.budget.measuring import evaluations
 from contactlab.errors import SceneError
-from contactlab.judge.wording import plural
 from contactlab.scene.model_names import printed_geom_name
 from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.schema.task import Task
 from contactlab.schema.tune_report import MODEL, CurrentVerdict, Target, Verification
+from contactlab.schema.verification import Verification as Panel
 from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.examine.fixes import with_new_seeds
@@ -38,53 +33,39 @@ from contactlab.studies.search.report_text import (
     UNVERIFIED,
     error_text,
     finite_or_none,
-    is_faster,
     time_ratio_text,
 )
 from contactlab.studies.search.search_space import SkippedParameter
 from contactlab.studies.search.settings_search import (
     EQUAL_ERROR_RATIO,
-    MIN_SPEEDUP_RATIO,
+    SAVING,
+    STEP_MARGIN,
     Bound,
     ErrorEstimator,
     Evaluation,
+    OutOfTimeError,
     Search,
     error_of,
 )
+from contactlab.studies.search.stress_motions import double_inputs, state_bytes, tilt_gravity
 from contactlab.studies.search.time_limit import TimeLimit
 from contactlab.studies.search.tune_request import TuneRequest
-from contactlab.studies.search.tuning_problem import TuningProblem, first_seeds
+from contactlab.studies.search.tuning_problem import TuningProblem
 from contactlab.studies.search.unused_pairs import pairs_within
 from contactlab.studies.session import Session
-from contactlab.studies.task_verdict import run_labels
 from contactlab.studies.verification import (
     OriginalRuns,
     VerificationRequest,
     verify_change,
 )
+from contactlab.studies.verification.panel import ERROR_FLOOR
 
-_SIMULATIONS_PER_VERDICT = (
-    30  # simulations of the task per verdict: references, their check, RK4, and the run itself
-)
-_CURRENT_VERDICT_SHARE = 0.1  # share of the time limit for the verdict on the model as written
-_TIMED_RUNS = 12  # timed whole runs, of two seeds: of a candidate, and of the model twice
-_COMPILATIONS_PER_VERDICT = (
-    5  # compilations of the model per verdict: to write, compare, open and run it
-)
-_LABEL_SECONDS = 0.8  # s of CPU time to label runs of the written model and of the original
-_LATE_SHARE = 0.1  # share of the time limit by which the first verdict may be late
 _MAX_VERDICTS, _MAX_ERROR_ESTIMATES = 8, 25
 """Largest number of verdicts and of error estimates on fresh seeds, per goal."""
-_MIN_PROCESS_SECONDS = 0.3  # s per task; a shorter task ends before a process has started
 _FALLBACK_STEP_FRACTION = 0.6
-_CONSERVATIVE_SHARE = 0.5  # share of the remaining time for the most conservative candidate
-_VERDICT_SHARE = (
-    0.5  # share of the remaining time for verdicts, since other work may slow them down
-)
 _BUDGET_SETTINGS = Settings(places=False, excess=False)  # settings of the error budget of a verdict
 ACCURATE = "ok"
 """The verdict of `contactlab MODEL` on accurate numerics."""
-_RK4, _RK4_STAGES = int(mujoco.mjtIntegrator.mjINT_RK4), 4
 
 
 @dataclass(frozen=True)
@@ -119,7 +100,7 @@ class FailureBound:
     Attributes:
         error: a candidate with at most this error may have any step that did not fail.
         multiple: in fine steps; a candidate with at most this step may have any allowed error.
-        failed: shortest failed step by integrator; only shorter ones are tried.
+        failed: shortest failed step by integrator; only steps that keep a margin to it are tried.
     """
 
     error: float = math.inf
@@ -128,7 +109,8 @@ class FailureBound:
 
     def admits(self, tried: Evaluation) -> bool:
         """Return whether a candidate satisfies the bound."""
-        if tried.configuration.multiple >= self.failed.get(_integrator_of(tried), math.inf):
+        failed = self.failed.get(_integrator_of(tried), math.inf)
+        if tried.configuration.multiple > STEP_MARGIN * failed:
             return False
         return error_of(tried) <= self.error or tried.configuration.multiple <= self.multiple
 
@@ -161,6 +143,7 @@ class CandidateVerifier:
     Attributes:
         skipped: candidates that failed or were not verified, and why.
         rejected: keys of candidates that failed on fresh seeds.
+        is_late: whether the time limit ended verification early.
     """
 
     def __init__(
@@ -171,16 +154,17 @@ class CandidateVerifier:
         search: Search,
         aim: Target,
         allowed: TimeLimit,
+        time_candidate: Callable[[Evaluation], None],
     ) -> None:
-        """Take the finished search."""
+        """Take the finished search, and the function that times a candidate on whole runs."""
         self._request, self._session = request, session
         self._problem, self._search, self._target = problem, search, aim
-        self._time_limit = allowed
+        self._time_limit, self._time_candidate = allowed, time_candidate
         self.skipped = list[SkippedParameter]()
         self.rejected = set[Key]()
+        self.is_late = False
+        self._reserve = 0.0  # s: what the longest verification has taken
         self._current_verdicts = dict[tuple[int, ...], _Judgement]()
-        self._seconds_per_seed = _SIMULATIONS_PER_VERDICT * problem.pass_seconds
-        self._current_labels = dict[tuple[int, ...], set[str]]()
         self._original_runs = OriginalRuns()
 
     @property
@@ -192,139 +176,161 @@ class CandidateVerifier:
         """The model as written."""
         return self._search.evaluations[self._search.current.key]
 
-    def verification_time(self, tried: Evaluation) -> float:
-        """Estimate the time to write, verify and time a candidate on few seeds [s]."""
-        own, timed = (
-            2 * self._relative_work(tried) * self._seconds_per_seed,
-            _TIMED_RUNS * self._problem.pass_seconds,
-        )
-        return self._time_limit.wall_time_of(
-            self._writing_seconds + own + timed + self._first_verdict_seconds
-        )
-
-    @property
-    def current_verification_time(self) -> float:
-        """The same estimate for the model as written [s]."""
-        return self.verification_time(self.current)
-
-    @property
-    def _writing_seconds(self) -> float:
-        """Estimated CPU time to write, compare, open and label a model [s]."""
-        return _COMPILATIONS_PER_VERDICT * self._problem.compile_seconds + _LABEL_SECONDS
-
-    @property
-    def _first_verdict_seconds(self) -> float:
-        """Estimated CPU time of the reference on fresh seeds, and of the verdict as written [s].
-
-        Only the first verdict needs them; both are cached.
-        """
-        if "_reference" in vars(self):
-            return 0.0
-        return (
-            self._problem.reference.substeps * self._problem.pass_seconds + self._seconds_per_seed
-        )
-
-    def verify_best(self, goal: Goal, later: int = 0) -> VerifiedCandidate | None:
+    def verify_best(self, goal: Goal) -> VerifiedCandidate | None:
         """Verify candidates, best first; return the first that holds, or None.
 
-        After the first failure, time is reserved for `later` other goals.
+        The time of one verification is kept in reserve. If time is over, the exact savings are
+        returned.
         """
         below, done = FailureBound(), {self.current.configuration.key}
-        for number in range(_MAX_VERDICTS):
-            late = (
-                -later * self.current_verification_time
-                if number
-                else _LATE_SHARE * self._time_limit.seconds
-            )
-            if self._is_late(
-                goal,
-                self._time_limit.wall_time_of(self._writing_seconds + self._first_verdict_seconds)
-                - late,
-            ):
-                break
-            last = number > 0 and (
-                number == _MAX_VERDICTS - 1
-                or self._time_limit.remaining < 2 * self.current_verification_time
-            )
-            measured = self._next_within_limit(goal, done, below, late, last=last)
-            if measured is None:
-                break
-            tried, error = measured
-            try:
-                written = self._write_model(tried, goal.folder)
-            except SceneError as refused:
-                self._reject(tried, str(refused).splitlines()[0])
-                continue
-            found = self._verify(tried, error, written, goal)
-            if found.holds:
-                return VerifiedCandidate(tried, written, found)
-            self._reject(tried, f"on fresh seeds: {found.sentence}")
-            # An inaccurate verdict or a label may be caused by the step, whatever the error.
-            limits = [self._examined.task.tolerance]
-            if not goal.must_be_sound:
-                limits += [said.high for said in self._current_verdicts.values()]
-            part = step_fraction(found.numerical_error, max(limits))
-            below = below.tightened_by(tried, part)
-        self.drop_candidate(goal)
-        return None
-
-    def _is_late(self, goal: Goal, takes: float) -> bool:
-        """Return whether the remaining time is shorter than an estimate [s], and report it."""
-        if late := self._time_limit.remaining < takes:
+        simpler: Evaluation | None = None
+        try:
+            for _ in range(_MAX_VERDICTS):
+                self._check_time(self._reserve)
+                measured = self._next_within_limit(goal, done, below, simpler)
+                simpler = None
+                if measured is None:
+                    break
+                tried, error = measured
+                found = self._write_and_verify(tried, error, goal)
+                if found is None:
+                    continue
+                written, verified = found
+                if verified.holds and not self._is_slower(tried):
+                    return VerifiedCandidate(tried, written, verified)
+                if not verified.holds:
+                    self._reject(tried, f"on fresh seeds: {verified.sentence}")
+                    # A label or another measure may be caused by the step, whatever the error.
+                    limits = [self._examined.task.tolerance]
+                    if not goal.must_be_sound:
+                        limits += [said.high for said in self._current_verdicts.values()]
+                    part = step_fraction(verified.numerical_error, max(limits))
+                    simpler = self._simpler_variant(tried, goal, done)
+                    if simpler is None:
+                        below = below.tightened_by(tried, part)
+        except OutOfTimeError:
+            self.is_late = True
             self.skipped.append(SkippedParameter(goal.folder, UNVERIFIED))
-        return late
+        rmtree(self._session.folder / goal.folder, ignore_errors=True)
+        return self._verify_exact(goal)
+
+    def _simpler_variant(self, tried: Evaluation, goal: Goal, done: set[Key]) -> Evaluation | None:
+        """Return a candidate without the settings that add error, if that serves the goal."""
+        if self._search.max_cost is not None:
+            return None
+        choice = self._search.without_lossy(tried.configuration)
+        if choice.key in done:
+            return None
+        found = self._search.evaluate(choice)
+        fits = error_of(found) <= goal.bound.accepted and self.is_better(found, goal.bound)
+        return found if fits else None
+
+    def _check_time(self, takes: float = 0.0) -> None:
+        if self._time_limit.remaining < takes:
+            raise OutOfTimeError
+
+    def _write_and_verify(
+        self, tried: Evaluation, error: ErrorEstimate, goal: Goal
+    ) -> tuple[WrittenModel, Verification] | None:
+        begin = time.monotonic()
+        try:
+            written = self._write_model(tried, goal.folder)
+        except SceneError as refused:
+            self._reject(tried, str(refused).splitlines()[0])
+            return None
+        found = self._verify(tried, error, written, goal)
+        self._reserve = max(self._reserve, time.monotonic() - begin)
+        return written, found
+
+    def _is_slower(self, tried: Evaluation) -> bool:
+        """Time a candidate on whole runs; reject it if it is measurably slower after all."""
+        if self._search.max_cost is not None or error_of(self.current) > self._target.limit:
+            self._time_candidate(tried)
+            return False
+        self._time_candidate(tried)
+        price = tried.time_ratio
+        slower = price is not None and price.low > 1.0
+        if slower and price:
+            self._reject(tried, f"{time_ratio_text(price)} time, although it does less work")
+        return slower
+
+    def _verify_exact(self, goal: Goal) -> VerifiedCandidate | None:
+        """Return the exact savings if they serve a goal, and stay exact on other runs."""
+        exact = (
+            one
+            for one in self._search.rank_candidates(goal.bound)
+            if one.exact and one.configuration.key not in self.rejected
+        )
+        tried = next((one for one in exact if self.is_better(one, goal.bound)), None)
+        if tried is None or self._search.max_cost is not None or not self._stays_exact(tried):
+            return None
+        try:
+            written = self._write_model(tried, goal.folder)
+        except SceneError as refused:
+            self._reject(tried, str(refused).splitlines()[0])
+            return None
+        self._time_candidate(tried)
+        known, error = self.current_verdict(), tried.error
+        assert error
+        return VerifiedCandidate(
+            tried,
+            written,
+            Verification(
+                seeds=self.task.seeds,
+                holds=True,
+                meets_target=error.error <= max(self._target.limit, goal.bound.accepted),
+                error=None,
+                current_error=None,
+                verdict=known.verdict if known else "",
+                numerical_error=known.numerical_error if known else None,
+                labels=(),
+                sentence="the motion is that of the model as written, bit for bit, in the task, on "
+                "fresh seeds, tilted, and with twice the inputs",
+                panel=None,
+            ),
+        )
+
+    def _stays_exact(self, tried: Evaluation) -> bool:
+        """Return whether a candidate moves as the model as written on runs of no search."""
+        made = self._search.space.model_of(tried.configuration)
+        own = [
+            *self.motions,
+            *(
+                change(motion)
+                for motion in self.motions
+                for change in (tilt_gravity, double_inputs)
+            ),
+        ]
+        changed = list[Motion]()
+        for motion in own:
+            other = self._problem.as_run(made, motion.model)
+            other.opt.gravity[:] = motion.model.opt.gravity
+            changed.append(replace(motion, model=other))
+        runs = (state_bytes(motions, self._problem.threads) for motions in (own, changed))
+        return all(first == second for first, second in zip(*runs, strict=True))
 
     def _reject(self, tried: Evaluation, reason: str) -> None:
         self.rejected.add(tried.configuration.key)
         self.skipped.append(SkippedParameter(self._settings_text(tried), reason))
 
-    def _relative_work(self, tried: Evaluation) -> float:
-        """Estimate the cost of a verdict on a candidate over one on the model as written."""
-        own, other = (
-            evaluations_per_step(self._search.space.model_of(one.configuration))
-            / one.configuration.multiple
-            for one in (self.current, tried)
-        )
-        return other / own
-
-    def drop_candidate(self, goal: Goal) -> None:
-        """Remove the written model, and report a candidate that is faster only within noise."""
-        rmtree(self._session.folder / goal.folder, ignore_errors=True)
-        if self._search.max_time_ratio is not None or error_of(self.current) > goal.bound.limit:
-            return
-        for tried in self._search.rank_candidates(goal.bound):
-            if (
-                tried.time_ratio
-                and tried.time_ratio.ratio < MIN_SPEEDUP_RATIO
-                and not self._is_measurably_faster(tried)
-            ):
-                noise_floor = self.current.time_ratio
-                assert noise_floor
-                reason = (
-                    f"{time_ratio_text(tried.time_ratio)} time is within the noise floor of "
-                    f"{time_ratio_text(noise_floor)}"
-                )
-                entry = SkippedParameter(self._settings_text(tried), reason)
-                self.skipped += [] if entry in self.skipped else [entry]
-                break
-
     def _next_within_limit(
-        self, goal: Goal, done: set[Key], below: FailureBound, late: float, *, last: bool
+        self,
+        goal: Goal,
+        done: set[Key],
+        below: FailureBound,
+        simpler: Evaluation | None = None,
     ) -> tuple[Evaluation, ErrorEstimate] | None:
         """Return the best candidate within the bound whose error holds on fresh seeds.
 
-        None if there is none, or if verification would end more than `late` seconds too late. An
-        error estimate takes a small part of the time of a verdict. The last try is conservative.
+        An error estimate takes a small part of the time of a verdict. A simpler variant of the
+        candidate that failed last is tried first.
         """
         first = True
         while len(done) < _MAX_ERROR_ESTIMATES:
-            last = last or (
-                not first and self._time_limit.remaining < 2 * self.current_verification_time
-            )
-            ways = [partial(self._next_candidate, below=below), self._most_conservative]
-            found = (way(done, goal.bound) for way in (ways[::-1] if last else ways))
-            tried = next(filter(None, found), None)
-            if tried is None or self._is_late(goal, self.verification_time(tried) - late):
+            self._check_time(self._reserve)
+            tried = simpler or self._next_candidate(done, goal.bound, below)
+            simpler = None
+            if tried is None:
                 return None
             done.add(tried.configuration.key)
             made = self._search.space.model_of(tried.configuration)
@@ -335,6 +341,7 @@ class CandidateVerifier:
             if first:
                 self._reject(tried, f"on fresh seeds: {why}")
             self.rejected.add(tried.configuration.key)
+            below = below.tightened_by(tried, self._limit_of(goal) / max(error.error, 1e-300))
             first = False
         return None
 
@@ -343,56 +350,35 @@ class CandidateVerifier:
 
     def is_better(self, tried: Evaluation, bound: Bound) -> bool:
         """Return whether a candidate serves a goal better than the model as written."""
-        known = self.current
-        assert tried.error
-        assert tried.time_ratio
-        assert known.error
-        if self._search.max_time_ratio is not None:
-            if self._search.max_time_ratio < 1:
-                return True
-            return tried.error.error < MIN_SPEEDUP_RATIO * known.error.error
-        return known.error.error > bound.limit or self._is_measurably_faster(tried)
-
-    def _is_measurably_faster(self, tried: Evaluation) -> bool:
-        """Return whether a candidate takes less time than the model as written, beyond noise."""
-        price, twin = tried.time_ratio, self.current.time_ratio
-        assert price
-        assert twin
-        return price.ratio < MIN_SPEEDUP_RATIO and is_faster(price, twin)
+        now = error_of(self.current)
+        if self._search.max_cost is not None:
+            return self._search.max_cost < 1 or error_of(tried) < SAVING * now
+        return now > bound.limit or tried.cost <= SAVING
 
     def _next_candidate(
         self, done: set[Key], bound: Bound, below: FailureBound
     ) -> Evaluation | None:
         """Return the best unverified candidate within the bound: known, or at a shorter step."""
         search = self._search
+        ranked = search.rank_candidates(bound)
 
         def fits(one: Evaluation) -> bool:
             new = one.configuration.key not in done
-            keeps = search.max_time_ratio is not None or error_of(one) <= bound.accepted
-            return (
-                new and keeps and (below.admits(one) or self._is_as_accurate_as_current(one, bound))
-            )
+            keeps = search.max_cost is not None or error_of(one) <= bound.accepted
+            allowed = below.admits(one) or self._is_as_accurate_as_current(one, bound)
+            return new and keeps and allowed and self.is_better(one, bound)
 
-        ranked = search.rank_candidates(bound)
-        good = (one for one in ranked if fits(one) and self.is_better(one, bound))
-        known = next(good, None)
-        if search.max_time_ratio is not None or not ranked or known is ranked[0]:
+        known = next((one for one in ranked if fits(one)), None)
+        if search.max_cost is not None or not ranked or known is ranked[0]:
             return known
-        max_time_ratio = known.time_ratio.ratio if known and known.time_ratio else math.inf
-        if error_of(self.current) <= bound.limit:
-            max_time_ratio = min(max_time_ratio, 1.0)
-        best = ranked[0]
-        assert best.time_ratio
-        once = best.time_ratio.ratio * best.configuration.multiple
-        near = [(about, one.configuration) for about, one in search.estimate_times(bound)]
-        near += [(once / choice.multiple, choice) for choice in search.shorter_steps(best)]
-        for about, choice in sorted(near, key=lambda pair: pair[0]):
-            if about >= max_time_ratio or self._time_limit.remaining < 0:
+        shorter = (search.evaluate(choice) for choice in search.shorter_steps(ranked[0]))
+        for tried in shorter:
+            if known is not None and tried.cost >= known.cost:
                 break
-            if fits(search.evaluate_error(choice)) and self.is_better(
-                search.evaluate(choice), bound
-            ):
-                return search.evaluate(choice)
+            if fits(tried):
+                return tried
+            if tried.cost > SAVING and error_of(self.current) <= bound.limit:
+                break
         return known
 
     def _is_as_accurate_as_current(self, tried: Evaluation, bound: Bound) -> bool:
@@ -406,28 +392,12 @@ class CandidateVerifier:
         )
         return now <= bound.accepted and short and error_of(tried) <= EQUAL_ERROR_RATIO * now
 
-    def _most_conservative(self, done: set[Key], bound: Bound) -> Evaluation | None:
-        """Return the fastest candidate that is as accurate as the model as written, if allowed."""
-        known = self.current
-        assert known.error
-        if self._search.max_time_ratio is not None or known.error.error > bound.limit:
-            return None
-        left = max(0.0, self._time_limit.remaining - self.current_verification_time)
-        for tried in self._search.as_accurate_as_current(
-            time.monotonic() + _CONSERVATIVE_SHARE * left
-        ):
-            new = tried.configuration.key not in done
-            if new and error_of(tried) <= bound.accepted and self.is_better(tried, bound):
-                return tried
-        return None
-
     def settings(self, choice: Configuration) -> dict[str, object]:
         """Return the settings of a candidate, with its timestep."""
-        finer, step = self._problem.reference.substeps, self._problem.reference.step
         found = changed_settings(choice.settings, self._problem.model)
-        if choice.multiple == finer:
+        if choice.multiple == self._problem.reference.substeps:
             return found
-        return {"timestep": float(f"{choice.multiple * step:.12g}"), **found}
+        return {"timestep": self._problem.timestep_of(choice), **found}
 
     def _write_model(self, tried: Evaluation, folder: str) -> WrittenModel:
         choice = tried.configuration
@@ -448,30 +418,14 @@ class CandidateVerifier:
         return self._examined.motions_of(self.task)
 
     @cached_property
-    def _judged_motions(self) -> list[Motion]:
-        """Fresh motions of as many seeds as the time limit allows to judge."""
-        seeds = self._affordable_seeds(1.0, self._problem.seeds, len(self._search.bounds))
-        return [first_seeds(motion, seeds) for motion in self.motions]
-
-    def _affordable_seeds(self, work: float, most: int, answers: int = 1) -> int:
-        """Return the number of seeds, at most `most`, on which each goal can be verified."""
-        left = max(
-            0.0, self._time_limit.remaining - self._time_limit.wall_time_of(self._writing_seconds)
-        )
-        takes = self._time_limit.wall_time_of(
-            2 * work * self._seconds_per_seed + self._first_verdict_seconds
-        )
-        return min(most, max(1, int(_VERDICT_SHARE * left / answers / takes)))
-
-    @cached_property
     def _fresh_reference(self) -> TaskReference:
         return TaskReference.run_references(
-            self._judged_motions, self._problem.reference.substeps, self._problem.threads
+            self.motions, self._problem.reference.substeps, self._problem.threads
         )
 
     @cached_property
     def _fresh_estimator(self) -> ErrorEstimator:
-        return self._problem.error_estimator(self._fresh_reference, self._judged_motions)
+        return self._problem.error_estimator(self._fresh_reference, self.motions)
 
     @cached_property
     def _current_error(self) -> ErrorEstimate:
@@ -483,7 +437,7 @@ class CandidateVerifier:
     def _excess_reason(self, error: ErrorEstimate, goal: Goal) -> str:
         """Return why an error on fresh seeds is too large, or ""."""
         limit = self._limit_of(goal)
-        if self._search.max_time_ratio is not None or error.error <= limit:
+        if self._search.max_cost is not None or error.error <= limit:
             return ""
         limit_text = error_text(limit, self._target.unit)
         return f"error {self._error_text(error)} in {error.body}, limit {limit_text}"
@@ -495,33 +449,29 @@ class CandidateVerifier:
         self._session.notify(f"verifying {self._settings_text(tried)}")
         request = ExamineRequest(written.reference, task=self._request.task, sections=("budget",))
         examined = open_model(request, self._session)
-        work = self._relative_work(tried)
-        seeds = self.task.seeds[: self._affordable_seeds(work, self._judged_motions[0].seeds)]
-        task = self.task.model_copy(update={"seeds": seeds})
-        judged, said = self._worst_verdict(examined, task, work)
-        timely = self._search.max_time_ratio is not None
-        holds, why = True, "accurate, and within the limit"
+        task = self._own_task(self._problem.seeds)
+        said = self._judge_task(examined, task)
+        timely = self._search.max_cost is not None
+        holds, why, panel = True, "", None
         if said.verdict != ACCURATE:
-            holds = not goal.must_be_sound and self._is_as_current(judged, said)
+            holds = not goal.must_be_sound and self._is_as_current(task, said)
             why = (
-                f"{said.verdict}, like the model as written: {said.reason}"
+                f"{said.verdict}, like the model as written: {said.reason}; "
                 if holds
                 else said.reason
             )
-        labels, unseen = self._new_labels(examined, task) if holds else ([], "")
-        why += unseen
-        if labels:
-            holds, why = False, f"new label: {' and '.join(labels)}"
         if (
             holds
             and "apart" in tried.configuration.reductions
             and (touched := self._touching_pair())
         ):
             holds, why = False, f"{touched} touch, but stayed apart before"
-        if holds and (harm := self._worse_measure(examined, goal)):
-            holds, why = False, harm
+        if holds:
+            panel = self._compare_measures(examined, goal)
+            holds = panel.passed
+            why = why + panel.sentence if holds else f"worse than as written: {panel.sentence}"
         return Verification(
-            seeds=seeds,
+            seeds=self.task.seeds,
             holds=holds,
             meets_target=holds
             and (timely or error.error <= max(self._target.limit, self._accepted_current_error)),
@@ -529,33 +479,35 @@ class CandidateVerifier:
             current_error=finite_or_none(self._current_error.error),
             verdict=said.verdict,
             numerical_error=finite_or_none(said.error),
-            labels=tuple(labels),
+            labels=(),
             sentence=why,
+            panel=panel,
         )
 
-    def _worse_measure(self, changed: CheckedModel, goal: Goal) -> str:
-        is_share = self._target.unit == "1"
-        found = verify_change(
+    def _compare_measures(self, changed: CheckedModel, goal: Goal) -> Panel:
+        """Run the original and the changed model next to each other; the time limit ends it."""
+        asked = self._target.kind == "error" and goal.must_be_sound
+        return verify_change(
             VerificationRequest(
                 original=self._examined,
                 changed=changed,
-                allowed_error=self._limit_of(goal) if is_share else changed.task.tolerance,
+                allowed_error=self._limit_of(goal) if asked else 0.0,
                 stop_early=True,
-                with_labels=False,
                 runs=self._original_runs,
+                notify=lambda _: self._check_time(),
             )
         )
-        return "" if found.passed else f"worse than as written: {found.sentence}"
 
     def _limit_of(self, goal: Goal) -> float:
         """Return the largest allowed error of a goal on fresh seeds.
 
         If the model as written satisfies the goal in the search, its error here is allowed.
         """
-        own = self.current.error
-        if own is not None and own.error <= goal.bound.limit:
-            return max(self._target.limit, EQUAL_ERROR_RATIO * self._current_error.error)
-        return goal.bound.limit
+        given = self._target.kind in ("error", "forward error", "tolerance")
+        limit = goal.bound.limit if given and goal.must_be_sound else ERROR_FLOOR
+        if error_of(self.current) <= goal.bound.limit:
+            return max(limit, EQUAL_ERROR_RATIO * self._current_error.error)
+        return limit
 
     @property
     def _accepted_current_error(self) -> float:
@@ -570,41 +522,14 @@ class CandidateVerifier:
     def _error_text(self, error: ErrorEstimate) -> str:
         return error_text(error.error, self._target.unit)
 
-    def _worst_verdict(
-        self, examined: CheckedModel, task: Task, work: float
-    ) -> tuple[Task, _Judgement]:
-        """Return the verdict on fresh seeds, or, if that is accurate, on the seeds of the search.
-
-        `contactlab FILE` judges by the latter.
-        """
-        found = self._judge_task(examined, task, work)
-        if found.verdict != ACCURATE:
-            return task, found
-        own = self._own_task(len(task.seeds))
-        return own, self._judge_task(examined, own, work)
-
     def _own_task(self, seeds: int) -> Task:
         """Return the task with the first seeds of the search."""
         task = self._examined.task
         return task.model_copy(update={"seeds": task.seeds[:seeds]})
 
-    @cached_property
-    def is_current_sound(self) -> bool:
-        """Whether the verdict on the model as written is accurate on all judged seeds."""
-        seeds = self._judged_motions[0].seeds
-        unseen = self.task.model_copy(update={"seeds": self.task.seeds[:seeds]})
-        return all(
-            self._current_verdict_on(task).verdict == ACCURATE
-            for task in (self._own_task(seeds), unseen)
-        )
-
     def judge_current(self) -> None:
-        """Judge the model as written, on as many seeds as a tenth of the time limit allows."""
-        task = self._examined.task
-        takes = self._time_limit.wall_time_of(self._seconds_per_seed)
-        seeds = min(len(task.seeds), int(_CURRENT_VERDICT_SHARE * self._request.max_time / takes))
-        if seeds:
-            self._current_verdict_on(self._own_task(seeds))
+        """Judge the model as written, on as many of the task's seeds as the search has."""
+        self._current_verdict_on(self._own_task(self._problem.seeds))
 
     def current_verdict(self) -> CurrentVerdict | None:
         """Return the verdict on the model as written, on the most seeds that were judged."""
@@ -633,58 +558,16 @@ class CandidateVerifier:
             self._current_verdicts[task.seeds] = self._judge_task(self._examined, task)
         return self._current_verdicts[task.seeds]
 
-    def _judge_task(self, examined: CheckedModel, task: Task, work: float = 1.0) -> _Judgement:
-        motions, begin = examined.motions_of(task), time.process_time()
+    def _judge_task(self, examined: CheckedModel, task: Task) -> _Judgement:
         budget = error_budget(
-            motions, rows=(), settings=_BUDGET_SETTINGS, workers=self._problem.threads
+            examined.motions_of(task),
+            rows=(),
+            settings=_BUDGET_SETTINGS,
+            workers=self._problem.threads,
         )
-        if work >= 1:  # runs with long steps spend most time outside the steps
-            self._seconds_per_seed = (time.process_time() - begin) / len(task.seeds) / work
         verdict = judge(budget, task.tolerance)
         reason = verdict.reasons[0].sentence if verdict.reasons else ACCURATE
         return _Judgement(verdict.word, budget.error, *_seed_range(budget), reason)
-
-    def _new_labels(self, examined: CheckedModel, task: Task) -> tuple[list[str], str]:
-        """Return the labels of a written model's runs that the model as written does not have.
-
-        Fresh seeds are checked, and as many of the task's own seeds as the time limit allows, since
-        `contactlab FILE` uses those. The second text says how many were not checked.
-        """
-        begin = time.monotonic()
-        found = self._run_labels(examined, task)
-        took = max(time.monotonic() - begin, 1e-6) / len(task.seeds)
-        if new := found and found - self._current_labels_on(task):
-            return sorted(new), ""
-        own = self._examined.task.model_copy(update={"observed": task.observed})
-        count = min(len(own.seeds), max(0, int(self._time_limit.remaining / took)))
-        if count:
-            own = own.model_copy(update={"seeds": own.seeds[:count]})
-            found = self._run_labels(examined, own)
-            if new := found and found - self._current_labels_on(own):
-                return sorted(new), ""
-        if unseen := len(self._examined.task.seeds) - count:
-            return (
-                [],
-                f"; labels of {plural(unseen, 'seed')} of the task were not checked: time limit",
-            )
-        return [], ""
-
-    def _current_labels_on(self, task: Task) -> set[str]:
-        """Return the labels of the model as written, from one set of runs per set of seeds."""
-        if task.seeds not in self._current_labels:
-            self._current_labels[task.seeds] = self._run_labels(self._examined, task)
-        return self._current_labels[task.seeds]
-
-    def _run_labels(self, examined: CheckedModel, task: Task) -> set[str]:
-        """Return the labels of the runs of a task."""
-        with TemporaryDirectory(prefix="contactlab-") as folder:
-            workers = (
-                self._session.workers if self._problem.pass_seconds > _MIN_PROCESS_SECONDS else 0
-            )
-            session = replace(self._session, folder=Path(folder), workers=workers)
-            alone = replace(examined, session=session)
-            runs = alone.run("labels", "Judged on fresh seeds", seeds=task.seeds)
-            return {each.label for each in run_labels(task, [run.record for run in runs])}
 
     def _touching_pair(self) -> str:
         """Return the first far pair that touches on fresh seeds, or ""."""
@@ -702,12 +585,6 @@ def step_fraction(share: float | None, limit: float) -> float:
     fixed fraction is tried.
     """
     return min(_FALLBACK_STEP_FRACTION, limit / share) if share else _FALLBACK_STEP_FRACTION
-
-
-def evaluations_per_step(model: mujoco.MjModel) -> float:
-    """Estimate the force evaluations of a verdict per step of the model."""
-    stages = _RK4_STAGES if model.opt.integrator == _RK4 else 1
-    return stages * evaluations(model, _BUDGET_SETTINGS)
 
 
 def _seed_range(budget: ErrorBudget) -> tuple[float, float]:

@@ -1,0 +1,85 @@
+"""The cost of changed models, as counted work over that of the model as written.
+
+A count is the same on any machine, under any load, and in the first of many runs. It decides what
+a search tries and recommends. Measured times are only reported, and reject what is slower after
+all.
+"""
+
+import copy
+import math
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from contactlab.budget import Motion
+from contactlab.budget.motion import INTEGRATION, without_delays
+from contactlab.budget.windows import Run, replay
+from contactlab.contact.trace_arrays import Floats
+from contactlab.studies.search.step_work import UNIT_SECONDS, StepWork
+
+SAMPLE_SECONDS = 0.04
+"""s of simulated time in which steps are counted from each sampled state; at least three steps."""
+_SAMPLES = 12  # states of each phase: contacts come and go, and fewer would miss some of them
+_MIN_STEPS = 3  # the first one, which begins without a warm start, is not counted
+_AUTORESET_OFF = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+
+
+class CountedCost:
+    """Counts the work of models from states of the task that the model as written reaches.
+
+    Attributes:
+        pass_seconds: counted time of the task for one seed of the model as written [s].
+    """
+
+    def __init__(self, motions: Sequence[Motion], base: mujoco.MjModel, workers: int) -> None:
+        """Run the motions once, and count the model as written, compiled from its files."""
+        self._motions = [without_delays(motion) for motion in motions]
+        self._starts = [
+            _sample_states(replay(motion, SAMPLE_SECONDS, workers)) for motion in motions
+        ]
+        self._own_step = float(motions[0].model.opt.timestep)
+        self.fine_step = self._own_step
+        length = sum(motion.steps for motion in motions) * self._own_step
+        self._base_seconds = self.count_seconds(base, self._own_step)
+        self.pass_seconds = length * self._base_seconds
+
+    def count_cost(self, model: mujoco.MjModel, multiple: int) -> float:
+        """Return the counted work per simulated second, over that of the model as written.
+
+        The timestep is `multiple` fine steps.
+        """
+        return self.count_seconds(model, multiple * self.fine_step) / self._base_seconds
+
+    def count_seconds(self, model: mujoco.MjModel, timestep: float) -> float:
+        """Return the counted time per simulated second of a model at a timestep [s]."""
+        made = copy.copy(model)
+        made.opt.timestep = timestep
+        made.opt.disableflags &= ~_AUTORESET_OFF  # as in files; recording never resets
+        data, work = mujoco.MjData(made), StepWork(made)
+        steps = max(_MIN_STEPS, round(SAMPLE_SECONDS / timestep))
+        for motion, samples in zip(self._motions, self._starts, strict=True):
+            for seed, begin, start in samples:
+                mujoco.mj_resetData(made, data)  # wakes sleeping bodies
+                mujoco.mj_setState(made, data, start, INTEGRATION)
+                at = begin + np.arange(steps) * timestep / self._own_step
+                rows = motion.rows(seed, np.floor(at + 1e-9).astype(int))
+                try:
+                    work.count_steps(data, steps, rows, motion.spec)
+                except mujoco.FatalError:
+                    return math.inf
+        per_step = float(work.total @ UNIT_SECONDS) / max(work.steps, 1)
+        return per_step / timestep
+
+
+def _sample_states(run: Run) -> list[tuple[int, int, Floats]]:
+    """Return seeds, steps and states of a run, evenly spread over its seeds and its length."""
+    seeds, windows = np.nonzero(run.valid & np.isfinite(run.starts).all(axis=2))
+    if not len(seeds):
+        return [(0, 0, run.starts[0, 0])]
+    order = np.lexsort((seeds, windows))
+    chosen = order[np.unique(np.linspace(0, len(order) - 1, _SAMPLES).astype(int))]
+    return [
+        (int(seeds[row]), int(run.begins[windows[row]]), run.starts[seeds[row], windows[row]])
+        for row in chosen
+    ]
