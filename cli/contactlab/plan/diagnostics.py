@@ -8,8 +8,6 @@ from typing import Literal
 from contactlab.errors import SweepFileError
 
 Severity = Literal["error", "warning"]
-_EXCERPT_LENGTH = 100
-_MAX_MISTAKES_SHOWN = 50
 
 
 @dataclass(frozen=True)
@@ -24,7 +22,7 @@ class SourceText:
     numbered: bool = True
 
     def line(self, number: int) -> str:
-        """Return a line by its number, from 1; empty if there is none."""
+        """Return a line by its number, from 1; empty if the text has no such line."""
         return self.lines[number - 1] if 0 < number <= len(self.lines) else ""
 
 
@@ -72,7 +70,23 @@ class Diagnostic:
 
     def __str__(self) -> str:
         head = f"{self.severity}[{self.code}]: {self.message}"
-        return "\n".join([head, *_excerpt_lines(self.place, self.hint)])
+        number = str(self.place.line) if self.place.source.numbered else ""
+        margin = " " * len(number)
+        line, start, width = _cut_line(self.place)
+        before = "".join(
+            "\t" if character == "\t" else " " * _terminal_width(character)
+            for character in line[:start]
+        )
+        caret = before + "^" * max(_terminal_width(line[start : start + width]), 1)
+        return "\n".join(
+            [
+                head,
+                f"{margin} --> {self.place}",
+                f"{margin} |",
+                f"{number} | {line}".rstrip(),
+                f"{margin} | {caret} {self.hint}".rstrip(),
+            ]
+        )
 
 
 class SweepMistakesError(SweepFileError):
@@ -80,39 +94,24 @@ class SweepMistakesError(SweepFileError):
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         self.diagnostics = tuple(diagnostics)
-        texts = [str(diagnostic) for diagnostic in self.diagnostics[:_MAX_MISTAKES_SHOWN]]
+        most_shown = 50
+        texts = [str(diagnostic) for diagnostic in self.diagnostics[:most_shown]]
         more = len(self.diagnostics) - len(texts)
         super().__init__("\n\n".join([*texts, f"and {more:,} more"] if more else texts))
 
 
-def _excerpt_lines(place: Place, hint: str) -> list[str]:
-    number = str(place.line) if place.source.numbered else ""
-    margin = " " * len(number)
-    line, start, width = _cut_line(place)
-    before = "".join(
-        "\t" if character == "\t" else " " * _terminal_width(character)
-        for character in line[:start]
-    )
-    caret = before + "^" * max(_terminal_width(line[start : start + width]), 1)
-    return [
-        f"{margin} --> {place}",
-        f"{margin} |",
-        f"{number} | {line}".rstrip(),
-        f"{margin} | {caret} {hint}".rstrip(),
-    ]
-
-
 def _cut_line(place: Place) -> tuple[str, int, int]:
-    """Return the line of a place, cut around the place if long, with the start and width in it."""
+    # A long line is cut around the place; the start is that in the cut line.
     line, start = place.text, place.column - 1
     width = max(min(place.width, len(line) - start), 1)
-    if len(line) <= _EXCERPT_LENGTH:
+    excerpt_length = 100
+    if len(line) <= excerpt_length:
         return line, start, width
-    first = max(0, min(start - _EXCERPT_LENGTH // 3, len(line) - _EXCERPT_LENGTH))
-    excerpt = line[first : first + _EXCERPT_LENGTH]
+    first = max(0, min(start - excerpt_length // 3, len(line) - excerpt_length))
+    excerpt = line[first : first + excerpt_length]
     before = "..." if first else ""
-    after = "..." if first + _EXCERPT_LENGTH < len(line) else ""
-    width = min(width, first + _EXCERPT_LENGTH - start)
+    after = "..." if first + excerpt_length < len(line) else ""
+    width = min(width, first + excerpt_length - start)
     return before + excerpt + after, start - first + len(before), width
 
 

@@ -220,7 +220,7 @@ class Plan:
     """The runs that a sweep file and the options of the command line define."""
 
     sweep: Sweep
-    axes: tuple[SweptAxis, ...]  # in the order in which they advance, the slowest first
+    axes: tuple[SweptAxis, ...]  # the slowest to advance first
     count: int
     warnings: tuple[Diagnostic, ...]  # mistakes that do not stop the sweep
     grid: Grid

@@ -12,7 +12,7 @@ from contactlab.plan.rows import SweepContext
 from contactlab.plan.yaml_document import Document, read_text
 from contactlab.schema.sweep_schema import IncludeFile
 
-# One cell and its end: a quoted text, in which "" stands for a quote, or a text without commas.
+# One cell and its end: a quoted text with "" for each quote, or a text without commas.
 _CSV_CELL = re.compile(r'\s*(?:"((?:[^"]|"")*)"|([^,]*?))\s*(,|$)')
 
 
@@ -41,7 +41,6 @@ def _check_row(context: SweepContext, places: dict[str, Place]) -> None:
 
 
 def _read_table(document: Document, folder: Path, name: str) -> SourceText | None:
-    """Return the text of a CSV file with rows. Otherwise return None and add the mistake."""
     path, lines, hint = folder / name, (), ""
     if not path.resolve().is_relative_to(folder.resolve()):
         message, hint = f"{path} is outside of the sweep's folder", "move it into the folder"
@@ -61,7 +60,6 @@ def _read_table(document: Document, folder: Path, name: str) -> SourceText | Non
 
 
 def _table_rows(context: SweepContext, source: SourceText) -> Iterator[RowValues]:
-    """Yield the rows of a table that are not empty. Add its mistakes to the document."""
     document = context.document
     first, *numbers = [number for number, line in enumerate(source.lines, 1) if line.strip()]
     header = list(_read_cells(source, first))
@@ -102,7 +100,6 @@ def _read_cells(source: SourceText, number: int) -> Iterator[tuple[str, Place]]:
 
 
 def _parse_cell(text: str) -> object:
-    """Return the value of a cell: a number, true or false, or the text."""
     if text.lower() in {"true", "false"}:
         return text.lower() == "true"
     for read in (int, float):

@@ -1,4 +1,4 @@
-"""`trace` of a sweep file: the runs whose traces are kept."""
+"""`trace` of a sweep file: the choice of runs that keep their traces."""
 
 from dataclasses import dataclass
 

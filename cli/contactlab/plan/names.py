@@ -26,8 +26,33 @@ _KEYFRAME = "keyframe"
 def check_names(context: SweepContext) -> None:
     """Find unknown names, axes given twice and axes that conflict."""
     document, vocabulary = context.document, context.vocabulary
-    _check_axes(context)
-    _check_tolerances(context)
+    # Axes and effects are known, given once, and without conflicts.
+    # `base` is for the effects without their own entry.
+    effects = [name for name in document.mapping("effects") if name != "base"]
+    named = [(name, path, "axis") for name, path in context.swept]
+    named += [(name, ("effects", name), "effect") for name in effects]
+    places: dict[str, Place] = {}
+    for name, path, kind in named:
+        place = document.key(path)
+        check_axis(context, name, place, kind)
+        if name in places:
+            hint = f"first given {places[name].spot}"
+            document.add("axis-twice", place, f"'{name}' is given twice", hint)
+        else:
+            places[name] = place
+    check_conflicts(context, places)
+    # Tolerances are of metrics that the sweep measures.
+    _check_known_names(document, "metric", [*context.vocabulary.metrics, *ERRORS], ("tolerances",))
+    for name in document.mapping("tolerances"):
+        if why := context.vocabulary.lacking.get(name):
+            place = document.key(("tolerances", name))
+            document.add(
+                "not-measured", place, f"'{name}' is never measured: {why}", "leave it out"
+            )
+        if name in ERRORS and context.sweep.accuracy is None:
+            message = f"'{name}' is only measured if the sweep requests accuracy"
+            place = document.key(("tolerances", name))
+            document.add("not-asked", place, message, "add accuracy: {}")
     _check_known_names(document, "threshold", vocabulary.thresholds, ("thresholds",))
     for index, expectation in enumerate(context.sweep.expect):
         path = context.path("expect", index)
@@ -76,50 +101,14 @@ def add_not_swept(context: SweepContext, name: str, place: Place, swept: Collect
     context.document.add("axis-not-swept", place, f"'{name}' is not an axis of this sweep", hint)
 
 
-def _check_axes(context: SweepContext) -> None:
-    document = context.document
-    # `base` is for the effects without their own entry.
-    effects = [name for name in document.mapping("effects") if name != "base"]
-    named = [(name, path, "axis") for name, path in context.swept]
-    named += [(name, ("effects", name), "effect") for name in effects]
-    places: dict[str, Place] = {}
-    for name, path, kind in named:
-        place = document.key(path)
-        check_axis(context, name, place, kind)
-        if name in places:
-            hint = f"first given {places[name].spot}"
-            document.add("axis-twice", place, f"'{name}' is given twice", hint)
-        else:
-            places[name] = place
-    check_conflicts(context, places)
-
-
-def _known_duration(context: SweepContext) -> float | None:
-    # The duration of a drive is known only after it is read.
-    return context.sweep.duration or (math.inf if context.sweep.drive else None)
-
-
 def _check_requirement(context: SweepContext, text: str, path: KeyPath) -> None:
     document, check = context.document, context.vocabulary.mistake_in_requirement
-    if mistake := check and check(text, _known_duration(context)):
+    # A drive has its own duration, which is known only after it is read.
+    duration = context.sweep.duration or (math.inf if context.sweep.drive else None)
+    if mistake := check and check(text, duration):
         # A single requirement needs no list.
         place = path[:-1] if isinstance(document.at(path[:-1]), str) else path
         document.add("bad-requirement", document.value(place), mistake)
-
-
-def _check_tolerances(context: SweepContext) -> None:
-    document = context.document
-    _check_known_names(document, "metric", [*context.vocabulary.metrics, *ERRORS], ("tolerances",))
-    for name in document.mapping("tolerances"):
-        if why := context.vocabulary.lacking.get(name):
-            place = document.key(("tolerances", name))
-            document.add(
-                "not-measured", place, f"'{name}' is never measured: {why}", "leave it out"
-            )
-        if name in ERRORS and context.sweep.accuracy is None:
-            message = f"'{name}' is only measured if the sweep requests accuracy"
-            place = document.key(("tolerances", name))
-            document.add("not-asked", place, message, "add accuracy: {}")
 
 
 def _check_known_names(
@@ -180,7 +169,7 @@ def _read_expression(
 
 
 def _first_character_place(place: Place, text: str) -> Place | None:
-    """Return the place of a text's first character, quoted or not; None if it has escapes."""
+    # A quoted text begins one character later; a text with escapes has no such place.
     for skip in (0, 1):
         start = place.column - 1 + skip
         if place.text[start : start + len(text)] == text:

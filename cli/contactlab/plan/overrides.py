@@ -77,7 +77,7 @@ class Filter:
 
 
 def drive_option(text: str | None) -> Drive | None:
-    """Return the drive that `--drive` names; raise SweepFileError for what is none."""
+    """Return the drive that `--drive` names; raise SweepFileError for other texts."""
     try:
         return None if text is None else read_drive(text)
     except ValidationError as error:
@@ -97,27 +97,25 @@ def apply_settings(document: Document, settings: Sequence[str]) -> None:
             message = f"'{option.name}' is an axis of a zip block"
             document.add("set-zipped", option.key, message, "change the block in the file")
         else:
-            _assign(document, option, path)
-
-
-def _assign(document: Document, option: ParsedOption, path: KeyPath) -> None:
-    role, known = document.mapping(*path).get("role"), len(document.mistakes)
-    parent = document.replace(path, option.key)
-    document.values[path] = option.place
-    if path[0] == "axes":
-        value = _axis_value(document, option, path, role)
-    else:
-        value = _listed(document, option, path)
-        if len(value) == 1:
-            # Without the brackets, since a single value is not a list.
-            place = option.place
-            value = read_argument(document, path, f" {option.value} ", place.source, place.column)
-    if len(document.mistakes) > known:
-        # The name stays known, and no further mistakes are reported for it.
-        document.unreadable |= {option.key, option.place}
-        document.values[path] = option.place
-        value = None
-    parent[str(path[-1])] = value
+            role, known = document.mapping(*path).get("role"), len(document.mistakes)
+            parent = document.replace(path, option.key)
+            document.values[path] = option.place
+            if path[0] == "axes":
+                value = _axis_value(document, option, path, role)
+            else:
+                value = _listed(document, option, path)
+                if len(value) == 1:
+                    # Without the brackets, since a single value is not a list.
+                    place = option.place
+                    value = read_argument(
+                        document, path, f" {option.value} ", place.source, place.column
+                    )
+            if len(document.mistakes) > known:
+                # The name stays known, and no further mistakes are reported for it.
+                document.unreadable |= {option.key, option.place}
+                document.values[path] = option.place
+                value = None
+            parent[str(path[-1])] = value
 
 
 def _axis_value(document: Document, option: ParsedOption, path: KeyPath, role: object) -> object:
@@ -159,7 +157,7 @@ def read_filters(
 
 
 def check_values(document: Document, filters: Sequence[Filter], grid: Grid) -> None:
-    """Add a mistake for every filter whose axis never takes any of its values."""
+    """Add a mistake for every filter with values that its axis never takes."""
     for condition in filters:
         values = grid.axis_values(condition.name)
         if not set(values).intersection(condition.values):

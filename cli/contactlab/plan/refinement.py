@@ -113,22 +113,18 @@ def next_points(codes: Codes, stride: int, probe: float, ranks: NDArray[np.intp]
         found = halve_cells(np.where(seen, codes, UNKNOWN), stride)
         requested = found.needed
         if not requested.any():
-            requested = _further_probes(seen, corners_of(found.cells, codes.shape), probe, ranks)
+            # Choose further points within uniform cells, in the order of their ranks.
+            corners = corners_of(found.cells, codes.shape)
+            probed, required = int((seen & ~corners).sum()), math.ceil(probe * int(corners.sum()))
+            requested = np.zeros(seen.shape, bool)
+            free = np.flatnonzero(~seen)
+            first = free[np.argsort(ranks.flat[free])[: max(0, required - probed)]]
+            requested.flat[first] = True
         if not requested.any():
             return requested
         seen |= requested
         if (missing := seen & (codes == UNKNOWN)).any():
             return missing
-
-
-def _further_probes(seen: Mask, corners: Mask, share: float, ranks: NDArray[np.intp]) -> Mask:
-    """Return the further points within uniform cells that must run."""
-    probed, required = int((seen & ~corners).sum()), math.ceil(share * int(corners.sum()))
-    chosen = np.zeros(seen.shape, bool)
-    free = np.flatnonzero(~seen)
-    first = free[np.argsort(ranks.flat[free])[: max(0, required - probed)]]
-    chosen.flat[first] = True
-    return chosen
 
 
 def miss_probability(points: int, probes: int, island: int) -> float:

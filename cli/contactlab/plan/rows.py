@@ -40,10 +40,9 @@ from contactlab.schema.vocabulary import (
     Vocabulary,
 )
 
-# Number of amounts at the begin of each form.
+# Number of amounts at the start of each form.
 _AMOUNT_COUNTS = {"linspace": 2, "logspace": 2, "range": 3, "uniform": 2, "loguniform": 2}
 _UNIT_RANGE = re.compile(r"([-+.\de]+?)\.\.([-+.\de]+)\s*([^-+.\d\s]\S*)")
-_ROUNDED_DIGITS = 12
 
 
 UNREADABLE = object()
@@ -157,7 +156,7 @@ def write_out_units(
 
 
 def _bound_in_unit(data: object, unit_of: Callable[[str], str], name: str) -> object:
-    """Return a bound of a metric in its unit; unchanged without a unit, or with a wrong one."""
+    # A number without a unit, or with a wrong one, stays unchanged.
     if not split_unit(data)[1]:
         return data
     plain = without_unit(data, unit) if (unit := unit_of(name)) in SI_UNITS else None
@@ -175,7 +174,7 @@ def parse_unit_range(text: str) -> dict[str, object] | None:
 def _form_in_unit(
     form: dict[str, object], unit_of: Callable[[str], str], axis: str
 ) -> dict[str, object]:
-    """Return a form of an axis with values in its unit listed; unchanged without one."""
+    # The values in one unit are listed; a form without one unit stays unchanged.
     name = next((key for key in _AMOUNT_COUNTS if key in form), "")
     parts = form.get(name)
     amounts = cast("list[object]", parts)[: _AMOUNT_COUNTS[name]] if isinstance(parts, list) else []
@@ -243,7 +242,6 @@ def _sampled_bounds(axis: Sampled) -> tuple[float, float]:
 
 
 def _exact_decimal(value: float) -> Fraction:
-    """Return the decimal number that a value was written as."""
     return Fraction(Decimal(repr(value)))
 
 
@@ -252,7 +250,8 @@ def _plain_number(value: Fraction) -> float:
 
 
 def _round_digits(value: float) -> float:
-    return float(f"{value:.{_ROUNDED_DIGITS}g}")
+    digits = 12
+    return float(f"{value:.{digits}g}")
 
 
 def read_blocks(context: SweepContext) -> tuple[Block, ...] | None:
@@ -291,7 +290,6 @@ def _known_values(context: SweepContext, name: str) -> Sequence[object]:
 def _canonical_column(
     context: SweepContext, name: str, values: Sequence[object], path: KeyPath, *, written: bool
 ) -> list[object]:
-    """Return canonical values; each mistake is at its own value if they are written out."""
     column: list[object] = []
     for index, value in enumerate(values):
         place = context.document.value((*path, index) if written else path)

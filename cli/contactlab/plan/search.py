@@ -23,18 +23,6 @@ from contactlab.schema.vocabulary import (
     Uniform,
 )
 
-# Share of the trials that are spread over all of the cube; the others continue from the best.
-_SPREAD_SHARE = 0.4
-# Largest number of axes for which the corners of the cube are tried first, 16 at most.
-_MAX_CORNER_AXES = 4
-# Proposed points for each trial: several may be nearest to the same point of the plan.
-_PROPOSALS_PER_TRIAL = 4
-# Descents that advance at a time, so that this number of workers is busy.
-_PARALLEL_DESCENTS = 2
-# A descent ends when its simplex is this small; most of its calls then use points already tried.
-_SMALLEST_SIDE, _MOST_CALLS = 1e-4, 1000
-_UNMEASURED_COST = 1e12
-
 
 def searched_axes(sweep: Sweep) -> tuple[str, ...]:
     """Return the searched axes: those named, or all that are drawn, or all grids."""
@@ -74,16 +62,12 @@ def axis_coordinates(axis: Axis, values: Sequence[object]) -> Callable[[object],
                 math.log(_number_above(value, above=0) / low) / math.log(high / low)
             )
         case _:
-            return _step_coordinates(values)
-
-
-def _step_coordinates(values: Sequence[object]) -> Callable[[object], float]:
-    places: dict[object, int] = {value: step for step, value in enumerate(values)}
-    return lambda value: places.get(value, math.nan) / max(1, len(places) - 1)
+            places: dict[object, int] = {value: step for step, value in enumerate(values)}
+            return lambda value: places.get(value, math.nan) / max(1, len(places) - 1)
 
 
 def _number_above(value: object, above: float = -math.inf) -> float:
-    """Return a number above a bound; NaN for other values, as of a row that a file includes."""
+    # Other values, such as those of a row that a file includes, are NaN.
     return float(value) if isinstance(value, int | float) and value > above else math.nan
 
 
@@ -111,9 +95,13 @@ class Trials:
 
         self._nearest = KDTree(points).query
         self._sign, self._most, self._axes = sign, min(most, len(points)), points.shape[1]
+        # Share of the trials that are spread over the cube; the others continue from the best.
+        spread_share = 0.4
+        # Proposed points for each trial: several may be nearest to the same point of the plan.
+        proposals_per_trial = 4
         self._spread_points, first = (
-            _spread_points(self._axes, _PROPOSALS_PER_TRIAL * most),
-            max(1, round(_SPREAD_SHARE * most)),
+            _spread_points(self._axes, proposals_per_trial * most),
+            max(1, round(spread_share * most)),
         )
         self._starts = self._spread_points[:first]
         self._measured: Mapping[int, float | None] = {}
@@ -141,7 +129,9 @@ class Trials:
             return
         if self._waiting is None:
             self._waiting = self._sorted_descents(self._starts)
-        going, rest = self._waiting[:_PARALLEL_DESCENTS], self._waiting[_PARALLEL_DESCENTS:]
+        # Descents that advance at a time, so that this number of workers is busy.
+        parallel_descents = 2
+        going, rest = self._waiting[:parallel_descents], self._waiting[parallel_descents:]
         self._waiting = [descent for descent in going if not self._is_finished(*descent)] + rest
         if not self._waiting:
             self._add_trials(self._nearest_places(self._spread_points))
@@ -149,7 +139,6 @@ class Trials:
             self._add_next_trials()
 
     def _nearest_places(self, wanted: Floats) -> list[int]:
-        """Return the places of the points that are nearest to (n, k)."""
         places: list[int] = np.asarray(self._nearest(wanted)[1]).tolist()
         return places
 
@@ -169,7 +158,8 @@ class Trials:
             self._add_trials([place])
             raise _PauseError
         value = self._measured[place]
-        return _UNMEASURED_COST if value is None else self._sign * value
+        unmeasured_cost = 1e12
+        return unmeasured_cost if value is None else self._sign * value
 
     def _sorted_descents(self, starts: Floats) -> list[tuple[Floats, float]]:
         """Return starts and sides of simplexes: the best first, at a distance from better ones."""
@@ -183,31 +173,27 @@ class Trials:
         return found
 
     def _is_finished(self, start: Floats, side: float) -> bool:
-        """Return whether a descent from (k,) ends without a further trial."""
-        try:
-            self._run_descent(start, side)
-        except _PauseError:
-            return False
-        return True
-
-    def _run_descent(self, start: Floats, side: float) -> None:
-        """Descend from (k,) until the simplex, with a given side at first, is small."""
         from scipy.optimize import minimize  # noqa: PLC0415 - it takes a while to load
 
         inwards = np.where(start < 0.5, side, -side)  # keeps the simplex whole at a bound
-        minimize(
-            self._trial_cost,
-            start,
-            method="Nelder-Mead",
-            bounds=[(0.0, 1.0)] * self._axes,
-            options={
-                "initial_simplex": np.concatenate((start[None], start + np.diag(inwards))),
-                "xatol": _SMALLEST_SIDE,
-                "fatol": math.inf,
-                "maxfev": _MOST_CALLS,
-                "maxiter": _MOST_CALLS,
-            },
-        )
+        try:
+            minimize(
+                self._trial_cost,
+                start,
+                method="Nelder-Mead",
+                bounds=[(0.0, 1.0)] * self._axes,
+                options={
+                    "initial_simplex": np.concatenate((start[None], start + np.diag(inwards))),
+                    # The simplex is then small; most calls before use points already tried.
+                    "xatol": 1e-4,
+                    "fatol": math.inf,
+                    "maxfev": 1000,
+                    "maxiter": 1000,
+                },
+            )
+        except _PauseError:
+            return False
+        return True
 
 
 class _PauseError(Exception):
@@ -215,10 +201,11 @@ class _PauseError(Exception):
 
 
 def _spread_points(axes: int, count: int) -> Floats:
-    """Return (n, axes) at least `count` points of a cube: its corners, if few, and a sequence."""
     from scipy.stats import qmc  # noqa: PLC0415 - it takes a while to load
 
-    corners = product((0.0, 1.0), repeat=axes) if axes <= _MAX_CORNER_AXES else ()
+    # With at most this number of axes, the corners of the cube, 16 at most, are tried first.
+    most_corner_axes = 4
+    corners = product((0.0, 1.0), repeat=axes) if axes <= most_corner_axes else ()
     sequence = qmc.Sobol(axes, rng=0).random_base2((count - 1).bit_length())
     return np.concatenate((np.array([*corners]).reshape(-1, axes), sequence))
 

@@ -10,7 +10,7 @@ from contactlab.plan.yaml_document import KeyPath, Place
 from contactlab.schema.setting_values import SI_UNITS
 
 Side = Callable[[Mapping[str, object]], object]
-"""Returns the side of a boundary on which a run lies, from its row."""
+"""Returns the side of a boundary that a run is on, from its row."""
 FAILED = "failed"
 _STABLE_LABEL = "stable"
 _COMPARISON_PATTERN = re.compile(r"[<>=!]")

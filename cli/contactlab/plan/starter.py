@@ -9,13 +9,8 @@ from contactlab.schema.task import SEEDS
 from contactlab.schema.vocabulary import Vocabulary
 
 SCHEMA_NAME = "contactlab-sweep.schema.json"
-_MAX_LISTED_NAMES = 40
 _SEED_COUNT = len(SEEDS)
-_FEW_STEPS_OF_TIMECONST = (
-    4  # in a time constant of solref with fewer timesteps, no longer timesteps are proposed
-)
 _ERROR_METRIC = "backward_error"
-_LINE_WIDTH = 100  # of the list of axes
 _PLAIN_WORD = re.compile(r"[A-Za-z][\w.-]*")
 
 
@@ -28,8 +23,8 @@ def starter_text(
 ) -> str:
     """Return a sweep file of a scene, ready to run, with comments on its other possible content.
 
-    The first value of each axis is the scene's own. The drive needs a duration of simulated time
-    [s]; it is None if the scene has its own, and the reference is relative to the file.
+    The first value of each axis is the scene's own. The duration [s] is that of simulated time.
+    Leave out a drive that the scene has itself. The reference is relative to the file.
     """
     axes = [
         _axis_line(name, values, vocabulary) for name, values in _common_axes(settings, vocabulary)
@@ -85,7 +80,6 @@ def starter_text(
 
 
 def _tolerance_lines(vocabulary: Vocabulary) -> list[str]:
-    """Return the lines that make a sweep end in a recommendation: error tolerance and checks."""
     if _ERROR_METRIC not in vocabulary.metrics:
         return []
     return [
@@ -101,21 +95,21 @@ def _common_axes(
 ) -> Iterator[tuple[str, Sequence[object]]]:
     """Yield a few common axes with their values, as far as the scene has them.
 
-    None needs refsafe, by which MuJoCo raises a time constant of solref to two timesteps.
+    No value depends on refsafe, which raises a time constant of solref to two timesteps.
     """
     timestep, solref = settings.get("timestep"), settings.get("solref")
     constant = float(solref[0]) if isinstance(solref, tuple) else 0.0
     periods = constant / timestep if isinstance(timestep, float) else 0.0
+    # If a time constant of solref has fewer timesteps, no longer timesteps are proposed.
+    few_steps = 4
     for name, own in _scene_settings(
         settings, vocabulary, ("timestep", "integrator", "cone", "solref")
     ):
         others: Sequence[object] = ()
         if isinstance(own, float):
-            others = own / 2, own / 4 if 0 < periods < _FEW_STEPS_OF_TIMECONST else own * 2
+            others = own / 2, own / 4 if 0 < periods < few_steps else own * 2
         elif isinstance(own, tuple) and constant > 0:
-            others = (
-                (constant / 2 if periods >= 2 * _FEW_STEPS_OF_TIMECONST else constant * 2, own[1]),
-            )
+            others = ((constant / 2 if periods >= 2 * few_steps else constant * 2, own[1]),)
         elif isinstance(own, str):
             words = _other_choices(name, own, vocabulary)
             others = [word for word in words if word == "implicitfast"] or words[:1]
@@ -152,17 +146,19 @@ def _yaml_value(value: object) -> str:
 
 
 def _axis_list(vocabulary: Vocabulary) -> list[str]:
-    names = vocabulary.axes[:_MAX_LISTED_NAMES]
+    most_names = 40
+    names = vocabulary.axes[:most_names]
     specs = [spec for name in names if (spec := vocabulary.find(name))]
     width = max((len(spec.name) for spec in specs), default=0)
     lines = ["# Axes of this scene:"] if specs else []
+    line_width = 100  # of the list of axes
     for spec in specs:
         takes = f" [{spec.unit}]" if spec.unit else ""
         takes = f": {', '.join(spec.choices)}" if spec.choices else takes
         begin = f"#   {spec.name:<{width}}  "
         lines += textwrap.wrap(
             f"{begin}{spec.description}{takes}",
-            _LINE_WIDTH,
+            line_width,
             subsequent_indent="#" + " " * (len(begin) - 1),
             break_on_hyphens=False,
         )

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 
 from contactlab.errors import SceneError
 from contactlab.plan.diagnostics import Diagnostic, Place, SourceText, SweepMistakesError
-from contactlab.plan.grid import MOST_RUNS, Grid, Match, Plan, SweptAxis
+from contactlab.plan.grid import MOST_RUNS, Grid, Plan, SweptAxis
 from contactlab.plan.included_rows import read_rows
 from contactlab.plan.kept_traces import with_default_traces
 from contactlab.plan.names import check_names, read_condition
@@ -65,19 +65,17 @@ def read_sweep(
     draft = read_draft(document)
     plan = _checked(draft, vocabulary, overrides, path.parent if path else Path())
     if plan is None or document.has_errors:
-        raise SweepMistakesError(_sorted(document))
+        raise SweepMistakesError(_sort_mistakes(document))
     return SweepFile(path, document.text, draft.sweep, plan)
 
 
 def _unit_of(document: Document, vocabulary: Callable[[str], Vocabulary], axis: str) -> str:
-    """Return the unit of an axis of the scene; empty where there is none."""
     names = _names_of(document, vocabulary)
     spec = names.find(axis) if names else None
     return spec.unit if spec else ""
 
 
 def _unit_of_metric(document: Document, vocabulary: Callable[[str], Vocabulary], name: str) -> str:
-    """Return the unit of a metric or a threshold; empty where there is none."""
     names = _names_of(document, vocabulary)
     return names.units.get(name, "") if names else ""
 
@@ -89,9 +87,8 @@ def _names_of(document: Document, vocabulary: Callable[[str], Vocabulary]) -> Vo
     return None
 
 
-def _sorted(document: Document) -> list[Diagnostic]:
-    """Return all mistakes, first those of the file, by source in the order of their places."""
-
+def _sort_mistakes(document: Document) -> list[Diagnostic]:
+    # Those of the file come first, then by source, in the order of their places.
     def position(place: Place) -> tuple[bool, str, str, int, int]:
         source, argument = place.source, "" if place.source.numbered else place.text
         return source is not document.source, source.name, argument, place.line, place.column
@@ -135,22 +132,35 @@ def _checked(
     if document.has_errors:
         return None
     for match, _ in expected:
-        _warn_unmet(document, match, grid)
+        for name, value in match.settings:
+            if value not in grid.axis_values(name):
+                message = f"no run has {name} = {value}, so this applies to no run"
+                document.add("unmatched-expect", match.place, message, severity="warning")
     check_values(document, filters, grid)
     _check_whole(context, filters, overrides.limit)
     if document.has_errors:
         return None
-    grid = _kept(draft.sweep, grid, filters)
+    # Keep the rows of the filters, and the scene as written in their scenarios.
+    for condition in filters:
+        grid = grid.filter_rows(condition.name, condition.values)
+    grid = grid.with_baseline(draft.sweep.scenario) if draft.sweep.baseline else grid
     count = _count(context, grid, overrides.limit, warn=not filters)
     if count is None:
         return None
     warnings = tuple(mistake for mistake in document.mistakes if mistake.severity == "warning")
     sweep = with_default_traces(draft.sweep, count)
-    return Plan(sweep, _axes(sweep, grid), count, warnings, grid, expected)
+    roles, names = sweep.roles, [name for name in grid.names if name not in grid.base]
+    return Plan(
+        sweep,
+        tuple(SweptAxis(name, roles.get(name, "knob"), grid.axis_values(name)) for name in names),
+        count,
+        warnings,
+        grid,
+        expected,
+    )
 
 
 def _check_whole(context: SweepContext, filters: Sequence[Filter], limit: int | None) -> None:
-    """Add a mistake for every option that would cut the refined grid."""
     refine = context.sweep.refining
     if refine is None:
         return
@@ -158,29 +168,16 @@ def _check_whole(context: SweepContext, filters: Sequence[Filter], limit: int | 
     cuts += [] if limit is None else [_of_limit(limit)]
     for place in cuts:
         message = "this would cut the grid that is refined"
-        context.document.add("bad-option", place, message, "leave it out, or --set the axis anew")
+        context.document.add(
+            "bad-option", place, message, "leave it out, or give the axis other values by --set"
+        )
 
 
 def _of_limit(limit: int) -> Place:
     return Place(SourceText("command line", (f"--limit {limit}",), numbered=False), 1, 9, 9)
 
 
-def _kept(sweep: Sweep, grid: Grid, filters: Sequence[Filter]) -> Grid:
-    """Return the rows that filters keep, and those of the scene as written in their scenarios."""
-    for condition in filters:
-        grid = grid.filter_rows(condition.name, condition.values)
-    return grid.with_baseline(sweep.scenario) if sweep.baseline else grid
-
-
-def _warn_unmet(document: Document, match: Match, grid: Grid) -> None:
-    for name, value in match.settings:
-        if value not in grid.axis_values(name):
-            message = f"no run has {name} = {value}, so this applies to no run"
-            document.add("unmatched-expect", match.place, message, severity="warning")
-
-
 def _read_grid(context: SweepContext, folder: Path) -> Grid:
-    """Return the rows of a file, a table of rows relative to a folder; add their mistakes."""
     blocks, added = read_blocks(context), read_rows(context, folder)
     base = {
         name: context.canonical(name, value, context.document.value(("effects", name)))
@@ -194,13 +191,11 @@ def _read_grid(context: SweepContext, folder: Path) -> Grid:
 
 
 def _product_axes(context: SweepContext) -> tuple[str, ...]:
-    """Return the axes of every row of the product, including effects."""
     axes = [name for name, _ in context.swept]
     return tuple(dict.fromkeys([*axes, *switches(context.sweep.effects)]))
 
 
 def _count(context: SweepContext, grid: Grid, limit: int | None, *, warn: bool) -> int | None:
-    """Return the number of runs, or None if there are none or too many."""
     document, seeds = context.document, len(context.sweep.seed_values)
     if limit is not None and limit < 1:
         document.add("bad-option", _of_limit(limit), "the limit must be at least 1 run")
@@ -220,11 +215,6 @@ def _count(context: SweepContext, grid: Grid, limit: int | None, *, warn: bool) 
     if runs == 0:
         document.add("no-runs", document.key(("exclude",)), "no runs are left", "exclude less")
     return runs or None
-
-
-def _axes(sweep: Sweep, grid: Grid) -> tuple[SweptAxis, ...]:
-    roles, names = sweep.roles, [name for name in grid.names if name not in grid.base]
-    return tuple(SweptAxis(name, roles.get(name, "knob"), grid.axis_values(name)) for name in names)
 
 
 _Kind = TypeVar("_Kind", bound=BaseModel)

@@ -76,7 +76,17 @@ def add_validation_errors(
         path = exact[:-1] if entry_of_form else exact
         if (detail["type"], path) not in seen:
             seen.add((detail["type"], path))
-            _add_mistake(document, detail, path, model)
+            kind = detail["type"]
+            if kind == "extra_forbidden":
+                _add_unknown_key(document, path, _model_at(detail["loc"][:-1], model))
+            elif kind == "axis_form":
+                _add_axis_form(document, path)
+            elif kind in {"missing", "too_long", "too_short"}:
+                _add_length(document, kind, path)
+            elif kind in _WANTED_KINDS:
+                _add_type(document, _WANTED_KINDS[kind], path)
+            else:
+                _add_value(document, detail, path)
 
 
 def file_path(loc: tuple[str | int, ...]) -> KeyPath:
@@ -86,22 +96,6 @@ def file_path(loc: tuple[str | int, ...]) -> KeyPath:
 
 def _is_form(path: KeyPath) -> bool:
     return len(path) > 2 and path[-1] in _COUNTED_FORMS and path[0] in {"axes", "zip"}
-
-
-def _add_mistake(
-    document: Document, detail: ErrorDetails, path: KeyPath, model: type[BaseModel]
-) -> None:
-    kind = detail["type"]
-    if kind == "extra_forbidden":
-        _add_unknown_key(document, path, _model_at(detail["loc"][:-1], model))
-    elif kind == "axis_form":
-        _add_axis_form(document, path)
-    elif kind in {"missing", "too_long", "too_short"}:
-        _add_length(document, kind, path)
-    elif kind in _WANTED_KINDS:
-        _add_type(document, _WANTED_KINDS[kind], path)
-    else:
-        _add_value(document, detail, path)
 
 
 def _add_unknown_key(document: Document, path: KeyPath, model: type[BaseModel]) -> None:
@@ -186,7 +180,6 @@ def _add_value(document: Document, detail: ErrorDetails, path: KeyPath) -> None:
 
 
 def _bound_example(wording: str) -> str:
-    """Return an example of a number within bounds that a message states."""
     if bound := re.search(r"(greater|less) than (or equal to )?([-+.\de]+)$", wording):
         side = "above" if bound[1] == "greater" else "below"
         return f"write a number {f'of {bound[3]}, or one ' if bound[2] else ''}{side} {bound[3]}"
@@ -250,7 +243,6 @@ def _without_errors(document: Document, error: ValidationError) -> Draft:
 def _prune_errors(
     data: dict[str, object], error: ValidationError, depth: int
 ) -> tuple[dict[str, object], dict[str, list[int]]]:
-    """Remove the entries that contain an error: whole keys, or their direct entries."""
     bad = {file_path(detail["loc"])[:depth] for detail in error.errors(include_url=False)}
     pruned: dict[str, object] = {}
     kept: dict[str, list[int]] = {}

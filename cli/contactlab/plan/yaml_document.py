@@ -30,8 +30,8 @@ _TAG_PREFIX = "tag:yaml.org,2002:"
 class Document:
     """Plain data with the places of its values and keys by path, and the mistakes in it.
 
-    Mistakes, including warnings, are in the order in which they were added; none is added where the
-    text is unreadable. The text is that of the file, or JSON for data.
+    Mistakes, including warnings, are in order of addition; unreadable text gets no further ones.
+    The text is that of the file, or JSON for data.
     """
 
     source: SourceText
@@ -243,27 +243,24 @@ class _YamlReader:
     def _node_data(self, node: Node, path: KeyPath) -> object:
         self.document.values[path] = self._mark_place(node.start_mark, node.end_mark)
         if isinstance(node, MappingNode):
-            return self._mapping_data(node, path)
+            data: dict[str, object] = {}
+            for key, value in self._merged_entries(node):
+                place, name = self._mark_place(key.start_mark, key.end_mark), str(key.value)
+                if not isinstance(key, ScalarNode):
+                    self._add_syntax_error("a key must be a single word", place)
+                    continue
+                if name in data:
+                    first = self.document.keys[(*path, name)]
+                    message = f"'{name}' is given twice"
+                    self.document.add("duplicate-key", place, message, f"first given {first.spot}")
+                    continue
+                self.document.keys[(*path, name)] = place
+                data[name] = self._node_data(value, (*path, name))
+            return data
         if isinstance(node, SequenceNode):
             items = cast("list[Node]", node.value)
             return [self._node_data(item, (*path, index)) for index, item in enumerate(items)]
         return self._scalar_data(cast("ScalarNode", node))
-
-    def _mapping_data(self, node: MappingNode, path: KeyPath) -> dict[str, object]:
-        data: dict[str, object] = {}
-        for key, value in self._merged_entries(node):
-            place, name = self._mark_place(key.start_mark, key.end_mark), str(key.value)
-            if not isinstance(key, ScalarNode):
-                self._add_syntax_error("a key must be a single word", place)
-                continue
-            if name in data:
-                first = self.document.keys[(*path, name)]
-                message = f"'{name}' is given twice"
-                self.document.add("duplicate-key", place, message, f"first given {first.spot}")
-                continue
-            self.document.keys[(*path, name)] = place
-            data[name] = self._node_data(value, (*path, name))
-        return data
 
     def _merged_entries(self, node: MappingNode) -> Iterator[tuple[Node, Node]]:
         """Yield the entries of a mapping, and those merged (`<<`) that it does not replace."""
@@ -324,7 +321,6 @@ _PLAIN_MESSAGES = {
 
 
 def _syntax_message(error: MarkedYAMLError) -> str:
-    """Return a syntax error in one line, with the cause first."""
     problem = str(error.problem or error.context or "not YAML").strip()
     for known, plain in _PLAIN_MESSAGES.items():
         if problem.startswith(known):
