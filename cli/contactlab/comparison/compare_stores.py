@@ -1,4 +1,4 @@
-"""Compare two stores: open them, make every check, and say what they mean together."""
+"""Compare two stores: open them, make every check, and draw the conclusion of all checks."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -44,7 +44,6 @@ from contactlab.schema.comparison import (
     ComparisonReport,
     Difference,
     PairCounts,
-    Transition,
 )
 from contactlab.schema.finding import Change, Finding
 from contactlab.store.finished_store import Store
@@ -53,7 +52,6 @@ from contactlab.store.verify_store import contradictory_records, find_problems
 
 DEFAULT_POLICY = ComparePolicy(version=1)
 _COMPARABLE = Subject("stores can be compared", "evidence", "gate")
-_MOST_PROBLEMS_SHOWN = 3
 # Metrics and labels are checked one by one: those that have not changed stay comparable.
 _JUDGED_ONE_BY_ONE = {"metric_versions", "thresholds"}
 _ABOUT_RUNS = {"runs", "labels", "metrics", "recommendation"}
@@ -72,16 +70,20 @@ def compare(
     """Compare two stores, the candidate with the baseline.
 
     Thoroughly means that every record and the bytes of every trace are checked first. Exceptions
-    of the policy expire by `today`, by default the day of the call. A control, which has what the
-    baseline has and was made as the candidate was, is what the candidate's outcomes are compared
-    with.
+    of the policy expire by `today`, by default the day of the call. A control has the content of
+    the baseline and the versions of the candidate. The candidate's outcomes are then compared with
+    those of the control.
 
     Raises:
         StoreError: a store is not sound or not the pinned one, or they have no run in common.
-        PolicyError: two are the same store, or the policy names what they do not have.
+        PolicyError: two are the same store, or the policy names a part that they lack.
     """
     for one, other in combinations(filter(None, (baseline, candidate, control)), 2):
-        _refuse_same(one, other)
+        paths = [store for store in (one, other) if isinstance(store, Path) and store.exists()]
+        if one == other or (len(paths) == 2 and paths[0].samefile(paths[1])):
+            raise PolicyError(
+                f"{one} and {other} are the same store; compare the stores of two sweeps"
+            )
     before = _open("baseline", baseline, thorough=thorough)
     if policy.baseline_digest not in {None, before.digest}:
         raise StoreError(
@@ -93,13 +95,55 @@ def compare(
     paired = PairedStores(before, after, pairing, policy, today or date.today())  # noqa: DTZ011
     check_names(policy, {**before.columns.measured, **after.columns.measured}, paired.ranks)
     third = _open("control", control, thorough=thorough) if control else None
-    return _report(paired, third, remeasure)
-
-
-def _refuse_same(one: Address, other: Address) -> None:
-    paths = [store for store in (one, other) if isinstance(store, Path) and store.exists()]
-    if one == other or (len(paths) == 2 and paths[0].samefile(paths[1])):
-        raise PolicyError(f"{one} and {other} are the same store; compare the stores of two sweeps")
+    # Make every check, and draw the conclusion of all.
+    gated = _gated(paired)
+    labels = PairLabels.of(gated)
+    of_labels, transitions = list(label_checks(labels)), labels.transitions()
+    sameness = list(_sameness_checks(before, after, policy))
+    checks = [
+        _COMPARABLE.single(SAME, "both are sound"),
+        *_store_checks(before, after),
+        *(check for check, _ in sameness),
+    ]
+    outcomes = [*_outcomes(gated, third)]
+    if policy.match == "none":
+        checks += outcomes
+    else:
+        checks += unpaired_checks(paired)
+        checks.append(judged_share_check(paired, gated))
+        checks.append(knife_edge_check(paired))
+        checks += of_labels
+        checks += outcomes
+        checks += expectation_checks(gated)
+        checks += metric_checks(gated)
+        checks.append(recommendation_check(paired))
+    if remeasure is not None:
+        checks.append(remeasured_check(paired, remeasure))
+    checks = apply_waivers(checks, policy.waive, paired.today)
+    verdict, code, headline = conclusion(checks)
+    flipped = paired.labels(paired.baseline) != paired.labels(paired.candidate)
+    pairing, flagged = paired.pairing, knife_edge(paired)
+    return ComparisonReport(
+        verdict=verdict,
+        exit_code=code,
+        headline=headline,
+        baseline=described(before),
+        candidate=described(after),
+        control=described(third) if third else None,
+        match=policy.match,
+        pairs=PairCounts(
+            paired=len(pairing.baseline),
+            missing=len(pairing.missing),
+            new=len(pairing.new),
+            bitwise_equal=int(bitwise_equal(paired).sum()),
+            knife_edge=int(flagged.sum()),
+            knife_edge_flipped=int((flagged & flipped).sum()),
+        ),
+        differences=tuple(found for _, found in sameness if found),
+        transitions=transitions,
+        findings=tuple(checks),
+        advice=tuple(_advice(checks, before, after)),
+    )
 
 
 def _open(role: str, address: Address, *, thorough: bool) -> Store:
@@ -110,8 +154,9 @@ def _open(role: str, address: Address, *, thorough: bool) -> Store:
     except StoreError as error:
         raise StoreError(f"the {role} cannot be read: {error}") from error
     if problems:
-        first = "; ".join(problems[:_MOST_PROBLEMS_SHOWN])
-        more = len(problems) - _MOST_PROBLEMS_SHOWN
+        most_shown = 3
+        first = "; ".join(problems[:most_shown])
+        more = len(problems) - most_shown
         rest = f"; and {more} more problems" if more > 0 else ""
         raise StoreError(
             f"the {role} {address} is not sound: {first}{rest} (see `contactlab verify {address}`)"
@@ -140,10 +185,10 @@ def unreadable_report(error: ContactlabError, policy: ComparePolicy) -> Comparis
 
 
 def pair_runs(baseline: Store, candidate: Store, policy: ComparePolicy) -> Pairing:
-    """Return the pairs of runs that `compare` compares; a StoreError if there are none.
+    """Return the pairs of runs that `compare` compares; a StoreError if no run is in both.
 
-    Runs of equal id have the same scene content, settings, seed and duration. Where the policy
-    pairs none, there are none, and none is missing.
+    Runs of equal id have the same scene content, settings, seed and duration. A policy with `match:
+    none` gives no pairs and no missing runs.
     """
     if policy.match == "none":
         none = np.zeros(0, np.intp)
@@ -172,63 +217,12 @@ def _how_to_match(baseline: Store, candidate: Store) -> str:
     return apart(baseline, candidate)
 
 
-def _report(
-    paired: PairedStores, control: Store | None, remeasure: Remeasure | None
-) -> ComparisonReport:
-    before, after, policy = paired.baseline, paired.candidate, paired.policy
-    gated = _gated(paired)
-    of_labels, transitions = _labels(gated)
-    sameness = list(_sameness_checks(before, after, policy))
-    checks = [
-        _COMPARABLE.single(SAME, "both are sound"),
-        *_store_checks(before, after),
-        *(check for check, _ in sameness),
-    ]
-    outcomes = [*_outcomes(gated, control)]
-    if policy.match == "none":
-        checks += outcomes
-    else:
-        checks += unpaired_checks(paired)
-        checks.append(judged_share_check(paired, gated))
-        checks.append(knife_edge_check(paired))
-        checks += of_labels
-        checks += outcomes
-        checks += expectation_checks(gated)
-        checks += metric_checks(gated)
-        checks.append(recommendation_check(paired))
-    if remeasure is not None:
-        checks.append(remeasured_check(paired, remeasure))
-    checks = apply_waivers(checks, policy.waive, paired.today)
-    verdict, code, headline = conclusion(checks)
-    return ComparisonReport(
-        verdict=verdict,
-        exit_code=code,
-        headline=headline,
-        baseline=described(before),
-        candidate=described(after),
-        control=described(control) if control else None,
-        match=policy.match,
-        pairs=_counts(paired),
-        differences=tuple(found for _, found in sameness if found),
-        transitions=transitions,
-        findings=tuple(checks),
-        advice=tuple(_advice(checks, before, after)),
-    )
-
-
 def _gated(paired: PairedStores) -> PairedStores:
-    """Return the pairs that are judged."""
     return paired.without(knife_edge(paired) & paired.policy.knife_edge.exclude)
 
 
-def _labels(gated: PairedStores) -> tuple[list[Finding], tuple[Transition, ...]]:
-    """Return what is found of labels, and how runs changed theirs."""
-    labels = PairLabels.of(gated)
-    return list(label_checks(labels)), labels.transitions()
-
-
 def _outcomes(gated: PairedStores, control: Store | None) -> Iterator[Finding]:
-    """Yield what is found of outcomes: against the baseline, or against a control."""
+    """Yield the findings on outcomes: against the baseline, or against a control."""
     if control is None:
         yield from outcome_checks(gated)
         return
@@ -260,9 +254,9 @@ def described(store: Store) -> ComparedStore:
 def _sameness_checks(
     baseline: Store, candidate: Store, policy: ComparePolicy
 ) -> Iterator[tuple[Finding, Difference | None]]:
-    """Yield one check for each property that the policy names, and in what the stores differ."""
+    """Yield one check for each property that the policy names, and the difference of the stores."""
     for what in dict.fromkeys((*policy.require.same, *policy.require.warn_if_different)):
-        # A changed scene is what runs are matched by axes for, or not at all.
+        # Runs are matched by axes, or not at all, because the scene changed.
         changes_scene = what == "scene_hash" and policy.match != "id"
         required = what in policy.require.same and not changes_scene
         is_gate = required and what not in _JUDGED_ONE_BY_ONE
@@ -297,23 +291,10 @@ def _warning(name: str, warning: str, fine: str) -> Finding:
     return subject.single(CHANGED if warning else SAME, warning or fine)
 
 
-def _counts(paired: PairedStores) -> PairCounts:
-    flipped = paired.labels(paired.baseline) != paired.labels(paired.candidate)
-    pairing, flagged = paired.pairing, knife_edge(paired)
-    return PairCounts(
-        paired=len(pairing.baseline),
-        missing=len(pairing.missing),
-        new=len(pairing.new),
-        bitwise_equal=int(bitwise_equal(paired).sum()),
-        knife_edge=int(flagged.sum()),
-        knife_edge_flipped=int((flagged & flipped).sum()),
-    )
-
-
 def conclusion(checks: Sequence[Finding]) -> tuple[Change, int, str]:
     """Return verdict, exit code and headline.
 
-    Stores that differ in what must be the same come first: no other check means anything then.
+    If required properties differ, that comes first: no other check means anything then.
     """
     failed = [NAMES.index(check.verdict) for check in checks if check.outcome == "failed"]
     skipped = [check.kind for check in checks if check.is_open]
@@ -334,7 +315,7 @@ def conclusion(checks: Sequence[Finding]) -> tuple[Change, int, str]:
 
 
 def _advice(checks: Sequence[Finding], baseline: Store, candidate: Store) -> Iterator[str]:
-    """Yield the commands to go on with, each after what it is for."""
+    """Yield the next commands, each after its purpose."""
     old, new = shell_word(baseline.address), shell_word(candidate.address)
     order = ("failed", "warned", "noted")
     found = sorted((c for c in checks if c.outcome in order), key=lambda c: order.index(c.outcome))

@@ -1,8 +1,8 @@
-"""How much of the candidate is judged: a baseline that leaves too little says nothing of it.
+"""The judged share of the candidate: a baseline that leaves too little says nothing about it.
 
 Runs, metrics or values that only the candidate has are not judged, nor are pairs set apart as
 knife-edge runs. Each such part is counted and reported. Beyond the policy's share, the stores are
-not comparable: a baseline of which most was left out or blanked would else let anything pass.
+not comparable. Otherwise a baseline with most parts left out or blanked would let anything pass.
 """
 
 from contactlab.comparison.pairing import PairedStores
@@ -13,7 +13,7 @@ from contactlab.schema.finding import Finding
 
 
 def is_too_little(paired: PairedStores, unjudged: int, total: int) -> bool:
-    """Return whether so many of all that the candidate has are more than the policy allows."""
+    """Return whether the candidate has more unjudged parts than the policy allows."""
     return unjudged > (1 - paired.policy.least_judged) * total
 
 
@@ -42,8 +42,8 @@ def unless_unjudged(
 ) -> Finding:
     """Return a finding, unless the baseline lacks too many of the values that it needs.
 
-    Both masks are of pairs (n,): those of which the baseline says nothing although the candidate
-    does, and those of which the candidate does.
+    Both masks are of pairs (n,): `stated` has those with a value of the candidate, `unjudged` those
+    of them without one of the baseline.
     """
     missing, total = int(unjudged.sum()), int(stated.sum())
     if found.outcome == "failed" or not is_too_little(paired, missing, total):

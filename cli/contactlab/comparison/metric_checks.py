@@ -34,7 +34,6 @@ from contactlab.shares import SURE, median_interval
 from contactlab.store.run_columns import NumberColumn
 from contactlab.store.table_layout import REAL, Column
 
-_SIGN = {"lower": 1.0, "higher": -1.0, "none": 1.0}
 _WORDS: Mapping[Verdict, str] = {
     "not comparable": "not a number",
     "missing": "without a value now",
@@ -42,12 +41,6 @@ _WORDS: Mapping[Verdict, str] = {
     "changed": "changed",
     "better": "better",
 }
-_MOST_TOLERANCES_ORDERED = (
-    1e6  # changes of more than half as many tolerances are not ordered among each other
-)
-_JUDGED_AT_ONCE = 1 << 16  # pairs: of more, what is computed on the way would fill memory
-_LEAST_SECONDS_OF_A_TIMING = 0.05  # CPU time that each timing of a run takes at least [s]
-_MOST_REPEATS_OF_A_TIMING = 200
 
 
 def metric_checks(paired: PairedStores) -> Iterator[Finding]:
@@ -102,7 +95,7 @@ def _not_comparable(paired: PairedStores, metric: Column, rule: EffectiveRule) -
 class MetricPairs:
     """The values of one metric in n pairs of runs, by index (n,) of all pairs.
 
-    Of the exempt pairs (n,) only one run may have a value.
+    In the exempt pairs (n,), only one run may have a value.
     """
 
     paired: PairedStores
@@ -142,8 +135,10 @@ class MetricPairs:
         baseline, candidate = self.baseline.values[shown], self.candidate.values[shown]
         with np.errstate(all="ignore"):
             excess = np.abs(candidate - baseline) / rule.limit.allowed(baseline)
+        # Changes of more than half this number of tolerances are not ordered among each other.
+        most_tolerances = 1e6
         # Less than 1, so that it only orders pairs of equal verdict.
-        ordering = np.nan_to_num(excess / _MOST_TOLERANCES_ORDERED, nan=0, posinf=0.5).clip(0, 0.5)
+        ordering = np.nan_to_num(excess / most_tolerances, nan=0, posinf=0.5).clip(0, 0.5)
         worst = shown[np.argsort(-(verdicts[shown] + ordering), kind="stable")[:MOST_SHOWN]]
         return self.paired.run_pairs(
             [self.indices[place] for place in worst.tolist()],
@@ -158,9 +153,11 @@ def judge(rule: EffectiveRule, baseline: Floats, candidate: Floats) -> Verdicts:
     A change is beyond tolerance if it is larger than `abs + rel * |baseline|`.
     """
     verdicts = np.empty(len(baseline), np.int8)
-    for start in range(0, len(baseline), _JUDGED_AT_ONCE):
-        part = slice(start, start + _JUDGED_AT_ONCE)
-        change = _SIGN[rule.better] * (candidate[part] - baseline[part])
+    at_once = 1 << 16  # pairs: more at once would fill memory with intermediate arrays
+    sign = {"lower": 1.0, "higher": -1.0, "none": 1.0}
+    for start in range(0, len(baseline), at_once):
+        part = slice(start, start + at_once)
+        change = sign[rule.better] * (candidate[part] - baseline[part])
         beyond = np.abs(change) > rule.limit.allowed(baseline[part])
         worse = CHANGED if rule.better == "none" else np.where(change > 0, WORSE, BETTER)
         verdicts[part] = np.where(beyond, worse, SAME)
@@ -168,9 +165,10 @@ def judge(rule: EffectiveRule, baseline: Floats, candidate: Floats) -> Verdicts:
 
 
 def gap_verdicts(baseline: NumberColumn, candidate: NumberColumn, exempt: Mask) -> Verdicts:
-    """Return the verdict on pairs (n,) with a value that is missing, new or not finite; else same.
+    """Return the verdict on pairs (n,) with a value that is missing, new or not finite; the others
+    are the same.
 
-    Of `exempt` pairs (n,) only one run may have a value.
+    In `exempt` pairs (n,), only one run may have a value.
     """
     verdicts = np.zeros(len(baseline.values), dtype=np.int8)
     one = (baseline.valid != candidate.valid) & ~exempt
@@ -226,7 +224,7 @@ class RunTimer(Protocol):
     """Times runs of one store."""
 
     engine: str  # the version of MuJoCo that steps its runs, after its name
-    timed_engines: frozenset[str]  # the names of the engines whose runs can be timed
+    timed_engines: frozenset[str]  # names of the engines with runs that can be timed
 
     def time(self, run: str, repeats: int) -> tuple[float, float]:
         """Return the CPU time of the steps that were taken of a run, and of one of them [s]."""
@@ -239,7 +237,7 @@ StartTimer = Callable[[Path], AbstractContextManager[RunTimer]]
 
 @dataclass(frozen=True)
 class Remeasure:
-    """Pairs of runs to time again: so many, spread evenly over all."""
+    """Pairs of runs to time again: their number, spread evenly over all."""
 
     runs: int
     baseline: StartTimer
@@ -258,7 +256,18 @@ def remeasured_check(paired: PairedStores, request: Remeasure) -> Finding:
     subject = Subject(f"{REMEASURED} no worse", "time", rule.level)
     old, new = paired.baseline.path, paired.candidate.path
     with request.baseline(old) as before, request.candidate(new) as after:
-        sample = _sample(paired, request.runs, before.timed_engines & after.timed_engines)
+        # Time pairs of runs that completed, spread evenly.
+        through = np.ones(len(paired.pairing.baseline), dtype=np.bool_)
+        for store, own in paired.sides:
+            for column, wanted in (
+                ("status", {"ok"}),
+                ("engine_name", before.timed_engines & after.timed_engines),
+            ):
+                codes, words = store.columns.coded(column)
+                through &= np.array([word in wanted for word in words])[codes[own]]
+        good = np.flatnonzero(through)
+        count = min(request.runs, len(good))
+        sample = good[np.linspace(0, len(good) - 1, count).round().astype(int)].tolist()
         if not sample:
             return subject.skipped("no pair of runs that completed can be timed")
         pairs = paired.run_pairs(sample, [None] * len(sample), [None] * len(sample))
@@ -283,22 +292,10 @@ def _time_pair(before: RunTimer, after: RunTimer, pair: RunPair) -> tuple[float,
     assert pair.baseline_run is not None
     assert pair.candidate_run is not None
     least = min(before.time(pair.baseline_run, 1)[0], after.time(pair.candidate_run, 1)[0])
-    repeats = min(
-        _MOST_REPEATS_OF_A_TIMING, max(1, math.ceil(_LEAST_SECONDS_OF_A_TIMING / max(least, 1e-9)))
-    )
+    least_seconds = 0.05  # CPU time that each timing of a run takes at least [s]
+    most_repeats = 200
+    repeats = min(most_repeats, max(1, math.ceil(least_seconds / max(least, 1e-9))))
     first = before.time(pair.baseline_run, repeats)[1]
     others = [after.time(pair.candidate_run, repeats)[1] for _ in range(2)]
     last = before.time(pair.baseline_run, repeats)[1]
     return min(first, last), min(others)
-
-
-def _sample(paired: PairedStores, runs: int, engines: frozenset[str]) -> list[int]:
-    """Return indices of pairs whose runs both completed and can be timed, spread evenly."""
-    through = np.ones(len(paired.pairing.baseline), dtype=np.bool_)
-    for store, own in paired.sides:
-        for column, wanted in (("status", {"ok"}), ("engine_name", engines)):
-            codes, words = store.columns.coded(column)
-            through &= np.array([word in wanted for word in words])[codes[own]]
-    good = np.flatnonzero(through)
-    count = min(runs, len(good))
-    return good[np.linspace(0, len(good) - 1, count).round().astype(int)].tolist()

@@ -29,7 +29,7 @@ _CONTROL = "the control"
 
 @dataclass(frozen=True)
 class _Outcomes:
-    """Runs of a store that say how they ended: whether each is good, and of which setting it is."""
+    """Runs of a store that say how they ended: whether each is good, and the code of its setting."""
 
     good: Mask
     settings: Rows
@@ -46,10 +46,10 @@ class _Outcomes:
 
 
 def outcome_checks(paired: PairedStores, against: str = _BASELINE) -> Iterator[Finding]:
-    """Yield whether as many runs are good as in the baseline, of pairs of which both say so.
+    """Yield whether as many runs are good as in the baseline, among pairs with two known outcomes.
 
     Good are the episodes that their loop calls a success or, where the policy asks for it, stable
-    runs. It is worse only if the interval of the difference excludes what is tolerated.
+    runs. It is worse only if the interval of the difference excludes the tolerance.
     """
     rules = paired.policy.outcomes
     subject = Subject(f"no less {rules.good}", "outcomes", rules.level)
@@ -58,7 +58,8 @@ def outcome_checks(paired: PairedStores, against: str = _BASELINE) -> Iterator[F
     found = _compared(paired, against)
     if found is not None:
         (low, high), message, judged = found
-        checked = subject.single(_code(low, high, rules.tolerance), message, judged=judged)
+        code = WORSE if high < -rules.tolerance else BETTER if low > 0 else SAME
+        checked = subject.single(code, message, judged=judged)
         yield unless_unjudged(paired, subject, checked, knows & ~knew, knows)
     elif knows.any():
         yield subject.skipped(f"no run of {against} says how it ended")
@@ -67,8 +68,8 @@ def outcome_checks(paired: PairedStores, against: str = _BASELINE) -> Iterator[F
 def controlled_checks(by_control: PairedStores, of_control: PairedStores) -> Iterator[Finding]:
     """Yield whether as many runs are good as in the control, and whether that is as the baseline.
 
-    The control has what the baseline has, and was made as the candidate was: what differs between
-    control and baseline is not the candidate's doing.
+    The control has the content of the baseline and the versions of the candidate. So a difference
+    of control and baseline is not due to the candidate.
     """
     yield from outcome_checks(by_control, _CONTROL)
     found = _compared(of_control, _BASELINE)
@@ -82,7 +83,7 @@ _Compared = tuple[tuple[float, float], str, int]
 
 
 def _compared(paired: PairedStores, against: str) -> _Compared | None:
-    """Return the interval of the difference of shares, what is told of it, and how many runs.
+    """Return the interval of the difference of shares, its description, and the number of runs.
 
     A StoreError says that runs are not paired, and those of a store do not say how they ended.
     """
@@ -125,15 +126,10 @@ def _unpaired(paired: PairedStores, against: str) -> _Compared:
     return (low, high), message, runs
 
 
-def _code(low: float, high: float, tolerance: float) -> int:
-    """Return the verdict on a difference of shares that lies in an interval."""
-    return WORSE if high < -tolerance else BETTER if low > 0 else SAME
-
-
 def _each(times: int, *sides: _Outcomes) -> str:
     """Return the share of good runs and pass^k, each of the candidate first.
 
-    It is the mean of settings if each has so many runs, and else that of all runs together.
+    It is the mean over settings if each has `times` runs, otherwise that of all runs together.
     """
     text = f"shares {' and '.join(share_with_interval(*side.counts) for side in sides)}"
     counts = [side.by_setting for side in sides]
@@ -147,14 +143,12 @@ def _each(times: int, *sides: _Outcomes) -> str:
 
 
 def _of_store(store: Store, good: str) -> _Outcomes:
-    """Return the outcomes of all runs of a store."""
     rows = np.arange(store.columns.runs)
     known, ended = _ended(store, good)
     return _Outcomes(ended[known], settings_of(store)[rows[known]])
 
 
 def _of_pairs(paired: PairedStores) -> tuple[_Outcomes, _Outcomes]:
-    """Return the outcomes of the candidate's and the baseline's runs of pairs that both say so."""
     (before, rows), (after, others) = paired.sides
     good = paired.policy.outcomes.good
     (knew, was), (knows, ended) = _ended(before, good), _ended(after, good)

@@ -21,9 +21,8 @@ Rows = NDArray[np.intp]
 Value = float | str | None
 Keys = NDArray[np.int64] | NDArray[np.uint64]
 Ranks = NDArray[np.int16]
-_AT_ONCE = 1 << 20  # pairs whose labels are joined at once
 _SEVERAL = "several values"
-_DIGITS = 9  # digits to which axis values must agree: computed values differ in the last ones
+_DIGITS = 9  # equal digits of matching axis values: the last digits of computed values differ
 
 
 class Pairing(NamedTuple):
@@ -39,9 +38,9 @@ class Pairing(NamedTuple):
 def pair_by_axes(baseline: Store, candidate: Store) -> Pairing:
     """Pair runs of equal axis values, to 9 digits, and equal seed.
 
-    An axis with a single value in each store, or in one where the other has no such axis, is what
-    the stores are compared for. A StoreError says that the stores sweep different axes, or that two
-    runs of one store are equal in all.
+    An axis with a single value in each store is the subject of the comparison, as is one that only
+    one store has, with a single value. A StoreError says that the stores sweep different axes, or
+    that two runs of one store are equal in all.
     """
     names, other = (set(store.columns.axis_names) for store in (baseline, candidate))
     if differing := {
@@ -150,7 +149,7 @@ def settings_of(store: Store) -> Rows:
 def groups(baseline: Store, pairing: Pairing, axes: Sequence[str]) -> Iterator[tuple[str, Mask]]:
     """Yield the name of each group, such as `cone=elliptic`, and a mask (n,) of its pairs.
 
-    Without axes there is one group, whose name is empty. Groups are those of the whole baseline,
+    Without axes there is one group with an empty name. Groups are those of the whole baseline,
     so that they do not depend on the candidate. An axis that was not swept is a PolicyError.
     """
     if not axes:
@@ -210,7 +209,7 @@ class PairedStores:
 
     @cached_property
     def ranks(self) -> "tuple[str, ...]":
-        """All labels, worst first: in the order of the policy, or else of the stores.
+        """All labels, worst first: in the order of the policy, or of the stores.
 
         Labels that this order does not name count as the worst.
         """
@@ -235,16 +234,17 @@ class PairedStores:
         masks, words = store.columns.string_sets("labels")
         masks, sets = masks[self._rows(store)], np.int64(1) << self.labels(store)
         places = [self.ranks.index(word) for word in words]
-        # All at once, what is made on the way would take five times the room.
-        for first in range(0, len(sets), _AT_ONCE):
-            own, part = masks[first : first + _AT_ONCE], sets[first : first + _AT_ONCE]
+        at_once = 1 << 20  # pairs whose labels are joined at once
+        # All at once, the intermediate arrays would take five times the memory.
+        for first in range(0, len(sets), at_once):
+            own, part = masks[first : first + at_once], sets[first : first + at_once]
             for bit, place in enumerate(places):
                 part |= (own >> bit & 1) << place
         return sets
 
     @cached_property
     def half_checked(self) -> Mask:
-        """Pairs (n,) of which both sweeps checked one run only in their second pass."""
+        """Pairs (n,) with one run that both sweeps checked only in their second pass."""
         sweeps = (store.manifest.sweep.resolved for store in (self.baseline, self.candidate))
         if any(sweep.get("checks") != "flagged" for sweep in sweeps):
             return np.zeros(len(self.pairing.baseline), dtype=np.bool_)
@@ -285,7 +285,6 @@ def unpaired_runs(store: Store, role: str, rows: Sequence[int]) -> list[RunPair]
 
 
 def _axes(identity: dict[str, Setting]) -> dict[str, Setting]:
-    """Return the axis values of a run, and its seed unless that is 0."""
     return {
         name: value
         for name, value in identity.items()
@@ -300,7 +299,6 @@ def engine_of(store: Store) -> str:
 
 
 def _settings(store: Store) -> dict[str, str]:
-    """Return the value of each axis, as text; of one that is swept, that it has several."""
     return {axis: _setting(store, axis) for axis in store.columns.axis_names}
 
 
@@ -332,7 +330,7 @@ _PROPERTIES: Mapping[Sameness, Callable[[Store], str | Mapping[str, object]]] = 
 
 
 def difference(baseline: Store, candidate: Store, what: Sameness) -> tuple[str, str] | None:
-    """Return the two values of a property in which two stores differ; None if they do not."""
+    """Return the two values of a property of two stores; None if they are the same."""
     before, after = (_PROPERTIES[what](store) for store in (baseline, candidate))
     if isinstance(before, str) or isinstance(after, str):
         return (str(before), str(after)) if before != after else None

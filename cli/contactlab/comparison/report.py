@@ -9,7 +9,7 @@ from contactlab.writers.report import Report
 
 
 def report_of(compared: ComparisonReport) -> Report:
-    """Return a comparison as what is written of it."""
+    """Return a comparison as a report to write."""
     sweep = compared.baseline.sweep if compared.baseline else "stores"
     commands = (advice.partition(": ") for advice in compared.advice)
     return Report(
@@ -39,7 +39,7 @@ def _facts(compared: ComparisonReport) -> Iterator[tuple[str, str]]:
         moved = f"{transition.baseline} -> {transition.candidate}"
         yield "label", f"{moved}: {plural(transition.runs)}"
     for finding in compared.findings:
-        # What a reader asked for, whose answer is not the verdict alone.
+        # A reader who asked for these wants more than the verdict.
         if finding.outcome == "passed" and finding.kind == "outcomes":
             yield "outcomes", f"{finding.name}: {finding.message}"
         if finding.outcome == "passed" and finding.name.startswith(REMEASURED):
@@ -47,7 +47,6 @@ def _facts(compared: ComparisonReport) -> Iterator[tuple[str, str]]:
 
 
 def _run_summary(compared: ComparisonReport) -> str:
-    """Return how many runs are paired, equal, missing, new and on a knife edge."""
     if compared.match == "none":
         return "not paired"
     pairs = compared.pairs
@@ -63,7 +62,6 @@ def _run_summary(compared: ComparisonReport) -> str:
 
 
 def _store_summary(store: ComparedStore) -> str:
-    """Return a store's sweep, size, versions and date in one line."""
     revision = f", {store.git_revision[:12]}" if store.git_revision else ""
     return (
         f"{store.store}: {store.sweep}, {plural(store.runs)}, {store.engine}, "

@@ -39,12 +39,9 @@ from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store
 from contactlab.store.run_columns import equal_texts
 
-_FASTER = 0.15
-"""Stored times of two sessions on one machine differ by up to this fraction for no reason."""
-
 
 def bitwise_equal(paired: PairedStores) -> Mask:
-    """Return the pairs (n,) whose trajectories are bitwise equal."""
+    """Return the pairs (n,) with bitwise equal trajectories."""
     name = "trajectory_hash"
     if paired.pairing.is_in_order:
         return equal_texts(paired.baseline.columns, paired.candidate.columns, name)
@@ -53,7 +50,7 @@ def bitwise_equal(paired: PairedStores) -> Mask:
 
 
 def knife_edge(paired: PairedStores) -> Mask:
-    """Return the pairs (n,) with a run whose label changes if it starts 1e-6 away."""
+    """Return the pairs (n,) with a run that gets another label if it starts 1e-6 away."""
     before, after = knife_edges(paired)
     return before | after
 
@@ -117,7 +114,7 @@ class PairLabels:
 
     @classmethod
     def of(cls, paired: PairedStores) -> "PairLabels":
-        """Return the labels of all pairs, and what the policy allows of their changes."""
+        """Return the labels of all pairs, and the changes that the policy allows."""
         before, after = (paired.labels(store) for store, _ in paired.sides)
         old, new = (paired.label_sets(store) for store, _ in paired.sides)
         stable = np.int64(1) << (len(paired.ranks) - 1)
@@ -147,7 +144,7 @@ class PairLabels:
         return np.where(worse, WORSE, np.where(better, BETTER, SAME)).astype(np.int8)
 
     def transitions(self) -> tuple[Transition, ...]:
-        """Return how many runs changed from which worst label to which, most frequent first."""
+        """Return the changes of worst labels with their numbers of runs, most frequent first."""
         ranks, moved = self.paired.ranks, self.before != self.after
         changes = np.stack([self.before[moved], self.after[moved]], axis=1)
         found, counts = np.unique(changes, axis=0, return_counts=True)
@@ -180,7 +177,6 @@ def label_checks(labels: PairLabels) -> Iterator[Finding]:
 
 
 def _label_check(labels: PairLabels, subject: Subject, rank: int, members: Rows) -> Finding:
-    """Return whether label `rank` is new in some of the pairs with indices `members`."""
     if not labels.changed >> rank & 1:
         unchanged = np.full(len(members), SAME, dtype=np.int8)
         return subject.finding(unchanged, f"none in {plural(len(members))}")
@@ -250,7 +246,7 @@ def expectation_checks(paired: PairedStores) -> Iterator[Finding]:
 
 
 def recommendation_check(paired: PairedStores) -> Finding:
-    """Return whether what `contactlab tradeoff` recommends for the baseline still holds.
+    """Return whether the recommendation of `contactlab tradeoff` for the baseline still holds.
 
     It holds while it is feasible in the candidate and no feasible configuration is clearly faster,
     both by the candidate's own times.
@@ -291,6 +287,8 @@ def _recommendation(before: TradeoffReport | None, after: TradeoffReport | None)
     if found is None or not found.feasible or found.time is None:
         return WORSE, f"{old} is not feasible any more; now recommends {new}"
     saved = 1 - now.time / found.time
-    if saved > _FASTER:
+    # Stored times of two sessions on one machine differ by up to this fraction for no reason.
+    time_noise = 0.15
+    if saved > time_noise:
         return CHANGED, f"{new} takes {format_percent(saved)} less time than {old}"
     return SAME, old
