@@ -165,8 +165,7 @@ def judge(rule: EffectiveRule, baseline: Floats, candidate: Floats) -> Verdicts:
 
 
 def gap_verdicts(baseline: NumberColumn, candidate: NumberColumn, exempt: Mask) -> Verdicts:
-    """Return the verdict on pairs (n,) with a value that is missing, new or not finite; the others
-    are the same.
+    """Return the verdict on pairs (n,) by missing, new and not finite values; otherwise the same.
 
     In `exempt` pairs (n,), only one run may have a value.
     """

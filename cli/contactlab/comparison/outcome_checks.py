@@ -29,7 +29,7 @@ _CONTROL = "the control"
 
 @dataclass(frozen=True)
 class _Outcomes:
-    """Runs of a store that say how they ended: whether each is good, and the code of its setting."""
+    """Runs of a store with known outcomes: whether each is good, and the code of its setting."""
 
     good: Mask
     settings: Rows

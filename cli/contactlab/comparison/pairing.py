@@ -234,7 +234,7 @@ class PairedStores:
         masks, words = store.columns.string_sets("labels")
         masks, sets = masks[self._rows(store)], np.int64(1) << self.labels(store)
         places = [self.ranks.index(word) for word in words]
-        at_once = 1 << 20  # pairs whose labels are joined at once
+        at_once = 1 << 20  # number of pairs that are joined at once
         # All at once, the intermediate arrays would take five times the memory.
         for first in range(0, len(sets), at_once):
             own, part = masks[first : first + at_once], sets[first : first + at_once]
