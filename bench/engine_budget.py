@@ -101,7 +101,7 @@ def main() -> None:
                     path, path.stem, Path("results"), folder=path.parent, workers=0,
                     overrides=Overrides(assign=_assigned(engine)),
                 )  # fmt: skip
-                planned = list(request.plan.runs())
+                planned = list(request.plan.iterate_runs())
                 values = planned[len(planned) // 2].values
                 spec = request.scene.resolve(values, 0, request.plan.sweep.duration)
                 if why := ENGINES[engine].refusal(request.scene, spec):

@@ -18,7 +18,7 @@ def plain_runs(sweep: Path) -> list[PlainRun]:
     read = read_sweep(sweep, scenes.vocabulary)
     scene = scenes.open(read.sweep.scene)
     resolved = [
-        scene.resolve(run.values, run.seed, read.sweep.duration) for run in read.plan.runs()
+        scene.resolve(run.values, run.seed, read.sweep.duration) for run in read.plan.iterate_runs()
     ]
     qpos, qvel, *_ = scene.initial_states(resolved)
     text = scene.source.model.read_text(encoding="utf-8")

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.comparison.metric_checks import aggregate, gap_verdicts, judge
+from contactlab.comparison.metric_checks import aggregate_values, gap_verdicts, judge_changes
 from contactlab.judge.policies import EffectiveRule
 from contactlab.judge.subjects import (
     BETTER,
@@ -64,7 +64,9 @@ def one_by_one(each: EffectiveRule, before: float, after: float) -> int:
 @given(RULES, st.lists(st.tuples(REALS, REALS), min_size=1))
 def test_all_pairs_at_once(each: EffectiveRule, pairs: list[tuple[float, float]]) -> None:
     before, after = (np.array(column) for column in zip(*pairs, strict=True))
-    assert judge(each, before, after).tolist() == [one_by_one(each, *pair) for pair in pairs]
+    assert judge_changes(each, before, after).tolist() == [
+        one_by_one(each, *pair) for pair in pairs
+    ]
 
 
 @given(st.lists(st.tuples(REALS, REALS), min_size=1), st.sampled_from(["lower", "higher"]))
@@ -73,8 +75,8 @@ def test_swapped_sides_swap_better_and_worse(pairs: list[tuple[float, float]], b
     before, after = (np.array(column) for column in zip(*pairs, strict=True))
     swapped = {SAME: SAME, BETTER: WORSE, WORSE: BETTER}
     each = rule(better=better, abs=1.0)
-    there = judge(each, before, after).tolist()
-    assert judge(each, after, before).tolist() == [swapped[verdict] for verdict in there]
+    there = judge_changes(each, before, after).tolist()
+    assert judge_changes(each, after, before).tolist() == [swapped[verdict] for verdict in there]
 
 
 VALUES = st.none() | st.sampled_from([math.nan, math.inf, -math.inf]) | REALS
@@ -116,13 +118,13 @@ def test_what_is_not_there_is_never_the_same(
 )
 def test_statistics(statistic: str, better: str, expected: tuple[float, float]) -> None:
     before, after = np.array([1.0, 2.0, 3.0]), np.array([8.0, 1.0, 3.0])
-    values = aggregate(rule(statistic=statistic, better=better), before, after)
+    values = aggregate_values(rule(statistic=statistic, better=better), before, after)
     assert tuple(float(each[0]) for each in values) == expected
 
 
 def test_ratios_to_zero() -> None:
     """0 / 0 is 1 and 1 / 0 without bound, so that the median of these and 6 / 2 is 3."""
-    values = aggregate(
+    values = aggregate_values(
         rule(statistic="ratio"), np.array([0.0, 0.0, 2.0]), np.array([0.0, 1.0, 6.0])
     )
     assert values[1].tolist() == [3.0]

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.comparison.compare_stores import compare
-from contactlab.comparison.pairing import pair, rounded
+from contactlab.comparison.pairing import pair_keys, round_values
 from contactlab.errors import StoreError
 from contactlab.schema.comparison import ComparePolicy
 
@@ -21,7 +21,7 @@ KEYS = st.lists(st.integers(0, 30), unique=True)
 
 @given(KEYS.filter(len), KEYS.filter(len))
 def test_pairing_is_looking_up(old: list[int], new: list[int]) -> None:
-    found = pair(np.array(old), np.array(new))
+    found = pair_keys(np.array(old), np.array(new))
     pairs = {old[row]: new[other] for row, other in zip(*found[:2], strict=True)}
     assert pairs == {key: key for key in set(old) & set(new)}
     assert [old[row] for row in found.missing] == [key for key in old if key not in new]
@@ -31,9 +31,9 @@ def test_pairing_is_looking_up(old: list[int], new: list[int]) -> None:
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_rounding_keeps_nine_digits(value: float) -> None:
     """Half a unit of the ninth digit is at most 5e-9 of the value."""
-    (found,) = rounded(np.array([value]))
+    (found,) = round_values(np.array([value]))
     assert abs(found - value) <= 5.0000001e-9 * abs(value)
-    assert rounded(np.array([found])) == found
+    assert round_values(np.array([found])) == found
 
 
 def test_another_order_is_no_difference(

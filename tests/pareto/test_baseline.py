@@ -111,7 +111,7 @@ def test_without_it_a_sweep_is_what_it_was(tmp_path: Any) -> None:
 def test_filters_keep_it_in_the_scenarios_that_are_left(tmp_path: Any) -> None:
     only = Overrides(where=("timestep=4.0e-3", "angle=60"))
     ask = read_request(OTHERS, "few", tmp_path / "s", folder=tmp_path, workers=0, overrides=only)
-    rows = [dict(row.values) for row in ask.plan.rows()]
+    rows = [dict(row.values) for row in ask.plan.iterate_rows()]
     assert rows == [
         {"timestep": 4e-3, "cone": "pyramidal", "angle": 60.0, "midphase": False},
         {"angle": 60.0},

@@ -32,8 +32,8 @@ def test_as_many_rows_as_it_yields(
         for name, values in (("a", first), ("b", second))
     )
     grid = Grid({}, blocks, excludes, tuple(added)).with_baseline(["a"])
-    rows = list(grid.rows())
-    count, unmet = grid.count()
+    rows = list(grid.iterate_rows())
+    count, unmet = grid.count_rows()
     assert count == len(rows)
     product = [{"a": a, "b": b} for a in first for b in second]
     left = [row for row in product if not any(each.items() <= row.items() for each in conditions)]
@@ -42,4 +42,4 @@ def test_as_many_rows_as_it_yields(
     assert [each.settings for each in unmet] == [
         tuple(each.items()) for each, is_met in zip(conditions, met, strict=True) if not is_met
     ]
-    assert min(grid.count(most)[0], most) == min(len(rows), most)
+    assert min(grid.count_rows(most)[0], most) == min(len(rows), most)

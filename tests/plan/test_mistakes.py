@@ -316,7 +316,7 @@ def test_any_data_is_read_or_refused_politely(vocabulary: Any, data: dict[str, o
         assert all(each.place.source.lines == (text,) for each in outcome.diagnostics)
         assert any(each.severity == "error" for each in outcome.diagnostics)
     else:
-        assert sum(1 for _ in outcome.runs()) == outcome.count
+        assert sum(1 for _ in outcome.iterate_runs()) == outcome.count
 
 
 def read_or_refused(text: str, vocabulary: Any) -> Plan | SweepMistakesError:
@@ -357,7 +357,7 @@ def test_a_number_may_have_a_unit_of_its_axis(vocabulary: Any) -> None:
     text = (
         "version: 1\nscene: ball\naxes: {timestep: [500 us, 2ms, 0.003 s], drop_height: [1e1cm]}\n"
     )
-    rows = [run.values for run in read_sweep(text, vocabulary).plan.runs()]
+    rows = [run.values for run in read_sweep(text, vocabulary).plan.iterate_runs()]
     assert [row["timestep"] for row in rows] == [0.0005, 0.002, 0.003]
     assert {row["drop_height"] for row in rows} == {0.1}
 
@@ -380,10 +380,10 @@ def test_forms_may_have_units(axis: str, values: list[float] | None, vocabulary:
         assert found(f"{head}axes: {{timestep: {axis}}}\n", vocabulary).diagnostics
         return
     read = read_sweep(f"{head}axes: {{timestep: {axis}}}\n", vocabulary)
-    assert [run.values["timestep"] for run in read.plan.runs()] == values
+    assert [run.values["timestep"] for run in read.plan.iterate_runs()] == values
     assert read.plan.axes[0].role == ("scenario" if "role" in axis else "knob")
     zipped = read_sweep(f"{head}zip: [{{timestep: {axis}}}]\n", vocabulary)
-    assert [run.values["timestep"] for run in zipped.plan.runs()] == values
+    assert [run.values["timestep"] for run in zipped.plan.iterate_runs()] == values
 
 
 @pytest.mark.parametrize("form", ["uniform", "loguniform"])
@@ -391,7 +391,10 @@ def test_bounds_of_what_is_sampled_may_have_units(form: str, vocabulary: Any) ->
     """They are converted to the unit of the axis, and what is drawn is the same to the bit."""
     head = "version: 1\nscene: ball\nsample: {n: 8}\naxes: {timestep: "
     drawn = [
-        [run.values["timestep"] for run in read_sweep(f"{head}{axis}}}\n", vocabulary).plan.runs()]
+        [
+            run.values["timestep"]
+            for run in read_sweep(f"{head}{axis}}}\n", vocabulary).plan.iterate_runs()
+        ]
         for axis in (f"{{{form}: [0.0005, 0.002]}}", f"{{{form}: [500 us, 2 ms], role: knob}}")
     ]
     assert drawn[0] == drawn[1]
@@ -409,7 +412,7 @@ def test_a_span_without_a_unit_is_no_value(vocabulary: Any) -> None:
 def test_options_may_have_units(option: str, vocabulary: Any) -> None:
     text = "version: 1\nscene: ball\naxes: {timestep: {values: [0.1], role: scenario}}\n"
     read = read_sweep(text, vocabulary, Overrides([option]))
-    assert [run.values["timestep"] for run in read.plan.runs()] == [0.001, 0.002, 0.003]
+    assert [run.values["timestep"] for run in read.plan.iterate_runs()] == [0.001, 0.002, 0.003]
     assert read.plan.axes[0].role == "scenario"
 
 

@@ -60,7 +60,7 @@ def test_setting_an_axis_equals_writing_it(read: Reader) -> None:
     )
     changed = read(BODY, assign=options)
     assert changed.sweep == written.sweep
-    assert list(changed.plan.runs()) == list(written.plan.runs())
+    assert list(changed.plan.iterate_runs()) == list(written.plan.iterate_runs())
 
 
 @pytest.mark.parametrize(
@@ -137,7 +137,7 @@ def test_a_filter_that_no_run_passes_is_marked(
 
 def test_filters_must_all_hold(read: Reader) -> None:
     plan = read(BODY, where=["cone=elliptic", "iterations=2"]).plan
-    kept = [(run.values["cone"], run.values["iterations"]) for run in plan.runs()]
+    kept = [(run.values["cone"], run.values["iterations"]) for run in plan.iterate_runs()]
     assert kept == [("elliptic", 2)] * 2
 
 

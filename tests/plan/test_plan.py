@@ -73,7 +73,7 @@ def slow_runs(sweep: dict[str, Any]) -> list[tuple[dict[str, Any], int]]:
 
 
 def listed(plan: Plan) -> list[tuple[dict[str, Any], int]]:
-    return [(dict(run.values), run.seed) for run in plan.runs()]
+    return [(dict(run.values), run.seed) for run in plan.iterate_runs()]
 
 
 @pytest.mark.long
@@ -89,7 +89,7 @@ def test_runs_equal_a_slow_loop(read: Reader, sweep: dict[str, Any], data: st.Da
     plan = read(body, limit=limit).plan
     assert listed(plan) == expected[:limit]
     assert plan.count == len(expected[:limit])
-    assert [run.index for run in plan.runs()] == list(range(plan.count))
+    assert [run.index for run in plan.iterate_runs()] == list(range(plan.count))
 
 
 @pytest.mark.long
@@ -118,7 +118,7 @@ def test_an_expression_excludes_what_it_holds_for(read: Reader) -> None:
     )
     pairs = itertools.product([k / 1000 for k in range(1, 11)], [0.0, 0.01, 0.02])
     kept = [(h, f) for h, f in pairs if not (h == 5e-3 and f < 2 * h) and not h > 8e-3]
-    runs = read(body).plan.runs()
+    runs = read(body).plan.iterate_runs()
     assert [(run.values["timestep"], run.values["friction.slide"]) for run in runs] == kept
 
 
@@ -129,13 +129,17 @@ def test_order_is_as_written_with_samples_last(read: Reader) -> None:
         "sample: {n: 3}\nseeds: [9, 4]\ninclude: [{iterations: 7}]"
     ).plan
     assert [axis.name for axis in plan.axes] == ["cone", "timestep", "iterations", "drop_height"]
-    runs = [(run.values.get("cone"), run.values["iterations"], run.seed) for run in plan.runs()]
+    runs = [
+        (run.values.get("cone"), run.values["iterations"], run.seed) for run in plan.iterate_runs()
+    ]
     one_block = [("pyramidal", 5, 9), ("pyramidal", 5, 4)]
     assert runs[:6] == one_block * 3
     assert runs[6][:2] == ("pyramidal", 6)
     assert runs[12][:2] == ("elliptic", 5)
     assert runs[-2:] == [(None, 7, 9), (None, 7, 4)]
-    heights = [run.values["drop_height"] for run in plan.runs() if "drop_height" in run.values]
+    heights = [
+        run.values["drop_height"] for run in plan.iterate_runs() if "drop_height" in run.values
+    ]
     assert heights[:6:2] == heights[6:12:2]
     assert len(set(heights)) == 3
 
@@ -150,13 +154,13 @@ def test_effects_hold_in_every_run_unless_a_row_says_otherwise(read: Reader) -> 
         "effects: {multiccd: true}\naxes: {iterations: [1]}\n"
         "include: [{multiccd: false}, {iterations: 2}]"
     )
-    values = [dict(run.values) for run in read(body).plan.runs()]
+    values = [dict(run.values) for run in read(body).plan.iterate_runs()]
     assert values == [
         {"multiccd": True, "iterations": 1},
         {"multiccd": False},
         {"multiccd": True, "iterations": 2},
     ]
-    kept = [dict(run.values) for run in read(body, where=["multiccd=false"]).plan.runs()]
+    kept = [dict(run.values) for run in read(body, where=["multiccd=false"]).plan.iterate_runs()]
     assert kept == [{"multiccd": False}]
 
 
@@ -185,7 +189,10 @@ def test_expectations_are_those_whose_condition_holds(read: Reader) -> None:
         '  - {where: {where: "timestep > 1e-3"}, label: [tunneling, stable]}\n'
         "  - {metrics: {penetration_max: {max: 1e-3}}}\n"
     ).plan
-    met = [[plan.sweep.expect.index(e) for e in plan.expectations(run)] for run in plan.runs()]
+    met = [
+        [plan.sweep.expect.index(e) for e in plan.find_expectations(run)]
+        for run in plan.iterate_runs()
+    ]
     assert met == [[0, 2], [0, 1, 2], [2], [1, 2]]
 
 
@@ -255,7 +262,7 @@ def test_a_million_runs_stream(vocabulary: Any) -> None:
         "  friction.slide: {linspace: [0, 1, 2000]}\n"
     )
     plan = read_file(text, vocabulary, Overrides()).plan
-    assert sum(1 for _ in plan.runs()) == plan.count == 1_000_000
+    assert sum(1 for _ in plan.iterate_runs()) == plan.count == 1_000_000
 
 
 def test_merged_entries_are_those_that_are_written_out(read: Reader) -> None:
@@ -272,7 +279,9 @@ include:
 axes: {timestep: [2.0e-3], cone: [elliptic], iterations: [1, 2]}
 include: [{timestep: 1.0e-4, iterations: 5}, {timestep: 1.0e-4, iterations: 5, cone: elliptic}]
 """
-    one, two = ([dict(row.values) for row in read(text).plan.rows()] for text in (merged, plain))
+    one, two = (
+        [dict(row.values) for row in read(text).plan.iterate_rows()] for text in (merged, plain)
+    )
     assert one == two
     assert len(one) == 4
 

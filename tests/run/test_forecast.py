@@ -53,7 +53,7 @@ def test_a_forecast_is_the_sum_over_its_runs(
     plan = read_sweep(sweep, SceneLoader(None).vocabulary).plan
     scene = Scene.open("ball_drop")
     told = forecasts.forecast(plan, scene, 1)
-    runs = [scene.resolve(run.values, run.seed, 0.1) for run in plan.runs()]
+    runs = [scene.resolve(run.values, run.seed, 0.1) for run in plan.iterate_runs()]
     steps = sum(run.steps for run in runs)
     assert (told.runs, told.steps) == (15 * seeds, steps)
     least, all_kept = (kept / len(runs) if kept > 1 else kept for kept in (fewest, most))

@@ -68,11 +68,11 @@ def test_traces_of_many_runs() -> None:
         sweep = {"version": 1, "scene": "ball_drop", "seeds": seeds, **told}
         asked = read_request(sweep, "many", Path("store"), folder=Path(), workers=0)
         assert asked.plan.sweep.trace == rule
-    kept = KeptTraces.of(OF_MANY)
-    stable = [kept.keeps(place, "stable", 100_001) for place in range(100_001)]
+    kept = KeptTraces.read_rule(OF_MANY)
+    stable = [kept.keeps_trace(place, "stable", 100_001) for place in range(100_001)]
     assert sum(stable) == 1000
-    assert all(kept.keeps(place, "chatter", 100_001) for place in range(0, 100_001, 97))
-    assert kept.shares(100_001) == (1000 / 100_001, 1.0)
+    assert all(kept.keeps_trace(place, "chatter", 100_001) for place in range(0, 100_001, 97))
+    assert kept.share_bounds(100_001) == (1000 / 100_001, 1.0)
 
 
 def test_a_shard_keeps_the_traces_that_the_whole_sweep_does(sweeper: Any) -> None:

@@ -55,7 +55,7 @@ OWN: dict[str, dict[str, list[object]]] = {
 def planned(plan: Plan, scene: Scene) -> list[RunSpec]:
     """Return all runs at once, each resolved by itself."""
     found: dict[str, RunSpec] = {}
-    for run in plan.runs():
+    for run in plan.iterate_runs():
         resolved = scene.resolve(run.values, run.seed, plan.sweep.duration)
         run_id = scene.run_id(resolved)
         place = {"axes": run.values, "index": run.index, "run_id": run_id}

@@ -136,7 +136,7 @@ def test_runs_that_are_not_there(sweeper: Any, axes: str, message: str) -> None:
 @pytest.mark.usefixtures("planted")
 def test_all_takes_every_word_of_an_axis(sweeper: Any) -> None:
     plan = sweeper.ask(f"{SWEEP}axes: {{solver: all}}\n").plan
-    assert [row.values["solver"] for row in plan.rows()] == ["PGS", "CG", "Newton"]
+    assert [row.values["solver"] for row in plan.iterate_rows()] == ["PGS", "CG", "Newton"]
 
 
 @pytest.mark.usefixtures("planted")

@@ -83,7 +83,7 @@ def test_what_is_lacking_is_left_out_where_that_is_asked(version: Callable[[str]
     with pytest.raises(SweepFileError, match="no integrator 'discrete'"):
         ask(MATRIX)
     left = ask(MATRIX, partly=True)
-    runs = list(left.plan.runs())
+    runs = list(left.plan.iterate_runs())
     assert [dict(run.values) for run in runs] == [{"integrator": "Euler", "timestep": 1e-3}]
     (reason,) = left.left_out
     assert "came with 3.13.0" in reason

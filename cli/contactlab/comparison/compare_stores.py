@@ -15,11 +15,11 @@ from contactlab.comparison.outcome_checks import controlled_checks, outcome_chec
 from contactlab.comparison.pairing import (
     PairedStores,
     Pairing,
-    apart,
-    difference,
     engine_of,
-    pair,
+    explain_unpaired,
+    find_difference,
     pair_by_axes,
+    pair_keys,
 )
 from contactlab.comparison.run_checks import (
     PairLabels,
@@ -84,28 +84,28 @@ def compare(
             raise PolicyError(
                 f"{one} and {other} are the same store; compare the stores of two sweeps"
             )
-    before = _open("baseline", baseline, thorough=thorough)
+    before = _open_store("baseline", baseline, thorough=thorough)
     if policy.baseline_digest not in {None, before.digest}:
         raise StoreError(
             f"the baseline {baseline} has the digest {before.digest}, not "
             f"{policy.baseline_digest}, which is pinned; pin the new one if it was meant to change"
         )
-    after = _open("candidate", candidate, thorough=thorough)
+    after = _open_store("candidate", candidate, thorough=thorough)
     pairing = pair_runs(before, after, policy)
     paired = PairedStores(before, after, pairing, policy, today or date.today())  # noqa: DTZ011
     check_names(policy, {**before.columns.measured, **after.columns.measured}, paired.ranks)
-    third = _open("control", control, thorough=thorough) if control else None
+    third = _open_store("control", control, thorough=thorough) if control else None
     # Make every check, and draw the conclusion of all.
-    gated = _gated(paired)
-    labels = PairLabels.of(gated)
-    of_labels, transitions = list(label_checks(labels)), labels.transitions()
+    gated = _select_judged(paired)
+    labels = PairLabels.from_pairs(gated)
+    of_labels, transitions = list(label_checks(labels)), labels.count_transitions()
     sameness = list(_sameness_checks(before, after, policy))
     checks = [
         _COMPARABLE.single(SAME, "both are sound"),
         *_store_checks(before, after),
         *(check for check, _ in sameness),
     ]
-    outcomes = [*_outcomes(gated, third)]
+    outcomes = [*_check_outcomes(gated, third)]
     if policy.match == "none":
         checks += outcomes
     else:
@@ -120,16 +120,16 @@ def compare(
     if remeasure is not None:
         checks.append(remeasured_check(paired, remeasure))
     checks = apply_waivers(checks, policy.waive, paired.today)
-    verdict, code, headline = conclusion(checks)
-    flipped = paired.labels(paired.baseline) != paired.labels(paired.candidate)
+    verdict, code, headline = draw_conclusion(checks)
+    flipped = paired.read_labels(paired.baseline) != paired.read_labels(paired.candidate)
     pairing, flagged = paired.pairing, knife_edge(paired)
     return ComparisonReport(
         verdict=verdict,
         exit_code=code,
         headline=headline,
-        baseline=described(before),
-        candidate=described(after),
-        control=described(third) if third else None,
+        baseline=describe_store(before),
+        candidate=describe_store(after),
+        control=describe_store(third) if third else None,
         match=policy.match,
         pairs=PairCounts(
             paired=len(pairing.baseline),
@@ -142,11 +142,11 @@ def compare(
         differences=tuple(found for _, found in sameness if found),
         transitions=transitions,
         findings=tuple(checks),
-        advice=tuple(_advice(checks, before, after)),
+        advice=tuple(_advise_commands(checks, before, after)),
     )
 
 
-def _open(role: str, address: Address, *, thorough: bool) -> Store:
+def _open_store(role: str, address: Address, *, thorough: bool) -> Store:
     try:
         problems = find_problems(address, thorough=thorough)
         if not problems and not thorough:
@@ -195,13 +195,13 @@ def pair_runs(baseline: Store, candidate: Store, policy: ComparePolicy) -> Pairi
         return Pairing(none, none, none, none)
     by_axes = policy.match == "axes"
     ids = (store.columns.ids() for store in (baseline, candidate))
-    pairing = pair_by_axes(baseline, candidate) if by_axes else pair(*ids)
+    pairing = pair_by_axes(baseline, candidate) if by_axes else pair_keys(*ids)
     if len(pairing.baseline):
         return pairing
     message = f"no run of {baseline.address} is in {candidate.address}"
     if by_axes:
-        raise StoreError(f"{message}: {apart(baseline, candidate)}")
-    if scenes := difference(baseline, candidate, "scene_hash"):
+        raise StoreError(f"{message}: {explain_unpaired(baseline, candidate)}")
+    if scenes := find_difference(baseline, candidate, "scene_hash"):
         message += f": the scene changed ({scenes[0]}, now {scenes[1]})"
     raise StoreError(f"{message}; {_how_to_match(baseline, candidate)}")
 
@@ -214,20 +214,20 @@ def _how_to_match(baseline: Store, candidate: Store) -> str:
         return str(error)
     if len(found.baseline):
         return "to compare runs of equal axis values instead, add --match axes"
-    return apart(baseline, candidate)
+    return explain_unpaired(baseline, candidate)
 
 
-def _gated(paired: PairedStores) -> PairedStores:
-    return paired.without(knife_edge(paired) & paired.policy.knife_edge.exclude)
+def _select_judged(paired: PairedStores) -> PairedStores:
+    return paired.without_pairs(knife_edge(paired) & paired.policy.knife_edge.exclude)
 
 
-def _outcomes(gated: PairedStores, control: Store | None) -> Iterator[Finding]:
+def _check_outcomes(gated: PairedStores, control: Store | None) -> Iterator[Finding]:
     """Yield the findings on outcomes: against the baseline, or against a control."""
     if control is None:
         yield from outcome_checks(gated)
         return
     by_control, of_control = (
-        _gated(
+        _select_judged(
             replace(gated, baseline=old, candidate=new, pairing=pair_runs(old, new, gated.policy))
         )
         for old, new in ((control, gated.candidate), (gated.baseline, control))
@@ -235,7 +235,7 @@ def _outcomes(gated: PairedStores, control: Store | None) -> Iterator[Finding]:
     yield from controlled_checks(by_control, of_control)
 
 
-def described(store: Store) -> ComparedStore:
+def describe_store(store: Store) -> ComparedStore:
     """Return how a report describes a store."""
     manifest, origin = store.manifest, store.manifest.provenance
     return ComparedStore(
@@ -262,7 +262,7 @@ def _sameness_checks(
         is_gate = required and what not in _JUDGED_ONE_BY_ONE
         level = "gate" if is_gate else "warn"
         subject = Subject(f"same {what}", "evidence", level, two_sided=True)
-        values = difference(baseline, candidate, what)
+        values = find_difference(baseline, candidate, what)
         if values is None:
             yield subject.single(SAME, "the same"), None
             continue
@@ -280,18 +280,20 @@ def _store_checks(baseline: Store, candidate: Store) -> Iterator[Finding]:
     copied = (old.started, old.finished, old.sweep) == (new.started, new.finished, new.sweep)
     warning = "both were written at the same instant: the sweep did not run again"
     fine = "written by a sweep of its own"
-    yield _warning("candidate is no copy", warning if copied else "", fine)
+    yield _warn_store("candidate is no copy", warning if copied else "", fine)
     swapped = new.finished < old.finished
     warning = f"finished {new.finished[:19]}, before the baseline: are they swapped?"
-    yield _warning("candidate is newer", warning if swapped else "", "finished after the baseline")
+    yield _warn_store(
+        "candidate is newer", warning if swapped else "", "finished after the baseline"
+    )
 
 
-def _warning(name: str, warning: str, fine: str) -> Finding:
+def _warn_store(name: str, warning: str, fine: str) -> Finding:
     subject = Subject(name, "evidence", "warn", two_sided=True)
     return subject.single(CHANGED if warning else SAME, warning or fine)
 
 
-def conclusion(checks: Sequence[Finding]) -> tuple[Change, int, str]:
+def draw_conclusion(checks: Sequence[Finding]) -> tuple[Change, int, str]:
     """Return verdict, exit code and headline.
 
     If required properties differ, that comes first: no other check means anything then.
@@ -314,7 +316,7 @@ def conclusion(checks: Sequence[Finding]) -> tuple[Change, int, str]:
     return verdict, code, f"{verdict}: no check of {len(checks)} fails{changes and f'; {changes}'}"
 
 
-def _advice(checks: Sequence[Finding], baseline: Store, candidate: Store) -> Iterator[str]:
+def _advise_commands(checks: Sequence[Finding], baseline: Store, candidate: Store) -> Iterator[str]:
     """Yield the next commands, each after its purpose."""
     old, new = shell_word(baseline.address), shell_word(candidate.address)
     order = ("failed", "warned", "noted")

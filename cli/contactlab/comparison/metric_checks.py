@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from contactlab.comparison.judged_share import unless_unjudged
-from contactlab.comparison.pairing import PairedStores, Value, difference, groups
+from contactlab.comparison.pairing import PairedStores, Value, find_difference, group_pairs
 from contactlab.contact.trace_arrays import Floats
 from contactlab.judge.policies import REMEASURED, EffectiveRule, effective_rule, kind_of
 from contactlab.judge.subjects import (
@@ -50,11 +50,11 @@ def metric_checks(paired: PairedStores) -> Iterator[Finding]:
     for metric in measured.values():
         rule = effective_rule(metric, paired.policy)
         reason = _not_comparable(paired, metric, rule)
-        columns = None if reason else paired.numbers(metric.name)
+        columns = None if reason else paired.read_numbers(metric.name)
         # A table that lacks a metric which its sweep measured was edited.
         is_known = metric.name in {*paired.baseline.columns.measured, *versions}
         exempt = paired.half_checked & metric.second_pass
-        for group, member in groups(paired.baseline, paired.pairing, rule.by):
+        for group, member in group_pairs(paired.baseline, paired.pairing, rule.by):
             subject = Subject(
                 name=f"{metric.name} {'unchanged' if rule.better == 'none' else 'no worse'}",
                 kind=kind_of(metric.name),
@@ -72,7 +72,7 @@ def metric_checks(paired: PairedStores) -> Iterator[Finding]:
                 of = range(len(member)) if isinstance(rows, slice) else rows.tolist()
                 pairs = MetricPairs(paired, of, before, after, exempt[rows])
                 unjudged = after.valid & ~before.valid & ~pairs.exempt
-                found = pairs.finding(subject, rule)
+                found = pairs.make_finding(subject, rule)
                 yield unless_unjudged(paired, subject, found, unjudged, after.valid)
 
 
@@ -86,7 +86,7 @@ def _not_comparable(paired: PairedStores, metric: Column, rule: EffectiveRule) -
     if required and None not in (before, after) and before != after:
         return f"its definition changed from version {before} to {after}"
     for what in rule.needs_same:
-        if values := difference(paired.baseline, paired.candidate, what):
+        if values := find_difference(paired.baseline, paired.candidate, what):
             return f"{what} differs: {values[0]}, now {values[1]}"
     return None
 
@@ -104,7 +104,7 @@ class MetricPairs:
     candidate: NumberColumn
     exempt: Mask
 
-    def finding(self, subject: Subject, rule: EffectiveRule) -> Finding:
+    def make_finding(self, subject: Subject, rule: EffectiveRule) -> Finding:
         """Return the finding that these values make by a rule."""
         verdicts = gap_verdicts(self.baseline, self.candidate, self.exempt)
         both = self.baseline.valid & self.candidate.valid & (verdicts == SAME)
@@ -115,19 +115,21 @@ class MetricPairs:
         known = slice(None) if both.all() else both
         before, after = self.baseline.values[known], self.candidate.values[known]
         if rule.statistic == "each":
-            verdicts[known] = judge(rule, before, after)
+            verdicts[known] = judge_changes(rule, before, after)
             message = _format_counts(verdicts, runs) or f"within {format_percent(rule.rel)}"
-            return subject.finding(verdicts[applies], message, self._worst(rule, verdicts))
+            return subject.finding(verdicts[applies], message, self._find_worst(rule, verdicts))
         judged = verdicts[applies & ~both]
         parts = [_format_counts(verdicts, runs)] if len(judged) else []
         if both.any():
-            statistic = aggregate(rule, before, after)
-            verdict = judge(rule, *statistic)
+            statistic = aggregate_values(rule, before, after)
+            verdict = judge_changes(rule, *statistic)
             judged = np.concatenate([judged, verdict])
             parts.insert(0, _format_statistic(rule, verdict, *statistic, subject.unit))
-        return subject.finding(judged, "; ".join(parts), self._worst(rule, verdicts), judged=runs)
+        return subject.finding(
+            judged, "; ".join(parts), self._find_worst(rule, verdicts), judged=runs
+        )
 
-    def _worst(self, rule: EffectiveRule, verdicts: Verdicts) -> list[RunPair]:
+    def _find_worst(self, rule: EffectiveRule, verdicts: Verdicts) -> list[RunPair]:
         """Return the pairs of the worst verdict that are farthest beyond the tolerance."""
         least = CHANGED if rule.better == "none" else WORSE
         shown = np.flatnonzero(verdicts >= least)
@@ -142,12 +144,12 @@ class MetricPairs:
         worst = shown[np.argsort(-(verdicts[shown] + ordering), kind="stable")[:MOST_SHOWN]]
         return self.paired.run_pairs(
             [self.indices[place] for place in worst.tolist()],
-            [_value(self.baseline, index) for index in worst.tolist()],
-            [_value(self.candidate, index) for index in worst.tolist()],
+            [_finite_value(self.baseline, index) for index in worst.tolist()],
+            [_finite_value(self.candidate, index) for index in worst.tolist()],
         )
 
 
-def judge(rule: EffectiveRule, baseline: Floats, candidate: Floats) -> Verdicts:
+def judge_changes(rule: EffectiveRule, baseline: Floats, candidate: Floats) -> Verdicts:
     """Return the verdict on each pair of finite values (n,).
 
     A change is beyond tolerance if it is larger than `abs + rel * |baseline|`.
@@ -178,7 +180,9 @@ def gap_verdicts(baseline: NumberColumn, candidate: NumberColumn, exempt: Mask) 
     return verdicts
 
 
-def aggregate(rule: EffectiveRule, baseline: Floats, candidate: Floats) -> tuple[Floats, Floats]:
+def aggregate_values(
+    rule: EffectiveRule, baseline: Floats, candidate: Floats
+) -> tuple[Floats, Floats]:
     """Return the rule's statistic of both stores, (1,) each, from n > 0 pairs.
 
     For `ratio`: 1 and the median of candidate over baseline, where 0 / 0 counts as 1.
@@ -212,7 +216,7 @@ def _format_statistic(
     return f"{shown}{result} (within {format_percent(rule.rel)})"
 
 
-def _value(column: NumberColumn, index: int) -> Value:
+def _finite_value(column: NumberColumn, index: int) -> Value:
     if not column.valid[index]:
         return None
     value = float(column.values[index])

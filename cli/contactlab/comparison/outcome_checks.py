@@ -54,8 +54,11 @@ def outcome_checks(paired: PairedStores, against: str = _BASELINE) -> Iterator[F
     rules = paired.policy.outcomes
     subject = Subject(f"no less {rules.good}", "outcomes", rules.level)
     (before, rows), (after, others) = paired.sides
-    knew, knows = _ended(before, rules.good)[0][rows], _ended(after, rules.good)[0][others]
-    found = _compared(paired, against)
+    knew, knows = (
+        _read_outcomes(before, rules.good)[0][rows],
+        _read_outcomes(after, rules.good)[0][others],
+    )
+    found = _compare_shares(paired, against)
     if found is not None:
         (low, high), message, judged = found
         code = WORSE if high < -rules.tolerance else BETTER if low > 0 else SAME
@@ -72,7 +75,7 @@ def controlled_checks(by_control: PairedStores, of_control: PairedStores) -> Ite
     of control and baseline is not due to the candidate.
     """
     yield from outcome_checks(by_control, _CONTROL)
-    found = _compared(of_control, _BASELINE)
+    found = _compare_shares(of_control, _BASELINE)
     if found is not None:
         (low, high), message, judged = found
         subject = Subject("control as the baseline", "outcomes", "warn", two_sided=True)
@@ -82,13 +85,13 @@ def controlled_checks(by_control: PairedStores, of_control: PairedStores) -> Ite
 _Compared = tuple[tuple[float, float], str, int]
 
 
-def _compared(paired: PairedStores, against: str) -> _Compared | None:
+def _compare_shares(paired: PairedStores, against: str) -> _Compared | None:
     """Return the interval of the difference of shares, its description, and the number of runs.
 
     A StoreError says that runs are not paired, and those of a store do not say how they ended.
     """
     if paired.policy.match == "none":
-        return _unpaired(paired, against)
+        return _compare_unpaired(paired, against)
     after, before = _of_pairs(paired)
     pairs = len(after.good)
     if not pairs:
@@ -98,13 +101,14 @@ def _compared(paired: PairedStores, against: str) -> _Compared | None:
     low, high = paired_difference(gained, lost, pairs)
     message = (
         f"{after.counts[0]:,} of {pairs:,}, {before.counts[0]:,} in {against}: {gained:,} gained "
-        f"and {lost:,} lost, {low:+.1%} to {high:+.1%} with 95 %; {_told(gained, lost, pairs)}; "
-        f"{_each(paired.policy.outcomes.in_a_row, after, before)}"
+        f"and {lost:,} lost, {low:+.1%} to {high:+.1%} with 95 %; "
+        f"{_describe_chance(gained, lost, pairs)}; "
+        f"{_describe_shares(paired.policy.outcomes.in_a_row, after, before)}"
     )
     return (low, high), message, pairs
 
 
-def _unpaired(paired: PairedStores, against: str) -> _Compared:
+def _compare_unpaired(paired: PairedStores, against: str) -> _Compared:
     rules = paired.policy.outcomes
     after, before = (_of_store(store, rules.good) for store in (paired.candidate, paired.baseline))
     (good, runs), (were, of) = after.counts, before.counts
@@ -121,12 +125,12 @@ def _unpaired(paired: PairedStores, against: str) -> _Compared:
         told = f"not distinguishable{more}"
     message = (
         f"{good:,} of {runs:,}, {were:,} of {of:,} in {against}, {low:+.1%} to {high:+.1%} "
-        f"with 95 %; {told}; {_each(rules.in_a_row, after, before)}"
+        f"with 95 %; {told}; {_describe_shares(rules.in_a_row, after, before)}"
     )
     return (low, high), message, runs
 
 
-def _each(times: int, *sides: _Outcomes) -> str:
+def _describe_shares(times: int, *sides: _Outcomes) -> str:
     """Return the share of good runs and pass^k, each of the candidate first.
 
     It is the mean over settings if each has `times` runs, otherwise that of all runs together.
@@ -144,20 +148,20 @@ def _each(times: int, *sides: _Outcomes) -> str:
 
 def _of_store(store: Store, good: str) -> _Outcomes:
     rows = np.arange(store.columns.runs)
-    known, ended = _ended(store, good)
+    known, ended = _read_outcomes(store, good)
     return _Outcomes(ended[known], settings_of(store)[rows[known]])
 
 
 def _of_pairs(paired: PairedStores) -> tuple[_Outcomes, _Outcomes]:
     (before, rows), (after, others) = paired.sides
     good = paired.policy.outcomes.good
-    (knew, was), (knows, ended) = _ended(before, good), _ended(after, good)
+    (knew, was), (knows, ended) = _read_outcomes(before, good), _read_outcomes(after, good)
     known = knew[rows] & knows[others]
     settings = settings_of(before)[rows][known] if known.any() else rows[:0]
     return _Outcomes(ended[others][known], settings), _Outcomes(was[rows][known], settings)
 
 
-def _ended(store: Store, good: str) -> tuple[Mask, Mask]:
+def _read_outcomes(store: Store, good: str) -> tuple[Mask, Mask]:
     """Return (runs) whether each says how it ended, and whether that is good."""
     if good == _STABLE:
         codes, words = store.columns.coded("label")
@@ -170,7 +174,7 @@ def _ended(store: Store, good: str) -> tuple[Mask, Mask]:
     return found.valid, found.values == 1
 
 
-def _told(gained: int, lost: int, pairs: int) -> str:
+def _describe_chance(gained: int, lost: int, pairs: int) -> str:
     chance = paired_chance(gained, lost)
     if chance < 0.05:
         return f"equal shares would differ as much with a chance of {chance:.2g}"

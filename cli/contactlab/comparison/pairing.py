@@ -47,7 +47,7 @@ def pair_by_axes(baseline: Store, candidate: Store) -> Pairing:
         name
         for store, own in ((baseline, names - other), (candidate, other - names))
         for name in own
-        if np.ptp(_codes((store,), name)[0])
+        if np.ptp(_axis_codes((store,), name)[0])
     }:
         raise StoreError(
             "runs cannot be matched by axes: only one of the stores sweeps "
@@ -56,16 +56,16 @@ def pair_by_axes(baseline: Store, candidate: Store) -> Pairing:
     runs = baseline.columns.runs
     keys = np.zeros(runs + candidate.columns.runs, dtype=np.int64)
     for name in (*sorted(names & other - {*settings_apart(baseline, candidate)}), "seed"):
-        codes, _ = _codes((baseline, candidate), name)
+        codes, _ = _axis_codes((baseline, candidate), name)
         keys = np.unique(keys * (codes.max() + 1) + codes, return_inverse=True)[1]
     _refuse_repeated(baseline, "baseline", keys[:runs])
     _refuse_repeated(candidate, "candidate", keys[runs:])
-    return pair(keys[:runs], keys[runs:])
+    return pair_keys(keys[:runs], keys[runs:])
 
 
 def settings_apart(baseline: Store, candidate: Store) -> set[str]:
     """Return the axes that have one value in each store, and not the same."""
-    own, other = map(_settings, (baseline, candidate))
+    own, other = map(_axis_settings, (baseline, candidate))
     return {
         axis
         for axis in own.keys() & other.keys()
@@ -73,12 +73,12 @@ def settings_apart(baseline: Store, candidate: Store) -> set[str]:
     }
 
 
-def apart(baseline: Store, candidate: Store) -> str:
+def explain_unpaired(baseline: Store, candidate: Store) -> str:
     """Say why no run of one store has the axis values and the seed of one of the other."""
     names = {*baseline.columns.axis_names} & {*candidate.columns.axis_names}
     unshared = list[str]()
     for name in (*sorted(names - settings_apart(baseline, candidate)), "seed"):
-        codes, _ = _codes((baseline, candidate), name)
+        codes, _ = _axis_codes((baseline, candidate), name)
         own, other = np.split(codes, [baseline.columns.runs])
         if not np.isin(own, other).any():
             unshared.append(name)
@@ -87,7 +87,7 @@ def apart(baseline: Store, candidate: Store) -> str:
     return "no axis values and seed are equal; sweep the same values in both"
 
 
-def pair(baseline: Keys, candidate: Keys) -> Pairing:
+def pair_keys(baseline: Keys, candidate: Keys) -> Pairing:
     """Pair equal keys; the keys of each store are distinct."""
     if baseline.shape == candidate.shape and np.array_equal(baseline, candidate):
         rows = np.arange(len(baseline))
@@ -98,7 +98,7 @@ def pair(baseline: Keys, candidate: Keys) -> Pairing:
     return Pairing(old[order], new[order], np.delete(rows, old), np.delete(others, new))
 
 
-def rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def round_values(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return values rounded to 9 digits."""
     with np.errstate(all="ignore"):
         exponent = np.floor(np.log10(np.abs(values)))
@@ -106,13 +106,17 @@ def rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.where(np.isfinite(scale), np.rint(values * scale) / scale, values)
 
 
-def _codes(stores: Sequence[Store], axis: str) -> tuple[NDArray[np.int64], Sequence[float | str]]:
+def _axis_codes(
+    stores: Sequence[Store], axis: str
+) -> tuple[NDArray[np.int64], Sequence[float | str]]:
     """Return a code for each run of some stores, store by store, and the value of each code."""
     kinds = {store.columns.is_number(axis) for store in stores}
     if len(kinds) > 1:
         raise StoreError(f"runs cannot be matched: axis '{axis}' is text in one store only")
     if kinds == {True}:
-        values = np.concatenate([rounded(store.columns.numbers(axis).values) for store in stores])
+        values = np.concatenate(
+            [round_values(store.columns.numbers(axis).values) for store in stores]
+        )
         distinct, codes = np.unique(values, return_inverse=True)
         return codes, distinct.tolist()
     known: dict[str | None, int] = {None: 0}
@@ -141,12 +145,14 @@ def settings_of(store: Store) -> Rows:
     names = store.columns.axis_names
     settings = np.zeros(store.columns.runs, np.int64)
     for name in names:
-        codes, values = _codes((store,), name)
+        codes, values = _axis_codes((store,), name)
         settings = np.unique(settings * len(values) + codes, return_inverse=True)[1]
     return settings
 
 
-def groups(baseline: Store, pairing: Pairing, axes: Sequence[str]) -> Iterator[tuple[str, Mask]]:
+def group_pairs(
+    baseline: Store, pairing: Pairing, axes: Sequence[str]
+) -> Iterator[tuple[str, Mask]]:
     """Yield the name of each group, such as `cone=elliptic`, and a mask (n,) of its pairs.
 
     Without axes there is one group with an empty name. Groups are those of the whole baseline,
@@ -161,7 +167,7 @@ def groups(baseline: Store, pairing: Pairing, axes: Sequence[str]) -> Iterator[t
         PolicyError.unless_known(
             axis, swept, message, f"; its axes are {', '.join(swept) or 'none'}"
         )
-    columns = [_codes((baseline,), axis) for axis in axes]
+    columns = [_axis_codes((baseline,), axis) for axis in axes]
     stacked = np.stack([codes for codes, _ in columns], axis=1)
     combinations, member = np.unique(stacked, axis=0, return_inverse=True)
     group = member.reshape(-1)[pairing.baseline]
@@ -182,7 +188,7 @@ class PairedStores:
     policy: ComparePolicy
     today: date
 
-    def without(self, excluded: Mask) -> "PairedStores":
+    def without_pairs(self, excluded: Mask) -> "PairedStores":
         """Return the same without some of the pairs (n,)."""
         if not excluded.any():
             return self
@@ -196,12 +202,12 @@ class PairedStores:
         """Both stores, each with the rows (n,) of its runs in the order of the pairs."""
         return (self.baseline, self.pairing.baseline), (self.candidate, self.pairing.candidate)
 
-    def numbers(self, name: str) -> tuple[NumberColumn, NumberColumn]:
+    def read_numbers(self, name: str) -> tuple[NumberColumn, NumberColumn]:
         """Return a column of both stores, (n,) each; empty where a store has no such column."""
-        before, after = (self._numbers(store, rows, name) for store, rows in self.sides)
+        before, after = (self._side_numbers(store, rows, name) for store, rows in self.sides)
         return before, after
 
-    def _numbers(self, store: Store, rows: Rows, name: str) -> NumberColumn:
+    def _side_numbers(self, store: Store, rows: Rows, name: str) -> NumberColumn:
         if name not in store.columns.schema.names:
             return NumberColumn(np.full(len(rows), np.nan), np.zeros(len(rows), dtype=np.bool_))
         column = store.columns.numbers(name)
@@ -223,16 +229,16 @@ class PairedStores:
         order.pop("stable", None)
         return (*order, "stable")
 
-    def labels(self, store: Store) -> Ranks:
+    def read_labels(self, store: Store) -> Ranks:
         """Return (n,) the worst label of each pair's run in one store, as its index in `ranks`."""
         codes, words = store.columns.coded("label")
         indices = np.array([self.ranks.index(word) for word in words], dtype=np.int16)
-        return indices[codes[self._rows(store)]]
+        return indices[codes[self._side_rows(store)]]
 
     def label_sets(self, store: Store) -> NDArray[np.int64]:
         """Return (n,) all labels of each pair's run in one store: bit i is label i of `ranks`."""
         masks, words = store.columns.string_sets("labels")
-        masks, sets = masks[self._rows(store)], np.int64(1) << self.labels(store)
+        masks, sets = masks[self._side_rows(store)], np.int64(1) << self.read_labels(store)
         places = [self.ranks.index(word) for word in words]
         at_once = 1 << 20  # number of pairs that are joined at once
         # All at once, the intermediate arrays would take five times the memory.
@@ -249,7 +255,9 @@ class PairedStores:
         if any(sweep.get("checks") != "flagged" for sweep in sweeps):
             return np.zeros(len(self.pairing.baseline), dtype=np.bool_)
         stable = len(self.ranks) - 1
-        return (self.labels(self.baseline) == stable) != (self.labels(self.candidate) == stable)
+        return (self.read_labels(self.baseline) == stable) != (
+            self.read_labels(self.candidate) == stable
+        )
 
     def run_pairs(
         self, indices: Sequence[int], baseline: Sequence[Value], candidate: Sequence[Value]
@@ -262,14 +270,14 @@ class PairedStores:
             RunPair(
                 baseline_run=str(one["run_id"]),
                 candidate_run=str(other["run_id"]),
-                axes=_axes(one),
+                axes=_run_axes(one),
                 baseline=before,
                 candidate=after,
             )
             for one, other, before, after in zip(old, new, baseline, candidate, strict=True)
         ]
 
-    def _rows(self, store: Store) -> Rows | slice:
+    def _side_rows(self, store: Store) -> Rows | slice:
         if self.pairing.is_in_order:
             return slice(None)
         return self.pairing.baseline if store is self.baseline else self.pairing.candidate
@@ -279,12 +287,14 @@ def unpaired_runs(store: Store, role: str, rows: Sequence[int]) -> list[RunPair]
     """Return some runs of the baseline or candidate that have no partner in the other store."""
     none = RunPair(baseline_run=None, candidate_run=None, axes={}, baseline=None, candidate=None)
     return [
-        none.model_copy(update={f"{role}_run": str(identity["run_id"]), "axes": _axes(identity)})
+        none.model_copy(
+            update={f"{role}_run": str(identity["run_id"]), "axes": _run_axes(identity)}
+        )
         for identity in store.columns.identify(rows)
     ]
 
 
-def _axes(identity: dict[str, Setting]) -> dict[str, Setting]:
+def _run_axes(identity: dict[str, Setting]) -> dict[str, Setting]:
     return {
         name: value
         for name, value in identity.items()
@@ -298,14 +308,14 @@ def engine_of(store: Store) -> str:
     return f"{engine.name} {engine.version}"
 
 
-def _settings(store: Store) -> dict[str, str]:
-    return {axis: _setting(store, axis) for axis in store.columns.axis_names}
+def _axis_settings(store: Store) -> dict[str, str]:
+    return {axis: _axis_setting(store, axis) for axis in store.columns.axis_names}
 
 
-def _setting(store: Store, axis: str) -> str:
+def _axis_setting(store: Store, axis: str) -> str:
     if store.columns.is_number(axis):
         values = store.columns.numbers(axis).values
-        low, high = rounded(np.array([values.min(), values.max()]))
+        low, high = round_values(np.array([values.min(), values.max()]))
         return f"{low:.9g}" if low == high else _SEVERAL
     codes, words = store.columns.coded(axis)
     used = np.flatnonzero(np.bincount(codes))
@@ -316,7 +326,7 @@ _PROPERTIES: Mapping[Sameness, Callable[[Store], str | Mapping[str, object]]] = 
     "sweep": lambda store: store.manifest.sweep.name,
     "scene": lambda store: store.manifest.sweep.scene,
     "scene_hash": lambda store: store.manifest.sweep.scene_hash,
-    "settings": _settings,
+    "settings": _axis_settings,
     "metric_versions": lambda store: store.manifest.sweep.metric_versions,
     "thresholds": lambda store: store.manifest.sweep.resolved.get("thresholds", {}),
     "engine": engine_of,
@@ -329,7 +339,7 @@ _PROPERTIES: Mapping[Sameness, Callable[[Store], str | Mapping[str, object]]] = 
 }
 
 
-def difference(baseline: Store, candidate: Store, what: Sameness) -> tuple[str, str] | None:
+def find_difference(baseline: Store, candidate: Store, what: Sameness) -> tuple[str, str] | None:
     """Return the two values of a property of two stores; None if they are the same."""
     before, after = (_PROPERTIES[what](store) for store in (baseline, candidate))
     if isinstance(before, str) or isinstance(after, str):

@@ -18,14 +18,14 @@ def report_of(compared: ComparisonReport) -> Report:
         headline=compared.headline,
         passed=compared.exit_code == 0,
         record=compared,
-        facts=tuple(_facts(compared)),
+        facts=tuple(_report_facts(compared)),
         findings=compared.findings,
         commands=tuple((what, command) for what, _, command in commands),
         lists_passed=False,
     )
 
 
-def _facts(compared: ComparisonReport) -> Iterator[tuple[str, str]]:
+def _report_facts(compared: ComparisonReport) -> Iterator[tuple[str, str]]:
     if compared.baseline is None or compared.candidate is None:
         return
     before, after = compared.baseline.physics[:16], compared.candidate.physics[:16]

@@ -13,8 +13,8 @@ from contactlab.comparison.pairing import (
     PairedStores,
     Ranks,
     Rows,
-    difference,
-    groups,
+    find_difference,
+    group_pairs,
     unpaired_runs,
 )
 from contactlab.errors import ContactlabError
@@ -57,7 +57,7 @@ def knife_edge(paired: PairedStores) -> Mask:
 
 def knife_edges(paired: PairedStores) -> tuple[Mask, Mask]:
     """Return (n,) which runs of each store are on a knife edge, by a sweep that looked for them."""
-    columns = paired.numbers("knife_edge")
+    columns = paired.read_numbers("knife_edge")
     before, after = (
         (column.values == 1) & bool(store.manifest.sweep.resolved.get("knife_edge"))
         for column, (store, _) in zip(columns, paired.sides, strict=True)
@@ -113,9 +113,9 @@ class PairLabels:
     notes: dict[str, str]  # why allowed transitions do not apply, by label
 
     @classmethod
-    def of(cls, paired: PairedStores) -> "PairLabels":
+    def from_pairs(cls, paired: PairedStores) -> "PairLabels":
         """Return the labels of all pairs, and the changes that the policy allows."""
-        before, after = (paired.labels(store) for store, _ in paired.sides)
+        before, after = (paired.read_labels(store) for store, _ in paired.sides)
         old, new = (paired.label_sets(store) for store, _ in paired.sides)
         stable = np.int64(1) << (len(paired.ranks) - 1)
         allowed = np.zeros(len(before), dtype=np.bool_)
@@ -123,7 +123,7 @@ class PairLabels:
         for entry in paired.policy.labels.allow:
             moved = before == paired.ranks.index(entry.from_)
             moved &= after == paired.ranks.index(entry.to)
-            if obstacle := _obstacle(entry, int(moved.sum()), paired):
+            if obstacle := _find_obstacle(entry, int(moved.sum()), paired):
                 notes[entry.to] = obstacle
             else:
                 allowed |= moved
@@ -143,7 +143,7 @@ class PairLabels:
         better = (self.after > self.before) | (equal & (self.gained == 0) & (self.lost != 0))
         return np.where(worse, WORSE, np.where(better, BETTER, SAME)).astype(np.int8)
 
-    def transitions(self) -> tuple[Transition, ...]:
+    def count_transitions(self) -> tuple[Transition, ...]:
         """Return the changes of worst labels with their numbers of runs, most frequent first."""
         ranks, moved = self.paired.ranks, self.before != self.after
         changes = np.stack([self.before[moved], self.after[moved]], axis=1)
@@ -163,8 +163,8 @@ class PairLabels:
 def label_checks(labels: PairLabels) -> Iterator[Finding]:
     """Yield for each label and group whether it is new in some runs."""
     paired, rules = labels.paired, labels.paired.policy.labels
-    grouped = list(groups(paired.baseline, paired.pairing, rules.by))
-    thresholds = difference(paired.baseline, paired.candidate, "thresholds")
+    grouped = list(group_pairs(paired.baseline, paired.pairing, rules.by))
+    thresholds = find_difference(paired.baseline, paired.candidate, "thresholds")
     if "thresholds" not in paired.policy.require.same:
         thresholds = None
     for rank, label in enumerate(paired.ranks[:-1]):
@@ -215,7 +215,7 @@ def _label_counts(verdicts: Verdicts, label: str, allowed: int) -> Iterator[str]
         yield f"none in {plural(runs)}"
 
 
-def _obstacle(entry: AllowedTransition, runs: int, paired: PairedStores) -> str | None:
+def _find_obstacle(entry: AllowedTransition, runs: int, paired: PairedStores) -> str | None:
     """Return why an allowed transition does not apply; None if it does."""
     arrow = f"{entry.from_} -> {entry.to}"
     if entry.until is not None and entry.until < paired.today:
@@ -228,7 +228,7 @@ def _obstacle(entry: AllowedTransition, runs: int, paired: PairedStores) -> str 
 def expectation_checks(paired: PairedStores) -> Iterator[Finding]:
     """Yield whether runs still meet the expectations, and the tolerances, of the sweep."""
     for column, name in (("expectation_met", "expectations"), ("tolerances_met", "tolerances")):
-        before, after = paired.numbers(column)
+        before, after = paired.read_numbers(column)
         verdicts = np.full(len(before.values), SAME, dtype=np.int8)
         verdicts[(before.values == 1) & (after.values == 0)] = WORSE
         verdicts[(before.values == 0) & (after.values == 1)] = BETTER
@@ -253,11 +253,11 @@ def recommendation_check(paired: PairedStores) -> Finding:
     """
     level = paired.policy.recommendation.changed
     subject = Subject("same recommendation", "recommendation", level, two_sided=True)
-    before, after = _analysis(paired.baseline), _analysis(paired.candidate)
-    return subject.single(*_recommendation(before, after))
+    before, after = _analyze_store(paired.baseline), _analyze_store(paired.candidate)
+    return subject.single(*_compare_recommendations(before, after))
 
 
-def _analysis(store: Store) -> TradeoffReport | None:
+def _analyze_store(store: Store) -> TradeoffReport | None:
     try:
         return analyze_tradeoff(store)
     except (ContactlabError, ValidationError):
@@ -265,7 +265,9 @@ def _analysis(store: Store) -> TradeoffReport | None:
         return None
 
 
-def _recommendation(before: TradeoffReport | None, after: TradeoffReport | None) -> tuple[int, str]:
+def _compare_recommendations(
+    before: TradeoffReport | None, after: TradeoffReport | None
+) -> tuple[int, str]:
     now = after.recommendation if after else None
     if before is None or after is None or before.recommendation is None:
         if now is None:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import ValidationError
 
-from contactlab.comparison.pairing import rounded
+from contactlab.comparison.pairing import round_values
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import StoreError
 from contactlab.rendering.amounts import format_percent
@@ -121,7 +121,7 @@ def _keys(data: ReportData) -> Codes:
     """Return (n,) equal numbers of runs that differ in their engines alone."""
     keys = np.zeros(data.store.columns.runs, np.int64)
     axes = [axis for axis in data.axes if axis.name != _AXIS]
-    columns = [axis.codes if axis.numbers is None else rounded(axis.numbers) for axis in axes]
+    columns = [axis.codes if axis.numbers is None else round_values(axis.numbers) for axis in axes]
     for values in (*columns, data.store.columns.numbers("seed")[0]):
         codes = np.unique(values, return_inverse=True)[1]
         keys = np.unique(keys * (codes.max() + 1) + codes, return_inverse=True)[1]

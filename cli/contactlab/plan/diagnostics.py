@@ -45,7 +45,7 @@ class Place:
         """A short text that locates it."""
         return f"in line {self.line}" if self.source.numbered else f"in `{self.text}`"
 
-    def part(self, start: int, width: int) -> "Place":
+    def narrow_range(self, start: int, width: int) -> "Place":
         """Return a part of the range; `start` counts from its first character."""
         return Place(self.source, self.line, self.column + start, max(width, 1))
 

@@ -29,7 +29,7 @@ class Block:
     names: tuple[str, ...]
     rows: tuple[tuple[object, ...], ...]
 
-    def column(self, name: str) -> tuple[object, ...]:
+    def column_values(self, name: str) -> tuple[object, ...]:
         """Return the values of one of its axes, row by row."""
         return tuple(map(itemgetter(self.names.index(name)), self.rows))
 
@@ -52,7 +52,7 @@ class Match:
     splits: tuple[tuple[str, Split], ...] = ()
     """Functions that split the values of axes into the parts that the expression may name."""
 
-    def holds(self, row: Mapping[str, object]) -> bool:
+    def is_met(self, row: Mapping[str, object]) -> bool:
         """Return whether a row meets the condition; a row without one of the axes does not.
 
         A SweepMistakesError says that the expression cannot be computed for this row.
@@ -106,7 +106,7 @@ class Grid:
         values = dict[object, None]()
         for block in self.blocks or ():
             if name in block.names:
-                values.update(dict.fromkeys(block.column(name)))
+                values.update(dict.fromkeys(block.column_values(name)))
         rows = (row for row in (self.base, *self.included_rows) if name in row)
         return tuple(values | dict.fromkeys(row[name] for row in rows))
 
@@ -114,7 +114,7 @@ class Grid:
         """Return the values of an axis in the product, in order; in any row without one."""
         for block in self.blocks or ():
             if name in block.names:
-                return block.column(name)
+                return block.column_values(name)
         return self.axis_values(name)
 
     def filter_rows(self, name: str, values: Collection[object]) -> "Grid":
@@ -129,7 +129,9 @@ class Grid:
 
     def with_baseline(self, scenario: Sequence[str]) -> "Grid":
         """Return the grid with a row of the scene as written for each scenario of some axes."""
-        rows = [{name: row[name] for name in scenario if name in row} for row in self.rows()]
+        rows = [
+            {name: row[name] for name in scenario if name in row} for row in self.iterate_rows()
+        ]
         distinct = {tuple(row.items()): row for row in rows}
         return replace(self, baseline_rows=tuple(distinct.values()))
 
@@ -138,24 +140,24 @@ class Grid:
         """Number of rows of the product before the exclusion of any."""
         return 0 if self.blocks is None else math.prod(len(block.rows) for block in self.blocks)
 
-    def rows(self) -> Iterator[RowValues]:
+    def iterate_rows(self) -> Iterator[RowValues]:
         """Yield every row, in order."""
         if self.excludes:
-            yield from (row for row in self._product() if not self._excluded(row))
+            yield from (row for row in self._product_rows() if not self._is_excluded(row))
         else:
-            yield from self._product()
+            yield from self._product_rows()
         yield from (self.base | row for row in self.included_rows)
         yield from self.baseline_rows
 
-    def count(self, most: float = math.inf) -> tuple[int, Sequence[Match]]:
+    def count_rows(self, most: float = math.inf) -> tuple[int, Sequence[Match]]:
         """Return the number of rows, counted up to `most`, and the excludes that match none."""
         further = len(self.included_rows) + len(self.baseline_rows)
         if not self.excludes:
             return self.product_size + further, ()
         included, unmatched = 0, list(self.excludes)
-        for row in self._product():
+        for row in self._product_rows():
             if unmatched:
-                matched = [exclude for exclude in self.excludes if exclude.holds(row)]
+                matched = [exclude for exclude in self.excludes if exclude.is_met(row)]
                 unmatched = (
                     [condition for condition in unmatched if condition not in matched]
                     if matched
@@ -163,12 +165,12 @@ class Grid:
                 )
                 included += not matched
             else:
-                included += not self._excluded(row)
+                included += not self._is_excluded(row)
             if included >= most:
                 return included, ()
         return included + further, unmatched
 
-    def _product(self) -> Iterator[RowValues]:
+    def _product_rows(self) -> Iterator[RowValues]:
         if self.blocks is None:
             return
         base, join = self.base, itertools.chain.from_iterable
@@ -177,8 +179,8 @@ class Grid:
             row = dict(zip(names, join(parts), strict=True))
             yield base | row if base else row
 
-    def _excluded(self, row: RowValues) -> bool:
-        return any(exclude.holds(row) for exclude in self.excludes)
+    def _is_excluded(self, row: RowValues) -> bool:
+        return any(exclude.is_met(row) for exclude in self.excludes)
 
 
 @dataclass(frozen=True)
@@ -227,20 +229,22 @@ class Plan:
     expected: tuple[tuple[Match, Expectation], ...]
     """Conditions of `expect`, each with its expectation."""
 
-    def rows(self) -> Iterator[Row]:
+    def iterate_rows(self) -> Iterator[Row]:
         """Yield the rows: the product in the order written, then included rows, then baselines."""
         seeds = self.sweep.seed_values
         starts = range(0, self.count, len(seeds))
         # zip() stops at the last position, so later rows are never created.
-        for first, values in zip(starts, self.grid.rows(), strict=False):
+        for first, values in zip(starts, self.grid.iterate_rows(), strict=False):
             yield Row(first, values, seeds[: self.count - first])
 
-    def runs(self) -> Iterator[Run]:
+    def iterate_runs(self) -> Iterator[Run]:
         """Yield the runs, row by row, seeds innermost."""
-        for row in self.rows():
+        for row in self.iterate_rows():
             for index, seed in enumerate(row.seeds, row.first):
                 yield Run(index, row.values, seed)
 
-    def expectations(self, run: Run) -> tuple[Expectation, ...]:
+    def find_expectations(self, run: Run) -> tuple[Expectation, ...]:
         """Return the expectations that apply to a run."""
-        return tuple(expectation for match, expectation in self.expected if match.holds(run.values))
+        return tuple(
+            expectation for match, expectation in self.expected if match.is_met(run.values)
+        )

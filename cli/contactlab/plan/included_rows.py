@@ -27,10 +27,10 @@ def read_rows(context: SweepContext, folder: Path) -> tuple[RowValues, ...]:
         return tuple(_table_rows(context, source)) if source else ()
     rows: list[RowValues] = []
     for index, row in enumerate(include):
-        path = context.path("include", index)
-        _check_row(context, {name: document.key((*path, name)) for name in row})
-        places = {name: document.value((*path, name)) for name in row}
-        rows.append({name: context.canonical(name, row[name], places[name]) for name in row})
+        path = context.entry_path("include", index)
+        _check_row(context, {name: document.key_place((*path, name)) for name in row})
+        places = {name: document.value_place((*path, name)) for name in row}
+        rows.append({name: context.canonical_value(name, row[name], places[name]) for name in row})
     return tuple(rows)
 
 
@@ -55,7 +55,7 @@ def _read_table(document: Document, folder: Path, name: str) -> SourceText | Non
             message, hint = str(error), "relative names start at the sweep's folder"
     if sum(bool(line.strip()) for line in lines) > 1:
         return SourceText(str(path), lines)
-    document.add("bad-table", ("include", "file"), message, hint)
+    document.add_mistake("bad-table", ("include", "file"), message, hint)
     return None
 
 
@@ -67,7 +67,7 @@ def _table_rows(context: SweepContext, source: SourceText) -> Iterator[RowValues
     for name, place in header:
         if not name or name in places:
             message = f"a second column '{name}'" if name else "a column without a name"
-            document.add("bad-table", place, message)
+            document.add_mistake("bad-table", place, message)
         else:
             places[name] = place
     _check_row(context, places)
@@ -76,10 +76,10 @@ def _table_rows(context: SweepContext, source: SourceText) -> Iterator[RowValues
         if len(cells) != len(header):
             place = Place(source, number, 1, len(source.lines[number - 1]))
             message = f"{len(cells)} cells under {len(header)} columns"
-            document.add("bad-table", place, message, "quote a cell that holds a comma")
+            document.add_mistake("bad-table", place, message, "quote a cell that holds a comma")
             continue
         row = {
-            name: context.canonical(name, _parse_cell(text), place)
+            name: context.canonical_value(name, _parse_cell(text), place)
             for (name, _), (text, place) in zip(header, cells, strict=True)
             if text
         }

@@ -18,7 +18,7 @@ class KeptTraces:
     sample: int = 0
 
     @classmethod
-    def of(cls, rule: str) -> "KeptTraces":
+    def read_rule(cls, rule: str) -> "KeptTraces":
         """Return the choice for a rule such as `flagged+sample:1000`."""
         parts = rule.split("+")
         numbers = [
@@ -28,13 +28,13 @@ class KeptTraces:
         ]
         return cls("all" in parts, "flagged" in parts, *numbers)
 
-    def keeps(self, index: int, label: str, runs: int) -> bool:
+    def keeps_trace(self, index: int, label: str, runs: int) -> bool:
         """Return whether the trace of a run is kept, by its index among a number of runs."""
         if self.every or (self.flagged and label != "stable"):
             return True
         return index * self.sample % runs < self.sample
 
-    def shares(self, runs: int) -> tuple[float, float]:
+    def share_bounds(self, runs: int) -> tuple[float, float]:
         """Return the smallest and the largest possible share of runs with kept traces."""
         least = 1.0 if self.every else min(1.0, self.sample / runs)
         return least, 1.0 if self.flagged else least

@@ -28,77 +28,79 @@ def check_names(context: SweepContext) -> None:
     document, vocabulary = context.document, context.vocabulary
     # Axes and effects are known, given once, and without conflicts.
     # `base` is for the effects without their own entry.
-    effects = [name for name in document.mapping("effects") if name != "base"]
+    effects = [name for name in document.mapping_at("effects") if name != "base"]
     named = [(name, path, "axis") for name, path in context.swept]
     named += [(name, ("effects", name), "effect") for name in effects]
     places: dict[str, Place] = {}
     for name, path, kind in named:
-        place = document.key(path)
+        place = document.key_place(path)
         check_axis(context, name, place, kind)
         if name in places:
             hint = f"first given {places[name].spot}"
-            document.add("axis-twice", place, f"'{name}' is given twice", hint)
+            document.add_mistake("axis-twice", place, f"'{name}' is given twice", hint)
         else:
             places[name] = place
     check_conflicts(context, places)
     # Tolerances are of metrics that the sweep measures.
     _check_known_names(document, "metric", [*context.vocabulary.metrics, *ERRORS], ("tolerances",))
-    for name in document.mapping("tolerances"):
+    for name in document.mapping_at("tolerances"):
         if why := context.vocabulary.lacking.get(name):
-            place = document.key(("tolerances", name))
-            document.add(
+            place = document.key_place(("tolerances", name))
+            document.add_mistake(
                 "not-measured", place, f"'{name}' is never measured: {why}", "leave it out"
             )
         if name in ERRORS and context.sweep.accuracy is None:
             message = f"'{name}' is only measured if the sweep requests accuracy"
-            place = document.key(("tolerances", name))
-            document.add("not-asked", place, message, "add accuracy: {}")
+            place = document.key_place(("tolerances", name))
+            document.add_mistake("not-asked", place, message, "add accuracy: {}")
     _check_known_names(document, "threshold", vocabulary.thresholds, ("thresholds",))
     for index, expectation in enumerate(context.sweep.expect):
-        path = context.path("expect", index)
+        path = context.entry_path("expect", index)
         for key in ("metrics", "mean"):
             _check_known_names(document, "metric", vocabulary.metrics, (*path, key))
         for position, label in enumerate(expectation.label or ()):
             if label not in vocabulary.labels:
-                place = document.value((*path, "label", position))
+                place = document.value_place((*path, "label", position))
                 _add_unknown_name(document, "label", label, place, vocabulary.labels)
         for position, text in enumerate(expectation.must):
             _check_requirement(context, text, (*path, "must", position))
     for index, text in enumerate(context.sweep.must):
-        _check_requirement(context, text, context.path("must", index))
+        _check_requirement(context, text, context.entry_path("must", index))
 
 
 def check_axis(context: SweepContext, name: str, place: Place, kind: str = "axis") -> None:
     """Add a mistake if the scene does not have this axis."""
-    if context.find(name) is None:
+    if context.find_axis(name) is None:
         keys = () if place.source.numbered else Sweep.model_fields
         known = ["seeds"] if name == "seed" else [*context.vocabulary.axes, *keys]
         if name == _KEYFRAME:
             message, hint = "the model has no keyframes", "leave it out: runs start at qpos0"
-            context.document.add(f"unknown-{kind}", place, message, hint)
+            context.document.add_mistake(f"unknown-{kind}", place, message, hint)
             return
         _add_unknown_name(context.document, kind, name, place, known)
 
 
 def check_conflicts(context: SweepContext, places: dict[str, Place]) -> None:
     """Add a mistake for every two axes of one row that set the same quantity."""
-    specs = [(name, spec) for name in places if (spec := context.find(name))]
+    specs = [(name, spec) for name in places if (spec := context.find_axis(name))]
     for (first, one), (second, other) in combinations(specs, 2):
         if other.name in one.conflicts or one.name in other.conflicts:
             message = f"'{second}' sets the same thing as '{first}'"
             hint = f"leave one out; '{first}' is {places[first].spot}"
-            context.document.add("axis-conflict", places[second], message, hint)
+            context.document.add_mistake("axis-conflict", places[second], message, hint)
 
 
 def add_not_swept(context: SweepContext, name: str, place: Place, swept: Collection[str]) -> None:
     """Add a mistake about a name in a condition or filter that is not among the swept axes."""
-    if any((spec := context.find(axis)) and name in spec.choices for axis in swept):
+    if any((spec := context.find_axis(axis)) and name in spec.choices for axis in swept):
         hint = f"quote the word: '{name}'"
-    elif context.find(name):
+    elif context.find_axis(name):
         hint = "add it to `axes`"
     else:
         hint = suggestion(name, swept) or f"swept here: {', '.join(swept) or 'nothing'}"
-    context.document.add("axis-not-swept", place, f"'{name}' is not an axis of this sweep", hint)
+    context.document.add_mistake(
+        "axis-not-swept", place, f"'{name}' is not an axis of this sweep", hint
+    )
 
 
 def _check_requirement(context: SweepContext, text: str, path: KeyPath) -> None:
@@ -107,16 +109,16 @@ def _check_requirement(context: SweepContext, text: str, path: KeyPath) -> None:
     duration = context.sweep.duration or (math.inf if context.sweep.drive else None)
     if mistake := check and check(text, duration):
         # A single requirement needs no list.
-        place = path[:-1] if isinstance(document.at(path[:-1]), str) else path
-        document.add("bad-requirement", document.value(place), mistake)
+        place = path[:-1] if isinstance(document.value_at(path[:-1]), str) else path
+        document.add_mistake("bad-requirement", document.value_place(place), mistake)
 
 
 def _check_known_names(
     document: Document, kind: str, known: Collection[str], path: KeyPath
 ) -> None:
-    for name in document.mapping(*path):
+    for name in document.mapping_at(*path):
         if name not in known:
-            _add_unknown_name(document, kind, name, document.key((*path, name)), known)
+            _add_unknown_name(document, kind, name, document.key_place((*path, name)), known)
 
 
 def _add_unknown_name(
@@ -126,7 +128,7 @@ def _add_unknown_name(
     hint = (
         suggestion(name, known) or few or f"`contactlab {_LIST_COMMANDS.get(kind, 'list')}` has all"
     )
-    document.add(f"unknown-{kind}", place, f"unknown {kind} '{name}'", hint)
+    document.add_mistake(f"unknown-{kind}", place, f"unknown {kind} '{name}'", hint)
 
 
 def read_condition(
@@ -137,18 +139,20 @@ def read_condition(
     settings: list[tuple[str, object]] = []
     for name, raw in condition.settings.items():
         if name in known:
-            settings.append((name, context.canonical(name, raw, document.value((*path, name)))))
+            settings.append(
+                (name, context.canonical_value(name, raw, document.value_place((*path, name))))
+            )
         else:
-            add_not_swept(context, name, document.key((*path, name)), known)
+            add_not_swept(context, name, document.key_place((*path, name)), known)
     if condition.where is None:
-        return Match(tuple(settings), None, document.value(path))
-    specs = [spec for name in known if (spec := context.find(name))]
+        return Match(tuple(settings), None, document.value_place(path))
+    specs = [spec for name in known if (spec := context.find_axis(name))]
     names = (*known, *(part for spec in specs for part in spec.parts))
-    where = document.value((*path, "where"))
+    where = document.value_place((*path, "where"))
     inside = _first_character_place(where, condition.where)
     expression = _read_expression(context, condition.where, names, inside, where)
     splits = tuple((spec.name, spec.split) for spec in specs if spec.split)
-    return Match(tuple(settings), expression, document.value(path), inside, splits)
+    return Match(tuple(settings), expression, document.value_place(path), inside, splits)
 
 
 def _read_expression(
@@ -160,7 +164,7 @@ def _read_expression(
     try:
         expression = Expression(text)
     except ExpressionError as error:
-        context.document.add("bad-expression", part(error.start, error.width), str(error))
+        context.document.add_mistake("bad-expression", part(error.start, error.width), str(error))
         return None
     for name, start in expression.places.items():
         if name not in names:

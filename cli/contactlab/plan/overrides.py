@@ -91,19 +91,19 @@ def drive_option(text: str | None) -> Drive | None:
 
 def apply_settings(document: Document, settings: Sequence[str]) -> None:
     """Apply every `--set` to the document, with the places of its parts in the argument."""
-    for option in filter(None, (_option(document, "--set", text) for text in settings)):
-        path = _path(option)
+    for option in filter(None, (_parse_option(document, "--set", text) for text in settings)):
+        path = _setting_path(option)
         if path[0] == "axes" and any(option.name in block for _, block in zip_blocks(document)):
             message = f"'{option.name}' is an axis of a zip block"
-            document.add("set-zipped", option.key, message, "change the block in the file")
+            document.add_mistake("set-zipped", option.key, message, "change the block in the file")
         else:
-            role, known = document.mapping(*path).get("role"), len(document.mistakes)
-            parent = document.replace(path, option.key)
+            role, known = document.mapping_at(*path).get("role"), len(document.mistakes)
+            parent = document.replace_value(path, option.key)
             document.values[path] = option.place
             if path[0] == "axes":
                 value = _axis_value(document, option, path, role)
             else:
-                value = _listed(document, option, path)
+                value = _listed_values(document, option, path)
                 if len(value) == 1:
                     # Without the brackets, since a single value is not a list.
                     place = option.place
@@ -126,13 +126,13 @@ def _axis_value(document: Document, option: ParsedOption, path: KeyPath, role: o
     if form := parse_unit_range(option.value):
         return {**form, **kept}
     if call is None:
-        values = _listed(document, option, (*path, "values") if kept else path)
+        values = _listed_values(document, option, (*path, "values") if kept else path)
         return {"values": values, **kept} if kept else values
     form = (*path, call[1])
     document.keys[form] = place.part(0, len(call[1]))
     if call[1] not in FORMS:
         hint = suggestion(call[1], FORMS) or f"one of: {', '.join(FORMS)}"
-        document.add("unknown-key", document.keys[form], f"no form '{call[1]}'", hint)
+        document.add_mistake("unknown-key", document.keys[form], f"no form '{call[1]}'", hint)
     column = place.column + call.start(2)
     return {call[1]: read_argument(document, form, f"[{call[2]}]", place.source, column), **kept}
 
@@ -142,15 +142,17 @@ def read_filters(
 ) -> tuple[Filter, ...]:
     """Read every `--where` of a swept axis, with canonical values; add their mistakes."""
     filters: list[Filter] = []
-    options = (_option(context.document, "--where", text) for text in texts)
+    options = (_parse_option(context.document, "--where", text) for text in texts)
     for option in filter(None, options):
         if option.name not in swept:
             add_not_swept(context, option.name, option.key, swept)
             continue
         path = ("--where", option.name)
         values = tuple(
-            context.canonical(option.name, value, context.document.value((*path, index)))
-            for index, value in enumerate(_listed(context.document, option, path))
+            context.canonical_value(
+                option.name, value, context.document.value_place((*path, index))
+            )
+            for index, value in enumerate(_listed_values(context.document, option, path))
         )
         filters.append(Filter(option.name, values, option.place))
     return tuple(filters)
@@ -164,16 +166,20 @@ def check_values(document: Document, filters: Sequence[Filter], grid: Grid) -> N
             first = ", ".join(str(value) for value in values[:8])
             more = ", ..." if len(values) > 8 else ""
             message = f"'{condition.name}' never takes this value in this sweep"
-            document.add("value-not-swept", condition.place, message, f"it takes {first}{more}")
+            document.add_mistake(
+                "value-not-swept", condition.place, message, f"it takes {first}{more}"
+            )
 
 
-def _option(document: Document, flag: str, text: str) -> ParsedOption | None:
+def _parse_option(document: Document, flag: str, text: str) -> ParsedOption | None:
     source = SourceText("command line", (f"{flag} {text}",), numbered=False)
     name, equals, value = text.partition("=")
     start = len(flag) + 2
     if not (name and equals and value.strip()):
         place = Place(source, 1, start, max(len(text), 1))
-        document.add("bad-option", place, "an option takes a name and values", "NAME=VALUE,VALUE")
+        document.add_mistake(
+            "bad-option", place, "an option takes a name and values", "NAME=VALUE,VALUE"
+        )
         return None
     quoted = _ADDRESS.sub(r'"\g<0>"', value)
     if isinstance(text, FlagSetting):
@@ -184,7 +190,7 @@ def _option(document: Document, flag: str, text: str) -> ParsedOption | None:
     return ParsedOption(name, quoted, Place(source, 1, start, len(name)), place)
 
 
-def _path(option: ParsedOption) -> KeyPath:
+def _setting_path(option: ParsedOption) -> KeyPath:
     name = option.name
     head, _, rest = name.partition(".")
     if head in _ENTRIES and rest:
@@ -194,7 +200,7 @@ def _path(option: ParsedOption) -> KeyPath:
     return (name,) if name in Sweep.model_fields and not effect else ("axes", name)
 
 
-def _listed(document: Document, option: ParsedOption, path: KeyPath) -> list[object]:
+def _listed_values(document: Document, option: ParsedOption, path: KeyPath) -> list[object]:
     place = option.place
     data = read_argument(document, path, f"[{option.value}]", place.source, place.column)
     return cast("list[object]", data) if isinstance(data, list) else []

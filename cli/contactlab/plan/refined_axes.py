@@ -18,7 +18,7 @@ def write_out_refined(document: Document) -> None:
 
     Unreadable entries stay unchanged; later checks report their mistakes.
     """
-    refine, limit = document.mapping("refine"), document.mapping("limit")
+    refine, limit = document.mapping_at("refine"), document.mapping_at("limit")
     names, full = refine.get("axes"), refine.get("to", limit.get("to"))
     if limit:
         names = [limit.get("largest", limit.get("smallest"))]
@@ -26,7 +26,7 @@ def write_out_refined(document: Document) -> None:
         return
     starts = list[int]()
     for name in map(str, cast("list[object]", names)):
-        form = document.mapping("axes", name)
+        form = document.mapping_at("axes", name)
         for key in _GRID_FORMS:
             parts = form.get(key)
             count = cast("list[object]", parts)[-1] if isinstance(parts, list) and parts else None
@@ -70,26 +70,28 @@ def check_refine(context: SweepContext) -> None:
         _check_refined_axis(context, refine, name, index)
     stride = first_stride(refine)
     if stride is None and refine.start is not None:
-        place = document.key((key, "to"))
+        place = document.key_place((key, "to"))
         message = f"halving cells of {refine.start} values leads past {refine.to}"
         near = refine.start - 1
         while near + 1 < refine.to:
             near *= 2
         hint = f"write to: {near + 1}, or {near // 2 + 1}"
-        document.add("off-grid", place, message, hint)
+        document.add_mistake("off-grid", place, message, hint)
     if limit and stride == 1 and refine.to > COARSE:
         near = 2 ** (refine.to - 1).bit_length()
         message = f"no halving of coarser grids leads to {refine.to} values"
-        document.add(
+        document.add_mistake(
             "off-grid",
-            document.key((key, "to")),
+            document.key_place((key, "to")),
             message,
             f"write to: {near + 1}, or {near // 2 + 1}",
         )
     if context.sweep.exclude:
-        place = document.key(("exclude",))
+        place = document.key_place(("exclude",))
         message = "`exclude` would leave holes in the grid that is refined"
-        document.add("refine-exclude", place, message, f"leave it out, or sweep without `{key}`")
+        document.add_mistake(
+            "refine-exclude", place, message, f"leave it out, or sweep without `{key}`"
+        )
     check_limit(context, refine.where, (key, "where"), OUTCOMES[1:] if limit else OUTCOMES)
 
 
@@ -98,20 +100,20 @@ def _check_refined_axis(context: SweepContext, refine: Refine, name: str, index:
     path = ("refine", "axes", index)
     if limit:
         path = ("limit", "largest" if limit.largest else "smallest")
-    place = document.value(path)
+    place = document.value_place(path)
     axes = context.sweep.axes
     if name in refine.axes[:index]:
-        document.add("axis-twice", place, f"'{name}' is given twice")
+        document.add_mistake("axis-twice", place, f"'{name}' is given twice")
     elif any(name in block for block in context.sweep.zip):
         message = f"'{name}' advances with other axes, so it cannot be refined"
-        document.add("refine-zip", place, message, "move it to `axes`")
+        document.add_mistake("refine-zip", place, message, "move it to `axes`")
     elif name not in axes:
         add_not_swept(context, name, place, tuple(axes))
     elif not isinstance(axis := axes[name], Linspace | Logspace | Range | Values | tuple):
         message = f"'{name}' is drawn, so no grid of it can be refined"
         hint = f"write {name}: {{linspace: [first, last, {COARSE}]}}"
-        document.add("refine-drawn", document.key(("axes", name)), message, hint)
+        document.add_mistake("refine-drawn", document.key_place(("axes", name)), message, hint)
     elif (count := len(listed_values(axis))) != refine.to:
         message = f"'{name}' has {count} values, but `to` says {refine.to}"
         hint = f"write {{linspace: [first, last, {COARSE}]}}, which grows to {refine.to}"
-        document.add("off-grid", document.key(("axes", name)), message, hint)
+        document.add_mistake("off-grid", document.key_place(("axes", name)), message, hint)

@@ -54,17 +54,17 @@ class SweepContext(Draft):
 
     vocabulary: Vocabulary
 
-    def find(self, name: str) -> AxisSpec | None:
+    def find_axis(self, name: str) -> AxisSpec | None:
         """Return the axis of this name, or None."""
         return self.vocabulary.find(name)
 
-    def canonical(self, name: str, value: object, place: Place) -> object:
+    def canonical_value(self, name: str, value: object, place: Place) -> object:
         """Return the canonical form of a value. Otherwise return UNREADABLE and add the mistake."""
-        spec = self.find(name)
+        spec = self.find_axis(name)
         if spec is None:
             return UNREADABLE
         if isinstance(value, float) and not math.isfinite(value):
-            self.document.add("not-finite", place, f"'{name}' must be finite")
+            self.document.add_mistake("not-finite", place, f"'{name}' must be finite")
             return UNREADABLE
         measured = without_unit(value, spec.unit)
         try:
@@ -77,13 +77,13 @@ class SweepContext(Draft):
             hint = (
                 "write a number" + f" in {spec.unit}" * (spec.unit != "1") if other else str(error)
             )
-            self.document.add("bad-value", place, message, f"{hint}{close}")
+            self.document.add_mistake("bad-value", place, message, f"{hint}{close}")
             return UNREADABLE
 
     @cached_property
     def swept(self) -> list[tuple[str, KeyPath]]:
         """The axes in the file, readable or not, with their paths."""
-        paths: list[KeyPath] = [("axes", name) for name in self.document.mapping("axes")]
+        paths: list[KeyPath] = [("axes", name) for name in self.document.mapping_at("axes")]
         for index, block in zip_blocks(self.document):
             paths.extend(("zip", index, name) for name in block)
         return [(str(path[-1]), path) for path in paths]
@@ -91,9 +91,9 @@ class SweepContext(Draft):
 
 def zip_blocks(document: Document) -> Iterator[tuple[int, dict[str, object]]]:
     """Yield the blocks of `zip` that are mappings, readable or not, with their positions."""
-    blocks = document.at(("zip",))
+    blocks = document.value_at(("zip",))
     for index in range(len(cast("list[object]", blocks)) if isinstance(blocks, list) else 0):
-        yield index, document.mapping("zip", index)
+        yield index, document.mapping_at("zip", index)
 
 
 def listed_values(axis: Axis, known: Sequence[object] = ()) -> Sequence[object]:
@@ -137,17 +137,17 @@ def write_out_units(
     Bounds of sampled axes are converted to the unit of their axis, and bounds of metrics and
     thresholds to theirs. All other entries stay unchanged; later checks report their mistakes.
     """
-    expected = document.at(("expect",))
+    expected = document.value_at(("expect",))
     entries = cast("list[object]", expected) if isinstance(expected, list) else []
     places = [("expect", index) for index in range(len(entries))]
-    bounds = [document.mapping(*at, key) for at in places for key in ("metrics", "mean")]
-    for block in (document.mapping("tolerances"), document.mapping("thresholds"), *bounds):
+    bounds = [document.mapping_at(*at, key) for at in places for key in ("metrics", "mean")]
+    for block in (document.mapping_at("tolerances"), document.mapping_at("thresholds"), *bounds):
         for name, data in block.items():
             inner = cast("dict[str, object]", data) if isinstance(data, dict) else {}
             for key, bound in inner.items():
                 inner[key] = _bound_in_unit(bound, bound_in, name)
             block[name] = _bound_in_unit(data, bound_in, name)
-    blocks = [document.mapping("axes"), *(block for _, block in zip_blocks(document))]
+    blocks = [document.mapping_at("axes"), *(block for _, block in zip_blocks(document))]
     for block in blocks:
         for name, data in block.items():
             form = parse_unit_range(data) if isinstance(data, str) else data
@@ -266,7 +266,7 @@ def read_blocks(context: SweepContext) -> tuple[Block, ...] | None:
             values = _axis_values(context, ("axes", name), axis)
             blocks.append(Block((name,), tuple(zip(values, strict=True))))
     for index, axes in enumerate(sweep.zip):
-        blocks.append(_zip_block(context, context.path("zip", index), axes))
+        blocks.append(_zip_block(context, context.entry_path("zip", index), axes))
     blocks.extend(_sampled_blocks(context, sampled))
     return tuple(blocks) if blocks or not sweep.include else None
 
@@ -276,14 +276,14 @@ def _axis_values(context: SweepContext, path: KeyPath, axis: Axis) -> list[objec
     below = (*path, axis.form()) if isinstance(axis, Ranged) else path
     known = _known_values(context, name)
     least = axis.sample if isinstance(axis, Drawn) else int(axis == "all")
-    if context.find(name) and len(known) < least:
+    if context.find_axis(name) and len(known) < least:
         message = f"'{name}' has {len(known) or 'no'} listed values of its own"
-        context.document.add("bad-value", below, message, "write a list: [...]")
+        context.document.add_mistake("bad-value", below, message, "write a list: [...]")
     return _canonical_column(context, name, listed_values(axis, known), below, written=written)
 
 
 def _known_values(context: SweepContext, name: str) -> Sequence[object]:
-    spec = context.find(name)
+    spec = context.find_axis(name)
     return (spec.known or spec.choices) if spec else ()
 
 
@@ -292,8 +292,8 @@ def _canonical_column(
 ) -> list[object]:
     column: list[object] = []
     for index, value in enumerate(values):
-        place = context.document.value((*path, index) if written else path)
-        column.append(context.canonical(name, value, place))
+        place = context.document.value_place((*path, index) if written else path)
+        column.append(context.canonical_value(name, value, place))
         if column[-1] is UNREADABLE and not written:
             break
     return column
@@ -306,32 +306,36 @@ def _zip_block(context: SweepContext, path: KeyPath, axes: Mapping[str, Axis]) -
     for name, axis in axes.items():
         if isinstance(axis, Sampled):
             why = f"'{name}' is sampled, so it cannot advance with others"
-            document.add("sampled-in-zip", document.key((*path, name)), why, "move it to `axes`")
+            document.add_mistake(
+                "sampled-in-zip", document.key_place((*path, name)), why, "move it to `axes`"
+            )
             continue
         columns[name] = _axis_values(context, (*path, name), axis)
         counts[name] = len(listed_values(axis, _known_values(context, name)))
         first = next(iter(counts))
         if counts[name] != counts[first]:
             message = f"'{name}' has {counts[name]} values, but '{first}' has {counts[first]}"
-            document.add("zip-length", (*path, name), message, "give each as many values")
+            document.add_mistake("zip-length", (*path, name), message, "give each as many values")
     return Block(tuple(columns), tuple(zip(*columns.values(), strict=False)))
 
 
 def _sampled_blocks(context: SweepContext, axes: Mapping[str, Sampled]) -> list[Block]:
     document, sample = context.document, context.sweep.sample
-    if axes and "sample" not in document.mapping():
+    if axes and "sample" not in document.mapping_at():
         name = next(iter(axes))
         message = f"'{name}' is sampled, but there is no `sample`"
         hint = "add sample: {method: sobol, n: 64}"
-        document.add("sample-missing", document.key(("axes", name)), message, hint)
+        document.add_mistake("sample-missing", document.key_place(("axes", name)), message, hint)
     written = (path[2] for path in document.keys if path[0] == "axes" and len(path) == 3)
     if sample and not {"uniform", "loguniform"}.intersection(written):
         hint = "give an axis as {uniform: [low, high]} or {loguniform: [low, high]}"
-        document.add("sample-unused", document.key(("sample",)), "no axis is sampled", hint)
+        document.add_mistake(
+            "sample-unused", document.key_place(("sample",)), "no axis is sampled", hint
+        )
     if sample and sample.method == "saltelli" and sample.n & (sample.n - 1):
-        place, near = document.value(("sample", "n")), 1 << sample.n.bit_length()
+        place, near = document.value_place(("sample", "n")), 1 << sample.n.bit_length()
         hint = f"write n: {near // 2}, or {near}"
-        document.add("bad-value", place, "saltelli takes a power of two", hint)
+        document.add_mistake("bad-value", place, "saltelli takes a power of two", hint)
         return []
     return [_sampled_block(context, axes, sample)] if axes and sample else []
 
@@ -340,7 +344,7 @@ def _sampled_block(context: SweepContext, axes: Mapping[str, Sampled], sample: S
     cube = sample_points(sample, len(axes))
     columns: list[list[object]] = []
     for index, (name, axis) in enumerate(axes.items()):
-        spec, path = context.find(name), ("axes", name, axis.form())
+        spec, path = context.find_axis(name), ("axes", name, axis.form())
         bounds = _canonical_column(context, name, _sampled_bounds(axis), path, written=True)
         if spec is not None and UNREADABLE not in bounds:
             values = sampled_values(axis, spec, cube[:, index])

@@ -18,17 +18,19 @@ def check_until(context: SweepContext) -> None:
     sweep, document = context.sweep, context.document
     if sweep.until is None:
         return
-    place = document.key(("until",))
+    place = document.key_place(("until",))
     drawn = sweep.drawn_axes
     if not drawn and len(sweep.seed_values) == 1:
         hint = "add seeds: 1000, or an axis as {uniform: [low, high]}"
-        document.add("until-no-draws", place, "the sweep draws nothing at random", hint)
+        document.add_mistake("until-no-draws", place, "the sweep draws nothing at random", hint)
     if drawn and len(sweep.seed_values) > 1:
         message = "runs that share a draw of the axes are not independent"
-        document.add("until-seeds", document.key(("seeds",)), message, "write seeds: 1")
+        document.add_mistake(
+            "until-seeds", document.key_place(("seeds",)), message, "write seeds: 1"
+        )
     if sweep.sample and drawn and sweep.sample.method != "random":
         message = f"points of '{sweep.sample.method}' are not independent, so none may stop early"
-        method = document.key(("sample", "method"))
-        document.add("until-method", method, message, "write method: random")
+        method = document.key_place(("sample", "method"))
+        document.add_mistake("until-method", method, message, "write method: random")
     labels = context.vocabulary.labels
     check_limit(context, sweep.until.share, ("until", "share"), [FAILED, "must", *labels])

@@ -40,12 +40,14 @@ _SEARCHED_FORMS = ("linspace", "logspace", "range", "uniform", "loguniform")
 
 def write_out_searched(document: Document) -> None:
     """Name the searched axes of a file that names none, before values in units are listed."""
-    search = document.mapping("search")
+    search = document.mapping_at("search")
     if not search or search.get("axes"):
         return
     forms = {
-        name: next((form for form in _SEARCHED_FORMS if form in document.mapping("axes", name)), "")
-        for name in document.mapping("axes")
+        name: next(
+            (form for form in _SEARCHED_FORMS if form in document.mapping_at("axes", name)), ""
+        )
+        for name in document.mapping_at("axes")
     }
     drawn = [name for name, form in forms.items() if form.endswith("uniform")]
     if names := drawn or [name for name, form in forms.items() if form]:
@@ -215,24 +217,24 @@ def check_search(context: SweepContext) -> None:
     search, document = context.sweep.search, context.document
     if search is None:
         return
-    place = document.value(("search", "maximise" if search.maximise else "minimise"))
+    place = document.value_place(("search", "maximise" if search.maximise else "minimise"))
     metrics, written = context.vocabulary.metrics, search.maximise or search.minimise
     if written == MARGIN_OF_MUST:
         check_asked(context, place)
     elif search.metric not in metrics:
         near = [*metrics, MARGIN_OF_MUST]
         hint = suggestion(search.metric, near) or "`contactlab list metrics` has them all"
-        document.add("unknown-metric", place, f"unknown metric '{search.metric}'", hint)
+        document.add_mistake("unknown-metric", place, f"unknown metric '{search.metric}'", hint)
     axes = context.sweep.axes
     for index, name in enumerate(search.axes):
         if name not in axes:
-            place = document.value(("search", "axes", index))
+            place = document.value_place(("search", "axes", index))
             add_not_swept(context, name, place, tuple(axes))
     if not searched_axes(context.sweep):
-        place = document.key(("search",))
+        place = document.key_place(("search",))
         message = "no axis of the sweep has values to search among"
         hint = "give one as {linspace: [first, last, 101]} or {uniform: [low, high]}"
-        document.add("search-nothing", place, message, hint)
+        document.add_mistake("search-nothing", place, message, hint)
 
 
 def check_choices(context: SweepContext) -> None:
@@ -240,9 +242,9 @@ def check_choices(context: SweepContext) -> None:
     sweep = context.sweep
     given = [name for name in CHOICES if getattr(sweep, name) is not None]
     if len(given) > 1:
-        place = context.document.key((given[1],))
+        place = context.document.key_place((given[1],))
         message = f"`{given[0]}` and `{given[1]}` both choose the runs of the sweep"
-        context.document.add("two-choices", place, message, "leave one of them out")
+        context.document.add_mistake("two-choices", place, message, "leave one of them out")
 
 
 CHOICES: Sequence[str] = ("refine", "limit", "until", "search")

@@ -93,7 +93,7 @@ def check_asked(context: SweepContext, place: Place) -> None:
             "neither the sweep nor its scene has requirements of any run",
             "add must: [...], such as still(BODY)",
         )
-        context.document.add("not-asked", place, message, hint)
+        context.document.add_mistake("not-asked", place, message, hint)
 
 
 def check_limit(
@@ -104,7 +104,7 @@ def check_limit(
     `others` names the other allowed texts.
     """
     document, metrics = context.document, context.vocabulary.metrics
-    place = document.value(path)
+    place = document.value_place(path)
     known = f"{', '.join(words)}{others}"
     if text == "must":
         check_asked(context, place)
@@ -114,13 +114,13 @@ def check_limit(
         expression = read_limit(text)
     except ExpressionError as error:
         hint = f"write {known}, or METRIC > VALUE"
-        document.add("bad-expression", place, str(error), hint)
+        document.add_mistake("bad-expression", place, str(error), hint)
         return
     unknown = [name for name in expression.names if name not in metrics]
     for name in unknown:
         near = [*words, *metrics] if text == name else metrics
         hint = suggestion(name, near) or "`contactlab list metrics` has them all"
-        document.add("unknown-metric", place, f"unknown metric '{name}'", hint)
+        document.add_mistake("unknown-metric", place, f"unknown metric '{name}'", hint)
     if not unknown and not _COMPARISON_PATTERN.search(text):
         message = f"'{text}' has no limit with runs on both sides"
-        document.add("no-limit", place, message, f"write {text} > VALUE, or {known}")
+        document.add_mistake("no-limit", place, message, f"write {text} > VALUE, or {known}")

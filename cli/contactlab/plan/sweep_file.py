@@ -63,25 +63,27 @@ def read_sweep(
         of_axis = partial(_unit_of, document, vocabulary)
         write_out_units(document, of_axis, partial(_unit_of_metric, document, vocabulary))
     draft = read_draft(document)
-    plan = _checked(draft, vocabulary, overrides, path.parent if path else Path())
+    plan = _check_draft(draft, vocabulary, overrides, path.parent if path else Path())
     if plan is None or document.has_errors:
         raise SweepMistakesError(_sort_mistakes(document))
     return SweepFile(path, document.text, draft.sweep, plan)
 
 
 def _unit_of(document: Document, vocabulary: Callable[[str], Vocabulary], axis: str) -> str:
-    names = _names_of(document, vocabulary)
+    names = _read_vocabulary(document, vocabulary)
     spec = names.find(axis) if names else None
     return spec.unit if spec else ""
 
 
 def _unit_of_metric(document: Document, vocabulary: Callable[[str], Vocabulary], name: str) -> str:
-    names = _names_of(document, vocabulary)
+    names = _read_vocabulary(document, vocabulary)
     return names.units.get(name, "") if names else ""
 
 
-def _names_of(document: Document, vocabulary: Callable[[str], Vocabulary]) -> Vocabulary | None:
-    scene = scene_reference(document.at(("scene",)))
+def _read_vocabulary(
+    document: Document, vocabulary: Callable[[str], Vocabulary]
+) -> Vocabulary | None:
+    scene = scene_reference(document.value_at(("scene",)))
     with suppress(SceneError):
         return vocabulary(scene) if isinstance(scene, str) else None
     return None
@@ -96,21 +98,21 @@ def _sort_mistakes(document: Document) -> list[Diagnostic]:
     return sorted(document.mistakes, key=lambda mistake: position(mistake.place))
 
 
-def _checked(
+def _check_draft(
     draft: Draft, vocabulary: Callable[[str], Vocabulary], overrides: Overrides, folder: Path
 ) -> Plan | None:
     """Return the plan of a draft, or None after adding its mistakes to the document.
 
     A SweepMistakesError says that an expression cannot be computed for some row.
     """
-    document, scene = draft.document, scene_reference(draft.document.at(("scene",)))
+    document, scene = draft.document, scene_reference(draft.document.value_at(("scene",)))
     if not isinstance(scene, str):
         return None
     try:
         context = SweepContext(document, draft.sweep, draft.kept, vocabulary(scene))
     except SceneError as error:
         first, _, rest = str(error).partition("\n")
-        document.add("unknown-scene", ("scene",), first, rest.replace("\n", "; "))
+        document.add_mistake("unknown-scene", ("scene",), first, rest.replace("\n", "; "))
         return None
     check_names(context)
     check_refine(context)
@@ -122,7 +124,7 @@ def _checked(
     expected = tuple(
         (
             read_condition(
-                context, expectation.where, draft.path("expect", index, "where"), carried
+                context, expectation.where, draft.entry_path("expect", index, "where"), carried
             ),
             expectation,
         )
@@ -135,7 +137,7 @@ def _checked(
         for name, value in match.settings:
             if value not in grid.axis_values(name):
                 message = f"no run has {name} = {value}, so this applies to no run"
-                document.add("unmatched-expect", match.place, message, severity="warning")
+                document.add_mistake("unmatched-expect", match.place, message, severity="warning")
     check_values(document, filters, grid)
     _check_whole(context, filters, overrides.limit)
     if document.has_errors:
@@ -144,7 +146,7 @@ def _checked(
     for condition in filters:
         grid = grid.filter_rows(condition.name, condition.values)
     grid = grid.with_baseline(draft.sweep.scenario) if draft.sweep.baseline else grid
-    count = _count(context, grid, overrides.limit, warn=not filters)
+    count = _count_runs(context, grid, overrides.limit, warn=not filters)
     if count is None:
         return None
     warnings = tuple(mistake for mistake in document.mistakes if mistake.severity == "warning")
@@ -168,7 +170,7 @@ def _check_whole(context: SweepContext, filters: Sequence[Filter], limit: int | 
     cuts += [] if limit is None else [_of_limit(limit)]
     for place in cuts:
         message = "this would cut the grid that is refined"
-        context.document.add(
+        context.document.add_mistake(
             "bad-option", place, message, "leave it out, or give the axis other values by --set"
         )
 
@@ -180,11 +182,13 @@ def _of_limit(limit: int) -> Place:
 def _read_grid(context: SweepContext, folder: Path) -> Grid:
     blocks, added = read_blocks(context), read_rows(context, folder)
     base = {
-        name: context.canonical(name, value, context.document.value(("effects", name)))
+        name: context.canonical_value(name, value, context.document.value_place(("effects", name)))
         for name, value in switches(context.sweep.effects).items()
     }
     excludes = tuple(
-        read_condition(context, condition, context.path("exclude", index), _product_axes(context))
+        read_condition(
+            context, condition, context.entry_path("exclude", index), _product_axes(context)
+        )
         for index, condition in enumerate(context.sweep.exclude)
     )
     return Grid(base, blocks, excludes, added)
@@ -195,25 +199,29 @@ def _product_axes(context: SweepContext) -> tuple[str, ...]:
     return tuple(dict.fromkeys([*axes, *switches(context.sweep.effects)]))
 
 
-def _count(context: SweepContext, grid: Grid, limit: int | None, *, warn: bool) -> int | None:
+def _count_runs(context: SweepContext, grid: Grid, limit: int | None, *, warn: bool) -> int | None:
     document, seeds = context.document, len(context.sweep.seed_values)
     if limit is not None and limit < 1:
-        document.add("bad-option", _of_limit(limit), "the limit must be at least 1 run")
+        document.add_mistake("bad-option", _of_limit(limit), "the limit must be at least 1 run")
         return None
     most = math.inf if limit is None else limit
     runs, what, unmet = grid.product_size, "rows before `exclude`", ()
     if not grid.excludes or runs <= MOST_RUNS:
-        rows, unmet = grid.count(most / seeds)
+        rows, unmet = grid.count_rows(most / seeds)
         runs, what = int(min(rows * seeds, most)), "runs"
     if runs > MOST_RUNS:
         message = f"{runs:,} {what}; a sweep takes at most {MOST_RUNS:,}"
         hint = "use `sample` or fewer values"
-        document.add("too-many-runs", document.key(("axes",)), message, hint)
+        document.add_mistake("too-many-runs", document.key_place(("axes",)), message, hint)
         return None
     for match in unmet if warn else ():
-        document.add("unmatched-exclude", match.place, "excludes no run", severity="warning")
+        document.add_mistake(
+            "unmatched-exclude", match.place, "excludes no run", severity="warning"
+        )
     if runs == 0:
-        document.add("no-runs", document.key(("exclude",)), "no runs are left", "exclude less")
+        document.add_mistake(
+            "no-runs", document.key_place(("exclude",)), "no runs are left", "exclude less"
+        )
     return runs or None
 
 

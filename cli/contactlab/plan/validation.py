@@ -103,23 +103,25 @@ def _add_unknown_key(document: Document, path: KeyPath, model: type[BaseModel]) 
     known = [field.alias or key for key, field in model.model_fields.items()]
     hint = suggestion(name, known) or f"known here: {', '.join(known)}"
     hint = "an axis takes one form" if name in FORMS else hint
-    hint = said_now(path, document.at(path)) or hint
-    document.add("unknown-key", document.key(path), f"unknown key '{name}'", hint)
+    hint = said_now(path, document.value_at(path)) or hint
+    document.add_mistake("unknown-key", document.key_place(path), f"unknown key '{name}'", hint)
 
 
 def _add_axis_form(document: Document, path: KeyPath) -> None:
-    data, name = document.at(path), path[-1]
+    data, name = document.value_at(path), path[-1]
     forms = f"one of: {', '.join(FORMS)}"
-    keys = [key for key in document.mapping(*path) if key != "role"]
+    keys = [key for key in document.mapping_at(*path) if key != "role"]
     if keys:
         hint = suggestion(keys[0], FORMS) or forms
-        document.add("unknown-key", document.key((*path, keys[0])), f"no form '{keys[0]}'", hint)
+        document.add_mistake(
+            "unknown-key", document.key_place((*path, keys[0])), f"no form '{keys[0]}'", hint
+        )
     elif data is None or isinstance(data, dict):
         hint = "write a list: [...]" if data is None else forms
-        document.add("empty-axis", path, f"axis '{name}' has no values", hint)
+        document.add_mistake("empty-axis", path, f"axis '{name}' has no values", hint)
     else:
         value = data if (plain := without_unit(data)) is None else f"{plain:g}"
-        document.add("wrong-type", path, f"axis '{name}' takes a list", f"write [{value}]")
+        document.add_mistake("wrong-type", path, f"axis '{name}' takes a list", f"write [{value}]")
 
 
 def _add_length(document: Document, kind: str, path: KeyPath) -> None:
@@ -127,18 +129,20 @@ def _add_length(document: Document, kind: str, path: KeyPath) -> None:
     if _is_form(path):
         description = (FORMS[str(name)].model_fields[str(name)].description or "").split(":")[0]
         example = f"write {{{name}: {description}}}"
-        document.add("wrong-length", path, f"'{name}' takes {description}", example)
+        document.add_mistake("wrong-length", path, f"'{name}' takes {description}", example)
     elif kind == "missing":
-        place = document.key(path[:-1]) if path[:-1] else document.value(())
+        place = document.key_place(path[:-1]) if path[:-1] else document.value_place(())
         example = {"version": "1", "scene": "NAME"}.get(str(name), "...")
         hint = f"add {name}: {example}"
-        document.add("missing-key", place.part(0, 1), f"missing key '{name}'", hint)
+        document.add_mistake("missing-key", place.part(0, 1), f"missing key '{name}'", hint)
     elif axis := path[1:2] if path[0] == "axes" else path[2:3] if path[0] == "zip" else ():
         hint = "write some, or leave the axis out"
-        document.add("empty-axis", path, f"axis '{axis[0]}' has no values", hint)
+        document.add_mistake("empty-axis", path, f"axis '{axis[0]}' has no values", hint)
     else:
         many, hint = ("many", "leave some out") if kind == "too_long" else ("few", "add one")
-        document.add("wrong-length", path, f"'{_innermost_key(path)}' has too {many} entries", hint)
+        document.add_mistake(
+            "wrong-length", path, f"'{_innermost_key(path)}' has too {many} entries", hint
+        )
 
 
 def _innermost_key(path: KeyPath) -> str:
@@ -146,19 +150,19 @@ def _innermost_key(path: KeyPath) -> str:
 
 
 def _add_type(document: Document, wanted: str, path: KeyPath) -> None:
-    data = document.at(path)
+    data = document.value_at(path)
     kinds = "a mapping" if isinstance(data, dict) else "a list"
     actual = "nothing" if data is None else kinds if isinstance(data, dict | list) else repr(data)
     name = _innermost_key(path)
     subject = f"'{name}' takes" if name else "the file is"
-    place = document.key(path) if data is None and path else document.value(path)
+    place = document.key_place(path) if data is None and path else document.value_place(path)
     hint = _KEY_EXAMPLES.get(name, _KIND_EXAMPLES.get(wanted, "")) if path else _EMPTY_FILE_HINT
     if path and split_unit(data)[1]:
         hint = "write a number, or one with the unit of this metric" if name != "duration" else hint
     message = (
         f"{subject} {wanted}, not {actual}" if path or data is not None else "the file is empty"
     )
-    document.add("wrong-type", place, message, hint)
+    document.add_mistake("wrong-type", place, message, hint)
 
 
 def _add_value(document: Document, detail: ErrorDetails, path: KeyPath) -> None:
@@ -176,7 +180,7 @@ def _add_value(document: Document, detail: ErrorDetails, path: KeyPath) -> None:
     name = f"'{_innermost_key(path)}' " if _innermost_key(path) else ""
     hint = hint or _KEY_EXAMPLES.get(_innermost_key(path), "") or _bound_example(wording)
     code = _MISTAKE_CODES.get(kind, kind.replace("_", "-"))
-    document.add(code if code in MISTAKES else "bad-value", path, f"{name}{wording}", hint)
+    document.add_mistake(code if code in MISTAKES else "bad-value", path, f"{name}{wording}", hint)
 
 
 def _bound_example(wording: str) -> str:
@@ -213,7 +217,7 @@ class Draft:
     kept: Mapping[str, Sequence[int]]
     """For every list that lost entries, the positions of the others in the file."""
 
-    def path(self, key: str, index: int, *below: str | int) -> KeyPath:
+    def entry_path(self, key: str, index: int, *below: str | int) -> KeyPath:
         """Return the path in the file of an entry of one of the sweep's lists."""
         kept = self.kept.get(key)
         return (key, kept[index] if kept else index, *below)
@@ -229,7 +233,7 @@ def read_draft(document: Document) -> Draft:
 
 
 def _without_errors(document: Document, error: ValidationError) -> Draft:
-    data, kept = document.mapping(), dict[str, list[int]]()
+    data, kept = document.mapping_at(), dict[str, list[int]]()
     for depth in (2, 1):
         data, lists = _prune_errors(data, error, depth)
         kept |= lists

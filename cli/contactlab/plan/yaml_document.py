@@ -47,12 +47,12 @@ class Document:
         """Whether any mistake is more than a warning."""
         return any(mistake.severity == "error" for mistake in self.mistakes)
 
-    def mapping(self, *path: str | int) -> dict[str, object]:
+    def mapping_at(self, *path: str | int) -> dict[str, object]:
         """Return the mapping at a path, or an empty one."""
-        data = self.at(path)
+        data = self.value_at(path)
         return cast("dict[str, object]", data) if isinstance(data, dict) else {}
 
-    def add(
+    def add_mistake(
         self,
         code: str,
         path: KeyPath | Place,
@@ -63,13 +63,13 @@ class Document:
     ) -> None:
         """Add a mistake at the value of a path, or at a place."""
         assert code in MISTAKES, code
-        place = path if isinstance(path, Place) else self.value(path)
+        place = path if isinstance(path, Place) else self.value_place(path)
         if place not in self.unreadable:
             self.mistakes.append(Diagnostic(code, message, place, hint, severity))
         if code == "syntax":
             self.unreadable.add(place)
 
-    def replace(self, path: KeyPath, at: Place) -> dict[str, object]:
+    def replace_value(self, path: KeyPath, at: Place) -> dict[str, object]:
         """Remove the data at a path, and return the mapping for a new value.
 
         Missing parents are created, with the place of the new key.
@@ -87,13 +87,13 @@ class Document:
         self.keys[path] = at
         return parent
 
-    def value(self, path: KeyPath) -> Place:
+    def value_place(self, path: KeyPath) -> Place:
         """Return the place of the value at a path, or of its nearest parent."""
         while path and path not in self.values:
             path = path[:-1]
         return self.values.get(path) or Place(self.source, 1, 1)
 
-    def at(self, path: KeyPath) -> object:
+    def value_at(self, path: KeyPath) -> object:
         """Return the data at a path, or None."""
         data = self.data
         for part in path:
@@ -106,9 +106,9 @@ class Document:
                 return None
         return data
 
-    def key(self, path: KeyPath) -> Place:
+    def key_place(self, path: KeyPath) -> Place:
         """Return the place of the key at a path, or of the value without one."""
-        return self.keys.get(path) or self.value(path)
+        return self.keys.get(path) or self.value_place(path)
 
 
 def read_text(path: Path) -> str:
@@ -252,7 +252,9 @@ class _YamlReader:
                 if name in data:
                     first = self.document.keys[(*path, name)]
                     message = f"'{name}' is given twice"
-                    self.document.add("duplicate-key", place, message, f"first given {first.spot}")
+                    self.document.add_mistake(
+                        "duplicate-key", place, message, f"first given {first.spot}"
+                    )
                     continue
                 self.document.keys[(*path, name)] = place
                 data[name] = self._node_data(value, (*path, name))
@@ -300,7 +302,7 @@ class _YamlReader:
             return None
 
     def _add_syntax_error(self, message: str, place: Place) -> None:
-        self.document.add("syntax", place, message)
+        self.document.add_mistake("syntax", place, message)
 
 
 _PLAIN_MESSAGES = {

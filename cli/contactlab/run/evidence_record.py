@@ -73,7 +73,7 @@ class CommonFields:
         off = {name: EffectState(False, why) for name, why in engine.ignored(run).items()}
         effects = {name: off.get(name, effect) for name, effect in plan.prepared.effects.items()}
         self.expectations = [
-            expectation for match, expectation in task.expected if match.holds(run.axes)
+            expectation for match, expectation in task.expected if match.is_met(run.axes)
         ]
         unused = {name: effect for name, effect in plan.prepared.effects.items() if not effect.on}
         self.left_out = {name for name, effect in unused.items() if effect.reason != NOT_IN_MODEL}

@@ -92,7 +92,7 @@ def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
         alone = _check_cost(scene, sums.sampled[0])
         checks = (alone * len(index) + _CHECK_REPETITIONS * likely * sums.steps) / workers
     passes = accuracy + timing
-    fewest, all_kept = KeptTraces.of(sweep.trace).shares(len(index))
+    fewest, all_kept = KeptTraces.read_rule(sweep.trace).share_bounds(len(index))
     sizes = {
         form: (sums.bytes * fewest * low, sums.bytes * all_kept * high)
         for form, (low, high) in _COMPRESSED_SHARES.items()

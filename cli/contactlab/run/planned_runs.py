@@ -151,7 +151,7 @@ class RunIndex:
     def rows(self) -> Iterator[tuple[RunSpec, int]]:
         """Yield a run of each row of the plan, and the number of distinct runs of the row."""
         duration = self._plan.sweep.duration
-        for row in self._plan.rows():
+        for row in self._plan.iterate_rows():
             count = np.count_nonzero(self._distinct[row.first : row.first + len(row.seeds)])
             if count:
                 yield self._scene.resolve(row.values, row.seeds[0], duration), int(count)
@@ -168,7 +168,7 @@ class RunIndex:
     ) -> Iterator[tuple[Row, RunSpec, Iterator[str]]]:
         """Yield each row with a wanted run, the common part of its runs, and their ids."""
         duration = self._plan.sweep.duration
-        for row in self._plan.rows():
+        for row in self._plan.iterate_rows():
             if wanted is None or any(wanted[row.first : row.first + len(row.seeds)]):
                 yield row, *self._scene.resolve_with_ids(row.values, row.seeds, duration)
 

@@ -97,7 +97,7 @@ def _differing_verdicts(alike: RowGroups, scene: Scene, plan: Plan) -> Iterator[
     expected: list[list[Any]] = []
     for first in alike.firsts if plan.expected else ():
         values = canonical_values(scene, alike.axes(first))
-        expected.append([each for match, each in plan.expected if match.holds(values)])
+        expected.append([each for match, each in plan.expected if match.is_met(values)])
     measured = alike.table(_verdict_inputs(plan, alike.names))
     verdicts = alike.table(_VERDICT_COLUMNS)
     for run, group, numbers, said in zip(alike.ids, alike.groups, measured, verdicts, strict=True):

@@ -36,7 +36,7 @@ class RefinedRuns(ChosenRuns):
         stride = first_stride(refine)
         assert stride is not None
         self._stride = stride
-        runs = ((run.index, run.values, run.seed) for run in plan.runs())
+        runs = ((run.index, run.values, run.seed) for run in plan.iterate_runs())
         self._lattices = group_lattices(runs, self._axes)
         outside = np.ones(len(ids), bool)
         for lattice in self._lattices:

@@ -96,9 +96,9 @@ def unmet_means(plan: Plan | None, table: "RunColumns") -> Iterator[str]:
         return
     columns = table.to_pydict(["index", *names])
     places = {index: row for row, index in enumerate(columns["index"])}
-    known = [(run.values, places[run.index]) for run in plan.runs() if run.index in places]
+    known = [(run.values, places[run.index]) for run in plan.iterate_runs() if run.index in places]
     for match, expectation in plan.expected:
-        rows = [row for values, row in known if expectation.mean and match.holds(values)]
+        rows = [row for values, row in known if expectation.mean and match.is_met(values)]
         for name, bounds in expectation.mean.items():
             values = [columns[name][row] for row in rows]
             mean = None if None in values or not rows else sum(values) / len(rows)

@@ -28,7 +28,7 @@ class RunsUntilKnown(ChosenRuns):
         self._until = until
         drawn = plan.sweep.drawn_axes
         self._places = defaultdict[object, list[int]](list)
-        for run in plan.runs():
+        for run in plan.iterate_runs():
             self._places[configuration_of(run.values, drawn)].append(run.index)
 
     def choose_next(self) -> Iterator[int]:

@@ -29,7 +29,7 @@ class SearchedRuns(ChosenRuns):
             for name in searched_axes(plan.sweep)
         }
         places, self._apart = defaultdict[object, dict[int, tuple[float, ...]]](dict), list[int]()
-        for run in plan.runs():
+        for run in plan.iterate_runs():
             point = tuple(place(run.values.get(name)) for name, place in place_on.items())
             if any(map(math.isnan, point)):
                 self._apart.append(run.index)

@@ -100,7 +100,7 @@ def supported_plan(plan: Plan) -> tuple[Plan, tuple[str, ...]]:
     taken = ((name, value) for name in concerned for value in plan.grid.axis_values(name))
     if not any(starmap(why_unsupported, taken)):
         return plan, ()
-    rows = list(plan.grid.rows())
+    rows = list(plan.grid.iterate_rows())
     reasons = [next(filter(None, starmap(why_unsupported, row.items())), None) for row in rows]
     left = tuple(row for row, reason in zip(rows, reasons, strict=True) if reason is None)
     grid = replace(

@@ -102,7 +102,7 @@ class Worker:
         self.scene = self._preparer.scene
         self._buffers, self._twin_buffers = Buffers(JOB_BYTES), Buffers(JOB_BYTES)
         self._store = backend_at(task.store, OutputError)
-        self._traces = KeptTraces.of(task.sweep.trace)
+        self._traces = KeptTraces.read_rule(task.sweep.trace)
         self._controls: set[str] = set()  # hashes of the controls that this process has stored
         self._policy = task.policy and load_policy(task.policy.with_fallback(self.scene.drive))
         self._player = task.environment and task.environment.player(self.scene, self._policy)
@@ -209,7 +209,7 @@ class Worker:
         manifest, sweep = self.scene.source.manifest, self._task.sweep
         asked: list[RunRequirement] = [(text, [True] * done) for text in sweep.must]
         for match, expectation in self._task.expected:
-            where = [match.holds(run.axes) for run in resolved] if expectation.must else []
+            where = [match.is_met(run.axes) for run in resolved] if expectation.must else []
             asked += [(text, where) for text in expectation.must]
         setup = make_setup(runs.base, manifest, resolved, models, sweep.thresholds, asked)
         setup = replace(setup, recorded=self.scene.recorded_motion(resolved))
@@ -326,7 +326,7 @@ class Worker:
         identity = self._task.identity
         # Indices are those in the whole grid, even for a shard.
         runs = identity.whole.runs if identity.whole else identity.runs_asked
-        return self._traces.keeps(run.index, label, runs)
+        return self._traces.keeps_trace(run.index, label, runs)
 
     def _write_controls(self, controls: RecordedControls, model: mujoco.MjModel) -> str:
         """Store the controls applied to a run, unless they are stored already.

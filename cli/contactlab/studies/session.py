@@ -163,4 +163,4 @@ def read_settings(
                 f"--set {axis.name}: give one value, not {axis.count}; "
                 "to compare several, write a sweep"
             )
-    return next(read.plan.runs()).values, read.sweep
+    return next(read.plan.iterate_runs()).values, read.sweep

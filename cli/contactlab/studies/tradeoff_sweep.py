@@ -81,7 +81,7 @@ def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
 
 def _of_model(sweep: SweepRequest) -> Values:
     """Return the values of the model as written, in the first scenario."""
-    first = next(sweep.plan.runs()).values
+    first = next(sweep.plan.iterate_runs()).values
     return {name: value for name, value in first.items() if name in sweep.plan.sweep.scenario}
 
 

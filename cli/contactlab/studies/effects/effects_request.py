@@ -66,7 +66,7 @@ class EffectsRequest:
         scenarios, axes = _scenarios(read.plan), read.plan.axes
         # values that the sweep gives to every run, including effects
         varied = {axis.name for axis in axes if axis.count > 1 or axis.role == "scenario"}
-        first = next(read.plan.runs()).values
+        first = next(read.plan.iterate_runs()).values
         fixed = {name: value for name, value in first.items() if name not in varied}
         manifest = scenes.open(reference).source.manifest
         own = manifest.tolerances if manifest else {}
@@ -162,7 +162,7 @@ class AblationSetup:
 def _scenarios(plan: Plan) -> tuple[Values, ...]:
     names = [axis.name for axis in plan.axes if axis.role == "scenario"]
     scenarios: dict[str, Values] = {}
-    for run in plan.runs():
+    for run in plan.iterate_runs():
         scenario = {name: run.values[name] for name in names if name in run.values}
         scenarios.setdefault(json.dumps(scenario, default=str), scenario)
     return tuple(scenarios.values())

@@ -75,7 +75,7 @@ def differentiate_scene(request: GradientsRequest, session: Session) -> Gradient
     subject = DifferentiatedScene.of(
         sweep.scene, request.output_coordinate, sweep.plan.sweep.duration, max(1, session.workers)
     )
-    points = [Point(row.values, {}) for row in sweep.plan.rows()]  # each of the first seed
+    points = [Point(row.values, {}) for row in sweep.plan.iterate_rows()]  # each of the first seed
     is_map = bool(axes)
     chosen = request.include if request.include is not None else ([] if is_map else ["chain"])
     for name in chosen:
@@ -152,7 +152,7 @@ def _sweep(request: GradientsRequest, session: Session) -> SweepRequest:
         overrides=Overrides(assign=(*request.assign, *request.task.settings)),
         drive=request.task.drive,
     )
-    for planned in sweep.plan.runs():
+    for planned in sweep.plan.iterate_runs():
         spec = sweep.scene.resolve(planned.values, planned.seed, sweep.plan.sweep.duration)
         if spec.engine != MODEL_ENGINE:
             raise SweepFileError(f"engine {spec.engine}: only runs of MuJoCo are differentiated")
@@ -174,7 +174,7 @@ def _axes(plan: Plan) -> dict[str, tuple[float, ...]]:
         axes = {axis.name: tuple(map(as_number, axis.values)) for axis in several}
     except TypeError as error:
         raise SweepFileError(f"the axes of a map must be numeric: {error}") from error
-    rows = sum(1 for _ in plan.rows())
+    rows = sum(1 for _ in plan.iterate_rows())
     if rows != np.prod([len(values) for values in axes.values()], dtype=int):
         raise SweepFileError("a map is the product of its axes; leave out exclude, include and zip")
     return axes

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
-from contactlab.comparison.compare_stores import conclusion, described
+from contactlab.comparison.compare_stores import describe_store, draw_conclusion
 from contactlab.judge.policies import EffectiveRule, effective_rule
 from contactlab.judge.subjects import CHANGED, MISSING, SAME, Subject
 from contactlab.judge.wording import plural
@@ -182,9 +182,9 @@ def judge(lock: Lock, name: str, store: Store, policy: ComparePolicy) -> Compari
     runs = {key: store.columns.run_id(rows[0]) for key, (_, rows) in members(store).items()}
     judge = _Judge(lock, new, repeated, policy, runs)
     checks = tuple(judge.checks(columns))
-    verdict, exit_code, headline = conclusion(checks)
+    verdict, exit_code, headline = draw_conclusion(checks)
     by = "repetition" if repeated else "the spread over other starts"
-    candidate = described(store)
+    candidate = describe_store(store)
     locked = {"store": name, "sweep": lock.sweep, "engine": lock.engine, "git_revision": None}
     equal = [pair for pair in judge.pairs if pair[0].trajectories == pair[1].trajectories]
     counts = dict.fromkeys(PairCounts.model_fields, 0)

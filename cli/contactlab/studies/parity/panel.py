@@ -82,7 +82,7 @@ class Panel:
         if len(sizes) > 1:
             raise SweepFileError(f"--with {' '.join(changes)}: give one value to each")
         runs: dict[str, PanelRun] = {}
-        for pair in zip(request.plan.runs(), changed.plan.runs(), strict=True):
+        for pair in zip(request.plan.iterate_runs(), changed.plan.iterate_runs(), strict=True):
             ours, theirs = (scene.resolve(geom.values, geom.seed, duration) for geom in pair)
             if (ours.structure, ours.steps) != (theirs.structure, theirs.steps):
                 raise SweepFileError(
