@@ -8,7 +8,7 @@ import pytest
 import contactlab
 from contactlab.errors import SweepFileError
 from contactlab.plan.rows import sample_points
-from contactlab.reporting.sensitivity import _of as of_values  # pyright: ignore[reportPrivateUsage]
+from contactlab.reporting.sensitivity import _measure_sensitivity as of_values  # pyright: ignore[reportPrivateUsage]
 from contactlab.reporting.sensitivity import (
     axes_of_starts,
     budget_lines,

@@ -14,7 +14,7 @@ RUNS, EXPECTED, MEANS = "runs finished", "runs as expected", "means as expected"
 
 
 def expectation_findings(store: Store) -> Iterator[Finding]:
-    """Yield whether all runs finished, whether they are as expected, and whether means are."""
+    """Yield the findings on finished runs, expected runs and expected means."""
     manifest = store.manifest
     lost = manifest.statuses.get("crashed", 0) + manifest.statuses.get("timeout", 0)
     said = f"{out_of(lost, manifest.runs)} crashed or timed out" if lost else "all did"
@@ -23,19 +23,19 @@ def expectation_findings(store: Store) -> Iterator[Finding]:
             manifest.runs,
             f"all {manifest.runs:,} runs are invalid: {_first_reason(store)}",
         )
-    yield _finding(RUNS, "runs", manifest.runs, lost, said)
+    yield _make_finding(RUNS, "runs", manifest.runs, lost, said)
     met, unmet = (manifest.expectations.get(name, 0) for name in ("met", "unmet"))
     rest = manifest.runs - met - unmet
     said = f"{met:,} of {met + unmet:,} runs are as expected"
     said += f"; {rest:,} have no expectation" if rest else ""
     said = said if met + unmet else "no expectations defined"
-    yield _finding(EXPECTED, "labels", met + unmet, unmet, said, _unmet_runs(store))
+    yield _make_finding(EXPECTED, "labels", met + unmet, unmet, said, _unmet_runs(store))
     if means := manifest.unmet_means:
-        yield _finding(MEANS, "metrics", len(means), len(means), "; ".join(means))
+        yield _make_finding(MEANS, "metrics", len(means), len(means), "; ".join(means))
 
 
 def _none_is_valid(manifest: StoreManifest) -> bool:
-    """Return whether no run says anything of the model, and none was to be so."""
+    # A sweep may expect invalid runs.
     met = manifest.expectations.get("met", 0)
     return manifest.labels.get("invalid", 0) == manifest.runs and not met
 
@@ -45,7 +45,7 @@ def _first_reason(store: Store) -> str:
     return str(next((reason for reason in reasons[:1].to_pylist() if reason), "without a reason"))
 
 
-def _finding(
+def _make_finding(
     name: str, kind: str, judged: int, failing: int, message: str, worst: tuple[RunPair, ...] = ()
 ) -> Finding:
     return Finding(

@@ -14,9 +14,6 @@ from contactlab.registry import Registry
 from contactlab.schema.check_report import Measure
 from contactlab.schema.finding import Finding, Level
 
-_ALL = {2: "both"}
-_SLACK = 1 + SUM_ROUNDING  # keeps a value that equals its limit within it
-
 
 @dataclass(frozen=True)
 class Limit:
@@ -58,13 +55,16 @@ class Limit:
         """Return a value, and whether it keeps a bound, by default the limit; NaN never does."""
         bound = self.value if bound is None else bound
         assert bound is not None
+        slack = (
+            1 + 1e-9
+        )  # keeps a value that equals its limit within it, whatever its rounding error
         return Measure(
             name=self.name,
             of=of,
             value=value if math.isfinite(value) else None,
             unit=self.unit,
             limit=bound,
-            holds=bool(value < bound if self.strict else value <= bound * _SLACK),
+            holds=bool(value < bound if self.strict else value <= bound * slack),
             level=level or self.level,
         )
 
@@ -151,5 +151,6 @@ def _count_in_words(failing: int, all_of_them: int) -> str:
     if not failing or all_of_them == 1:
         return ""
     if failing == all_of_them:
-        return f"; {_ALL.get(failing, f'all {failing}')} exceed the limit"
+        words = {2: "both"}
+        return f"; {words.get(failing, f'all {failing}')} exceed the limit"
     return f"; {failing} of {all_of_them} exceed{'s' if failing == 1 else ''} the limit"

@@ -13,7 +13,6 @@ from contactlab.schema.finding import Level
 from contactlab.store.table_layout import Column
 
 REMEASURED = "remeasured_time"
-_LEAST_METRIC_CHANGE = 1e-6  # allowed change of every metric in its own unit: about the noise of 0
 _TIME = MetricRule(
     rel=0.15, statistic="ratio", budget=0.0, level="warn", needs_same=("cpu_model", "cpu_flags")
 )
@@ -70,17 +69,18 @@ def effective_rule(metric: Column, policy: ComparePolicy) -> EffectiveRule:
     Defaults, the metric's own rule and the policy are merged key by key; the closest pattern wins,
     and the policy if two are equally close.
     """
-    effective = EffectiveRule(metric.better, max(_LEAST_METRIC_CHANGE, metric.resolution))
+    least_change = 1e-6  # allowed change of every metric in its own unit: about the noise of 0
+    effective = EffectiveRule(metric.better, max(least_change, metric.resolution))
     declared = METRICS[metric.name].rule if metric.name in METRICS else None
     own = {metric.name: declared} if declared else {}
     rules = (*_DEFAULTS.items(), *own.items(), *policy.metrics.items())
-    for pattern, rule in sorted(rules, key=lambda item: _specificity(item[0])):
+    for pattern, rule in sorted(rules, key=lambda item: _rank_pattern(item[0])):
         if fnmatchcase(metric.name, pattern):
             effective = replace(effective, **rule.model_dump(exclude_none=True))
     return effective
 
 
-def _specificity(pattern: str) -> tuple[bool, int]:
+def _rank_pattern(pattern: str) -> tuple[bool, int]:
     """Return a sort key that grows with how closely a pattern describes a name."""
     return not set(pattern) & _WILDCARDS, sum(sign not in _WILDCARDS for sign in pattern)
 

@@ -59,7 +59,7 @@ class Subject:
             kind=self.kind,
             group=self.group,
             level=self.level,
-            outcome=self._outcome(counts, failing, len(verdicts)),
+            outcome=self._judge_counts(counts, failing, len(verdicts)),
             verdict=NAMES[int(verdicts.max(initial=SAME))],
             judged=len(verdicts) if judged is None else judged,
             failing=failing,
@@ -78,7 +78,7 @@ class Subject:
         none = self.finding(np.zeros(0, dtype=np.int8), reason)
         return none.model_copy(update={"outcome": "skipped", "verdict": "not comparable"})
 
-    def _outcome(self, counts: Mapping[Verdict, int], failing: int, judged: int) -> Outcome:
+    def _judge_counts(self, counts: Mapping[Verdict, int], failing: int, judged: int) -> Outcome:
         if "not comparable" in counts or failing > self.budget * judged:
             return OUTCOMES[self.level]
         if failing:

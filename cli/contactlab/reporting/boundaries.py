@@ -50,7 +50,7 @@ class Sides:
 
 @dataclass(frozen=True)
 class Boundaries:
-    """What a refined sweep found, by seed and by the values of the other axes."""
+    """Boundaries of a refined sweep, by seed and by the values of the other axes."""
 
     where: str
     grid: WholeGrid
@@ -60,7 +60,7 @@ class Boundaries:
 
 
 def boundaries(store: Store) -> Boundaries | None:
-    """Return the boundaries that a store's sweep was refined for; None of one that was not."""
+    """Return the boundaries of a store with a refined sweep; None for other sweeps."""
     identity = store.manifest.sweep
     if identity.whole is None or not identity.whole.axes:
         return None
@@ -79,32 +79,28 @@ def boundaries(store: Store) -> Boundaries | None:
         (place, values, row["seed"])
         for place, (values, row) in enumerate(zip(settings, rows, strict=True))
     )
+    words = _SIDES.get(refine.where, {True: refine.where, False: f"not {refine.where}"})
+    names_of_sides = tuple(
+        str(side)
+        if refine.where == "label"
+        else words.get(side is True, "")
+        if side is not None
+        else "not measured"
+        for side in coded
+    )
     found = list[Sides]()
     for lattice in group_lattices(runs, axes):
         ran = lattice.places != UNKNOWN
         codes = np.where(ran, of_runs[lattice.places], UNKNOWN)
         shared = {**lattice.shared, "seed": lattice.seed}
         whole = infer_codes(codes, halve_cells(codes, stride).cells)
-        found.append(Sides(shared, _named(refine.where, coded), whole, ran))
+        found.append(Sides(shared, names_of_sides, whole, ran))
     units = tuple(columns.described[name].unit for name in axes)
     return Boundaries(refine.where, identity.whole, units, tuple(found), sweep.limit)
 
 
-def _named(where: str, sides: Mapping[object, int]) -> tuple[str, ...]:
-    """Return the sides in words."""
-    words = _SIDES.get(where, {True: where, False: f"not {where}"})
-    return tuple(
-        str(side)
-        if where == "label"
-        else words.get(side is True, "")
-        if side is not None
-        else "not measured"
-        for side in sides
-    )
-
-
 def coverage(found: Boundaries) -> str:
-    """Return which share of a grid ran, and which islands that may have missed, in a sentence."""
+    """Return a sentence on the share of a grid that ran, and on the size of missed islands."""
     grid, ran = found.grid, sum(int(one.ran.sum()) for one in found.sides)
     inferred = grid.inside - grid.probes
     told = (
@@ -125,25 +121,27 @@ def boundary_lines(found: Boundaries) -> Iterator[str]:
     if found.limit is not None:
         yield from _limit_lines(found, found.limit)
         return
-    axes = [_Shown.of(*axis) for axis in zip(found.grid.axes.items(), found.units, strict=True)]
+    axes = [_AxisText.of(*axis) for axis in zip(found.grid.axes.items(), found.units, strict=True)]
     for sides in found.sides[:_MOST_LINES]:
         if len(found.sides) > 1:
-            yield ", ".join(f"{name} {_shown(value)}" for name, value in sides.shared.items())
-        yield from _by_axes(axes, sides.names, sides.codes)
+            yield ", ".join(
+                f"{name} {_format_value(value)}" for name, value in sides.shared.items()
+            )
+        yield from _axis_lines(axes, sides.names, sides.codes)
     if len(found.sides) > _MOST_LINES:
         yield f"and {len(found.sides) - _MOST_LINES:,} more grids, of other seeds or settings"
 
 
 @dataclass(frozen=True)
-class _Shown:
-    """An axis as it is written: its values, in ms and mm where all are small, and their unit."""
+class _AxisText:
+    """An axis as text: its values, in ms and mm if all are small, and their unit."""
 
     name: str
     values: Sequence[str]
     unit: str
 
     @classmethod
-    def of(cls, axis: tuple[str, Sequence[object]], unit: str) -> "_Shown":
+    def of(cls, axis: tuple[str, Sequence[object]], unit: str) -> "_AxisText":
         name, values = axis
         if all(isinstance(value, float | int) for value in values):
             small, unit = in_small_units(np.array(values, float), unit)
@@ -170,16 +168,16 @@ class _Shown:
         )
 
 
-def _by_axes(axes: Sequence[_Shown], names: Sequence[str], codes: Codes) -> Iterator[str]:
-    """Yield where sides change along the first axis, once for alike values of the last."""
+def _axis_lines(axes: Sequence[_AxisText], names: Sequence[str], codes: Codes) -> Iterator[str]:
+    """Yield the changes of sides along the first axis, once for equal values of the last."""
     *_, last = axes
     if codes.ndim == 1:
-        yield _sequence(last, names, codes)
+        yield _describe_sides(last, names, codes)
         return
     layers = np.moveaxis(codes, -1, 0)
-    told = [tuple(_by_axes(axes[:-1], names, layer)) for layer in layers]
+    told = [tuple(_axis_lines(axes[:-1], names, layer)) for layer in layers]
     most = _MOST_LINES if codes.ndim == 2 else _MOST_LAYERS
-    for places, lines in _alike(told, most):
+    for places, lines in _group_neighbors(told, most):
         if codes.ndim == 2:
             yield f"{lines[0]}, {last.where(*places)}"
             continue
@@ -187,10 +185,10 @@ def _by_axes(axes: Sequence[_Shown], names: Sequence[str], codes: Codes) -> Iter
         yield from (f"  {line}" for line in lines)
 
 
-def _alike(
+def _group_neighbors(
     told: Sequence[tuple[str, ...]], most: int
 ) -> Iterator[tuple[tuple[int, int], tuple[str, ...]]]:
-    """Yield the first and last place of neighbours that are told alike; so many at most."""
+    """Yield the first and last place of neighbours with equal lines, at most `most` of them."""
     groups = [list(group) for _, group in groupby(range(len(told)), key=told.__getitem__)]
     shown = np.unique(np.linspace(0, len(groups) - 1, most).round().astype(int))
     for place in shown[: len(groups)].tolist():
@@ -198,7 +196,7 @@ def _alike(
         yield (first, last), told[first]
 
 
-def _sequence(axis: _Shown, names: Sequence[str], codes: Codes) -> str:
+def _describe_sides(axis: _AxisText, names: Sequence[str], codes: Codes) -> str:
     """Return the sides along an axis: `stable up to timestep 4.1 to 4.3 ms, then tunneling`."""
     changes: list[int] = np.flatnonzero(codes[1:] != codes[:-1]).tolist()
     places: list[int] = codes.tolist()
@@ -215,7 +213,7 @@ def _limit_lines(found: Boundaries, limit: Limit) -> Iterator[str]:
     Values count as long as all before them pass.
     """
     (values,) = found.grid.axes.values()
-    axis = _Shown.of((limit.axis, values), found.units[0])
+    axis = _AxisText.of((limit.axis, values), found.units[0])
     sound = dict[tuple[tuple[str, object], ...], NDArray[np.bool_]]()
     for sides in found.sides:
         scenario = tuple(item for item in sides.shared.items() if item[0] != "seed")
@@ -231,7 +229,7 @@ def _limit_lines(found: Boundaries, limit: Limit) -> Iterator[str]:
         scenario: int(np.argmin(np.append(good[order], False))) for scenario, good in sound.items()
     }
     for scenario, count in [*counts.items()][:_MOST_LIMITS]:
-        of = ", ".join(f"{name} {_shown(value)}" for name, value in scenario)
+        of = ", ".join(f"{name} {_format_value(value)}" for name, value in scenario)
         yield f"{_limit_line(axis, limit, order, count)}{f', for {of}' if of else ''}"
         if again := int(sound[scenario][order[count:]].sum()):
             yield f"  beyond it {again:,} of {len(order) - count:,} pass again"
@@ -241,7 +239,7 @@ def _limit_lines(found: Boundaries, limit: Limit) -> Iterator[str]:
         yield f"in all {len(counts):,}: {_limit_line(axis, limit, order, min(counts.values()))}"
 
 
-def _limit_line(axis: _Shown, limit: Limit, order: Sequence[int], count: int) -> str:
+def _limit_line(axis: _AxisText, limit: Limit, order: Sequence[int], count: int) -> str:
     """Return `largest passing timestep: 4.1 ms; 4.3 ms fails`."""
     sought = f"{'largest' if limit.largest else 'smallest'} passing {axis.name}"
     if not count:
@@ -251,5 +249,5 @@ def _limit_line(axis: _Shown, limit: Limit, order: Sequence[int], count: int) ->
     return f"{sought}: {axis.at(order[count - 1])}; {axis.at(order[count])} fails"
 
 
-def _shown(value: object) -> str:
+def _format_value(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,7 +1,8 @@
-"""Finding of a sweep, in one sentence that its table bears out."""
+"""Finding of a sweep, in one sentence that its table supports."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -17,12 +18,20 @@ from contactlab.reporting.report_columns import (
     number_with_unit,
 )
 
-_MOST_VALUES_LISTED = 3
-_LEAST_SHARE_OF_OUTCOME = 0.5
-# So many bounds are read easily.
-_FEW_BOUNDS = 2
-# Of a value that fewer of the runs have, a share says little.
-_LEAST_SHARE_OF_RUNS = 0.05
+
+@dataclass(frozen=True)
+class _SentenceRules:
+    """Numbers that decide which sentence describes the runs."""
+
+    most_values: int = 3
+    least_outcome_share: float = 0.5
+    # A reader takes in this number of bounds easily.
+    few_bounds: int = 2
+    # A value of a smaller share of the runs says little.
+    least_run_share: float = 0.05
+
+
+_RULES = _SentenceRules()
 
 
 class _Words(NamedTuple):
@@ -43,9 +52,9 @@ def headline(labels: RunLabels) -> str:
     counts = Counter(dict(zip(labels.names, labels.counts, strict=True)))
     stable = counts.pop(STABLE, 0)
     others = [
-        f"{count:,} {name}" for name, count in counts.most_common(_MOST_VALUES_LISTED) if count
+        f"{count:,} {name}" for name, count in counts.most_common(_RULES.most_values) if count
     ]
-    rest = sum(counts.values()) - sum(count for _, count in counts.most_common(_MOST_VALUES_LISTED))
+    rest = sum(counts.values()) - sum(count for _, count in counts.most_common(_RULES.most_values))
     others += [f"{rest:,} others"] if rest else []
     text = f"{stable:,} of {len(labels.codes):,} runs are stable"
     return f"{text}; {', '.join(others)}" if others else text
@@ -54,7 +63,7 @@ def headline(labels: RunLabels) -> str:
 def finding(axes: Sequence[GridAxis], labels: RunLabels, share: ShareWords = exact_share) -> str:
     """Return where runs are stable, and which axes make no difference to it.
 
-    "Only" says that no other run is stable. What is said to make no difference does so for no
+    "Only" says that no other run is stable. An axis makes no difference if that is true for every
     combination of the other axes. Shares are as `share` writes them, with their interval if runs
     are draws.
     """
@@ -69,27 +78,29 @@ def finding(axes: Sequence[GridAxis], labels: RunLabels, share: ShareWords = exa
     words = _OF_STABLE if rare is not failed else _OF_FAILED
     swept = [axis for axis in axes if axis.name != SEED]
     within = {axis.name: np.isin(axis.codes, axis.codes[rare]) for axis in swept}
-    bound, inside = _conditions(swept, within, rare)
-    if not bound or rare[inside].mean() < _LEAST_SHARE_OF_OUTCOME:
-        return _sufficient(swept, rare, words) or _most_of(swept, rare, words.runs_do, share)
-    parts = [_setting(axis, axis.codes[rare]) for axis in bound]
+    bound, inside = _find_bounds(swept, within, rare)
+    if not bound or rare[inside].mean() < _RULES.least_outcome_share:
+        return _sufficient_sentence(swept, rare, words) or _extreme_sentence(
+            swept, rare, words.runs_do, share
+        )
+    parts = [_describe_setting(axis, axis.codes[rare]) for axis in bound]
     if not rare[inside].all():
         counts = int(rare.sum()), int(inside.sum())
         known = "" if share is exact_share else f", {share(*counts)}"
         some = f"{counts[0]:,} of {counts[1]:,} such runs{known}"
         return f"Every {words.one} has {' and '.join(parts)} ({some})."
     free = [axis.name for axis in swept if within[axis.name].all()]
-    rest = f"; {_joined(free)} {'do' if len(free) > 1 else 'does'} not matter" if free else ""
+    rest = f"; {_join_words(free)} {'do' if len(free) > 1 else 'does'} not matter" if free else ""
     return f"Only {' with '.join(parts)} {words.run_does}{rest}."
 
 
-def _conditions(
+def _find_bounds(
     axes: Sequence[GridAxis], within: Mapping[str, NDArray[np.bool_]], rare: NDArray[np.bool_]
 ) -> tuple[list[GridAxis], NDArray[np.bool_]]:
     """Return the axes that bound an outcome, in their order, and the runs within these bounds.
 
-    Axes that follow from others are left out. Bounds within which other outcomes occur as well are
-    as few as say most of it.
+    Axes that follow from others are left out. If other outcomes occur within the bounds too, the
+    bounds are as few as describe most of the outcome.
     """
     found: list[tuple[set[str], NDArray[np.bool_]]] = [(set(), np.ones(len(rare), dtype=bool))]
     for _ in axes:
@@ -100,31 +111,31 @@ def _conditions(
             found.append((names | {tightest}, narrowed))
     enough = (
         bounds
-        for bounds in found[_FEW_BOUNDS:]
-        if rare[bounds[1]].mean() >= _LEAST_SHARE_OF_OUTCOME
+        for bounds in found[_RULES.few_bounds :]
+        if rare[bounds[1]].mean() >= _RULES.least_outcome_share
     )
     names, inside = found[-1] if rare[found[-1][1]].all() else next(enough, found[-1])
     return [axis for axis in axes if axis.name in names], inside
 
 
-def _sufficient(axes: Sequence[GridAxis], rare: NDArray[np.bool_], words: _Words) -> str:
-    """Return the values of an axis or two that all lead to an outcome; empty if to few of it."""
+def _sufficient_sentence(axes: Sequence[GridAxis], rare: NDArray[np.bool_], words: _Words) -> str:
+    """Return a sentence on values that always lead to an outcome; empty for few runs of it."""
     parts: list[str] = []
     told = np.zeros(len(rare), dtype=bool)
     pure = {axis.name: ~np.isin(axis.codes, axis.codes[~rare]) for axis in axes}
-    for axis in sorted(axes, key=lambda axis: -pure[axis.name].sum())[:_FEW_BOUNDS]:
+    for axis in sorted(axes, key=lambda axis: -pure[axis.name].sum())[: _RULES.few_bounds]:
         if (pure[axis.name] & ~told).any():
-            parts.append(f"with {_setting(axis, axis.codes[pure[axis.name]])}")
+            parts.append(f"with {_describe_setting(axis, axis.codes[pure[axis.name]])}")
             told |= pure[axis.name]
-    if told.sum() < _LEAST_SHARE_OF_OUTCOME * rare.sum():
+    if told.sum() < _RULES.least_outcome_share * rare.sum():
         return ""
     covered = f"{told.sum():,} of {rare.sum():,} {words.all_of_them}"
     return f"Every run {', or '.join(parts)} {words.run_does}: {covered}."
 
 
-def _setting(axis: GridAxis, codes: Codes) -> str:
+def _describe_setting(axis: GridAxis, codes: Codes) -> str:
     """Return an axis with values that have some codes: `a timestep of 2 ms or more`."""
-    values = _values(axis, codes)
+    values = _describe_values(axis, codes)
     if not axis.amount_unit or values.startswith("other"):
         return f"{axis.name} {values}"
     number, space, rest = values.partition(" or ")
@@ -134,55 +145,55 @@ def _setting(axis: GridAxis, codes: Codes) -> str:
     return f"{'an' if axis.name[0] in 'aeiou' else 'a'} {axis.name.replace('_', ' ')} of {amount}"
 
 
-def _values(axis: GridAxis, codes: Codes) -> str:
+def _describe_values(axis: GridAxis, codes: Codes) -> str:
     """Return the values of an axis that have some codes: `0.002 or less`, `a or b`."""
-    found = _distinct(codes)
+    found = np.flatnonzero(np.bincount(codes)).tolist()
     ticks, last = axis.ticks, len(axis.ticks) - 1
     if axis.is_ordered and len(found) > 1 and found == list(range(found[0], found[-1] + 1)):
         low, high = ticks[found[0]].split(" to ")[0], ticks[found[-1]].split(" to ")[-1]
         if found[0] == 0:
             return f"{high} or less"
         return f"{low} or more" if found[-1] == last else f"{low} to {high}"
-    if len(found) > max(_MOST_VALUES_LISTED, len(ticks) / 2):
+    if len(found) > max(_RULES.most_values, len(ticks) / 2):
         others = [tick for code, tick in enumerate(ticks) if code not in found]
-        if len(others) <= _MOST_VALUES_LISTED:
-            return f"other than {_joined(others, 'or')}"
+        if len(others) <= _RULES.most_values:
+            return f"other than {_join_words(others, 'or')}"
     listed = [ticks[code] for code in found]
-    rest = len(listed) - _MOST_VALUES_LISTED
-    return _joined(listed if rest <= 0 else [*listed[:_MOST_VALUES_LISTED], f"{rest} others"], "or")
+    rest = len(listed) - _RULES.most_values
+    return _join_words(
+        listed if rest <= 0 else [*listed[: _RULES.most_values], f"{rest} others"], "or"
+    )
 
 
-def _distinct(codes: Codes) -> list[int]:
-    return np.flatnonzero(np.bincount(codes)).tolist()
-
-
-def _joined(words: Sequence[str], last: str = "and") -> str:
+def _join_words(words: Sequence[str], last: str = "and") -> str:
     return f" {last} ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
-def _most_of(
+def _extreme_sentence(
     axes: Sequence[GridAxis], rare: NDArray[np.bool_], verb: str, share: ShareWords
 ) -> str:
     """Return the values of one axis with most and with fewest runs of an outcome."""
     shares: list[NDArray[np.float64]] = []
     for axis in axes:
-        good, runs = _counts(axis, rare)
-        enough = runs >= _LEAST_SHARE_OF_RUNS * len(rare)
+        good, runs = _count_outcomes(axis, rare)
+        enough = runs >= _RULES.least_run_share * len(rare)
         shares.append(np.where(enough, good / np.maximum(1, runs), np.nan))
     spreads = [0.0 if np.isnan(e).all() else np.nanmax(e) - np.nanmin(e) for e in shares]
     if not any(spreads):
         return f"{rare.sum():,} of {len(rare):,} runs {verb}."
     axis, found = axes[int(np.argmax(spreads))], shares[int(np.argmax(spreads))]
     most, least = int(np.nanargmax(found)), int(np.nanargmin(found))
-    good, runs = _counts(axis, rare)
+    good, runs = _count_outcomes(axis, rare)
     highest, lowest = (share(int(good[place]), int(runs[place])) for place in (most, least))
     return (
-        f"{highest} of runs {verb} with {_setting(axis, np.array([most]))}, "
+        f"{highest} of runs {verb} with {_describe_setting(axis, np.array([most]))}, "
         f"{lowest} with {number_with_unit(axis.ticks[least], axis.unit)}."
     )
 
 
-def _counts(axis: GridAxis, rare: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return (values) how many runs have an outcome at each value of an axis, and how many runs."""
+def _count_outcomes(
+    axis: GridAxis, rare: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return (values) the runs with an outcome at each value of an axis, and the runs at it."""
     size = len(axis.ticks)
     return np.bincount(axis.codes[rare], minlength=size), np.bincount(axis.codes, minlength=size)

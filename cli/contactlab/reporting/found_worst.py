@@ -1,4 +1,4 @@
-"""The runs in which a search found a metric worst."""
+"""The runs with the worst metric that a search found."""
 
 from collections.abc import Iterator
 
@@ -6,12 +6,11 @@ from contactlab.plan.search import searched_axes
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.finished_store import Store
 
-_MOST_LINES = 12
 _ID_DIGITS = 8
 
 
 def worst_lines(store: Store) -> Iterator[str]:
-    """Yield the worst of each search in a line; none of a sweep that searched nothing."""
+    """Yield the worst of each search in a line; no line for a sweep without `search`."""
     sweep = Sweep.model_validate(store.manifest.sweep.resolved)
     if sweep.search is None:
         return
@@ -30,16 +29,19 @@ def worst_lines(store: Store) -> Iterator[str]:
     if not worst:
         yield f"{metric} could not be measured in any of {columns.runs:,} trials"
     unit = columns.described[metric].unit
-    for key, row in [*worst.items()][:_MOST_LINES]:
-        at = ", ".join(f"{name} {_shown(row[name])}" for name in axes)
-        of = ", ".join(f"{name} {_shown(row[name])}" for name in others if columns.varies(name))
+    most_lines = 12
+    for key, row in [*worst.items()][:most_lines]:
+        at = ", ".join(f"{name} {_format_value(row[name])}" for name in axes)
+        of = ", ".join(
+            f"{name} {_format_value(row[name])}" for name in others if columns.varies(name)
+        )
         sought = f"{'largest' if sweep.search.maximise else 'least'} {metric}"
-        value = f"{_shown(row[metric])}{f' {unit}' if unit != '1' else ''}"
+        value = f"{_format_value(row[metric])}{f' {unit}' if unit != '1' else ''}"
         run = str(row["run_id"])[:_ID_DIGITS]
         of = f" of {of}" if of else ""
         yield f"{sought}{of}: {value} at {at}, run {run}, in {trials[key]:,} trials"
-    if len(worst) > _MOST_LINES:
-        yield f"and {len(worst) - _MOST_LINES:,} more searches"
+    if len(worst) > most_lines:
+        yield f"and {len(worst) - most_lines:,} more searches"
 
 
 def _is_worse(value: float, other: object, sweep: Sweep) -> bool:
@@ -48,5 +50,5 @@ def _is_worse(value: float, other: object, sweep: Sweep) -> bool:
     return value > other if sweep.search.maximise else value < other
 
 
-def _shown(value: object) -> str:
+def _format_value(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -11,8 +11,6 @@ from contactlab.schema.sweep_schema import Sweep, Until
 from contactlab.shares import anytime
 from contactlab.store.finished_store import Store
 
-_MOST_LINES = 12
-
 
 @dataclass(frozen=True)
 class KnownShare:
@@ -20,8 +18,8 @@ class KnownShare:
 
     Attributes:
         configuration: the values of the axes that are not drawn.
-        good: how many of its runs count.
-        runs: how many there are.
+        good: number of its runs that count.
+        runs: number of its runs.
         low, high: the interval of the share, valid at any number of draws.
     """
 
@@ -33,7 +31,7 @@ class KnownShare:
 
 
 def known_shares(store: Store) -> tuple[Until, list[KnownShare]] | None:
-    """Return what a store's sweep was to find out; None of one that ran all of its draws."""
+    """Return the stop condition and the shares of a sweep; None if it ran all of its draws."""
     sweep = Sweep.model_validate(store.manifest.sweep.resolved)
     if sweep.until is None:
         return None
@@ -56,7 +54,8 @@ def known_shares(store: Store) -> tuple[Until, list[KnownShare]] | None:
 
 def share_lines(until: Until, shares: list[KnownShare]) -> Iterator[str]:
     """Yield each share in a line."""
-    for share in shares[:_MOST_LINES]:
+    most_lines = 12
+    for share in shares[:most_lines]:
         named = ", ".join(f"{name} {value}" for name, value in share.configuration)
         wide = (share.high - share.low) / 2 > until.half_width
         yield (
@@ -65,5 +64,5 @@ def share_lines(until: Until, shares: list[KnownShare]) -> Iterator[str]:
             f"{until.sure:.0%}, at any number of draws"
             + (f"; +-{until.half_width:.1%} would take more draws" if wide else "")
         )
-    if len(shares) > _MOST_LINES:
-        yield f"and {len(shares) - _MOST_LINES:,} more configurations"
+    if len(shares) > most_lines:
+        yield f"and {len(shares) - most_lines:,} more configurations"

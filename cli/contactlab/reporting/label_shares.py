@@ -1,4 +1,4 @@
-"""Shares of a store's runs in words, with the interval in which they lie if runs are draws."""
+"""Shares of a store's runs in words, with their confidence interval if runs are draws."""
 
 from collections.abc import Callable
 
@@ -12,22 +12,22 @@ ShareWords = Callable[[int, int], str]
 
 
 def share_words(store: Store) -> ShareWords:
-    """Return what writes how many of some runs count: `80 %`, or `80 % (58 to 92 %)`.
+    """Return a function that writes a share of runs: `80 %`, or `80 % (58 to 92 %)`.
 
-    The interval is Wilson's, of 95 %, where runs are draws of axes or seeds. Of a grid the share is
-    that of its cells, and exact.
+    If runs are draws of axes or seeds, it has Wilson's interval of 95 %. The share of the cells of
+    a grid is exact.
     """
     sweep = Sweep.model_validate(store.manifest.sweep.resolved)
     return share_with_interval if sweep.is_drawn else exact_share
 
 
 def exact_share(good: int, runs: int) -> str:
-    """Return `80 %`, of runs that are all there are."""
+    """Return `80 %`, the share of a complete set of runs."""
     return format_percent(good / runs)
 
 
 def stable_share(labels: RunLabels, share: ShareWords) -> str:
-    """Return the share of stable runs in a sentence; nothing of runs that are no draws."""
+    """Return the share of stable runs in a sentence; empty if runs are not draws."""
     if share is exact_share or not len(labels.codes):
         return ""
     stable = dict(zip(labels.names, labels.counts, strict=True)).get(STABLE, 0)

@@ -1,4 +1,4 @@
-"""The axes of maps, and which of them show most."""
+"""The axes of maps, and the choice of the most informative ones."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -9,13 +9,12 @@ from numpy.typing import NDArray
 
 from contactlab.reporting.report_columns import SEED, Codes, GridAxis, RunLabels
 
-_BLOCK = 1 << 20  # runs whose cells are in memory at once
-
 
 def blocks(runs: int) -> Iterator[slice]:
-    """Yield the places of so many runs, some at a time."""
-    for first in range(0, runs, _BLOCK):
-        yield slice(first, min(runs, first + _BLOCK))
+    """Yield the places of `runs` runs, some at a time."""
+    block = 1 << 20  # runs with cells in memory at once
+    for first in range(0, runs, block):
+        yield slice(first, min(runs, first + block))
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ class MapAxes:
         return x if self.y is None else x + self.y.codes[runs].astype(np.int64) * len(self.x.ticks)
 
     def counts(self, codes: Codes | NDArray[np.bool_], count: int) -> NDArray[np.int64]:
-        """Return (cells, count) how many runs of each cell have which of codes (n,)."""
+        """Return (cells, count) the number of runs of each cell with each of codes (n,)."""
         found = np.zeros(self.size * count, np.int64)
         for runs in blocks(len(codes)):
             combined = self.cells_of(runs) * count + codes[runs]
@@ -70,7 +69,7 @@ class MapAxes:
 
 
 def most_informative_axes(axes: Sequence[GridAxis], labels: RunLabels) -> MapAxes | None:
-    """Return the two axes that part stable runs from others, and labels, best; None without axes.
+    """Return the two axes that separate stable runs and labels best; None without axes.
 
     The one with more values is horizontal.
     """
@@ -79,7 +78,7 @@ def most_informative_axes(axes: Sequence[GridAxis], labels: RunLabels) -> MapAxe
         MapAxes(*sorted(pair, key=lambda axis: -len(axis.ticks)))
         for pair in combinations(usable, 2)
     ] or [MapAxes(axis, None) for axis in usable]
-    return max(pairs, key=lambda pair: (_separation(pair, labels), pair.size), default=None)
+    return max(pairs, key=lambda pair: (_measure_separation(pair, labels), pair.size), default=None)
 
 
 def axes_named(axes: Sequence[GridAxis], names: Sequence[str]) -> MapAxes | None:
@@ -93,12 +92,12 @@ def axes_named(axes: Sequence[GridAxis], names: Sequence[str]) -> MapAxes | None
 
 
 def by_importance(axes: Sequence[GridAxis], labels: RunLabels) -> list[GridAxis]:
-    """Return axes, those first whose values part stable runs from others, and labels, best."""
-    return sorted(axes, key=lambda axis: -_separation(MapAxes(axis, None), labels))
+    """Return axes, first those with values that separate stable runs and labels best."""
+    return sorted(axes, key=lambda axis: -_measure_separation(MapAxes(axis, None), labels))
 
 
-def _separation(axes: MapAxes, labels: RunLabels) -> float:
-    """Return how much of which runs fail, and of which label they get, cells explain."""
+def _measure_separation(axes: MapAxes, labels: RunLabels) -> float:
+    """Return the variance of failures and of labels that cells explain."""
     failed = _explained_variance(axes, labels.failed, 2)
     return round(failed + _explained_variance(axes, labels.codes, len(labels.names)), 6)
 

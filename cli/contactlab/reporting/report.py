@@ -1,4 +1,4 @@
-"""A store's page and figures: what is asked for, what is read of the store, and the files."""
+"""A store's page and figures: the request, and the data that is read from the store."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,7 +30,7 @@ class PageRequest:
     The criteria say which error stands for accuracy, and replace tolerances of the sweep. A page
     that would be larger than `most_bytes` has aggregated cells in place of runs. `parity` is a file
     that `contactlab parity --format json` wrote. With an `examination`, it is the page of a model,
-    whose runs the store has; `grip` is a film of what it tells of a grip, .gif.
+    and the store has its runs. `grip` is a film of the examined grip, .gif.
     """
 
     criteria: Criteria = DEFAULT_CRITERIA
@@ -63,7 +63,7 @@ class ReportData:
         return [*self.quantities.named(names)]
 
     def tolerance_table(self) -> ToleranceTable | None:
-        """Return what the page evaluates other tolerances from; None without a trade-off."""
+        """Return the table for other tolerances on the page; None without a trade-off."""
         if self.tradeoff is None:
             return None
         names = dict.fromkeys(
@@ -73,10 +73,10 @@ class ReportData:
 
 
 def read_report_data(store: Store, criteria: Criteria = DEFAULT_CRITERIA) -> ReportData:
-    """Read what a report draws of a store.
+    """Read the data that a report draws from a store.
 
-    A SweepFileError says that the criteria name what the store does not have, a StoreError that it
-    has no value of the error that is asked for.
+    A SweepFileError says that the criteria name a column that the store lacks, a StoreError that
+    the store has no value of the requested error.
     """
     axes, labels = read_axes(store), read_run_labels(store)
     report, reason = None, ""

@@ -28,13 +28,9 @@ SEED = "seed"
 SCENES_OWN = "as in the scene"
 STABLE = "stable"
 _UNITLESS = {"", "1", "any"}
-_MOST_VALUES_OF_AN_AXIS = 40  # an axis with more values than this is drawn in bins
-_BINS = 20
 _MORE_LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0789"
 _SMALLER, _LEAST_OF_UNIT = {"s": "ms", "m": "mm"}, 0.1
 _LARGER = {small: unit for unit, small in _SMALLER.items()}
-_LOG_SPAN = 50.0
-"""Bins are logarithmic where the largest value is more than so many times the least."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +42,7 @@ class GridAxis:
     role: Role
     ticks: tuple[str, ...]  # its values, or bins of them, as text, in order
     codes: Codes  # (n,) index into `ticks` of each run's value
-    numbers: Floats | None  # (n,) the values themselves where `ticks` are bins; else None
+    numbers: Floats | None  # (n,) the values themselves if `ticks` are bins, otherwise None
 
     @property
     def title(self) -> str:
@@ -55,7 +51,7 @@ class GridAxis:
 
     @property
     def stored_title(self) -> str:
-        """Its name with the unit of what is stored: SI, where ticks are in ms or mm."""
+        """Its name with the stored unit: SI, if ticks are in ms or mm."""
         return with_unit(self.name, _LARGER.get(self.unit, self.unit))
 
     @property
@@ -71,7 +67,7 @@ class GridAxis:
 
 @dataclass(frozen=True)
 class Quantity:
-    """One measured column of n runs; values (n,) are NaN where there is no finite one."""
+    """One measured column of n runs; values (n,) are NaN if a run has no finite value."""
 
     column: Column
     values: Floats
@@ -89,7 +85,7 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Quantities:
-    """The measured columns in which any run has a value, each read where it is asked for."""
+    """The measured columns with a value of any run, each read on request."""
 
     stored: RunColumns
     columns: tuple[Column, ...]
@@ -101,14 +97,14 @@ class Quantities:
         return cls(stored, tuple(column for name, column in measured if stored.has_finite(name)))
 
     def __iter__(self) -> Iterator[Quantity]:
-        """Yield them in the order of the table, of which one at a time is in memory."""
-        return self._read(self.columns)
+        """Yield them in the order of the table, with one at a time in memory."""
+        return self._read_columns(self.columns)
 
     def named(self, names: Sequence[str]) -> Iterator[Quantity]:
         """Yield those of these names, in the order of the table."""
-        return self._read([column for column in self.columns if column.name in names])
+        return self._read_columns([column for column in self.columns if column.name in names])
 
-    def _read(self, columns: Sequence[Column]) -> Iterator[Quantity]:
+    def _read_columns(self, columns: Sequence[Column]) -> Iterator[Quantity]:
         for column in columns:
             values = self.stored.numbers(column.name).values
             values[~np.isfinite(values)] = np.nan
@@ -121,10 +117,10 @@ class RunLabels:
 
     names: tuple[str, ...]  # worst labels that occur, the worst first and `stable` last
     letters: tuple[str, ...]  # one letter for each, all different; empty for `stable`
-    facts: tuple[LabelFacts, ...]  # what is said and drawn of each, as far as it is known
+    facts: tuple[LabelFacts, ...]  # description and look of each, as far as known
     codes: Codes  # (n,) index into `names` of each run's worst label
     masks: Codes  # (n,) all labels of a run as bits: bit i for `every[i]`
-    every: tuple[str, ...]  # labels that occur at all, also beside a worse one
+    every: tuple[str, ...]  # all labels that occur, also together with a worse one
 
     @property
     def colours(self) -> tuple[str, ...]:
@@ -173,12 +169,14 @@ def read_axes(store: Store) -> tuple[GridAxis, ...]:
     names = [name for name in named if name in columns.schema.names and columns.varies(name)]
     whole = store.manifest.sweep.whole
     grid = whole.axes if whole else {}
-    axes = [_axis(columns, name, roles.get(name, "knob"), grid.get(name, ())) for name in names]
+    axes = [
+        _read_axis(columns, name, roles.get(name, "knob"), grid.get(name, ())) for name in names
+    ]
     return tuple(axis for axis in axes if len(axis.ticks) > 1)
 
 
-def _axis(columns: RunColumns, name: str, kind: Role, grid: Sequence[Any]) -> GridAxis:
-    """Return an axis; of one that was refined, with all values of its grid."""
+def _read_axis(columns: RunColumns, name: str, kind: Role, grid: Sequence[Any]) -> GridAxis:
+    """Return an axis; a refined one has all values of its grid."""
     unit = columns.described[name].unit
     if not columns.is_number(name):
         codes, values = columns.coded(name)
@@ -188,14 +186,15 @@ def _axis(columns: RunColumns, name: str, kind: Role, grid: Sequence[Any]) -> Gr
     numbers, unit = in_small_units(numbers, unit)
     # Two that differ in their last digits may be one in small units.
     values, codes = np.unique(numbers, return_inverse=True)
-    if not grid and len(values) > _MOST_VALUES_OF_AN_AXIS and np.isfinite(values).all():
-        return GridAxis(name, unit, kind, *_binned(numbers[places]), numbers[places])
+    most_values = 40  # an axis with more values than this is drawn in bins
+    if not grid and len(values) > most_values and np.isfinite(values).all():
+        return GridAxis(name, unit, kind, *_bin_numbers(numbers[places]), numbers[places])
     codes = _in_few_bytes(codes, len(values))[places]
     if str(columns.schema.field(name).type) == "bool":
         ticks = [{0.0: "false", 1.0: "true"}.get(value, SCENES_OWN) for value in values.tolist()]
     else:
         ticks = [SCENES_OWN if math.isnan(value) else f"{value:.4g}" for value in values]
-    # Where they would be alike they have more digits.
+    # Equal ticks get more digits.
     ticks = ticks if len({*ticks}) == len(ticks) else [f"{value:.10g}" for value in values]
     return GridAxis(name, unit, kind, tuple(ticks), codes, None)
 
@@ -203,7 +202,7 @@ def _axis(columns: RunColumns, name: str, kind: Role, grid: Sequence[Any]) -> Gr
 def tick_of(axis: GridAxis, value: object) -> int:
     """Return the place of a value among the ticks of an axis that is not in bins.
 
-    Raises a ValueError if it is none of its values.
+    Raises a ValueError for other values.
     """
     if not isinstance(value, float | int) or isinstance(value, bool):
         return axis.ticks.index(str(value).lower() if isinstance(value, bool) else str(value))
@@ -222,14 +221,17 @@ def in_small_units(numbers: Floats, unit: str) -> tuple[Floats, str]:
     return np.array([float(f"{1e3 * value:.12g}") for value in values])[places], _SMALLER[unit]
 
 
-def _binned(numbers: Floats) -> tuple[tuple[str, ...], Codes]:
+def _bin_numbers(numbers: Floats) -> tuple[tuple[str, ...], Codes]:
     """Return bins of equal width, of logarithms where the numbers span decades."""
     low, high = float(numbers.min()), float(numbers.max())
-    spaced = np.geomspace if low > 0 and high / low > _LOG_SPAN else np.linspace
-    edges = spaced(low, high, _BINS + 1)
-    codes = np.clip(np.searchsorted(edges, numbers, side="right") - 1, 0, _BINS - 1)
+    # Bins are logarithmic if the largest value is more than this multiple of the least.
+    log_span = 50.0
+    spaced = np.geomspace if low > 0 and high / low > log_span else np.linspace
+    bins = 20
+    edges = spaced(low, high, bins + 1)
+    codes = np.clip(np.searchsorted(edges, numbers, side="right") - 1, 0, bins - 1)
     ticks = tuple(f"{first:.3g} to {last:.3g}" for first, last in pairwise(edges.tolist()))
-    return ticks, _in_few_bytes(codes, _BINS)
+    return ticks, _in_few_bytes(codes, bins)
 
 
 def _in_few_bytes(codes: Codes, count: int) -> Codes:
@@ -255,9 +257,15 @@ def summary_metrics() -> list[str]:
 
 
 def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
-    """Return the labels of a store's runs; `also` lists labels beside those that occur."""
+    """Return the labels of a store's runs; `also` lists further labels."""
+    from contactlab.measure import LABELS  # noqa: PLC0415 - takes a while
+
     codes, strings = store.columns.coded("label")
-    added, ours = _added_labels(store), _our_labels()
+
+    added, ours = (
+        _added_labels(store),
+        {name: label.facts for name, label in LABELS.items() if not label.is_added},
+    )
     order = [str(name) for name in store.columns.shared.get("severity", ())]
     unordered = dict.fromkeys((*strings, *also))
     if unordered.keys() - {*order}:
@@ -283,14 +291,8 @@ def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
     )
 
 
-def _our_labels() -> dict[str, LabelFacts]:
-    from contactlab.measure import LABELS  # noqa: PLC0415 - takes a while
-
-    return {name: label.facts for name, label in LABELS.items() if not label.is_added}
-
-
 def _added_labels(store: Store) -> dict[str, LabelFacts]:
-    """Return what a store says of the labels of its plug-ins, which need not be here."""
+    """Return the facts that a store has about labels of plug-ins; these may not be installed."""
     try:
         return _ADDED.validate_python(store.columns.shared.get("labels", {}))
     except ValidationError as error:

@@ -14,7 +14,6 @@ from contactlab.schema.sweep_schema import MOST_SENSITIVITIES, Sweep
 from contactlab.store.finished_store import Store
 
 FAILED = "failed"
-_RESAMPLES = 199
 
 
 @dataclass(frozen=True)
@@ -22,7 +21,7 @@ class Sensitivity:
     """Shares of a metric's variance over d sampled axes, of one seed and one value of the others.
 
     Attributes:
-        metric: its name, or `failed`, which is 1 of runs that are not stable and else 0.
+        metric: its name, or `failed`: 0 for stable runs, 1 for others.
         shared: the values of the other axes that vary, and of the seed, by name.
         axes: names of the sampled axes.
         first, total: (d) the share that goes with an axis alone, and with all that it is part of.
@@ -39,7 +38,7 @@ class Sensitivity:
 
 
 def sensitivities(store: Store, metrics: Sequence[str] = ()) -> Iterator[Sensitivity]:
-    """Yield the sensitivities of a sweep whose `sample` has the method `saltelli`; of others none.
+    """Yield the sensitivities of a sweep with `sample` by the method `saltelli`; none otherwise.
 
     The shares are those of I. M. Sobol (1993), by the estimators of A. Saltelli et al., "Variance
     based sensitivity analysis of model output", 2010, as SciPy has them. Metrics are those of the
@@ -66,10 +65,12 @@ def sensitivities(store: Store, metrics: Sequence[str] = ()) -> Iterator[Sensiti
         values = {FAILED: failed, **{name: [row[name] for row in rows] for name in names}}
         for name, found in values.items():
             if None not in found and len({*found}) > 1:
-                yield _of(name, shared, axes, np.array(found, float).reshape(-1, base))
+                yield _measure_sensitivity(
+                    name, shared, axes, np.array(found, float).reshape(-1, base)
+                )
 
 
-def _of(
+def _measure_sensitivity(
     metric: str, shared: dict[str, object], axes: tuple[str, ...], values: Floats
 ) -> Sensitivity:
     """Return the sensitivity of values (2 + d, n) at the points A, B and A with a column of B."""
@@ -80,7 +81,8 @@ def _of(
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", RuntimeWarning)
         found = sobol_indices(func=made, n=values.shape[1], rng=0)
-        again = found.bootstrap(n_resamples=_RESAMPLES)
+        resamples = 199
+        again = found.bootstrap(n_resamples=resamples)
     intervals = list[Floats]()
     for one, share in (
         (again.first_order, found.first_order),
@@ -115,8 +117,8 @@ def sensitivity_lines(found: Sensitivity) -> Iterator[str]:
 def budget_sentence(budget: ParameterBudget, store: Store) -> str:
     """Return the run of a budget in words, with its numerical error."""
     varying = [*budget.shared.items(), *budget.middle.items()]
-    at = ", ".join(f"{n} {_shown(v)}" for n, v in varying if store.columns.varies(n))
-    return f"error budget of the run at {at}: numerical error {_share(budget.run)}"
+    at = ", ".join(f"{n} {_format_value(v)}" for n, v in varying if store.columns.varies(n))
+    return f"error budget of the run at {at}: numerical error {_format_error(budget.run)}"
 
 
 def budget_lines(store: Store) -> Iterator[str]:
@@ -125,7 +127,7 @@ def budget_lines(store: Store) -> Iterator[str]:
         yield budget_sentence(budget, store)
         for row in by_share(budget):
             yield (
-                f"  {row.axis} at {row.low:g} or {row.high:g}: {_share(row.share)}, "
+                f"  {row.axis} at {row.low:g} or {row.high:g}: {_format_error(row.share)}, "
                 f"worst body {row.body}"
             )
         if others := axes_of_starts(budget):
@@ -143,9 +145,9 @@ def axes_of_starts(budget: ParameterBudget) -> list[str]:
     return [name for name in budget.middle if name not in rows]
 
 
-def _share(share: float | None) -> str:
+def _format_error(share: float | None) -> str:
     return "not measured, because the engine gave up" if share is None else f"{share:.2%}"
 
 
-def _shown(value: object) -> str:
+def _format_value(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,4 +1,4 @@
-"""The noise floor of a metric: what noise of the start alone does to it."""
+"""The noise floor of a metric: its change by noise of the start alone."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ PERTURBATION = "perturbation"
 
 
 def distance_to_reality(axes: Sequence[GridAxis], columns: RunColumns) -> str:
-    """Return how far runs are from recordings, and their noise floor; empty if none has one."""
+    """Return the distance of runs to recordings, and its noise floor; empty without recordings."""
     values = columns.numbers(REALITY).values if REALITY in columns.measured else np.zeros(0)
     if not np.isfinite(values).any():
         return ""
@@ -23,9 +23,9 @@ def distance_to_reality(axes: Sequence[GridAxis], columns: RunColumns) -> str:
 
 
 def start_noise(axes: Sequence[GridAxis], values: Floats) -> float | None:
-    """Return how far values (n,) of runs are apart that differ in seed or perturbation only."""
+    """Return the mean distance of values (n,) of runs that differ in seed or perturbation only."""
     others = [axis for axis in axes if axis.name not in (SEED, PERTURBATION)]
-    # Where codes are of bins, the numbers are what may differ.
+    # Axes in bins differ in their numbers.
     places = [other.codes if other.numbers is None else other.numbers for other in others]
     table = np.array([np.zeros(len(values)), *places])
     _, alike = np.unique(table, axis=1, return_inverse=True)

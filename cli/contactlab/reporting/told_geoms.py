@@ -1,4 +1,4 @@
-"""Geoms of runs that nobody named, as text and pages speak of them."""
+"""Names of geoms in text and pages, for those without a name in their model."""
 
 from collections.abc import Mapping
 from importlib.util import find_spec
@@ -10,7 +10,7 @@ from contactlab.store.finished_store import Store
 
 
 def told_geoms(store: Store, records: Mapping[int, EvidenceRecord]) -> dict[int, Told]:
-    """Return what geoms are called in each run: without a name as their bodies, by the engine."""
+    """Return the names of geoms in each run: geoms without one are called by their bodies."""
     pairs = (name for record in records.values() for name in record.pairs)
     if find_spec("mujoco") is None or not any("geom[" in name for name in pairs):
         return dict.fromkeys(records, str)
