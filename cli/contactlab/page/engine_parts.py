@@ -1,4 +1,4 @@
-"""Engines side by side: what their runs cost, how far they are apart, and a report of parity."""
+"""Engines side by side: the cost of their runs, their differences, and a report of parity."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -30,7 +30,7 @@ class EngineCost(NamedTuple):
     version: str
     runs: int
     stable: int
-    cost: float  # CPU s; NaN where no engine told
+    cost: float  # CPU s; NaN if no engine reports it
     ratio: float  # over that of the reference
 
 
@@ -49,7 +49,7 @@ class GateRow(NamedTuple):
 
 @dataclass(frozen=True)
 class EngineParts:
-    """Parts of a page about engines; the report of parity is None unless one was given."""
+    """Parts of a page about engines; the report of parity is optional."""
 
     costs: Sequence[EngineCost]
     gate: Sequence[GateRow]
@@ -57,17 +57,20 @@ class EngineParts:
 
 
 def engine_parts(data: ReportData, parity: Path | None) -> EngineParts | None:
-    """Return what to show of the engines of a store; None of one engine without a report."""
-    report = _read(parity, data) if parity else None
-    codes = _engine_codes(data)
+    """Return the parts on the engines of a store; None for one engine without a report."""
+    report = _read_parity(parity, data) if parity else None
+    # The rows of each engine's runs, MuJoCo's first.
+    names = data.store.columns.coded("engine_name")
+    found = {name: np.flatnonzero(names.codes == code) for code, name in enumerate(names.values)}
+    codes = {engine: found[engine] for engine in sorted(found, key=lambda name: name != _REFERENCE)}
     if report is None and len(codes) < 2:
         return None
     gate = _gate_of_report(report) if report else _gate_of_store(data, codes)
-    return EngineParts(list(_costs(data, codes)), list(gate), report)
+    return EngineParts(list(_measure_costs(data, codes)), list(gate), report)
 
 
-def _read(path: Path, data: ReportData) -> ParityReport:
-    """Return a report of parity; a StoreError says that it is none, or of another scene."""
+def _read_parity(path: Path, data: ReportData) -> ParityReport:
+    """Return a report of parity; a StoreError says that it is not one, or of another scene."""
     try:
         report = ParityReport.model_validate_json(path.read_bytes())
     except OSError as error:
@@ -81,14 +84,7 @@ def _read(path: Path, data: ReportData) -> ParityReport:
     return report
 
 
-def _engine_codes(data: ReportData) -> dict[str, Codes]:
-    """Return the rows of each engine's runs, MuJoCo's first."""
-    names = data.store.columns.coded("engine_name")
-    found = {name: np.flatnonzero(names.codes == code) for code, name in enumerate(names.values)}
-    return {engine: found[engine] for engine in sorted(found, key=lambda name: name != _REFERENCE)}
-
-
-def _costs(data: ReportData, rows: dict[str, Codes]) -> Iterator[EngineCost]:
+def _measure_costs(data: ReportData, rows: dict[str, Codes]) -> Iterator[EngineCost]:
     columns, failed = data.store.columns, data.labels.failed
     versions, values = columns.coded("engine_version"), columns.numbers("cost_cpu_per_sim_s")[0]
     first = math.nan
@@ -102,8 +98,8 @@ def _costs(data: ReportData, rows: dict[str, Codes]) -> Iterator[EngineCost]:
 
 
 def _gate_of_store(data: ReportData, rows: dict[str, Codes]) -> Iterator[GateRow]:
-    """Yield how far paired runs are apart, without floors that would say what rounding does."""
-    keys, (reference, *others) = _keys(data), rows.items()
+    """Yield the differences of paired runs, without floors for the effect of rounding."""
+    keys, (reference, *others) = _pair_keys(data), rows.items()
     quantities = {"success": (~data.labels.failed).astype(float)}
     quantities |= {
         quantity.name: quantity.values for quantity in data.quantities_named(_PENETRATION)
@@ -117,8 +113,8 @@ def _gate_of_store(data: ReportData, rows: dict[str, Codes]) -> Iterator[GateRow
                 yield _gate_row(name, quantity, pair[0][known], pair[1][known])
 
 
-def _keys(data: ReportData) -> Codes:
-    """Return (n,) equal numbers of runs that differ in their engines alone."""
+def _pair_keys(data: ReportData) -> Codes:
+    # Runs that differ in their engines alone have equal keys.
     keys = np.zeros(data.store.columns.runs, np.int64)
     axes = [axis for axis in data.axes if axis.name != _AXIS]
     columns = [axis.codes if axis.numbers is None else round_values(axis.numbers) for axis in axes]
@@ -139,7 +135,7 @@ def _gate_row(engine: str, quantity: str, ours: Floats, theirs: Floats) -> GateR
 
 
 def _gate_of_report(report: ParityReport) -> Iterator[GateRow]:
-    """Yield the judged quantities of a report: its checks say which are beyond what is allowed."""
+    """Yield the judged quantities of a report: its checks name those beyond their tolerance."""
     failed = {check.name for check in report.findings if check.outcome == "failed"}
     for name in dict.fromkeys(name for run in report.runs for name in run.measured):
         told = [run.measured[name] for run in report.runs if name in run.measured]
@@ -161,7 +157,7 @@ def _gate_of_report(report: ParityReport) -> Iterator[GateRow]:
 
 
 def engines_sentence(parts: EngineParts) -> str:
-    """Return what the engines' runs amount to."""
+    """Return the conclusion of the engines' runs."""
     if parts.parity:
         return f"{parts.parity.headline}."
     off = [metric for metric in parts.gate if metric.verdict != "within"]

@@ -25,15 +25,12 @@ from contactlab.store.finished_store import Store
 
 # Bars are logarithmic, from a tenth of a percent to ten times the real forces.
 _LEAST, _MOST = 1e-3, 10.0
-_SHOWN = 0.1  # of the tolerance: rows above it are shown
 _KINDS = {
     "numerics": "numerical settings, if changed",
     "model": "modeling choices, if changed",
     "effect": "effects, if left out",
     "unknown": "uncertain parameters, if varied",
 }
-_TICKS = [float(f"{digits}e{power}") for power in range(-5, 3) for digits in (1, 1.5, 2, 3, 5, 7)]
-_MARGIN = 1.5  # room for names next to the fastest and the slowest, as a ratio of times
 _REMOVES, _REMAINS, _NOW = "removes the cause", "does not", "as written"
 
 
@@ -58,13 +55,13 @@ class ExaminationView:
 
     Attributes:
         report: the whole.
-        film: of the worst moment, or why there is none.
+        film: of the worst moment, or why it is missing.
         grip: a film of the grip that is a fact; None without one.
         lines: the shown rows of the budget, the numerical error first.
         limit: place of the tolerance along a bar, 0 to 1.
         chart: time over error of the fixes that were tried; empty without any.
         fixes: each in a line, with the lines of the model's files.
-        not_tried: skipped rows and fixes, in a sentence; empty if there are none.
+        not_tried: skipped rows and fixes, in a sentence; empty if none is skipped.
         contacts: each as lines of text.
     """
 
@@ -94,7 +91,7 @@ class ExaminationView:
 def examination_view(
     store: Store, report: Examination | None, grip: Path | None = None
 ) -> ExaminationView | None:
-    """Return the part of a page for an examination whose runs a store has; None without one.
+    """Return the part of a page for an examination of a store's runs; None without one.
 
     The page has a film of its grip if one was drawn.
     """
@@ -107,8 +104,8 @@ def examination_view(
         report=report,
         film=Films([]) if moment is None else film_of_moment(store, moment),
         grip=None if grip is None else film_in(grip, "the hand closes"),
-        lines=[] if budget is None else list(_lines(report, budget)),
-        limit=_along(report.task.tolerance),
+        lines=[] if budget is None else list(_budget_lines(report, budget)),
+        limit=_bar_place(report.task.tolerance),
         chart=static_svg(chart, "Error over time of the fixes that were tried") if chart else "",
         fixes=[
             (f"{number}. {fix_summary(fix, report)}", fix.lines or (fix.no_patch_reason,))
@@ -143,10 +140,11 @@ def _worst_row(budget: BudgetReport) -> tuple[BudgetPhase, BudgetRow]:
     return worst, worst.numerical_error
 
 
-def _lines(report: Examination, budget: BudgetReport) -> Iterator[BudgetLine]:
+def _budget_lines(report: Examination, budget: BudgetReport) -> Iterator[BudgetLine]:
     found = largest_rows(budget, report.task)
     run, *_ = found
-    shown = [name for name in found if row_error(found[name][0]) >= _SHOWN * budget.tolerance]
+    shown_share = 0.1  # of the tolerance: rows above it are shown
+    shown = [name for name in found if row_error(found[name][0]) >= shown_share * budget.tolerance]
     kinds = list(_KINDS)
     shown.sort(key=lambda name: (kinds.index(found[name][0].kind), -row_error(found[name][0])))
     for name in dict.fromkeys((run, *shown)):
@@ -158,7 +156,7 @@ def _lines(report: Examination, budget: BudgetReport) -> Iterator[BudgetLine]:
             kind="" if name == run else _KINDS[row.kind],
             error=format_percent(error),
             spread="" if row.seeds is None else " to ".join(map(format_percent, row.seeds)),
-            bar=_along(error),
+            bar=_bar_place(error),
             exceeds=row.kind in {"numerics", "model"} and error > budget.tolerance,
             time=f"x{row.time_ratio.ratio:.2f}" if row.time_ratio else "",
             where=f"{row.body or ''}{when}",
@@ -166,8 +164,8 @@ def _lines(report: Examination, budget: BudgetReport) -> Iterator[BudgetLine]:
         )
 
 
-def _along(share: float) -> float:
-    """Return how far along a bar a share is, 0 to 1."""
+def _bar_place(share: float) -> float:
+    """Return the place of a share along a bar, 0 to 1."""
     if share <= _LEAST:
         return 0.0
     return min(1.0, math.log(share / _LEAST) / math.log(_MOST / _LEAST))
@@ -189,20 +187,20 @@ def _fix_chart(budget: BudgetReport) -> Spec | None:
     if not rows or not reason:
         return None
     rows.append({"name": _NOW, "time": 1.0, "error": abs(reason), "kind": _NOW})
-    return themed(_specification(rows, budget.tolerance).to_dict())
-
-
-def _specification(rows: Rows, tolerance: float) -> alt.TopLevelMixin:
     colours: Mapping[str, str] = {_NOW: COLOURS[2], _REMOVES: COLOURS[0], _REMAINS: OTHERS_COLOUR}
     times = [row["time"] for row in rows]
-    shown = min(times) / _MARGIN, max(times) * _MARGIN
+    margin = 1.5  # room for names next to the fastest and the slowest, as a ratio of times
+    shown = min(times) / margin, max(times) * margin
+    ticks = [
+        float(f"{digits}e{power}") for power in range(-5, 3) for digits in (1, 1.5, 2, 3, 5, 7)
+    ]
     layer = layer_of("tried", rows).encode(
         x=alt.X(
             "time:Q", title="time of a simulated second, over that of the model as written"
         ).scale(type="log", nice=False, domain=shown),
         y=alt.Y("error:Q", title="error that is left")
         .scale(type="log", nice=False, padding=25)
-        .axis(format="~%", values=_TICKS),
+        .axis(format="~%", values=ticks),
     )
     points = layer.mark_point(filled=True, size=110, opacity=1).encode(
         color=word_colours("kind", list(colours), list(colours.values()))
@@ -220,6 +218,8 @@ def _specification(rows: Rows, tolerance: float) -> alt.TopLevelMixin:
         )
         texts += haloed(words, dy=above, fontSize=11)
     limit = (
-        layer_of("limit", [{"error": tolerance}]).mark_rule(strokeDash=[6, 4]).encode(y="error:Q")
+        layer_of("limit", [{"error": budget.tolerance}])
+        .mark_rule(strokeDash=[6, 4])
+        .encode(y="error:Q")
     )
-    return alt.layer(limit, points, *texts).properties(width=520, height=260)
+    return themed(alt.layer(limit, points, *texts).properties(width=520, height=260).to_dict())

@@ -1,4 +1,4 @@
-"""Pictures of a page: the worst moment beside the best run, and films of both."""
+"""Pictures of a page: the worst moment next to the best run, and films of both."""
 
 import base64
 import tempfile
@@ -18,11 +18,11 @@ from contactlab.store.finished_store import Store
 
 _SIZE = (320, 240)
 _FOCAL_SIZE = (480, 360)  # of each of its halves
-# How long a film lasts, however long its run is [s].
+# Length of a film, for runs of any length [s].
 _SECONDS = 1.2
 _MOST_BYTES_OF_A_FILM = 1_500_000
 _SIZE_OF_MOMENT = (480, 360)
-# A moment is shown with so much of the run around it, of which a share is before [s], for so long.
+# Length of the run around a moment [s], the share of it before, and the length of its film [s].
 _SHOWN, _BEFORE, _SECONDS_OF_MOMENT = 0.3, 0.6, 1.6
 
 
@@ -35,7 +35,7 @@ class HeaderFilm(NamedTuple):
 
 
 class Films(NamedTuple):
-    """Films of a page; or why there is none, and the command that draws one then."""
+    """Films of a page; or the reason for none, and the command that draws one then."""
 
     drawn: list[HeaderFilm]
     missing: str = ""
@@ -43,7 +43,7 @@ class Films(NamedTuple):
 
 
 class FocalPicture(NamedTuple):
-    """The worst run at its worst moment, beside the best one then, as the source of an image."""
+    """The worst run at its worst moment, next to the best one then, as the source of an image."""
 
     run: str
     label: str
@@ -53,11 +53,11 @@ class FocalPicture(NamedTuple):
 
 
 def focal_picture(data: ReportData, worst: str | None) -> FocalPicture | None:
-    """Return the picture that says most; None where either run has no trace, or cannot be drawn.
+    """Return the picture that says most; None if a run has no trace, or cannot be drawn.
 
-    The worst moment is that at which its label begins.
+    The worst moment is the begin of its label.
     """
-    best, store = _stable(data), data.store
+    best, store = _find_stable_run(data), data.store
     if worst is None or best is None or best == worst:
         return None
     with suppress(ContactlabError), tempfile.TemporaryDirectory() as folder:
@@ -66,35 +66,35 @@ def focal_picture(data: ReportData, worst: str | None) -> FocalPicture | None:
         begins = [entry.step for entry in record.labels if entry.step is not None]
         time = float(times[min(begins[0], len(times) - 1)]) if begins else float(times[-1])
         path = Path(folder) / "moment.png"
-        _viewer("png")(
+        _load_viewer("png")(
             store, worst, path, size=_FOCAL_SIZE, camera=None, speed=None, at=(time,), beside=best
         )
-        return FocalPicture(worst, record.label, best, time, _encoded(path, "png"))
+        return FocalPicture(worst, record.label, best, time, _encode_picture(path, "png"))
     return None
 
 
-def _encoded(path: Path, kind: str) -> str:
+def _encode_picture(path: Path, kind: str) -> str:
     return f"data:image/{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"
 
 
 def header_films(data: ReportData, worst: str | None) -> Films:
     """Return films of a stable run, the recommended one if there is one, and of the worst."""
     films, none = list[HeaderFilm](), Films([])
-    for run in dict.fromkeys(filter(None, (_stable(data), worst))):
+    for run in dict.fromkeys(filter(None, (_find_stable_run(data), worst))):
         try:
             films += film_of(data.store, run)
         except ContactlabError as error:
-            none = _undrawn(data.store, run, error)
+            none = _explain_missing(data.store, run, error)
     return Films(films) if films else none
 
 
-def _undrawn(store: Store, run: str, error: ContactlabError) -> Films:
-    """Return no film of a run and why; what another command cannot draw either has none."""
+def _explain_missing(store: Store, run: str, error: ContactlabError) -> Films:
+    """Return the reason why a run has no film, and a command unless it would fail too."""
     command = f"contactlab render {shell_word(store.address)} {run[:8]} -o run.mp4"
     return Films([], str(error), "" if isinstance(error, StoreError) else command)
 
 
-def _stable(data: ReportData) -> str | None:
+def _find_stable_run(data: ReportData) -> str | None:
     if data.tradeoff and data.tradeoff.recommendation:
         return data.tradeoff.recommendation.run_id
     rows = np.flatnonzero(~data.labels.failed)
@@ -102,7 +102,7 @@ def _stable(data: ReportData) -> str | None:
 
 
 class Moment(NamedTuple):
-    """A moment of a run: the worst window of a body [s], and what is said of it."""
+    """A moment of a run: the worst window of a body [s], and its caption."""
 
     run: str
     body: str
@@ -112,12 +112,12 @@ class Moment(NamedTuple):
 
 
 def film_of_moment(store: Store, moment: Moment) -> Films:
-    """Return a film in slow motion of what leads to a moment and follows it, from near the body."""
+    """Return a film in slow motion of the time around a moment, from near the body."""
     between = moment.begin - _BEFORE * _SHOWN, moment.end + (1 - _BEFORE) * _SHOWN
     try:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "moment.gif"
-            _viewer("gif")(
+            _load_viewer("gif")(
                 store,
                 moment.run,
                 path,
@@ -128,13 +128,13 @@ def film_of_moment(store: Store, moment: Moment) -> Films:
                 between=between,
                 around=moment.body,
             )
-            return Films([HeaderFilm(moment.run, moment.words, _encoded(path, "gif"))])
+            return Films([HeaderFilm(moment.run, moment.words, _encode_picture(path, "gif"))])
     except ContactlabError as error:
-        return _undrawn(store, moment.run, error)
+        return _explain_missing(store, moment.run, error)
 
 
-def _viewer(kind: str) -> Any:  # noqa: ANN401 - a function
-    """Return what draws files of a kind; a ContactlabError says what is not installed for it."""
+def _load_viewer(kind: str) -> Any:  # noqa: ANN401 - a function
+    """Return the viewer that draws files of a kind; a ContactlabError names a missing package."""
     if find_spec("mujoco") is None:
         raise OutputError(f".{kind} needs mujoco, which is not installed; pip install mujoco")
     return extensions("viewer")[kind].load()
@@ -144,19 +144,19 @@ def film_in(file: Path, words: str) -> HeaderFilm | None:
     """Return a film of a file that was drawn before, .gif; None if it is too large for a page."""
     if file.stat().st_size > _MOST_BYTES_OF_A_FILM:
         return None
-    return HeaderFilm("", words, _encoded(file, "gif"))
+    return HeaderFilm("", words, _encode_picture(file, "gif"))
 
 
 def film_of(store: Store, run: str) -> Iterator[HeaderFilm]:
     """Yield the film of a run, unless it is too large for a page.
 
-    A ContactlabError says why it cannot be drawn: it has no trace, or something is not installed.
+    A ContactlabError says why it cannot be drawn: it has no trace, or a package is not installed.
     """
     seconds = float(store.trace(store.record(run)).time[-1])
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.gif"
         speed = min(max(seconds / _SECONDS, 0.001), 1000.0)
-        _viewer("gif")(store, run, path, size=_SIZE, camera=None, speed=speed, at=())
-        size, source = path.stat().st_size, _encoded(path, "gif")
+        _load_viewer("gif")(store, run, path, size=_SIZE, camera=None, speed=speed, at=())
+        size, source = path.stat().st_size, _encode_picture(path, "gif")
     if size <= _MOST_BYTES_OF_A_FILM:
         yield HeaderFilm(run, store.record(run).label, source)

@@ -1,9 +1,9 @@
-"""Maps as Vega-Lite: fractions of labels, or one number a cell; and those of a baseline beside."""
+"""Maps as Vega-Lite: fractions of labels, or one number a cell, and those of a baseline."""
 
 import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import altair as alt
@@ -47,22 +47,31 @@ from contactlab.store.finished_store import Store
 Layered = alt.LayerChart | alt.FacetChart
 Room = tuple[int, int]
 
-_ROOM: Room = 560, 340
-_THIRD: Room = 300, 260
+
+@dataclass(frozen=True)
+class _MapLook:
+    """Sizes [pixels], shares and limits of maps."""
+
+    room: Room = 560, 340
+    third: Room = 300, 260
+    gap: float = 0.03
+    least_ratio: float = 1.02
+    edge: float = 0.2
+    pale: float = 0.35
+    fence: float = 1.5
+    most_texts: int = 12
+    decades: float = 30.0
+
+
+_LOOK = _MapLook()
+
 _PANELS = ("baseline", "candidate", "difference")
 _LISTED: tuple[Outcome, ...] = ("failed", "warned", "noted")
 _CELL_WIDTH, _CELL_HEIGHT = (13, 112), (13, 56)
-_GAP = 0.03
 _DIVERGING = ["#1845fb", "#f4f4f4", "#ff5e02"]
-_LEAST_RATIO = 1.02
-_EDGE = 0.2
-_PALE = 0.35
-_FENCE = 1.5
-_MOST_TEXTS_OF_A_ROW = 12
-_SPANS_DECADES = 30.0
 
 
-def _clipped(value: float, limits: tuple[float, float]) -> float:
+def _clip_value(value: float, limits: tuple[float, float]) -> float:
     return min(max(value, limits[0]), limits[1])
 
 
@@ -102,25 +111,25 @@ def label_rows(counts: NDArray[np.int64], labels: RunLabels) -> tuple[Rows, Rows
         ends = np.concatenate(([0], counts[y, x].cumsum())) / counts[y, x].sum()
         for code in np.flatnonzero(counts[y, x]).tolist():
             start, stop = ends[code : code + 2].tolist()
-            pieces.append(_piece(x, y, start, stop) | {"label": labels.legend[code]})
+            pieces.append(_cell_piece(x, y, start, stop) | {"label": labels.legend[code]})
             if code == main[y, x]:
-                place = x + _clipped((start + stop) / 2, (_EDGE, 1 - _EDGE))
+                place = x + _clip_value((start + stop) / 2, (_LOOK.edge, 1 - _LOOK.edge))
                 letters.append({"x": place, "y": y + 0.5, "text": labels.letters[code]})
     return pieces, letters
 
 
-def _piece(x: int, y: int, start: float, stop: float) -> dict[str, Any]:
-    width = 1 - 2 * _GAP
+def _cell_piece(x: int, y: int, start: float, stop: float) -> dict[str, Any]:
+    width = 1 - 2 * _LOOK.gap
     return {
-        "x": round(x + _GAP + start * width, 6),
-        "x2": round(x + _GAP + stop * width, 6),
-        "y": y + _GAP,
-        "y2": y + 1 - _GAP,
+        "x": round(x + _LOOK.gap + start * width, 6),
+        "x2": round(x + _LOOK.gap + stop * width, 6),
+        "y": y + _LOOK.gap,
+        "y2": y + 1 - _LOOK.gap,
     }
 
 
 def boundary_rows(axes: MapAxes, expected: Quantity) -> Rows:
-    """Return the ends of lines between two cells of which one only has an expectation of zero."""
+    """Return the ends of lines between two cells if only one of them has an expectation of zero."""
     values = cell_statistic(axes, expected, "worst")
     rows: Rows = []
     for step in ((0, 1), (1, 0)):
@@ -136,8 +145,8 @@ def boundary_rows(axes: MapAxes, expected: Quantity) -> Rows:
 def number_rows(values: Floats) -> tuple[Rows, Rows]:
     """Return a piece for each cell that has a value, and the values as text where they fit."""
     cells = np.argwhere(np.isfinite(values)).tolist()
-    pieces = [_piece(x, y, 0, 1) | {"value": float(values[y, x])} for y, x in cells]
-    if values.shape[1] > _MOST_TEXTS_OF_A_ROW:
+    pieces = [_cell_piece(x, y, 0, 1) | {"value": float(values[y, x])} for y, x in cells]
+    if values.shape[1] > _LOOK.most_texts:
         return pieces, []
     texts = [{"x": x + 0.5, "y": y + 0.5, "text": f"{values[y, x]:.3g}"} for y, x in cells]
     return pieces, texts
@@ -146,7 +155,7 @@ def number_rows(values: Floats) -> tuple[Rows, Rows]:
 def label_map(
     axes: MapAxes | None,
     labels: RunLabels,
-    room: Room = _ROOM,
+    room: Room = _LOOK.room,
     boundary: Rows | None = None,
     inferred: Codes | None = None,
 ) -> Layered:
@@ -161,15 +170,15 @@ def label_map(
     colour = word_colours("label", labels.legend, labels.colours)
     colour = colour.legend(title="label", values=shown)
     rows = _MapRows(pieces, letters, boundary or [], _inferred_rows(inferred, labels))
-    return _layered(axes, room, rows, colour, 13)
+    return _layer_map(axes, room, rows, colour, 13)
 
 
 def _inferred_rows(inferred: Codes | None, labels: RunLabels) -> Rows:
-    """Return a piece for each cell whose label is inferred."""
+    """Return a piece for each cell with an inferred label."""
     if inferred is None:
         return []
     cells = np.argwhere(inferred != NOT_INFERRED).tolist()
-    return [_piece(x, y, 0, 1) | {"label": labels.legend[inferred[y, x]]} for y, x in cells]
+    return [_cell_piece(x, y, 0, 1) | {"label": labels.legend[inferred[y, x]]} for y, x in cells]
 
 
 def number_map(
@@ -177,12 +186,12 @@ def number_map(
     values: Floats,
     title: str,
     resolution: float = 0.0,
-    room: Room = _ROOM,
+    room: Room = _LOOK.room,
     beside: Floats | None = None,
 ) -> Layered:
-    """Return the map of a number (rows, columns), NaN where there is none; empty without axes.
+    """Return the map of a number (rows, columns), NaN for a cell without one; empty without axes.
 
-    It has the colours of any values `beside`, which are of another map.
+    Values `beside` are those of another map with the same colours.
     """
     scaled = values if beside is None else np.concatenate([values, beside])
     scale = number_scale(scaled[np.isfinite(scaled)].tolist(), resolution)
@@ -193,7 +202,7 @@ def number_map(
 def ratio_map(axes: MapAxes, ratios: Floats, title: str, room: Room) -> Layered:
     """Return the map of a ratio (rows, columns), with 1 in the middle of the colour scale."""
     sizes = np.abs(np.log(ratios[np.isfinite(ratios)]))
-    reach = math.exp(sizes.max(initial=math.log(_LEAST_RATIO)))
+    reach = math.exp(sizes.max(initial=math.log(_LOOK.least_ratio)))
     colour = alt.Color("value:Q")
     colour = colour.scale(type="log", domain=[1 / reach, reach], range=_DIVERGING, nice=False)
     return _number_layers(axes, room, ratios, colour, f"candidate / baseline, {title}")
@@ -203,29 +212,29 @@ def _number_layers(
     axes: MapAxes | None, room: Room, values: Floats, colour: alt.Color, title: str
 ) -> Layered:
     colour = colour.legend(title=title, format=".3~g", gradientLength=160)
-    return _layered(axes, room, _MapRows(*number_rows(values)), colour, 10)
+    return _layer_map(axes, room, _MapRows(*number_rows(values)), colour, 10)
 
 
 def number_scale(values: Sequence[float], resolution: float) -> dict[str, Any]:
-    """Return a logarithmic scale for positive numbers that span decades, else a linear one.
+    """Return a logarithmic scale for positive numbers that span decades, otherwise a linear one.
 
     A number beyond Tukey's fences, 1.5 interquartile ranges from the quartiles, has the colour of
     the end, so that one outlier does not take all colours. So has a zero on a logarithmic scale.
     """
     sizes = sorted(value for value in values if value > resolution)
     shared: dict[str, Any] = {"clamp": True, "nice": False}
-    if not sizes or min(values) < 0 or sizes[-1] < _SPANS_DECADES * sizes[0]:
+    if not sizes or min(values) < 0 or sizes[-1] < _LOOK.decades * sizes[0]:
         return {"type": "linear", "zero": False, "domain": _within_fences(values), **shared}
     low, high = _within_fences([math.log(size) for size in sizes])
     return {"type": "log", "domain": [math.exp(low), math.exp(high)], **shared}
 
 
 def _within_fences(values: Sequence[float]) -> list[float]:
-    """Return the least and the greatest value that is no outlier; all count if half are equal."""
+    """Return the least and the greatest value without outliers; all count if half are equal."""
     if not values:
         return [0.0, 1.0]
     first, third = np.quantile(values, (0.25, 0.75))
-    reach = _FENCE * (third - first) or math.inf
+    reach = _LOOK.fence * (third - first) or math.inf
     return [max(min(values), float(first - reach)), min(max(values), float(third + reach))]
 
 
@@ -235,25 +244,25 @@ class _MapRows(NamedTuple):
     cells: Rows
     texts: Rows
     boundary: Sequence[dict[str, Any]] = ()
-    # None of numbers, of which nothing is inferred.
+    # None for numbers, which are never inferred.
     inferred: Sequence[dict[str, Any]] | None = None
 
 
-def _layered(
+def _layer_map(
     axes: MapAxes | None, room: Room, rows: _MapRows, colour: alt.Color, font_size: int
 ) -> Layered:
-    """Return the layers of a map: cells and texts, which are its rows, and what lies over them."""
+    """Return the layers of a map: cells and texts, its rows, and the layers over them."""
     columns, lines = (axes.x.ticks, axes.y.ticks if axes.y else ("",)) if axes else ((), ())
     x = alt.X("x:Q").scale(domain=[0, len(columns)], nice=False, zero=False)
     y = alt.Y("y:Q").scale(domain=[0, len(lines)], nice=False, zero=False)
-    cell = _clipped(room[0] / max(1, len(columns)), _CELL_WIDTH)
+    cell = _clip_value(room[0] / max(1, len(columns)), _CELL_WIDTH)
     width = cell * max(1, len(columns))
-    height = _clipped(room[1] / max(1, len(lines)), _CELL_HEIGHT) * max(1, len(lines))
+    height = _clip_value(room[1] / max(1, len(lines)), _CELL_HEIGHT) * max(1, len(lines))
     # Tick labels below the map turn where a cell is too narrow.
     angle = -35 if max(map(len, columns), default=0) * 7 > cell else 0
-    x = x.axis(title=axes.x.title if axes else "", **_ticks(columns), labelAngle=angle)
+    x = x.axis(title=axes.x.title if axes else "", **_cell_ticks(columns), labelAngle=angle)
     y_title = "" if axes is None else axes.y.title if axes.y else None
-    y = y.axis(title=y_title, titlePadding=12, **_ticks(lines))
+    y = y.axis(title=y_title, titlePadding=12, **_cell_ticks(lines))
     cells = layer_of("cells", rows.cells).mark_rect().encode(x, y, colour, x2="x2:Q", y2="y2:Q")
     bold = haloed(layer_of("texts", rows.texts), fontWeight="bold", fontSize=font_size)
     words = [layer.encode(x, y, text="text:N") for layer in bold]
@@ -263,13 +272,13 @@ def _layered(
     focus = layer_of("ring", []).mark_rect(fill=None, stroke=INK, strokeWidth=3)
     paler: list[alt.Chart] = []
     if rows.inferred is not None:
-        layer = layer_of("inferred", [*rows.inferred]).mark_rect(opacity=_PALE)
+        layer = layer_of("inferred", [*rows.inferred]).mark_rect(opacity=_LOOK.pale)
         paler = [layer.encode(x, y, colour.legend(None), x2="x2:Q", y2="y2:Q")]
     layers = (cells, *paler, *words, edge, focus.encode(x, y, x2="x2:Q", y2="y2:Q"))
     return alt.layer(*layers).properties(width=width, height=height)
 
 
-def _ticks(ticks: Sequence[str]) -> dict[str, Any]:
+def _cell_ticks(ticks: Sequence[str]) -> dict[str, Any]:
     """Return an axis with a tick label in the middle of each cell."""
     return {
         "values": [index + 0.5 for index in range(len(ticks))],
@@ -306,14 +315,16 @@ def compare_with_baseline(data: ReportData, baseline: Store) -> BaselineComparis
         findings=tuple(
             check for outcome in _LISTED for check in report.findings if check.outcome == outcome
         ),
-        maps=dict(_maps(data, baseline, pairing)),
+        maps=dict(_baseline_maps(data, baseline, pairing)),
         command=f"contactlab compare {shell_word(baseline.address)} "
         f"{shell_word(store.address)}{option}",
     )
 
 
-def _maps(data: ReportData, baseline: Store, pairing: Pairing) -> Iterator[tuple[str, Spec]]:
-    """Yield maps of the labels, and of the error or else the summary's first metric."""
+def _baseline_maps(
+    data: ReportData, baseline: Store, pairing: Pairing
+) -> Iterator[tuple[str, Spec]]:
+    """Yield maps of the labels, and of the error or the summary's first metric."""
     if data.map_axes is None:
         return
     before, after = pairing.baseline, pairing.candidate
@@ -321,13 +332,37 @@ def _maps(data: ReportData, baseline: Store, pairing: Pairing) -> Iterator[tuple
     axes = MapAxes(replace(x, codes=x.codes[after]), y and replace(y, codes=y.codes[after]))
     names = (*baseline.manifest.labels, *data.store.manifest.labels)
     old, new = _labels_of(baseline, names, before), _labels_of(data.store, names, after)
-    yield "labels", _label_maps(axes, old, new)
+    # In the order of the names: labels are ordered worst first.
+    moved = np.select([new.codes < old.codes, new.codes > old.codes], [0, 1], 2)
+    change = replace(
+        new,
+        names=("worse", "better", "as before"),
+        letters=("W", "B", ""),
+        facts=tuple(map(_color_facts, (COLOURS[1], COLOURS[0], UNCHANGED_COLOUR))),
+        codes=moved,
+    )
+    yield (
+        "labels",
+        _side_by_side([label_map(axes, labels, _LOOK.third) for labels in (old, new, change)]),
+    )
     name = data.tradeoff.error.name if data.tradeoff else summary_metrics()[0]
     for quantity in data.quantities_named(name):
         for earlier in Quantities.of(baseline.columns).named([name]):
             old_values = replace(earlier, values=earlier.values[before])
             new_values = replace(quantity, values=quantity.values[after])
-            yield name, _number_maps(axes, old_values, new_values)
+            values = [cell_statistic(axes, side, "worst") for side in (old_values, new_values)]
+            title, resolution = f"worst {new_values.title}", new_values.column.resolution
+            panels = [
+                number_map(axes, own, title, resolution, _LOOK.third, other)
+                for own, other in (values, values[::-1])
+            ]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                ratios = np.where(values[0] == values[1], 1.0, values[1] / values[0])
+            ratios = np.where(np.isfinite(ratios) & (ratios > 0), ratios, np.nan)
+            yield (
+                name,
+                _side_by_side([*panels, ratio_map(axes, ratios, new_values.title, _LOOK.third)]),
+            )
 
 
 def _labels_of(store: Store, names: Sequence[str], rows: NDArray[np.intp]) -> RunLabels:
@@ -335,34 +370,8 @@ def _labels_of(store: Store, names: Sequence[str], rows: NDArray[np.intp]) -> Ru
     return replace(labels, codes=labels.codes[rows], masks=labels.masks[rows])
 
 
-def _label_maps(axes: MapAxes, before: RunLabels, after: RunLabels) -> Spec:
-    # In the order of the names: labels are ordered worst first.
-    moved = np.select([after.codes < before.codes, after.codes > before.codes], [0, 1], 2)
-    change = replace(
-        after,
-        names=("worse", "better", "as before"),
-        letters=("W", "B", ""),
-        facts=tuple(map(_painted, (COLOURS[1], COLOURS[0], UNCHANGED_COLOUR))),
-        codes=moved,
-    )
-    return _side_by_side([label_map(axes, labels, _THIRD) for labels in (before, after, change)])
-
-
-def _painted(colour: str) -> LabelFacts:
+def _color_facts(colour: str) -> LabelFacts:
     return LabelFacts(colour=colour)
-
-
-def _number_maps(axes: MapAxes, before: Quantity, after: Quantity) -> Spec:
-    values = [cell_statistic(axes, side, "worst") for side in (before, after)]
-    title, resolution = f"worst {after.title}", after.column.resolution
-    panels = [
-        number_map(axes, own, title, resolution, _THIRD, other)
-        for own, other in (values, values[::-1])
-    ]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = np.where(values[0] == values[1], 1.0, values[1] / values[0])
-    ratios = np.where(np.isfinite(ratios) & (ratios > 0), ratios, np.nan)
-    return _side_by_side([*panels, ratio_map(axes, ratios, after.title, _THIRD)])
 
 
 def _side_by_side(charts: Sequence[Layered]) -> Spec:

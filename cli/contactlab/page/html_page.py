@@ -15,7 +15,7 @@ from contactlab.store.finished_store import Store
 
 
 def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]:
-    """Return the page of a store, and notes on what it leaves out."""
+    """Return the page of a store, and notes on omitted data."""
     environment = Environment(
         loader=PackageLoader(PACKAGE),
         autoescape=True,
@@ -30,12 +30,12 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
     return environment.get_template("page.html").render(view=view), view.head.notes
 
 
-def _number(value: float | None) -> str:
+def _format_number(value: float | None) -> str:
     return "-" if value is None else f"{value:.3g}"
 
 
 _FILTERS: Mapping[str, Any] = {
-    "number": _number,
+    "number": _format_number,
     "number_with_unit": number_with_unit,
     "with_unit": with_unit,
     "setting": setting_text,

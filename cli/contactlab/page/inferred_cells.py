@@ -1,11 +1,10 @@
-"""Labels of the cells of a map that no run fills: inferred, where a sweep refined its grid."""
+"""Labels of cells without a run in maps: inferred, if a sweep refined its grid."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from contactlab.reporting.boundaries import Sides
 from contactlab.reporting.map_axes import MapAxes
 from contactlab.reporting.report import ReportData
 from contactlab.reporting.report_columns import Codes, tick_of
@@ -28,7 +27,7 @@ class InferredLabels:
 
 
 def inferred_labels(data: ReportData) -> Iterator[InferredLabels]:
-    """Yield what is inferred of labels, for maps of one axis or two; nothing of other sweeps."""
+    """Yield the inferred labels, for maps of one axis or two; none for other sweeps."""
     found = data.boundaries
     if found is None or found.where != "label" or len(found.grid.axes) > 2:
         return
@@ -42,20 +41,16 @@ def inferred_labels(data: ReportData) -> Iterator[InferredLabels]:
     shape = [len(axes[name].ticks) for name in found.grid.axes]
     for sides in found.sides:
         codes = np.full(shape, NOT_INFERRED, np.int64)
-        codes[np.ix_(*places)] = _codes(sides, data)
+        names = np.array([data.labels.names.index(name) for name in sides.names])
+        codes[np.ix_(*places)] = np.where(sides.ran, NOT_INFERRED, names[sides.codes])
         shared = {
             name: tick_of(axes[name], value) for name, value in sides.shared.items() if name in axes
         }
         yield InferredLabels(shared, codes.reshape(len(codes), -1).T)
 
 
-def _codes(sides: Sides, data: ReportData) -> Codes:
-    names = np.array([data.labels.names.index(name) for name in sides.names])
-    return np.where(sides.ran, NOT_INFERRED, names[sides.codes])
-
-
 def agreed(data: ReportData, axes: MapAxes) -> Codes | None:
-    """Return (rows, columns) the labels in which all inferred agree; None if the map has others."""
+    """Return (rows, columns) the common labels of all inferred maps; None for other axes."""
     parts, grid = [part.codes for part in inferred_labels(data)], data.boundaries
     if not parts or grid is None or {*axes.names} != {*grid.grid.axes}:
         return None

@@ -22,14 +22,12 @@ from contactlab.reporting.report_columns import (
 
 Statistic = Literal["worst", "median", "mean"]
 STATISTICS: tuple[Statistic, ...] = ("worst", "median", "mean")
-_MOST_AXES = 8
 _PART, _MOST_PARTS = 4096, 1024
-"""Values that a part has at least, beside four for each cell, and how many parts there are."""
-_RUNS_OF_A_SUM = 8  # runs for each place of a grid of sums, or maps are summed by themselves
+"""Least number of values of a part, besides four for each cell, and largest number of parts."""
 
 
 def label_counts(axes: MapAxes, labels: RunLabels) -> NDArray[np.int64]:
-    """Return (rows, columns, labels) how many runs have which worst label."""
+    """Return (rows, columns, labels) the number of runs with each worst label."""
     count = len(labels.names)
     return axes.counts(labels.codes, count).reshape(*axes.shape, count)
 
@@ -39,7 +37,7 @@ def cell_statistic(axes: MapAxes, quantity: Quantity, kind: Statistic) -> Floats
     ascending = ascending_runs(quantity)
     cells = axes.cells.astype(np.min_scalar_type(axes.size))
     own, values = cells[ascending], quantity.values[ascending]
-    sums = _sums(own, values, axes.size)
+    sums = _sum_places(own, values, axes.size)
     statistics = cell_statistics(own, values, sums, quantity.column.better)
     return statistics[STATISTICS.index(kind)].reshape(axes.shape)
 
@@ -50,9 +48,9 @@ def ascending_runs(quantity: Quantity) -> NDArray[np.intp]:
 
 
 def cell_statistics(own: NDArray[np.integer], values: Floats, sums: Floats, better: str) -> Floats:
-    """Return (3, cells) worst, median and mean of values in each cell, NaN where it has none.
+    """Return (3, cells) worst, median and mean of values in each cell, NaN without values.
 
-    The worst is the largest magnitude, or the least value of a quantity of which more is better.
+    The worst is the largest magnitude, or the least value if more is better.
     Values (m,) are the least first, for all maps alike; `own` (m,) is the cell of each, and `sums`
     (cells,) the sum of each cell's values.
     """
@@ -67,13 +65,13 @@ def cell_statistics(own: NDArray[np.integer], values: Floats, sums: Floats, bett
         return statistics
     number = runs[filled]
     places = np.stack([0 * number, (number - 1) // 2, number // 2, number - 1])
-    low, *middle, high = _placed(own, values, ends, counts, filled, places)
+    low, *middle, high = _pick_values(own, values, ends, counts, filled, places)
     worst = low if better == "higher" else np.maximum(np.abs(low), np.abs(high))
     statistics[:, filled] = worst, (middle[0] + middle[1]) / 2, sums[filled] / number
     return statistics
 
 
-def _placed(
+def _pick_values(
     own: NDArray[np.integer],
     values: Floats,
     ends: NDArray[np.intp],
@@ -81,11 +79,10 @@ def _placed(
     filled: NDArray[np.intp],
     places: NDArray[np.intp],
 ) -> Floats:
-    """Return (k, f) which values are at these places (k, f) of those of each filled cell (f,).
+    """Return (k, f) the values at these places (k, f) of each filled cell (f,).
 
-    Values (m,) ascend, and are in parts with these ends (p + 1,). How many each cell has in each
-    part (p, cells) says in which part a place is; only such parts are looked at, and only what
-    their cells have there.
+    Values (m,) ascend, and are in parts with these ends (p + 1,). The count of each cell in each
+    part (p, cells) gives the part of a place. Only such parts are searched, and only their cells.
     """
     if not values[0] < values[-1]:
         return np.full(places.shape, values[0])
@@ -108,9 +105,9 @@ def _placed(
 
 
 def most_frequent_failure(counts: NDArray[np.int64], labels: RunLabels) -> NDArray[np.int64]:
-    """Return (rows, columns) the most frequent failure label of each cell, -1 where there is none.
+    """Return (rows, columns) the most frequent failure label of each cell, -1 without one.
 
-    Of equally frequent ones the worst.
+    If several are equally frequent, it is the worst.
     """
     failures = len(labels.names) - (STABLE in labels.names)
     if not failures:
@@ -121,7 +118,8 @@ def most_frequent_failure(counts: NDArray[np.int64], labels: RunLabels) -> NDArr
 
 def aggregated_axes(axes: Sequence[GridAxis]) -> tuple[GridAxis, ...]:
     """Return the axes that runs are aggregated over: the first eight, the seed last."""
-    return tuple(sorted(axes, key=lambda axis: axis.name == SEED)[:_MOST_AXES])
+    most_axes = 8
+    return tuple(sorted(axes, key=lambda axis: axis.name == SEED)[:most_axes])
 
 
 def aggregated_columns(
@@ -139,7 +137,7 @@ def aggregated_columns(
     columns = {f"{name}:labels": packed_integers(each.ravel()) for name, each in counts.items()}
     for quantity in quantities:
         values, better = quantity.values, quantity.column.better
-        # NaN, which equals nothing, where some run has no value.
+        # If some run has no value, this is NaN, which equals nothing.
         if values.min() == values.max():
             runs = ((name, each.sum(axis=-1).ravel()) for name, each in counts.items())
             found = ((name, _of_one_value(own, values[0], better)) for name, own in runs)
@@ -152,7 +150,7 @@ def aggregated_columns(
 
 
 def _of_one_value(runs: NDArray[np.int64], value: np.float64, better: str) -> Floats:
-    """Return (3, cells) what `cell_statistics` does where all of the runs (cells,) have a value."""
+    """Return (3, cells) the result of `cell_statistics` if all runs (cells,) have one value."""
     worst = value if better == "higher" else abs(value)
     return np.where(runs > 0, np.array([[worst], [value], [value]]), np.nan)
 
@@ -165,7 +163,7 @@ def _of_maps(
     values = quantity.values[ascending]
     codes = {axis.name: axis.codes[ascending] for axis in axes}
     del ascending
-    sums = _Sums.of(axes, codes, values)
+    sums = _GridSums.of(axes, codes, values)
     for name, drawn in maps.items():
         # The smaller the numbers, the sooner they are counted and sorted.
         kind = np.min_scalar_type(drawn.size)
@@ -176,7 +174,7 @@ def _of_maps(
         yield name, cell_statistics(cells, values, of_cells, quantity.column.better)
 
 
-def _sums(places: NDArray[np.integer], values: Floats, size: int) -> Floats:
+def _sum_places(places: NDArray[np.integer], values: Floats, size: int) -> Floats:
     """Return (size,) the sum of the values (m,) at each place (m,)."""
     found = np.zeros(size)
     for part in blocks(len(values)):
@@ -185,20 +183,21 @@ def _sums(places: NDArray[np.integer], values: Floats, size: int) -> Floats:
 
 
 @dataclass(frozen=True)
-class _Sums:
-    """Sums of values over the grid of the smallest axes, which those of most maps are sums of."""
+class _GridSums:
+    """Sums of values over the grid of the smallest axes; most maps are sums of these."""
 
     values: Floats
     axes: tuple[GridAxis, ...]
     grid: Floats  # (ticks of each axis, ...)
 
     @classmethod
-    def of(cls, axes: Sequence[GridAxis], own: Mapping[str, Codes], values: Floats) -> "_Sums":
-        """Return those of values (m,), whose codes (m,) are given by axis."""
+    def of(cls, axes: Sequence[GridAxis], own: Mapping[str, Codes], values: Floats) -> "_GridSums":
+        """Return the sums of values (m,) with codes (m,) by axis."""
         used, size = list[GridAxis](), 1
+        runs_of_a_sum = 8  # runs for each place of a grid of sums; maps with fewer are summed alone
         for axis in sorted(axes, key=lambda axis: len(axis.ticks)):
             size *= len(axis.ticks)
-            if _RUNS_OF_A_SUM * size > len(values):
+            if runs_of_a_sum * size > len(values):
                 break
             used.append(axis)
         shape = [len(axis.ticks) for axis in used]
@@ -206,14 +205,16 @@ class _Sums:
         for axis in used:
             places *= np.int32(len(axis.ticks))
             places += own[axis.name].astype(np.int32)
-        return cls(values, tuple(used), _sums(places, values, int(np.prod(shape))).reshape(shape))
+        return cls(
+            values, tuple(used), _sum_places(places, values, int(np.prod(shape))).reshape(shape)
+        )
 
     def of_map(self, drawn: MapAxes, cells: NDArray[np.integer]) -> Floats:
-        """Return (cells,) those of a map, of which the cell of each value is given."""
+        """Return (cells,) the sums of a map, from the cell of each value."""
         shown = [axis for axis in (drawn.y, drawn.x) if axis is not None]
         names = [axis.name for axis in self.axes]
         if any(axis.name not in names for axis in shown):
-            return _sums(cells, self.values, drawn.size)
+            return _sum_places(cells, self.values, drawn.size)
         kept = [names.index(axis.name) for axis in shown]
         rest = tuple(place for place in range(len(names)) if place not in kept)
         sums = self.grid.sum(axis=rest)

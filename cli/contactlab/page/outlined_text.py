@@ -1,4 +1,4 @@
-"""Text of SVG figures as outlines, which look alike whatever fonts their reader has.
+"""Text of SVG figures as outlines, which look alike with any fonts.
 
 The renderer embeds in a PDF the glyphs that a picture needs. They are set side by side, without
 kerning.
@@ -19,7 +19,6 @@ from fontTools.ttLib import TTFont
 _SVG = "http://www.w3.org/2000/svg"
 _XLINK = "http://www.w3.org/1999/xlink"
 _OF_TEXT = {"text-anchor", "font-family", "font-size", "font-weight", "font-style"}
-_STARTS = {"start": 0.0, "middle": -0.5, "end": -1.0}
 _CODES = re.compile(r"<([0-9A-F]{4})> <([0-9A-F]{4,})>\n")
 
 
@@ -43,16 +42,35 @@ class _Font:
 
 
 def outlined(svg: str) -> str:
-    """Return an SVG picture whose texts are paths, named by what they say.
+    """Return an SVG picture with texts as paths, named by their words.
 
-    A text of which the renderer has no TrueType outlines stays as it is.
+    A text stays unchanged if the renderer has no TrueType outlines of it.
     """
-    fonts = _fonts(svg)
+    # The fonts that the picture is drawn with, as far as they are TrueType.
+    fonts: list[_Font] = []
+    with pikepdf.open(io.BytesIO(vl_convert.svg_to_pdf(svg))) as opened:
+        for font in opened.objects:
+            if isinstance(font, pikepdf.Dictionary) and font.get("/Subtype") == "/Type0":
+                described = font["/DescendantFonts"][0]["/FontDescriptor"]
+                if "/FontFile2" in described:
+                    outlines = TTFont(io.BytesIO(described["/FontFile2"].read_bytes()))
+                    codes = _CODES.findall(font["/ToUnicode"].read_bytes().decode())
+                    # Glyph 0 stands for the characters that the font lacks.
+                    numbers = {
+                        bytes.fromhex(text).decode("utf-16-be"): int(code, 16)
+                        for code, text in codes
+                    }
+                    glyphs = {
+                        text: outlines.getGlyphName(number)
+                        for text, number in numbers.items()
+                        if number
+                    }
+                    fonts.append(_Font(str(font["/BaseFont"]), outlines, glyphs))
     ET.register_namespace("", _SVG)
     ET.register_namespace("xlink", _XLINK)
     root = ET.fromstring(svg)  # noqa: S314 - drawn by this program
     for text in root.iter(f"{{{_SVG}}}text"):
-        drawn = _drawn(text, fonts)
+        drawn = _draw_text(text, fonts)
         if drawn is None:
             continue
         said = " ".join("".join(text.itertext()).split())
@@ -65,32 +83,13 @@ def outlined(svg: str) -> str:
     return ET.tostring(root, encoding="unicode")
 
 
-def _fonts(svg: str) -> list[_Font]:
-    """Return the fonts that a picture is drawn with, as far as they are TrueType."""
-    found: list[_Font] = []
-    with pikepdf.open(io.BytesIO(vl_convert.svg_to_pdf(svg))) as opened:
-        for font in opened.objects:
-            if isinstance(font, pikepdf.Dictionary) and font.get("/Subtype") == "/Type0":
-                described = font["/DescendantFonts"][0]["/FontDescriptor"]
-                if "/FontFile2" in described:
-                    outlines = TTFont(io.BytesIO(described["/FontFile2"].read_bytes()))
-                    codes = _CODES.findall(font["/ToUnicode"].read_bytes().decode())
-                    found.append(_Font(str(font["/BaseFont"]), outlines, _glyphs(outlines, codes)))
-    return found
-
-
-def _glyphs(outlines: TTFont, codes: Sequence[tuple[str, str]]) -> dict[str, str]:
-    """Return the glyph of each character; glyph 0 stands for those that the font lacks."""
-    numbers = {bytes.fromhex(text).decode("utf-16-be"): int(code, 16) for code, text in codes}
-    return {text: outlines.getGlyphName(number) for text, number in numbers.items() if number}
-
-
-def _drawn(text: ET.Element, fonts: Sequence[_Font]) -> str | None:
+def _draw_text(text: ET.Element, fonts: Sequence[_Font]) -> str | None:
     """Return the path of a text, line by line; None where a glyph is missing."""
     is_bold = text.get("font-weight") in {"bold", "600", "700", "800", "900"}
     ranked = sorted(fonts, key=lambda font: ("Bold" in font.name) != is_bold)
     size = float(text.get("font-size", "11px").removesuffix("px"))
-    anchor = _STARTS[text.get("text-anchor", "start")]
+    starts = {"start": 0.0, "middle": -0.5, "end": -1.0}
+    anchor = starts[text.get("text-anchor", "start")]
     paths, down = list[str](), 0.0
     for line in [*text] or [text]:
         down += float(line.get("dy", 0)) if line is not text else 0.0

@@ -67,15 +67,17 @@ def run_id_halves(run_ids: NDArray[np.uint64]) -> NDArray[np.uint32]:
 
 def as_json(data: Any) -> str:  # noqa: ANN401 - anything that JSON holds
     """Return data as JSON that cannot end its script element; NaN and infinities become null."""
-    text = json.dumps(_plain(data), allow_nan=False, separators=(",", ":"), ensure_ascii=True)
+    text = json.dumps(
+        _replace_infinite(data), allow_nan=False, separators=(",", ":"), ensure_ascii=True
+    )
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def _plain(data: Any) -> Any:  # noqa: ANN401
+def _replace_infinite(data: Any) -> Any:  # noqa: ANN401
     if isinstance(data, float):
         return data if math.isfinite(data) else None
     if isinstance(data, dict):
-        return {str(key): _plain(value) for key, value in data.items()}
+        return {str(key): _replace_infinite(value) for key, value in data.items()}
     if isinstance(data, list | tuple):
-        return [_plain(item) for item in data]
+        return [_replace_infinite(item) for item in data]
     return data

@@ -1,4 +1,4 @@
-"""The charts of a page beside its map: labels, accuracy and time, a run, what a knob changes."""
+"""The charts of a page besides its map: labels, accuracy and time, a run, changes by knobs."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -26,12 +26,8 @@ from contactlab.reporting.report_columns import (
     RunLabels,
     combination_codes,
 )
-from contactlab.schema.tradeoff_report import TradeoffReport
 
 MODE_NAMES = {NO_CONTACT: "no contact", STICK: "stick", SLIDE: "slide"}
-_MOST_CONFIGURATIONS = 600
-_MOST_VALUES = 12
-_ROOM = 3.0
 
 
 def chart_templates(data: ReportData, tradeoff: Spec | None) -> dict[str, Spec]:
@@ -45,9 +41,9 @@ def chart_templates(data: ReportData, tradeoff: Spec | None) -> dict[str, Spec]:
 
 
 def tradeoff_chart(data: ReportData) -> Spec | None:
-    """Return accuracy against time; None where the store does not have both.
+    """Return accuracy against time; None if the store lacks one of them.
 
-    Of very many configurations it shows those of the best methods and a sample of the others.
+    If there are very many configurations, it shows the best methods and a sample of the others.
     """
     report = data.tradeoff
     configurations = report.configurations if report else ()
@@ -57,11 +53,7 @@ def tradeoff_chart(data: ReportData) -> Spec | None:
     ):
         return None
     # Altair would hold every configuration against its schema.
-    return themed(chart_specification(report, _drawn_places(report)).to_dict(validate=False))
-
-
-def _drawn_places(report: TradeoffReport) -> set[int]:
-    """Return the configurations to draw: whole methods, those of the fronts before others."""
+    # Whole methods are drawn, those of the fronts before others.
     by_method: dict[MethodKey, list[int]] = {}
     for place, configuration in enumerate(report.configurations):
         by_method.setdefault(method_key(configuration.configuration), []).append(place)
@@ -72,18 +64,19 @@ def _drawn_places(report: TradeoffReport) -> set[int]:
     keys, stride = list(by_method), max(1, len(by_method) // 64)
     others = (key for start in range(stride) for key in keys[start::stride])
     places: list[int] = []
+    most_configurations = 600
     for key in dict.fromkeys((*best_methods, *others)):
-        if len(places) < _MOST_CONFIGURATIONS:
+        if len(places) < most_configurations:
             places += by_method[key]
-    return set(places)
+    return themed(chart_specification(report, set(places)).to_dict(validate=False))
 
 
 @dataclass(frozen=True)
 class KnobChange:
     """One knob from one value to another, over the pairs of runs that differ in nothing else.
 
-    Of these a fraction failed before, and after. The ratios are, by quantity, the geometric mean of
-    after over before where neither run fails; None where no pair has two positive values.
+    `failed` has the failed fractions before and after. The ratios are, by quantity, the geometric
+    mean of after over before for pairs without failure; None if no pair has two positive values.
     """
 
     axis: str
@@ -97,11 +90,12 @@ class KnobChange:
 def knob_changes(
     axes: Sequence[GridAxis], labels: RunLabels, quantities: Iterable[Quantity], most: int
 ) -> list[KnobChange]:
-    """Return every knob's values against its first, where runs can be matched.
+    """Return every knob's values against its first, if runs can be matched.
 
-    Ratios are of the first quantities, at most so many, that any change has one of.
+    Ratios are those of the first quantities with any, at most `most`.
     """
-    knobs = [axis for axis in axes if axis.role == "knob" and len(axis.ticks) <= _MOST_VALUES]
+    most_values = 12
+    knobs = [axis for axis in axes if axis.role == "knob" and len(axis.ticks) <= most_values]
     pairs = [found for axis in knobs for found in _changes_of(axis, axes, labels)]
     told = 0
     for quantity in quantities if pairs else ():
@@ -118,7 +112,7 @@ def knob_changes(
 def _changes_of(
     axis: GridAxis, axes: Sequence[GridAxis], labels: RunLabels
 ) -> Iterator[tuple[KnobChange, tuple[Codes, Codes]]]:
-    """Yield changes, each with the rows (m,), before and after, of pairs of which none failed."""
+    """Yield changes, each with the rows (m,), before and after, of pairs without failure."""
     others = combination_codes([other for other in axes if other is not axis], len(axis.codes))
     base = np.flatnonzero(axis.codes == 0)
     failed = labels.failed
@@ -142,7 +136,7 @@ def _mean_ratio(before: Floats, after: Floats) -> float | None:
 
 
 def change_panels(changes: Sequence[KnobChange], names: Sequence[str]) -> Spec:
-    """Return bars of the factor by which each change multiplies each quantity."""
+    """Return bars of the factor of each change for each quantity."""
     rows: Rows = [
         {
             "change": f"{change.axis}  {change.before} → {change.after}",
@@ -159,13 +153,16 @@ def change_panels(changes: Sequence[KnobChange], names: Sequence[str]) -> Spec:
     ]
     order = list(dict.fromkeys(row["change"] for row in rows))
     named = {name: own for name in names if (own := [row for row in rows if row["name"] == name])}
-    panels = [_bars(own, name, order, is_first=name == names[0]) for name, own in named.items()]
+    panels = [
+        _ratio_bars(own, name, order, is_first=name == names[0]) for name, own in named.items()
+    ]
     return alt.hconcat(*panels, spacing=26).to_dict()
 
 
-def _bars(rows: Rows, name: str, order: list[str], *, is_first: bool) -> Layered:
+def _ratio_bars(rows: Rows, name: str, order: list[str], *, is_first: bool) -> Layered:
     sizes = [row["ratio"] for row in rows]
-    domain = [min(*sizes, 1.0) / _ROOM, max(*sizes, 1.0) * _ROOM]
+    margin = 3.0
+    domain = [min(*sizes, 1.0) / margin, max(*sizes, 1.0) * margin]
     x = alt.X("ratio:Q").scale(type="log", domain=domain, nice=False)
     x = x.axis(title=f"{name}, after / before", format="~g", tickCount=5)
     y = alt.Y("change:N").scale(domain=order).axis(title=None, labelLimit=260, labels=is_first)

@@ -46,10 +46,6 @@ from contactlab.store.verify_store import trace_warning
 from contactlab.studies.parity.report_sections import HEADER, about, row, shown
 
 PACKAGE = __name__.rpartition(".")[0]
-_MOST_UNEXPECTED = 50
-_MOST_CELLS = 400
-_MOST_RATIOS = 5
-_MOST_LISTED = 24
 _SCRIPTS = (
     *("data", "state", "elements", "heatmap", "evaluation", "plots", "timeline", "run"),
     *("runs_table", "parallel", "tabs", "main"),
@@ -58,7 +54,7 @@ _SCRIPTS = (
 
 @dataclass(frozen=True)
 class Table:
-    """A table of texts; of a row of runs the first cell is an id."""
+    """A table of texts; the first cell of a run's row is its id."""
 
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
@@ -108,7 +104,7 @@ class MapView:
 
 @dataclass(frozen=True)
 class TradeoffView:
-    """The trade-off of accuracy and time; without a report, the reason why there is none."""
+    """The trade-off of accuracy and time; without a report, the reason."""
 
     report: TradeoffReport | None
     missing: str = ""
@@ -133,7 +129,7 @@ class RealityView:
 
 @dataclass(frozen=True)
 class EffectsView:
-    """Effects of changing one knob, and the quantities whose ratios are shown."""
+    """Effects of changing one knob, and the quantities with shown ratios."""
 
     changes: Sequence[KnobChange]
     ratios: Sequence[str]
@@ -176,7 +172,7 @@ class SensitivityView:
 
 @dataclass(frozen=True)
 class BudgetView:
-    """What sampled axes are worth in one run: of which, and a row for each of the model."""
+    """Errors by sampled axes in one run: its title, a row for each axis, and axes without one."""
 
     title: str
     rows: Sequence[ParameterRow]
@@ -194,7 +190,7 @@ class ScriptView:
 
 @dataclass(frozen=True)
 class PageView:
-    """A page: a part is None where the store has nothing of it."""
+    """A page: a part is None if the store has no data for it."""
 
     store: str
     manifest: StoreManifest
@@ -237,7 +233,7 @@ def page_view(store: Store, request: PageRequest) -> PageView:
     return PageView(
         store=str(store.address),
         manifest=store.manifest,
-        style=_read("style.css") + colours_on_dark(data.labels.colours),
+        style=_read_resource("style.css") + colours_on_dark(data.labels.colours),
         head=head_view(data, request, reality, script.notes),
         outcomes=list(outcome_views(data)),
         # Seeds of one model make neither a map nor a trade-off.
@@ -257,13 +253,13 @@ def page_view(store: Store, request: PageRequest) -> PageView:
         examination=examination_view(store, request.examination, request.grip),
         script=ScriptView(
             script,
-            "\n".join(_read(f"script/{name}.js") for name in _SCRIPTS),
+            "\n".join(_read_resource(f"script/{name}.js") for name in _SCRIPTS),
             packed_text(vega_bundle()),
         ),
     )
 
 
-def _read(name: str) -> str:
+def _read_resource(name: str) -> str:
     return resources.files(PACKAGE).joinpath(name).read_text(encoding="utf-8")
 
 
@@ -287,7 +283,7 @@ def head_view(
 
 
 def first_look(data: ReportData) -> tuple[str, str] | None:
-    """Return id and label of the run to look at first: not as expected, or else the worst."""
+    """Return id and label of the run to look at first: not as expected, otherwise the worst."""
     labels = data.labels
     met, given = data.store.columns.numbers("expectation_met")
     candidates = np.flatnonzero(given & (np.nan_to_num(met) == 0))
@@ -306,14 +302,14 @@ def outcome_views(data: ReportData) -> Iterator[OutcomeView]:
     columns = (labels.names, labels.letters, page_colours(labels), labels.counts, labels.facts)
     for start, name, letter, colour, count, facts in zip(starts, *columns, strict=False):
         place = 1000 * start / runs, 1000 * count / runs
-        # Nothing is to be changed of a stable run.
+        # A stable run needs no change.
         advice = "" if name == "stable" else facts.advice
         shown = share(count, runs)
         yield OutcomeView(name, letter, colour, count, shown, *place, facts.meaning, advice)
 
 
 def map_view(data: ReportData) -> MapView | None:
-    """Return the default map; None of a store without axes."""
+    """Return the default map; None for a store without axes."""
     axes = data.map_axes
     if axes is None:
         return None
@@ -330,7 +326,7 @@ def map_view(data: ReportData) -> MapView | None:
 
 
 def sensitivity_views(store: Store) -> Iterator[SensitivityView]:
-    """Yield how much of a metric's variance goes with each sampled axis."""
+    """Yield the share of a metric's variance for each sampled axis."""
     for found in sensitivities(store):
         shared = ", ".join(f"{name} {value}" for name, value in found.shared.items())
         spans = [
@@ -347,7 +343,7 @@ def sensitivity_views(store: Store) -> Iterator[SensitivityView]:
 
 
 def budget_views(store: Store) -> Iterator[BudgetView]:
-    """Yield what the axes of a sampled sweep are worth in the run in the middle of their ranges."""
+    """Yield the errors by sampled axes in the run in the middle of their ranges."""
     for budget in store.manifest.parameter_budgets:
         title, rows = budget_sentence(budget, store), by_share(budget)
         yield BudgetView(f"{title[:1].upper()}{title[1:]}", rows, axes_of_starts(budget))
@@ -355,7 +351,8 @@ def budget_views(store: Store) -> Iterator[BudgetView]:
 
 def _map_rows(data: ReportData) -> list[tuple[str, list[str]]]:
     axes, labels = data.map_axes, data.labels
-    if axes is None or axes.size > _MOST_CELLS:
+    most_cells = 400
+    if axes is None or axes.size > most_cells:
         return []
     ticks = axes.y.ticks if axes.y else ("all",)
     rows = [
@@ -366,7 +363,7 @@ def _map_rows(data: ReportData) -> list[tuple[str, list[str]]]:
 
 
 def tradeoff_view(data: ReportData, chart: Spec | None) -> TradeoffView | None:
-    """Return the trade-off, or why there is none; None where neither is to be said."""
+    """Return the trade-off, or the reason why it is missing; None without either."""
     report = data.tradeoff
     if report is None:
         return TradeoffView(None, data.no_tradeoff) if data.no_tradeoff else None
@@ -388,7 +385,7 @@ def tradeoff_view(data: ReportData, chart: Spec | None) -> TradeoffView | None:
 
 
 def reality_view(data: ReportData) -> RealityView | None:
-    """Return the distance to recordings; None where no run was compared with one."""
+    """Return the distance to recordings; None if no run was compared with one."""
     for reality in data.quantities_named("reality"):
         header, rows, foot = closest_settings(data)
         return RealityView(
@@ -403,7 +400,8 @@ def reality_view(data: ReportData) -> RealityView | None:
 def listed_runs(data: ReportData) -> Table:
     """Return a table of some runs, the worst first."""
     quantities = data.quantities_named(*listed_metrics(data))
-    worst = np.argsort(data.labels.codes, kind="stable")[:_MOST_LISTED].tolist()
+    most_listed = 24
+    worst = np.argsort(data.labels.codes, kind="stable")[:most_listed].tolist()
     rows = [
         [
             str(identity["run_id"]),
@@ -420,7 +418,7 @@ def listed_runs(data: ReportData) -> Table:
 
 
 def effects_view(data: ReportData) -> EffectsView | None:
-    """Return the effect of each knob; None where no two runs differ in one alone."""
+    """Return the effect of each knob; None if no two runs differ in one alone."""
     report = data.tradeoff
     first = (
         (report.time.name, report.error.name, *report.tolerances)
@@ -429,29 +427,32 @@ def effects_view(data: ReportData) -> EffectsView | None:
     )
     wanted = dict.fromkeys((*first, *summary_metrics()))
     quantities = (quantity for name in wanted for quantity in data.quantities.named([name]))
-    changes = knob_changes(data.axes, data.labels, quantities, _MOST_RATIOS)
+    most_ratios = 5
+    changes = knob_changes(data.axes, data.labels, quantities, most_ratios)
     return EffectsView(changes, list(changes[0].ratios)) if changes else None
 
 
 def expectations_view(store: Store) -> ExpectationsView | None:
-    """Return expectations and the first runs that do not meet theirs; None if none is stated."""
-    rows = list(_expectations(store.manifest))
+    """Return expectations and the first runs that do not meet theirs; None without expectations."""
+    rows = list(_expectation_rows(store.manifest))
     return ExpectationsView(rows, _unexpected_runs(store)) if rows else None
 
 
-def _expectations(manifest: StoreManifest) -> Iterator[tuple[str, str, str]]:
+def _expectation_rows(manifest: StoreManifest) -> Iterator[tuple[str, str, str]]:
     sweep = Sweep.model_validate(manifest.sweep.resolved)
     for expectation in sweep.expect:
         conditions = [f"{name} = {value}" for name, value in expectation.where.settings.items()]
         conditions += [expectation.where.where] if expectation.where.where else []
         expected = [" or ".join(expectation.label)] if expectation.label else []
-        expected += [_bounds(name, bounds) for name, bounds in expectation.metrics.items()]
-        expected += [_bounds(f"mean {name}", bounds) for name, bounds in expectation.mean.items()]
+        expected += [_format_bounds(name, bounds) for name, bounds in expectation.metrics.items()]
+        expected += [
+            _format_bounds(f"mean {name}", bounds) for name, bounds in expectation.mean.items()
+        ]
         expected += expectation.must
         yield ", ".join(conditions) or "all runs", "; ".join(expected), expectation.reason or ""
 
 
-def _bounds(name: str, bounds: Bounds) -> str:
+def _format_bounds(name: str, bounds: Bounds) -> str:
     low, high = bounds.min, bounds.max
     if low is not None and high is not None:
         return f"{low:g} ≤ {name} ≤ {high:g}"
@@ -463,13 +464,14 @@ def _unexpected_runs(store: Store) -> list[tuple[str, str, str]]:
     if not store.manifest.expectations.get("unmet", 0):
         return []
     met = store.columns.numbers("expectation_met").values
-    unmet = np.flatnonzero(met == 0)[:_MOST_UNEXPECTED].tolist()
+    most_listed = 50
+    unmet = np.flatnonzero(met == 0)[:most_listed].tolist()
     rows = store.columns.select_values(["run_id", "label", "expectation_reason"], unmet)
     return [(row["run_id"], row["label"], row["expectation_reason"] or "") for row in rows]
 
 
 def engines_view(data: ReportData, request: PageRequest) -> EnginesView | None:
-    """Return engines side by side; None of one engine without a report of parity."""
+    """Return engines side by side; None for one engine without a report of parity."""
     parts = engine_parts(data, request.parity)
     if parts is None:
         return None

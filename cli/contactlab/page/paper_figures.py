@@ -12,7 +12,7 @@ from contactlab.contact.contact_laws import damping_ratio, restitution_from_damp
 from contactlab.contact.trace_arrays import LINEAR_VELOCITY, STICK, Floats
 from contactlab.errors import optional
 from contactlab.measure import labels_with
-from contactlab.page.heatmap import Layered, default_map, metric_map
+from contactlab.page.heatmap import default_map, metric_map
 from contactlab.page.map_cells import cell_statistic
 from contactlab.page.page_charts import change_panels, knob_changes, tradeoff_chart
 from contactlab.page.run_series import decimated, is_single_body, qpos_entries
@@ -25,17 +25,27 @@ from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredPair, StoredTrace
 
-_MOST_BOUNCING_RUNS = 6
-_MOST_BOUNCING_RECORDS_READ = 200
-_LEAST_PEAKS = 2
-# Peaks below this fraction of the fall are lost in the contact's own depth.
-_LEAST_PEAK_SHARE = 0.02
-_MOST_RISE = 0.1
-_MOST_IMPACTS_READ = 600
-_LEAST_IMPACTS = 3
-_TRANSLATIONS = 3
-# Bodies that approach more slowly rest on each other; it is no impact [m/s].
-_LEAST_APPROACH_M_PER_S = 0.05
+
+@dataclass(frozen=True)
+class _FigureRules:
+    """Which runs a figure for papers shows, and how many."""
+
+    most_bouncing_runs: int = 6
+    most_bouncing_records: int = 200
+    least_peaks: int = 2
+    # Peaks below this fraction of the fall are lost in the contact's own depth.
+    least_peak_share: float = 0.02
+    # Ground that rises by a larger share of the fall is a slope.
+    most_rise: float = 0.1
+    most_impact_records: int = 600
+    least_impacts: int = 3
+    translations: int = 3  # degrees of freedom of a body that cannot turn
+    # Bodies that approach more slowly rest on each other, without impact [m/s].
+    least_approach_m_per_s: float = 0.05
+
+
+_RULES = _FigureRules()
+
 _NO_BOUNCE = "no stable run with a trace is of a single free body that bounces on level ground"
 _NO_CONE = (
     "fewer than three runs with a trace begin with an oblique impact of a body that cannot turn"
@@ -81,9 +91,9 @@ def bouncing_runs(store: Store, axes: Sequence[GridAxis], stable: np.ndarray) ->
     axis = _axis_of_restitution(store, axes, stable)
     by_setting: dict[str, BouncingRun] = {}
     traced = stable & store.columns.has_value("trace_file")
-    for row in np.flatnonzero(traced)[:_MOST_BOUNCING_RECORDS_READ].tolist():
+    for row in np.flatnonzero(traced)[: _RULES.most_bouncing_records].tolist():
         setting = f"{axis.name} {axis.ticks[axis.codes[row]]}" if axis else "the scene's own"
-        if setting not in by_setting and len(by_setting) < _MOST_BOUNCING_RUNS:
+        if setting not in by_setting and len(by_setting) < _RULES.most_bouncing_runs:
             record = store.record_at(row)
             run = _bouncing_run(store.trace(record), record, setting)
             if run is not None:
@@ -94,7 +104,7 @@ def bouncing_runs(store: Store, axes: Sequence[GridAxis], stable: np.ndarray) ->
 def _axis_of_restitution(
     store: Store, axes: Sequence[GridAxis], stable: np.ndarray
 ) -> GridAxis | None:
-    """Return the axis along which the measured restitution of stable runs varies most."""
+    """Return the axis with the largest spread of measured restitution in stable runs."""
     if not axes or "restitution_measured" not in store.columns.schema.names:
         return None
     values = store.columns.numbers("restitution_measured").values
@@ -121,11 +131,14 @@ def _bouncing_run(trace: StoredTrace, record: EvidenceRecord, setting: str) -> B
     gaps = np.flatnonzero(np.diff(pair.steps) > 1)
     flights = zip([0, *pair.steps[gaps]], [pair.steps[0], *pair.steps[gaps + 1]], strict=True)
     peaks = np.array([height[start : end + 1].max() for start, end in flights])
-    low = np.flatnonzero(peaks < _LEAST_PEAK_SHARE * peaks[0])
+    low = np.flatnonzero(peaks < _RULES.least_peak_share * peaks[0])
     peaks = peaks[: low[0]] if len(low) else peaks
     # On a slope a body leaves the ground lower than it came.
     grounds = height[pair.steps[gaps + 1]]
-    if len(peaks) < _LEAST_PEAKS or np.abs(grounds).max(initial=0.0) > _MOST_RISE * peaks[0]:
+    if (
+        len(peaks) < _RULES.least_peaks
+        or np.abs(grounds).max(initial=0.0) > _RULES.most_rise * peaks[0]
+    ):
         return None
     kept = decimated(height)
     restitution = float(restitution_from_damping(damping_ratio(record.pairs[pair.name].solref)))
@@ -135,11 +148,11 @@ def _bouncing_run(trace: StoredTrace, record: EvidenceRecord, setting: str) -> B
 def first_impacts(store: Store) -> Rows:
     """Return the first impacts of traced runs; none unless at least three of them slip.
 
-    Only of bodies that cannot turn, else the bound depends on how they do. Of each the `engine`,
-    the `slip` before it [m/s], the largest slip that Coulomb friction stops, mu (1 + e) v_n, as
-    `bound` [m/s], and whether the `contact` sticks at any step of it.
+    They are impacts of bodies that cannot turn, because turning would change the bound. Each has
+    its `engine`, the `slip` before it [m/s], the largest slip that Coulomb friction stops, mu (1 +
+    e) v_n, as `bound` [m/s], and whether the `contact` sticks at any step of it.
     """
-    if store.manifest.traces_left_out or store.manifest.traces < _LEAST_IMPACTS:
+    if store.manifest.traces_left_out or store.manifest.traces < _RULES.least_impacts:
         return []
     without = labels_with("no impact")
     records = (
@@ -148,13 +161,13 @@ def first_impacts(store: Store) -> Rows:
         if record.label not in without
     )
     impacts: Rows = []
-    for record in islice(records, _MOST_IMPACTS_READ):
+    for record in islice(records, _RULES.most_impact_records):
         trace = store.trace(record)
-        if is_single_body(trace) and trace.qpos.shape[1] == _TRANSLATIONS:
+        if is_single_body(trace) and trace.qpos.shape[1] == _RULES.translations:
             for pair in trace.pairs[:1]:
                 impacts += _first_impact(pair, record)
     slipping = [impact for impact in impacts if impact["slip"] > 0]
-    return impacts if len(slipping) >= _LEAST_IMPACTS else []
+    return impacts if len(slipping) >= _RULES.least_impacts else []
 
 
 def _first_impact(pair: StoredPair, record: EvidenceRecord) -> Rows:
@@ -163,7 +176,7 @@ def _first_impact(pair: StoredPair, record: EvidenceRecord) -> Rows:
         return []
     velocity = pair.points[0, LINEAR_VELOCITY]
     normal, slip = abs(float(velocity[0])), float(np.linalg.norm(velocity[1:]))
-    if normal < _LEAST_APPROACH_M_PER_S:
+    if normal < _RULES.least_approach_m_per_s:
         return []
     restitution = restitution_from_damping(damping_ratio(contact.solref))
     bound = float(sticking_speed(normal, restitution, contact.friction[0]))
@@ -176,7 +189,7 @@ def _first_impact(pair: StoredPair, record: EvidenceRecord) -> Rows:
 
 
 def bounce_panels(runs: Sequence[BouncingRun]) -> Spec:
-    """Return height over time, and the ratio of heights at each bounce beside e^2."""
+    """Return height over time, and the ratio of heights at each bounce next to e^2."""
     names = [run.setting for run in runs]
     colour = word_colours("setting", names, COLOURS[: len(names)]).legend(title=None)
     heights: Rows = [
@@ -194,11 +207,7 @@ def bounce_panels(runs: Sequence[BouncingRun]) -> Spec:
         )
         .properties(width=420, height=260)
     )
-    return alt.hconcat(left, _ratios(runs, colour), spacing=30).to_dict()
-
-
-def _ratios(runs: Sequence[BouncingRun], colour: alt.Color) -> Layered:
-    names = [run.setting for run in runs]
+    # The ratio of heights at each bounce, next to e^2.
     ratios: Rows = [
         {"bounce": index + 1, "ratio": ratio, "setting": run.setting}
         for run in runs
@@ -222,7 +231,9 @@ def _ratios(runs: Sequence[BouncingRun], colour: alt.Color) -> Layered:
     )
     lines = layer_of("squares", rules).mark_rule(strokeDash=[5, 4], strokeWidth=1.3)
     title = alt.TitleParams("dashed: e² of the contact", fontSize=11, fontWeight="normal")
-    return alt.layer(lines.encode(y, colour), points).properties(width=260, height=260, title=title)
+    right = alt.layer(lines.encode(y, colour), points)
+    right = right.properties(width=260, height=260, title=title)
+    return alt.hconcat(left, right, spacing=30).to_dict()
 
 
 def cone_panel(impacts: Rows) -> Spec:
@@ -256,9 +267,9 @@ def cone_panel(impacts: Rows) -> Spec:
 def figure_files(
     data: ReportData, formats: Sequence[str], width: str | None = None
 ) -> tuple[dict[str, bytes], dict[str, str]]:
-    """Return the figures of a store by file name, and why it has none of the others.
+    """Return the figures of a store by file name, and the reasons why others are missing.
 
-    A width, as in `85mm`, lays them out for paper; an OutputError says that it is none.
+    A width, as in `85mm`, lays them out for paper; an OutputError says if it is not a width.
     """
     with optional("figures", "figures for paper"):
         from contactlab.page.paper_size import parse_width, render_at  # noqa: PLC0415 - an extra
@@ -274,7 +285,7 @@ def figure_files(
 
 
 def figure_list(data: ReportData) -> list[tuple[str, str]]:
-    """Return each figure's name, and what it shows or why the store has none."""
+    """Return each figure's name, and its description or the reason why it is missing."""
     specs = figure_specs(data).items()
     return [
         (name, f"none: {spec}" if isinstance(spec, str) else FIGURES[name]) for name, spec in specs
@@ -282,9 +293,15 @@ def figure_list(data: ReportData) -> list[tuple[str, str]]:
 
 
 def figure_specs(data: ReportData) -> dict[str, Spec | str]:
-    """Return the specification of each figure, by name, or why a store has none."""
+    """Return the specification of each figure, by name, or the reason why it is missing."""
     physical = physical_figures(data)
     error_map = metric_map(data, data.tradeoff.error.name) if data.tradeoff else None
+    # The effects of changing one knob.
+    report = data.tradeoff
+    names = [report.time.name, report.error.name] if report else ["cost_cpu_per_sim_s"]
+    quantities = data.quantities.named(names)
+    changes = knob_changes(data.axes, data.labels, quantities, len(names))
+    changes = [change for change in changes if any(change.ratios.values())]
     return {
         "labels": default_map(data) or "the runs differ in no axis",
         "error": error_map or data.no_tradeoff or "the runs differ in no axis",
@@ -292,12 +309,14 @@ def figure_specs(data: ReportData) -> dict[str, Spec | str]:
         "bounces": physical["Height over time"] or _NO_BOUNCE,
         "cone": physical["Impacts and the friction cone"] or _NO_CONE,
         "stick-slip": physical["Stick or slip over angle and friction"] or _NO_SLOPE,
-        "effects": _effects(data) or "no two runs differ in one knob only",
+        "effects": themed(change_panels(changes, names))
+        if changes
+        else "no two runs differ in one knob only",
     }
 
 
 def physical_figures(data: ReportData) -> dict[str, Spec | None]:
-    """Return what bodies do, by title; None where the store has no such runs."""
+    """Return the figures of moving bodies, by title; None if the store has no such runs."""
     bouncing = bouncing_runs(data.store, data.axes, ~data.labels.failed)
     impacts, slopes = first_impacts(data.store), slope_runs(data.store)
     return {
@@ -307,12 +326,3 @@ def physical_figures(data: ReportData) -> dict[str, Spec | None]:
         if slopes
         else None,
     }
-
-
-def _effects(data: ReportData) -> Spec | None:
-    report = data.tradeoff
-    names = [report.time.name, report.error.name] if report else ["cost_cpu_per_sim_s"]
-    quantities = data.quantities.named(names)
-    changes = knob_changes(data.axes, data.labels, quantities, len(names))
-    changes = [change for change in changes if any(change.ratios.values())]
-    return themed(change_panels(changes, names)) if changes else None

@@ -10,7 +10,7 @@ from contactlab.reporting.report import DEFAULT_CRITERIA, PageRequest, read_repo
 from contactlab.store.atomic_files import atomic_write, write_errors
 from contactlab.store.finished_store import Store
 
-# ruff: noqa: PLC0415 - what draws takes a while to load
+# ruff: noqa: PLC0415 - drawing takes a while to load
 
 FORMATS = ("png", "svg", "pdf")
 _DEFAULT_PAGE = PageRequest()
@@ -19,8 +19,8 @@ _DEFAULT_PAGE = PageRequest()
 def write_page(store: Store, target: Path, request: PageRequest = _DEFAULT_PAGE) -> tuple[str, ...]:
     """Write a store as one HTML page that needs no other file and no network.
 
-    The same store gives the same bytes; notes say what the page leaves out. Besides the errors of
-    `read_report_data`, an OutputError says that a library is missing, or what cannot be written.
+    The same store gives the same bytes; notes name omitted data. Besides the errors of
+    `read_report_data`, an OutputError names a missing library, or a file that cannot be written.
     """
     from contactlab.page.html_page import html_page
 
@@ -39,12 +39,12 @@ def write_figures(
     criteria: Criteria = DEFAULT_CRITERIA,
     width: str | None = None,
 ) -> tuple[list[Path], dict[str, str]]:
-    """Write every figure for which a store has the data as png, svg or pdf.
+    """Write every figure that a store has data for as png, svg or pdf.
 
-    Returns the files, and why there is none of the other figures. The same store gives the same
+    Returns the files, and the reasons why other figures are missing. The same store gives the same
     bytes. A width, as in `85mm`, lays them out for paper. Besides the errors of `read_report_data`,
-    an OutputError says that a format is unknown, the width is none, a library is missing, or what
-    cannot be written.
+    an OutputError says that a format or a width is wrong, a library is missing, or a file cannot be
+    written.
     """
     for form in formats:
         if form not in FORMATS:

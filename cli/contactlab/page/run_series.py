@@ -15,7 +15,6 @@ from contactlab.schema.coverage import Travel
 from contactlab.store.mcap.trace_reader import StoredTrace
 
 _POINTS = 400
-_MOST_COORDINATES = 6
 _BITS = 12
 _JOINT_SIZES = {"free": 7, "ball": 4, "slide": 1, "hinge": 1, "hinge or slide": 1}
 _UNITS = {"slide": "m", "hinge": "rad", "hinge or slide": "m, rad"}
@@ -35,16 +34,15 @@ class QposEntry:
 def run_series(
     trace: StoredTrace, told: Told = str, joints: Mapping[str, Travel] = _NO_JOINTS
 ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return what a run did over time: its signals and contact modes in words, and as columns.
+    """Return a run over time: its signals and contact modes in words, and as columns.
 
-    Pairs are called as `told` has them, and joints as their coverage where the trace's own model
-    does not name them all. A signal i of motion, force or depth, 0 without contact,
-    has times `ti` [s] and values `vi`, at most 402 of them. A pair i begins to stick, slide or part
-    at `si` [s], its modes being `mi`.
+    `told` names pairs, and the coverage names joints if the trace's own model lacks some names. A
+    signal i of motion, force or depth, 0 without contact, has times `ti` [s] and values `vi`, at
+    most 402 of them. A pair i begins to stick, slide or part at `si` [s], its modes being `mi`.
     """
     columns: dict[str, NDArray[Any]] = {}
     signals: list[tuple[str, str, str]] = []
-    for index, (name, unit, panel, values, kept) in enumerate(_signals(trace, told, joints)):
+    for index, (name, unit, panel, values, kept) in enumerate(_list_signals(trace, told, joints)):
         columns[f"t{index}"] = rounded_floats(trace.time[kept], _BITS)
         columns[f"v{index}"] = rounded_floats(values[kept], _BITS)
         signals.append((name, unit, panel))
@@ -57,7 +55,7 @@ def run_series(
     return {"signals": signals, "bands": bands}, columns
 
 
-def _signals(
+def _list_signals(
     trace: StoredTrace, told: Told, joints: Mapping[str, Travel]
 ) -> Iterator[tuple[str, str, str, Floats, NDArray[np.intp]]]:
     """Yield name, unit, panel, values and places to keep of motion, forces and depths of a run.
@@ -104,7 +102,8 @@ def _most_active(entries: tuple[QposEntry, ...], qpos: Floats) -> list[QposEntry
     with np.errstate(invalid="ignore"):
         spread = np.nan_to_num(np.nanmax(qpos, axis=0) - np.nanmin(qpos, axis=0))
     ranked = sorted(entries, key=lambda entry: (not entry.is_height, -spread[entry.index]))
-    return ranked[:_MOST_COORDINATES]
+    most_coordinates = 6
+    return ranked[:most_coordinates]
 
 
 def qpos_entries(
@@ -112,16 +111,16 @@ def qpos_entries(
 ) -> tuple[QposEntry, ...]:
     """Return the entries of qpos that are lengths or angles, without those of rotations.
 
-    Where the joints of the MJCF do not add up to the size of qpos, as those of included files do
-    not stand in it, they are those that were covered; and without these, entries have their index.
+    The MJCF lacks joints of included files. If its joints do not add up to the size of qpos, the
+    covered joints are used; without these, entries have their index.
     """
-    for joints in (list(_joints(model_xml)), list(_covered(covered))):
+    for joints in (list(_model_joints(model_xml)), list(_covered_joints(covered))):
         if sum(_JOINT_SIZES[kind] for _, kind in joints) == size:
-            return tuple(_entries(joints))
+            return tuple(_joint_entries(joints))
     return tuple(QposEntry(index, f"qpos[{index}]", "m, rad", False) for index in range(size))
 
 
-def _entries(joints: Sequence[tuple[str, str]]) -> Iterator[QposEntry]:
+def _joint_entries(joints: Sequence[tuple[str, str]]) -> Iterator[QposEntry]:
     index = 0
     for name, kind in joints:
         if kind == "free":
@@ -132,8 +131,8 @@ def _entries(joints: Sequence[tuple[str, str]]) -> Iterator[QposEntry]:
         index += _JOINT_SIZES[kind]
 
 
-def _covered(joints: Mapping[str, Travel]) -> Iterator[tuple[str, str]]:
-    """Yield name and type of joints in the order of qpos, as far as coverage tells types."""
+def _covered_joints(joints: Mapping[str, Travel]) -> Iterator[tuple[str, str]]:
+    """Yield name and type of joints in the order of qpos, as far as coverage has types."""
     for name, travel in joints.items():
         yield name, "hinge or slide" if travel.turned is None else "free"
 
@@ -144,7 +143,7 @@ def is_single_body(trace: StoredTrace) -> bool:
     return [entry.unit for entry in entries] == ["m", "m", "m"]
 
 
-def _joints(model_xml: bytes) -> Iterator[tuple[str, str]]:
+def _model_joints(model_xml: bytes) -> Iterator[tuple[str, str]]:
     """Yield name and type of every joint in the order of qpos, depth first."""
     try:
         root = ET.fromstring(model_xml)  # noqa: S314 - written by this program, hashed in the store

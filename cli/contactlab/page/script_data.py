@@ -40,14 +40,23 @@ from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store
 
-# Series of at most so many runs of a label come first, and so many in the order of the plan last.
-_SERIES_PER_LABEL = 3
-_SERIES_OF_OTHERS = 60
-_SERIES_IF_AGGREGATED = 12
-_RUNS_PER_LABEL = 50
-_MOST_LISTED = 5
-# Up to so many runs, numbers have all bits of single precision; above, those of three digits.
-_MOST_RUNS_IN_FULL_PRECISION = 5_000
+
+@dataclass(frozen=True)
+class _SelectionRules:
+    """Which runs a page lists, and how many."""
+
+    # Series of this number of runs of each label come first, others in the order of the plan last.
+    series_per_label: int = 3
+    other_series: int = 60
+    series_if_aggregated: int = 12
+    runs_per_label: int = 50
+    most_metrics: int = 5
+    # Up to this number of runs, numbers have all bits of single precision; above, three digits.
+    most_precise_runs: int = 5_000
+
+
+_RULES = _SelectionRules()
+
 _ALL_BITS, _FEW_BITS = 23, 11
 # Bytes that a run takes, and each of its numbers, once compressed.
 _BYTES_PER_RUN, _BYTES_PER_VALUE = 12.0, 2.2
@@ -55,7 +64,7 @@ _BYTES_PER_RUN, _BYTES_PER_VALUE = 12.0, 2.2
 
 @dataclass(frozen=True)
 class ScriptData:
-    """Data of the script, as the texts of its elements, and notes on what it leaves out.
+    """Data of the script, as the texts of its elements, and notes on omitted data.
 
     These are names, texts and specifications; packed numbers; time series.
     """
@@ -68,10 +77,10 @@ class ScriptData:
 
 @dataclass(frozen=True)
 class _Selection:
-    """The runs that a page lists, by their rows, and of these the records of those with series.
+    """The rows of the runs that a page lists, and the records of the runs with series.
 
-    Where all runs would take more room than the page may have, it has the cells of every map, and a
-    selection of runs only.
+    If all runs would take more bytes than allowed, the page has the cells of every map, and a
+    selection of runs.
     """
 
     rows: Codes
@@ -82,20 +91,33 @@ class _Selection:
 
 def script_data(data: ReportData, request: PageRequest, chart: Spec | None) -> ScriptData:
     """Return the data of a page's script."""
-    selection = _selection(data, request)
+    # The listed runs, those with series, and whether cells stand for the others.
+    width = _BYTES_PER_RUN + _BYTES_PER_VALUE * len(data.quantities.columns)
+    stored = data.store.columns
+    is_aggregated = 4 / 3 * width * stored.runs > request.most_bytes
+    traces = min(request.traces, _RULES.series_if_aggregated) if is_aggregated else request.traces
+    with_series = list(dict.fromkeys(_by_interest(data)))[:traces] if traces else []
+    rows = _selected_runs(data, with_series) if is_aggregated else np.arange(stored.runs)
+    places = {row: place for place, row in enumerate(rows.tolist())}
+    records = {places[row]: data.store.record_at(row) for row in sorted(with_series)}
+    axes = aggregated_axes(data.axes) if is_aggregated else data.axes
+    selection = _Selection(rows, records, is_aggregated, axes)
     table = data.tolerance_table()
     told = told_geoms(data.store, selection.records)
-    columns = _columns(data, selection, table)
+    columns = _run_columns(data, selection, table)
     if selection.is_aggregated:
         columns |= aggregated_columns(selection.axes, data.labels, data.quantities)
     metadata = {
-        **_store_facts(data, selection),
-        **_names(data, selection.axes),
-        "digits": 6 if len(selection.rows) <= _MOST_RUNS_IN_FULL_PRECISION else 3,
+        "store": str(data.store.address),
+        "runs": len(selection.rows),
+        "total": data.store.columns.runs,
+        "aggregated": selection.is_aggregated,
+        **_page_names(data, selection.axes),
+        "digits": 6 if len(selection.rows) <= _RULES.most_precise_runs else 3,
         "specs": chart_templates(data, chart),
-        "tradeoff": _tradeoff(data.tradeoff) if data.tradeoff and table else None,
+        "tradeoff": _tradeoff_data(data.tradeoff) if data.tradeoff and table else None,
         "details": {
-            place: _details(record, told[place]) for place, record in selection.records.items()
+            place: _run_details(record, told[place]) for place, record in selection.records.items()
         },
     }
     total = data.store.columns.runs
@@ -111,29 +133,7 @@ def script_data(data: ReportData, request: PageRequest, chart: Spec | None) -> S
     )
 
 
-def _selection(data: ReportData, request: PageRequest) -> _Selection:
-    width = _BYTES_PER_RUN + _BYTES_PER_VALUE * len(data.quantities.columns)
-    stored = data.store.columns
-    is_aggregated = 4 / 3 * width * stored.runs > request.most_bytes
-    traces = min(request.traces, _SERIES_IF_AGGREGATED) if is_aggregated else request.traces
-    with_series = list(dict.fromkeys(_by_interest(data)))[:traces] if traces else []
-    rows = _selected_runs(data, with_series) if is_aggregated else np.arange(stored.runs)
-    places = {row: place for place, row in enumerate(rows.tolist())}
-    records = {places[row]: data.store.record_at(row) for row in sorted(with_series)}
-    axes = aggregated_axes(data.axes) if is_aggregated else data.axes
-    return _Selection(rows, records, is_aggregated, axes)
-
-
-def _store_facts(data: ReportData, selection: _Selection) -> dict[str, Any]:
-    return {
-        "store": str(data.store.address),
-        "runs": len(selection.rows),
-        "total": data.store.columns.runs,
-        "aggregated": selection.is_aggregated,
-    }
-
-
-def _names(data: ReportData, axes: Sequence[GridAxis]) -> dict[str, Any]:
+def _page_names(data: ReportData, axes: Sequence[GridAxis]) -> dict[str, Any]:
     """Return axes, labels, modes of contact and quantities, by the names that the script reads."""
     return {
         "axes": [
@@ -168,19 +168,19 @@ def page_colours(labels: RunLabels) -> list[str]:
 
 
 def listed_metrics(data: ReportData) -> list[str]:
-    """Return the metrics that lists of runs show: the error, the time, and what is summarized."""
+    """Return the metrics that lists of runs show: the error, the time, and those of the summary."""
     report = data.tradeoff
     first = (report.error.name, report.time.name, *report.tolerances) if report else ()
     known = {column.name for column in data.quantities.columns}
     wanted = dict.fromkeys((*first, *summary_metrics()))
-    return [name for name in wanted if name in known][:_MOST_LISTED]
+    return [name for name in wanted if name in known][: _RULES.most_metrics]
 
 
 def _selected_runs(data: ReportData, with_series: Sequence[int]) -> Codes:
     """Return the runs of an aggregated page: some of each label, and one of each cell."""
     labels = data.labels
     codes = range(len(labels.names))
-    selected = [np.flatnonzero(labels.codes == code)[:_RUNS_PER_LABEL] for code in codes]
+    selected = [np.flatnonzero(labels.codes == code)[: _RULES.runs_per_label] for code in codes]
     if data.map_axes is not None:
         selected.append(data.map_axes.firsts)
     return np.unique(np.concatenate([np.array(with_series, dtype=np.int64), *selected]))
@@ -198,13 +198,13 @@ def _by_interest(data: ReportData) -> Iterator[int]:
             place = columns.place_of(run.run_id)
             yield from () if place is None else (place,)
     for code in range(len(data.labels.names)):
-        yield from np.flatnonzero(data.labels.codes == code)[:_SERIES_PER_LABEL].tolist()
+        yield from np.flatnonzero(data.labels.codes == code)[: _RULES.series_per_label].tolist()
     if data.map_axes is not None:
         yield from np.sort(data.map_axes.firsts).tolist()
-    yield from range(min(columns.runs, _SERIES_OF_OTHERS))
+    yield from range(min(columns.runs, _RULES.other_series))
 
 
-def _columns(
+def _run_columns(
     data: ReportData, selection: _Selection, table: ToleranceTable | None
 ) -> dict[str, NDArray[Any]]:
     rows, labels = selection.rows, data.labels
@@ -212,7 +212,7 @@ def _columns(
     masks = labels.masks[rows].astype(np.uint64)
     # 2 for a run as expected, 1 for one that is not, 0 without an expectation.
     expected = np.where(given, np.nan_to_num(met) + 1, 0).astype(np.int64)
-    bits = _ALL_BITS if len(rows) <= _MOST_RUNS_IN_FULL_PRECISION else _FEW_BITS
+    bits = _ALL_BITS if len(rows) <= _RULES.most_precise_runs else _FEW_BITS
     columns: dict[str, NDArray[Any]] = {
         "id": run_id_halves(data.store.columns.ids()[rows]),
         "label": packed_integers(labels.codes[rows]),
@@ -227,31 +227,27 @@ def _columns(
     for quantity in data.quantities:
         columns[f"value:{quantity.name}"] = rounded_floats(quantity.values[rows], bits)
     if data.tradeoff is not None and table is not None:
-        columns |= _configuration_columns(data.tradeoff, table, rows, bits)
+        exact = {data.tradeoff.error.name, *data.tradeoff.tolerances}
+        columns |= {
+            "configuration": packed_integers(table.configuration[rows]),
+            "otherwiseFeasible": packed_integers(table.otherwise_feasible),
+            "time": np.array(
+                [configuration.time for configuration in data.tradeoff.configurations],
+                dtype=np.float64,
+            ),
+            "error": np.array(
+                [configuration.error for configuration in data.tradeoff.configurations],
+                dtype=np.float64,
+            ),
+            **{
+                f"worst:{name}": worst if name in exact else rounded_floats(worst, bits)
+                for name, worst in table.worst.items()
+            },
+        }
     return columns
 
 
-def _configuration_columns(
-    report: TradeoffReport, table: ToleranceTable, rows: Codes, bits: int
-) -> dict[str, NDArray[Any]]:
-    exact = {report.error.name, *report.tolerances}
-    return {
-        "configuration": packed_integers(table.configuration[rows]),
-        "otherwiseFeasible": packed_integers(table.otherwise_feasible),
-        "time": np.array(
-            [configuration.time for configuration in report.configurations], dtype=np.float64
-        ),
-        "error": np.array(
-            [configuration.error for configuration in report.configurations], dtype=np.float64
-        ),
-        **{
-            f"worst:{name}": worst if name in exact else rounded_floats(worst, bits)
-            for name, worst in table.worst.items()
-        },
-    }
-
-
-def _tradeoff(report: TradeoffReport) -> dict[str, Any]:
+def _tradeoff_data(report: TradeoffReport) -> dict[str, Any]:
     recommendable = places_of_models(report.configurations)
     return {
         "knobs": report.knobs,
@@ -261,7 +257,7 @@ def _tradeoff(report: TradeoffReport) -> dict[str, Any]:
         "error": [report.error.name, report.error.unit],
         "tolerances": report.tolerances,
         "baseline": report.baseline is not None,
-        # Null for all of them.
+        # Null if all are.
         "recommendable": recommendable if len(recommendable) < len(report.configurations) else None,
         "equallyFast": EQUALLY_FAST,
         "equallyAccurate": MORE_ACCURATE,
@@ -269,7 +265,7 @@ def _tradeoff(report: TradeoffReport) -> dict[str, Any]:
     }
 
 
-def _details(record: EvidenceRecord, told: Told) -> dict[str, Any]:
+def _run_details(record: EvidenceRecord, told: Told) -> dict[str, Any]:
     return {
         "labels": [[label.label, told(label.reason), label.step] for label in record.labels],
         "settings": record.settings | record.axes,

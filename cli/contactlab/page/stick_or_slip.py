@@ -1,5 +1,7 @@
-"""Stick or slip over angle and friction: what a constant load does to a body at rest on a plane."""
+"""Stick or slip over angle and friction: a body at rest on a plane under a constant load."""
 
+import math
+from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
@@ -16,32 +18,43 @@ from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredTrace
 
 _OUTCOMES = {STICK: "sticks", SLIDE: "slides"}
-_LEAST_RUNS = 3
-_MOST_RECORDS_READ = 600
-_LEAST_ANGLE_DEG = 0.1  # of the load, below which the ground is level
-# What rolls or tips needs another friction than what slides: normals that turn by 0.1 rad.
-_SAME = np.cos(0.1)
-_BEARING = 0.9  # Share of a run up to which a pair has to touch
-_POINTS_OF_BOUNDARY = 61
-# So many degrees beyond the steepest load the plane ends.
-_MARGIN = 4.0
+
+
+@dataclass(frozen=True)
+class _SlopeRules:
+    """Which runs show whether a body sticks to a slope, and their figure."""
+
+    least_runs: int = 3
+    most_records: int = 600
+    least_angle_deg: float = 0.1  # of the load; the ground is level below it
+    # A body that rolls or tips needs another friction than one that slides: its normals turn by
+    # more than 0.1 rad.
+    least_cosine: float = math.cos(0.1)
+    least_bearing_share: float = 0.9  # share of a run that a pair has to touch for
+    boundary_points: int = 61
+    # The plane ends beyond the steepest load.
+    margin_deg: float = 4.0
+
+
+_RULES = _SlopeRules()
 
 
 def slope_runs(store: Store) -> Rows:
-    """Return what traced runs on slopes do; none unless there are three of them.
+    """Return the traced runs on slopes, if there are at least three.
 
-    Only of a single body that starts at rest on a plane under a constant load, undriven, and
-    neither rolls nor tips. Of each the `angle` of the load from the plane's normal [deg], the
+    They have a single, undriven body that starts at rest on a plane under a constant load, and
+    neither rolls nor tips. Each has the `angle` of the load from the plane's normal [deg], the
     pair's `friction`, the `cone`, and whether the `contact` sticks or slides at its last step.
     """
-    if store.manifest.traces_left_out or store.manifest.traces < _LEAST_RUNS:
+    if store.manifest.traces_left_out or store.manifest.traces < _RULES.least_runs:
         return []
     records = filter(_is_still, store.records(store.columns.has_value("trace_file")))
     found = (
-        _slope_run(store.trace(record), record) for record in islice(records, _MOST_RECORDS_READ)
+        _slope_run(store.trace(record), record) for record in islice(records, _RULES.most_records)
     )
     rows = [row for row in found if row is not None]
-    return rows if sum(row["angle"] > _LEAST_ANGLE_DEG for row in rows) >= _LEAST_RUNS else []
+    sloped = sum(row["angle"] > _RULES.least_angle_deg for row in rows)
+    return rows if sloped >= _RULES.least_runs else []
 
 
 def _is_still(record: EvidenceRecord) -> bool:
@@ -54,14 +67,18 @@ def _is_still(record: EvidenceRecord) -> bool:
 
 
 def _slope_run(trace: StoredTrace, record: EvidenceRecord) -> dict[str, Any] | None:
-    load, (pair,) = _load(record), trace.pairs
+    load, (pair,) = _find_load(record), trace.pairs
     if load is None or not is_single_body(trace) or not len(pair.points):
         return None
     normals, pose = pair.points[:, NORMAL], trace.qpos[[0, -1], 3:7]
     normal = normals[-1]
     turned = rotate_vectors(pose[1], rotate_vectors_back(pose[0], normal)) if pose.size else normal
-    bears = pair.steps[-1] >= _BEARING * len(trace.contacts)
-    if not (bears and turned @ normal > _SAME and (normals @ normal).min() > _SAME):
+    bears = pair.steps[-1] >= _RULES.least_bearing_share * len(trace.contacts)
+    if not (
+        bears
+        and turned @ normal > _RULES.least_cosine
+        and (normals @ normal).min() > _RULES.least_cosine
+    ):
         return None
     angle = np.arctan2(np.linalg.norm(np.cross(load, normal)), abs(load @ normal))
     return {
@@ -72,8 +89,8 @@ def _slope_run(trace: StoredTrace, record: EvidenceRecord) -> dict[str, Any] | N
     }
 
 
-def _load(record: EvidenceRecord) -> Floats | None:
-    """Return (3,) gravity and what is applied to the only body [N]; None where it is not known."""
+def _find_load(record: EvidenceRecord) -> Floats | None:
+    """Return (3,) gravity and the force applied to the only body [N]; None if not known."""
     gravity, mass = np.array(record.settings["gravity"]), record.settings.get("mass")
     applied = np.array(record.initial.applied).reshape(-1, 6)[1:, :3]
     if not len(applied):
@@ -85,13 +102,13 @@ def _load(record: EvidenceRecord) -> Floats | None:
 
 def stick_slip_panel(rows: Rows) -> Spec:
     """Return runs over their loads' angles and friction, with the boundary mu = tan(angle)."""
-    steepest = min(max(row["angle"] for row in rows) + _MARGIN, 89.0)
+    steepest = min(max(row["angle"] for row in rows) + _RULES.margin_deg, 89.0)
     most = max(row["friction"] for row in rows) * 1.08
     ends = min(steepest, float(np.degrees(np.arctan(most))))
     boundary = [
         {"angle": angle, "friction": float(np.tan(np.radians(angle))), "line": True, "cone": cone}
         for cone in dict.fromkeys(row["cone"] for row in rows)
-        for angle in np.linspace(0, ends, _POINTS_OF_BOUNDARY).tolist()
+        for angle in np.linspace(0, ends, _RULES.boundary_points).tolist()
     ]
     x = alt.X("angle:Q").scale(domain=[0, steepest], nice=False)
     y = alt.Y("friction:Q").scale(domain=[0, most], nice=False)
