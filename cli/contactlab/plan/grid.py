@@ -77,7 +77,7 @@ class Match:
         return {**parts, **row} if parts else row
 
     def _computation_failure(self, error: ExpressionError, row: Mapping[str, object]) -> Diagnostic:
-        place = self.inside.part(error.start, error.width) if self.inside else self.place
+        place = self.inside.narrow_range(error.start, error.width) if self.inside else self.place
         names = cast("Expression", self.expression).names
         known = self._with_parts(row)
         values = ", ".join(f"{name} = {known[name]}" for name in names)

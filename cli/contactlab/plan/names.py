@@ -159,7 +159,7 @@ def _read_expression(
     context: SweepContext, text: str, names: Collection[str], inside: Place | None, where: Place
 ) -> Expression | None:
     def part(start: int, width: int) -> Place:
-        return inside.part(start, width) if inside else where
+        return inside.narrow_range(start, width) if inside else where
 
     try:
         expression = Expression(text)
@@ -177,5 +177,5 @@ def _first_character_place(place: Place, text: str) -> Place | None:
     for skip in (0, 1):
         start = place.column - 1 + skip
         if place.text[start : start + len(text)] == text:
-            return place.part(skip, 1)
+            return place.narrow_range(skip, 1)
     return None

@@ -129,7 +129,7 @@ def _axis_value(document: Document, option: ParsedOption, path: KeyPath, role: o
         values = _listed_values(document, option, (*path, "values") if kept else path)
         return {"values": values, **kept} if kept else values
     form = (*path, call[1])
-    document.keys[form] = place.part(0, len(call[1]))
+    document.keys[form] = place.narrow_range(0, len(call[1]))
     if call[1] not in FORMS:
         hint = suggestion(call[1], FORMS) or f"one of: {', '.join(FORMS)}"
         document.add_mistake("unknown-key", document.keys[form], f"no form '{call[1]}'", hint)

@@ -134,7 +134,7 @@ def _add_length(document: Document, kind: str, path: KeyPath) -> None:
         place = document.key_place(path[:-1]) if path[:-1] else document.value_place(())
         example = {"version": "1", "scene": "NAME"}.get(str(name), "...")
         hint = f"add {name}: {example}"
-        document.add_mistake("missing-key", place.part(0, 1), f"missing key '{name}'", hint)
+        document.add_mistake("missing-key", place.narrow_range(0, 1), f"missing key '{name}'", hint)
     elif axis := path[1:2] if path[0] == "axes" else path[2:3] if path[0] == "zip" else ():
         hint = "write some, or leave the axis out"
         document.add_mistake("empty-axis", path, f"axis '{axis[0]}' has no values", hint)
