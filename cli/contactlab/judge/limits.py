@@ -56,6 +56,15 @@ class Limit:
         bound = self.value if bound is None else bound
         assert bound is not None
         slack = 1 + SUM_ROUNDING  # keeps a value that equals its limit within it
+        return Measure(
+            name=self.name,
+            of=of,
+            value=value if math.isfinite(value) else None,
+            unit=self.unit,
+            limit=bound,
+            holds=bool(value < bound if self.strict else value <= bound * slack),
+            level=level or self.level,
+        )
 
     def sentence(self, measure: Measure) -> str:
         """Return a measure as text: `slip 0.2 mm (floor-foot, limit 0.1 mm)`."""

@@ -62,7 +62,9 @@ def engine_parts(data: ReportData, parity: Path | None) -> EngineParts | None:
     # The rows of each engine's runs, MuJoCo's first.
     names = data.store.columns.coded("engine_name")
     found = {name: np.flatnonzero(names.codes == code) for code, name in enumerate(names.values)}
-    codes = {engine: found[engine] for engine in sorted(found, key=lambda name: name != _REFERENCE)}
+    codes: dict[str, Codes] = {
+        engine: found[engine] for engine in sorted(found, key=lambda name: name != _REFERENCE)
+    }
     if report is None and len(codes) < 2:
         return None
     gate = _gate_of_report(report) if report else _gate_of_store(data, codes)

@@ -29,29 +29,60 @@ from contactlab.studies.grip.rollouts import (
     start_row,
 )
 
-# Seconds to reach an end, to close the fingers, to settle per part, and to settle at most.
-_REACH, _RAMP, _PART, _MOST = 1.0, 0.5, 0.25, 4.0
-# An actuator closes if its effect is at least this share of the largest. Pairs of geoms are alike
-# if they approach by at least this share of the most.
-_EFFECT, _ALIKE = 0.1, 0.9
-_MAX_FINGERS_FOR_EXHAUSTIVE_SPLIT = (
-    12  # above this number of fingers, only single fingers are tried as one side
-)
-_LOOKS = 60  # sampled configurations of a path
-_APPROACH_SHARE = 0.1  # share of the opening over which the direction of approach is measured
-# Margin to both ends of the closing travel, and overhang of the default object over the fingers.
-_INSIDE, _PAST = 0.2, 1.25
-# A force is steady if it changes by less than this share in a part.
-_STEADY = 2e-3
-_ARRIVED = 1e-3  # share of the travel of the fingers
-_RESTING = 2.5e-5  # m/s of the object, a quarter of the speed at which it creeps
-_CENTRED, _ON_AXIS = 1e-3, 1e-3  # share of the object's largest half extent
-# Depths to try, in extents of the object toward the base, then away; largest overlap, in half
-# widths.
-_DEPTHS = (0.0, 0.5, 1.0, 1.5, -0.25, -0.5)
-_OVERLAP = 0.02
-_FAR = 1e3  # distance of the unused object, in extents
-_UNMOVED = 1e6  # factor of the mass of an object that is held still
+
+@dataclass(frozen=True)
+class _ClosingProtocol:
+    """How a hand closes on nothing, and then on its object.
+
+    Times suit hands that close within half a second, as position servos of grippers do.
+
+    Attributes:
+        reach_seconds: time to drive every actuator to an end of its range.
+        ramp_seconds: time to close the fingers.
+        part_seconds: time between two looks at whether the fingers rest.
+        most_seconds: time after which fingers that never rest are judged as they are.
+        least_effect: share of the largest effect of an actuator that counts as closing.
+        alike_approach: pairs of geoms are alike if they approach by this share of the most.
+        most_split_fingers: with more fingers, only single fingers are tried as one side, because
+            the number of splits doubles with each finger.
+        path_samples: configurations of the closing path.
+        approach_share: share of the opening that the direction of approach is measured over.
+        travel_margin: share of the closing travel that the default object keeps from both ends.
+        overhang: extent of the default object, over that of the fingers.
+        steady_force: change of the total force per part, as a share, that counts as steady.
+        arrived_share: motion of the fingers per part, over their travel, that counts as rest.
+        resting_speed: speed of an object at rest [m/s]: a quarter of the creep limit.
+        centered_share: offset of the object from the pads, over its largest half extent.
+        on_axis_share: shorter directions out of the hand, over that extent, say nothing.
+        depths: places to try, in extents of the object toward the base, then away from it.
+        overlap_share: largest overlap at the start, in half widths of the object.
+        far_extents: distance of the unused object, in extents of the model.
+        unmoved_mass: factor of the mass of an object that is held still, as on a table.
+    """
+
+    reach_seconds: float = 1.0
+    ramp_seconds: float = 0.5
+    part_seconds: float = 0.25
+    most_seconds: float = 4.0
+    least_effect: float = 0.1
+    alike_approach: float = 0.9
+    most_split_fingers: int = 12
+    path_samples: int = 60
+    approach_share: float = 0.1
+    travel_margin: float = 0.2
+    overhang: float = 1.25
+    steady_force: float = 2e-3
+    arrived_share: float = 1e-3
+    resting_speed: float = 2.5e-5
+    centered_share: float = 1e-3
+    on_axis_share: float = 1e-3
+    depths: tuple[float, ...] = (0.0, 0.5, 1.0, 1.5, -0.25, -0.5)
+    overlap_share: float = 0.02
+    far_extents: float = 1e3
+    unmoved_mass: float = 1e6
+
+
+_CLOSING = _ClosingProtocol()
 
 
 @dataclass(frozen=True)
@@ -104,7 +135,7 @@ class Squeeze:
     Attributes:
         row: state of mjSTATE_INTEGRATION.
         control: (nu,) holding control.
-        turn: (3, 3) whose columns point, in the world frame, from finger to finger, sideways, and
+        turn: (3, 3) columns that point, in the world frame, from finger to finger, sideways, and
             out of the hand.
         path: (N, nq) configurations while the fingers closed.
         forces: normal force of each finger [N]; the base comes last.
@@ -141,13 +172,16 @@ def find_closing(fixture: GripFixture) -> Closing:
     Raises:
         SceneError: no actuator brings fingers together.
     """
-    model = _without_object(fixture)
+    # The hand closes on nothing: its object touches no geom.
+    model = fixture.model.__copy__()
+    own = model.geom_bodyid == fixture.body
+    model.geom_contype[own] = model.geom_conaffinity[own] = 0
     ends = control_ranges(model)
     signs, places = _run_design(fixture, model, ends)
-    sides = _sides(_fingertips(fixture, model, places), signs, places)
-    effects = _effects(signs, _mean_distances(places, list(product(*sides))))
+    sides = _split_sides(_fingertips(fixture, model, places), signs, places)
+    effects = _main_effects(signs, _mean_distances(places, list(product(*sides))))
     closing = np.abs(effects) > max(
-        _EFFECT * np.abs(effects).max(), SUM_ROUNDING * model.stat.extent
+        _CLOSING.least_effect * np.abs(effects).max(), SUM_ROUNDING * model.stat.extent
     )
     if not closing.any():
         raise SceneError(f"no actuator brings two fingers together; {NO_HAND}")
@@ -159,28 +193,20 @@ def find_closing(fixture: GripFixture) -> Closing:
         model, start_row(model, _object_aside(fixture, model)), opened, opened
     )
     way, _ = _drive_between(model, row, opened, closed)
-    looks = np.unique(np.linspace(0, len(way) - 1, _LOOKS, dtype=int))
+    looks = np.unique(np.linspace(0, len(way) - 1, _CLOSING.path_samples, dtype=int))
     path = np.concatenate([there[-1:], way[looks]])
-    shares = np.minimum(1, np.append(0, looks / (_steps(model, _RAMP) - 1)))
+    shares = np.minimum(1, np.append(0, looks / (_count_steps(model, _CLOSING.ramp_seconds) - 1)))
     pairs = _facing_pairs(fixture, model, sides, path)
-    apart = [[_clearance(model, qpos, pair)[0] for pair in pairs] for qpos in path]
+    apart = [[_measure_clearance(model, qpos, pair)[0] for pair in pairs] for qpos in path]
     gaps: Floats = np.array(apart).mean(axis=1) if pairs else np.zeros(1)
     if not gaps.max() > 0:
         raise SceneError(f"the fingers never open; {NO_HAND}")
     return Closing(opened, closed, float(gaps.max()), pairs, path, shares, gaps)
 
 
-def _without_object(fixture: GripFixture) -> mujoco.MjModel:
-    """Return the model with an object that touches nothing."""
-    model = fixture.model.__copy__()
-    own = model.geom_bodyid == fixture.body
-    model.geom_contype[own] = model.geom_conaffinity[own] = 0
-    return model
-
-
 def _object_aside(fixture: GripFixture, model: mujoco.MjModel) -> Floats:
     qpos = pose_within_limits(model)
-    qpos[fixture.address : fixture.address + 3] = _FAR * model.stat.extent
+    qpos[fixture.address : fixture.address + 3] = _CLOSING.far_extents * model.stat.extent
     return qpos
 
 
@@ -192,7 +218,7 @@ def _run_design(fixture: GripFixture, model: mujoco.MjModel, ends: Floats) -> tu
         design = np.block([[design, design], [design, -design]])
     signs = np.concatenate([design, -design])[:, 1 : model.nu + 1]
     controls = np.where(signs > 0, ends[:, 1], ends[:, 0])
-    steps = max(2, round(_REACH / model.opt.timestep))
+    steps = max(2, round(_CLOSING.reach_seconds / model.opt.timestep))
     rows = repeat_input(start_row(model, _object_aside(fixture, model)), len(controls), 1)[:, 0]
     rolled = roll_out(model, rows, np.repeat(controls[:, None], steps, axis=1))
     data, places = mujoco.MjData(model), list[Floats]()
@@ -211,7 +237,7 @@ def _mean_distances(places: Floats, pairs: Sequence[tuple[int, int]]) -> Floats:
     return np.mean(apart, axis=0)
 
 
-def _effects(signs: Floats, values: Floats) -> Floats:
+def _main_effects(signs: Floats, values: Floats) -> Floats:
     """Return main effects (nu, ...): the mean of values where a control is high, less where low."""
     high = signs > 0
     found = [values[each].mean(axis=0) - values[~each].mean(axis=0) for each in high.T]
@@ -237,7 +263,7 @@ def _fingertips(fixture: GripFixture, model: mujoco.MjModel, places: Floats) -> 
     return [*tips, fixed[int(np.argmin(near))]]
 
 
-def _sides(
+def _split_sides(
     tips: Sequence[int], signs: Floats, places: Floats
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Return the tips of two sides: the split of the fingers that approaches most.
@@ -248,9 +274,9 @@ def _sides(
     pairs = list(combinations(range(len(tips)), 2))
     between = np.zeros((signs.shape[1], len(tips), len(tips)))
     for one, other in pairs:
-        effects = _effects(signs, _mean_distances(places, [(tips[one], tips[other])]))
+        effects = _main_effects(signs, _mean_distances(places, [(tips[one], tips[other])]))
         between[:, one, other] = between[:, other, one] = effects
-    most = len(tips) // 2 if len(tips) <= _MAX_FINGERS_FOR_EXHAUSTIVE_SPLIT else 1
+    most = len(tips) // 2 if len(tips) <= _CLOSING.most_split_fingers else 1
     ways = [way for size in range(1, most + 1) for way in combinations(range(len(tips)), size)]
     rests = [tuple(tip for tip in range(len(tips)) if tip not in way) for way in ways]
     approach = [
@@ -272,24 +298,27 @@ def _facing_pairs(
 
     Fingers with less than half of the largest approach are links of others, and are skipped.
     """
-    owners = [[_finger_of(fixture, model, tip) for tip in side] for side in sides]
+    owners = [[_finger_geoms(fixture, model, tip) for tip in side] for side in sides]
     found = list[tuple[float, tuple[int, int]]]()
-    nearest = path[int(np.argmin([_tip_distance(model, qpos, sides) for qpos in path]))]
+    # The fingers are nearest where the mean distance of their tips is least.
+    tips = list(product(*sides))
+    distances = [_mean_distances(_geoms_at(model, qpos)[None], tips)[0] for qpos in path]
+    nearest = path[int(np.argmin(distances))]
     before, after = (_geoms_at(model, qpos) for qpos in (path[0], nearest))
     for one, other in product(*owners):
         pairs = list(product(one, other))
-        opened = np.array([_clearance(model, path[0], pair)[0] for pair in pairs])
-        closed = np.array([_clearance(model, nearest, pair)[0] for pair in pairs])
+        opened = np.array([_measure_clearance(model, path[0], pair)[0] for pair in pairs])
+        closed = np.array([_measure_clearance(model, nearest, pair)[0] for pair in pairs])
         approach = opened - np.maximum(closed, 0)
         beside = np.array([_lateral_offset(before, after, pair) for pair in pairs])
-        alike = approach > _ALIKE * approach.max()
+        alike = approach > _CLOSING.alike_approach * approach.max()
         best = int(np.argmin(np.where(alike, np.maximum(closed, 0) + beside, np.inf)))
         found.append((float(approach[best]), pairs[best]))
     most = max(approach for approach, _ in found)
     return tuple(pair for approach, pair in found if approach > most / 2)
 
 
-def _finger_of(fixture: GripFixture, model: mujoco.MjModel, tip: int) -> list[int]:
+def _finger_geoms(fixture: GripFixture, model: mujoco.MjModel, tip: int) -> list[int]:
     """Return the geoms of the finger that a geom belongs to, or of the base."""
     body = int(model.geom_bodyid[tip])
     for finger in fixture.fingers:
@@ -303,12 +332,6 @@ def _geoms_at(model: mujoco.MjModel, qpos: Floats) -> Floats:
     data.qpos[:] = qpos
     mujoco.mj_kinematics(model, data)
     return data.geom_xpos.copy()
-
-
-def _tip_distance(
-    model: mujoco.MjModel, qpos: Floats, sides: tuple[Sequence[int], Sequence[int]]
-) -> float:
-    return float(_mean_distances(_geoms_at(model, qpos)[None], list(product(*sides)))[0])
 
 
 def _lateral_offset(before: Floats, after: Floats, pair: tuple[int, int]) -> float:
@@ -325,7 +348,7 @@ def _drive_between(
     """Drive from one control to another until the hand rests; return configurations and state."""
     path, row = _ramp_control(model, row, begin, end)
     paths = [path]
-    while sum(map(len, paths)) * model.opt.timestep < _MOST:
+    while sum(map(len, paths)) * model.opt.timestep < _CLOSING.most_seconds:
         rolled = _hold_control(model, row, end)
         paths.append(rolled[0])
         moved = np.abs(rolled[0][-1] - rolled[0][0]).max()
@@ -339,17 +362,19 @@ def _ramp_control(
     model: mujoco.MjModel, row: Floats, begin: Floats, end: Floats
 ) -> tuple[Floats, Floats]:
     """Ramp to a control within half a second; return configurations and state."""
-    share = np.linspace(0, 1, _steps(model, _RAMP))[:, None]
+    share = np.linspace(0, 1, _count_steps(model, _CLOSING.ramp_seconds))[:, None]
     controls = begin + share * (end - begin)
     return _roll_one(model, row, controls)
 
 
 def _hold_control(model: mujoco.MjModel, row: Floats, control: Floats) -> tuple[Floats, Floats]:
     """Hold a control for a quarter of a second; return configurations and state."""
-    return _roll_one(model, row, repeat_input(control, 1, _steps(model, _PART))[0])
+    return _roll_one(
+        model, row, repeat_input(control, 1, _count_steps(model, _CLOSING.part_seconds))[0]
+    )
 
 
-def _steps(model: mujoco.MjModel, seconds: float) -> int:
+def _count_steps(model: mujoco.MjModel, seconds: float) -> int:
     return max(2, round(seconds / model.opt.timestep))
 
 
@@ -360,7 +385,9 @@ def _roll_one(model: mujoco.MjModel, row: Floats, controls: Floats) -> tuple[Flo
     return rolled.qpos[0], rolled.rows[0]
 
 
-def _clearance(model: mujoco.MjModel, qpos: Floats, pair: tuple[int, int]) -> tuple[float, Floats]:
+def _measure_clearance(
+    model: mujoco.MjModel, qpos: Floats, pair: tuple[int, int]
+) -> tuple[float, Floats]:
     """Return the clearance of two geoms [m], and its end points (2, 3)."""
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
@@ -378,16 +405,16 @@ def fit_object(fixture: GripFixture, closing: Closing, factor: float = 1.0) -> G
     """
     least, most = max(float(closing.gaps.min()), 0.0), closing.opening
     across, side, out = DEFAULT_OBJECT.size
-    kept = _INSIDE * (most - least)
+    kept = _CLOSING.travel_margin * (most - least)
     width = float(np.clip(across, least + kept, most - kept))
     shrunk = min(1.0, width / across)
     at = int(np.flatnonzero(closing.gaps >= width)[-1])
     ends = np.array(
-        [_clearance(fixture.model, closing.path[at], pair)[1] for pair in closing.pairs]
+        [_measure_clearance(fixture.model, closing.path[at], pair)[1] for pair in closing.pairs]
     )
     point, turn = _finger_contacts(fixture, closing, at)
     beside = float(np.abs((ends - point) @ turn[:, 1]).max())
-    size = (width, max(shrunk * side, _PAST * 2 * beside), shrunk * out)
+    size = (width, max(shrunk * side, _CLOSING.overhang * 2 * beside), shrunk * out)
     fits = replace(DEFAULT_OBJECT, size=size).scaled(factor)
     return replace(fits, size=(max(fits.size[0], least + kept), *fits.size[1:]))
 
@@ -422,9 +449,9 @@ def _finger_contacts(fixture: GripFixture, closing: Closing, at: int) -> tuple[F
     The first axis is the direction of approach. The direction between the nearest points may be off
     on flat or wedged pads, where these points are corners.
     """
-    earlier = closing.gaps > closing.gaps[at] + _APPROACH_SHARE * closing.opening
+    earlier = closing.gaps > closing.gaps[at] + _CLOSING.approach_share * closing.opening
     before = int(np.flatnonzero(earlier)[-1]) if earlier.any() else 0
-    found = [_clearance(fixture.model, closing.path[at], pair)[1] for pair in closing.pairs]
+    found = [_measure_clearance(fixture.model, closing.path[at], pair)[1] for pair in closing.pairs]
     ends: Floats = np.array(found).mean(axis=0)
     apart = [
         np.mean([places[other] - places[one] for one, other in closing.pairs], axis=0)
@@ -436,12 +463,12 @@ def _finger_contacts(fixture: GripFixture, closing: Closing, at: int) -> tuple[F
 
 
 def _object_frame(fixture: GripFixture, point: Floats, axis: Floats) -> Floats:
-    """Return a rotation of `Squeeze` whose outward axis points away from the base."""
+    """Return a rotation of `Squeeze` with an outward axis that points away from the base."""
     data = mujoco.MjData(fixture.model)
     mujoco.mj_kinematics(fixture.model, data)
     out = point - data.xpos[fixture.base]
     out -= axis * (out @ axis)
-    if np.linalg.norm(out) < _ON_AXIS * fixture.half.max():
+    if np.linalg.norm(out) < _CLOSING.on_axis_share * fixture.half.max():
         out[:] = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     return frame(axis, out)
 
@@ -472,11 +499,23 @@ def squeeze(fixture: GripFixture, closing: Closing, centre: Floats | None = None
         point = point + turn @ (across * [0, 1, 1])
         turn = _object_frame(fixture, point, turn[:, 0])
     reach = 2 * fixture.half[2]
+    most_overlap = _CLOSING.overlap_share * fixture.half[0]
     deep, tried = list[float](), list[Approach]()
-    for depth in _DEPTHS:
-        overlap, approach = _find_room(fixture, closing, point - depth * reach * turn[:, 2], turn)
+    for depth in _CLOSING.depths:
+        # The fingers start opened, or at the first place with room, such as curled around.
+        found = list[tuple[float, Approach]]()
+        for start in (0, *np.flatnonzero(closing.gaps >= 2 * fixture.half[0]).tolist()):
+            candidate = Approach(point - depth * reach * turn[:, 2], turn, start)
+            data = data_at(
+                fixture.model, start_row(fixture.model, _initial_pose(fixture, closing, candidate))
+            )
+            contacts = find_contacts(fixture.model, data, fixture.body)
+            found.append((max((contact.depth for contact in contacts), default=0.0), candidate))
+            if found[-1][0] <= most_overlap:
+                break
+        overlap, approach = min(found, key=lambda one: one[0])
         deep.append(overlap)
-        if overlap > _OVERLAP * fixture.half[0]:
+        if overlap > most_overlap:
             continue
         tried += [approach, replace(approach, is_still=True)]
     if not tried:
@@ -491,7 +530,7 @@ def squeeze(fixture: GripFixture, closing: Closing, centre: Floats | None = None
         # The nearest points of flat pads may be corners, so the pads' center is taken from the
         # contacts.
         across = (first.points.mean(axis=0) - approach.point) @ approach.turn
-        if np.linalg.norm(across[1:]) < _CENTRED * fixture.half.max():
+        if np.linalg.norm(across[1:]) < _CLOSING.centered_share * fixture.half.max():
             return first
         inner = approach.point + approach.turn @ (across * [0, 1, 1])
         centred = replace(
@@ -500,32 +539,6 @@ def squeeze(fixture: GripFixture, closing: Closing, centre: Floats | None = None
         second = close_at(fixture, closing, centred, closing.closed)
         return second if second.is_held else first
     return close_at(fixture, closing, tried[0], closing.closed)
-
-
-def _find_room(
-    fixture: GripFixture, closing: Closing, point: Floats, turn: Floats
-) -> tuple[float, Approach]:
-    """Return the least initial overlap of an object with the hand [m], and its approach.
-
-    The fingers start opened, or at the first place with room, such as curled around the object.
-    """
-    found = list[tuple[float, Approach]]()
-    for start in (0, *np.flatnonzero(closing.gaps >= 2 * fixture.half[0]).tolist()):
-        approach = Approach(point, turn, start)
-        found.append((_initial_overlap(fixture, closing, approach), approach))
-        if found[-1][0] <= _OVERLAP * fixture.half[0]:
-            break
-    return min(found, key=lambda one: one[0])
-
-
-def _initial_overlap(fixture: GripFixture, closing: Closing, approach: Approach) -> float:
-    """Return the initial overlap of an object with the hand [m]."""
-    data = data_at(
-        fixture.model, start_row(fixture.model, _initial_pose(fixture, closing, approach))
-    )
-    return max(
-        (contact.depth for contact in find_contacts(fixture.model, data, fixture.body)), default=0.0
-    )
 
 
 def _initial_pose(fixture: GripFixture, closing: Closing, approach: Approach) -> Floats:
@@ -547,48 +560,44 @@ def close_at(
         return replace(
             _wait_until_settled(fixture, row, control, approach.turn, [path]), approach=approach
         )
-    heavy = _freeze_object(fixture)
+    # An object on a table is so heavy that fingers do not move it.
+    model = fixture.model.__copy__()
+    model.body_mass[fixture.body] *= _CLOSING.unmoved_mass
+    model.body_inertia[fixture.body] *= _CLOSING.unmoved_mass
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    heavy = replace(fixture, model=model)
     path, row = _ramp_control(heavy.model, row, begin, control)
     before = _wait_until_settled(heavy, row, control, approach.turn, [path])
     found = _wait_until_settled(fixture, before.row, control, approach.turn, [before.path])
     return replace(found, approach=approach)
 
 
-def _freeze_object(fixture: GripFixture) -> GripFixture:
-    """Return a fixture whose object is so heavy that fingers do not move it."""
-    model = fixture.model.__copy__()
-    model.body_mass[fixture.body] *= _UNMOVED
-    model.body_inertia[fixture.body] *= _UNMOVED
-    mujoco.mj_setConst(model, mujoco.MjData(model))
-    return replace(fixture, model=model)
-
-
 def _wait_until_settled(
     fixture: GripFixture, row: Floats, control: Floats, turn: Floats, paths: Sequence[Floats]
 ) -> Squeeze:
     """Hold a control until object, fingers and forces rest."""
-    paths, before, begun, lasted = list(paths), np.inf, paths[0], _RAMP
+    paths, before, begun, lasted = list(paths), np.inf, paths[0], _CLOSING.ramp_seconds
     while True:
         part, row = _hold_control(fixture.model, row, control)
         paths.append(part)
         pressed = measure_squeeze(fixture, row, control, turn, np.concatenate(paths))
-        total, lasted = sum(pressed.forces), lasted + _PART
-        still = _is_at_rest(fixture, begun, part, held=pressed.is_held)
-        if (still and abs(total - before) <= _STEADY * total) or lasted > _MOST:
+        total, lasted = sum(pressed.forces), lasted + _CLOSING.part_seconds
+        # A held object rests, or fingers that do not hold it yet.
+        if pressed.is_held:
+            ends = body_frames(fixture.model, part[[0, -1]], fixture.body, fixture.base)
+            rest = _CLOSING.resting_speed * _CLOSING.part_seconds
+            still = float(np.linalg.norm(ends[1] - ends[0])) <= rest
+        else:
+            fingers = np.delete(
+                np.arange(fixture.model.nq), np.arange(fixture.address, fixture.address + 7)
+            )
+            begin, previous, end = (pose[fingers] for pose in (begun[0], part[0], part[-1]))
+            rest = _CLOSING.arrived_share * np.abs(end - begin).max()
+            still = bool(np.abs(end - previous).max() <= rest)
+        steady = still and abs(total - before) <= _CLOSING.steady_force * total
+        if steady or lasted > _CLOSING.most_seconds:
             return pressed
         before = total
-
-
-def _is_at_rest(fixture: GripFixture, path: Floats, part: Floats, *, held: bool) -> bool:
-    """Return whether a held object rests, or fingers that do not hold it yet."""
-    if held:
-        ends = body_frames(fixture.model, part[[0, -1]], fixture.body, fixture.base)
-        return float(np.linalg.norm(ends[1] - ends[0])) <= _RESTING * _PART
-    fingers = np.delete(
-        np.arange(fixture.model.nq), np.arange(fixture.address, fixture.address + 7)
-    )
-    begin, before, end = (pose[fingers] for pose in (path[0], part[0], part[-1]))
-    return bool(np.abs(end - before).max() <= _ARRIVED * np.abs(end - begin).max())
 
 
 def measure_squeeze(

@@ -14,10 +14,6 @@ from contactlab.scene.model_names import require_id
 from contactlab.scene.part_bodies import AT_JOINT, bodies_of_actuator, bodies_of_equality
 from contactlab.studies.grip.rollouts import repeat_input, roll_out, start_row
 
-# s to drive an actuator to each end of its range, and to its middle
-_PROBE = 0.5
-# A body moves with an actuator if it travels at least this share of the farthest one.
-_MOVED = 0.1
 _FREE, _PLANE = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtGeom.mjGEOM_PLANE)
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
 _LINKS = frozenset({int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)})
@@ -93,7 +89,7 @@ def _driven_bodies(model: mujoco.MjModel) -> set[int]:
 
 
 def subtree(model: mujoco.MjModel, body: int) -> list[int]:
-    """Return a body and all that it carries."""
+    """Return a body and all bodies that it carries."""
     kept = {body}
     for each in range(body + 1, model.nbody):
         if int(model.body_parentid[each]) in kept:
@@ -109,20 +105,20 @@ def find_hand(model: mujoco.MjModel, base: str | None = None) -> Hand:
     on the body that carries it.
 
     Raises:
-        SceneError: there is no actuator, no such body, or nothing that closes.
+        SceneError: there is no actuator, no such body, or no finger closes.
     """
     if not model.nu:
         raise SceneError(
             "the model has no actuators, so that nothing closes; add them in MJCF, since URDF has "
             "none, or name a keyframe in which something is held (--keyframe)"
         )
-    carriers = _carriers(model)
+    carriers = _find_carriers(model)
     if base is not None:
         bodies = [require_id(model, "body", base)]
     else:
-        above = {body for carrier, _ in carriers.values() for body in _upward(model, carrier)}
+        above = {body for carrier, _ in carriers.values() for body in _walk_up(model, carrier)}
         weight = {body: float(model.body_subtreemass[body]) for body in above}
-        # Of two bodies with the same mass, the more distal one comes first.
+        # If two bodies have the same mass, the more distal one comes first.
         bodies = sorted(above, key=lambda body: (weight[body], -body))
     for least in (2, 1):
         for body in bodies:
@@ -135,7 +131,7 @@ def find_hand(model: mujoco.MjModel, base: str | None = None) -> Hand:
 _Carriers = Mapping[int, tuple[int, frozenset[int]]]
 
 
-def _carriers(model: mujoco.MjModel) -> _Carriers:
+def _find_carriers(model: mujoco.MjModel) -> _Carriers:
     """Return, for each actuator, the body that carries its moving bodies, and these bodies."""
     probe = model.__copy__()
     probe.opt.gravity[:] = 0
@@ -147,11 +143,14 @@ def _carriers(model: mujoco.MjModel) -> _Carriers:
         # The middle is needed as well, since both ends of a full turn are one pose.
         levels = ends[actuator, 0], ends[actuator].mean(), ends[actuator, 1]
         controls[3 * actuator : 3 * actuator + 3, actuator] = levels
-    steps = max(2, round(_PROBE / model.opt.timestep))
+    probe_seconds = 0.5  # to drive an actuator to each end of its range, and to its middle
+    steps = max(2, round(probe_seconds / model.opt.timestep))
     rows = repeat_input(start_row(probe, pose_within_limits(probe)), len(controls), 1)[:, 0]
     rolled = roll_out(probe, rows, np.repeat(controls[:, None], steps, axis=1))
     loose = {body for root in loose_bodies(model) for body in subtree(model, root)}
     carriers = dict[int, tuple[int, frozenset[int]]]()
+    # A body moves with an actuator if it travels at least this share of the farthest one.
+    moved_share = 0.1
     for actuator in range(model.nu):
         poses = [_places(model, qpos) for qpos in rolled.qpos[3 * actuator :][:3, -1]]
         apart = [np.linalg.norm(one - other, axis=1) for one, other in combinations(poses, 2)]
@@ -160,8 +159,11 @@ def _carriers(model: mujoco.MjModel) -> _Carriers:
         least = COARSE_ROUNDING * max(model.stat.extent, 1e-9)
         if not np.isfinite(way).all() or way.max() < least:
             continue
-        moved = np.flatnonzero(way > _MOVED * way.max())
-        carriers[actuator] = _carrier(model, moved), frozenset(map(int, moved))
+        moved = np.flatnonzero(way > moved_share * way.max())
+        # The carrier is the nearest common ancestor at rest of the moving bodies.
+        ways = [set(_walk_up(model, int(body))) for body in moved]
+        shared = set.intersection(*ways) - set(map(int, moved))
+        carriers[actuator] = max(shared, default=0), frozenset(map(int, moved))
     return carriers
 
 
@@ -176,14 +178,7 @@ def _places(model: mujoco.MjModel, qpos: Floats) -> Floats:
     return np.concatenate([data.xpos, data.xipos, *ends])
 
 
-def _carrier(model: mujoco.MjModel, moved: np.ndarray) -> int:
-    """Return the nearest common ancestor of moving bodies that does not move itself."""
-    ways = [set(_upward(model, int(body))) for body in moved]
-    shared = set.intersection(*ways) - set(map(int, moved))
-    return max(shared, default=0)
-
-
-def _upward(model: mujoco.MjModel, body: int) -> Iterator[int]:
+def _walk_up(model: mujoco.MjModel, body: int) -> Iterator[int]:
     """Yield a body and its ancestors, up to the world."""
     yield body
     while body:
@@ -213,7 +208,9 @@ def _hand_at(model: mujoco.MjModel, base: int, carriers: _Carriers) -> Hand | No
         for body in own
         if body not in fixed and int(model.body_parentid[body]) in fixed and body != base
     ]
-    driven = _driven_and_coupled(model)
+    driven, couplings = _driven_bodies(model), list(_find_couplings(model, _COUPLED))
+    while joined := [each for each in couplings if each & driven and not each <= driven]:
+        driven |= set[int]().union(*joined)
     fingers = [
         each
         for each in _linked_fingers(model, [subtree(model, root) for root in roots])
@@ -232,7 +229,7 @@ def _linked_fingers(
 ) -> Iterator[tuple[int, ...]]:
     """Yield the bodies of each finger; chains that connects or welds join are one finger."""
     groups = [set(chain) for chain in chains]
-    for coupling in _couplings(model, _LINKS):
+    for coupling in _find_couplings(model, _LINKS):
         joined = [group for group in groups if group & coupling]
         if len(joined) > 1:
             groups = [group for group in groups if group not in joined]
@@ -240,18 +237,7 @@ def _linked_fingers(
     yield from (tuple(sorted(group)) for group in sorted(groups, key=min))
 
 
-def _driven_and_coupled(model: mujoco.MjModel) -> set[int]:
-    """Return the bodies that actuators drive, and those coupled to them by equalities.
-
-    Bodies that a tendon merely drags along are not included.
-    """
-    driven, couplings = _driven_bodies(model), list(_couplings(model, _COUPLED))
-    while joined := [each for each in couplings if each & driven and not each <= driven]:
-        driven |= set[int]().union(*joined)
-    return driven
-
-
-def _couplings(model: mujoco.MjModel, kinds: frozenset[int]) -> Iterator[set[int]]:
+def _find_couplings(model: mujoco.MjModel, kinds: frozenset[int]) -> Iterator[set[int]]:
     """Yield the bodies that each equality of the given kinds couples."""
     for equality in range(model.neq):
         if int(model.eq_type[equality]) in kinds:

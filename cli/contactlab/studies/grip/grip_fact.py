@@ -14,17 +14,13 @@ from contactlab.studies.grip.fingers import find_hand
 from contactlab.studies.grip.grip_fixes import Grip
 from contactlab.studies.grip.gripping import GripRequest, judge_grip
 
-# A gripper has at most this share of the robot's mass. Legs, which would close on a box as well,
-# weigh more.
-_HAND = 0.2
-
 
 def grip_facts(reference: str, model: mujoco.MjModel, start: str) -> tuple[Fact, ...]:
     """Judge whether the object held at the start, or otherwise the robot's own hand, stays in grip.
 
     A robot that is fixed to the world is reported only if the object stays, since legs drop it.
     """
-    for request in _requests(reference, start):
+    for request in _grip_requests(reference, start):
         try:
             carried = request.keyframe is not None or _is_carried(model)
             if not carried and not _is_fixed(model):
@@ -32,7 +28,7 @@ def grip_facts(reference: str, model: mujoco.MjModel, start: str) -> tuple[Fact,
             report = judge_grip(request)
         except SceneError:
             continue  # nothing is held, or there is no hand
-        return (_fact(report),) if carried or report.verdict != "drops" else ()
+        return (_make_fact(report),) if carried or report.verdict != "drops" else ()
     return ()
 
 
@@ -40,9 +36,9 @@ def film_grip(reference: str, start: str, film: Callable[[Grip], None]) -> None:
     """Film the grip of `grip_facts`.
 
     Raises:
-        SceneError: there is none.
+        SceneError: the model has no grip.
     """
-    for request in _requests(reference, start):
+    for request in _grip_requests(reference, start):
         try:
             judge_grip(replace(request, film=film))
         except SceneError:
@@ -51,7 +47,7 @@ def film_grip(reference: str, start: str, film: Callable[[Grip], None]) -> None:
     raise SceneError(f"{reference}: no gripper found; pass --keyframe or --base")
 
 
-def _requests(reference: str, start: str) -> Iterator[GripRequest]:
+def _grip_requests(reference: str, start: str) -> Iterator[GripRequest]:
     """Yield the grips to judge; the first possible one counts."""
     mounted_hand = GripRequest(reference, fixes=False, placements=False)
     if start != QPOS0:
@@ -63,7 +59,10 @@ def _is_carried(model: mujoco.MjModel) -> bool:
     """Return whether the hand is a small part of the robot that carries it."""
     base = find_hand(model).base
     robot = int(model.body_rootid[base])
-    return bool(model.body_subtreemass[base] <= _HAND * model.body_subtreemass[robot])
+    # A gripper has at most this share of the robot's mass. Legs would close on a box too, but they
+    # weigh more.
+    most_share = 0.2
+    return bool(model.body_subtreemass[base] <= most_share * model.body_subtreemass[robot])
 
 
 def _is_fixed(model: mujoco.MjModel) -> bool:
@@ -71,7 +70,7 @@ def _is_fixed(model: mujoco.MjModel) -> bool:
     return bool(model.body_weldid[model.body_rootid[find_hand(model).base]] == 0)
 
 
-def _fact(report: GripReport) -> Fact:
+def _make_fact(report: GripReport) -> Fact:
     speeds = [math.inf if drift.speed is None else drift.speed for drift in report.drifts]
     worst = max(speeds, default=math.inf)
     lost = math.isinf(worst)
@@ -93,7 +92,7 @@ def grip_requests(reference: str, model: mujoco.MjModel, start: str) -> Iterator
 
     A part that closes like a hand counts only if a robot carries it or it is fixed to the world.
     """
-    for request in _requests(reference, start):
+    for request in _grip_requests(reference, start):
         try:
             if request.keyframe is not None or _is_carried(model) or _is_fixed(model):
                 yield request

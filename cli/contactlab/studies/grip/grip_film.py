@@ -55,16 +55,12 @@ def _film_chapters(grip: Grip, rate: int) -> Iterator[Chapter]:
         ("pulled", pull_forces(grip.fixture, held, grip.load, grip.directions()[grip.names[0]])),
     ]
     if grip.closing is not None:
-        yield Chapter("closing", _closing_states(grip, every))
+        # States of closing fingers lack velocities, which a film does not show.
+        path = held.path[::every]
+        rows = np.repeat(held.row[None], len(path), axis=0)
+        time = 1  # mjSTATE_INTEGRATION begins with the time, then qpos
+        rows[:, time : time + model.nq] = path
+        yield Chapter("closing", rows)
     for words, forces in parts:
         controls = repeat_input(held.control, 1, len(forces))[0]
         yield Chapter(words, states_along(model, row, controls, forces, every))
-
-
-def _closing_states(grip: Grip, every: int) -> Floats:
-    """Return the states of the closing fingers, without velocities, which a film does not show."""
-    model, path = grip.fixture.model, grip.held.path[::every]
-    rows = np.repeat(grip.held.row[None], len(path), axis=0)
-    time = 1  # mjSTATE_INTEGRATION begins with the time, then qpos
-    rows[:, time : time + model.nq] = path
-    return rows

@@ -29,7 +29,7 @@ _KINDS = {"box": mujoco.mjtGeom.mjGEOM_BOX, "cylinder": mujoco.mjtGeom.mjGEOM_CY
 
 @dataclass(frozen=True)
 class MountedHand:
-    """A hand whose base is fixed to the world.
+    """A hand with its base fixed to the world.
 
     Attributes:
         spec: of the model, without an object; parts keep their names.
@@ -45,7 +45,7 @@ class MountedHand:
 def mount_hand(
     spec: mujoco.MjSpec, model: mujoco.MjModel, hand: Hand, kept: str = ""
 ) -> MountedHand:
-    """Return a hand whose base is fixed in its pose at qpos0.
+    """Return a hand with its base fixed in its pose at qpos0.
 
     Joints outside the hand are deleted, not stiffened: a huge armature spoils the scale of the
     solver. MuJoCo does not filter contacts with a body that is fixed to the world, so contacts that
@@ -53,38 +53,11 @@ def mount_hand(
     the robot.
     """
     cut, own = spec.copy(), set(subtree(model, hand.base))
-    _delete_outside(cut, model, own, hand.base)
-    gone = {body for root in loose_bodies(model) for body in subtree(model, root)} - own
-    for body in list(cut.bodies):
-        number = model.body(body.name).id
-        if number in gone and int(model.body_parentid[number]) not in gone and body.name != kept:
-            cut.delete(body)
-    _release_views(cut)
-    colliding = {*(model.body(body).name for body in own), kept}
-    for geom in cut.geoms:
-        if geom.parent.name not in colliding:
-            geom.contype = geom.conaffinity = 0
-    cut.compiler.discardvisual = False
-    cut.compiler.fusestatic = False
-    cut.option.gravity = np.zeros(3)
-    _filter(cut, model, hand)
-    names = tuple(tuple(model.body(body).name for body in finger) for finger in hand.fingers)
-    return MountedHand(cut, model.body(hand.base).name, names)
-
-
-def _release_views(cut: mujoco.MjSpec) -> None:
-    """Fix lights and cameras that target a deleted body."""
-    left = {body.name for body in cut.bodies}
-    for view in (*cut.lights, *cut.cameras):
-        if view.targetbody and view.targetbody not in left:
-            view.targetbody = ""
-            view.mode = mujoco.mjtCamLight.mjCAMLIGHT_FIXED
-
-
-def _delete_outside(cut: mujoco.MjSpec, model: mujoco.MjModel, own: set[int], base: int) -> None:
-    """Delete joints of the base, and everything that moves or couples other bodies."""
+    # Delete joints of the base, and all parts that move or couple other bodies.
     bodies = sorted(own)
-    carried = np.flatnonzero(np.isin(model.jnt_bodyid, [each for each in bodies if each != base]))
+    carried = np.flatnonzero(
+        np.isin(model.jnt_bodyid, [each for each in bodies if each != hand.base])
+    )
     joints = set(map(int, carried))
     sites = {int(site) for site in np.flatnonzero(np.isin(model.site_bodyid, bodies))}
     tendons = _tendons_of(model, joints, sites)
@@ -104,6 +77,36 @@ def _delete_outside(cut: mujoco.MjSpec, model: mujoco.MjModel, own: set[int], ba
     parts += [joint for joint in cut.joints if model.joint(joint.name).id not in joints]
     for part in parts:
         cut.delete(part)
+    gone = {body for root in loose_bodies(model) for body in subtree(model, root)} - own
+    for body in list(cut.bodies):
+        number = model.body(body.name).id
+        if number in gone and int(model.body_parentid[number]) not in gone and body.name != kept:
+            cut.delete(body)
+    # Fix lights and cameras that target a deleted body.
+    left = {body.name for body in cut.bodies}
+    for view in (*cut.lights, *cut.cameras):
+        if view.targetbody and view.targetbody not in left:
+            view.targetbody = ""
+            view.mode = mujoco.mjtCamLight.mjCAMLIGHT_FIXED
+    colliding = {*(model.body(body).name for body in own), kept}
+    for geom in cut.geoms:
+        if geom.parent.name not in colliding:
+            geom.contype = geom.conaffinity = 0
+    cut.compiler.discardvisual = False
+    cut.compiler.fusestatic = False
+    cut.option.gravity = np.zeros(3)
+    # Exclude contacts of the base with the first links, as on the robot.
+    fixed = fixed_bodies(model, hand.base)
+    first = {body for body in range(model.nbody) if int(model.body_parentid[body]) in fixed}
+    for finger in hand.fingers:
+        links = [body for body in finger if int(model.body_weldid[body]) in first]
+        for one in fixed:
+            for other in links:
+                if geoms_of(model, [one]) and geoms_of(model, [other]):
+                    pair = model.body(one).name, model.body(other).name
+                    cut.add_exclude(bodyname1=pair[0], bodyname2=pair[1])
+    names = tuple(tuple(model.body(body).name for body in finger) for finger in hand.fingers)
+    return MountedHand(cut, model.body(hand.base).name, names)
 
 
 def _acts_within(
@@ -167,19 +170,6 @@ def _names_within(model: mujoco.MjModel, pair: Any, own: set[int]) -> bool:  # n
     return all(int(model.geom_bodyid[model.geom(name).id]) in own for name in names)
 
 
-def _filter(cut: mujoco.MjSpec, model: mujoco.MjModel, hand: Hand) -> None:
-    """Exclude contacts of the base with the first links, as on the robot."""
-    fixed = fixed_bodies(model, hand.base)
-    first = {body for body in range(model.nbody) if int(model.body_parentid[body]) in fixed}
-    for finger in hand.fingers:
-        links = [body for body in finger if int(model.body_weldid[body]) in first]
-        for one in fixed:
-            for other in links:
-                if geoms_of(model, [one]) and geoms_of(model, [other]):
-                    names = model.body(one).name, model.body(other).name
-                    cut.add_exclude(bodyname1=names[0], bodyname2=names[1])
-
-
 @dataclass(frozen=True)
 class GripFixture:
     """A hand and its object, compiled.
@@ -224,7 +214,10 @@ def add_object(mounted_hand: MountedHand, held: GrippedObject) -> GripFixture:
         name = _NAME
         body = spec.worldbody.add_body(name=name)
         body.add_freejoint(name=f"{_NAME}/free")
-        bits = _bits(spec)
+        # The bits of the object match every colliding geom.
+        bits = 1
+        for geom in spec.geoms:
+            bits |= int(geom.contype) | int(geom.conaffinity)
         given: dict[str, Any] = {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": _NAME}
         if held.shape == "mesh":
             spec.add_mesh(name=_NAME, file=str(Path(held.name)))
@@ -260,14 +253,6 @@ def add_object(mounted_hand: MountedHand, held: GrippedObject) -> GripFixture:
         half=half,
         middle=middle,
     )
-
-
-def _bits(spec: mujoco.MjSpec) -> int:
-    """Return collision bits that match every colliding geom."""
-    bits = 1
-    for geom in spec.geoms:
-        bits |= int(geom.contype) | int(geom.conaffinity)
-    return bits
 
 
 def bounds(model: mujoco.MjModel, body: int) -> tuple[Floats, Floats]:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from contactlab.schema.grip import CauseKind, GripVerdict
 from contactlab.studies.grip.holding import Drift
 
-_DEEP_SHARE = 0.1  # share of half of the object's width
 _HALVED_SHARE = 0.5
 
 
@@ -34,7 +33,7 @@ def worst_speed(drifts: Sequence[Drift]) -> float:
 
 @dataclass(frozen=True)
 class GripEvidence:
-    """Measurements from which causes are derived.
+    """Measurements that show the causes.
 
     Attributes:
         word: the verdict.
@@ -66,7 +65,8 @@ def causes(known: GripEvidence) -> list[tuple[CauseKind, str]]:
     found = list[tuple[CauseKind, str]]()
     if known.word != "holds" and (first := _first_cause(known)) is not None:
         found.append(first)
-    if known.deep > _DEEP_SHARE:
+    deep_share = 0.1  # share of half of the object's width
+    if known.deep > deep_share:
         share = f"{known.deep:.0%} of half of its width"
         found.append(("deep penetration", f"the fingers penetrate it by {share}"))
     return found

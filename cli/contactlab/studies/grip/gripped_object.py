@@ -17,7 +17,6 @@ _SHAPE = re.compile(
     rf"(?:,(?P<mass>{_NUMBER})(?P<weight>kg|g))?"
 )
 _MESH = re.compile(rf"mesh:(?P<file>.+?)(?:,(?P<mass>{_NUMBER})(?P<weight>kg|g))?")
-_COUNTS = {"box": 3, "cylinder": 2}
 _DEFAULT_MASS = 0.1  # kg
 
 
@@ -67,7 +66,8 @@ def read_object(text: str | None) -> GrippedObject:
         shape = "box" if found["shape"] == "box" else "cylinder"
         lengths = [float(size) * _LENGTHS[found["unit"]] for size in found["sizes"].split("x")]
         mass = float(found["mass"]) * _MASSES[found["weight"]] if found["mass"] else _DEFAULT_MASS
-        if len(lengths) == _COUNTS[shape] and min(*lengths, mass) > 0:
+        counts = {"box": 3, "cylinder": 2}
+        if len(lengths) == counts[shape] and min(*lengths, mass) > 0:
             # A cylinder has two diameters across; its length is the third extent.
             first, *rest = lengths if shape == "box" else (lengths[0], *lengths)
             return GrippedObject(shape, (first, rest[0], rest[1]), mass)

@@ -63,13 +63,6 @@ from contactlab.studies.grip.holding import (
 from contactlab.studies.grip.keyframe_grip import find_held_object
 
 CREEP_SPEED_LIMIT = 1e-4  # m/s: 1 mm in the ten seconds of a pick and place
-_WORSE_RATIO = 1.1  # ratio of speeds
-_DEFAULT_OBJECT_SCALES = (
-    1.0,
-    0.75,
-    0.5,
-)  # scales of the default object, if there is no room for it
-_SQUEEZE_TOLERANCE = 0.01  # relative tolerance of a requested squeeze
 _HAND_DIRECTIONS = ("out of the hand", "into the hand")
 _KEYFRAME_DIRECTIONS = ("up", "down")
 _FILTER_NOTE = (
@@ -86,10 +79,10 @@ class GripRequest:
     Attributes:
         model: a scene, its folder, a model file, or a robot.
         held: the object, see `read_object`; in a keyframe, the body.
-        keyframe: a keyframe in which something is held.
+        keyframe: a keyframe with a held object.
         squeeze: force of a finger [N]; default: the force at the ends of control ranges.
         base: the body that carries the fingers.
-        tolerance: speed above which an object creeps [m/s].
+        tolerance: an object with a larger speed creeps [m/s].
         fixes: whether to test fixes.
         placements: whether to test other places and sizes of the object.
         notify: called with a line of text at each stage.
@@ -142,6 +135,15 @@ def judge_grip(request: GripRequest) -> GripReport:
     if word != "holds" and request.fixes:
         request.notify(f"it {word}; testing fixes")
         tried = run_fixes(grip, request.tolerance)
+    # Depth over half of the object's extent from finger to finger.
+    turn = np.empty(9)
+    place = grip.fixture.address + 3
+    mujoco.mju_quat2Mat(turn, grip.held.path[-1][place : place + 4])
+    width = float(np.abs(turn.reshape(3, 3).T @ grip.held.turn[:, 0]) @ grip.fixture.half)
+    # The least speed over fixes, by the cause that they test.
+    speeds = dict[str, float]()
+    for each in tried:
+        speeds[each.against] = min(speeds.get(each.against, math.inf), worst_speed(each.drifts))
     known = GripEvidence(
         word=word,
         speed=worst_speed(drifts),
@@ -149,8 +151,8 @@ def judge_grip(request: GripRequest) -> GripReport:
         pressed=grip.held.is_held,
         pull=pull[1],
         weight=object_weight(grip.fixture, grip.load),
-        deep=_depth_share(grip),
-        tried=_least_speeds(tried),
+        deep=grip.held.depth / width,
+        tried=speeds,
     )
     fixes = _fixes(request, known.speed, tried)
     why = tuple(GripCause(kind=kind, sentence=text) for kind, text in causes(known))
@@ -162,13 +164,13 @@ def judge_grip(request: GripRequest) -> GripReport:
         mujoco=VERSION,
         keyframe=request.keyframe,
         verdict=word,
-        sentence=_sentence(setup, drifts, word, why, fixes),
+        sentence=_grip_sentence(setup, drifts, word, why, fixes),
         tolerance=request.tolerance,
         object=_object_words(setup),
         base=model.body(grip.fixture.base).name,
         opening=grip.closing.opening if grip.closing else None,
-        controls=tuple(_controls(grip)),
-        fingers=tuple(_fingers(grip)),
+        controls=tuple(_control_rows(grip)),
+        fingers=tuple(_finger_rows(grip)),
         depth=grip.held.depth,
         depth_share=known.deep,
         weight=known.weight,
@@ -177,7 +179,7 @@ def judge_grip(request: GripRequest) -> GripReport:
         turn=_trial_report(trials[1]),
         pull=GripPull(direction=pull[0], force=pull[1], weights=pull[1] / known.weight),
         placements=(
-            tuple(_placements(setup, drifts, request.tolerance)) if request.placements else ()
+            tuple(_placement_rows(setup, drifts, request.tolerance)) if request.placements else ()
         ),
         causes=why,
         fixes=fixes,
@@ -222,7 +224,25 @@ def _mount_and_close(request: GripRequest) -> _Setup:
         centre = None if is_box else pads_center(add_object(mounted_hand, box), closing)
         held = squeeze(fixture, closing, centre)
     if request.squeeze is not None:
-        held = _squeeze_to(fixture, closing, held, request.squeeze)
+        tolerance = 0.01  # of the force, relative
+        most = weakest_finger_force(held)
+        if not 0 < request.squeeze <= most * (1 + tolerance):
+            raise SweepFileError(
+                f"--squeeze {request.squeeze:g}: the actuators give {most:.3g} N per finger at "
+                "the end of their range; write at most that"
+            )
+        assert held.approach is not None
+        low, high, found = 0.0, 1.0, held
+        while (
+            abs(weakest_finger_force(found) - request.squeeze) > tolerance * request.squeeze
+            and high - low > tolerance**2
+        ):
+            share = (low + high) / 2
+            found = close_at(fixture, closing, held.approach, closing.control(share))
+            low, high = (
+                (low, share) if weakest_finger_force(found) > request.squeeze else (share, high)
+            )
+        held = found
     load = Load.of_all(fixture, gravity_magnitude(model))
     return _Setup(Grip(fixture, held, load, _HAND_DIRECTIONS, closing), mounted_hand, given, notes)
 
@@ -231,35 +251,16 @@ def _squeeze_default_object(
     mounted_hand: MountedHand, fixture: GripFixture, closing: Closing
 ) -> tuple[GrippedObject, GripFixture, Squeeze]:
     """Return the first scale of the default object that the opened fingers have room for."""
-    for factor in _DEFAULT_OBJECT_SCALES:
+    scales = 1.0, 0.75, 0.5
+    for factor in scales:
         tried = fit_object(fixture, closing, factor)
         other = fixture if tried == DEFAULT_OBJECT else add_object(mounted_hand, tried)
         try:
             return tried, other, squeeze(other, closing)
         except SceneError:
-            if factor == _DEFAULT_OBJECT_SCALES[-1]:
+            if factor == scales[-1]:
                 raise
     raise AssertionError
-
-
-def _squeeze_to(fixture: GripFixture, closing: Closing, held: Squeeze, force: float) -> Squeeze:
-    """Return a squeeze with a given finger force [N], by bisection of the control."""
-    most = weakest_finger_force(held)
-    if not 0 < force <= most * (1 + _SQUEEZE_TOLERANCE):
-        raise SweepFileError(
-            f"--squeeze {force:g}: the actuators give {most:.3g} N per finger at the end of their "
-            "range; write at most that"
-        )
-    assert held.approach is not None
-    low, high, found = 0.0, 1.0, held
-    while (
-        abs(weakest_finger_force(found) - force) > _SQUEEZE_TOLERANCE * force
-        and high - low > _SQUEEZE_TOLERANCE**2
-    ):
-        share = (low + high) / 2
-        found = close_at(fixture, closing, held.approach, closing.control(share))
-        low, high = (low, share) if weakest_finger_force(found) > force else (share, high)
-    return found
 
 
 def _object_words(setup: _Setup) -> str:
@@ -269,24 +270,7 @@ def _object_words(setup: _Setup) -> str:
     return f"body {fixture.model.body(fixture.body).name}"
 
 
-def _depth_share(grip: Grip) -> float:
-    """Return depth over half of the object's extent from finger to finger."""
-    turn = np.empty(9)
-    place = grip.fixture.address + 3
-    mujoco.mju_quat2Mat(turn, grip.held.path[-1][place : place + 4])
-    width = float(np.abs(turn.reshape(3, 3).T @ grip.held.turn[:, 0]) @ grip.fixture.half)
-    return grip.held.depth / width
-
-
-def _least_speeds(tried: Sequence[TestedFix]) -> dict[str, float]:
-    """Return the least speed over fixes, by the cause that they test."""
-    found = dict[str, float]()
-    for each in tried:
-        found[each.against] = min(found.get(each.against, math.inf), worst_speed(each.drifts))
-    return found
-
-
-def _finite(value: float) -> float | None:
+def _finite_number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
@@ -294,18 +278,18 @@ def _drift_report(drift: Drift) -> GripDrift:
     return GripDrift(
         name=drift.name,
         seconds=drift.seconds,
-        speeds=tuple(map(_finite, drift.speeds)),
+        speeds=tuple(map(_finite_number, drift.speeds)),
         trend=drift.trend,
-        speed=_finite(drift.speed),
-        lost_after=_finite(drift.lost),
+        speed=_finite_number(drift.speed),
+        lost_after=_finite_number(drift.lost),
     )
 
 
 def _trial_report(trial: Trial) -> GripTrial:
-    return GripTrial(distance=_finite(trial.distance), lost=trial.lost)
+    return GripTrial(distance=_finite_number(trial.distance), lost=trial.lost)
 
 
-def _controls(grip: Grip) -> Iterator[GripControl]:
+def _control_rows(grip: Grip) -> Iterator[GripControl]:
     """Yield the controls that close, with the forces of their actuators."""
     model = grip.fixture.model
     data = mujoco.MjData(model)
@@ -327,7 +311,7 @@ def _controls(grip: Grip) -> Iterator[GripControl]:
         )
 
 
-def _fingers(grip: Grip) -> Iterator[GripFinger]:
+def _finger_rows(grip: Grip) -> Iterator[GripFinger]:
     model = grip.fixture.model
     bodies = [*(finger[0] for finger in grip.fixture.fingers), grip.fixture.base]
     for body, force in zip(bodies, grip.held.forces, strict=True):
@@ -335,20 +319,22 @@ def _fingers(grip: Grip) -> Iterator[GripFinger]:
             yield GripFinger(body=model.body(body).name, force=force)
 
 
-def _placements(setup: _Setup, drifts: Sequence[Drift], within: float) -> Iterator[GripPlacement]:
-    """Yield the grip with the object as it is, elsewhere, and of other sizes."""
+def _placement_rows(
+    setup: _Setup, drifts: Sequence[Drift], within: float
+) -> Iterator[GripPlacement]:
+    """Yield the grip with the unchanged object, with it elsewhere, and with other sizes."""
     grip = setup.grip
     begun = grip.held.approach
     if setup.mounted_hand is None or grip.closing is None or begun is None or not grip.held.is_held:
         return
-    yield _placement("as it is", grip, drifts, within)
+    yield _placement_row("as it is", grip, drifts, within)
     fixture, turn = grip.fixture, grip.held.turn
     for name, axis in (("half a width aside", 1), ("half a length further out", 2)):
         offset = turn[:, axis] * fixture.half[axis]
         approach = replace(begun, point=begun.point + offset / 2, turn=turn)
         held = close_at(fixture, grip.closing, approach, grip.held.control)
         moved = replace(grip, held=replace(held, turn=turn))
-        yield _placement(name, moved, moved.measure_drifts(), within)
+        yield _placement_row(name, moved, moved.measure_drifts(), within)
     if setup.given is None or setup.given.shape in ("body", "mesh"):
         return
     for name, factor in (("a tenth smaller", 0.9), ("a tenth larger", 1.1)):
@@ -358,20 +344,21 @@ def _placements(setup: _Setup, drifts: Sequence[Drift], within: float) -> Iterat
         except SceneError:
             continue  # it does not fit between the fingers, or they do not close as far
         sized = replace(grip, fixture=other, held=held, load=Load.of_all(other, grip.load.gravity))
-        yield _placement(name, sized, sized.measure_drifts(), within)
+        yield _placement_row(name, sized, sized.measure_drifts(), within)
 
 
-def _placement(name: str, grip: Grip, drifts: Sequence[Drift], within: float) -> GripPlacement:
+def _placement_row(name: str, grip: Grip, drifts: Sequence[Drift], within: float) -> GripPlacement:
     return GripPlacement(
         name=name,
         force=weakest_finger_force(grip.held),
-        speed=_finite(worst_speed(drifts)),
+        speed=_finite_number(worst_speed(drifts)),
         verdict=verdict_of(drifts, within),
     )
 
 
 def _fixes(request: GripRequest, speed: float, tried: Sequence[TestedFix]) -> tuple[GripFix, ...]:
     """Return the tested fixes: those that hold first, then by time, then by simplicity."""
+    worse_speeds = 1.1  # ratio of speeds that count as worse
 
     def use(place: int) -> tuple[bool, float, float]:
         each = tried[place]
@@ -392,9 +379,9 @@ def _fixes(request: GripRequest, speed: float, tried: Sequence[TestedFix]) -> tu
             GripFix(
                 name=each.name,
                 options=dict(each.options),  # pyright: ignore[reportArgumentType] - settings
-                speed=_finite(left),
+                speed=_finite_number(left),
                 verdict=word,
-                worse=left > _WORSE_RATIO * speed,
+                worse=left > worse_speeds * speed,
                 time_ratio=each.time_ratio,
                 lines=lines,
                 no_patch_reason=reason,
@@ -406,7 +393,7 @@ def _fixes(request: GripRequest, speed: float, tried: Sequence[TestedFix]) -> tu
 def _patch_lines(
     request: GripRequest, scenes: SceneLoader, each: TestedFix
 ) -> tuple[tuple[str, ...], str]:
-    """Return the changed lines of the model files, or why there are none."""
+    """Return the changed lines of the model files, or the reason for none."""
     try:
         scene = scenes.open(request.model).with_effects("all")
         with TemporaryDirectory(prefix="contactlab-") as folder:
@@ -423,7 +410,7 @@ def _notes(setup: _Setup, tried: Sequence[TestedFix]) -> Iterator[str]:
         yield _NO_SQUEEZE_NOTE
 
 
-def _sentence(
+def _grip_sentence(
     setup: _Setup,
     drifts: Sequence[Drift],
     word: str,

@@ -24,21 +24,50 @@ from contactlab.studies.grip.rollouts import (
 )
 
 Trend = Literal["still", "steady", "fading", "growing", "uneven", "lost"]
-_STANDARD = 9.81  # m/s2, for a model without gravity
-_WINDOWS = 4
-_LOOKS = 40  # samples of a run
-# A trend is steady if speeds of consecutive windows differ by less than the first share; a run is
-# long enough if they differ by less than the second.
-_ALIKE, _SETTLED = 0.1, 0.02
-_STILL = 1e-6  # m/s; nothing moves below it
-_HORIZON = 10.0  # s over which speeds are judged
-_MAX_WINDOWS = 1e6  # windows
-_LOG_OVERFLOW = 700.0  # largest logarithm of a finite number
-_SHAKEN, _RATE, _SHAKING = 5.0, 5.0, 1.0  # m/s2, 1/s, s
-_TURNING = 2.0  # s
-# Duration of a pull [s]; step of pulls and largest pull, as shares of the friction capacity; an
-# object slips if the contacts carry this share less.
-_PULLING, _FINEST, _MARGIN, _SLIPS = 0.04, 0.05, 1.5, 0.02
+
+
+@dataclass(frozen=True)
+class _LoadProtocol:
+    """How a held object is loaded, shaken, turned and pulled, and how its motion is judged.
+
+    Attributes:
+        standard_gravity: for a model without gravity [m/s2].
+        windows: quarters of a run, for the trend of its speed.
+        samples: looks at the object in a run; a multiple of the windows.
+        alike_speeds: a trend is steady if speeds of consecutive windows differ by less.
+        settled_speeds: a run is long enough if they differ by less.
+        least_speed: nothing moves below it [m/s].
+        horizon: time that speeds are judged over [s]: a long pick and place.
+        most_windows: end of an extrapolation, in windows.
+        most_logarithm: largest logarithm of a finite number.
+        shake_acceleration, shake_rate, shake_seconds: of the circular shake [m/s2, 1/s, s].
+        turn_seconds: time of one turn of gravity [s].
+        pull_seconds: time of a pull [s]: short, because friction creeps under any load.
+        pull_step: step of pulls, as a share of the friction capacity.
+        most_pull: largest pull, as a share of the friction capacity.
+        slip_share: an object slips if the contacts carry this share less than the pull.
+    """
+
+    standard_gravity: float = 9.81
+    windows: int = 4
+    samples: int = 40
+    alike_speeds: float = 0.1
+    settled_speeds: float = 0.02
+    least_speed: float = 1e-6
+    horizon: float = 10.0
+    most_windows: float = 1e6
+    most_logarithm: float = 700.0
+    shake_acceleration: float = 5.0
+    shake_rate: float = 5.0
+    shake_seconds: float = 1.0
+    turn_seconds: float = 2.0
+    pull_seconds: float = 0.04
+    pull_step: float = 0.05
+    most_pull: float = 1.5
+    slip_share: float = 0.02
+
+
+_LOADING = _LoadProtocol()
 
 
 @dataclass(frozen=True)
@@ -87,14 +116,14 @@ class Load:
     def of_all(cls, fixture: GripFixture, gravity: float) -> "Load":
         """Return a load on every body, like gravity."""
         free = fixture.model.body_mass * (1 - fixture.model.body_gravcomp)
-        return cls(gravity or _STANDARD, free, np.zeros(3), "without a load")
+        return cls(gravity or _LOADING.standard_gravity, free, np.zeros(3), "without a load")
 
     @classmethod
     def of_object(cls, fixture: GripFixture) -> "Load":
         """Return a load on the object alone, instead of its weight."""
         masses = np.where(fixture.model.body_weldid == fixture.body, fixture.model.body_mass, 0.0)
         own = fixture.model.opt.gravity.copy()
-        return cls(float(np.linalg.norm(own)) or _STANDARD, masses, own, "as it is")
+        return cls(float(np.linalg.norm(own)) or _LOADING.standard_gravity, masses, own, "as it is")
 
     def forces(self, accelerations: Floats) -> Floats:
         """Return (..., nbody, 6) forces of accelerations (..., 3) [N]."""
@@ -121,7 +150,7 @@ def measure_drifts(
 ) -> tuple[Drift, ...]:
     """Load a held object in each direction, and return its drifts.
 
-    The first has no load, or is the keyframe as it is. Runs that have not settled, and may be the
+    The first has no load, or is the unchanged keyframe. Runs that have not settled, and may be the
     fastest, are continued for the same duration.
     """
     names = [load.idle, *ways]
@@ -165,10 +194,10 @@ def _observe_runs(
     fixture: GripFixture, held: Squeeze, rows: Floats, forces: Floats, seconds: float
 ) -> list[_ObservedRun]:
     """Continue from states (n, nstate) for some seconds, under forces (n, nbody, 6)."""
-    steps, count = max(_LOOKS, round(seconds / fixture.model.opt.timestep)), len(forces)
+    steps, count = max(_LOADING.samples, round(seconds / fixture.model.opt.timestep)), len(forces)
     controls = repeat_input(held.control, count, steps)
     rolled = roll_out(fixture.model, rows, controls, np.repeat(forces[:, None], steps, axis=1))
-    looks = np.linspace(0, steps - 1, _LOOKS + 1).astype(int)
+    looks = np.linspace(0, steps - 1, _LOADING.samples + 1).astype(int)
     found = list[_ObservedRun]()
     for run in range(count):
         path = body_frames(fixture.model, rolled.qpos[run, looks], fixture.body, fixture.base)
@@ -184,7 +213,9 @@ def _observe_runs(
 def has_settled(drift: Drift) -> bool:
     """Return whether the speed is constant after the first quarter, or zero."""
     _, *later = drift.speeds
-    return drift.trend in ("still", "lost") or max(later) <= (1 + _SETTLED) * min(later)
+    return drift.trend in ("still", "lost") or max(later) <= (1 + _LOADING.settled_speeds) * min(
+        later
+    )
 
 
 def _is_touching(fixture: GripFixture, row: Floats) -> bool:
@@ -196,19 +227,19 @@ def _drift_of(
     fixture: GripFixture, name: str, seen: _ObservedRun, axis: Floats, left: float
 ) -> Drift:
     """Return the drift of a run; it is lost if it left the fingers."""
-    path, duration, window = seen.path, seen.seconds, seen.seconds / _WINDOWS
-    ends = path[:: _LOOKS // _WINDOWS]
+    path, duration, window = seen.path, seen.seconds, seen.seconds / _LOADING.windows
+    ends = path[:: _LOADING.samples // _LOADING.windows]
     speeds = np.linalg.norm(np.diff(ends, axis=0), axis=1) / window
     told = tuple(float(speed) for speed in np.nan_to_num(speeds, nan=np.inf))
     gone: Floats = np.linalg.norm(path - path[0], axis=1)
     if seen.end is None or (gone.max() > left and not seen.end.is_held):
         out = np.flatnonzero(~(gone <= left))
-        when = duration * (out[0] / _LOOKS if out.size else 1.0)
+        when = duration * (out[0] / _LOADING.samples if out.size else 1.0)
         return Drift(name, duration, told, "lost", math.inf, left, float(when), path)
     # Links of fingers may follow the object, so the cover at the end counts.
     left = remaining_travel(fixture, seen.end, axis)
     pace = fit_pace(speeds)
-    windows = _HORIZON / window
+    windows = _LOADING.horizon / window
     speed = pace.way(windows) / windows if pace.trend == "fading" else pace.speed
     when = duration + window * pace.until(left / window)
     return Drift(name, duration, told, pace.trend, speed, left, when, path)
@@ -232,7 +263,7 @@ class Pace(NamedTuple):
     def way(self, windows: float) -> float:
         """Return the travel in coming windows, over the length of a window [m/s]."""
         ratio, changed = self.ratio, windows * (windows + 1) / 2
-        if ratio > 1 and windows * math.log(ratio) > _LOG_OVERFLOW:
+        if ratio > 1 and windows * math.log(ratio) > _LOADING.most_logarithm:
             return math.copysign(math.inf, self.change)
         if ratio != 1:
             power = ratio * (1 - ratio**windows) / (1 - ratio)
@@ -240,11 +271,11 @@ class Pace(NamedTuple):
         return windows * self.speed + self.change * changed
 
     def until(self, way: float) -> float:
-        """Return the number of windows after which a distance is covered; infinite if never.
+        """Return the number of windows that it takes to cover a distance; infinite if never.
 
         By bisection, since the travel grows with time.
         """
-        low, high = 0.0, _MAX_WINDOWS
+        low, high = 0.0, _LOADING.most_windows
         if self.way(high) <= way:
             return math.inf
         while high - low > COARSE_ROUNDING * (1 + low):
@@ -260,11 +291,11 @@ def fit_pace(speeds: Floats) -> Pace:
     series (Aitken), which fades to a speed of at least zero, and grows no faster than the speeds.
     """
     _, *later = speeds.tolist()
-    one, two, last = (max(speed, _STILL) for speed in later)
+    one, two, last = (max(speed, _LOADING.least_speed) for speed in later)
     before, change = two - one, last - two
-    if later[-1] < _STILL:
+    if later[-1] < _LOADING.least_speed:
         return Pace("still", 0.0)
-    if max(one, two, last) * (1 - _ALIKE) ** 2 < min(one, two, last):
+    if max(one, two, last) * (1 - _LOADING.alike_speeds) ** 2 < min(one, two, last):
         return Pace("steady", last)
     if before * change <= 0:
         return Pace("uneven", (one + two + last) / 3)
@@ -307,16 +338,18 @@ def shake_object(fixture: GripFixture, held: Squeeze, load: Load, down: Floats) 
 
 def shake_forces(fixture: GripFixture, held: Squeeze, load: Load, gravity: Floats) -> Floats:
     """Return (N, nbody, 6) forces of a shake under gravity (3,) [N]."""
-    times = np.arange(0, _SHAKING, fixture.model.opt.timestep)[:, None]
+    times = np.arange(0, _LOADING.shake_seconds, fixture.model.opt.timestep)[:, None]
     _, side, out = held.turn.T
-    angles = 2 * np.pi * _RATE * times
-    return load.forces(gravity + _SHAKEN * (np.cos(angles) * side + np.sin(angles) * out))
+    angles = 2 * np.pi * _LOADING.shake_rate * times
+    return load.forces(
+        gravity + _LOADING.shake_acceleration * (np.cos(angles) * side + np.sin(angles) * out)
+    )
 
 
 def turn_object(fixture: GripFixture, held: Squeeze, load: Load, down: Floats) -> Trial:
     """Turn gravity once about the axis from finger to finger, in two seconds."""
-    times = np.arange(0, _TURNING, fixture.model.opt.timestep)[:, None]
-    angles, axis = 2 * np.pi * times / _TURNING, held.turn[:, 0]
+    times = np.arange(0, _LOADING.turn_seconds, fixture.model.opt.timestep)[:, None]
+    angles, axis = 2 * np.pi * times / _LOADING.turn_seconds, held.turn[:, 0]
     turning = np.cos(angles) * down + np.sin(angles) * np.cross(axis, down)
     return _run_trial(fixture, held, load.forces(load.gravity * turning))
 
@@ -326,7 +359,7 @@ def _run_trial(fixture: GripFixture, held: Squeeze, forces: Floats) -> Trial:
     rolled = roll_out(
         fixture.model, held.row[None], repeat_input(held.control, 1, steps), forces[None]
     )
-    looks = np.linspace(0, steps - 1, _LOOKS + 1).astype(int)
+    looks = np.linspace(0, steps - 1, _LOADING.samples + 1).astype(int)
     path = body_frames(fixture.model, rolled.qpos[0, looks], fixture.body, fixture.base)
     way = float(np.linalg.norm(path - path[0], axis=1).max())
     reach = float(fixture.half.max())
@@ -346,8 +379,8 @@ def pull_object(
     pads apart.
     """
     limit = _friction_capacity(fixture, held)
-    shares = np.arange(_FINEST, _MARGIN, _FINEST)
-    steps = max(8, round(_PULLING / fixture.model.opt.timestep))
+    shares = np.arange(_LOADING.pull_step, _LOADING.most_pull, _LOADING.pull_step)
+    steps = max(8, round(_LOADING.pull_seconds / fixture.model.opt.timestep))
     forces = np.repeat(load.forces(np.zeros(3))[None], len(shares), axis=0)
     rows = repeat_input(held.row, len(shares), 1)[:, 0]
     controls = repeat_input(held.control, len(shares), steps)
@@ -360,7 +393,7 @@ def pull_object(
         rolled = roll_out(fixture.model, rows, controls, applied, borne=True)
         assert rolled.borne is not None
         borne = (-rolled.borne[:, steps // 2 :, dof : dof + 3] @ way).mean(axis=1)
-        slips = borne < (1 - _SLIPS) * limit * shares
+        slips = borne < (1 - _LOADING.slip_share) * limit * shares
         found[name] = max(0.0, float(borne[int(slips.argmax()) if slips.any() else -1]))
     least = min(found, key=lambda name: found[name])
     return least, found[least]
@@ -374,8 +407,8 @@ def _friction_capacity(fixture: GripFixture, held: Squeeze) -> float:
 
 def pull_forces(fixture: GripFixture, held: Squeeze, load: Load, way: Floats) -> Floats:
     """Return (N, nbody, 6) forces of a pull that exceeds the holding force within a second [N]."""
-    steps = max(_LOOKS, round(1 / fixture.model.opt.timestep))
-    most = _MARGIN * _friction_capacity(fixture, held)
+    steps = max(_LOADING.samples, round(1 / fixture.model.opt.timestep))
+    most = _LOADING.most_pull * _friction_capacity(fixture, held)
     forces = repeat_input(load.forces(np.zeros(3)), 1, steps)[0]
     forces[:, fixture.body, :3] += most * np.arange(1, steps + 1)[:, None] / steps * way
     return forces
@@ -383,7 +416,7 @@ def pull_forces(fixture: GripFixture, held: Squeeze, load: Load, way: Floats) ->
 
 def gravity_magnitude(model: mujoco.MjModel) -> float:
     """Return the magnitude of the model's gravity, or standard gravity if it is zero [m/s2]."""
-    return float(np.linalg.norm(model.opt.gravity)) or _STANDARD
+    return float(np.linalg.norm(model.opt.gravity)) or _LOADING.standard_gravity
 
 
 def object_weight(fixture: GripFixture, load: Load) -> float:

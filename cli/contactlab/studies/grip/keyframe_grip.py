@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.keyframes import place_mocap, start_data
@@ -15,7 +14,6 @@ from contactlab.studies.grip.closing import Squeeze, frame, measure_squeeze
 from contactlab.studies.grip.fingers import loose_bodies, subtree
 from contactlab.studies.grip.grip_fixture import GripFixture, bounds
 from contactlab.studies.grip.rollouts import (
-    BodyContact,
     data_at,
     find_contacts,
     repeat_input,
@@ -23,15 +21,13 @@ from contactlab.studies.grip.rollouts import (
     state_row,
 )
 
-_SETTLE = 0.25  # s for contacts to take up their load
-
 
 def find_held_object(
     model: mujoco.MjModel, keyframe: str, body: str | None = None, base: str | None = None
 ) -> tuple[GripFixture, Squeeze]:
     """Return the object held in a keyframe, after contacts have taken up the squeeze.
 
-    This takes a quarter of a second, in which free objects are weightless; the model is unchanged.
+    This takes a quarter of a second. Free objects are weightless meanwhile; the model is unchanged.
 
     Raises:
         SceneError: there is no such keyframe or body, or nothing presses on it from two sides.
@@ -42,16 +38,68 @@ def find_held_object(
     place_mocap(model, keyframe)
     row = state_row(model, start_data(model, keyframe))
     control = model.key_ctrl[model.key(keyframe).id].copy()
-    steps = max(1, round(_SETTLE / model.opt.timestep))
-    weightless = repeat_input(_lifted(model), 1, steps)
+    settle_seconds = 0.25  # s for contacts to take up their load
+    steps = max(1, round(settle_seconds / model.opt.timestep))
+    # Free objects are weightless: forces cancel their weight.
+    forces = np.zeros((model.nbody, 6))
+    loose = [body for root in loose_bodies(model) for body in subtree(model, root)]
+    weights = model.body_mass[loose] * (1 - model.body_gravcomp[loose])
+    forces[loose, :3] = -weights[:, None] * model.opt.gravity
+    weightless = repeat_input(forces, 1, steps)
     settled = roll_out(model, row[None], repeat_input(control, 1, steps), weightless)
     if settled.failed[0]:
-        raise SceneError(f"MuJoCo gives up within {_SETTLE} s of keyframe '{keyframe}'")
+        raise SceneError(f"MuJoCo gives up within {settle_seconds} s of keyframe '{keyframe}'")
     data = data_at(model, settled.rows[0])
-    number = _object(model, data, keyframe, body)
+    # The object is the free body with the largest contact force by bodies except the world.
+    bodies = [require_id(model, "body", body)] if body else sorted(loose_bodies(model))
+    pressing = dict[int, float]()
+    for candidate in bodies:
+        if not model.body_jntnum[candidate] or model.jnt_type[model.body_jntadr[candidate]] != 0:
+            raise SceneError(f"--object {body}: body {body} is not free; name one with a freejoint")
+        contacts = find_contacts(model, data, candidate)
+        pressing_on = [
+            contact.force
+            for contact in contacts
+            if model.body_weldid[model.geom_bodyid[contact.geom]] != 0
+        ]
+        pressing[candidate] = sum(pressing_on)
+    number = max(pressing, key=lambda each: pressing[each], default=-1)
+    if number < 0 or pressing[number] <= 0:
+        raise SceneError(
+            f"keyframe '{keyframe}' holds no free body; name one in which fingers press on an "
+            "object, or remove --keyframe"
+        )
     found = find_contacts(model, data, number)
-    fixture = _find_fixture(model, number, found, base)
-    turn = _object_frame(model, data, fixture, found)
+    # The bodies that press are fingers, carried by their nearest common base.
+    touching = sorted({int(model.geom_bodyid[contact.geom]) for contact in found} - {0})
+    carrier = require_id(model, "body", base) if base else _shared(model, touching)
+    fingers = [
+        tuple(subtree(model, root))
+        for root in range(1, model.nbody)
+        if root != number
+        and _carried_by(model, root, carrier)
+        and set(subtree(model, root)) & set(touching)
+    ]
+    half, middle = bounds(model, number)
+    fixture = GripFixture(
+        model=model,
+        base=carrier,
+        body=number,
+        fingers=tuple(fingers),
+        address=int(model.jnt_qposadr[model.body_jntadr[number]]),
+        half=half,
+        middle=middle,
+    )
+    # The frame points across the fingers, sideways, and up.
+    normals = np.array([contact.normal * np.sqrt(contact.force) for contact in found])
+    across = np.linalg.svd(normals)[2][0]
+    up = -model.opt.gravity.copy()
+    if not up.any():
+        up = data.xpos[fixture.body] - data.xpos[fixture.base]
+    up -= across * (up @ across)
+    if np.linalg.norm(up) < COARSE_ROUNDING * (1 + np.linalg.norm(model.opt.gravity)):
+        up[:] = np.cross(across, np.eye(3)[int(np.argmin(np.abs(across)))])
+    turn = frame(across, up)
     held = measure_squeeze(fixture, settled.rows[0], control, turn, settled.qpos[0])
     if not held.is_held:
         raise SceneError(
@@ -59,63 +107,6 @@ def find_held_object(
             "name a keyframe in which fingers hold it"
         )
     return fixture, held
-
-
-def _lifted(model: mujoco.MjModel) -> Floats:
-    """Return (nbody, 6) forces that cancel the weight of free objects [N]."""
-    forces = np.zeros((model.nbody, 6))
-    loose = [body for root in loose_bodies(model) for body in subtree(model, root)]
-    weights = model.body_mass[loose] * (1 - model.body_gravcomp[loose])
-    forces[loose, :3] = -weights[:, None] * model.opt.gravity
-    return forces
-
-
-def _object(model: mujoco.MjModel, data: mujoco.MjData, keyframe: str, name: str | None) -> int:
-    """Return the free body with the largest contact force by bodies other than the world."""
-    bodies = [require_id(model, "body", name)] if name else sorted(loose_bodies(model))
-    forces = dict[int, float]()
-    for body in bodies:
-        if not model.body_jntnum[body] or model.jnt_type[model.body_jntadr[body]] != 0:
-            raise SceneError(f"--object {name}: body {name} is not free; name one with a freejoint")
-        contacts = find_contacts(model, data, body)
-        pressing_on = [
-            contact.force
-            for contact in contacts
-            if model.body_weldid[model.geom_bodyid[contact.geom]] != 0
-        ]
-        forces[body] = sum(pressing_on)
-    best = max(forces, key=lambda body: forces[body], default=-1)
-    if best < 0 or forces[best] <= 0:
-        raise SceneError(
-            f"keyframe '{keyframe}' holds no free body; name one in which fingers press on an "
-            "object, or remove --keyframe"
-        )
-    return best
-
-
-def _find_fixture(
-    model: mujoco.MjModel, body: int, found: Sequence[BodyContact], base: str | None
-) -> GripFixture:
-    """Return a fixture of the bodies that press, carried by their nearest common base."""
-    touching = sorted({int(model.geom_bodyid[contact.geom]) for contact in found} - {0})
-    number = require_id(model, "body", base) if base else _shared(model, touching)
-    fingers = [
-        tuple(subtree(model, root))
-        for root in range(1, model.nbody)
-        if root != body
-        and _carried_by(model, root, number)
-        and set(subtree(model, root)) & set(touching)
-    ]
-    half, middle = bounds(model, body)
-    return GripFixture(
-        model=model,
-        base=number,
-        body=body,
-        fingers=tuple(fingers),
-        address=int(model.jnt_qposadr[model.body_jntadr[body]]),
-        half=half,
-        middle=middle,
-    )
 
 
 def _shared(model: mujoco.MjModel, bodies: Sequence[int]) -> int:
@@ -136,18 +127,3 @@ def _carried_by(model: mujoco.MjModel, body: int, base: int) -> bool:
         return False
     above = int(model.body_parentid[body])
     return int(model.body_weldid[above]) == int(model.body_weldid[base])
-
-
-def _object_frame(
-    model: mujoco.MjModel, data: mujoco.MjData, fixture: GripFixture, found: Sequence[BodyContact]
-) -> Floats:
-    """Return a rotation of `Squeeze`: across the fingers, sideways, up."""
-    normals = np.array([contact.normal * np.sqrt(contact.force) for contact in found])
-    across = np.linalg.svd(normals)[2][0]
-    up = -model.opt.gravity.copy()
-    if not up.any():
-        up = data.xpos[fixture.body] - data.xpos[fixture.base]
-    up -= across * (up @ across)
-    if np.linalg.norm(up) < COARSE_ROUNDING * (1 + np.linalg.norm(model.opt.gravity)):
-        up[:] = np.cross(across, np.eye(3)[int(np.argmin(np.abs(across)))])
-    return frame(across, up)

@@ -129,7 +129,7 @@ class BodyContact(NamedTuple):
 
 
 def find_contacts(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> list[BodyContact]:
-    """Return the contacts of a body and what is fixed to it."""
+    """Return the contacts of a body and the bodies that are fixed to it."""
     own, found, force = model.body_weldid[body], list[BodyContact](), np.empty(6)
     for place in range(data.ncon):
         contact = data.contact[place]
