@@ -160,20 +160,16 @@ def _spelled_out(own: inspect.Signature) -> inspect.Signature:
     """
     *named, keywords = own.parameters.values()
     (shape,) = get_args(keywords.annotation)
-    spelled = [
-        inspect.Parameter(
-            name,
-            inspect.Parameter.KEYWORD_ONLY,
-            default=() if _described(annotation).kind == list[str] else None,
-            annotation=annotation,
+    spelled = list[inspect.Parameter]()
+    for name, annotation in get_type_hints(shape, include_extras=True).items():
+        described = next(entry for entry in get_args(annotation) if isinstance(entry, Parameter))
+        default = () if described.kind == list[str] else None
+        spelled.append(
+            inspect.Parameter(
+                name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation
+            )
         )
-        for name, annotation in get_type_hints(shape, include_extras=True).items()
-    ]
     return own.replace(parameters=[*named, *spelled])
-
-
-def _described(annotation: object) -> Parameter:
-    return next(entry for entry in get_args(annotation) if isinstance(entry, Parameter))
 
 
 def is_declared(function: object) -> bool:

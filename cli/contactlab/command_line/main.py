@@ -22,7 +22,6 @@ from contactlab.printable import printable
 
 _HELP = ("-h", "--help")
 _OF_OTHERS = "From other packages"
-_SUMMARY = 66  # columns that a line of 80 leaves for the summary of a command
 
 
 def command_line(first: str | None = None) -> typer.Typer:
@@ -55,9 +54,10 @@ class _Grouped(TyperGroup):
         """Write a section for each group, and one for commands of other packages."""
         del ctx
         listed: dict[str, list[tuple[str, str]]] = {title: [] for title in TITLES.values()}
+        summary_width = 66  # columns that a line of 80 leaves for the summary of a command
         for name, found in self.commands.items():
             title = TITLES[_group(name)] if name in command_modules() else _OF_OTHERS
-            listed.setdefault(title, []).append((name, found.get_short_help_str(_SUMMARY)))
+            listed.setdefault(title, []).append((name, found.get_short_help_str(summary_width)))
         for title, rows in listed.items():
             if rows:
                 with formatter.section(title):

@@ -16,7 +16,6 @@ from contactlab.command_line.terminal import Terminal, notice
 from contactlab.errors import CommandLineError, suggestion
 
 _FORMAT, _CONTEXT = "format", "context"
-_SOME_DAY = date(2030, 12, 31)
 # The parser's words for mistakes that have no class of their own.
 _EXTRA = re.compile(r"unexpected extra argument[s()]* \((.*)\)")
 _WITHOUT_VALUE = re.compile(r"Option '(.*)' requires an argument")
@@ -141,11 +140,13 @@ def _number_of(name: str, least: float | None, *, whole: bool) -> Callable[[Any]
 
 
 def _day_of(name: str, formats: Sequence[str]) -> Callable[[Any], datetime]:
+    some_day = date(2030, 12, 31)
+
     def read(text: Any) -> datetime:  # noqa: ANN401 - a default is a day already
         for form in formats:
             with suppress(ValueError):
                 return datetime.strptime(text, form)  # noqa: DTZ007 - a day has no time
-        raise CommandLineError(f"{name} {text}: write a day, such as {_SOME_DAY:{formats[0]}}")
+        raise CommandLineError(f"{name} {text}: write a day, such as {some_day:{formats[0]}}")
 
     return read
 

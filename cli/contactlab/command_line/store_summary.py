@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from operator import itemgetter, methodcaller
 from typing import TYPE_CHECKING
 
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from contactlab.reporting.report_columns import GridAxis, RunLabels
     from contactlab.schema.evidence import StoreManifest
     from contactlab.store.finished_store import Store
-    from contactlab.store.run_columns import RunColumns
     from contactlab.writers import Report
 
 _MOST_ROWS_SHOWN = 12
@@ -74,12 +73,26 @@ def summary_text(store: "Store", given: Given) -> None:
         tell(told)
     for line in _as_expected(store):
         tell(line)
-    _print_missing_effects(columns)
+    missing: Counter[str] = Counter()
+    for entry in columns.arrow(["effects_missed"])[0].value_counts().to_pylist():
+        missing.update(dict.fromkeys(json.loads(entry["values"]), entry["counts"]))
+    for name, count in missing.most_common():
+        echo(f"{name} is off, but {count:,} of {columns.runs:,} runs need it")
     if chosen := [*_of_chosen_runs(store)]:
         for told in chosen:
             tell(told)
     elif manifest.runs <= _MOST_ROWS_SHOWN:
-        _print_runs(columns.axis_names, store.table.to_pylist())
+        from contactlab.measure import METRICS
+
+        rows = store.table.to_pylist()
+        headed = [(metric.name, metric.heading) for metric in METRICS.values() if metric.heading]
+        shown = [name for name, _ in headed if any(map(methodcaller("get", name), rows))]
+        headings = [heading for name, heading in headed if name in shown]
+        said = _OF_LOOPS if "loop" in rows[0] else {"expectation_met": "as expected"}
+        of_columns = itemgetter("label", *said, *columns.axis_names, *shown)
+        cells = [[str(row["run_id"])[:_ID_DIGITS], *of_columns(row)] for row in rows]
+        header = ["run", "label", *said.values(), *columns.axis_names, *headings]
+        print_table(header, cells, droppable=len(headings))
     elif axes and mixed:
         _print_values(by_importance(axes, labels), labels, share)
     echo(f"{_runs_of(manifest)}, {manifest.traces:,} traces in {path}")
@@ -119,28 +132,6 @@ def _of_chosen_runs(store: "Store") -> "Iterator[str]":
         yield from boundary_lines(found)
 
 
-def _print_missing_effects(columns: "RunColumns") -> None:
-    """Print the effects that were off in runs that needed them."""
-    missing: Counter[str] = Counter()
-    for entry in columns.arrow(["effects_missed"])[0].value_counts().to_pylist():
-        missing.update(dict.fromkeys(json.loads(entry["values"]), entry["counts"]))
-    for name, count in missing.most_common():
-        echo(f"{name} is off, but {count:,} of {columns.runs:,} runs need it")
-
-
-def _print_runs(axes: Sequence[str], rows: Sequence[Mapping[str, object]]) -> None:
-    from contactlab.measure import METRICS
-
-    headed = [(metric.name, metric.heading) for metric in METRICS.values() if metric.heading]
-    shown = [name for name, _ in headed if any(map(methodcaller("get", name), rows))]
-    headings = [heading for name, heading in headed if name in shown]
-    said = _OF_LOOPS if "loop" in rows[0] else {"expectation_met": "as expected"}
-    of_columns = itemgetter("label", *said, *axes, *shown)
-    cells = [[str(row["run_id"])[:_ID_DIGITS], *of_columns(row)] for row in rows]
-    header = ["run", "label", *said.values(), *axes, *headings]
-    print_table(header, cells, droppable=len(headings))
-
-
 def _print_values(
     axes: "Sequence[GridAxis]", labels: "RunLabels", share: "Callable[[int, int], str]"
 ) -> None:
@@ -155,18 +146,15 @@ def _print_values(
                         for n, k in Counter(labels.codes[axis.codes == code].tolist()).items()
                     }
                 )
-                rows.append(_value_row(axis.title, tick, here, share))
+                others = Counter(
+                    {label: count for label, count in here.items() if label != "stable"}
+                )
+                most = ", ".join(f"{label} {count}" for label, count in others.most_common(2))
+                stable = share(here["stable"], here.total())
+                rows.append((axis.title, tick, here.total(), stable, most))
     print_table(("axis", "value", "runs", "stable", "other labels"), rows)
     if left := [axis.name for axis in axes if not any(row[0] == axis.title for row in rows)]:
         tell(f"also swept: {', '.join(left)}")
-
-
-def _value_row(
-    axis: str, value: str, labels: Counter[str], share: "Callable[[int, int], str]"
-) -> tuple[object, ...]:
-    others = Counter({label: count for label, count in labels.items() if label != "stable"})
-    most = ", ".join(f"{label} {count}" for label, count in others.most_common(2))
-    return axis, value, labels.total(), share(labels["stable"], labels.total()), most
 
 
 def format_value(value: object) -> str:

@@ -121,7 +121,7 @@ def say(message: str) -> None:
 def rerun_with_mujoco(version: str | None, target: object) -> None:
     """Run the same command with another MuJoCo, if a version is given, and end with it.
 
-    The version is added to the name of the target, a store, which is None if the user named one. An
+    The version is added to the name of the target, a store, unless the user named one. An
     EngineError says that there is no such version, or that it cannot be installed.
     """
     if version is not None:

@@ -37,14 +37,10 @@ if TYPE_CHECKING:
     from contactlab.run.tasks import Finished, Stop
 
 _QUIET_SECONDS = 10.0
-_LOOK_SECONDS = 2.5
-# Rates are those of the last half minute, or half of the time, and not shown in the first second.
-_RECENT_SECONDS = 30.0
 _LEAST_SECONDS_OF_A_RATE = 1.0
 _BAR = 24
 # A column of words is at least so wide.
 _LEAST_WIDTH_OF_WORDS = 14
-_MOST_LABELS_SHOWN = 6
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _STOPPING = b"finishing the current runs; interrupt again to stop at once\n"
 
@@ -163,7 +159,9 @@ def print_table(
         table.add_row(
             *[Text(cell, label_style(cell) if n in coloured else "") for n, cell in styled]
         )
-    _print_rendered(console, table)
+    with console.capture() as rendered:
+        console.print(table, highlight=False)
+    echo_commands("\n".join(filter(None, map(str.rstrip, rendered.get().splitlines()))))
     if shown < len(header):
         echo(f"not shown: {', '.join(header[shown:])}; --format csv has all")
 
@@ -188,12 +186,6 @@ def _print_blocks(console: Console, header: Sequence[str], cells: Sequence[Seque
                         for at, line in enumerate(lines)
                     )
                 )
-
-
-def _print_rendered(console: Console, table: Table) -> None:
-    with console.capture() as rendered:
-        console.print(table, highlight=False)
-    echo_commands("\n".join(filter(None, map(str.rstrip, rendered.get().splitlines()))))
 
 
 def label_style(name: str) -> str:
@@ -276,8 +268,9 @@ class ProgressDisplay:
             rate = self._rate()
             shown = f"{rate:,.0f}" if rate >= 10 else f"{rate:.2g}"
             line.append(f"  {shown}/s  {_format_time(left)} left")
+        most_labels = 6
         # Drawn by a thread of its own: a copy, since a new label may come meanwhile.
-        for label, count in Counter(dict(self._labels)).most_common(_MOST_LABELS_SHOWN):
+        for label, count in Counter(dict(self._labels)).most_common(most_labels):
             line.append("  ").append(in_one_line(label), label_style(label)).append(f" {count:,}")
         return line
 
@@ -292,8 +285,10 @@ class ProgressDisplay:
         start, before = self._began, self._stored
         if recent and now - self._first >= _LEAST_SECONDS_OF_A_RATE:
             recent.append((now, self._done))
+            # Rates are those of the last half minute, or half of the time, after the first second.
+            recent_seconds = 30.0
             while len(recent) > 2 and recent[1][0] < now - max(
-                _RECENT_SECONDS, (now - self._first) / 2
+                recent_seconds, (now - self._first) / 2
             ):
                 recent.popleft()
             start, before = recent[0]
@@ -334,8 +329,10 @@ def progress_display() -> Generator[ProgressDisplay]:
         return
     ended = threading.Event()
 
+    look_seconds = 2.5
+
     def remind() -> None:
-        while not ended.wait(_LOOK_SECONDS):
+        while not ended.wait(look_seconds):
             display.remind()
 
     threading.Thread(target=remind, daemon=True).start()
@@ -356,7 +353,7 @@ def _format_time(seconds: float) -> str:
 
 @contextmanager
 def resumable(then: str = "resume") -> Generator["Stop"]:
-    """Yield the event that Ctrl-C and SIGTERM set; `then` says what the same command does next."""
+    """Yield the event that Ctrl-C and SIGTERM set; `then` names the next action of the command."""
     from contactlab.run.tasks import Stop
 
     stop = Stop()

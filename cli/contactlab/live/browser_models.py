@@ -1,7 +1,8 @@
 """Models for the browser's MuJoCo: compiled bytes or MJCF, and the changes of a run.
 
-A browser whose MuJoCo has the version that compiled a model reads its bytes. Another version gets
-MJCF, and all real numbers of the compiled model in addition, since MJCF is written with few digits.
+A browser reads the bytes of a model if its MuJoCo has the version that compiled them. Another
+version gets MJCF, and all real numbers of the compiled model in addition, since MJCF is written
+with few digits.
 """
 
 import copy
@@ -172,7 +173,7 @@ def model_changes(before: mujoco.MjModel, after: mujoco.MjModel) -> dict[str, Ch
 
 
 def array_difference(before: np.ndarray, after: np.ndarray) -> Change:
-    """Return the indices at which two flat arrays differ, and the second's numbers there."""
+    """Return the indices of the differences of two flat arrays, and the second's numbers there."""
     places = np.flatnonzero(before != after)
     return places.tolist(), after[places].tolist()
 

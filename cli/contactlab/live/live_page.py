@@ -33,8 +33,6 @@ from contactlab.store.finished_store import Store
 
 MOST_BYTES = 16_000_000
 _PACKAGE_NAME = __name__.rpartition(".")[0]
-_MAX_RUNS = 8
-_COMPRESSION_LEVEL = 9
 
 
 def write_live_page(
@@ -80,7 +78,8 @@ def _representative_runs(store: Store) -> list[str]:
     worst = np.array([ranks.get(str(name), len(ranks)) for name in labels.values])[labels.codes]
     order = np.argsort(worst, kind="stable")
     leaders = order[np.unique(worst[order], return_index=True)[1]]
-    chosen = list(dict.fromkeys([*leaders.tolist(), *order.tolist()]))[:_MAX_RUNS]
+    most_runs = 8
+    chosen = list(dict.fromkeys([*leaders.tolist(), *order.tolist()]))[:most_runs]
     return [store.columns.run_id(row) for row in chosen]
 
 
@@ -105,13 +104,21 @@ class _PageContent:
         self.entries += [self._run_entry(store, run) for run in chosen]
         examined = self.runs.examination
         name = Path(examined.model).name if examined else store.manifest.sweep.name
+        bits = {"disable": mujoco.mjtDisableBit, "enable": mujoco.mjtEnableBit}
         data = {
             "store": name,
             "engine": self.build.mujoco,
             "runs": self.entries,
             "models": [self._model_entry(place) for place in range(len(self.runs.models))],
             "inputs": self._input_entries,
-            "flags": _flag_bits(),
+            "flags": {
+                f"opt.{kind}flags": {
+                    name.partition("_")[2].lower(): int(bit)
+                    for name, bit in found.__members__.items()
+                    if not name.startswith("mjN")
+                }
+                for kind, found in bits.items()
+            },
         }
         style = files(_PACKAGE_NAME).joinpath("style.css").read_text(encoding="utf-8")
         scripts, styles = (
@@ -132,9 +139,8 @@ class _PageContent:
         }
 
     def _add_blob(self, data: bytes) -> int:
-        self._blobs.append(
-            base64.b64encode(gzip.compress(data, _COMPRESSION_LEVEL, mtime=0)).decode()
-        )
+        level = 9
+        self._blobs.append(base64.b64encode(gzip.compress(data, level, mtime=0)).decode())
         return len(self._blobs) - 1
 
     def _model_entry(self, place: int) -> dict[str, Any]:
@@ -174,10 +180,12 @@ class _PageContent:
             f"{visible(each.label)}: {visible(each.reason)}" if each.label != "stable" else "stable"
             for each in record.labels
         ]
+        examined = self.runs.examination
+        sentences = (examined.headline, *examined.why) if examined else ()
         entry: dict[str, Any] = {
             "id": record.run_id,
             "label": visible(record.label),
-            "reasons": [*self._examination_sentence(), *reasons],
+            "reasons": [*map(visible, sentences), *reasons],
             "axes": [[visible(name), value_text(value)] for name, value in record.axes.items()],
             "version": record.engine.version,
             "notes": [visible(note) for note in run.notes],
@@ -198,10 +206,6 @@ class _PageContent:
                 filter(None, (_switch_entry(each, run.variant) for each in run.switches))
             ),
         }
-
-    def _examination_sentence(self) -> Sequence[str]:
-        examined = self.runs.examination
-        return [visible(line) for line in (examined.headline, *examined.why)] if examined else []
 
     def _unreadable_reason(self, run: LiveRun) -> str:
         """Return the reason why the browser's MuJoCo cannot read a run's model; empty if it can."""
@@ -285,15 +289,3 @@ def _film_source(store: Store, run: str) -> str | None:
     with suppress(ContactlabError):
         return next((film.source for film in film_of(store, run)), None)
     return None
-
-
-def _flag_bits() -> dict[str, dict[str, int]]:
-    bits = {"disable": mujoco.mjtDisableBit, "enable": mujoco.mjtEnableBit}
-    return {
-        f"opt.{kind}flags": {
-            name.partition("_")[2].lower(): int(bit)
-            for name, bit in found.__members__.items()
-            if not name.startswith("mjN")
-        }
-        for kind, found in bits.items()
-    }

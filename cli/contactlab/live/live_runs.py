@@ -26,8 +26,6 @@ from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.examination import Examination
 from contactlab.store.finished_store import Store
 
-_GHOST_RATE = 60.0  # stored poses per simulated second
-
 
 @dataclass(frozen=True)
 class Variant:
@@ -105,13 +103,13 @@ class LiveRuns:
         return stored_sweep_scene(self.store.manifest.sweep, self.store.scene_folder)
 
     def geom_names(self, place: int) -> list[str]:
-        """Return the names of the geoms of a structure, or their bodies' if they have none."""
+        """Return the names of the geoms of a structure; without a name, those of their bodies."""
         model = self.models[place].model
         geoms = [model.geom(index) for index in range(model.ngeom)]
         return [geom.name or model.body(int(geom.bodyid[0])).name for geom in geoms]
 
     def run(self, run_id: str) -> LiveRun:
-        """Return one run, with its sliders; a StoreError if the store has none of this id."""
+        """Return one run, with its sliders; a StoreError if the store lacks this id."""
         record = self.store.record(run_id)
         try:
             return self._prepare_run(record)
@@ -225,7 +223,8 @@ class LiveRuns:
 def _thin_poses(time: Floats, qpos: Floats, qvel: Floats) -> StoredMotion | None:
     if not len(time):
         return None
-    wanted = np.arange(time[0], time[-1], 1 / _GHOST_RATE)
+    ghost_rate = 60.0  # stored poses per simulated second
+    wanted = np.arange(time[0], time[-1], 1 / ghost_rate)
     shown = np.union1d(np.searchsorted(time, wanted), [len(time) - 1])
     return StoredMotion(time[shown], qpos[shown], (qpos[-1].copy(), qvel[-1].copy()))
 

@@ -14,15 +14,12 @@ from contactlab.schema.setting_values import as_number, as_vector
 from contactlab.schema.vocabulary import AxisSpec
 from contactlab.store.run_columns import RunColumns
 
-_MIN_SLIDER_VALUES = 9  # smallest number of values on a slider, if the sweep has fewer
-_MAX_SLIDER_VALUES = 33
 _TEXT_DIGITS = 4
-_RATIO_SPACING_FROM = 8.0  # smallest ratio of largest to smallest value for spacing by ratios
-_SCALE_FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)
 
 
 def _scaled_values(own: object) -> Sequence[object]:
-    return [as_number(own) * scale for scale in _SCALE_FACTORS]
+    factors = (0.25, 0.5, 1.0, 2.0, 4.0)
+    return [as_number(own) * scale for scale in factors]
 
 
 # Settings that affect any contact: index of a number in its setting, and its values.
@@ -80,8 +77,10 @@ def _values_between(values: Sequence[object]) -> list[object]:
     if len(values) < 2 or not all(type(value) is float for value in values):
         return []
     swept = sorted({cast("float", value) for value in values})
-    parts = -(-(_MIN_SLIDER_VALUES - 1) // max(1, len(swept) - 1))
-    wide = swept[0] > 0 and swept[-1] / swept[0] >= _RATIO_SPACING_FROM
+    least_values = 9  # smallest number of values on a slider, if the sweep has fewer
+    parts = -(-(least_values - 1) // max(1, len(swept) - 1))
+    ratio_spacing_from = 8.0  # smallest ratio of largest to smallest value for spacing by ratios
+    wide = swept[0] > 0 and swept[-1] / swept[0] >= ratio_spacing_from
     spread = np.geomspace if wide else np.linspace
     inner = [spread(low, high, parts + 1)[1:-1] for low, high in pairwise(swept)]
     return [float(f"{number:.{_TEXT_DIGITS}g}") for part in inner for number in part.tolist()]
@@ -94,10 +93,11 @@ def _accepted_values(spec: AxisSpec, own: object, values: Sequence[object]) -> l
         taken.sort(key=as_number)
     elif spec.choices:
         taken.sort(key=lambda value: spec.choices.index(str(value)))
-    if len(taken) <= _MAX_SLIDER_VALUES:
+    most_values = 33
+    if len(taken) <= most_values:
         return taken
     kept = {
-        *np.linspace(0, len(taken) - 1, _MAX_SLIDER_VALUES).astype(int).tolist(),
+        *np.linspace(0, len(taken) - 1, most_values).astype(int).tolist(),
         taken.index(own),
     }
     return [taken[place] for place in sorted(kept)]

@@ -7,7 +7,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-_MAX_PIXELS = 256  # pixels of a side
 _TEXTURE_ROLES = (mujoco.mjtTextureRole.mjTEXROLE_RGB, mujoco.mjtTextureRole.mjTEXROLE_RGBA)
 _FLAT_TEXTURE = int(mujoco.mjtTexture.mjTEXTURE_2D)
 _OPAQUE_BYTE = 255
@@ -30,7 +29,15 @@ def textures_of(model: mujoco.MjModel) -> Iterator[Texture]:
         texture = max(int(textures[role]) for role in _TEXTURE_ROLES)
         if texture < 0:
             continue
-        pixels = _texture_pixels(model, texture)
+        # A single channel is grey.
+        height, width, channels = (
+            int(field[texture]) for field in (model.tex_height, model.tex_width, model.tex_nchannel)
+        )
+        first = int(model.tex_adr[texture])
+        pixels = model.tex_data[first : first + height * width * channels]
+        pixels = np.broadcast_to(
+            pixels.reshape(height, width, channels)[:, :, :3], (height, width, 3)
+        ).astype(np.uint8)
         red, green, blue = (pixels.mean(axis=(0, 1)) / _OPAQUE_BYTE).tolist()
         across, along = model.mat_texrepeat[material].tolist()
         flat = int(model.tex_type[texture]) == _FLAT_TEXTURE
@@ -43,20 +50,9 @@ def textures_of(model: mujoco.MjModel) -> Iterator[Texture]:
         )
 
 
-def _texture_pixels(model: mujoco.MjModel, texture: int) -> NDArray[np.uint8]:
-    """Return (height, width, 3) of a texture; grey for a single channel."""
-    height, width, channels = (
-        int(field[texture]) for field in (model.tex_height, model.tex_width, model.tex_nchannel)
-    )
-    first = int(model.tex_adr[texture])
-    pixels = model.tex_data[first : first + height * width * channels]
-    return np.broadcast_to(
-        pixels.reshape(height, width, channels)[:, :, :3], (height, width, 3)
-    ).astype(np.uint8)
-
-
 def _shrink_picture(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    block = -(-max(pixels.shape[:2]) // _MAX_PIXELS)
+    most_pixels = 256  # pixels of a side
+    block = -(-max(pixels.shape[:2]) // most_pixels)
     height, width = (max(1, side // block) for side in pixels.shape[:2])
     cut = pixels[: height * block, : width * block]
     rows, columns = cut.shape[0] // height, cut.shape[1] // width

@@ -1,6 +1,5 @@
 """Environments of Gymnasium over MuJoCo; each episode becomes a run of a store."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
 
@@ -44,7 +43,8 @@ class Evidence(Wrapper):  # pyright: ignore[reportUntypedBaseClass] - likewise
             answer = self.env.step(action)
         _, reward, terminated, truncated, info = answer
         self._reward += float(reward)
-        self._note_success(info)
+        successes = [info[name] for name in _SUCCESS_KEYS if name in info]
+        self._success = bool(successes[0]) if successes else self._success
         if terminated or truncated:
             self._end_episode()
         return answer
@@ -59,10 +59,6 @@ class Evidence(Wrapper):  # pyright: ignore[reportUntypedBaseClass] - likewise
 
     def _begin_episode(self) -> None:
         self._reward, self._success = 0.0, cast("bool | None", None)
-
-    def _note_success(self, info: Mapping[str, Any]) -> None:
-        successes = [info[name] for name in _SUCCESS_KEYS if name in info]
-        self._success = bool(successes[0]) if successes else self._success
 
     def _end_episode(self) -> None:
         self.recording.reset(success=self._success, total_reward=self._reward)

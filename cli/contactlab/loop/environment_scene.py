@@ -40,7 +40,6 @@ from contactlab.store.table_layout import LOOP_COLUMNS
 
 _CODE_SUFFIX = ".py:"
 _MODEL_FILE = f"model{BINARY}"
-_DEFAULT_DURATION = 2.0  # of an environment without a known length [s]
 _FIXED_OPTIONS = ("initial", "structure", "control", "recording", "perturb", "keyframe")
 _REPEATING_OPTIONS = ("knife_edge", "accuracy", "timing")
 _scene_folders: list[TemporaryDirectory[str]] = []  # removed when the process ends
@@ -195,6 +194,7 @@ class Environment:
 def _default_manifest(name: str, env: Any) -> SceneManifest:  # noqa: ANN401 - as above
     most = getattr(getattr(env, "spec", None), "max_episode_steps", None)
     step = getattr(unwrap_environment(env), "dt", None)
-    seconds = float(most * step) if most and step else _DEFAULT_DURATION
+    default_duration = 2.0  # of an environment without a known length [s]
+    seconds = float(most * step) if most and step else default_duration
     about = {"title": name, "description": "Episodes of an environment."}
     return SceneManifest.model_validate({"version": 1, **about, "duration": seconds})

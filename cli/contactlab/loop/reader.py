@@ -27,8 +27,6 @@ from contactlab.scene.initial_states import InitialStates, quaternion_indices
 from contactlab.scene.model_names import require_id
 from contactlab.scene.timed_inputs import Signals
 
-_FIRST_STEP_COUNT = 1024
-_MAX_EPISODE_BYTES = 1 << 30
 _STATE = int(STATE)
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 _FWDINV = int(mujoco.mjtEnableBit.mjENBL_FWDINV)
@@ -146,8 +144,9 @@ class LoopReader:
             self._warning_counts(),
             np.zeros(len(self._warning_counts()), np.int64),
         )
-        if self.room < _FIRST_STEP_COUNT:
-            self.grow(_FIRST_STEP_COUNT)
+        first_step_count = 1024
+        if self.room < first_step_count:
+            self.grow(first_step_count)
         self._steps.into(self._arrays)
 
     @property
@@ -157,7 +156,7 @@ class LoopReader:
 
     @property
     def room(self) -> int:
-        """Number of steps for which there is room."""
+        """Number of steps that fit."""
         return len(self._arrays["rows"]) - 1
 
     def grow(self, room: int) -> None:
@@ -174,7 +173,8 @@ class LoopReader:
     @property
     def is_large(self) -> bool:
         """True if twice as many steps would take more than 1 GiB."""
-        return 2 * sum(array.nbytes for array in self._arrays.values()) > _MAX_EPISODE_BYTES
+        most_bytes = 1 << 30
+        return 2 * sum(array.nbytes for array in self._arrays.values()) > most_bytes
 
     @property
     def time(self) -> float:
@@ -212,7 +212,7 @@ class LoopReader:
     def take_steps(self, set_steps: Sequence[int]) -> LoopSteps:
         """Return the episode so far; raise a MemoryError if there was too little memory.
 
-        `given` are the steps before which code set the state. MuJoCo normalizes quaternions in such
+        Code set the state before each of `set_steps`. MuJoCo normalizes quaternions in such
         states, and so does the record.
         """
         count, slots = self.steps, self._steps.slots()

@@ -1,6 +1,6 @@
 """Records a user's own loop: each episode becomes a run of a store, like one of a sweep.
 
-The scene of the store is the model as it was compiled. The number and length of episodes are not
+The scene of the store is the compiled model. The number and length of episodes are not
 known in advance, so the store's identity is completed when the recording is closed.
 """
 
@@ -47,7 +47,6 @@ Monitored = str | Sequence[str] | Mapping[str, object]
 """A geom or body with all its possible contacts, two geoms or bodies, or an entry of `pairs`."""
 
 _UNCHECKED_TEXT = "backward errors and repeats: the code that made the steps is not in the store"
-_MAX_DURATION_S = 1e6  # longest episode [s]; a hold without an end lasts as long as its episode
 _MODEL_FILE = f"model{BINARY}"
 _DEFAULT_TEXTS = {
     "title": "A recorded loop",
@@ -245,15 +244,16 @@ def _read_declarations(
 ) -> tuple[Sweep, SceneManifest]:
     """Return a sweep and a manifest from the arguments; raise a SceneError for wrong ones."""
     entries = [entry for one in monitor or () for entry in _pair_entries(model, one)]
+    most_seconds = 1e6  # longest episode [s]; a hold without an end lasts as long as its episode
     fixed = {
         "version": 1,
         "model": _MODEL_FILE,
-        "duration": _MAX_DURATION_S,
+        "duration": most_seconds,
         "effects": {"base": "all"},
     }
     own = {**_DEFAULT_TEXTS, **said, **fixed, "pairs": [*entries, *said.get("pairs", ())]}
     if "hold" in said:
-        own["hold"] = {"to": _MAX_DURATION_S, **said["hold"]}
+        own["hold"] = {"to": most_seconds, **said["hold"]}
     try:
         manifest = SceneManifest.model_validate(own)
         sweep = Sweep(version=1, scene=name, effects={"base": "all"}, trace=trace)

@@ -10,7 +10,7 @@ _PART_FIELDS = ("nq", "nv", "na", "nu", "nbody", "njnt", "ngeom", "ntendon", "nm
 
 
 def find_simulation(env: Any) -> tuple[mujoco.MjModel, mujoco.MjData]:  # noqa: ANN401 - any environment
-    """Return the model and data of MuJoCo that an environment steps; a SceneError if it has none.
+    """Return the model and data of MuJoCo that an environment steps; a SceneError if it lacks one.
 
     Those of dm_control and robosuite have another wrapper.
     """

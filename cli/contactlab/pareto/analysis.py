@@ -152,17 +152,15 @@ def _find_blockers(evaluated: Sequence[Evaluated]) -> Iterator[Blocker]:
         yield Blocker(name=name, kind=kind, configurations=count, best=best)
 
 
-_NOISY_SPREAD = 0.05  # spread of the rounds of a timing pass that deserves a note
-
-
 def _measurement_notes(report: TradeoffReport) -> Iterator[str]:
     time, found = report.time, report.configurations
+    noisy_spread = 0.05  # spread of the rounds of a timing pass that deserves a note
     if time.source == "recording":
         yield (
             "times are of the recorded runs on a busy machine, accurate to 10 % at best; "
             "sweep with `timing: {rounds: 3}`"
         )
-    elif time.spread is not None and time.spread > _NOISY_SPREAD:
+    elif time.spread is not None and time.spread > noisy_spread:
         yield (
             f"rounds of the timing pass differ by {time.spread:.0%}, median over minimum: "
             "smaller differences between configurations are noise"
@@ -227,7 +225,7 @@ class ToleranceTable:
 
 
 def tolerance_table(store: Store, report: TradeoffReport, names: Sequence[str]) -> ToleranceTable:
-    """Return the table from which other tolerances of these metrics can be evaluated."""
+    """Return the table for evaluating other tolerances of these metrics."""
     groups, columns = group_runs(read_runs(store, ())), store.columns
     count = len(groups.starts)
     kind = np.min_scalar_type(count)

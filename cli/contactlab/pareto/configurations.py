@@ -24,8 +24,6 @@ from contactlab.shares import wilson
 from contactlab.store.finished_store import Store
 from contactlab.store.run_columns import CodedColumn, RunColumns
 
-_IDLE_RATIO = 1.01  # a knob counts as insensitive within this ratio of errors
-
 STABLE = "stable"
 
 # The column with the estimated uncertainty of the reference, by error.
@@ -37,7 +35,6 @@ ESTIMATES = {
 # Columns of the timing and accuracy passes that a trade-off reads.
 PASS_COLUMNS = ("step_p99", "impacts", "chaotic", "solref_clamped", *ESTIMATES.values())
 _SOLREF_RULE = "solref_rule"
-_MAX_KEYS = 1 << 62
 Rows = NDArray[np.int64]
 _Value = TypeVar("_Value", bound=np.generic)
 
@@ -154,8 +151,9 @@ def group_runs(runs: StoredRuns) -> GroupedRuns:
 def _combination_indices(columns: Sequence[CodedColumn], count: int) -> Rows:
     """Return (n,) the index of each run's combination of values, in order of first occurrence."""
     keys, size = np.zeros(count, dtype=np.int64), 1
+    most_keys = 1 << 62
     for codes, values in columns:
-        if size * len(values) > _MAX_KEYS:
+        if size * len(values) > most_keys:
             keys, size = np.unique(keys, return_inverse=True)[1], count
         keys, size = keys * len(values) + codes, size * len(values)
     if size > count:
@@ -376,7 +374,7 @@ def _excess_text(name: str, worst: float | None, tolerance: float) -> str:
 
 
 def find_insensitive_knobs(evaluated: Sequence[Evaluated]) -> list[str]:
-    """Return the knobs that change no error by more than 1 %, and no label, all else equal."""
+    """Return the knobs that alone change no error by more than 1 %, and no label."""
     known = any(configuration.summary.error is not None for configuration in evaluated)
     names = list(evaluated[0].values) if known else []
     return [name for name in names if _is_insensitive(evaluated, name)]
@@ -406,6 +404,7 @@ def _is_insensitive(evaluated: Sequence[Evaluated], name: str) -> bool:
 def _is_equal(evaluated: Sequence[Evaluated]) -> bool:
     errors = [configuration.summary.error for configuration in evaluated]
     known = [error for error in errors if error is not None]
-    if known and (len(known) < len(errors) or max(known) > _IDLE_RATIO * min(known)):
+    idle_ratio = 1.01  # a knob counts as insensitive within this ratio of errors
+    if known and (len(known) < len(errors) or max(known) > idle_ratio * min(known)):
         return False
     return len({tuple(sorted(configuration.failures)) for configuration in evaluated}) == 1

@@ -35,8 +35,8 @@ def convergence_order(steps: TimestepErrors, floor: float = 0.0) -> Order:
     """Return the order of convergence.
 
     A line through log error over log timestep is fitted to the widest range, from the finest clear
-    step up, for which its slope has a standard error of at most 0.1; coarser steps lie outside of
-    the asymptotic range. A step is clear if its error exceeds three times the uncertainty of the
+    step up, with a standard error of the slope of at most 0.1. Coarser steps lie outside of the
+    asymptotic range. A step is clear if its error exceeds three times the uncertainty of the
     reference, and three times the floor, which remains at any timestep; 0 if none is known.
     """
     clear = steps.error > CLEAR_RATIO * np.maximum(steps.uncertainty, floor)

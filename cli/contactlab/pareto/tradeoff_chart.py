@@ -24,10 +24,7 @@ _INTEGRATOR = "integrator"
 RECOMMENDED = "recommended"
 ROBUST = "margin 1.25"
 NOW = "now"
-_AXIS_PADDING = 1.6  # factor of the extent of axes beyond the outermost points
 
-_MAX_DRAWN_TOLERANCES = 30.0
-"""Errors above this many tolerances are drawn at the edge, to leave room for the others."""
 
 # A run labelled oracle_miss has a large error, which the chart shows.
 _MEASURED_LABELS = {"stable", "oracle_miss"}
@@ -165,14 +162,17 @@ def _axis_limits(
         for configuration in shown
         if configuration.error and not _is_failed(configuration)
     ]
-    near = [error for error in errors if not limit or error <= _MAX_DRAWN_TOLERANCES * limit]
+    # Errors above this many tolerances are drawn at the edge, to leave room for the others.
+    most_tolerances = 30.0
+    near = [error for error in errors if not limit or error <= most_tolerances * limit]
     return ChartFrame(
         _padded_range(times), _padded_range([*near, *floors, *([limit] if limit else [])])
     )
 
 
 def _padded_range(values: list[float]) -> tuple[float, float]:
-    return min(values, default=1.0) / _AXIS_PADDING, max(values, default=1.0) * _AXIS_PADDING
+    padding = 1.6  # factor of the extent of axes beyond the outermost points
+    return min(values, default=1.0) / padding, max(values, default=1.0) * padding
 
 
 def _point_row(
@@ -214,12 +214,9 @@ def _mark_words(values: Settings, report: TradeoffReport) -> str:
     return ", ".join(words)
 
 
-_CHART_SIZE = (640, 440)
 # Text of a tick: a fraction while that is short; most labels of a logarithmic axis are empty.
 _TICK_LABEL = "datum.label && format(datum.value, datum.value < 1e-3 ? '~e' : '~g')"
 _POINT_STATES = ("within tolerance", "beyond tolerance", "failed")
-# More labels than this hide the points; then only the front and the ends of lines have labels.
-_MAX_LABELLED_POINTS = 24
 _Channel = TypeVar("_Channel", alt.Color, alt.Shape)
 
 
@@ -231,22 +228,49 @@ def chart_specification(
     Its data are named `lines`, `points`, `failures`, `front`, `chosen`, ...; rows of points have
     the place of their configuration in the report.
     """
+    feasible = sum(configuration.feasible for configuration in report.configurations)
+    held = f"{feasible} of {len(report.configurations)}"
+    title = alt.TitleParams(
+        f"{report.scene}: what accuracy costs in time",
+        subtitle=[
+            f"{held} configurations are feasible; grey line: their Pareto front;",
+            "filled: within every tolerance; hollow: beyond one; cross: failed, or off the chart;",
+            "arrow: upper bound; dotted: modeling error; bar: down to the least of its runs",
+        ],
+        fontSize=15,
+    )
     return (
         alt.layer(*_chart_layers(report, chart_data(report, places)))
-        .properties(width=_CHART_SIZE[0], height=_CHART_SIZE[1], title=_chart_title(report))
+        .properties(width=640, height=440, title=title)
         .configure_axis(tickCount=6)
         .configure_legend(symbolSize=90, titleFontSize=12, labelFontSize=11)
     )
 
 
 def _chart_layers(report: TradeoffReport, shown: ChartData) -> Iterator[alt.Chart]:
-    x, y = _chart_axes(report, shown)
+    unit = f" [{report.error.unit}]" if report.error.unit not in {"", "1", "any"} else ""
+    source = "" if report.time.source == "timing" else " (while recording)"
+    x = alt.X("time:Q").scale(type="log", domain=shown.frame.time, nice=False)
+    y = alt.Y("error:Q").scale(type="log", domain=shown.frame.error, nice=False)
+    x = x.axis(title=f"CPU seconds per simulated second{source}", format="~g")
+    y = y.axis(
+        title=f"{report.error.name}{unit}, worst of {report.runs_per_configuration} runs",
+        labelExpr=_TICK_LABEL,
+    )
     colour = _method_channel(shown, alt.Color, [*COLOURS[: len(shown.methods)], OTHERS_COLOUR])
     measured = [point for point in shown.points if point["state"] != "failed"]
     failed = [point for point in shown.points if point["state"] == "failed"]
     named = [point for point in measured if point["method"] != OTHERS]
     if limit := report.tolerances.get(report.error.name):
-        yield from _tolerance_band(shown.frame, limit)
+        low = alt.Y("low:Q").scale(type="log", domain=shown.frame.error, nice=False)
+        across = alt.X("time:Q").scale(type="log", domain=shown.frame.time, nice=False)
+        band = layer_of("band", [{"low": limit, "high": shown.frame.error[1]}])
+        yield band.mark_rect(color="#f2f2f2").encode(low, alt.Y2("high:Q"))
+        words = layer_of(
+            "tolerance", [{"low": limit, "text": "tolerance", "time": shown.frame.time[1]}]
+        )
+        written = words.mark_text(align="right", dx=-4, dy=-7, color="#777777", fontSize=11)
+        yield written.encode(across, low, alt.Text("text:N"))
     drawn = [point for point in measured if point["drawn"]]
     lines = layer_of("lines", drawn).mark_line(strokeWidth=1.2, opacity=0.8)
     yield lines.encode(x, y, colour, detail="line:N", order="time:Q")
@@ -261,7 +285,14 @@ def _chart_layers(report: TradeoffReport, shown: ChartData) -> Iterator[alt.Char
     yield from _timestep_labels(shown, named, x, y)
     bars = layer_of("spreads", [point for point in drawn if point["least"]])
     yield bars.mark_rule(opacity=0.5).encode(x, y, alt.Y2("least:Q"), colour)
-    yield from _point_markers(shown, named, x, y, colour)
+    count = len(shown.methods)
+    shape = _method_channel(shown, alt.Shape, [*SHAPES[:count], "stroke"])
+    fill = alt.Fill("method:N").scale(domain=shown.methods, range=COLOURS[:count]).legend(None)
+    opacity = alt.FillOpacity("state:O").scale(domain=_POINT_STATES[:2], range=[1, 0]).legend(None)
+    for name, size, strength in (("beside", 24, 0.5), ("points", 70, 1.0)):
+        points = layer_of(name, [point for point in named if point["drawn"] == (name == "points")])
+        marked = points.mark_point(size=size, strokeWidth=1.5, opacity=strength)
+        yield marked.encode(x, y, colour, shape, fill, opacity)
     crosses = layer_of("failures", failed).mark_text(text="\u2715", size=13, dy=8)
     yield crosses.encode(x, y, colour)
     # Upper bounds: errors below the uncertainty of their reference.
@@ -272,48 +303,11 @@ def _chart_layers(report: TradeoffReport, shown: ChartData) -> Iterator[alt.Char
     yield from _chosen_rings(shown, x, y)
 
 
-def _point_markers(
-    shown: ChartData, named: list[Row], x: alt.X, y: alt.Y, colour: alt.Color
-) -> Iterator[alt.Chart]:
-    count = len(shown.methods)
-    shape = _method_channel(shown, alt.Shape, [*SHAPES[:count], "stroke"])
-    fill = alt.Fill("method:N").scale(domain=shown.methods, range=COLOURS[:count]).legend(None)
-    opacity = alt.FillOpacity("state:O").scale(domain=_POINT_STATES[:2], range=[1, 0]).legend(None)
-    for name, size, strength in (("beside", 24, 0.5), ("points", 70, 1.0)):
-        points = layer_of(name, [point for point in named if point["drawn"] == (name == "points")])
-        marked = points.mark_point(size=size, strokeWidth=1.5, opacity=strength)
-        yield marked.encode(x, y, colour, shape, fill, opacity)
-
-
-def _chart_axes(report: TradeoffReport, shown: ChartData) -> tuple[alt.X, alt.Y]:
-    unit = f" [{report.error.unit}]" if report.error.unit not in {"", "1", "any"} else ""
-    source = "" if report.time.source == "timing" else " (while recording)"
-    x = alt.X("time:Q").scale(type="log", domain=shown.frame.time, nice=False)
-    y = alt.Y("error:Q").scale(type="log", domain=shown.frame.error, nice=False)
-    return (
-        x.axis(title=f"CPU seconds per simulated second{source}", format="~g"),
-        y.axis(
-            title=f"{report.error.name}{unit}, worst of {report.runs_per_configuration} runs",
-            labelExpr=_TICK_LABEL,
-        ),
-    )
-
-
 def _method_channel(shown: ChartData, channel: type[_Channel], values: list[str]) -> _Channel:
     names = [*shown.methods, OTHERS]
     used = [name for name in names if any(point["method"] == name for point in shown.points)]
     scaled = channel("method:N").scale(domain=names, range=values)
     return scaled.legend(title="method", values=used)
-
-
-def _tolerance_band(frame: ChartFrame, limit: float) -> Iterator[alt.Chart]:
-    low = alt.Y("low:Q").scale(type="log", domain=frame.error, nice=False)
-    x = alt.X("time:Q").scale(type="log", domain=frame.time, nice=False)
-    band = layer_of("band", [{"low": limit, "high": frame.error[1]}])
-    yield band.mark_rect(color="#f2f2f2").encode(low, alt.Y2("high:Q"))
-    words = layer_of("tolerance", [{"low": limit, "text": "tolerance", "time": frame.time[1]}])
-    written = words.mark_text(align="right", dx=-4, dy=-7, color="#777777", fontSize=11)
-    yield written.encode(x, low, alt.Text("text:N"))
 
 
 def _chosen_rings(shown: ChartData, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
@@ -340,7 +334,9 @@ def _ring_label_place(row: Row, shown: ChartData) -> Row:
 
 def _timestep_labels(shown: ChartData, named: list[Row], x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
     rows = [point for point in named if not point["chosen"]]
-    if len(rows) > _MAX_LABELLED_POINTS:
+    # More labels than this hide the points; then only the front and the ends of lines have labels.
+    most_labels = 24
+    if len(rows) > most_labels:
         rows = [row for row in rows if row["labelled"]]
     right = [row for row in rows if shown.methods.index(row["method"]) % 2]
     left = [row for row in rows if row not in right]
@@ -348,17 +344,3 @@ def _timestep_labels(shown: ChartData, named: list[Row], x: alt.X, y: alt.Y) -> 
         layer = layer_of(f"labels {side}", part)
         for mark in haloed(layer, align=align, dx=dx, dy=-dx, fontSize=10):
             yield mark.encode(x, y, text="label:N")
-
-
-def _chart_title(report: TradeoffReport) -> alt.TitleParams:
-    feasible = sum(configuration.feasible for configuration in report.configurations)
-    held = f"{feasible} of {len(report.configurations)}"
-    return alt.TitleParams(
-        f"{report.scene}: what accuracy costs in time",
-        subtitle=[
-            f"{held} configurations are feasible; grey line: their Pareto front;",
-            "filled: within every tolerance; hollow: beyond one; cross: failed, or off the chart;",
-            "arrow: upper bound; dotted: modeling error; bar: down to the least of its runs",
-        ],
-        fontSize=15,
-    )

@@ -21,12 +21,9 @@ from contactlab.view.drawn_shapes import BodyShape, body_poses, body_shapes
 
 Rows = NDArray[np.intp]
 
-# Largest radius of the sphere in radii of the largest moving body, which would otherwise be a dot.
-_MAX_BODY_RADII = 25.0
 # Nine in ten arrows are at most about as long as the first fraction of the sphere's radius. Longer
 # arrows are cut at the second fraction.
 _USUAL_ARROW, _LONGEST_ARROW = 0.5, 1.0
-_USUAL_PERCENTILE = 90
 # Radius of the view of a camera that follows a body, in radii of the body, and its smallest and
 # largest share of the whole view.
 _FOCUS_RADII, _SMALLEST_FOCUS, _LARGEST_FOCUS = 3.0, 0.1, 0.75
@@ -274,22 +271,23 @@ def scene_sphere(
     seen = [shape for shape in shapes if moving[shape.body] or not moving.any()]
     if not seen:
         return Stage(np.zeros(3), 1.0)
-    middles = np.stack([_shape_centres(shape, positions, rotations) for shape in seen], axis=1)
+    centres = [
+        positions[:, shape.body] + rotate_vectors(rotations[:, shape.body], shape.position)
+        for shape in seen
+    ]
+    middles = np.stack(centres, axis=1)
     sizes = np.array([_shape_radius(shape) for shape in seen])
     low = (middles - sizes[:, None]).min(axis=(0, 1))
     high = (middles + sizes[:, None]).max(axis=(0, 1))
     centre = (low + high) / 2
     radius = float((np.linalg.norm(middles - centre, axis=2) + sizes).max())
-    widest = _MAX_BODY_RADII * float(sizes.max())
+    # Largest radius of the sphere in radii of the largest moving body, so that it is not a dot.
+    most_body_radii = 25.0
+    widest = most_body_radii * float(sizes.max())
     if radius <= widest:
         return Stage(centre, radius)
     middle = contacts if len(contacts) else middles[0]
     return Stage(np.median(middle, axis=0), widest)
-
-
-def _shape_centres(shape: BodyShape, positions: Floats, rotations: Floats) -> Floats:
-    """Return (F, 3) the centre of a shape [m]."""
-    return positions[:, shape.body] + rotate_vectors(rotations[:, shape.body], shape.position)
 
 
 def _shape_radius(shape: BodyShape) -> float:
@@ -306,7 +304,8 @@ def arrow_scale(force: Floats, radius: float) -> tuple[float, float]:
     """
     strength = np.linalg.norm(force, axis=1)
     pushing = strength[strength > 0]
-    usual = float(np.percentile(pushing, _USUAL_PERCENTILE)) if len(pushing) else 1.0
+    usual_percentile = 90
+    usual = float(np.percentile(pushing, usual_percentile)) if len(pushing) else 1.0
     wanted = _USUAL_ARROW * radius / usual
     decade = 10.0 ** np.floor(np.log10(wanted))
     digit = min((1, 2, 5, 10), key=lambda candidate: abs(np.log10(candidate * decade / wanted)))

@@ -27,9 +27,6 @@ class BodyShape:
     triangles: Integers  # (T, 3) indices of a mesh's vertices; empty for other forms
 
 
-# MuJoCo's viewers also hide the groups above.
-_VISIBLE_GROUPS = 3
-_UNSET_COLOUR = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
 _GEOM_TYPES = mujoco.mjtGeom
 # Form of a kind of geom, and the indices of its half sizes along its three axes.
 _SOLID_FORMS: dict[int, tuple[Form, list[int]]] = {
@@ -64,7 +61,9 @@ def body_poses(model: mujoco.MjModel, qpos: Floats) -> tuple[Floats, Floats]:
 
 def body_shapes(model: mujoco.MjModel) -> tuple[BodyShape, ...]:
     """Return the drawn parts: geoms of groups 0 to 2, or all geoms of a body without such."""
-    low = model.geom_group < _VISIBLE_GROUPS
+    # MuJoCo's viewers also hide the groups above.
+    visible_groups = 3
+    low = model.geom_group < visible_groups
     visible_bodies = set(model.geom_bodyid[low].tolist())
     geoms = [
         geom
@@ -86,21 +85,17 @@ def _shapes_of(model: mujoco.MjModel, geom: int) -> Iterator[BodyShape]:
             offset = np.array([0.0, 0.0, place])
             yield _geom_shape(model, geom, "ellipsoid", np.full(3, 2 * size[0]), offset, end)
     elif kind == _GEOM_TYPES.mjGEOM_PLANE:
-        yield _plane_box(model, geom, size)
+        # A plane is a thin box below it; an infinite one is larger than the scene.
+        reach = float(model.stat.extent)
+        half = np.where(size[:2] > 0, size[:2], 3 * reach)
+        thickness = reach / 100
+        below = np.array([0.0, 0.0, -thickness / 2])
+        yield _geom_shape(model, geom, "box", np.array([*(2 * half), thickness]), below)
     elif kind in _SURFACE_TYPES:
         read = _height_field_surface if kind == _GEOM_TYPES.mjGEOM_HFIELD else _mesh_surface
         vertices, triangles = read(model, int(model.geom_dataid[geom]))
         plain = _geom_shape(model, geom, "mesh", np.ones(3))
         yield replace(plain, vertices=vertices, triangles=triangles)
-
-
-def _plane_box(model: mujoco.MjModel, geom: int, size: Floats) -> BodyShape:
-    """Return a thin box below the plane; an infinite plane gets one larger than the scene."""
-    reach = float(model.stat.extent)
-    half = np.where(size[:2] > 0, size[:2], 3 * reach)
-    thickness = reach / 100
-    below = np.array([0.0, 0.0, -thickness / 2])
-    return _geom_shape(model, geom, "box", np.array([*(2 * half), thickness]), below)
 
 
 def _geom_shape(
@@ -153,8 +148,9 @@ def _height_field_surface(model: mujoco.MjModel, field: int) -> tuple[Floats, In
 
 
 def _geom_colour(model: mujoco.MjModel, geom: int) -> Floats:
-    """Return a geom's colour, or its material's if it has none of its own."""
+    """Return a geom's colour, or its material's if its own is not set."""
     own, material = model.geom_rgba[geom], int(model.geom_matid[geom])
-    if material >= 0 and np.array_equal(own, _UNSET_COLOUR):
+    unset_colour = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
+    if material >= 0 and np.array_equal(own, unset_colour):
         own = model.mat_rgba[material]
     return own.astype(np.float64)

@@ -34,24 +34,14 @@ from contactlab.view.drawn_motion import BodyMotion, Stage, frame_times, nearest
 Picture = NDArray[np.uint8]
 
 _AZIMUTH, _ELEVATION = 120.0, -18.0
-_DISTANCE_MARGIN = 1.05
-_MAX_SCENE_GEOMS = 20_000
 # An arrow's radius as a fraction of the sphere's, and at most of its own length.
 _ARROW_RADIUS, _MAX_ARROW_RADIUS = 0.015, 0.1
-_BODY_OPACITY = 0.45
-_AMBIENT_LIGHT = 0.35
 # Map of shadows: texels per pixel, and the largest number. In software, it takes half the time.
 _SHADOW_TEXELS, _MAX_SHADOW_TEXELS = 3, 2048
-# With more triangles, shadows and several samples per pixel take nine tenths of software's time.
-_MAX_SHADED_TRIANGLES = 50_000
-_BACKGROUND_COLOUR = (0.74, 0.79, 0.86, 1.0)
-# The background's distance as a fraction of the farthest visible one.
-_WALL_DISTANCE = 0.5
 _MAX_TRAIL_PIECES, _TRAIL_COLOUR = (
     60,
     (0.10, 0.27, 0.98),
 )  # largest number of pieces; red, green, blue
-_GHOST_COLOUR = (0.95, 0.45, 0.1, 0.35)  # color of recorded motion
 _ARROW = mujoco.mjtGeom.mjGEOM_ARROW
 _PLACEMENT_STAGES = (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight, mujoco.mj_tendon)
 # The values of MUJOCO_GL, each with its system library.
@@ -115,7 +105,8 @@ def draw_pictures(
     as an inset. A SceneError says that there is no OpenGL, no camera of this name, or nothing to
     draw.
     """
-    _require_drawable(model)
+    if not model.ngeom + model.ntendon + model.nflex + model.nskin:
+        raise SceneError("no pictures: no body of the model has a geom; add geoms to moving bodies")
     width, height = size
     set_looks(model, size)
     named = None if camera is None else _model_camera(model, camera)
@@ -124,7 +115,8 @@ def draw_pictures(
         areas.append(mujoco.MjrRect(0, 0, width // _INSET_FACTOR, height // _INSET_FACTOR))
     option = mujoco.MjvOption()
     option.flags[mujoco.mjtVisFlag.mjVIS_TRANSPARENT] = True
-    data, scene = mujoco.MjData(model), mujoco.MjvScene(model, _MAX_SCENE_GEOMS)
+    most_geoms = 20_000
+    data, scene = mujoco.MjData(model), mujoco.MjvScene(model, most_geoms)
     with graphics_context(width, height) as screen:
         context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
         try:
@@ -137,12 +129,18 @@ def draw_pictures(
                     _place_objects(model, data)
                     everything = mujoco.mjtCatBit.mjCAT_ALL.value
                     mujoco.mjv_updateScene(model, data, option, None, view, everything, scene)
-                    _add_decorations(scene, model, motion, frame)
+                    draw_background(model, scene)
+                    _draw_trail(scene, motion, frame)
+                    _draw_forces(scene, motion, frame)
                     if frame in recorded:
                         _draw_ghost(scene, model, data, recorded[frame], option)
                     # Another film may have been drawn in the meantime.
                     screen.make_current()
-                    pictures.append(_draw_scene(scene, area, context))
+                    picture = np.empty((area.height, area.width, 3), np.uint8)
+                    mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, context)
+                    mujoco.mjr_render(area, scene, context)
+                    mujoco.mjr_readPixels(picture, None, area, context)
+                    pictures.append(picture[::-1])
                 yield _with_inset(*pictures)
         finally:
             # Objects of a context are deleted by number, in the current context.
@@ -150,39 +148,20 @@ def draw_pictures(
             context.free()
 
 
-def _draw_scene(
-    scene: mujoco.MjvScene, area: mujoco.MjrRect, context: mujoco.MjrContext
-) -> Picture:
-    picture = np.empty((area.height, area.width, 3), np.uint8)
-    mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, context)
-    mujoco.mjr_render(area, scene, context)
-    mujoco.mjr_readPixels(picture, None, area, context)
-    return picture[::-1]
-
-
-def _require_drawable(model: mujoco.MjModel) -> None:
-    if not model.ngeom + model.ntendon + model.nflex + model.nskin:
-        raise SceneError("no pictures: no body of the model has a geom; add geoms to moving bodies")
-
-
 def set_looks(model: mujoco.MjModel, size: tuple[int, int]) -> None:
     """Prepare a model for pictures of a size: bright, with translucent moving bodies."""
     model.vis.global_.offwidth, model.vis.global_.offheight = size
     model.vis.quality.shadowsize = min(_MAX_SHADOW_TEXELS, _SHADOW_TEXELS * max(size))
     meshes = model.geom_dataid[model.geom_type == mujoco.mjtGeom.mjGEOM_MESH]
-    if model.mesh_facenum[meshes].sum() > _MAX_SHADED_TRIANGLES:
+    # With more triangles, shadows and several samples per pixel take 90 % of software's time.
+    most_shaded_triangles = 50_000
+    if model.mesh_facenum[meshes].sum() > most_shaded_triangles:
         model.light_castshadow[:], model.vis.quality.offsamples = 0, 0
+    body_opacity = 0.45
     # Arrows must be visible.
-    model.vis.map.alpha = _BODY_OPACITY
-    model.vis.headlight.ambient[:] = np.maximum(model.vis.headlight.ambient, _AMBIENT_LIGHT)
-
-
-def _add_decorations(
-    scene: mujoco.MjvScene, model: mujoco.MjModel, motion: BodyMotion, frame: int
-) -> None:
-    draw_background(model, scene)
-    _draw_trail(scene, motion, frame)
-    _draw_forces(scene, motion, frame)
+    model.vis.map.alpha = body_opacity
+    ambient_light = 0.35
+    model.vis.headlight.ambient[:] = np.maximum(model.vis.headlight.ambient, ambient_light)
 
 
 def _draw_trail(scene: mujoco.MjvScene, motion: BodyMotion, frame: int) -> None:
@@ -230,9 +209,10 @@ def _draw_ghost(
     moved = (data.geom_xpos != before).any(axis=1) | (data.geom_xmat != turned).any(axis=1)
     moving = mujoco.mjtCatBit.mjCAT_DYNAMIC.value
     mujoco.mjv_addGeoms(model, data, option, mujoco.MjvPerturb(), moving, scene)
+    ghost_colour = (0.95, 0.45, 0.1, 0.35)  # color of recorded motion
     for geom in scene.geoms[first : scene.ngeom]:
         is_geom = geom.objtype == mujoco.mjtObj.mjOBJ_GEOM.value
-        geom.rgba[:] = _GHOST_COLOUR if is_geom and moved[geom.objid] else 0
+        geom.rgba[:] = ghost_colour if is_geom and moved[geom.objid] else 0
 
 
 def draw_background(model: mujoco.MjModel, scene: mujoco.MjvScene) -> None:
@@ -240,11 +220,14 @@ def draw_background(model: mujoco.MjModel, scene: mujoco.MjvScene) -> None:
     if (model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX).any():
         return
     eye = scene.camera[0]
-    far = _WALL_DISTANCE * eye.frustum_far
+    # The background's distance as a fraction of the farthest visible one.
+    wall_distance = 0.5
+    far = wall_distance * eye.frustum_far
     half = 2 * far / eye.frustum_near * max(eye.frustum_top, eye.frustum_width, eye.frustum_near)
     up, back = eye.up.astype(float), -eye.forward.astype(float)
     turn = np.stack([np.cross(up, back), up, back], axis=1)
-    wall = _new_geom(scene, mujoco.mjtGeom.mjGEOM_BOX, _BACKGROUND_COLOUR)
+    background_colour = (0.74, 0.79, 0.86, 1.0)
+    wall = _new_geom(scene, mujoco.mjtGeom.mjGEOM_BOX, background_colour)
     wall.pos, wall.size, wall.mat = eye.pos + far * eye.forward, (half, half, far * 1e-3), turn
     wall.emission, wall.specular, wall.reflectance = 0.2, 0.0, 0.0
 
@@ -271,7 +254,8 @@ def _camera_distance(model: mujoco.MjModel, stage: Stage, aspect: float) -> floa
     """Return the distance of a camera that sees all of a stage from its centre [m]."""
     half = math.radians(float(model.vis.global_.fovy)) / 2
     narrow = min(half, math.atan(math.tan(half) * aspect))
-    return _DISTANCE_MARGIN * stage.radius / math.sin(narrow)
+    distance_margin = 1.05
+    return distance_margin * stage.radius / math.sin(narrow)
 
 
 def force_bar(

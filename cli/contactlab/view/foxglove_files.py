@@ -26,7 +26,6 @@ PLOTS = {
     "Penetration [m]": "penetration",
     "Slip speed [m/s]": "slip_speed",
 }
-_MAX_JOINTS = 8
 # Types of a schema that viewers read: https://docs.foxglove.dev/docs/sdk/schemas.
 _VIEWED_TYPES = ("boolean", "string", "number", "integer")
 
@@ -49,14 +48,32 @@ def viewer_layout(motion: BodyMotion) -> Node:
     for title, field in PLOTS.items() if topics else ():
         paths = {pair: message_path(topic, field) for pair, topic in topics.items()}
         plots[f"Plot!{field}"] = _plot_panel(title, paths)
-    joints = motion.joints.names[:_MAX_JOINTS]
+    most_joints = 8
+    joints = motion.joints.names[:most_joints]
     if joints:
         paths = {
             name: f"{JOINTS}.joints[:]{{name=={json.dumps(name)}}}.position" for name in joints
         }
         plots["Plot!joints"] = _plot_panel("Joints [m, rad]", paths)
+    x, y, z = motion.centre.tolist()
     panels = {
-        "3D!scene": _scene_panel(motion),
+        "3D!scene": {
+            "followTf": motion.bodies[0],
+            "followMode": "follow-none",
+            "cameraState": {
+                "distance": 2.7 * motion.radius,
+                "perspective": True,
+                "phi": 72,
+                "thetaOffset": 30,
+                "target": [x, y, z],
+                "targetOffset": [0, 0, 0],
+                "targetOrientation": [0, 0, 0, 1],
+                "fovy": 45,
+                "near": motion.radius / 100,
+                "far": 1000 * motion.radius,
+            },
+            "topics": {SCENE: {"visible": True}, FORCES: {"visible": True}},
+        },
         "Log!events": {"topicToRender": EVENTS, "minLogLevel": 1},
         "RawMessages!evidence": {"topicPath": EVIDENCE_TOPIC},
         **plots,
@@ -69,27 +86,6 @@ def viewer_layout(motion: BodyMotion) -> Node:
         "userNodes": {},
         "playbackConfig": {"speed": 1},
         "layout": _split_panels("row", left, _stack_panels(list(plots)), 58) if plots else left,
-    }
-
-
-def _scene_panel(motion: BodyMotion) -> Node:
-    x, y, z = motion.centre.tolist()
-    return {
-        "followTf": motion.bodies[0],
-        "followMode": "follow-none",
-        "cameraState": {
-            "distance": 2.7 * motion.radius,
-            "perspective": True,
-            "phi": 72,
-            "thetaOffset": 30,
-            "target": [x, y, z],
-            "targetOffset": [0, 0, 0],
-            "targetOrientation": [0, 0, 0, 1],
-            "fovy": 45,
-            "near": motion.radius / 100,
-            "far": 1000 * motion.radius,
-        },
-        "topics": {SCENE: {"visible": True}, FORCES: {"visible": True}},
     }
 
 

@@ -36,9 +36,6 @@ if TYPE_CHECKING:
 _VIEWER_SUFFIXES = (".mcap", ".rrd")
 _FILM_RATES = {".mp4": 30, ".gif": 25}  # frames per second
 _SHEET_SUFFIX = ".png"
-_SIDE_LIMITS = (64, 4096)
-_SPEED_LIMITS = (0.001, 1000.0)
-_DEFAULT_SIZE = (640, 480)
 # Frames per second of viewers' files, and of the steps that a sheet's arrows represent.
 _FRAME_RATE = 60.0
 _MOMENT_COUNT, _MOMENT_COUNT_OF_TWO = 6, 3
@@ -85,7 +82,19 @@ def render_run(
             f"--at {outside[0]:g}: choose a time within the run, {start:g} to {end:g} s"
         )
     if target.suffix.lower() in _VIEWER_SUFFIXES:
-        return _write_for_viewer(store, replay, trace, target)
+        motion = read_motion(replay.prepared, trace, _FRAME_RATE)
+        events = run_events(replay.record.labels, trace.time[: motion.rows[-1] + 1])
+        if target.suffix.lower() == ".rrd":
+            with optional("rerun", target.suffix):
+                from contactlab.view.rerun_export import write_rrd  # noqa: PLC0415 - an extra
+            write_rrd(target, trace, motion, events)
+        else:
+            with optional("view", f"{target.suffix} with a 3D layer"):
+                from contactlab.view.foxglove_layer import write_with_layer  # noqa: PLC0415 - an extra
+            assert replay.record.trace is not None, "its trace was read"
+            with store.trace_file(replay.record.trace) as source:
+                write_with_layer(source, target, motion, events)
+        return motion
     runs = [(replay, trace)]
     if options.beside is not None:
         other = prepare_replay(store, options.beside)
@@ -120,24 +129,6 @@ def write_file(  # noqa: PLR0913 - one argument an option
     return "; ".join(notes) or None
 
 
-def _write_for_viewer(
-    store: Store, replay: PreparedReplay, trace: StoredTrace, target: Path
-) -> BodyMotion:
-    motion = read_motion(replay.prepared, trace, _FRAME_RATE)
-    events = run_events(replay.record.labels, trace.time[: motion.rows[-1] + 1])
-    if target.suffix.lower() == ".rrd":
-        with optional("rerun", target.suffix):
-            from contactlab.view.rerun_export import write_rrd  # noqa: PLC0415 - an extra
-        write_rrd(target, trace, motion, events)
-    else:
-        with optional("view", f"{target.suffix} with a 3D layer"):
-            from contactlab.view.foxglove_layer import write_with_layer  # noqa: PLC0415 - an extra
-        assert replay.record.trace is not None, "its trace was read"
-        with store.trace_file(replay.record.trace) as source:
-            write_with_layer(source, target, motion, events)
-    return motion
-
-
 def _write_pictures(
     runs: Sequence[tuple[PreparedReplay, StoredTrace]], target: Path, options: PictureOptions
 ) -> BodyMotion:
@@ -157,7 +148,25 @@ def _write_pictures(
     times = options.at or sorted(moments)
     pictures = [_run_pictures(*run, rate, times, options) for run in runs]
     if len(pictures) > 1:
-        pictures = _with_same_view(pictures)
+        # Both runs have one view that includes both, with arrows of one scale.
+        motions = [picture.motion for picture in pictures]
+        low = np.min([motion.centre - motion.radius for motion in motions], axis=0)
+        high = np.max([motion.centre + motion.radius for motion in motions], axis=0)
+        centre = (low + high) / 2
+        radius = max(
+            float(np.linalg.norm(motion.centre - centre)) + motion.radius for motion in motions
+        )
+        forces = np.concatenate([motion.forces.force for motion in motions])
+        scale, longest = arrow_scale(forces, radius)
+        shared = {
+            "stage": Stage(centre, radius),
+            "scale": scale,
+            "longest": longest,
+            "followed": None,
+        }
+        pictures = [
+            replace(picture, motion=replace(picture.motion, **shared)) for picture in pictures
+        ]
     if is_sheet:
         sheets = [iter(picture.sheet(times)) for picture in pictures]
         if len(sheets) > 1:
@@ -202,7 +211,7 @@ def _run_pictures(
         motion = follow_body(motion, bodies) or motion
     begins = [(label.step, label.label) for label in replay.record.labels if label.step is not None]
     said = {int(np.searchsorted(motion.rows, step)): label for step, label in reversed(begins)}
-    size = options.size or _DEFAULT_SIZE
+    size = options.size or (640, 480)
     between = options.between or (-math.inf, math.inf)
     return RunPictures(replay, motion, qpos, size, options.camera, recorded, said, between)
 
@@ -210,24 +219,6 @@ def _run_pictures(
 def _pair_bodies(replay: PreparedReplay, name: str) -> list[int]:
     [pair] = [known for known in replay.runs.base.pairs if known.name == name]
     return [int(replay.prepared.model.geom_bodyid[geoms[0]]) for geoms in pair.geoms]
-
-
-def _with_same_view(pictures: Sequence["RunPictures"]) -> list["RunPictures"]:
-    """Return the pictures of runs from a view that includes both, with arrows of one scale."""
-    motions = [picture.motion for picture in pictures]
-    low = np.min([motion.centre - motion.radius for motion in motions], axis=0)
-    high = np.max([motion.centre + motion.radius for motion in motions], axis=0)
-    centre = (low + high) / 2
-    radius = max(
-        float(np.linalg.norm(motion.centre - centre)) + motion.radius for motion in motions
-    )
-    stage, forces = (
-        Stage(centre, radius),
-        np.concatenate([motion.forces.force for motion in motions]),
-    )
-    scale, longest = arrow_scale(forces, radius)
-    shared = {"stage": stage, "scale": scale, "longest": longest, "followed": None}
-    return [replace(picture, motion=replace(picture.motion, **shared)) for picture in pictures]
 
 
 def _check_options(target: Path, options: PictureOptions) -> None:
@@ -246,10 +237,10 @@ def _check_options(target: Path, options: PictureOptions) -> None:
     if suffix in _VIEWER_SUFFIXES and (options.size or options.camera or options.beside):
         names = "--size, --camera and --side-by-side"
         raise OutputError(f"{names} are for pictures; leave them out for {suffix}")
-    low, high = _SIDE_LIMITS
+    low, high = 64, 4096
     if options.size and any(side % 2 or not low <= side <= high for side in options.size):
         raise OutputError(f"--size takes even numbers from {low} to {high}, as in 640x480")
-    slowest, fastest = _SPEED_LIMITS
+    slowest, fastest = 0.001, 1000.0
     if options.speed is not None and not slowest <= options.speed <= fastest:
         raise OutputError(f"--speed takes {slowest:g} to {fastest:g}; 0.1 is slow motion")
 

@@ -118,7 +118,8 @@ def _states_motion(
     parts, moving = body_shapes(model), model.body_weldid != 0
     near = np.isin(np.arange(model.nbody), around)
     stage = scene_sphere(parts, near, positions[:1], rotations[:1], positions[0, around][None])
-    stage = stage._replace(radius=_VIEW_RADII * stage.radius)
+    view_radii = 4.0  # radii of the body that a film is around
+    stage = stage._replace(radius=view_radii * stage.radius)
     scale, longest = arrow_scale(contact_forces.force, stage.radius)
     return qpos, BodyMotion(
         bodies=tuple(model.body(index).name for index in range(model.nbody)),
@@ -135,6 +136,3 @@ def _states_motion(
         scale=scale,
         longest=longest,
     )
-
-
-_VIEW_RADII = 4.0  # radii of the body that a film is around
