@@ -23,8 +23,6 @@ from contactlab.budget.motion import INTEGRATION
 from contactlab.parts import register_parts
 from contactlab.plan.task_options import TaskOptions
 from contactlab.schema.parts_report import REPORT, PartEffect, PartsReport
-from contactlab.studies.examine.examination import ExamineRequest, open_model
-from contactlab.studies.examine.fixes import with_new_seeds
 from contactlab.studies.search.model_ablation import (
     PartsRequest,
     Removal,
@@ -32,8 +30,10 @@ from contactlab.studies.search.model_ablation import (
     find_features,
     stress_motions_of,
 )
-from contactlab.studies.search.reference_error import TaskReference
-from contactlab.studies.session import Session
+from contactlab.tasks.checked_model import open_model
+from contactlab.tasks.reference_error import TaskReference
+from contactlab.tasks.session import Session
+from contactlab.tasks.task_motions import with_new_seeds
 
 DURATION, MAX_TIME = 0.4, 240.0
 MORE = 1.05
@@ -84,8 +84,7 @@ class Evaluation:
             ablate_model(PartsRequest(model, task=options, max_time=MAX_TIME), Session(folder))
         self.report = PartsReport.model_validate_json((folder / REPORT).read_text())
         options = TaskOptions(duration=self.report.task.duration)
-        asked = ExamineRequest(self.report.model, task=options, sections=("budget",))
-        examined = open_model(asked, Session(Path()))
+        examined = open_model(self.report.model, Session(Path()), options)
         self.own, self.fresh = (
             stress_motions_of(motions)
             for motions in (examined.motions, examined.motions_of(with_new_seeds(examined.task)))

@@ -31,7 +31,7 @@ from contactlab.run.sweep_request import read_request
 from contactlab.scene.scene import Scene
 from contactlab.schema.setting_values import as_number
 from contactlab.studies.parity.panel import roll_out, runs_from_states
-from contactlab.studies.session import Values
+from contactlab.tasks.session import Values
 
 _WINDOW, _FEWEST, _FINER, _LONGEST = 0.04, 4, 4, 0.5
 _ACCURACY = 0.001  # of an engine that chooses its own steps

@@ -22,9 +22,9 @@ from contactlab.plan.task_options import TaskOptions
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_names import name_of
 from contactlab.scene.model_writer import write_model
-from contactlab.studies.examine.examination import ExamineRequest, open_model
-from contactlab.studies.search.reference_error import TaskReference
-from contactlab.studies.session import Session
+from contactlab.tasks.checked_model import open_model
+from contactlab.tasks.reference_error import TaskReference
+from contactlab.tasks.session import Session
 
 EXACT = 'solver="PGS" iterations="500" tolerance="1e-15"'
 
@@ -275,7 +275,7 @@ def costs_of(model: mujoco.MjModel) -> list[dict[str, object]]:
 
 def plant(file: Path, cost: int, folder: Path) -> Path:
     """Write a model with a cost into a folder."""
-    examined = open_model(ExamineRequest(str(file), sections=("budget",)), Session(folder))
+    examined = open_model(str(file), Session(folder))
     settings = costs_of(mujoco.MjModel.from_xml_path(str(file)))[cost]
     return write_model(examined.scene, ModelEdits(settings=settings), folder, "slow.xml").path
 
@@ -287,8 +287,7 @@ def error_of(original: str, slow: str, duration: float) -> float:
     come back to its error, so `tune` is asked for that.
     """
     options = TaskOptions(duration=duration)
-    asked = ExamineRequest(slow, task=options, sections=("budget",))
-    motions = open_model(asked, Session(Path())).motions
+    motions = open_model(slow, Session(Path()), options).motions
     own = mujoco.MjModel.from_xml_path(original)
     finer = max(1, round(8 * motions[0].model.opt.timestep / own.opt.timestep))
     finer = next(rate for rate in range(finer, 999) if _is_whole(own, motions[0].model, rate))

@@ -25,7 +25,7 @@ from contactlab.errors import SceneError
 from contactlab.parts import register_parts
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.studies.fit.fitting import FitRequest, fit_settings
-from contactlab.studies.session import Session, Values
+from contactlab.tasks.session import Session, Values
 
 FREE = ("friction.slide", "solref.timeconst=0.005:0.06")
 

@@ -23,8 +23,8 @@ from contactlab.parts import register_parts
 from contactlab.plan.task_options import TaskOptions
 from contactlab.schema.task import Task
 from contactlab.schema.tune_report import REPORT, Candidate, TuneReport
-from contactlab.studies.examine.examination import ExamineRequest, open_model
-from contactlab.studies.session import Session
+from contactlab.tasks.checked_model import open_model
+from contactlab.tasks.session import Session
 
 TURNS, TOGETHER = 9, 10
 """Turns; steps whose time is asked for at once, which others seldom share."""
@@ -38,8 +38,7 @@ Runs = tuple[mujoco.MjModel, list[Motion]]
 def motions_of(report: TuneReport, task: Task, file: str = "") -> list[Motion]:
     """Return the motions of a task of a report's model, or of another file in its place."""
     options = TaskOptions(drive=report.task.drive, duration=report.task.duration)
-    request = ExamineRequest(file or report.model, task=options, sections=("budget",))
-    return open_model(request, Session(Path())).motions_of(task)
+    return open_model(file or report.model, Session(Path()), options).motions_of(task)
 
 
 def runs_of(report: TuneReport, file: str) -> Runs:

@@ -20,7 +20,7 @@ from contactlab.plan.task_options import read_task_options
 from contactlab.schema.tune_report import REPORT
 from contactlab.studies.search.tune_request import TuneRequest
 from contactlab.studies.search.tuning import tune_model
-from contactlab.studies.session import Session
+from contactlab.tasks.session import Session
 
 LENGTH, LIMIT, TURNS, STEPS = 1.5, 1e-5, 25, 3000
 RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)

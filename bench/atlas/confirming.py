@@ -14,7 +14,7 @@ from bench.atlas.mending import write_fixed_models
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.schema.examination import Examination
 from contactlab.studies.examine.fixes import SOFT_ROWS, with_new_seeds
-from contactlab.studies.examine.task_motions import task_motions
+from contactlab.tasks.task_motions import task_motions
 
 SCRIPT = "bench/atlas/confirm.py"
 _STEPS = ("numerical error", "reference")  # reasons that concern the steps

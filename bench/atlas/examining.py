@@ -36,7 +36,7 @@ from contactlab.scene.model_writer import write_model
 from contactlab.schema.examination import Examination
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.examine.fixes import edits_of
-from contactlab.studies.session import Session
+from contactlab.tasks.session import Session
 
 _VIEWS = ("labels", "budget", "facts", "checks")
 MAX_CPU = 120

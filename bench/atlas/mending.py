@@ -10,7 +10,7 @@ from contactlab.scene.model_writer import write_model
 from contactlab.schema.examination import Fix
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.examine.fixes import edits_of, with_new_seeds
-from contactlab.studies.session import Session
+from contactlab.tasks.session import Session
 
 
 def write_fixed_models(entry: Entry, file: Path, folder: Path) -> Iterator[tuple[Fix, Path]]:

@@ -9,7 +9,7 @@ from contactlab.reporting.examination import first_fix
 from contactlab.schema.examination import Examination
 from contactlab.schema.task import Task
 from contactlab.studies.examine.examination_lines import examination_lines
-from contactlab.studies.task_verdict import run_labels
+from contactlab.tasks.task_verdict import run_labels
 
 
 class Answer(NamedTuple):

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
         worst_pair,
     )
     from contactlab.studies.check.check_entries import Measured, check
-    from contactlab.studies.check.checked_model import CheckedModel
+    from contactlab.tasks.checked_model import CheckedModel
 
 __all__ = [
     "Buffers",
@@ -104,9 +104,9 @@ def _homes() -> Iterator[ModuleType]:
     import contactlab.studies.check.check_entries
 
     yield contactlab.studies.check.check_entries
-    import contactlab.studies.check.checked_model
+    import contactlab.tasks.checked_model
 
-    yield contactlab.studies.check.checked_model
+    yield contactlab.tasks.checked_model
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - each has a type of its own

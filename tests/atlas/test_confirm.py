@@ -10,7 +10,7 @@ from bench.atlas.confirming import write_inputs
 
 from contactlab.budget.motion import INTEGRATION
 from contactlab.run.sweep_request import SceneLoader
-from contactlab.studies.examine.task_motions import task_motions
+from contactlab.tasks.task_motions import task_motions
 
 # It swings with 20 rad/s: a step of 40 ms is an eighth of a period.
 SPRING = """<mujoco><option timestep="{step}" integrator="{integrator}"/>

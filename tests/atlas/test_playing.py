@@ -7,8 +7,8 @@ import numpy as np
 from bench.atlas.playing import moments, real_time
 
 from contactlab.budget.motion import INTEGRATION
-from contactlab.studies.examine.examination import ExamineRequest, open_model
-from contactlab.studies.session import Session
+from contactlab.tasks.checked_model import open_model
+from contactlab.tasks.session import Session
 
 SERVO = """<mujoco><worldbody><body name="arm"><joint name="j" axis="0 1 0" damping="1"/>
 <geom type="capsule" fromto="0 0 0 .3 0 0" size=".02"/></body></worldbody>
@@ -18,7 +18,7 @@ SERVO = """<mujoco><worldbody><body name="arm"><joint name="j" axis="0 1 0" damp
 def test_states_are_those_after_steps_at_equal_times(tmp_path: Path) -> None:
     file = tmp_path / "servo.xml"
     file.write_text(SERVO)
-    motions = open_model(ExamineRequest(str(file)), Session(tmp_path, 0)).motions
+    motions = open_model(str(file), Session(tmp_path, 0)).motions
     model, seen = motions[0].model, moments(motions)
     data, own = mujoco.MjData(model), np.empty(mujoco.mj_stateSize(model, INTEGRATION))
     mujoco.mj_setState(model, data, motions[0].starts[0], INTEGRATION)

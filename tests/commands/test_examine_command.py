@@ -22,7 +22,7 @@ from contactlab.schema.examination import Examination
 from contactlab.schema.json_schemas import json_schemas
 from contactlab.studies.examine.examination_lines import examination_lines
 from contactlab.studies.examine.facts import facts
-from contactlab.studies.examine.task_motions import task_motions
+from contactlab.tasks.task_motions import task_motions
 
 Run = Callable[..., Any]
 ARM = """<mujoco><option timestep="0.004"/><worldbody>

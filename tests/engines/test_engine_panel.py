@@ -17,7 +17,7 @@ from contactlab.studies.engine_panel.engine_panel import (
     middle_run,
     run,
 )
-from contactlab.studies.session import Session
+from contactlab.tasks.session import Session
 
 PENDULUM = TASKS["pendulum"].parent / "pendulum.xml"
 

@@ -15,7 +15,7 @@ from contactlab.reporting.examination import contact_lines, grouped_contacts
 from contactlab.scene.contact_at_rest import ContactAtRest
 from contactlab.studies.examine.resting_contacts import RestingPair
 from contactlab.studies.explain.contact_words import explain_contacts, read_words
-from contactlab.studies.session import Session
+from contactlab.tasks.session import Session
 
 BALL = """<mujoco><option cone="{cone}" impratio="{impratio}"/><worldbody>
 <geom name="floor" type="plane" size="1 1 .1" friction="{friction}"/>

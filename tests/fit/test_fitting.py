@@ -14,7 +14,7 @@ from contactlab.errors import SceneError, SweepFileError
 from contactlab.schema.study_reports import FIT_REPORT, FitReport
 from contactlab.studies.fit import fitting
 from contactlab.studies.fit.fitting import FitRequest, fit_settings
-from contactlab.studies.session import Session
+from contactlab.tasks.session import Session
 
 FITTED = 12
 

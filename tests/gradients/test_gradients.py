@@ -23,7 +23,7 @@ from contactlab.studies.gradients.differentiating import (
     find_mode_switches,
 )
 from contactlab.studies.gradients.end_states import DifferentiatedScene, Parameter, Point
-from contactlab.studies.session import Session, Values
+from contactlab.tasks.session import Session, Values
 
 GRADIENTS = SWEEPS / "gradients"
 GRAVITY = 9.81

@@ -12,8 +12,8 @@ from contactlab.pareto.tradeoff_chart import chart_data
 from contactlab.plan.overrides import Overrides
 from contactlab.run.sweep_request import read_request
 from contactlab.store.finished_store import Store
-from contactlab.studies.session import Session
 from contactlab.studies.tradeoff_sweep import TradeoffRequest, run
+from contactlab.tasks.session import Session
 
 pytestmark = pytest.mark.long
 

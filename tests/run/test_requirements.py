@@ -13,7 +13,7 @@ from contactlab.errors import SweepFileError
 from contactlab.plan.task_options import TaskOptions
 from contactlab.schema.examination import Examination
 from contactlab.schema.requirement import read_requirement
-from contactlab.studies.configuration_runs import sweep_of
+from contactlab.studies.effects.configuration_runs import sweep_of
 from contactlab.studies.effects.effects_request import EffectsRequest
 
 G = 9.81

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from contactlab.errors import OutputError
-from contactlab.studies.session import Session, free_folder
+from contactlab.tasks.session import Session, free_folder
 
 
 def models(folder: Path) -> list[str]:

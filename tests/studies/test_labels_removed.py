@@ -13,7 +13,7 @@ from contactlab.budget.measuring import evaluations, steps_of
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.schema.examination import RunLabel
 from contactlab.studies.examine.fixes import FixSearch, TaskRepeats
-from contactlab.studies.examine.task_motions import task_motions
+from contactlab.tasks.task_motions import task_motions
 
 BOX = """<mujoco><option timestep=".002"/><worldbody>
   <geom name="floor" type="plane" size="3 3 .1"/>

@@ -13,7 +13,7 @@ from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.model_draft import PRIMITIVES
 from contactlab.scene.model_writer import write_model
 from contactlab.studies.examine.primitive_fixes import distances, primitives
-from contactlab.studies.examine.task_motions import task_motions
+from contactlab.tasks.task_motions import task_motions
 
 HALF = (0.05, 0.04, 0.03)
 CORNERS = [np.multiply(HALF, signs) for signs in itertools.product((-1, 1), repeat=3)]

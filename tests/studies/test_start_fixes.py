@@ -12,7 +12,7 @@ from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
 from contactlab.studies.examine.start_fixes import separated
-from contactlab.studies.examine.task_motions import task_motions
+from contactlab.tasks.task_motions import task_motions
 
 # The base's ball of 60 mm is in the upper arm, which a joint holds there, and 50 mm in the floor,
 # which is no link. A box lies 20 mm in the forearm: it is no link either.

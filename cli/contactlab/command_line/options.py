@@ -193,7 +193,7 @@ def folder_of(output: str | Path) -> Path:
 def study_folder(study: str, subject: object, output: str | Path | None) -> Path:
     """Return the folder of a study: as given, or `results/STUDY/NAME` for a subject's name."""
     from contactlab.resources import RESULTS
-    from contactlab.studies.session import model_name
+    from contactlab.tasks.session import model_name
 
     return RESULTS / study / model_name(str(subject)) if output is None else folder_of(output)
 

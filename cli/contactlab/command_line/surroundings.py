@@ -15,7 +15,7 @@ from contactlab.errors import EngineError
 
 if TYPE_CHECKING:
     from contactlab.run.tasks import Finished, Stop
-    from contactlab.studies.session import Session
+    from contactlab.tasks.session import Session
 
 Progress = Callable[[int, int], None]
 """Called with the runs done and the runs in all, as they finish."""
@@ -135,7 +135,7 @@ def study_session(
     """Yield a session that the surroundings follow."""
     surroundings().fork_workers(workers)
     from contactlab.run.worker_pool import worker_count
-    from contactlab.studies.session import Session
+    from contactlab.tasks.session import Session
 
     count = worker_count(workers)
     with surroundings().watching(then) as watch:

@@ -120,7 +120,7 @@ def _of_model(
     from contactlab.commands.tune import seconds_of
     from contactlab.run.worker_pool import worker_count
     from contactlab.studies.search.model_ablation import PartsRequest, ablate_model
-    from contactlab.studies.session import Session
+    from contactlab.tasks.session import Session
 
     request = PartsRequest(source, assign, task, seconds_of(max_time))
     return ablate_model(request, Session(folder.resolve(), worker_count(workers), notify=say))

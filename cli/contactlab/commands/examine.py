@@ -16,7 +16,7 @@ from contactlab.errors import ExpectationError, OutputError, SceneError
 if TYPE_CHECKING:
     from contactlab.schema.examination import Examination
     from contactlab.studies.examine.examination import ExamineRequest
-    from contactlab.studies.session import Session
+    from contactlab.tasks.session import Session
     from contactlab.writers import Report
 
 _PAGE, _REPORT, _LIVE = "page.html", "examination.json", ".live.html"
@@ -77,7 +77,7 @@ def examined(
 
     from contactlab.run.worker_pool import worker_count
     from contactlab.studies.examine.examination import run
-    from contactlab.studies.session import Session
+    from contactlab.tasks.session import Session
 
     target = None if output is None else opt.folder_of(output)
     file = target if target is not None and target.suffix in _FILES else None
@@ -114,7 +114,7 @@ def _folder(model: str, folder: Path | None, *, kept: bool) -> Generator[Path]:
     """Yield the folder of an examination; a temporary one if it is not kept."""
     from contactlab import resources
     from contactlab.studies.examine.examination import RESULTS
-    from contactlab.studies.session import free_folder
+    from contactlab.tasks.session import free_folder
 
     if not kept:
         with TemporaryDirectory(prefix="contactlab-") as name:
@@ -173,7 +173,7 @@ def _simulating(report: "Examination", session: "Session", file: Path) -> None:
     """Write the page that simulates the runs of an examination's task."""
     from contactlab.live.live_page import write_live_page
     from contactlab.store.finished_store import Store
-    from contactlab.studies.check.checked_model import TASK_STORE
+    from contactlab.tasks.checked_model import TASK_STORE
 
     store = Store.open(session.folder / TASK_STORE)
     for note in write_live_page(store, file, examination=report):
@@ -186,7 +186,7 @@ def _drawn(report: "Examination", session: "Session", file: Path) -> "Examinatio
     from contactlab.page.report_files import write_page
     from contactlab.reporting.report import PageRequest
     from contactlab.store.finished_store import Store
-    from contactlab.studies.check.checked_model import TASK_STORE
+    from contactlab.tasks.checked_model import TASK_STORE
 
     report = report.model_copy(update={"page": str(file)})
     store = Store.open(session.folder / TASK_STORE)

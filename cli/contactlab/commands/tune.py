@@ -149,7 +149,7 @@ def search_settings(
     from contactlab.run.worker_pool import worker_count
     from contactlab.studies.search.result_cache import find_cached_report
     from contactlab.studies.search.tuning import tune_model
-    from contactlab.studies.session import Session
+    from contactlab.tasks.session import Session
 
     opt.check_figure(figure)
     session = Session(folder, worker_count(workers), notify=say, allow_code=allow_code)

@@ -12,7 +12,7 @@ from contactlab.errors import SweepFileError, did_you_mean
 from contactlab.run.sweep_request import SweepRequest, read_request
 from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie
 from contactlab.schema.check_report import StabilityReport, StabilityResult
-from contactlab.studies.session import Session
+from contactlab.tasks.session import Session
 
 FOLDER = "stability"
 

@@ -27,8 +27,8 @@ from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import Recommendation, TradeoffReport
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import Address
-from contactlab.studies.session import Session, Values
-from contactlab.studies.task_verdict import records_of, refuse_lengths, task_verdict
+from contactlab.tasks.session import Session, Values
+from contactlab.tasks.task_verdict import records_of, refuse_lengths, task_verdict
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from contactlab.plan.task_options import TaskOptions
 from contactlab.schema.check_report import CheckResult, Measure
 from contactlab.schema.examination import Examination
 from contactlab.studies.examine.examination import ExamineRequest, run
-from contactlab.studies.session import Session
+from contactlab.tasks.session import Session
 
 Checked = Callable[..., Examination]
 

@@ -7,7 +7,7 @@ import pytest
 from contactlab.schema.study_reports import EffectsReport
 from contactlab.studies.effects import ablation
 from contactlab.studies.effects.effects_request import EffectsRequest
-from contactlab.studies.session import Session
+from contactlab.tasks.session import Session
 
 Ablate = Callable[..., EffectsReport]
 

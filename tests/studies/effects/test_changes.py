@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.errors import SceneError
-from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects import ablation
+from contactlab.studies.effects.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.effect_toggles import (
     ConfigurationDifference,
     difference,

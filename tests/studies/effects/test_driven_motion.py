@@ -12,11 +12,11 @@ from contactlab.plan.task_options import TaskOptions
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
 from contactlab.schema.study_reports import EffectsReport
-from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects import ablation
+from contactlab.studies.effects.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.effect_toggles import MOTION, difference, judged_metrics
 from contactlab.studies.effects.effects_request import EffectsRequest
-from contactlab.studies.session import Session
+from contactlab.tasks.session import Session
 
 # Gravity pulls both fingers along +y. The tendon holds their mean, the equality their difference.
 GRIPPER = """<mujoco>

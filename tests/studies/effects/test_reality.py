@@ -9,11 +9,11 @@ import pytest
 
 from contactlab.errors import SceneError
 from contactlab.schema.study_reports import EffectFinding
-from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects import ablation
+from contactlab.studies.effects.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.effect_toggles import difference
 from contactlab.studies.effects.effects_request import EffectsRequest
-from contactlab.studies.session import Session
+from contactlab.tasks.session import Session
 
 BALL = """<mujoco><option timestep="0.004" cone="elliptic"/>
 <default><geom condim="{condim}" friction="1 .005 .004"/></default><worldbody>

@@ -7,8 +7,8 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.ablation import SmallestSetSearch, merge_names
+from contactlab.studies.effects.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.effect_toggles import Changed, judged_metrics
 
 NAMES = ("air", "damper", "elliptic", "noslip", "spring")

@@ -19,8 +19,8 @@ from contactlab.studies.search.clock import (
     ratio_over_seeds,
     ratio_over_turns,
 )
-from contactlab.studies.search.reference_error import TaskReference
 from contactlab.studies.search.report_text import time_ratio_text
+from contactlab.tasks.reference_error import TaskReference
 
 SWING = """<mujoco><option timestep="0.002"/><worldbody><body><joint axis="0 1 0"/>
 <geom type="capsule" size=".02" fromto="0 0 0 1 0 0"/></body></worldbody></mujoco>"""

@@ -19,7 +19,7 @@ from contactlab.studies.search.model_ablation import (
     ablate_model,
     tilt_gravity,
 )
-from contactlab.studies.session import Session
+from contactlab.tasks.session import Session
 
 # A block stands and a door leans on its stop; the lamp hangs where nothing reaches it, and the
 # other arm comes nowhere near its limit.

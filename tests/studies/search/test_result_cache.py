@@ -8,11 +8,11 @@ import pytest
 from contactlab.plan.task_options import read_task_options
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.tune_report import REPORT, Candidate, SkippedSetting, Target, TuneReport
-from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.search.report_text import UNVERIFIED, no_speedup_text, sentence_of
 from contactlab.studies.search.result_cache import find_cached_report
 from contactlab.studies.search.tune_request import TuneRequest
-from contactlab.studies.session import Session
+from contactlab.tasks.checked_model import open_model
+from contactlab.tasks.session import Session
 
 BALL = """<mujoco><worldbody><body><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
 TASK = read_task_options(drive="none", duration="0.1s")
@@ -24,8 +24,7 @@ def asked(tmp_path: Path) -> TuneRequest:
     path = tmp_path / "ball.xml"
     path.write_text(BALL)
     request = TuneRequest(str(path), TASK, error=0.02)
-    opened = ExamineRequest(str(path), task=TASK, sections=("budget",))
-    examined = open_model(opened, Session(tmp_path))
+    examined = open_model(str(path), Session(tmp_path), TASK)
     now = Candidate(
         settings={},
         timestep=0.002,

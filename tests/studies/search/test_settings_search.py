@@ -18,7 +18,6 @@ from contactlab.studies.search.configuration import (
     changed_settings,
     format_settings,
 )
-from contactlab.studies.search.reference_error import ErrorEstimate
 from contactlab.studies.search.search_space import Parameter, has_contacts
 from contactlab.studies.search.settings_search import (
     EQUAL_ERROR_RATIO,
@@ -29,6 +28,7 @@ from contactlab.studies.search.settings_search import (
     error_of,
     find_usable_steps,
 )
+from contactlab.tasks.reference_error import ErrorEstimate
 
 FINER, LONGEST = 4, 400
 MODEL = mujoco.MjModel.from_xml_string(

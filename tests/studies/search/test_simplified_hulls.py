@@ -11,14 +11,14 @@ import pytest
 from contactlab.plan.task_options import read_task_options
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
-from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.search.simplified_hulls import (
     colliding_meshes,
     fewest_vertices,
     hull_distance,
     hull_vertices,
 )
-from contactlab.studies.session import Session
+from contactlab.tasks.checked_model import open_model
+from contactlab.tasks.session import Session
 
 SIDES, RADIUS = 48, 0.1
 ANGLES = 2 * math.pi * np.arange(SIDES) / SIDES
@@ -96,8 +96,7 @@ def test_a_model_is_written_with_fewer_vertices_and_is_what_was_meant(tmp_path: 
     path = tmp_path / "puck.xml"
     path.write_text(PUCK)
     task = read_task_options(drive="none", duration="0.1s")
-    asked = ExamineRequest(str(path), task=task, sections=("budget",))
-    examined = open_model(asked, Session(tmp_path / "out"))
+    examined = open_model(str(path), Session(tmp_path / "out"), task)
     edits = ModelEdits(hulls={"puck": 12})
     written = write_model(examined.scene, edits, tmp_path / "made")
     assert 'maxhullvert="12"' in written.path.read_text()

@@ -11,9 +11,9 @@ from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
 from contactlab.scene.mujoco_versions import has_batch
 from contactlab.studies.search.clock import Clock
-from contactlab.studies.search.reference_error import TaskReference
 from contactlab.studies.search.search_space import may_sleep
 from contactlab.studies.search.sleep_error import SleepAwareError
+from contactlab.tasks.reference_error import TaskReference
 
 SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 pytestmark = pytest.mark.skipif(not SLEEP, reason="this MuJoCo has no sleep")

@@ -14,7 +14,7 @@ from contactlab.plan.task_options import TaskOptions, read_task_options
 from contactlab.schema.tune_report import TuneReport
 from contactlab.studies.search.search_chart import merge_candidates, specification
 from contactlab.studies.search.tuning import TuneRequest, tune_model
-from contactlab.studies.session import Session
+from contactlab.tasks.session import Session
 
 PLANTED = Path(__file__).parent / "planted"
 PENDULUM = """<mujoco>

@@ -3,9 +3,9 @@
 import pytest
 
 from contactlab.studies.search.configuration import Configuration
-from contactlab.studies.search.reference_error import ErrorEstimate
 from contactlab.studies.search.settings_search import Evaluation
 from contactlab.studies.search.verification import FailureBound, step_fraction
+from contactlab.tasks.reference_error import ErrorEstimate
 
 
 @pytest.mark.parametrize("ladder", [0.25, 0.02, 5.0])

@@ -10,8 +10,8 @@ from contactlab.errors import SweepFileError
 from contactlab.schema.check_report import StabilityReport
 from contactlab.schema.examination import Examination
 from contactlab.store.finished_store import Store
-from contactlab.studies.session import Session
 from contactlab.studies.stability_cases import find_cases, run
+from contactlab.tasks.session import Session
 
 
 @pytest.mark.long

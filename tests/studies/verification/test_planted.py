@@ -6,10 +6,9 @@ import pytest
 from _pytest.mark.structures import ParameterSet
 from tests.studies.verification.planted import HARMFUL, HARMLESS, PlantedChange
 
-from contactlab.studies.check.checked_model import CheckedModel
-from contactlab.studies.examine.examination import ExamineRequest, open_model
-from contactlab.studies.session import Session
 from contactlab.studies.verification import VerificationRequest, verify_change
+from contactlab.tasks.checked_model import CheckedModel, open_model
+from contactlab.tasks.session import Session
 
 FAST = {"Euler for Runge-Kutta"}
 """A second case of each kind takes seconds, and the other cases minutes together."""
@@ -34,8 +33,7 @@ def _marked(changes: tuple[PlantedChange, ...]) -> list[ParameterSet]:
 def _open(path: Path, text: str) -> CheckedModel:
     path.parent.mkdir()
     path.write_text(text)
-    request = ExamineRequest(str(path), sections=("budget",))
-    return open_model(request, Session(path.parent / "results"))
+    return open_model(str(path), Session(path.parent / "results"))
 
 
 def _pair(folder: Path, change: PlantedChange) -> tuple[CheckedModel, CheckedModel]:

@@ -8,7 +8,7 @@ from contactlab.judge.limits import LIMITS, Limit
 from contactlab.registry import Registry
 from contactlab.schema.check_report import CheckResult, Measure
 from contactlab.studies.check.check_results import check_result
-from contactlab.studies.check.checked_model import CheckedModel
+from contactlab.tasks.checked_model import CheckedModel
 
 
 class Measured(NamedTuple):

@@ -8,15 +8,15 @@ import math
 
 from contactlab.judge.limits import PERCENT, Limit
 from contactlab.measure import METRICS, labels_with
-from contactlab.schema.check_report import Measure, Reference
-from contactlab.studies.check.check_entries import Measured, check
-from contactlab.studies.check.checked_model import TASK_STORE, CheckedModel, CheckedRun
-from contactlab.studies.lint.inertia import (
+from contactlab.scene.body_inertia import (
     IMPOSSIBLE,
     in_words,
     inertia_faults,
     scene_inertia_faults,
 )
+from contactlab.schema.check_report import Measure, Reference
+from contactlab.studies.check.check_entries import Measured, check
+from contactlab.tasks.checked_model import TASK_STORE, CheckedModel, CheckedRun
 
 
 @check(

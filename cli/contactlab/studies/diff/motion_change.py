@@ -23,7 +23,7 @@ from contactlab.scene.model_names import name_of
 from contactlab.scene.scene import Scene
 from contactlab.schema.diff_report import MotionChange
 from contactlab.studies.diff.matching import MatchedParts
-from contactlab.studies.examine.task_motions import task_motions
+from contactlab.tasks.task_motions import task_motions
 
 _SECONDS, _WINDOW = 1.0, 0.04
 _GRAVITY = 0.1  # share of free fall that counts as real impulse of a body at rest

@@ -24,7 +24,7 @@ from contactlab.schema.study_reports import (
 from contactlab.schema.time_ratio import LEAST_SAVING, TimeRatio
 from contactlab.schema.tradeoff_report import REALITY
 from contactlab.store.table_layout import axis_cell
-from contactlab.studies.configuration_runs import ConfigurationRows
+from contactlab.studies.effects.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.effect_toggles import (
     BASE,
     Changed,
@@ -38,7 +38,7 @@ from contactlab.studies.effects.effect_toggles import (
     work_ratios,
 )
 from contactlab.studies.effects.effects_request import AblationSetup, EffectsRequest
-from contactlab.studies.session import Session, Values
+from contactlab.tasks.session import Session, Values
 
 
 @dataclass

@@ -21,9 +21,9 @@ from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.tradeoff_report import REALITY
 from contactlab.store.finished_store import Store
 from contactlab.store.table_layout import axis_cell
-from contactlab.studies.configuration_runs import ConfigurationRows, Row, run_configurations
+from contactlab.studies.effects.configuration_runs import ConfigurationRows, Row, run_configurations
 from contactlab.studies.effects.effects_request import AblationSetup
-from contactlab.studies.session import Session, Values
+from contactlab.tasks.session import Session, Values
 
 States = Mapping[str, EffectState]  # the state of every effect in a run, by name
 

@@ -21,7 +21,7 @@ from contactlab.scene.scene import Scene
 from contactlab.schema.task import Task
 from contactlab.schema.tradeoff_report import REALITY
 from contactlab.schema.vocabulary import RECORDED_RUN
-from contactlab.studies.session import Values, read_settings
+from contactlab.tasks.session import Values, read_settings
 
 _SWEEPS = {".yaml", ".yml"}
 

@@ -21,7 +21,7 @@ from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.setting_values import as_number
 from contactlab.store.finished_store import Store
 from contactlab.studies.engine_panel.closed_forms import TASK_ERRORS
-from contactlab.studies.session import REMOVE, Session
+from contactlab.tasks.session import REMOVE, Session
 
 REPORT = "panel.json"
 TASKS = {path.stem: path for path in sorted((SWEEPS / "engines").glob("*.yaml"))}

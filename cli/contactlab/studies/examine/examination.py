@@ -4,10 +4,9 @@ Each part of the report is a section that may be requested alone, with the same 
 `stability` and `explain` of a model request their own.
 """
 
-import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
@@ -18,14 +17,10 @@ from contactlab.budget import (
     Verdict,
     budget_report,
 )
-from contactlab.engines.closed_loop import allowed_policy
-from contactlab.errors import SceneError, SweepFileError
-from contactlab.judge.limits import LIMITS
+from contactlab.errors import SweepFileError
 from contactlab.judge.waivers import unused_waivers
-from contactlab.measure import THRESHOLDS
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.printable import first_names
-from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.coverage import Exercised
 from contactlab.schema.evidence import EvidenceRecord
@@ -33,18 +28,18 @@ from contactlab.schema.examination import MOST_FIXES, Examination, RunLabel, Sec
 from contactlab.schema.finding import Waiver
 from contactlab.store.table_layout import record_to_row
 from contactlab.studies.check.check_entries import CHECKS, Check
-from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.check.chosen_checks import chosen_checks, judged_findings
 from contactlab.studies.check.own_runs import reference_of
 from contactlab.studies.examine.conclusion import conclude
 from contactlab.studies.examine.facts import facts
-from contactlab.studies.examine.fixes import FixSearch, TaskRepeats, with_new_seeds
+from contactlab.studies.examine.fixes import FixSearch, TaskRepeats
 from contactlab.studies.examine.linted_file import file_facts
 from contactlab.studies.examine.resting_contacts import resting_contacts
-from contactlab.studies.examine.task_motions import Change
 from contactlab.studies.grip.grip_fact import grip_facts
-from contactlab.studies.session import Session, Values, read_settings
-from contactlab.studies.task_verdict import refuse_lengths, run_labels
+from contactlab.tasks.checked_model import CheckedModel, open_model
+from contactlab.tasks.session import Session, Values
+from contactlab.tasks.task_motions import Change, with_new_seeds
+from contactlab.tasks.task_verdict import run_labels
 
 SECTIONS: tuple[SectionName, ...] = get_args(SectionName)
 REFERENCE = "reference.json"
@@ -117,7 +112,16 @@ def run(request: ExamineRequest, session: Session) -> Examination:
     begun, wanted = time.process_time(), {*request.sections}
     checks = {name: CHECKS[name] for name in chosen_checks(request.checks)}
     judged_findings([], request.accepted)
-    examined = open_model(request, session)
+    if request.apply and request.write is None:
+        raise SweepFileError("--apply needs --write FILE")
+    examined = open_model(
+        request.model,
+        session,
+        request.task,
+        request.assign,
+        rows=None if wanted & {"budget", "fixes"} else (),
+        seconds=_BUDGETING * request.max_cpu,
+    )
     task = examined.task
     if wanted & _OF_MOTIONS and not examined.moves:
         examined.motions_of(task)  # which says why there are none, before anything is run
@@ -196,50 +200,6 @@ def sections_of(names: Sequence[str]) -> tuple[SectionName, ...]:
             name, SECTIONS, f"no section '{name}' of an examination", others
         )
     return tuple(section for section in SECTIONS if section in names or not names)
-
-
-def open_model(request: ExamineRequest, session: Session) -> CheckedModel:
-    """Open a model for its examination.
-
-    Raises:
-        SceneError: there is no such model, keyframe or body, it does not compile, or its drive is
-            code that may not run.
-        SweepFileError: a setting or the name of a limit is wrong, or the tolerance is not a share.
-    """
-    refuse_lengths(request.task)
-    if request.apply and request.write is None:
-        raise SweepFileError("--apply needs --write FILE")
-    names = {**LIMITS, **THRESHOLDS}
-    for name in request.task.limits:
-        SweepFileError.unless_known(name, names, f"no limit '{name}' of a check or a label")
-    scenes = SceneLoader(Path(), request.task.drive, allow_code=session.allow_code)
-    asked = [*request.assign, *request.task.settings]
-    values, given = read_settings(scenes, request.model, asked, ("duration", "must"))
-    limits = request.task.limits
-    rows = {"budget", "fixes"} & {*request.sections}
-    examined = CheckedModel(
-        reference=request.model,
-        scenes=scenes,
-        # One process makes these few runs at once.
-        session=replace(session, workers=0),
-        threads=max(1, session.workers),
-        values=values,
-        duration=given.duration,
-        options=request.task,
-        thresholds={name: limits[name] for name in limits if name in THRESHOLDS},
-        limits={name: limits[name] for name in limits if name in LIMITS},
-        settings=SETTINGS if rows else Settings(places=False),
-        rows=None if rows else (),
-        seconds=_BUDGETING * request.max_cpu,
-    )
-    allowed_policy(examined.scene.drive, allowed=session.allow_code)
-    step = examined.resolved.timestep
-    if not 0 < step < math.inf:
-        raise SceneError(
-            f"{examined.scene.source.model}: its timestep is {step:g} s; write one above 0 there, "
-            "or `--set timestep=`"
-        )
-    return examined
 
 
 def _checked(

@@ -15,11 +15,11 @@ from contactlab.budget.windows import Run, joint_name, replay
 from contactlab.contact.trace_arrays import Floats
 from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.rendering.amounts import format_amount, format_digits, format_percent
+from contactlab.scene.body_inertia import in_words, inertia_faults
 from contactlab.scene.compile_model import InertiaFault
 from contactlab.scene.part_bodies import is_mocap_driven
 from contactlab.schema.examination import Fact
 from contactlab.studies.examine.masked_passages import MaskedPassages
-from contactlab.studies.lint.inertia import in_words, inertia_faults
 
 # States are looked at in these windows of a run [s].
 _WINDOW = 0.01

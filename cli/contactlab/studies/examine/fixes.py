@@ -41,12 +41,11 @@ from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.scene.scene import Scene
 from contactlab.schema.examination import MOST_FIXES, Fix, RunLabel
-from contactlab.schema.task import Task
 from contactlab.studies.examine.facts import facts
 from contactlab.studies.examine.primitive_fixes import primitives
 from contactlab.studies.examine.start_fixes import separated
-from contactlab.studies.examine.task_motions import Change, as_it_is
-from contactlab.studies.session import Values
+from contactlab.tasks.session import Values
+from contactlab.tasks.task_motions import Change, as_it_is
 
 Removes = Literal["verdict", "labels", "overlap"]
 _OF_MARGINS = ("contact_at_distance",)
@@ -68,12 +67,6 @@ SOFT_ROWS = {
     "constraint_violated": ("limit softness", "equality softness"),
 }
 """Labels of parts that are too soft, and the rows of the budget that stiffen these parts."""
-
-
-def with_new_seeds(task: Task) -> Task:
-    """Return the task with unused seeds."""
-    count = max(task.seeds) + 1
-    return task.model_copy(update={"seeds": tuple(seed + count for seed in task.seeds)})
 
 
 def edits_of(fix: Fix, scene: Scene) -> ModelEdits:

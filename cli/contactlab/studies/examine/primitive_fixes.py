@@ -18,7 +18,7 @@ from contactlab.scene.mesh_hulls import hull_vertices, rotation_matrix
 from contactlab.scene.model_draft import PRIMITIVES, ModelEdits, edit_spec
 from contactlab.scene.scene import Scene
 from contactlab.studies.examine.start_fixes import compiled
-from contactlab.studies.session import Values
+from contactlab.tasks.session import Values
 
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 _ALIKE = 0.1  # mean distance of the corners of a hull from a primitive, over their widest spread

@@ -18,7 +18,7 @@ from contactlab.contact.trace_arrays import DISTANCE
 from contactlab.mjcf import AT_REST
 from contactlab.scene.contact_at_rest import ContactAtRest, rest_law_inputs
 from contactlab.schema.examination import RestingContact
-from contactlab.studies.check.checked_model import CheckedModel
+from contactlab.tasks.checked_model import CheckedModel
 
 _MEANS = ("contacts", "load", "depth")
 _RESTING = 0.9  # share of the last fifth of the first phase in which a pair at rest touches

@@ -20,7 +20,7 @@ from contactlab.scene.model_draft import CompiledFiles, ModelEdits, edit_spec
 from contactlab.scene.model_names import name_of
 from contactlab.scene.scene import Scene
 from contactlab.schema.task import QPOS0
-from contactlab.studies.session import Values
+from contactlab.tasks.session import Values
 
 _ENDLESS = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
 _HELD = "allowed"  # keyframe of a model that has none

@@ -10,10 +10,9 @@ from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.reporting.examination import contact_lines, grouped_contacts
 from contactlab.schema.setting_values import without_unit
-from contactlab.studies.check.checked_model import CheckedModel
-from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.examine.resting_contacts import RestingPair, resting_contacts, resting_pairs
-from contactlab.studies.session import Session
+from contactlab.tasks.checked_model import CheckedModel, open_model
+from contactlab.tasks.session import Session
 
 WORDS = {**AT_REST, "restitution": ""}
 _LARGEST_MISS = 0.1  # largest difference of measured from requested values, as a share
@@ -52,9 +51,7 @@ def explain_contacts(
     """
 
     def with_settings(*more: str) -> CheckedModel:
-        settings = [*assign, *more]
-        request = ExamineRequest(model, settings, task=options, sections=("contacts",))
-        return open_model(request, session)
+        return open_model(model, session, options, [*assign, *more])
 
     examined = with_settings()
     if not examined.base.pairs:

@@ -20,7 +20,7 @@ from contactlab.schema.study_reports import FIT_REPORT, FITTED, FitReport, Fitte
 from contactlab.schema.sweep_schema import Sample
 from contactlab.schema.vocabulary import RECORDED_RUN, AxisSpec
 from contactlab.store.table_layout import axis_cell
-from contactlab.studies.session import Session, Values, read_settings
+from contactlab.tasks.session import Session, Values, read_settings
 
 FREE = ("friction.slide", "solref", "impratio", "cone")
 """Parameters that are fitted by default."""

@@ -10,7 +10,7 @@ from contactlab.plugins import hash_of_packages
 from contactlab.resources import short_hash
 from contactlab.run.evidence_record import definitions
 from contactlab.schema.gradients import GradientInput
-from contactlab.studies.session import Session
+from contactlab.tasks.session import Session
 
 CACHE_FILE = "derivatives.json"
 _CachedDerivatives = dict[

@@ -27,7 +27,7 @@ from contactlab.studies.gradients.differences import (
 )
 from contactlab.studies.gradients.end_states import DifferentiatedScene, Parameter, Point
 from contactlab.studies.gradients.transition_chain import EPSILON, chain_transitions
-from contactlab.studies.session import Values
+from contactlab.tasks.session import Values
 
 # Extra steps of the runs of each pair of points, so that an event falls anywhere within a step.
 _MORE_STEPS = (0, 6, 10, 18, 22, 30, 38, 42, 54, 58, 66, 74)

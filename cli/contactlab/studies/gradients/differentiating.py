@@ -37,7 +37,7 @@ from contactlab.studies.gradients.derivatives import (
 )
 from contactlab.studies.gradients.differences import WIDE_SPANS, parameter_scale
 from contactlab.studies.gradients.end_states import DifferentiatedScene, Parameter, Point
-from contactlab.studies.session import Session
+from contactlab.tasks.session import Session
 
 REPORT, STORE = "gradients.json", "places"
 _SWEEPS = {".yaml", ".yml"}

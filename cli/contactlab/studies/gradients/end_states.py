@@ -23,7 +23,7 @@ from contactlab.scene.model_names import STATE_PARTS, coordinate_indices, part_s
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.schema.setting_values import as_number, as_vector
-from contactlab.studies.session import Values
+from contactlab.tasks.session import Values
 
 _MOST_RUNS, _MOST_BYTES = 256, 64 << 20
 _MODES = {STICK: "stick", SLIDE: "slide"}

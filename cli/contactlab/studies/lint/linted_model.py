@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import mujoco
 
+from contactlab.scene.body_inertia import inertia_faults
 from contactlab.scene.compile_model import InertiaFault, compile_error, written_inertia_faults
 from contactlab.scene.model_files import plain_name
 from contactlab.scene.model_names import OBJECT_LISTS, name_by_address, name_of
@@ -32,7 +33,6 @@ from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource
 from contactlab.scene.task import keyframe_names
 from contactlab.schema.task import QPOS0
-from contactlab.studies.lint.inertia import inertia_faults
 
 _KINDS = {
     **OBJECT_LISTS,

@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 from mujoco._specs import MjsGeom
 
+from contactlab.scene.body_inertia import IMPOSSIBLE, in_words
 from contactlab.scene.compile_model import InertiaFault
-from contactlab.studies.lint.inertia import IMPOSSIBLE, in_words
 from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel
 from contactlab.studies.lint.rules import rule
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from contactlab.scene.body_inertia import hull_volume, mesh_vertices
 from contactlab.scene.contact_pairs import half_extents
 from contactlab.schema.task import QPOS0
-from contactlab.studies.lint.inertia import hull_volume, mesh_vertices
 from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel, Place
 from contactlab.studies.lint.rules import rule
 from contactlab.studies.lint.static_equilibrium import contact_rows, is_in_equilibrium

@@ -22,7 +22,7 @@ from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
 from contactlab.contact.trace_arrays import Floats
 from contactlab.schema.time_ratio import TimeRatio
-from contactlab.studies.search.reference_error import TaskReference, motion_at_steps
+from contactlab.tasks.reference_error import TaskReference, motion_at_steps
 
 _MIN_SEGMENTS, _MAX_SEGMENTS = 4, 12  # states of each phase in which segments begin
 _MAX_SEGMENT_SECONDS, _MIN_SEGMENT_SECONDS = 0.2, 0.04  # s of simulated time

@@ -18,7 +18,7 @@ from contactlab.budget.windows import replay
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.scene.model_names import find_id
-from contactlab.studies.search.reference_error import ErrorEstimate
+from contactlab.tasks.reference_error import ErrorEstimate
 
 ErrorTime = Literal["end", "peak"]
 _NUDGE_SHARE = 1e-8  # of the size of every coordinate, in velocity

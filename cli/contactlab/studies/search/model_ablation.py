@@ -26,18 +26,18 @@ from contactlab.scene.model_names import geom_names_by_address, name_of
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.parts_report import REPORT, PartEffect, PartKind, PartsReport, PartVerdict
 from contactlab.schema.time_ratio import TimeRatio
-from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.search.clock import Clock
-from contactlab.studies.search.reference_error import ErrorEstimate, TaskReference
-from contactlab.studies.search.stress_motions import (
+from contactlab.studies.search.tune_request import refuse_metrics
+from contactlab.studies.search.unused_pairs import unreachable_edits
+from contactlab.tasks.checked_model import open_model
+from contactlab.tasks.reference_error import ErrorEstimate, TaskReference
+from contactlab.tasks.session import Session
+from contactlab.tasks.stress_motions import (
     TILT_DEGREES,
     double_inputs,
     state_bytes,
     tilt_gravity,
 )
-from contactlab.studies.search.tune_request import refuse_metrics
-from contactlab.studies.search.unused_pairs import unreachable_edits
-from contactlab.studies.session import Session
 
 _MEASURING_SHARE = 0.85  # of the time limit, after which no measurement starts
 _SAFEGUARDS = ("clamps", "limits", "margin")
@@ -92,8 +92,7 @@ def ablate_model(request: PartsRequest, session: Session) -> PartsReport:
     """
     begin = time.monotonic()
     refuse_metrics(request.task)
-    asked = ExamineRequest(request.model, request.assign, request.task, ("budget",))
-    examined = open_model(asked, session)
+    examined = open_model(request.model, session, request.task, request.assign)
     session.claim("parts", request.model)
     session.notify(f"removing parts of {request.model}: {examined.task.line}")
     motions = examined.motions

@@ -14,9 +14,9 @@ from contactlab.schema.tune_report import (
     REPORT,
     TuneReport,
 )
-from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.search.tune_request import TuneRequest, refuse_contradictions
-from contactlab.studies.session import Session
+from contactlab.tasks.checked_model import open_model
+from contactlab.tasks.session import Session
 
 
 def find_cached_report(
@@ -37,8 +37,7 @@ def find_cached_report(
     if not known:
         return None
     session = replace(session, folder=session.folder.resolve())
-    asked = ExamineRequest(request.model, task=request.task, sections=("budget",))
-    examined = open_model(asked, session)
+    examined = open_model(request.model, session, request.task)
     for place, report in known:
         own = report.scene_hash, report.mujoco, report.task
         if own != (examined.scene.hash, VERSION, examined.task) or not _is_same_question(

@@ -27,8 +27,8 @@ from contactlab.studies.search.configuration import (
     Reductions,
     changed_settings,
 )
-from contactlab.studies.search.reference_error import ErrorEstimate
 from contactlab.studies.search.search_space import SLEEP_SETTINGS, Parameter, Settings, split_condim
+from contactlab.tasks.reference_error import ErrorEstimate
 
 SAVING = 1 - LEAST_SAVING
 """Share of the work below which a setting saves work. A line that saves less is not worth it."""

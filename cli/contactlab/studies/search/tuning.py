@@ -31,8 +31,6 @@ from contactlab.schema.tune_report import (
     TuneReport,
 )
 from contactlab.store.table_layout import axis_cell
-from contactlab.studies.examine.examination import ExamineRequest, open_model
-from contactlab.studies.examine.fixes import with_new_seeds
 from contactlab.studies.search.clock import Clock
 from contactlab.studies.search.configuration import changed_settings
 from contactlab.studies.search.forward_error import Divergence, join_phases, measure_divergence
@@ -46,13 +44,15 @@ from contactlab.studies.search.settings_search import (
     SearchSpace,
     error_of,
 )
-from contactlab.studies.search.stress_motions import join_seeds
 from contactlab.studies.search.time_limit import TimeLimit
 from contactlab.studies.search.tune_request import TuneRequest, refuse_contradictions
 from contactlab.studies.search.tuning_problem import OFFERED_DISTANCE, TuningProblem
 from contactlab.studies.search.verification import CandidateVerifier, Goal, VerifiedCandidate
-from contactlab.studies.session import Session
 from contactlab.studies.verification.panel import ERROR_FLOOR
+from contactlab.tasks.checked_model import open_model
+from contactlab.tasks.session import Session
+from contactlab.tasks.stress_motions import join_seeds
+from contactlab.tasks.task_motions import with_new_seeds
 
 _SEARCH_SHARE = 0.5
 """Share of the time limit after which the search ends, whatever it has counted: the rest is for
@@ -78,9 +78,7 @@ def tune_model(request: TuneRequest, session: Session, begin: float | None = Non
     allowed = TimeLimit(time.monotonic() if begin is None else begin, request.max_time)
     refuse_contradictions(request)
     session = replace(session, folder=session.folder.resolve())
-    examined = open_model(
-        ExamineRequest(request.model, task=request.task, sections=("budget",)), session
-    )
+    examined = open_model(request.model, session, request.task)
     session.claim("tune", request.model)
     session.notify(f"tuning {request.model}: {examined.task.line}")
     problem = TuningProblem(request, examined, max(1, session.workers), allowed)

@@ -15,11 +15,9 @@ from contactlab.errors import EngineError, SceneError
 from contactlab.scene.model_draft import CompiledFiles, ModelEdits, drop_textures, edit_spec
 from contactlab.scene.scene import Scene
 from contactlab.scene.unreachable import GeomPair, filtered_pairs
-from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.search.configuration import AS_WRITTEN, Configuration, Reductions
 from contactlab.studies.search.counted_cost import CountedCost
 from contactlab.studies.search.forward_error import ForwardError, ObservedOutput
-from contactlab.studies.search.reference_error import TaskReference
 from contactlab.studies.search.search_space import SkippedParameter
 from contactlab.studies.search.settings_search import ErrorEstimator, find_usable_steps
 from contactlab.studies.search.simplified_hulls import (
@@ -28,12 +26,6 @@ from contactlab.studies.search.simplified_hulls import (
     hull_vertices,
 )
 from contactlab.studies.search.sleep_error import SleepAwareError
-from contactlab.studies.search.stress_motions import (
-    double_inputs,
-    state_bytes,
-    tilt_gravity,
-    visited_positions,
-)
 from contactlab.studies.search.time_limit import TimeLimit
 from contactlab.studies.search.tune_request import TuneRequest
 from contactlab.studies.search.unused_pairs import (
@@ -45,6 +37,14 @@ from contactlab.studies.search.unused_pairs import (
     with_flags,
 )
 from contactlab.studies.verification.panel import ERROR_FLOOR
+from contactlab.tasks.checked_model import CheckedModel
+from contactlab.tasks.reference_error import TaskReference
+from contactlab.tasks.stress_motions import (
+    double_inputs,
+    state_bytes,
+    tilt_gravity,
+    visited_positions,
+)
 
 WORK_SHARE = 0.25
 """Share of the time limit that the search may take, in counted time. The rest is for the written

@@ -18,9 +18,6 @@ from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.schema.task import Task
 from contactlab.schema.tune_report import MODEL, CurrentVerdict, Target, Verification
 from contactlab.schema.verification import Verification as Panel
-from contactlab.studies.check.checked_model import CheckedModel
-from contactlab.studies.examine.examination import ExamineRequest, open_model
-from contactlab.studies.examine.fixes import with_new_seeds
 from contactlab.studies.search.configuration import (
     INTEGRATOR,
     Configuration,
@@ -28,7 +25,6 @@ from contactlab.studies.search.configuration import (
     changed_settings,
     format_settings,
 )
-from contactlab.studies.search.reference_error import ErrorEstimate, TaskReference
 from contactlab.studies.search.report_text import (
     UNVERIFIED,
     error_text,
@@ -47,18 +43,21 @@ from contactlab.studies.search.settings_search import (
     Search,
     error_of,
 )
-from contactlab.studies.search.stress_motions import double_inputs, state_bytes, tilt_gravity
 from contactlab.studies.search.time_limit import TimeLimit
 from contactlab.studies.search.tune_request import TuneRequest
 from contactlab.studies.search.tuning_problem import TuningProblem
 from contactlab.studies.search.unused_pairs import pairs_within
-from contactlab.studies.session import Session
 from contactlab.studies.verification import (
     OriginalRuns,
     VerificationRequest,
     verify_change,
 )
 from contactlab.studies.verification.panel import ERROR_FLOOR
+from contactlab.tasks.checked_model import CheckedModel, open_model
+from contactlab.tasks.reference_error import ErrorEstimate, TaskReference
+from contactlab.tasks.session import Session
+from contactlab.tasks.stress_motions import double_inputs, state_bytes, tilt_gravity
+from contactlab.tasks.task_motions import with_new_seeds
 
 _MAX_VERDICTS, _MAX_ERROR_ESTIMATES = 8, 25
 """Largest number of verdicts and of error estimates on fresh seeds, per goal."""
@@ -447,8 +446,7 @@ class CandidateVerifier:
     ) -> Verification:
         """Judge a written model with a known error on fresh seeds."""
         self._session.notify(f"verifying {self._settings_text(tried)}")
-        request = ExamineRequest(written.reference, task=self._request.task, sections=("budget",))
-        examined = open_model(request, self._session)
+        examined = open_model(written.reference, self._session, self._request.task)
         task = self._own_task(self._problem.seeds)
         said = self._judge_task(examined, task)
         timely = self._search.max_cost is not None

@@ -24,7 +24,6 @@ from contactlab.scene.scene_source import BINARY
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.shrink_report import ShrinkReport
 from contactlab.store.finished_store import Store
-from contactlab.studies.session import Session
 from contactlab.studies.shrink.failing_model import (
     PARTS,
     START,
@@ -34,6 +33,7 @@ from contactlab.studies.shrink.failing_model import (
     sizes,
 )
 from contactlab.studies.shrink.issue_text import issue_text
+from contactlab.tasks.session import Session
 
 MODEL, SCENE, CONTROLS = "model.xml", "scene.yaml", "controls.csv"
 SWEEP, ISSUE = "sweep.yaml", "issue.md"

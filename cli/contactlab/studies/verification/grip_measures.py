@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from contactlab.errors import SceneError
 from contactlab.schema.grip import GripReport
 from contactlab.schema.verification import VerifiedMeasure
-from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.grip.grip_fact import grip_requests
 from contactlab.studies.grip.gripping import GripRequest, judge_grip
+from contactlab.tasks.checked_model import CheckedModel
 
 _RELATIVE = 0.05  # friction is not known better, and neither is a force that it holds
 _CREEP = 1e-5  # m/s: a tenth of a millimeter in the ten seconds of a pick and place

@@ -14,9 +14,9 @@ import mujoco
 from contactlab.budget.rows import go_on
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.task import Task
-from contactlab.studies.check.checked_model import CheckedModel
-from contactlab.studies.search.stress_motions import TILT_DEGREES, tilt_model
 from contactlab.studies.verification.runs import NUDGE, REFERENCE_RATE, PairedRun
+from contactlab.tasks.checked_model import CheckedModel
+from contactlab.tasks.stress_motions import TILT_DEGREES, tilt_model
 
 Change = Callable[[mujoco.MjModel], mujoco.MjModel]
 

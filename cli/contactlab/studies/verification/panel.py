@@ -24,10 +24,6 @@ from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.schema.grip import GripReport
 from contactlab.schema.task import Task
 from contactlab.schema.verification import SkippedRun, Verification, VerifiedMeasure
-from contactlab.studies.check.checked_model import CheckedModel
-from contactlab.studies.examine.fixes import with_new_seeds
-from contactlab.studies.search.reference_error import ErrorEstimate, TaskReference
-from contactlab.studies.task_verdict import run_labels
 from contactlab.studies.verification.grip_measures import compare_grips
 from contactlab.studies.verification.loop_runs import LoopRuns, has_policy
 from contactlab.studies.verification.run_measures import (
@@ -43,6 +39,10 @@ from contactlab.studies.verification.runs import (
     pair_motions,
 )
 from contactlab.studies.verification.state_tables import StateTable
+from contactlab.tasks.checked_model import CheckedModel
+from contactlab.tasks.reference_error import ErrorEstimate, TaskReference
+from contactlab.tasks.task_motions import with_new_seeds
+from contactlab.tasks.task_verdict import run_labels
 
 MAX_TRACKED_ACTUATORS = 24
 """Actuators that are moved alone, evenly spread. It covers an arm, a hand or a humanoid; a body of

@@ -16,7 +16,7 @@ import numpy as np
 from contactlab.budget.measuring import reference_of
 from contactlab.budget.motion import INTEGRATION, Motion, without_delays
 from contactlab.scene.drive.signals import control_ranges
-from contactlab.studies.search.stress_motions import TILT_DEGREES, double_inputs, tilt_gravity
+from contactlab.tasks.stress_motions import TILT_DEGREES, double_inputs, tilt_gravity
 
 REFERENCE_RATE = 4
 """Steps of the reference in one step of the original. A first-order error shrinks to a quarter."""

@@ -14,15 +14,15 @@ from scipy.spatial import ConvexHull
 
 from contactlab import resources
 from contactlab.errors import SceneError
-from contactlab.scene.compile_model import InertiaFault, written_inertia_faults
-from contactlab.scene.scene import Scene
-from contactlab.scene.scene_source import find_scene
-from contactlab.studies.lint.inertia import (
+from contactlab.scene.body_inertia import (
     hull_volume,
     in_words,
     inertia_faults,
     scene_inertia_faults,
 )
+from contactlab.scene.compile_model import InertiaFault, written_inertia_faults
+from contactlab.scene.scene import Scene
+from contactlab.scene.scene_source import find_scene
 
 Write = Callable[[Path, Mapping[str, str]], None]
 Lengths = st.tuples(*[st.floats(0.01, 0.5)] * 3)

@@ -7,7 +7,7 @@ import mujoco
 
 from contactlab.store.finished_store import Store
 from contactlab.studies.effects.effects_request import AblationSetup
-from contactlab.studies.session import Session, Values
+from contactlab.tasks.session import Session, Values
 
 Row = Mapping[str, Any]
 Measure = Callable[[Store, str, mujoco.MjModel], Row]

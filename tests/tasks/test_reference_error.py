@@ -9,7 +9,7 @@ from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.rows import GRAVITY_AS_REAL
 from contactlab.studies.search.clock import whole_run
 from contactlab.studies.search.configuration import Configuration
-from contactlab.studies.search.reference_error import TaskReference, held_inputs
+from contactlab.tasks.reference_error import TaskReference, held_inputs
 
 FALL = """<mujoco><option timestep="0.002"/><worldbody>
 <body name="ball"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from contactlab.run.sweep_request import SceneLoader
-from contactlab.studies.session import Session
+from contactlab.tasks.session import Session
 
 pytestmark = pytest.mark.long
 

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 
 from contactlab.budget import (
     ErrorBudget,
@@ -14,8 +15,10 @@ from contactlab.budget import (
     error_budget,
     judge,
 )
-from contactlab.errors import EngineError, SweepFileError
+from contactlab.engines.closed_loop import allowed_policy
+from contactlab.errors import EngineError, SceneError, SweepFileError
 from contactlab.judge.limits import LIMITS
+from contactlab.measure import THRESHOLDS
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.printable import Told
 from contactlab.run.sweep_request import SceneLoader
@@ -31,9 +34,9 @@ from contactlab.schema.task import Task
 from contactlab.schema.task_verdict import TaskVerdict
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredTrace
-from contactlab.studies.examine.task_motions import Change, as_it_is, task_motions
-from contactlab.studies.session import Session, Values
-from contactlab.studies.task_verdict import moves, verdict_of
+from contactlab.tasks.session import Session, Values, read_settings
+from contactlab.tasks.task_motions import Change, as_it_is, task_motions
+from contactlab.tasks.task_verdict import moves, refuse_lengths, verdict_of
 
 TASK_STORE = "run"
 """Name of the store of the task's runs, one for each of its seeds."""
@@ -260,3 +263,61 @@ class CheckedModel:
     def stores(self, *names: str) -> tuple[str, ...]:
         """Return which of these stores were written."""
         return tuple(name for name in names if name in self._written)
+
+
+def open_model(
+    reference: str,
+    session: Session,
+    options: TaskOptions = AS_INFERRED,
+    assign: Sequence[str] = (),
+    *,
+    rows: Sequence[str] | None = (),
+    seconds: float = math.inf,
+) -> CheckedModel:
+    """Open a model with its task.
+
+    Args:
+        reference: a scene, its folder, a model file, or a robot.
+        session: where and how it is run.
+        options: replacements for parts of its task; limits are of checks or labels, by name.
+        assign: settings, `NAME=VALUE` each.
+        rows: of its error budget, by name; all if None. Changes are timed if it has rows.
+        seconds: CPU within which its budget has rows that judge nothing [s].
+
+    Raises:
+        SceneError: there is no such model, keyframe or body, it does not compile, or its drive is
+            code that may not run.
+        SweepFileError: a setting or the name of a limit is wrong, or the tolerance is not a share.
+    """
+    refuse_lengths(options)
+    limits = options.limits
+    for name in limits:
+        SweepFileError.unless_known(
+            name, {**LIMITS, **THRESHOLDS}, f"no limit '{name}' of a check or a label"
+        )
+    scenes = SceneLoader(Path(), options.drive, allow_code=session.allow_code)
+    asked = [*assign, *options.settings]
+    values, sweep = read_settings(scenes, reference, asked, ("duration", "must"))
+    opened = CheckedModel(
+        reference=reference,
+        scenes=scenes,
+        # One process makes these few runs at once.
+        session=replace(session, workers=0),
+        threads=max(1, session.workers),
+        values=values,
+        duration=sweep.duration,
+        options=options,
+        thresholds={name: limits[name] for name in limits if name in THRESHOLDS},
+        limits={name: limits[name] for name in limits if name in LIMITS},
+        settings=Settings(places=False) if rows == () else Settings(timed=True),
+        rows=rows,
+        seconds=seconds,
+    )
+    allowed_policy(opened.scene.drive, allowed=session.allow_code)
+    step = opened.resolved.timestep
+    if not 0 < step < math.inf:
+        raise SceneError(
+            f"{opened.scene.source.model}: its timestep is {step:g} s; write one above 0 there, "
+            "or `--set timestep=`"
+        )
+    return opened

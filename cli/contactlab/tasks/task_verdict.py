@@ -24,8 +24,8 @@ from contactlab.schema.examination import RunLabel
 from contactlab.schema.task import Phase, Task
 from contactlab.schema.task_verdict import PhaseVerdict, TaskVerdict
 from contactlab.store.finished_store import Store
-from contactlab.studies.examine.task_motions import task_motions
-from contactlab.studies.session import Session, Values
+from contactlab.tasks.session import Session, Values
+from contactlab.tasks.task_motions import task_motions
 
 _STABLE = "stable"
 

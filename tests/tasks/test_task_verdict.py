@@ -11,7 +11,7 @@ from contactlab.errors import EngineError, SweepFileError
 from contactlab.schema.evidence import LabelEntry
 from contactlab.schema.examination import Examination
 from contactlab.schema.task import Phase, Task
-from contactlab.studies.task_verdict import run_labels
+from contactlab.tasks.task_verdict import run_labels
 
 NUMERIC = "step_dependent"
 # A pendulum beside one whose spring swings ten times in a second, both driven by sines.

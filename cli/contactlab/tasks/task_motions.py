@@ -19,7 +19,7 @@ from contactlab.errors import EngineError, SceneError
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.scene import Scene
 from contactlab.schema.task import Phase, Task
-from contactlab.studies.session import Values
+from contactlab.tasks.session import Values
 
 _ENGINE = "mujoco"
 _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
@@ -40,6 +40,12 @@ Change = Callable[[mujoco.MjModel], mujoco.MjModel]
 def as_it_is(model: mujoco.MjModel) -> mujoco.MjModel:
     """Return a model unchanged."""
     return model
+
+
+def with_new_seeds(task: Task) -> Task:
+    """Return the task with unused seeds."""
+    count = max(task.seeds) + 1
+    return task.model_copy(update={"seeds": tuple(seed + count for seed in task.seeds)})
 
 
 def task_motions(
