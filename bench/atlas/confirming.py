@@ -13,8 +13,8 @@ from bench.atlas.mending import write_fixed_models
 
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.schema.examination import Examination
-from contactlab.studies.examine.fixes import SOFT_ROWS, with_new_seeds
-from contactlab.tasks.task_motions import task_motions
+from contactlab.studies.examine.fixes import SOFT_ROWS
+from contactlab.tasks.task_motions import task_motions, with_new_seeds
 
 SCRIPT = "bench/atlas/confirm.py"
 _STEPS = ("numerical error", "reference")  # reasons that concern the steps

@@ -34,8 +34,8 @@ from contactlab.errors import ContactlabError, SceneError
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.model_writer import write_model
 from contactlab.schema.examination import Examination
-from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.examine.fixes import edits_of
+from contactlab.tasks.checked_model import open_model
 from contactlab.tasks.session import Session
 
 _VIEWS = ("labels", "budget", "facts", "checks")
@@ -72,8 +72,7 @@ def said(error: ContactlabError) -> str:
 
 def _refuse_objects(file: Path, folder: Path) -> None:
     """Raise a ContactlabError if a file is no model, or one of a single body that moves."""
-    request = ExamineRequest(str(file))
-    model = open_model(request, Session(folder, 0)).base.model
+    model = open_model(str(file), Session(folder, 0)).base.model
     if sum(1 for body in range(model.nbody) if model.body_dofnum[body]) < 2:
         raise ContactlabError(
             "an object, not a robot or a scene: fewer than two bodies have joints"
@@ -163,7 +162,7 @@ def _gripped(file: str) -> Gripped | None:
 
 def _shown(family: tuple[Robot, ...], file: str, folder: Path) -> float:
     """Return how fast plain steps of a task are, and keep a film of it if something draws here."""
-    motions = open_model(ExamineRequest(file), Session(folder, 0)).motions
+    motions = open_model(str(file), Session(folder, 0)).motions
     try:
         made = film(motions[0].model, moments(motions))
     except Exception as error:  # noqa: BLE001 - of whatever draws: a film is no verdict

@@ -8,9 +8,10 @@ from bench.atlas.entry import Entry
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.model_writer import write_model
 from contactlab.schema.examination import Fix
-from contactlab.studies.examine.examination import ExamineRequest, open_model
-from contactlab.studies.examine.fixes import edits_of, with_new_seeds
+from contactlab.studies.examine.fixes import edits_of
+from contactlab.tasks.checked_model import open_model
 from contactlab.tasks.session import Session
+from contactlab.tasks.task_motions import with_new_seeds
 
 
 def write_fixed_models(entry: Entry, file: Path, folder: Path) -> Iterator[tuple[Fix, Path]]:
@@ -41,8 +42,7 @@ def unseen_verdict(model: Path, folder: Path, gone: Sequence[str] = ()) -> tuple
 
     And its verdict in words. No row of `gone` may be its first reason.
     """
-    request = ExamineRequest(str(model), sections=("labels", "budget"), max_cpu=0)
-    examined = open_model(request, Session(folder, 0))
+    examined = open_model(str(model), Session(folder, 0), rows=None, seconds=0)
     examined.task = with_new_seeds(with_new_seeds(examined.task))
     verdict, judged = examined.verdict, examined.judged
     leading = judged.reasons[:1]
