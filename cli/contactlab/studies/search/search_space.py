@@ -75,7 +75,7 @@ def find_parameters(
     row_names = {name for names, _ in EXERCISED_ROWS.values() for name in names}
     rows = [row for row in ROWS if row.name in row_names and row.uses(model)]
     exercised = {name for motion in motions for name in exercised_rows(motion, rows)}
-    for parameter in _proposed_parameters(model):
+    for parameter in propose_parameters(model):
         needed, load = EXERCISED_ROWS.get(parameter.name, ((), ""))
         if needed and not exercised & {*needed}:
             skipped.append(SkippedParameter(parameter.name, f"the task does not load {load}"))
@@ -92,7 +92,9 @@ def find_integrators(model: mujoco.MjModel) -> tuple[str, ...]:
     return tuple(dict.fromkeys([own, "Euler", "implicitfast", "implicit", "RK4"]))
 
 
-def _proposed_parameters(model: mujoco.MjModel) -> Iterator[Parameter]:
+def propose_parameters(model: mujoco.MjModel) -> Iterator[Parameter]:
+    """Yield all parameters of a model that may save work, whatever its task exercises."""
+
     def option(name: str) -> float:
         return as_number(read_option(model, name))
 

@@ -389,7 +389,9 @@ class CandidateVerifier:
             error_of(self.current),
             tried.configuration.multiple <= self.current.configuration.multiple,
         )
-        return now <= bound.accepted and short and error_of(tried) <= EQUAL_ERROR_RATIO * now
+        floor = ERROR_FLOOR if self._target.unit == "1" else 0.0
+        equal = Bound.as_current(now, floor).accepted
+        return now <= bound.accepted and short and error_of(tried) <= equal
 
     def settings(self, choice: Configuration) -> dict[str, object]:
         """Return the settings of a candidate, with its timestep."""
@@ -502,7 +504,8 @@ class CandidateVerifier:
         If the model as written satisfies the goal in the search, its error here is allowed.
         """
         given = self._target.kind in ("error", "forward error", "tolerance")
-        limit = goal.bound.limit if given and goal.must_be_sound else ERROR_FLOOR
+        floor = ERROR_FLOOR if self._target.unit == "1" else 0.0
+        limit = goal.bound.limit if given and goal.must_be_sound else floor
         if error_of(self.current) <= goal.bound.limit:
             return max(limit, EQUAL_ERROR_RATIO * self._current_error.error)
         return limit
