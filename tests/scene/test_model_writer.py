@@ -3,6 +3,7 @@
 import importlib.util
 import os
 import shutil
+import stat
 import subprocess
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -140,6 +141,21 @@ def test_a_written_model_is_the_meant_one(
     meant = compiled(tmp_path / "own" / "robot.xml", change)
     assert unlike(compiled(written.path), meant) == set()
     check_patch(robot, written, tmp_path / "patched")
+
+
+def test_written_files_have_the_permissions_of_new_files(robot: Scene, tmp_path: Path) -> None:
+    """A folder that exists keeps its own, whatever those of temporary files are."""
+    folder = tmp_path / "out"
+    folder.mkdir(mode=0o750)
+    before = os.umask(0o027)
+    try:
+        written = write_model(robot, ModelEdits({"timestep": 0.004}), folder / "new", "tuned.xml")
+        write_model(robot, ModelEdits({"timestep": 0.004}), folder, "tuned.xml")
+    finally:
+        os.umask(before)
+    modes = [stat.S_IMODE(path.stat().st_mode) for path in (folder, folder / "new", written.path)]
+    assert modes == [0o750, 0o750, 0o640]
+    assert stat.S_IMODE(written.path.with_suffix(".patch").stat().st_mode) == 0o640
 
 
 def test_contact_parameters_reach_every_monitored_geom(
