@@ -60,7 +60,7 @@ def confirmed(entry: Entry, file: Path, asked: Sequence[str]) -> Confirmation:
             write_inputs(file, stored, seed)
             code, text = _run(file, [*asked, "--inputs", str(stored)])
             if code == 0:
-                write = ["python", "-m", "atlas", "inputs", entry.name, stored.name]
+                write = ["python", "-m", "bench.atlas", "inputs", entry.name, stored.name]
                 write += ["--seed", str(seed)] if seed else []
                 show = ["python", SCRIPT, entry.name, *asked, "--inputs", stored.name]
                 command = f"{shlex.join(write)}\n{shlex.join(show)}"

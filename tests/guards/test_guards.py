@@ -9,7 +9,7 @@ from tests.guards.comparing import compare, summary
 from tests.guards.guards import GUARDS, UPDATE, Guard, SchemaGuard, UnavailableError
 from tests.guards.records import FOLDER, Record
 
-LOCKED = Path(__file__).parents[2] / "constraints" / "dev.txt"
+LOCKED = Path(__file__).parents[2] / ".ci/constraints" / "dev.txt"
 _EXPLAINED = (
     f"If the change is meant, run `{UPDATE}` and commit the records. Another processor or C "
     "library changes last bits, and hashes where no number changed."
