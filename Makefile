@@ -62,11 +62,12 @@ stubs: .stubs/mujoco-stubs/py.typed
 	$(BIN)/pybind11-stubgen mujoco -o .stubs --root-suffix=-stubs --ignore-all-errors >/dev/null 2>&1
 	printf 'partial\n' > $@
 
-# The schemas, the columns in docs/evidence.md, and docs/glossary.md.
+# The schemas, the columns in docs/evidence.md, docs/glossary.md and docs/modifications.md.
 schemas: .venv/dev
 	$(BIN)/contactlab schema --write schemas
 	$(BIN)/python -m tests.docs.table_columns
 	$(BIN)/python -m tests.docs.glossary_page
+	$(BIN)/python -m tests.docs.modifications_page
 
 # Records results and texts that tests compare. GUARDS=--slow records those of the night, too, and
 # GUARDS=--compare says what changed instead; kinds may be named.

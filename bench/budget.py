@@ -14,10 +14,11 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from contactlab.budget import ROWS, Motion, error_budget, judge, motion_of_run
+from contactlab.budget import Motion, error_budget, judge, motion_of_run
 from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.text import budget_lines
 from contactlab.engines import PreparedRuns
+from contactlab.modifications.catalogue import list_rows
 from contactlab.parts import register_parts
 from contactlab.run.sweep_request import SceneLoader
 
@@ -76,7 +77,7 @@ def main() -> None:
     scene = SceneLoader(Path()).open("box_slide").with_effects("all")
     runs = PreparedRuns.of(scene, scene.resolve({}, 0, None))
     motion = motion_of_run(runs.models[0], runs.starts, 0, runs.steps)
-    measure("box_slide", motion, tuple(row.name for row in ROWS), 3.0)
+    measure("box_slide", motion, tuple(row.name for row in list_rows()), 3.0)
 
 
 if __name__ == "__main__":

@@ -11,9 +11,9 @@ import numpy as np
 from bench.atlas.entry import ROOT, Confirmation, Entry
 from bench.atlas.mending import write_fixed_models
 
+from contactlab.modifications.catalogue import find_softness_rows
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.schema.examination import Examination
-from contactlab.studies.examine.fixes import SOFT_ROWS
 from contactlab.tasks.task_motions import task_motions, with_new_seeds
 
 SCRIPT = "bench/atlas/confirm.py"
@@ -81,7 +81,7 @@ def nearer(entry: Entry, file: Path, folder: Path) -> Iterator[tuple[str, bool, 
     row = reasons[0].row if reasons and reasons[0].row not in _STEPS else "run"
     row = "run" if row == "solver" else row
     # Of labels that stiffer parts remove: the first row whose change is meant then.
-    soft = (SOFT_ROWS[each.label][0] for each in report.labels if each.label in SOFT_ROWS)
+    soft = (row for each in report.labels for row in find_softness_rows(each.label)[:1])
     softness = next(soft, row)
     write_inputs(file, folder / "inputs.npz", unseen=True)
     for fix, written in write_fixed_models(entry, file, folder):

@@ -24,7 +24,7 @@ from bench.atlas.entry import (
 )
 from PIL import Image
 
-from contactlab.budget.rows import ROWS
+from contactlab.modifications.catalogue import list_rows
 from contactlab.rendering.amounts import format_percent
 from contactlab.schema.examination import Examination
 from contactlab.studies.examine.examination_lines import examination_lines
@@ -236,7 +236,7 @@ def fix_text(entry: Entry) -> str:
 
 def _fixes_not_tried(report: Examination) -> list[str]:
     """Return the changes that there was no time for."""
-    rows = {row.name for row in ROWS}
+    rows = {row.name for row in list_rows()}
     return [name for name in report.not_tried if name not in rows]
 
 

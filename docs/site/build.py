@@ -55,6 +55,7 @@ SECTIONS = {
         "speed",
         "design",
         "glossary",
+        "modifications",
         "writing",
     ),
 }

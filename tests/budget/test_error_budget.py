@@ -14,8 +14,8 @@ from contactlab.budget import ErrorBudget, Motion, PhaseBudget, Settings, error_
 from contactlab.budget.defects import to_the_limit
 from contactlab.budget.measuring import PhaseMeasure
 from contactlab.budget.motion import INTEGRATION
-from contactlab.budget.rows import ROWS
 from contactlab.errors import EngineError
+from contactlab.modifications.catalogue import list_rows
 
 # The bare definition: a reference at h/4, and nothing of finer ones.
 PLAIN = Settings(energy=False, places=False, check=False)
@@ -372,7 +372,7 @@ def test_no_bit_depends_on_the_number_of_workers() -> None:
 def test_no_bit_depends_on_the_looks_before() -> None:
     """A first seed alone, then all at h/4, then the whole are the whole at once."""
     motion, settings = walker(seconds=0.2), Settings(places=False)
-    rows = [row for row in ROWS if row.name in ("solver", "contact softness")]
+    rows = [row for row in list_rows() if row.name in ("solver", "contact softness")]
     one = replace(motion, starts=motion.starts[:1], inputs=motion.inputs[:1])
     alone = PhaseMeasure(one, rows, settings)
     begun = PhaseMeasure(motion, rows, settings, begun=alone.looked)

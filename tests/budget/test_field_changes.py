@@ -10,24 +10,25 @@ from tests.budget.test_rows import servo
 from tests.budget_motions import motion_of, walker
 
 from contactlab.budget import Motion, Settings, Trial, error_budget, judge, try_fixes
-from contactlab.budget.field_changes import FieldChange, field_changes, joint_inertias
+from contactlab.budget.field_changes import field_changes, joint_inertias
 from contactlab.budget.reference_distance import FINEST, ChangedModel, distances_to_reference
 from contactlab.budget.verdict import Reason, Verdict, VerdictWord
+from contactlab.modifications.modification import Candidate
 
 FAST = Settings(energy=False)
 
 
 def against(
     motion: Motion, place: str, word: VerdictWord = "inaccurate", row: str = "numerical error"
-) -> dict[str, FieldChange]:
+) -> dict[str, Candidate]:
     reason = Reason(word, motion.name, row, 0.5, "", place, 0.0, "")
     found = field_changes([motion], Verdict(word, 0.1, (reason,)))
-    return {change.word: change for change in found}
+    return {change.apply: change for change in found}
 
 
-def made(motion: Motion, change: FieldChange) -> mujoco.MjModel:
+def made(motion: Motion, change: Candidate) -> mujoco.MjModel:
     model = copy.copy(motion.model)
-    change.make(model)
+    change.change(model)
     return model
 
 
@@ -77,7 +78,7 @@ def test_servos_that_the_step_does_not_hold_are_changed_alone_and_together(place
     found = against(motion_of(TWO_WHEELS, 0.1), place)
     words = "gains", "armature", "damping"
     assert [*found] == [*words, *(f"{word}-all" for word in words)]
-    assert all(found[f"{word}-all"].after == (found[word].phrase,) for word in words)
+    assert all(found[f"{word}-all"].includes == (found[word].name,) for word in words)
     assert [value.axis for value in found["armature"].values] == ["dof_armature[l]"]
     every = found["armature-all"].values
     assert [value.axis for value in every] == ["dof_armature[l]", "dof_armature[r]"]
@@ -152,10 +153,10 @@ def test_the_step_holds_a_shorter_time_constant() -> None:
     found = against(replace(motion, model=model), "joint knee", "depends", "limit softness")
     assert found["solref"].rate == 4
     assert found["solref"].values[0].value == (0.75 * model.opt.timestep, 1)
-    assert found["solref"].after == ()
+    assert found["solref"].includes == ()
     model.jnt_solref[:, 0] = 100 * model.opt.timestep
     longer = against(replace(motion, model=model), "joint knee", "depends", "limit softness")
-    assert longer["solref-16"].after == (longer["solref"].phrase,)
+    assert longer["solref-16"].includes == (longer["solref"].name,)
 
 
 def test_what_goes_further_is_as_stiff_as_a_quarter_of_the_step_holds() -> None:

@@ -25,21 +25,20 @@ from contactlab.budget import (
     judge,
     try_fixes,
 )
-from contactlab.budget.field_changes import FieldChange
+from contactlab.budget.field_changes import build_candidate
 from contactlab.budget.fixes import (
-    CANDIDATES,
-    MARGIN,
-    Candidate,
     candidates_against,
     changed,
     further,
-    of_fields,
     sentence,
 )
 from contactlab.budget.measuring import PhaseMeasure
 from contactlab.budget.time_ratios import measure_time_ratios
 from contactlab.budget.verdict import Reason, Verdict
 from contactlab.budget.windows import replay
+from contactlab.modifications.catalogue import list_candidates
+from contactlab.modifications.contacts import MARGIN
+from contactlab.modifications.modification import Candidate
 from contactlab.rendering.amounts import format_percent
 from contactlab.schema.error_budget import BudgetReport
 from contactlab.schema.json_schemas import json_schemas
@@ -52,7 +51,7 @@ def test_an_unstable_servo_is_removed_by_what_damps_it_implicitly() -> None:
     motion = servo()
     verdict = judge(error_budget([motion], rows=[], settings=FAST))
     names = "Newton with 100 iterations", "implicitfast", "half the step"
-    few = [candidate for candidate in CANDIDATES if candidate.name in names]
+    few = [candidate for candidate in list_candidates() if candidate.name in names]
     tried = {remedy.name: remedy for remedy in try_fixes([motion], verdict, candidates=few)}
     assert names[0] not in tried
     assert tried[names[1]].removes
@@ -88,7 +87,7 @@ def test_a_finer_step_is_named_where_it_alone_helps(held: list[int]) -> None:
     motion = servo()
     verdict = judge(error_budget([motion], rows=[], settings=FAST))
     names = "Newton with 100 iterations", "half the step"
-    few = [candidate for candidate in CANDIDATES if candidate.name in names]
+    few = [candidate for candidate in list_candidates() if candidate.name in names]
     (only,) = try_fixes([motion], verdict, candidates=few, trial=Trial(FAST))
     assert (only.name, only.removes) == ("half the step", True)
     assert only.error < 0.1
@@ -105,7 +104,7 @@ def test_what_sleeps_in_its_glide_is_woken() -> None:
     motion = motion_of(xml, 0.2, qvel=[0.05])
     verdict = judge(error_budget([motion], rows=[], settings=FAST))
     assert verdict.word == "inaccurate"
-    few = [one for one in CANDIDATES if one.name in ("no sleep", "half the step")]
+    few = [one for one in list_candidates() if one.name in ("no sleep", "half the step")]
     found = try_fixes([motion], verdict, candidates=few, trial=Trial(FAST))
     tried = {one.name: one for one in found}
     assert tried["no sleep"].removes
@@ -120,7 +119,7 @@ def test_what_sleeps_as_it_starts_is_woken_though_its_finest_motion_sleeps_too()
         <geom type="box" pos=".4 0 0" size=".4 .02 1" mass="25"/></body></worldbody></mujoco>"""
     motion = motion_of(xml, 1.0)
     verdict = judge(error_budget([motion], rows=[], settings=FAST))
-    awake = [one for one in CANDIDATES if one.name == "no sleep"]
+    awake = [one for one in list_candidates() if one.name == "no sleep"]
     [tried] = try_fixes([motion], verdict, candidates=awake, trial=Trial(FAST))
     assert verdict.word == "inaccurate"
     assert tried.removes
@@ -165,8 +164,7 @@ def test_a_rotor_on_gimbals_is_computed_by_fine_steps_of_runge_kutta() -> None:
         xml.replace("/></body>", ' contype="0"/></body>'), 0.04, qvel=[0.5, 0.5, 250]
     )
     assert judge(error_budget([motion], rows=[], settings=FAST)).word != "ok"
-    (half,) = (one for one in CANDIDATES if one.name == "half the step")
-    few = [*further(half)]
+    few = [*further()]
     assert {one.name: one.rate for one in few} == {
         "implicit": 1,
         "RK4 at a quarter of the step": 4,
@@ -207,7 +205,7 @@ def test_what_a_step_does_not_hold_is_tried_stiffer_after_finer_steps() -> None:
     motion, tried = servo(), list[str]()
     reason = Reason("depends", motion.name, "limit softness", 0.2, "", "", 0.0, "")
     some = [
-        of_fields(FieldChange("solref", name, (), rate), "depends", must_come_nearer=False)
+        build_candidate(name, "solref", (), word="depends", rate=rate)
         for name, rate in (("stiff", 1), ("stiffer", 1), ("finer", 2))
     ]
 
@@ -231,7 +229,7 @@ def test_a_solver_is_tried_where_contacts_need_it() -> None:
         <geom type="plane" size="1 1 .1"/>{boxes}</worldbody></mujoco>"""
     motion = motion_of(xml, 0.4)
     verdict = judge(error_budget([motion], rows=[], settings=FAST))
-    few = [candidate for candidate in CANDIDATES if candidate.exercised]
+    few = [candidate for candidate in list_candidates() if candidate.exercised]
     (tried,) = try_fixes([motion], verdict, candidates=few, trial=Trial(FAST))
     assert verdict.word == "inaccurate"
     assert (tried.name, tried.removes) == ("Newton with 100 iterations", True)
@@ -298,7 +296,7 @@ def test_what_there_is_no_time_for_is_named_and_not_advised() -> None:
     """No clock tells whether a change helps: it is proved, or said to be untried."""
     motion = servo()
     verdict = judge(error_budget([motion], rows=[], settings=FAST))
-    few = [one for one in CANDIDATES if one.name in ("implicitfast", "RK4", "half the step")]
+    few = [one for one in list_candidates() if one.name in ("implicitfast", "RK4", "half the step")]
     late = Trial(FAST, left=lambda: 0.0)
     none = try_fixes([motion], verdict, candidates=few, trial=late)
     every = try_fixes([motion], verdict, candidates=few, trial=Trial(FAST))
@@ -312,7 +310,7 @@ def test_time_runs_out_between_trials() -> None:
     motion = servo()
     verdict = judge(error_budget([motion], rows=[], settings=FAST))
     names = "implicitfast", "half the step"
-    few = [candidate for candidate in CANDIDATES if candidate.name in names]
+    few = [candidate for candidate in list_candidates() if candidate.name in names]
     answers = iter([math.inf] * 4)  # for nearness, and for three budgets of the first change
     timed = Trial(FAST, left=lambda: next(answers, 0.0))
     some = try_fixes([motion], verdict, candidates=few, trial=timed)

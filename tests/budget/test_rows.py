@@ -5,9 +5,11 @@ import numpy as np
 import pytest
 from tests.budget_motions import motion_of, walker
 
-from contactlab.budget import ROWS, ErrorBudget, Motion, Reading, Row, Settings, error_budget, judge
-from contactlab.budget.rows import stiffened
+from contactlab.budget import ErrorBudget, Motion, Reading, Settings, error_budget, judge
 from contactlab.engines.older_mujoco import StepLoop
+from contactlab.modifications.catalogue import list_rows
+from contactlab.modifications.model_changes import stiffen_solref
+from contactlab.modifications.modification import Row
 from contactlab.scene.part_bodies import is_mocap_driven
 
 FAST = Settings(energy=False, places=False)
@@ -100,7 +102,7 @@ def test_what_a_model_lacks_has_no_row(name: str) -> None:
 
 
 @pytest.mark.interface
-@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
+@pytest.mark.parametrize("row", list_rows(), ids=lambda row: row.name)
 def test_a_row_changes_the_model_that_it_is_given_alone(row: Row) -> None:
     """Every row can be made of a model that has nothing, and leaves its own model as it was."""
     own = walker().model
@@ -117,7 +119,7 @@ def test_stiffer_solrefs_have_twice_the_frequency_in_both_forms() -> None:
     """The forms (tc, dr) and (-K, -B), K = 1 / (tc dr)^2, B = 2 / tc, stay equivalent."""
     time, ratio = 0.02, 0.7
     direct = [-1 / (time * ratio) ** 2, -2 / time]
-    standard, other = stiffened(np.array([[time, ratio], direct]))
+    standard, other = stiffen_solref(np.array([[time, ratio], direct]))
     np.testing.assert_allclose(
         other, [-1 / (standard[0] * standard[1]) ** 2, -2 / standard[0]], rtol=1e-14
     )

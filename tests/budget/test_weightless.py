@@ -7,7 +7,7 @@ import pytest
 from tests.budget_motions import motion_of
 
 from contactlab.budget import Motion, Settings, error_budget
-from contactlab.budget.rows import GRAVITY_AS_REAL
+from contactlab.budget.motion import GRAVITY_AS_REAL
 from contactlab.budget.windows import usual_changes
 
 FAST = Settings(check=False, energy=False, places=False)

@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.budget import ROWS
 from contactlab.live.browser_models import model_changes
 from contactlab.live.budget_switches import rows_of, switched_models
+from contactlab.modifications.catalogue import list_rows
 from contactlab.schema.error_budget import BudgetPhase, BudgetReport, BudgetRow
 
 MODEL = """
@@ -63,10 +63,10 @@ def test_the_worst_phase_counts_and_what_is_not_exercised_is_last() -> None:
 
 
 def test_a_switch_changes_what_its_row_says_and_nothing_else(model: mujoco.MjModel) -> None:
-    rows = {row.name: row for row in ROWS}
+    rows = {row.name: row for row in list_rows()}
     before = {
         name: model_changes(model, made)
-        for row in ROWS
+        for row in list_rows()
         for name, made in switched_models(model, row)
     }
     assert set(before["noslip"]) == {"opt.noslip_iterations", "opt.noslip_tolerance"}

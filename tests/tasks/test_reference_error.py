@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from contactlab.budget import Motion
-from contactlab.budget.motion import INTEGRATION
-from contactlab.budget.rows import GRAVITY_AS_REAL
+from contactlab.budget.motion import GRAVITY_AS_REAL, INTEGRATION
 from contactlab.studies.search.clock import whole_run
 from contactlab.studies.search.configuration import Configuration
 from contactlab.tasks.reference_error import TaskReference, held_inputs

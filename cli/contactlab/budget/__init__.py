@@ -7,18 +7,15 @@ from contactlab.budget.measuring import Settings, affordable
 from contactlab.budget.motion import Motion, motion_of_run
 from contactlab.budget.readings import ErrorBudget, PhaseBudget, Reading
 from contactlab.budget.report import budget_report
-from contactlab.budget.rows import ROWS, Row
 from contactlab.budget.text import budget_lines
 from contactlab.budget.verdict import Reason, Verdict, judge
 
 __all__ = [
-    "ROWS",
     "ErrorBudget",
     "Motion",
     "PhaseBudget",
     "Reading",
     "Reason",
-    "Row",
     "Settings",
     "Trial",
     "TriedFix",

@@ -10,8 +10,8 @@ from dataclasses import replace
 from contactlab.budget.measuring import PhaseMeasure, Settings
 from contactlab.budget.motion import Motion
 from contactlab.budget.readings import ErrorBudget
-from contactlab.budget.rows import ROWS
 from contactlab.errors import EngineError
+from contactlab.modifications.catalogue import list_rows
 from contactlab.scene.mujoco_versions import silence_mujoco
 
 SETTINGS = Settings()
@@ -28,17 +28,17 @@ def error_budget(
 
     Args:
         motions: the phases.
-        rows: names of those wanted, of `ROWS`; all by default.
+        rows: names of rows of the catalogue of modifications; all by default.
         settings: how it is measured.
         workers: threads; one for each processor by default. Nothing but prices depends on them.
 
     Raises:
         EngineError: nothing moves that has mass, a row is unknown, or the engine refuses a batch.
     """
-    known = [row.name for row in ROWS]
+    known = [row.name for row in list_rows()]
     for name in rows or ():
         EngineError.unless_known(name, known, f"no row of a budget is called {name!r}")
-    wanted = [row for row in ROWS if rows is None or row.name in rows]
+    wanted = [row for row in list_rows() if rows is None or row.name in rows]
     silence_mujoco()
     settings = replace(settings, workers=workers or os.cpu_count() or 1)
     # One after the other: each holds models.

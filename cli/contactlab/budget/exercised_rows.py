@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 
 from contactlab.budget.motion import INTEGRATION, Motion
-from contactlab.budget.rows import Row
 from contactlab.budget.windows import without_sensors
+from contactlab.modifications.modification import Row
 
 
 def exercised_rows(motion: Motion, rows: Sequence[Row]) -> set[str]:
@@ -29,6 +29,6 @@ def exercised_rows(motion: Motion, rows: Sequence[Row]) -> set[str]:
             if inputs is not None:
                 mujoco.mj_setState(model, data, inputs[step], motion.spec)
             mujoco.mj_step(model, data)
-            shown |= {row.name for row in pending if row.shows(model, data)}
+            shown |= {row.name for row in pending if row.is_loaded(model, data)}
             pending = [row for row in pending if row.name not in shown]
     return shown

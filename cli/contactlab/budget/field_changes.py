@@ -12,8 +12,8 @@ fastest motion of the joint has at least about four steps.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -21,10 +21,14 @@ import mujoco
 import numpy as np
 
 from contactlab.budget.motion import INTEGRATION, Motion
-from contactlab.budget.rows import disabled, stiffened, used
-from contactlab.budget.verdict import Reason, Verdict
+from contactlab.budget.verdict import Reason, Verdict, VerdictWord
 from contactlab.budget.windows import joint_name
 from contactlab.contact.trace_arrays import Floats
+from contactlab.modifications.catalogue import list_part_fixes
+from contactlab.modifications.model_changes import stiffen_solref
+from contactlab.modifications.model_predicates import find_used_rows, is_disabled
+from contactlab.modifications.modification import Candidate, FieldValue
+from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_edits import FIELD_KINDS, derive_fields
 from contactlab.scene.model_names import find_id, name_of
 from contactlab.scene.part_bodies import (
@@ -39,42 +43,36 @@ _STIFFNESS, _DAMPING = 1, 2  # places of their negatives in biasprm
 _DIGITS = 2
 
 
-class FieldValue(NamedTuple):
-    """A value of a model's field, and where it stands there."""
-
-    field: str
-    place: tuple[int, ...]
-    axis: str  # such as dof_armature[left_knee]
-    value: float | tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class FieldChange:
-    """Values of a model's fields, and the word and the phrase that the change goes by.
-
-    Attributes:
-        word: name for `--apply`.
-        phrase: name in a sentence.
-        values: of fields.
-        rate: how many steps in one of the run's they take.
-        after: phrases of changes that are enough where they help.
-    """
-
-    word: str
-    phrase: str
-    values: tuple[FieldValue, ...]
-    rate: int = 1
-    after: tuple[str, ...] = ()
-
-    def make(self, model: mujoco.MjModel) -> None:
-        """Make the change in a model, in place."""
-        for value in self.values:
-            getattr(model, value.field)[value.place] = value.value
-        if any(value.field == "dof_armature" for value in self.values):
-            derive_fields(model)
+def build_candidate(
+    name: str,
+    apply: str,
+    values: Sequence[FieldValue],
+    *,
+    word: VerdictWord = "inaccurate",
+    rate: int = 1,
+) -> Candidate:
+    """Return the candidate that writes values into fields of a model."""
+    return Candidate(
+        name,
+        word,
+        partial(write_values, values=values),
+        rate,
+        apply=apply,
+        edits=ModelEdits({value.axis: value.value for value in values}),
+        values=tuple(values),
+        must_come_nearer=word == "inaccurate",  # of several rows it comes nearer to none
+    )
 
 
-def field_changes(motions: Sequence[Motion], verdict: Verdict) -> tuple[FieldChange, ...]:
+def write_values(model: mujoco.MjModel, values: Sequence[FieldValue]) -> None:
+    """Write values into fields of a model in place."""
+    for value in values:
+        getattr(model, value.field)[value.place] = value.value
+    if any(value.field == "dof_armature" for value in values):
+        derive_fields(model)
+
+
+def field_changes(motions: Sequence[Motion], verdict: Verdict) -> tuple[Candidate, ...]:
     """Return changes of fields against a verdict; none where its reasons point to none."""
     motion, word = motions[0], verdict.word
     if word == "ok":
@@ -85,7 +83,7 @@ def field_changes(motions: Sequence[Motion], verdict: Verdict) -> tuple[FieldCha
     return tuple(_slower_servos(motion, reasons))
 
 
-def _slower_servos(motion: Motion, reasons: Sequence[Reason]) -> Iterator[FieldChange]:
+def _slower_servos(motion: Motion, reasons: Sequence[Reason]) -> Iterator[Candidate]:
     """Yield changes by which the step holds the first servo that reasons point to, then all.
 
     A wheel, a leg or a finger seldom has a motor that no other has.
@@ -98,13 +96,13 @@ def _slower_servos(motion: Motion, reasons: Sequence[Reason]) -> Iterator[FieldC
     pointed = [servo for reason in reasons for servo in unheld if _points_to(model, reason, servo)]
     if not pointed:
         return
-    alone = {change.word: change for change in _held(model, pointed[:1])}
+    alone = {change.apply: change for change in _held(model, pointed[:1])}
     yield from alone.values()
     if len(unheld) > 1:
         first, others = pointed[0], [servo for servo in unheld if servo is not pointed[0]]
         for change in _held(model, [first, *others]):
-            after = (alone[change.word].phrase,)
-            yield replace(change, word=f"{change.word}-all", after=after)
+            includes = (alone[change.apply].name,)
+            yield replace(change, apply=f"{change.apply}-all", includes=includes)
 
 
 def joint_inertias(motion: Motion, joints: Sequence[int]) -> list[float]:
@@ -188,7 +186,7 @@ def _bodies(model: mujoco.MjModel, reason: Reason) -> Iterator[str]:
                 yield from bodies_of(model, index)
 
 
-def _held(model: mujoco.MjModel, servos: Sequence[_Servo]) -> Iterator[FieldChange]:
+def _held(model: mujoco.MjModel, servos: Sequence[_Servo]) -> Iterator[Candidate]:
     """Yield changes by which the step holds the servos and springs of joints."""
     step = float(model.opt.timestep)
     names = f"joint {name_of(model, 'joint', servos[0].joint)}"
@@ -197,18 +195,18 @@ def _held(model: mujoco.MjModel, servos: Sequence[_Servo]) -> Iterator[FieldChan
         slower = [
             value for servo in servos for value in _slower(model, servo.actuators, servo.slower)
         ]
-        yield FieldChange("gains", f"gains of {names} that the step holds", tuple(slower))
+        yield build_candidate(f"gains of {names} that the step holds", "gains", slower)
     dofs = [int(model.jnt_dofadr[servo.joint]) for servo in servos]
     missing = [servo.inertia * (servo.load - 1) for servo in servos]
     yield _of_dofs(model, "armature", dofs, missing, names)
     explicit = int(model.opt.integrator) == mujoco.mjtIntegrator.mjINT_RK4
-    if not explicit and not disabled(model, "eulerdamp"):
+    if not explicit and not is_disabled(model, "eulerdamp"):
         yield _of_dofs(model, "damping", dofs, [2 * one / step for one in missing], names)
 
 
 def _of_dofs(
     model: mujoco.MjModel, word: str, dofs: Sequence[int], more: Sequence[float], names: str
-) -> FieldChange:
+) -> Candidate:
     """Return the change by which joints have more armature, or damping."""
     field, values = f"dof_{word}", list[FieldValue]()
     for dof, added in zip(dofs, more, strict=True):
@@ -218,7 +216,7 @@ def _of_dofs(
         values.append(FieldValue(field, index, axis, _rounded(float(np.ravel(own)[0]) + added)))
     numbers = [value.value for value in values]
     size = f"{numbers[0]:g}" if len({*numbers}) == 1 else f"of up to {max(numbers):g}"
-    return FieldChange(word, f"{word} {size} of {names}", tuple(values))
+    return build_candidate(f"{word} {size} of {names}", word, values)
 
 
 def _servos(model: mujoco.MjModel, joint: int) -> Iterator[int]:
@@ -267,18 +265,18 @@ def _rounded(number: float, *, up: bool = True) -> float:
 _MORE, _LESS = (4, 16), (2,)  # how much shorter time constants get still; less if no step holds it
 _COARSEST = 4  # the most steps in one of the run's that may hold it
 PARTS_OF_A_STEP = {2: "half", 4: "a quarter of", 8: "an eighth of", 16: "a sixteenth of"}
-# The fields that a row of softness is of, by kind.
-_SOFT: Mapping[str, Sequence[str]] = {
-    "contact softness": ("geom_solref", "pair_solref"),
-    "limit softness": ("jnt_solref", "tendon_solref_lim"),
-    "friction loss softness": ("dof_solref", "tendon_solref_fri"),
-    "equality softness": ("eq_solref",),
-}
+
+
+def _find_soft_fields(row: str) -> tuple[str, ...]:
+    """Return the fields of solref that a row of softness is about; none for other rows."""
+    return tuple(
+        field for fix in list_part_fixes("solref") if row in fix.rows for field in fix.fields
+    )
 
 
 def _stiffer(
     model: mujoco.MjModel, reasons: Sequence[Reason], tolerance: float
-) -> Iterator[FieldChange]:
+) -> Iterator[Candidate]:
     """Yield a shorter solref of the parts that are named, and of all of their kind.
 
     Compliance is proportional to the square of a time constant, and so is the error of a row. The
@@ -286,14 +284,14 @@ def _stiffer(
     tolerance; or by more, since a very soft part swings first.
     Where the step would not hold it, the step is divided, too.
     """
-    soft = [reason for reason in reasons if reason.row in _SOFT]
+    soft = [reason for reason in reasons if _find_soft_fields(reason.row)]
     if not soft:
         return
     excess = max(reason.error for reason in soft) / tolerance
     times = 2 ** max(1, math.ceil(math.log2(excess) / 2)) if math.isfinite(excess) else 2
     parts = list(dict.fromkeys(part for reason in soft for part in _named_parts(model, reason)))
     kinds = list(dict.fromkeys(reason.row.removesuffix(" softness") for reason in soft))
-    fields = [field for kind in kinds for field in _SOFT[f"{kind} softness"]]
+    fields = [field for kind in kinds for field in _find_soft_fields(f"{kind} softness")]
     every = [(field, row) for field in fields for row in _used_rows(model, field)]
     places = ", ".join(dict.fromkeys(reason.place for reason in soft if reason.place))
     every_one = f"every {' and '.join(kinds)}"
@@ -304,38 +302,39 @@ def _stiffer(
 
 def _ever_stiffer(
     model: mujoco.MjModel, parts: Sequence[tuple[str, int]], times: int, word: str, what: str
-) -> Iterator[FieldChange]:
+) -> Iterator[Candidate]:
     """Yield a shorter solref of parts, then those that go further, each in place of all before."""
 
-    def shorter(more: int) -> FieldChange:
+    def shorter(more: int) -> Candidate:
         own = word if more == 1 else f"{word}-{more * times}"
         return _of_solref(model, parts, more * times, own, what)
 
-    def held(powers: Sequence[int]) -> list[FieldChange]:
+    def held(powers: Sequence[int]) -> list[Candidate]:
         return [change for more in powers if (change := shorter(more)).rate <= _COARSEST]
 
     before = tuple[str, ...]()
     for change in (shorter(1), *(held(_MORE) or held(_LESS))):
-        yield replace(change, after=before)
-        before = (*before, change.phrase)
+        yield replace(change, includes=before)
+        before = (*before, change.name)
 
 
 def _of_solref(
     model: mujoco.MjModel, parts: Sequence[tuple[str, int]], times: int, word: str, what: str
-) -> FieldChange:
+) -> Candidate:
     """Return a solref of so many times the frequency of rows of fields, at a step that holds it."""
     found, rate = list[FieldValue](), 1
     for field, row in parts:
         kind = FIELD_KINDS[field.partition("_")[0]]
         index = int(model.dof_jntid[row]) if field.startswith("dof_") else row
-        own: Floats = stiffened(getattr(model, field)[[row]], times)[0]
+        own: Floats = stiffen_solref(getattr(model, field)[[row]], times)[0]
         # A time constant is at least two steps long, whether or not refsafe sees to it.
         if own[0] > 0:
             rate = max(rate, 2 ** math.ceil(math.log2(2 * model.opt.timestep / own[0])))
         axis = f"{field}[{name_of(model, kind, index)}]"
         found.append(FieldValue(field, (row,), axis, tuple(map(float, own))))
     at = "" if rate == 1 else f" at {PARTS_OF_A_STEP.get(rate, f'1/{rate} of')} the step"
-    return FieldChange(word, f"solref / {times} of {what}{at}", tuple(found), rate)
+    name = f"solref / {times} of {what}{at}"
+    return build_candidate(name, word, found, word="depends", rate=rate)
 
 
 def _named_parts(model: mujoco.MjModel, reason: Reason) -> Iterator[tuple[str, int]]:
@@ -344,7 +343,7 @@ def _named_parts(model: mujoco.MjModel, reason: Reason) -> Iterator[tuple[str, i
     if kind == "contact":
         yield from _touching(model, {find_id(model, "body", body) for body in name.split(" - ")})
         return
-    for field in _SOFT[reason.row]:
+    for field in _find_soft_fields(reason.row):
         yield from (
             (field, row)
             for row in _used_rows(model, field)
@@ -377,7 +376,7 @@ def _own(model: mujoco.MjModel, kind: str, index: int) -> str:
 
 def _used_rows(model: mujoco.MjModel, field: str) -> list[int]:
     """Return the rows of a field of solref that anything uses; those of a joint are one."""
-    rows = used(model, field)
+    rows = find_used_rows(model, field)
     if field == "eq_solref":
         rows &= (model.eq_active0 != 0) & ~is_mocap_driven(model)
     rows = np.flatnonzero(rows)

@@ -15,99 +15,46 @@ from contactlab.budget.error_budget import SETTINGS
 from contactlab.budget.exercised_rows import exercised_rows
 from contactlab.budget.field_changes import (
     PARTS_OF_A_STEP,
-    FieldChange,
-    FieldValue,
+    build_candidate,
     field_changes,
 )
 from contactlab.budget.measuring import PhaseMeasure, Settings, evaluations, pace, steps_of
 from contactlab.budget.motion import Motion
 from contactlab.budget.readings import ErrorBudget
 from contactlab.budget.reference_distance import FINEST, ChangedModel, distances_to_reference
-from contactlab.budget.rows import (
-    ROWS,
-    RUN,
-    go_on,
-    has_no_flex,
-    raises_time_constants,
-    shortest_time_constant,
-    used,
-)
 from contactlab.budget.time_ratios import measure_time_ratios
 from contactlab.budget.verdict import Reason, Verdict, VerdictWord, judge
 from contactlab.budget.windows import replay
 from contactlab.mjcf import OPTIONS
+from contactlab.modifications.catalogue import (
+    find_part_fix,
+    find_row,
+    list_candidates,
+    list_rows,
+)
+from contactlab.modifications.contacts import MARGIN
+from contactlab.modifications.model_predicates import (
+    find_shortest_time_constant,
+    find_used_rows,
+    raises_time_constants,
+)
+from contactlab.modifications.modification import (
+    NO_EDITS,
+    Candidate,
+    FieldValue,
+    leave_unchanged,
+)
+from contactlab.modifications.numerics import HALF_STEP, RUN, RUNGE_KUTTA
 from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_edits import FIELD_KINDS, FLAG_NAMES, read_flag, read_option
 from contactlab.scene.model_names import name_of
 from contactlab.schema.time_ratio import TimeRatio, cost_class
 
-_EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
-_RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
-_IMPLICITFAST = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
-_IMPLICIT = int(mujoco.mjtIntegrator.mjINT_IMPLICIT)
-_ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
-_SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 _MAX_REFINEMENT = 64  # most steps per step of the run that are tried
 _ALWAYS_TRIED_RATE = 2  # steps per step of the run that are tried even if another fix helps
 _MAX_IMPEDANCE = 0.9999  # the largest impedance that MuJoCo allows
-_SOLREFS = (
-    "geom_solref",
-    "pair_solref",
-    "jnt_solref",
-    "dof_solref",
-    "eq_solref",
-    "tendon_solref_lim",
-    "tendon_solref_fri",
-)
 _SAFE_SHARE = 0.5  # a fix below this share of the tolerance is not at its edge
-NO_EDITS = ModelEdits()
-MARGIN = "margin"
-"""Name of the fix that removes all contact margins."""
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A change of a model that may be a fix.
-
-    Attributes:
-        name: as in "half the step removes it".
-        word: the verdict that it may remove.
-        change: edits a copy of the model.
-        rate: number of its steps per step of the run.
-        rows: modeling choices that it may help with; any if empty.
-        is_applicable: whether it changes a model at all.
-        exercised: a row that the task must exercise; no condition if empty.
-        apply: name for `--apply`, if it makes another model instead of computing the same one
-            differently; otherwise empty.
-        edits: how another model is written.
-        compiled: the changed model, if a copy of the model cannot be edited into it.
-        must_come_nearer: whether it has to come nearer to the model's motion at its finest step.
-        includes: names of fixes that it includes; if one of them is enough, it is not tried.
-    """
-
-    name: str
-    word: VerdictWord
-    change: Callable[[mujoco.MjModel], None]
-    rate: int = 1
-    rows: Sequence[str] = ()
-    is_applicable: Callable[[mujoco.MjModel], bool] = lambda _model: True
-    exercised: str = ""
-    apply: str = ""
-    edits: ModelEdits = NO_EDITS
-    compiled: mujoco.MjModel | None = None
-    must_come_nearer: bool = True
-    includes: Sequence[str] = ()
-
-    @property
-    def changes_model(self) -> bool:
-        """Whether it makes another model."""
-        return bool(self.apply)
-
-    @property
-    def same_states(self) -> bool:
-        """Whether the changed model can begin in the states of the original one."""
-        return not (self.edits.freed or self.edits.posed)
 
 
 @dataclass(frozen=True)
@@ -149,152 +96,41 @@ class TriedFix:
         return bool(self.apply)
 
 
-def _nothing(_model: mujoco.MjModel) -> None:
-    pass
-
-
-def _integrator(kind: int) -> Callable[[mujoco.MjModel], None]:
-    def change(model: mujoco.MjModel) -> None:
-        model.opt.integrator = kind
-
-    return change
-
-
-def _is_not(kind: int) -> Callable[[mujoco.MjModel], bool]:
-    """Return whether a model would have another integrator, which some refuse for flexes."""
-    return lambda model: int(model.opt.integrator) != kind and has_no_flex(model)
-
-
-def _awake(model: mujoco.MjModel) -> None:
-    model.opt.enableflags &= ~_SLEEP
-
-
-def _noslip(model: mujoco.MjModel) -> None:
-    model.opt.noslip_iterations = 10
-
-
-def _stiff_friction(model: mujoco.MjModel) -> None:
-    model.opt.cone = _ELLIPTIC
-    model.opt.impratio = 10
-
-
-def _both(model: mujoco.MjModel) -> None:
-    _stiff_friction(model)
-    _noslip(model)
-
-
-RUNGE_KUTTA = Candidate("RK4", "inaccurate", _integrator(_RK4), is_applicable=_is_not(_RK4))
-CANDIDATES: tuple[Candidate, ...] = (
-    Candidate(
-        "no sleep",
-        "inaccurate",
-        _awake,
-        is_applicable=lambda model: bool(model.opt.enableflags & _SLEEP),
-        must_come_nearer=False,  # windows begin awake, and so do not show what sleep takes
-    ),
-    Candidate("Newton with 100 iterations", "inaccurate", go_on, exercised="solver"),
-    Candidate(
-        "implicitfast",
-        "inaccurate",
-        _integrator(_IMPLICITFAST),
-        is_applicable=_is_not(_IMPLICITFAST),
-    ),
-    Candidate("Euler", "inaccurate", _integrator(_EULER), is_applicable=_is_not(_EULER)),
-    Candidate("half the step", "inaccurate", _nothing, 2),
-    Candidate(
-        "implicitfast at half the step",
-        "inaccurate",
-        _integrator(_IMPLICITFAST),
-        2,
-        is_applicable=_is_not(_IMPLICITFAST),
-        includes=("implicitfast", "half the step"),
-    ),
-    RUNGE_KUTTA,
-    Candidate("a quarter of the step", "inaccurate", _nothing, 4),
-    Candidate("an eighth of the step", "inaccurate", _nothing, 8),
-    Candidate("elliptic cones with impratio 10", "depends", _stiff_friction),
-    Candidate(
-        "elliptic cones with impratio 10, and noslip",
-        "depends",
-        _both,
-        is_applicable=has_no_flex,
-        includes=("elliptic cones with impratio 10",),
-    ),
-    Candidate(
-        "noslip with 10 iterations", "depends", _noslip, rows=("noslip",), is_applicable=has_no_flex
-    ),
-)
-
-
 def candidates_against(motions: Sequence[Motion], verdict: Verdict) -> tuple[Candidate, ...]:
     """Return candidates: first changes of the computation, then of fields of named parts."""
-    word: VerdictWord = "depends" if verdict.word == "depends" else "inaccurate"
     model, changes = motions[0].model, field_changes(motions, verdict)
-    hard = harder(model, changes) if word == "depends" else ()
-    held = _held_constants(model) if word == "inaccurate" and raises_time_constants(model) else ()
-    # A contact that pushes before its geoms touch is softer than its solref says.
-    margins = without_margins(model) if word == "depends" else ()
-    # A fix of several rows comes nearer to the reference of none of them.
-    physical = [
-        of_fields(change, word, must_come_nearer=word == "inaccurate") for change in changes
-    ]
-    return (
-        *CANDIDATES,
-        *_finer(model, verdict),
-        *(
-            replace(
-                of_fields(change, word, must_come_nearer=False),
-                rows=("contact softness",),
-                exercised="margin",
-            )
-            for change in margins
-        ),
-        *physical,
-        *(of_fields(change, word, must_come_nearer=False) for change in hard),
-        *(
-            replace(of_fields(change, word, must_come_nearer=False), exercised="refsafe")
-            for change in held
-        ),
-    )
+    usual = (*list_candidates(), *_finer(model, verdict))
+    if verdict.word == "depends":
+        return (*usual, *without_margins(model), *changes, *harder(model, changes))
+    held = _held_constants(model) if raises_time_constants(model) else ()
+    return (*usual, *changes, *held)
 
 
-def of_fields(change: FieldChange, word: VerdictWord, *, must_come_nearer: bool) -> Candidate:
-    """Return a candidate that changes fields."""
-    return Candidate(
-        change.phrase,
-        word,
-        change.make,
-        change.rate,
-        apply=change.word,
-        edits=ModelEdits({value.axis: value.value for value in change.values}),
-        includes=change.after,
-        must_come_nearer=must_come_nearer,
-    )
-
-
-def without_margins(model: mujoco.MjModel) -> Iterator[FieldChange]:
+def without_margins(model: mujoco.MjModel) -> Iterator[Candidate]:
     """Yield the change that removes the margins of all contacts."""
+    fix = find_part_fix(MARGIN)
     values = [
-        FieldValue(f"{kind}_{part}", (row,), f"{kind}_{part}[{name_of(model, kind, row)}]", 0.0)
-        for kind in ("geom", "pair")
-        for part in ("margin", "gap")
-        for row in map(int, np.flatnonzero(getattr(model, f"{kind}_{part}")))
+        FieldValue(field, (row,), f"{field}[{name_of(model, kind, row)}]", 0.0)
+        for field in fix.fields
+        for kind in [FIELD_KINDS[field.partition("_")[0]]]
+        for row in map(int, np.flatnonzero(getattr(model, field)))
     ]
     if values:
-        yield FieldChange(MARGIN, "no margin of any contact", tuple(values))
+        made = build_candidate("no margin of any contact", fix.apply, values, word="depends")
+        yield replace(made, rows=fix.rows, exercised=fix.exercised)
 
 
-def _held_constants(model: mujoco.MjModel) -> Iterator[FieldChange]:
+def _held_constants(model: mujoco.MjModel) -> Iterator[Candidate]:
     """Yield time constants of two steps in place of shorter ones.
 
     With refsafe the run has them already, and finer steps make another model.
     """
-    least = 2 * float(model.opt.timestep)
+    least, fix = 2 * float(model.opt.timestep), find_part_fix("solref-step")
     values = [
         FieldValue(field, (row,), _axis(model, field, row), (least, float(solref[row, 1])))
-        for field in _SOLREFS
+        for field in fix.fields
         for solref in [getattr(model, field)]
-        for short in [used(model, field) & (solref[:, 0] > 0) & (solref[:, 0] < least)]
+        for short in [find_used_rows(model, field) & (solref[:, 0] > 0) & (solref[:, 0] < least)]
         for row in map(int, np.flatnonzero(short))
     ]
     if values:
@@ -303,7 +139,8 @@ def _held_constants(model: mujoco.MjModel) -> Iterator[FieldChange]:
         part = name if name.startswith(f"{kind}[") else f"{kind} {name}"
         more = f" and {len(values) - 1} more" if len(values) > 1 else ""
         phrase = f"solref {least:g}, two steps, of {part}{more}"
-        yield FieldChange("solref-step", phrase, tuple(values))
+        made = build_candidate(phrase, fix.apply, values)
+        yield replace(made, exercised=fix.exercised, must_come_nearer=False)
 
 
 def _axis(model: mujoco.MjModel, field: str, row: int) -> str:
@@ -311,36 +148,38 @@ def _axis(model: mujoco.MjModel, field: str, row: int) -> str:
     return f"{field}[{name_of(model, FIELD_KINDS[field.partition('_')[0]], index)}]"
 
 
-def harder(model: mujoco.MjModel, stiffer: Sequence[FieldChange]) -> Iterator[FieldChange]:
+def harder(model: mujoco.MjModel, stiffer: Sequence[Candidate]) -> Iterator[Candidate]:
     """Yield the impedance that a light part needs under a heavy load, alone and with each solref.
 
     Under a force f a constraint yields in proportion to (1 - d) / d A f, with the inverse inertia A
     of the part alone. If the part carries a thousand times its weight, d has to come near to 1.
     """
     alone = {
-        change.word: FieldChange(
-            change.word.replace("solref", "solimp"),
+        change.apply: build_candidate(
             f"solimp {_MAX_IMPEDANCE:g} of {_parts_of(change)}",
-            tuple(_hard(model, value) for value in change.values),
+            change.apply.replace("solref", "solimp"),
+            [_hard(model, value) for value in change.values],
+            word="depends",
         )
         for change in stiffer
-        if change.word in ("solref", "solref-all")
+        if change.apply in ("solref", "solref-all")
     }
     yield from alone.values()
     for change in stiffer:
-        hard = alone.get("solref-all" if change.word.startswith("solref-all") else "solref")
+        hard = alone.get("solref-all" if change.apply.startswith("solref-all") else "solref")
         if hard is not None:
-            yield FieldChange(
-                f"{hard.word}-{change.word}",
-                f"{hard.phrase} and {change.phrase.partition(' of ')[0]}",
-                (*hard.values, *change.values),
-                change.rate,
-                (hard.phrase,),
+            both = build_candidate(
+                f"{hard.name} and {change.name.partition(' of ')[0]}",
+                f"{hard.apply}-{change.apply}",
+                [*hard.values, *change.values],
+                word="depends",
+                rate=change.rate,
             )
+            yield replace(both, includes=(hard.name,))
 
 
-def _parts_of(change: FieldChange) -> str:
-    return change.phrase.partition(" of ")[2].partition(" at ")[0]
+def _parts_of(change: Candidate) -> str:
+    return change.name.partition(" of ")[2].partition(" at ")[0]
 
 
 def _hard(model: mujoco.MjModel, value: FieldValue) -> FieldValue:
@@ -359,31 +198,26 @@ def _finer(model: mujoco.MjModel, verdict: Verdict) -> Iterator[Candidate]:
     shares = [abs(reason.error) for reason in verdict.reasons if reason.word == "inaccurate"]
     needed = max(filter(math.isfinite, shares), default=0.0) / verdict.tolerance
     if raises_time_constants(model):
-        needed = 2 * float(model.opt.timestep) / shortest_time_constant(model)
+        needed = 2 * float(model.opt.timestep) / find_shortest_time_constant(model)
     if verdict.word == "inaccurate" and FINEST < needed <= _MAX_REFINEMENT:
         rate = math.ceil(needed)
-        yield Candidate(f"1/{rate} of the step", "inaccurate", _nothing, rate)
+        yield Candidate(f"1/{rate} of the step", "inaccurate", rate=rate)
 
 
-def further(half: Candidate) -> Iterator[Candidate]:
-    """Yield further changes of the computation, cheapest first, if the usual ones fail.
-
-    Gyroscopic forces are explicit in implicitfast as in Euler; `implicit` has their derivatives.
-    """
-    yield Candidate(
-        "implicit", "inaccurate", _integrator(_IMPLICIT), is_applicable=_is_not(_IMPLICIT)
-    )
+def further() -> Iterator[Candidate]:
+    """Yield further changes of the computation, cheapest first, if the usual ones fail."""
+    yield from list_candidates("further")
     yield finer(RUNGE_KUTTA, 4)
-    yield from (finer(half, times) for times in (8, 16))
+    yield from (finer(HALF_STEP, times) for times in (8, 16))
     yield finer(RUNGE_KUTTA, 16)
-    yield finer(half, 32)
+    yield finer(HALF_STEP, 32)
 
 
 def finer(candidate: Candidate, times: int) -> Candidate:
     """Return a candidate with `times` as many steps."""
     rate = candidate.rate * times
     step = f"{PARTS_OF_A_STEP.get(rate, f'1/{rate} of')} the step"
-    alone = candidate.change is _nothing and candidate.edits == NO_EDITS
+    alone = candidate.change is leave_unchanged and candidate.edits == NO_EDITS
     name = step if alone else f"{candidate.name.partition(' at ')[0]} at {step}"
     return replace(candidate, name=name, rate=rate, includes=())
 
@@ -549,7 +383,7 @@ def _is_possible(
 ) -> bool:
     if candidate.word != word or (candidate.rows and not {*candidate.rows} & {*rows}):
         return False
-    if not all(candidate.is_applicable(motion.model) for motion in motions):
+    if not all(candidate.applies(motion.model) for motion in motions):
         return False
     return not candidate.exercised or _exercised(candidate.exercised, motions)
 
@@ -639,7 +473,7 @@ class _FixJudge(NamedTuple):
         """Change the model of the finest motion into the reference, in place."""
         if self.word != "depends":
             return
-        (row,) = (row for row in ROWS if row.name == self.verdict.reasons[0].row)
+        row = find_row(self.verdict.reasons[0].row)
         for change in (row.both, row.changes[0]):
             if change is not None:
                 change(model, own)
@@ -718,7 +552,7 @@ class _FixJudge(NamedTuple):
             for motion in motions
         ]
         seeds, model = max(motion.seeds for motion in motions), motions[0].model
-        rows = [row for row in ROWS if row.name in self.rows]
+        rows = [row for row in list_rows() if row.name in self.rows]
         phases, begun = list[PhaseMeasure](), [None for _ in motions]
         for some, most in ((first, 2 * seeds), (motions, 2)):
             looks = evaluations(model, quick, rows) * steps_of(some)
@@ -755,8 +589,8 @@ def options_changed(model: mujoco.MjModel, changed: mujoco.MjModel) -> dict[str,
 
 
 def _exercised(name: str, motions: Sequence[Motion]) -> bool:
-    (row,) = (row for row in ROWS if row.name == name)
-    return any(row.uses(motion.model) and exercised_rows(motion, [row]) for motion in motions)
+    row = find_row(name)
+    return any(row.applies(motion.model) and exercised_rows(motion, [row]) for motion in motions)
 
 
 def changed_model(model: mujoco.MjModel, candidate: Candidate) -> mujoco.MjModel:

@@ -21,19 +21,8 @@ from contactlab.budget.defects import (
 )
 from contactlab.budget.exercised_rows import exercised_rows
 from contactlab.budget.force_places import Stretch, find_force_place
-from contactlab.budget.motion import Motion, forget_delays, pulls, without_delays
+from contactlab.budget.motion import GRAVITY_AS_REAL, Motion, forget_delays, pulls, without_delays
 from contactlab.budget.readings import Origin, PhaseBudget, Reading
-from contactlab.budget.rows import (
-    GRAVITY_AS_REAL,
-    ROWS,
-    RUN,
-    Change,
-    Row,
-    disabled,
-    go_on,
-    gravity_of,
-    raises_time_constants,
-)
 from contactlab.budget.time_ratios import measure_time_ratios
 from contactlab.budget.windows import (
     EngineWarning,
@@ -50,6 +39,15 @@ from contactlab.budget.windows import (
 )
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import EngineError
+from contactlab.modifications.catalogue import list_rows
+from contactlab.modifications.model_changes import converge_solver
+from contactlab.modifications.model_predicates import (
+    is_disabled,
+    raises_time_constants,
+    read_gravity,
+)
+from contactlab.modifications.modification import ModelChange, Row
+from contactlab.modifications.numerics import RUN
 from contactlab.schema.time_ratio import TimeRatio
 
 WINDOW = 0.04  # s; docs/budget-derivation.md compares others
@@ -130,7 +128,7 @@ def steps_of(motions: Iterable[Motion]) -> int:
 
 def affordable(motions: Sequence[Motion], settings: Settings, seconds: float) -> tuple[str, ...]:
     """Return the rows that are measured within so much CPU [s]: all, or those that can judge."""
-    rows = [row for row in ROWS if any(row.uses(motion.model) for motion in motions)]
+    rows = [row for row in list_rows() if any(row.applies(motion.model) for motion in motions)]
     whole = evaluations(motions[0].model, settings, rows) * steps_of(motions)
     judging = {"numerics", "model"}
     fits = math.isinf(seconds) or whole * pace(motions) <= seconds
@@ -144,7 +142,7 @@ def reference_of(model: mujoco.MjModel, rate: int) -> mujoco.MjModel:
     steps make one of the run's.
     """
     fine = without_sensors(model)
-    go_on(fine)
+    converge_solver(fine)
     forget_delays(fine)
     fine.opt.timestep = model.opt.timestep / rate
     fine.opt.enableflags &= ~int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
@@ -175,7 +173,7 @@ class PhaseMeasure:
         """
         self._begun = begun
         self._motion, self._settings, self._model = motion, settings, motion.model
-        self._used = [row for row in wanted if row.uses(motion.model)]
+        self._used = [row for row in wanted if row.applies(motion.model)]
         self._undelayed = without_delays(motion)
         self._bodies = judged_bodies(motion.model)
         self._names = tuple(body_name(motion.model, int(body)) for body in self._bodies)
@@ -183,13 +181,13 @@ class PhaseMeasure:
         self._run: Run = replay(motion, settings.window, settings.workers, known)
         self._observer = Observer(motion.model, motion.starts[0], self._bodies, settings.workers)
         self._bases, self._stores = dict[str, mujoco.MjModel](), dict[str, ConstraintEnergy]()
-        gravity = 0.0 if disabled(motion.model, "gravity") else 1.0
+        gravity = 0.0 if is_disabled(motion.model, "gravity") else 1.0
         self._pulls = pulls(motion, gravity * motion.model.opt.gravity)[..., self._bodies]
         self._usual = self._usual_changes()
 
     def _usual_changes(self) -> Floats:
         """Return (B,) accelerations that replace gravity if there is none, otherwise 0 [m/s^2]."""
-        if gravity_of(self._model):
+        if read_gravity(self._model):
             return np.zeros(len(self._bodies))
         if self._motion.usual is not None:
             return self._motion.usual[self._bodies]
@@ -306,7 +304,7 @@ class PhaseMeasure:
         """Return how many steps of a row's models make one of the run's."""
         return self._settings.finer if row.base == "reference" else 1
 
-    def _changed(self, model: mujoco.MjModel, change: Change) -> mujoco.MjModel:
+    def _changed(self, model: mujoco.MjModel, change: ModelChange) -> mujoco.MjModel:
         changed = without_sensors(model)
         change(changed, self._model)
         return changed

@@ -17,6 +17,10 @@ _BODY_FORCES = int(mujoco.mjtState.mjSTATE_XFRC_APPLIED)
 _JOINT_FORCES = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 
 
+GRAVITY_AS_REAL = 0.1
+"""Share of the impulse of free fall that counts as a real impulse of a standing body."""
+
+
 @dataclass(frozen=True)
 class Motion:
     """One phase of a task: a model moved from S starts, each by inputs of its own.

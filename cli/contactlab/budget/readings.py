@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactlab.budget.rows import Kind
 from contactlab.budget.windows import EngineWarning
 from contactlab.contact.trace_arrays import Floats
+from contactlab.modifications.modification import RowKind
 from contactlab.schema.time_ratio import TimeRatio
 
 
@@ -31,7 +31,7 @@ class Reading:
 
     name: str
     summary: str
-    kind: Kind
+    kind: RowKind
     exercised: bool
     errors: Floats
     seeds: Floats

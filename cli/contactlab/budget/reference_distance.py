@@ -12,8 +12,7 @@ import numpy as np
 
 from contactlab.budget.defects import defects, paths
 from contactlab.budget.measuring import Settings, reference_of, run_at_once
-from contactlab.budget.motion import Motion, without_delays
-from contactlab.budget.rows import GRAVITY_AS_REAL, gravity_of
+from contactlab.budget.motion import GRAVITY_AS_REAL, Motion, without_delays
 from contactlab.budget.windows import (
     Observer,
     Run,
@@ -24,6 +23,7 @@ from contactlab.budget.windows import (
     replay,
 )
 from contactlab.contact.trace_arrays import Floats
+from contactlab.modifications.model_predicates import read_gravity
 
 FINEST = 8
 """Least number of steps of the finest motion per step of the run."""
@@ -75,7 +75,7 @@ def distances_to_reference(
     if not run.valid.any():
         return [float("inf")] * len(rivals)
     span = run.steps * motion.model.opt.timestep * run.valid.sum(axis=1)
-    real += GRAVITY_AS_REAL * gravity_of(motion.model) * span[:, None]
+    real += GRAVITY_AS_REAL * read_gravity(motion.model) * span[:, None]
     if motion.usual is not None:
         real = np.maximum(real, GRAVITY_AS_REAL * motion.usual[bodies] * span[:, None])
     shares = _shares(apart, real)

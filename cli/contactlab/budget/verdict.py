@@ -7,14 +7,13 @@ from typing import get_args
 import numpy as np
 
 from contactlab.budget.readings import ErrorBudget, PhaseBudget
-from contactlab.budget.rows import ROWS
+from contactlab.modifications.catalogue import list_rows
 from contactlab.rendering.amounts import format_digits, format_percent
 from contactlab.schema.verdict import VerdictWord
 
 TOLERANCE = 0.1
 _ORDER: tuple[VerdictWord, ...] = get_args(VerdictWord)
 _MOST_DIGITS = 9  # more are rounding
-_ALTERNATIVES = {row.name: row.alternative for row in ROWS}
 
 
 @dataclass(frozen=True)
@@ -79,10 +78,11 @@ def judge(
 def _reasons(phase: PhaseBudget, tolerance: float, intended: Sequence[str]) -> Iterator[Reason]:
     yield from _warnings(phase)
     yield from _numerical_reasons(phase, tolerance)
+    alternatives = {row.name: row.alternative for row in list_rows()}
     for row in phase.rows:
         if row.kind == "model" and row.name not in intended and row.error > tolerance:
             body = phase.bodies[row.body]
-            alternative = _ALTERNATIVES.get(row.name, row.name)
+            alternative = alternatives.get(row.name, row.name)
             size = percent_above(row.error, tolerance)
             sentence = f"{alternative} changes {body}'s motion by {size}"
             where = body, row.place, row.time

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import mujoco
 
-from contactlab.budget import ROWS
-from contactlab.budget.rows import Row
+from contactlab.modifications.catalogue import list_rows
+from contactlab.modifications.modification import Row
 from contactlab.rendering.amounts import format_percent
 from contactlab.schema.error_budget import BudgetReport, BudgetRow
 
@@ -21,7 +21,7 @@ def rows_of(report: BudgetReport) -> Iterator[tuple[Row, str]]:
     for row in (row for phase in report.phases for row in phase.rows):
         if row.name not in worst or _share_size(row) > _share_size(worst[row.name]):
             worst[row.name] = row
-    found = [row for row in ROWS if row.name in worst]
+    found = [row for row in list_rows() if row.name in worst]
     for row in sorted(found, key=lambda row: -_share_size(worst[row.name])):
         yield row, _effect_text(worst[row.name])
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from contactlab.budget.measuring import PhaseMeasure, Settings
 from contactlab.budget.motion import motion_of_run
-from contactlab.budget.rows import Change, Row
 from contactlab.errors import ContactlabError
 from contactlab.mjcf import MODEL_ENGINE
+from contactlab.modifications.modification import ModelChange, Row
 from contactlab.plan.sampled_shares import configuration_of
 from contactlab.run.passes import SweepSession
 from contactlab.scene.model_draft import fields_of
@@ -67,8 +67,6 @@ def _budgets_of_run(
                 f"{name} at {low:g} and {high:g}",
                 "unknown",
                 tuple(_change_towards(own, model) for model in ends),
-                _is_applicable,
-                _is_applicable,
                 timed=False,
             )
             for name, (low, _, high) in ranges.items()
@@ -164,7 +162,7 @@ def _changed_numbers(
     }
 
 
-def _change_towards(own: mujoco.MjModel, other: mujoco.MjModel) -> Change:
+def _change_towards(own: mujoco.MjModel, other: mujoco.MjModel) -> ModelChange:
     """Return the change that gives a model the numbers of another that differ from the own."""
     fields = _changed_numbers(_model_numbers(own), _model_numbers(other))
 
@@ -178,10 +176,6 @@ def _change_towards(own: mujoco.MjModel, other: mujoco.MjModel) -> Change:
                 setattr(owner, name, value.item())
 
     return change
-
-
-def _is_applicable(_prepared_model: mujoco.MjModel, _data: mujoco.MjData | None = None) -> bool:
-    return True
 
 
 def _finite_or_none(share: float) -> float | None:

@@ -15,10 +15,10 @@ import numpy as np
 from contactlab.budget import Motion
 from contactlab.budget.defects import defects, paths
 from contactlab.budget.measuring import WINDOW, reference_of, run_at_once
-from contactlab.budget.motion import pulls, without_delays
-from contactlab.budget.rows import GRAVITY_AS_REAL, disabled
+from contactlab.budget.motion import GRAVITY_AS_REAL, pulls, without_delays
 from contactlab.budget.windows import Observer, Run, body_name, judged_bodies, replay
 from contactlab.contact.trace_arrays import Floats
+from contactlab.modifications.model_predicates import is_disabled
 
 _MIN_WINDOW_STEPS = (
     2  # steps per window, so that rounding a window to whole steps leaves something to compare
@@ -110,7 +110,7 @@ class PhaseReference:
     def _real_impulses(self) -> Floats:
         """(M, B) real impulses of windows over mass [m/s], which errors are a share of."""
         model, run, rate = self._motion.model, self._run, self._substeps
-        gravity = 0.0 if disabled(model, "gravity") else 1.0
+        gravity = 0.0 if is_disabled(model, "gravity") else 1.0
         fall = pulls(self._motion, gravity * model.opt.gravity)[..., self._bodies]
         found = np.empty((len(self._windows), len(self._bodies)))
         for place, (seed, window) in enumerate(self._windows):

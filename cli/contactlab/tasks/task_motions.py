@@ -8,7 +8,6 @@ import mujoco
 import numpy as np
 
 from contactlab.budget import Motion
-from contactlab.budget.rows import gravity_of
 from contactlab.budget.windows import usual_changes
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines import Buffers, PreparedRuns, engine_of
@@ -16,6 +15,7 @@ from contactlab.engines.closed_loop import allowed_policy, load_policy
 from contactlab.engines.mujoco_batch import driven_inputs, start_batch
 from contactlab.engines.older_mujoco import SimulationError
 from contactlab.errors import EngineError, SceneError
+from contactlab.modifications.model_predicates import read_gravity
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.scene import Scene
 from contactlab.schema.task import Phase, Task
@@ -85,7 +85,7 @@ def task_motions(
             inputs = np.concatenate([piece.inputs for piece in reached])
             spec, observed = reached[0].spec, tuple(task.observed)
             motions.append(Motion(model, starts, inputs, spec, phase.name, observed))
-    if gravity_of(model) or len(motions) == 1:
+    if read_gravity(model) or len(motions) == 1:
         return motions
     usual = usual_changes(motions)
     return [replace(motion, usual=usual) for motion in motions]

@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 from tests.studies.diff.test_differences import ROBOT
 
-from contactlab.budget.fixes import CANDIDATES, Candidate
 from contactlab.mjcf import OPTIONS
+from contactlab.modifications.catalogue import list_candidates
+from contactlab.modifications.modification import Candidate
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_edits import read_option
 from contactlab.scene.model_writer import write_model
@@ -16,7 +17,9 @@ from contactlab.studies.diff.compare_models import find_differences
 
 
 @pytest.mark.parametrize(
-    "candidate", [each for each in CANDIDATES if not each.changes_model], ids=lambda each: each.name
+    "candidate",
+    [each for each in list_candidates() if not each.changes_model],
+    ids=lambda each: each.name,
 )
 def test_a_change_that_examine_tries_is_written_as_its_options_and_nothing_else(
     candidate: Candidate, tmp_path: Path

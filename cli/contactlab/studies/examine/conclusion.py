@@ -3,8 +3,8 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from contactlab.budget.rows import ROWS
 from contactlab.judge.conclusion import failed_names
+from contactlab.modifications.catalogue import find_row, list_rows
 from contactlab.rendering.amounts import format_percent
 from contactlab.reporting.examination import (
     first_fix,
@@ -19,15 +19,8 @@ from contactlab.schema.examination import Examination
 from contactlab.schema.task import QPOS0
 from contactlab.schema.verdict import VerdictWord
 
-_SUBJECTS = {row.name: row.subject for row in ROWS}
 _OF_TASK = {"numerical_error", "failure_labels"}  # checks that repeat budget and labels
 _MOST_NAMED = 2  # labels or checks in a headline
-# The numerical settings that can cause a numerical error, as a sentence names them.
-_CAUSES = {
-    "step": "the time step is too long",
-    "solver": "the solver stops too early",
-    "sleep": "bodies sleep that should move",
-}
 _MAIN_SHARE = 0.5  # of the numerical error, above which a numerical setting is its main cause
 
 
@@ -73,7 +66,7 @@ def _headline(report: Examination, verdict: VerdictWord) -> str:
         worst = phase.numerical_error
         return f"ok: numerical error {format_percent(_error_of(phase))} in {worst.body} {tolerance}"
     if verdict == "depends":
-        return f"depends on {_SUBJECTS[reason.row]}: {reason.sentence}"
+        return f"depends on {find_row(reason.row).subject}: {reason.sentence}"
     return f"{verdict}: {reason.sentence}{'' if reason.row == 'warning' else f' {tolerance}'}"
 
 
@@ -148,11 +141,12 @@ def _place_line(report: Examination, reason: BudgetReason, phase: BudgetPhase) -
 def _main_cause(phase: BudgetPhase) -> str:
     """Return the numerical setting that causes most of a numerical error."""
     whole = _error_of(phase)
-    rows = {row.name: row for row in phase.rows if row.name in _CAUSES}
+    causes = {row.name: row.cause for row in list_rows() if row.cause}
+    rows = {row.name: row for row in phase.rows if row.name in causes}
     errors = {name: math.inf if row.infinite else row.error or 0.0 for name, row in rows.items()}
     main = max(errors, key=lambda name: errors[name], default="")
     if main and math.isfinite(whole) and errors[main] >= _MAIN_SHARE * whole:
-        return _CAUSES[main]
+        return causes[main]
     return "the numerical error is largest"
 
 
@@ -163,7 +157,9 @@ def _choices_line(report: Examination, reasons: Sequence[BudgetReason]) -> str:
     choices: dict[str, str] = {}
     for reason in reasons:
         if reason.verdict == "depends" and reason.row != first:
-            choices.setdefault(reason.row, f"{_SUBJECTS[reason.row]} ({_percent(reason.error)})")
+            choices.setdefault(
+                reason.row, f"{find_row(reason.row).subject} ({_percent(reason.error)})"
+            )
     also = f"also depends on {' and '.join(choices.values())}" if choices else ""
     if report.verdict == "depends":
         return also

@@ -15,11 +15,6 @@ import mujoco
 from contactlab.budget import Motion, Trial, TriedFix, Verdict, error_budget, judge, try_fixes
 from contactlab.budget.field_changes import field_changes
 from contactlab.budget.fixes import (
-    CANDIDATES,
-    MARGIN,
-    NO_EDITS,
-    RUNGE_KUTTA,
-    Candidate,
     candidates_against,
     changed_model,
     drifts,
@@ -27,16 +22,23 @@ from contactlab.budget.fixes import (
     further,
     harder,
     joined,
-    of_fields,
     options_changed,
     without_margins,
 )
 from contactlab.budget.measuring import evaluations, pace, steps_of
 from contactlab.budget.report import fix_report
-from contactlab.budget.rows import RUN
 from contactlab.budget.verdict import Reason, VerdictWord
 from contactlab.budget.windows import joint_name
 from contactlab.errors import SceneError
+from contactlab.modifications.catalogue import (
+    find_part_fix,
+    find_softness_rows,
+    is_numerical_label,
+    list_candidates,
+)
+from contactlab.modifications.contacts import MARGIN
+from contactlab.modifications.modification import ANY_LABEL, NO_EDITS, Candidate
+from contactlab.modifications.numerics import CONVERGED_SOLVER, HALF_STEP, RUN
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.scene.scene import Scene
@@ -48,25 +50,8 @@ from contactlab.tasks.session import Values
 from contactlab.tasks.task_motions import Change, as_it_is
 
 Removes = Literal["verdict", "labels", "overlap"]
-_OF_MARGINS = ("contact_at_distance",)
 _RUNS = 3  # a run, and one with half its step, which has twice the steps
 _FINEST = 64  # most steps per step of the run that are tried
-_HALF = "half the step"
-_FINER_STEPS = (_HALF, "a quarter of the step", "an eighth of the step")
-_OF_SOLVERS = ("solver_nonconvergence", "solver_inconsistent")
-(_SOLVED,) = (one for one in CANDIDATES if one.name == "Newton with 100 iterations")
-_OF_SLEEP = ("asleep_unsupported",)
-(_AWAKE,) = (one for one in CANDIDATES if one.name == "no sleep")
-_PYRAMIDAL = int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
-_STIFF_FRICTION = "elliptic cones with impratio 10"
-_OF_ENERGY = ("energy_injection", "energy_loss")
-SOFT_ROWS = {
-    "deep_penetration": ("contact softness",),
-    "tunneling": ("contact softness",),
-    "broken": ("contact softness",),
-    "constraint_violated": ("limit softness", "equality softness"),
-}
-"""Labels of parts that are too soft, and the rows of the budget that stiffen these parts."""
 
 
 def edits_of(fix: Fix, scene: Scene) -> ModelEdits:
@@ -199,14 +184,14 @@ class FixSearch:
             if candidate.changes_model
         ]
         if base is None:
-            (half,) = (one for one in CANDIDATES if one.name == _HALF)
-            yield from further(half)
-            yield from (joined([finer(half, times), one]) for times in (2, 8) for one in physical)
+            yield from further()
+            for times in (2, 8):
+                yield from (joined([finer(HALF_STEP, times), one]) for one in physical)
             return
         kinds = {label.label for label in labels}
-        if kinds & {*_OF_SOLVERS} and base is not _SOLVED:
-            yield joined([base, _SOLVED])
-        if not kinds <= {*SOFT_ROWS, *_OF_MARGINS}:
+        if kinds & {*CONVERGED_SOLVER.labels} and base is not CONVERGED_SOLVER:
+            yield joined([base, CONVERGED_SOLVER])
+        if any(map(is_numerical_label, kinds)):
             yield from (finer(base, times) for times in (2, 4) if base.rate * times <= _FINEST)
         for candidate in physical:
             if candidate.apply == MARGIN:
@@ -413,30 +398,25 @@ def candidates_against_labels(
     if not labels:
         return ()
     model, word, kinds = motions[0].model, verdict.word, {label.label for label in labels}
-    computed = [candidate for candidate in CANDIDATES if candidate.name in _FINER_STEPS]
-    pyramids = all(motion.model.opt.cone == _PYRAMIDAL for motion in motions)
-    if pyramids and "step_dependent" in kinds:
-        (elliptic,) = (one for one in CANDIDATES if one.name == _STIFF_FRICTION)
-        computed.insert(0, elliptic)
-    if kinds & {*_OF_SOLVERS}:
-        computed.insert(0, _SOLVED)
-    if kinds & {*_OF_SLEEP}:
-        computed.insert(0, _AWAKE)
-    if kinds & {*_OF_ENERGY} and all(RUNGE_KUTTA.is_applicable(motion.model) for motion in motions):
-        computed.append(RUNGE_KUTTA)
+    computed = [
+        candidate
+        for candidate in list_candidates()
+        if kinds & {*candidate.labels} or ANY_LABEL in candidate.labels
+        if all(candidate.label_applies(motion.model) for motion in motions)
+    ]
     soft = tuple(_softness(model, verdict, labels))
     stiffer = field_changes(motions, Verdict("depends", verdict.tolerance, soft)) if soft else ()
-    stiffer = (*stiffer, *harder(model, stiffer))
     driven = tuple(_of_joints(model, labels))
     slower = (
         field_changes(motions, Verdict("inaccurate", verdict.tolerance, driven)) if driven else ()
     )
-    margins = without_margins(model) if kinds & {*_OF_MARGINS, *_OF_ENERGY} else ()
+    margins = without_margins(model) if kinds & {*find_part_fix(MARGIN).labels} else ()
+    physical = (*margins, *stiffer, *harder(model, stiffer), *slower)
     return (
         *(replace(candidate, word=word) for candidate in computed),
         *(
-            of_fields(change, word, must_come_nearer=False)
-            for change in (*margins, *stiffer, *slower)
+            replace(each, word=word, rows=(), exercised="", must_come_nearer=False)
+            for each in physical
         ),
     )
 
@@ -447,7 +427,7 @@ def _softness(
     """Yield a reason for each modeling choice that a label of softness concerns, and its places."""
     shares = {reason.row: reason.error for reason in reversed(verdict.reasons)}
     for label in labels:
-        for row in SOFT_ROWS.get(label.label, ()):
+        for row in find_softness_rows(label.label):
             for place in _places_of(model, label, row) or [""]:
                 yield _reason("depends", label, row, shares.get(row, math.inf), place)
 
@@ -464,7 +444,7 @@ def _places_of(model: mujoco.MjModel, label: RunLabel, row: str) -> list[str]:
 def _of_joints(model: mujoco.MjModel, labels: Sequence[RunLabel]) -> Iterator[Reason]:
     """Yield a reason for each joint of a body that numerical labels name."""
     for label in labels:
-        if label.label in SOFT_ROWS or label.label in _OF_MARGINS:
+        if not is_numerical_label(label.label):
             continue
         for joint in _joints_of(model, label):
             yield _reason("inaccurate", label, RUN.name, math.inf, joint_name(model, joint))

@@ -11,9 +11,9 @@ import mujoco
 import numpy as np
 
 from contactlab.budget import Motion, Verdict
-from contactlab.budget.fixes import Candidate
 from contactlab.budget.motion import INTEGRATION
 from contactlab.contact.trace_arrays import Floats
+from contactlab.modifications.modification import Candidate
 from contactlab.scene.mesh_hulls import hull_vertices, rotation_matrix
 from contactlab.scene.model_draft import PRIMITIVES, ModelEdits, edit_spec
 from contactlab.scene.scene import Scene
@@ -46,7 +46,6 @@ def primitives(
     yield Candidate(
         f"{article} {shape} in place of the hull of {name}{more}",
         "inaccurate",
-        lambda _: None,
         apply="primitive",
         edits=edits,
         compiled=made,

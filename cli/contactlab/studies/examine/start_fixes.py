@@ -11,10 +11,10 @@ from collections.abc import Callable, Iterator, Sequence
 import mujoco
 
 from contactlab.budget import Motion, Verdict
-from contactlab.budget.fixes import Candidate
 from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.verdict import VerdictWord
 from contactlab.errors import SceneError
+from contactlab.modifications.modification import Candidate
 from contactlab.scene.closed_start import OPEN_TOLERANCE, closed_start, moving_extent
 from contactlab.scene.model_draft import CompiledFiles, ModelEdits, edit_spec
 from contactlab.scene.model_names import name_of
@@ -61,7 +61,6 @@ def _moved(scene: Scene, values: Values, motion: Motion, word: VerdictWord) -> I
     yield Candidate(
         "a start that its limits, contacts and equalities allow",
         word,
-        lambda _: None,
         apply="start",
         edits=ModelEdits(posed=((written, tuple(positions.tolist())),)),
         must_come_nearer=False,  # its states are others
@@ -87,7 +86,6 @@ def _without_contacts(
     yield Candidate(
         f"no contacts of {first}{more}",
         word,
-        lambda _: None,
         apply="exclude",
         edits=edits,
         compiled=made,
@@ -115,7 +113,6 @@ def _floating(
     yield Candidate(
         f"a free joint for {', '.join(roots)}, which the import welds to the world",
         word,
-        lambda _: None,
         apply="freejoint",
         edits=ModelEdits(freed=tuple(roots)),
         must_come_nearer=word == "depends",  # its states are others: it is no cure of softness

@@ -6,13 +6,15 @@ from functools import cache, partial
 from typing import Any
 
 from contactlab import resources
-from contactlab.budget.rows import ROWS, RUN, Row
 from contactlab.engines import ENGINES
 from contactlab.engines.engine import SimulationEngine
 from contactlab.errors import SweepFileError
 from contactlab.measure import LABELS, METRICS, ORACLES, THRESHOLDS, Label, Metric, Threshold
 from contactlab.measure.entries import SEVERITIES, Oracle
 from contactlab.mjcf import CONTACT, OPTIONS
+from contactlab.modifications.catalogue import list_rows
+from contactlab.modifications.modification import Row
+from contactlab.modifications.numerics import RUN
 from contactlab.plan.mistakes import MISTAKES
 from contactlab.scene.effects.effect import Effect
 from contactlab.scene.effects.effect_table import EFFECTS
@@ -76,7 +78,7 @@ def _definitions() -> Definitions:
         (limits, _threshold_lines),
         (PARAMETERS, _axis_lines),
         (EFFECTS, _effect_lines),
-        ({row.name: row for row in (RUN, *ROWS)}, _row_lines),
+        ({row.name: row for row in (RUN, *list_rows())}, _row_lines),
         (CHECKS, _check_lines),
         (RULES, _rule_lines),
         (ORACLES, _oracle_lines),

@@ -19,8 +19,9 @@ from contactlab.budget import Motion
 from contactlab.budget.exercised_rows import exercised_rows
 from contactlab.budget.measuring import reference_of
 from contactlab.budget.motion import INTEGRATION
-from contactlab.budget.rows import ROWS, Row
 from contactlab.budget.windows import without_sensors
+from contactlab.modifications.catalogue import CATALOGUE, list_rows
+from contactlab.modifications.modification import ModelChange
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.scene.model_names import geom_names_by_address, name_of
 from contactlab.scene.mujoco_versions import VERSION
@@ -40,7 +41,6 @@ from contactlab.tasks.stress_motions import (
 )
 
 _MEASURING_SHARE = 0.85  # of the time limit, after which no measurement starts
-_SAFEGUARDS = ("clamps", "limits", "margin")
 _TIMING_TURNS = 5
 _TENDON_FIELDS = tuple(
     field
@@ -204,15 +204,16 @@ def find_features(
 
 def _budget_features(motions: Sequence[Motion]) -> Iterator[Feature]:
     model = motions[0].model
-    rows = [row for row in ROWS if row.kind == "effect" and row.uses(model)]
+    rows = [row for row in list_rows() if row.kind == "effect" and row.applies(model)]
     shown = {name for motion in motions for name in exercised_rows(motion, rows)}
+    safeguards = {row.name for entry in CATALOGUE.values() if entry.safeguard for row in entry.rows}
     for row in rows:
-        without, safeguard = _row_removal(row, model), row.name in _SAFEGUARDS
+        without, safeguard = _bind_change(row.changes[0], model), row.name in safeguards
         yield Feature("feature", row.summary, without, row.name in shown, safeguard=safeguard)
 
 
-def _row_removal(row: Row, model: mujoco.MjModel) -> Removal:
-    return lambda changed: row.changes[0](changed, model)
+def _bind_change(change: ModelChange, model: mujoco.MjModel) -> Removal:
+    return lambda changed: change(changed, model)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from contactlab.budget import Motion
 from contactlab.budget.exercised_rows import exercised_rows
-from contactlab.budget.rows import ROWS
+from contactlab.modifications.catalogue import list_rows
 from contactlab.scene.model_edits import FLAG_NAMES, read_flag, read_option
 from contactlab.scene.model_names import name_of
 from contactlab.scene.parameters import WORDS
@@ -73,7 +73,7 @@ def find_parameters(
     """Return the parameters of a model, and those that its task does not exercise."""
     parameters, skipped = list[Parameter](), list[SkippedParameter]()
     row_names = {name for names, _ in EXERCISED_ROWS.values() for name in names}
-    rows = [row for row in ROWS if row.name in row_names and row.uses(model)]
+    rows = [row for row in list_rows() if row.name in row_names and row.applies(model)]
     exercised = {name for motion in motions for name in exercised_rows(motion, rows)}
     for parameter in propose_parameters(model):
         needed, load = EXERCISED_ROWS.get(parameter.name, ((), ""))

@@ -11,7 +11,7 @@ from functools import partial
 
 import mujoco
 
-from contactlab.budget.rows import go_on
+from contactlab.modifications.model_changes import converge_solver
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.task import Task
 from contactlab.studies.verification.runs import NUDGE, REFERENCE_RATE, PairedRun
@@ -72,7 +72,7 @@ class LoopRuns:
 
 def _converge_solver(model: mujoco.MjModel) -> mujoco.MjModel:
     # Delays are a part of the loop, and stay.
-    go_on(model)
+    converge_solver(model)
     return model
 
 

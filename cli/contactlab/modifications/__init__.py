@@ -1,0 +1,1 @@
+"""The catalogue of modifications: all that can be changed in a model, and who may change it."""

@@ -1,0 +1,71 @@
+"""The catalogue of modifications: one list of all that can be changed in a model.
+
+Rows of the error budget, fixes of an examination, levers of the search, features and parts of
+`effects`, and fixes of a grip are read from it. A new modification is one entry in a file of this
+package.
+"""
+
+from typing import get_args
+
+from contactlab.modifications import contacts, mechanics, numerics, structure
+from contactlab.modifications.modification import (
+    Candidate,
+    Modification,
+    PartFix,
+    Row,
+    RowKind,
+)
+from contactlab.registry import Registry
+
+CATALOGUE: Registry[Modification] = Registry("modification")
+"""All modifications, by name."""
+for _file in (numerics, contacts, mechanics, structure):
+    for _entry in _file.MODIFICATIONS:
+        CATALOGUE.add(_entry)
+
+
+def list_rows() -> tuple[Row, ...]:
+    """Return the rows of the error budget: numerics, modeling choices, effects, then parameters."""
+    kinds = get_args(RowKind)
+    rows = [row for entry in CATALOGUE.values() for row in entry.rows]
+    return tuple(sorted(rows, key=lambda row: kinds.index(row.kind)))
+
+
+def find_row(name: str) -> Row:
+    """Return the row of the error budget with a name."""
+    return next(row for row in list_rows() if row.name == name)
+
+
+def list_candidates(stage: str = "usual") -> tuple[Candidate, ...]:
+    """Return the fixes that are the same for every model, in the order of their trials."""
+    fixes = [fix for entry in CATALOGUE.values() for fix in entry.fixes if fix.stage == stage]
+    return tuple(sorted(fixes, key=lambda fix: (fix.order, fix.rate)))
+
+
+def list_part_fixes(apply: str) -> tuple[PartFix, ...]:
+    """Return the fixes of parts of a model that go by a name for `--apply`."""
+    fixes = [fix for entry in CATALOGUE.values() for fix in entry.part_fixes]
+    return tuple(fix for fix in fixes if fix.apply == apply)
+
+
+def find_part_fix(apply: str) -> PartFix:
+    """Return the only fix of parts of a model that goes by a name for `--apply`."""
+    (fix,) = list_part_fixes(apply)
+    return fix
+
+
+def find_softness_rows(label: str) -> tuple[str, ...]:
+    """Return the rows of the error budget that stiffen parts with a label."""
+    return tuple(
+        row for fix in list_part_fixes("solref") if label in fix.labels for row in fix.rows
+    )
+
+
+def is_numerical_label(label: str) -> bool:
+    """Return whether a better computation of the same model may remove a label.
+
+    It may not if a fix of some parts names the label, and no fix that keeps the model does.
+    """
+    entries = CATALOGUE.values()
+    keeping = any(label in fix.labels for entry in entries for fix in entry.fixes)
+    return keeping or not any(label in fix.labels for entry in entries for fix in entry.part_fixes)

@@ -1,0 +1,236 @@
+"""Modifications of contacts and friction."""
+
+import mujoco
+
+from contactlab.modifications.model_changes import (
+    add_noslip,
+    add_noslip_iterations,
+    clear_fields,
+    limit_condim,
+    scale_friction,
+    set_option,
+    stiffen_fields,
+    stiffen_friction,
+    stiffen_friction_with_noslip,
+)
+from contactlab.modifications.model_predicates import (
+    CONTACT_SOLREF_FIELDS,
+    ELLIPTIC,
+    NO_FRICTION,
+    PYRAMIDAL,
+    SLIDING,
+    has_condim_above,
+    has_no_flex,
+    has_nonzero,
+    may_collide,
+    may_slip,
+)
+from contactlab.modifications.modification import Candidate, Modification, PartFix, Row
+from contactlab.modifications.numerics import ENERGY_LABELS
+from contactlab.modifications.state_predicates import (
+    has_any_friction,
+    has_contact_force,
+    has_friction,
+    has_torsional_friction,
+    pushes_at_distance,
+)
+
+_MARGIN_FIELDS = ("geom_margin", "geom_gap", "pair_margin", "pair_gap", "flex_margin", "flex_gap")
+MARGIN = "margin"
+"""Name for `--apply` of the fix that removes all contact margins."""
+
+
+def _has_pyramids(model: mujoco.MjModel) -> bool:
+    return model.opt.cone == PYRAMIDAL
+
+
+MODIFICATIONS = (
+    Modification(
+        "friction cone",
+        "Uses elliptic friction cones instead of pyramids, or pyramids instead of cones.",
+        ("cone",),
+        "computation",
+        rows=(
+            Row(
+                "cone",
+                "elliptic friction cones, not pyramids",
+                "model",
+                (set_option("cone", lambda _: ELLIPTIC),),
+                lambda model: model.opt.cone != ELLIPTIC and has_condim_above(NO_FRICTION)(model),
+                has_friction,
+                subject="the friction cone",
+                alternative="an elliptic cone",
+            ),
+            Row(
+                "pyramids",
+                "pyramids for friction cones",
+                "effect",
+                (set_option("cone", lambda _: PYRAMIDAL),),
+                lambda model: model.opt.cone == ELLIPTIC and has_condim_above(NO_FRICTION)(model),
+                has_friction,
+            ),
+        ),
+    ),
+    Modification(
+        "impratio",
+        "Makes friction stiffer than the normal force, in elliptic cones.",
+        ("impratio", "cone"),
+        "computation",
+        rows=(
+            Row(
+                "impratio",
+                "impratio x 10, in elliptic cones: in pyramids it is of the normal force, too",
+                "model",
+                (set_option("impratio", lambda model: 10 * model.opt.impratio),),
+                has_condim_above(NO_FRICTION),
+                has_friction,
+                both=set_option("cone", lambda _: ELLIPTIC),
+                subject="impratio",
+                alternative="ten times the impratio",
+            ),
+        ),
+        fixes=(
+            Candidate(
+                "elliptic cones with impratio 10",
+                "depends",
+                stiffen_friction,
+                labels=("step_dependent",),
+                label_applies=_has_pyramids,
+            ),
+        ),
+    ),
+    Modification(
+        "noslip",
+        "Solves friction again after the main solver, so that it slips less.",
+        ("noslip_iterations", "noslip_tolerance"),
+        "computation",
+        rows=(
+            Row(
+                "noslip",
+                "noslip with 10 iterations",
+                "model",
+                (add_noslip_iterations,),
+                may_slip,
+                has_any_friction,
+                subject="slip in contacts",
+                alternative="the noslip solver",
+            ),
+        ),
+        fixes=(
+            Candidate(
+                "elliptic cones with impratio 10, and noslip",
+                "depends",
+                stiffen_friction_with_noslip,
+                applies=has_no_flex,
+                includes=("elliptic cones with impratio 10",),
+            ),
+            Candidate(
+                "noslip with 10 iterations",
+                "depends",
+                add_noslip,
+                rows=("noslip",),
+                applies=has_no_flex,
+            ),
+        ),
+    ),
+    Modification(
+        "contact softness",
+        "Makes contacts stiffer by a shorter time constant or a larger impedance.",
+        ("geom_solref", "geom_solimp", "pair_solref", "pair_solimp", "flex_solref"),
+        "model",
+        rows=(
+            Row(
+                "contact softness",
+                "solref of contacts / 2",
+                "model",
+                (stiffen_fields(*CONTACT_SOLREF_FIELDS),),
+                may_collide,
+                has_contact_force,
+                subject="contact softness",
+                alternative="half the contact solref",
+            ),
+        ),
+        part_fixes=(
+            PartFix(
+                "solref",
+                ("geom_solref", "pair_solref"),
+                labels=("deep_penetration", "tunneling", "broken"),
+                rows=("contact softness",),
+            ),
+            PartFix(
+                "solimp",
+                ("geom_solimp", "pair_solimp"),
+                labels=("deep_penetration", "tunneling", "broken"),
+                rows=("contact softness",),
+            ),
+        ),
+    ),
+    Modification(
+        "contact margins",
+        "Removes margins and gaps, so that contacts act only when geoms touch.",
+        ("geom_margin", "geom_gap", "pair_margin", "pair_gap"),
+        "model",
+        safeguard=True,
+        rows=(
+            Row(
+                "margin",
+                "no margins, no gaps",
+                "effect",
+                (clear_fields(*_MARGIN_FIELDS),),
+                lambda model: may_collide(model) and has_nonzero(*_MARGIN_FIELDS)(model),
+                pushes_at_distance,
+            ),
+        ),
+        part_fixes=(
+            # A contact that pushes before its geoms touch is softer than its solref says.
+            PartFix(
+                MARGIN,
+                ("geom_margin", "geom_gap", "pair_margin", "pair_gap"),
+                labels=("contact_at_distance", *ENERGY_LABELS),
+                exercised="margin",
+                rows=("contact softness",),
+            ),
+        ),
+    ),
+    Modification(
+        "contact dimensions",
+        "Removes or adds resistance of contacts against sliding, torsion or rolling.",
+        ("geom_condim", "pair_dim"),
+        "model",
+        rows=(
+            Row(
+                "condim 1",
+                "contacts without friction",
+                "effect",
+                (limit_condim(NO_FRICTION),),
+                has_condim_above(NO_FRICTION),
+                has_friction,
+            ),
+            Row(
+                "condim 3",
+                "contacts without torsion and rolling",
+                "effect",
+                (limit_condim(SLIDING),),
+                has_condim_above(SLIDING),
+                has_torsional_friction,
+            ),
+        ),
+    ),
+    Modification(
+        "friction",
+        "Scales the friction coefficients of contacts.",
+        ("geom_friction", "pair_friction"),
+        "model",
+        rows=(
+            Row(
+                "friction 10 %",
+                "friction + 10 % and - 10 %",
+                "unknown",
+                (scale_friction(1.1), scale_friction(0.9)),
+                has_condim_above(NO_FRICTION),
+                has_friction,
+                timed=False,
+            ),
+        ),
+    ),
+)

@@ -1,0 +1,206 @@
+"""Changes of a compiled model in place, for rows of the error budget and for fixes."""
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.modifications.model_predicates import (
+    CLAMP_FLAG,
+    ELLIPTIC,
+    SLEEP_BIT,
+    SOLREF_FIELDS,
+    find_disable_bit,
+)
+from contactlab.modifications.modification import ModelChange
+from contactlab.scene.part_bodies import is_mocap_driven
+
+# A converged solver: few problems need more iterations, and a tolerance of rounding ends others.
+# A dense Jacobian takes too long above this number of degrees of freedom.
+_ITERATIONS, _LINE_SEARCHES, _SMALL, _DENSE_UP_TO = 100, 50, 1e-12, 400
+
+
+def keep_model(_model: mujoco.MjModel, _own: mujoco.MjModel) -> None:
+    """Change nothing."""
+
+
+def disable_effect(name: str) -> ModelChange:
+    """Return the change that switches an effect off."""
+
+    def change_model(model: mujoco.MjModel, _own: mujoco.MjModel) -> None:
+        model.opt.disableflags |= find_disable_bit(name)
+
+    return change_model
+
+
+def clear_fields(*fields: str) -> ModelChange:
+    """Return the change that sets fields of a model to 0."""
+
+    def change_model(model: mujoco.MjModel, _own: mujoco.MjModel) -> None:
+        for field in fields:
+            if hasattr(model, field):
+                getattr(model, field)[:] = 0
+
+    return change_model
+
+
+def set_option(name: str, value: Callable[[mujoco.MjModel], float]) -> ModelChange:
+    """Return the change that sets an option to a value, which may depend on the model."""
+
+    def change_model(model: mujoco.MjModel, _own: mujoco.MjModel) -> None:
+        setattr(model.opt, name, value(model))
+
+    return change_model
+
+
+def choose_other_integrator(model: mujoco.MjModel) -> float:
+    """Return implicitfast, or Euler for a model that has implicitfast."""
+    implicit = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
+    euler = int(mujoco.mjtIntegrator.mjINT_EULER)
+    return euler if model.opt.integrator == implicit else implicit
+
+
+def converge_solver(model: mujoco.MjModel, _own: mujoco.MjModel | None = None) -> None:
+    """Make the solver run to convergence: Newton's, if its Hessian is right.
+
+    MuJoCo 4.0's can be wrong with sparse Jacobians where trees branch; dense ones take too long
+    above 400 degrees of freedom.
+    """
+    option = model.opt
+    option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    option.iterations = max(_ITERATIONS, option.iterations)
+    option.ls_iterations = max(_LINE_SEARCHES, option.ls_iterations)
+    option.tolerance = _SMALL
+    if _has_branches(model) and model.nv <= _DENSE_UP_TO:
+        option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+
+
+def _has_branches(model: mujoco.MjModel) -> bool:
+    parents = model.dof_parentid[model.dof_parentid >= 0]
+    return bool((np.bincount(parents, minlength=1) > 1).any())
+
+
+def keep_awake(model: mujoco.MjModel, _own: mujoco.MjModel | None = None) -> None:
+    """Let no body sleep."""
+    model.opt.enableflags &= ~SLEEP_BIT
+
+
+def add_noslip_iterations(model: mujoco.MjModel, _own: mujoco.MjModel) -> None:
+    """Make all iterations: noslip's tolerance has a unit."""
+    model.opt.noslip_iterations = max(10, 2 * model.opt.noslip_iterations)
+    model.opt.noslip_tolerance = 0
+
+
+def stiffen_solref(solref: Floats, times: float = 2) -> Floats:
+    """Return (n, 2) solref with `times` the natural frequency and the same damping ratio.
+
+    Positive ones are a time constant and a damping ratio; others are minus stiffness and damping,
+    where the frequency is the root of the first.
+    """
+    standard = solref[:, :1] > 0
+    return np.where(standard, solref * [1 / times, 1], solref * [times**2, times])
+
+
+def stiffen_fields(*fields: str) -> ModelChange:
+    """Return the change that doubles the natural frequency of fields of solref."""
+
+    def change_model(model: mujoco.MjModel, _own: mujoco.MjModel) -> None:
+        for field in fields:
+            array = getattr(model, field)
+            array[:] = stiffen_solref(array)
+        if "geom_solref" in fields:
+            model.opt.o_solref[:] = stiffen_solref(model.opt.o_solref[None])[0]
+
+    return change_model
+
+
+def stiffen_equalities(model: mujoco.MjModel, _own: mujoco.MjModel) -> None:
+    """Double the natural frequency of equalities that no mocap body drives."""
+    kept = ~is_mocap_driven(model)
+    model.eq_solref[kept] = stiffen_solref(model.eq_solref[kept])
+
+
+def raise_time_constants(model: mujoco.MjModel, own: mujoco.MjModel) -> None:
+    """Raise time constants as refsafe does at the run's step."""
+    least = 2 * own.opt.timestep
+    for field in SOLREF_FIELDS:
+        array = getattr(model, field)
+        array[(array[:, 0] > 0) & (array[:, 0] < least), 0] = least
+
+
+def scale_friction(factor: float) -> ModelChange:
+    """Return the change that multiplies friction by a factor."""
+
+    def change_model(model: mujoco.MjModel, _own: mujoco.MjModel) -> None:
+        model.geom_friction[:, 0] *= factor
+        model.pair_friction[:, :2] *= factor
+        model.flex_friction[:, 0] *= factor
+        model.opt.o_friction[:2] *= factor
+
+    return change_model
+
+
+def scale_masses(factor: float) -> ModelChange:
+    """Return the change that multiplies masses and inertias by a factor."""
+
+    def change_model(model: mujoco.MjModel, _own: mujoco.MjModel) -> None:
+        model.body_mass[:] *= factor
+        model.body_inertia[:] *= factor
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+
+    return change_model
+
+
+def limit_condim(most: int) -> ModelChange:
+    """Return the change that bounds the dimensions of contacts."""
+
+    def change_model(model: mujoco.MjModel, _own: mujoco.MjModel) -> None:
+        for field in ("geom_condim", "pair_dim", "flex_condim"):
+            array = getattr(model, field)
+            array[:] = np.minimum(array, most)
+
+    return change_model
+
+
+def remove_clamps(model: mujoco.MjModel, _own: mujoco.MjModel) -> None:
+    """Remove the limits of controls and forces."""
+    model.opt.disableflags |= find_disable_bit(CLAMP_FLAG)
+    for field in ("actuator_forcelimited", "jnt_actfrclimited", "tendon_actfrclimited"):
+        getattr(model, field)[:] = 0
+
+
+def remove_gravity(model: mujoco.MjModel, _own: mujoco.MjModel) -> None:
+    """Remove gravity."""
+    model.opt.gravity[:] = 0
+
+
+def remove_fluid(model: mujoco.MjModel, _own: mujoco.MjModel) -> None:
+    """Remove the medium."""
+    model.opt.density = model.opt.viscosity = 0
+
+
+def set_integrator(kind: int) -> Callable[[mujoco.MjModel], None]:
+    """Return the change that sets the integrator."""
+
+    def change_model(model: mujoco.MjModel) -> None:
+        model.opt.integrator = kind
+
+    return change_model
+
+
+def add_noslip(model: mujoco.MjModel) -> None:
+    """Add ten iterations of noslip."""
+    model.opt.noslip_iterations = 10
+
+
+def stiffen_friction(model: mujoco.MjModel) -> None:
+    """Set elliptic cones with friction ten times as stiff as the normal force."""
+    model.opt.cone = ELLIPTIC
+    model.opt.impratio = 10
+
+
+def stiffen_friction_with_noslip(model: mujoco.MjModel) -> None:
+    """Set elliptic cones with impratio 10, and noslip."""
+    stiffen_friction(model)
+    add_noslip(model)

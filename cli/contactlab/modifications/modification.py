@@ -1,0 +1,203 @@
+"""The type of a modification: one entry of the catalogue, with its use by each command.
+
+An entry names a thing that can be changed in a model. Rows of the error budget, fixes, levers of
+the search, parts that are removed, and fixes of a grip are uses of it.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import mujoco
+
+from contactlab.scene.model_draft import ModelEdits
+from contactlab.schema.verdict import VerdictWord
+
+ModelChange = Callable[[mujoco.MjModel, mujoco.MjModel], None]
+"""Changes a copy of a model in place. The second argument is the model as written."""
+ModelPredicate = Callable[[mujoco.MjModel], bool]
+StatePredicate = Callable[[mujoco.MjModel, mujoco.MjData], bool]
+"""Returns whether a state after a step loads a setting, so that its change can matter."""
+RowKind = Literal["numerics", "model", "effect", "unknown"]
+Kind = Literal["computation", "model"]
+NO_EDITS = ModelEdits()
+ANY_LABEL = "any"
+"""Stands for all labels, in the labels of a fix."""
+
+
+def applies_to_all(model: mujoco.MjModel, data: mujoco.MjData | None = None) -> bool:  # noqa: ARG001
+    """Return True for every model, and for every state of it."""
+    return True
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of the error budget.
+
+    Attributes:
+        name: in tables and options.
+        summary: the change, in a few words.
+        kind: numerics (of the run's own step), model (how rigid and how regularized), effect (left
+            out), or unknown (a parameter that is not known exactly).
+        changes: each makes one variation in a copy of the compared model; the largest counts.
+        applies: whether a model has the setting; otherwise it has no such row.
+        is_loaded: whether a state after a step loads the setting.
+        base: the changed settings: those of the reference, of the run's step with a converged
+            solver, or of the run.
+        against: the settings to compare with: one of these.
+        both: a change of both sides that comes first, if any.
+        timed: whether the change could be made in the model's own settings.
+        subject: the modeling choice, as in "depends on the friction cone".
+        alternative: the change, as in "an elliptic cone changes thigh's motion".
+        cause: a sentence for a numerical error that this row alone causes.
+    """
+
+    name: str
+    summary: str
+    kind: RowKind
+    changes: Sequence[ModelChange]
+    applies: ModelPredicate = applies_to_all
+    is_loaded: StatePredicate = applies_to_all
+    base: Literal["run", "step", "reference"] = "reference"
+    against: Literal["run", "step", "reference"] = "reference"
+    both: ModelChange | None = None
+    timed: bool = True
+    subject: str = ""
+    alternative: str = ""
+    cause: str = ""
+
+    @property
+    def is_of_steps(self) -> bool:
+        """Whether it says how far the run's steps are from the limit of fine ones."""
+        return self.base != "reference" and self.against == "reference"
+
+
+class FieldValue(NamedTuple):
+    """A value of a model's field, and its place there.
+
+    Attributes:
+        field: of the compiled model.
+        place: index in the field.
+        axis: setting that writes it, such as dof_armature[left_knee].
+        value: a number, or a row of numbers.
+    """
+
+    field: str
+    place: tuple[int, ...]
+    axis: str
+    value: float | tuple[float, ...]
+
+
+def leave_unchanged(_model: mujoco.MjModel) -> None:
+    """Change nothing in a model."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A change of a model that may be a fix.
+
+    Attributes:
+        name: as in "fix: half the step".
+        word: the verdict that it may remove.
+        change: changes a copy of the model in place.
+        rate: number of its steps per step of the run.
+        rows: modeling choices that it may help with; any if empty.
+        applies: whether it changes a model at all.
+        exercised: a row that the task must exercise; no condition if empty.
+        apply: name for `--apply`, if it makes another model instead of computing the same one
+            differently; otherwise empty.
+        edits: how another model is written.
+        values: the values of fields that it writes, if it does nothing else.
+        compiled: the changed model, if a copy of the model cannot be edited into it.
+        must_come_nearer: whether it has to come nearer to the model's motion at its finest step.
+        includes: names of fixes that it includes; if one of them is enough, it is not tried.
+        labels: labels of runs that it may remove; ANY_LABEL for all.
+        label_applies: whether it is tried against labels in a model.
+        stage: whether it is tried at once, or only if all usual candidates fail.
+        order: trials go by it, then by rate, then in the order of the catalogue.
+    """
+
+    name: str
+    word: VerdictWord
+    change: Callable[[mujoco.MjModel], None] = leave_unchanged
+    rate: int = 1
+    rows: Sequence[str] = ()
+    applies: ModelPredicate = applies_to_all
+    exercised: str = ""
+    apply: str = ""
+    edits: ModelEdits = NO_EDITS
+    values: Sequence[FieldValue] = ()
+    compiled: mujoco.MjModel | None = None
+    must_come_nearer: bool = True
+    includes: Sequence[str] = ()
+    labels: Sequence[str] = ()
+    label_applies: ModelPredicate = applies_to_all
+    stage: Literal["usual", "further"] = "usual"
+    order: int = 0
+
+    @property
+    def changes_model(self) -> bool:
+        """Whether it makes another model."""
+        return bool(self.apply)
+
+    @property
+    def same_states(self) -> bool:
+        """Whether the changed model can begin in the states of the original one."""
+        return not (self.edits.freed or self.edits.posed)
+
+
+@dataclass(frozen=True)
+class PartFix:
+    """A fix of parts of a model: the verdict, the labels or the start select them.
+
+    Attributes:
+        apply: name for `--apply`; numbers and `-all` follow it for further values and parts.
+        fields: fields of a compiled model that it changes, or elements of its file.
+        labels: labels of runs that it may remove.
+        exercised: a row that the task must exercise; no condition if empty.
+        rows: modeling choices that it may help with; any if empty.
+    """
+
+    apply: str
+    fields: Sequence[str]
+    labels: Sequence[str] = ()
+    exercised: str = ""
+    rows: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Modification:
+    """An entry of the catalogue.
+
+    Attributes:
+        name: unique in the catalogue.
+        summary: a sentence for a reader.
+        edits: settings by the names of sweeps, fields of a compiled model, or elements of its file.
+        kind: whether it computes the same model in another way, or makes another model.
+        safeguard: whether it protects runs that a task does not show, so that it is not removed.
+        rows: its rows of the error budget.
+        fixes: its fixes that are the same for every model.
+        part_fixes: its fixes of some parts of a model.
+    """
+
+    name: str
+    summary: str
+    edits: Sequence[str]
+    kind: Kind
+    safeguard: bool = False
+    rows: Sequence[Row] = ()
+    fixes: Sequence[Candidate] = ()
+    part_fixes: Sequence[PartFix] = ()
+
+    @property
+    def answered_rows(self) -> tuple[str, ...]:
+        """Names of the rows of the error budget that it answers."""
+        own = [row.name for row in self.rows]
+        others = [row for use in (*self.fixes, *self.part_fixes) for row in use.rows]
+        return tuple(dict.fromkeys([*own, *others]))
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Labels of runs that it may remove."""
+        uses = (*self.fixes, *self.part_fixes)
+        return tuple(dict.fromkeys(label for use in uses for label in use.labels))

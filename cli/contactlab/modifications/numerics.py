@@ -1,0 +1,210 @@
+"""Modifications that compute the same model in another way."""
+
+import mujoco
+
+from contactlab.modifications.model_changes import (
+    choose_other_integrator,
+    converge_solver,
+    keep_awake,
+    keep_model,
+    raise_time_constants,
+    set_integrator,
+    set_option,
+)
+from contactlab.modifications.model_predicates import (
+    SLEEP_BIT,
+    SOLREF_FIELDS,
+    has_constraints,
+    has_no_flex,
+    raises_time_constants,
+)
+from contactlab.modifications.modification import (
+    ANY_LABEL,
+    Candidate,
+    ModelPredicate,
+    Modification,
+    PartFix,
+    Row,
+)
+from contactlab.modifications.state_predicates import (
+    has_constraint,
+    has_sleeping_tree,
+    loads_raised_constant,
+)
+
+_EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
+_RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
+_IMPLICITFAST = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
+_IMPLICIT = int(mujoco.mjtIntegrator.mjINT_IMPLICIT)
+_PART_SOLREF_FIELDS = tuple(field for field in SOLREF_FIELDS if field != "flex_solref")
+"""Fields of solref of parts that a setting can name."""
+ENERGY_LABELS = ("energy_injection", "energy_loss")
+
+
+def _is_not(kind: int) -> ModelPredicate:
+    # Flexes allow no other integrator.
+    return lambda model: int(model.opt.integrator) != kind and has_no_flex(model)
+
+
+def _may_sleep(model: mujoco.MjModel) -> bool:
+    return bool(model.opt.enableflags & SLEEP_BIT)
+
+
+RUN = Row(
+    "numerical error", "the run as written", "numerics", (keep_model,), base="run", timed=False
+)
+"""The first row of every budget, which changes nothing."""
+HALF_STEP = Candidate("half the step", "inaccurate", rate=2, labels=(ANY_LABEL,))
+CONVERGED_SOLVER = Candidate(
+    "Newton with 100 iterations",
+    "inaccurate",
+    converge_solver,
+    exercised="solver",
+    labels=("solver_nonconvergence", "solver_inconsistent"),
+)
+RUNGE_KUTTA = Candidate(
+    "RK4",
+    "inaccurate",
+    set_integrator(_RK4),
+    applies=_is_not(_RK4),
+    labels=ENERGY_LABELS,
+    label_applies=_is_not(_RK4),
+    order=1,  # it takes four evaluations of forces in a step
+)
+
+MODIFICATIONS = (
+    Modification(
+        "timestep",
+        "Takes shorter or longer time steps.",
+        ("timestep",),
+        "computation",
+        rows=(
+            Row(
+                "step",
+                "the run's timestep, with a solver that goes on until it is done",
+                "numerics",
+                (keep_model,),
+                base="step",
+                timed=False,
+                cause="the time step is too long",
+            ),
+        ),
+        fixes=(
+            HALF_STEP,
+            Candidate("a quarter of the step", "inaccurate", rate=4, labels=(ANY_LABEL,)),
+            Candidate("an eighth of the step", "inaccurate", rate=8, labels=(ANY_LABEL,)),
+        ),
+    ),
+    Modification(
+        "solver",
+        "Uses another constraint solver, or lets it run to convergence.",
+        ("solver", "iterations", "ls_iterations", "tolerance", "jacobian"),
+        "computation",
+        rows=(
+            Row(
+                "solver",
+                "the run's own solver, iterations and tolerance",
+                "numerics",
+                (converge_solver,),
+                has_constraints,
+                has_constraint,
+                base="step",
+                against="run",
+                cause="the solver stops too early",
+            ),
+        ),
+        fixes=(CONVERGED_SOLVER,),
+    ),
+    Modification(
+        "sleep",
+        "Lets bodies at rest sleep, or keeps all bodies awake.",
+        ("sleep", "island"),
+        "computation",
+        rows=(
+            Row(
+                "sleep",
+                "bodies that do not sleep",
+                "numerics",
+                (keep_awake,),
+                lambda model: bool(model.opt.enableflags & SLEEP_BIT),
+                has_sleeping_tree,
+                base="run",
+                against="run",
+                cause="bodies sleep that should move",
+            ),
+        ),
+        fixes=(
+            Candidate(
+                "no sleep",
+                "inaccurate",
+                keep_awake,
+                applies=_may_sleep,
+                labels=("asleep_unsupported",),
+                must_come_nearer=False,  # windows begin awake, so that they do not show sleep
+                order=-1,  # it takes no more time than bodies that should move
+            ),
+        ),
+    ),
+    Modification(
+        "integrator",
+        "Uses another integrator.",
+        ("integrator",),
+        "computation",
+        rows=(
+            Row(
+                "integrator",
+                "implicitfast in place of the run's integrator; Euler in place of implicitfast",
+                "numerics",
+                (set_option("integrator", choose_other_integrator),),
+                has_no_flex,
+                base="step",
+                against="step",
+            ),
+        ),
+        fixes=(
+            Candidate(
+                "implicitfast",
+                "inaccurate",
+                set_integrator(_IMPLICITFAST),
+                applies=_is_not(_IMPLICITFAST),
+            ),
+            Candidate("Euler", "inaccurate", set_integrator(_EULER), applies=_is_not(_EULER)),
+            Candidate(
+                "implicitfast at half the step",
+                "inaccurate",
+                set_integrator(_IMPLICITFAST),
+                2,
+                applies=_is_not(_IMPLICITFAST),
+                includes=("implicitfast", "half the step"),
+            ),
+            RUNGE_KUTTA,
+            # Gyroscopic forces are explicit in implicitfast as in Euler.
+            Candidate(
+                "implicit",
+                "inaccurate",
+                set_integrator(_IMPLICIT),
+                applies=_is_not(_IMPLICIT),
+                stage="further",
+            ),
+        ),
+    ),
+    Modification(
+        "refsafe",
+        "Raises time constants to two steps at least, or writes the raised ones into the model.",
+        ("refsafe", *_PART_SOLREF_FIELDS),
+        "model",
+        safeguard=True,
+        rows=(
+            Row(
+                "refsafe",
+                "time constants as the run's step has them raised",
+                "numerics",
+                (raise_time_constants,),
+                raises_time_constants,
+                loads_raised_constant,
+                timed=False,
+            ),
+        ),
+        part_fixes=(PartFix("solref-step", _PART_SOLREF_FIELDS, exercised="refsafe"),),
+    ),
+)

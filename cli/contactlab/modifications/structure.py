@@ -1,0 +1,34 @@
+"""Modifications of the structure of a model: its start, its collision shapes, its parts."""
+
+from contactlab.modifications.modification import Modification, PartFix
+
+MODIFICATIONS = (
+    Modification(
+        "start state",
+        "Begins where limits, contacts and equalities allow it.",
+        ("keyframe",),
+        "model",
+        part_fixes=(PartFix("start", ("keyframe",)),),
+    ),
+    Modification(
+        "contacts between links",
+        "Removes contacts between links that joints hold in each other.",
+        ("exclude",),
+        "model",
+        part_fixes=(PartFix("exclude", ("exclude",)),),
+    ),
+    Modification(
+        "free root",
+        "Gives the root of a URDF robot a free joint, because the import welds it to the world.",
+        ("freejoint",),
+        "model",
+        part_fixes=(PartFix("freejoint", ("freejoint",)),),
+    ),
+    Modification(
+        "collision primitives",
+        "Collides a mesh as the box, capsule, cylinder, sphere or ellipsoid that it resembles.",
+        ("geom type",),
+        "model",
+        part_fixes=(PartFix("primitive", ("geom type",)),),
+    ),
+)

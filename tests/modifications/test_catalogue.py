@@ -1,0 +1,106 @@
+"""The catalogue of modifications: each entry is well formed, and each consumer reads it."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+
+import mujoco
+import pytest
+from tests.budget_motions import walker
+from tests.docs.modifications_page import PAGE
+
+from contactlab.budget import error_budget, judge
+from contactlab.budget.fixes import candidates_against
+from contactlab.measure import LABELS
+from contactlab.mjcf import OPTIONS
+from contactlab.modifications.catalogue import (
+    CATALOGUE,
+    find_softness_rows,
+    is_numerical_label,
+    list_candidates,
+    list_rows,
+)
+from contactlab.modifications.catalogue_page import modifications_page
+from contactlab.modifications.modification import ANY_LABEL, Candidate, Modification, Row
+from contactlab.scene.model_edits import FLAG_NAMES, is_writable
+
+ELEMENTS = {"keyframe", "exclude", "freejoint", "geom type"}
+"""Elements and attributes of a file that entries edit, besides settings and fields."""
+MODEL = mujoco.MjModel.from_xml_string("<mujoco/>")
+
+
+def halve_noise(model: mujoco.MjModel, _own: mujoco.MjModel | None = None) -> None:
+    model.opt.timestep /= 2
+
+
+PLANTED = Modification(
+    "planted",
+    "Halves the time step.",
+    ("timestep",),
+    "computation",
+    rows=(Row("planted row", "half the step, planted", "numerics", (halve_noise,), base="step"),),
+    fixes=(Candidate("planted fix", "inaccurate", rate=2, labels=("divergence",)),),
+)
+
+
+@pytest.fixture
+def plant_entry() -> Iterator[Modification]:
+    CATALOGUE.add(PLANTED)
+    yield PLANTED
+    del CATALOGUE[PLANTED.name]
+
+
+@pytest.mark.parametrize("entry", CATALOGUE.values(), ids=lambda entry: entry.name)
+def test_each_entry_names_things_that_exist(entry: Modification) -> None:
+    rows = {row.name for row in list_rows()}
+    known = {*OPTIONS, *FLAG_NAMES, *ELEMENTS}
+    for name in entry.edits:
+        is_field = hasattr(MODEL, name) and (is_writable(name) or name.startswith("flex_"))
+        assert name in known or is_field, name
+    assert {*entry.answered_rows} <= rows
+    assert {*entry.labels} <= {*LABELS, ANY_LABEL}
+    assert entry.summary.endswith(".")
+    for fix in entry.fixes:
+        assert not fix.exercised or fix.exercised in rows
+        # A fix with a name for `--apply` makes another model.
+        assert fix.changes_model == (entry.kind == "model")
+
+
+def test_names_are_unique_in_each_use() -> None:
+    for names in (
+        [row.name for row in list_rows()],
+        [fix.name for stage in ("usual", "further") for fix in list_candidates(stage)],
+    ):
+        assert len(names) == len({*names})
+
+
+def test_rows_come_by_kind() -> None:
+    kinds = [row.kind for row in list_rows()]
+    assert [*dict.fromkeys(kinds)] == ["numerics", "model", "effect", "unknown"]
+    assert sum(one != two for one, two in pairwise(kinds)) == 3
+
+
+def test_labels_of_softness_have_rows_and_are_not_numerical() -> None:
+    """Shorter steps do not remove labels of soft parts."""
+    for label in LABELS:
+        if find_softness_rows(label):
+            assert not is_numerical_label(label)
+    assert find_softness_rows("constraint_violated") == ("limit softness", "equality softness")
+    assert not is_numerical_label("contact_at_distance")
+    assert is_numerical_label("energy_injection")
+    assert is_numerical_label("a label of a plug-in")
+
+
+def test_a_planted_entry_is_a_row_a_fix_and_a_line_of_the_page(plant_entry: Modification) -> None:
+    motion = walker(0.01)
+    budget = error_budget([motion], rows=["planted row"])
+    assert [row.name for row in budget.phases[0].rows] == ["planted row"]
+    verdict = replace(judge(budget, 1e-9), word="inaccurate")
+    assert "planted fix" in {one.name for one in candidates_against([motion], verdict)}
+    fixes = [one for one in list_candidates() if one.name in ("planted fix", "half the step")]
+    assert "planted fix" in {fix.name for fix in fixes}
+    assert f"**{plant_entry.name}**: {plant_entry.summary}" in modifications_page()
+
+
+def test_the_page_is_made_of_the_catalogue() -> None:
+    assert PAGE.read_text(encoding="utf-8") == modifications_page()
