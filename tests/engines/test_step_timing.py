@@ -22,7 +22,7 @@ class Timed:
         self.run = scene.resolve({"integrator": integrator}, 1, None)
         self.start = scene.initial_states([self.run])
         self.recorded = scene.prepare(self.run, self.start).model
-        compiled = scene.compile_without_sensors(self.run)
+        compiled = scene.written_model(self.run)
         self.model = scene.prepare(self.run, self.start, compiled).model
         work = count_work(self.model, self.start, STEPS)
         assert work is not None

@@ -20,9 +20,9 @@ from contactlab.scene.body_inertia import (
     inertia_faults,
     scene_inertia_faults,
 )
-from contactlab.scene.compile_model import InertiaFault, written_inertia_faults
+from contactlab.scene.compile_model import InertiaFault, compile_model, written_inertia_faults
 from contactlab.scene.scene import Scene
-from contactlab.scene.scene_source import find_scene
+from contactlab.scene.scene_source import SceneSource, find_scene
 
 Write = Callable[[Path, Mapping[str, str]], None]
 Lengths = st.tuples(*[st.floats(0.01, 0.5)] * 3)
@@ -198,10 +198,14 @@ def test_what_unread_is_found_and_told(
     assert f"body 'faulty': {fault.reason}" in str(caught.value)
 
 
+def faults_of(source: SceneSource) -> tuple[InertiaFault, ...]:
+    return scene_inertia_faults(source, {}, compile_model(source, {}, lambda _: None))
+
+
 def test_a_balanced_inertia_is_told_although_it_compiles(tmp_path: Path) -> None:
     wrong = 'mass="2" pos="0 0 0" diaginertia=".001 .001 .01"'
     (tmp_path / "robot.xml").write_text(text(wrong, 'balanceinertia="true"'))
-    (fault,) = scene_inertia_faults(find_scene("robot.xml", tmp_path))
+    (fault,) = faults_of(find_scene("robot.xml", tmp_path))
     assert (fault.body, fault.kind, fault.value, fault.limit) == ("faulty", "balanced", 0.01, 0.002)
     assert "mean, 0.004" in fault.reason
 
@@ -260,7 +264,7 @@ def test_bodies_beyond_one_limit_are_told_in_one_line() -> None:
 def test_a_fault_of_another_kind_stays_what_it_is(tmp_path: Path) -> None:
     (tmp_path / "robot.xml").write_text(text(SOUND, geom='<geom type="cube" size="1"/>'))
     with pytest.raises(SceneError, match="cube"):
-        scene_inertia_faults(find_scene("robot.xml", tmp_path))
+        faults_of(find_scene("robot.xml", tmp_path))
 
 
 def test_urdf_is_read_as_well(tmp_path: Path) -> None:
@@ -272,7 +276,7 @@ def test_urdf_is_read_as_well(tmp_path: Path) -> None:
     robot = f'<robot name="r"><link name="base"/>{link}{joint}</robot>'
     (tmp_path / "robot.urdf").write_text(robot)
     with pytest.raises(SceneError, match="body 'arm': its principal moments are 1, 1, 3"):
-        scene_inertia_faults(find_scene("robot.urdf", tmp_path))
+        faults_of(find_scene("robot.urdf", tmp_path))
 
 
 # Scenes that are what their case asks for, not what could be built.
@@ -292,7 +296,7 @@ UNREAL = {
 
 @pytest.mark.parametrize("name", resources.scene_names())
 def test_shipped_scenes(name: str) -> None:
-    found = set(kinds(scene_inertia_faults(find_scene(name))))
+    found = set(kinds(faults_of(find_scene(name))))
     if name == "rolling_plate":
         assert {kind for _, kind in found} == {"density"}
     else:
@@ -319,7 +323,7 @@ def test_three_links_of_the_panda_are_larger_than_their_shapes() -> None:
     Link 1 turns about a fixed axis, so that only its moment about that acts; its others put
     5 kg at 0.38 m from the centre of a link that is 0.25 m long.
     """
-    faults = scene_inertia_faults(find_scene("menagerie:franka_emika_panda/panda"))
+    faults = faults_of(find_scene("menagerie:franka_emika_panda/panda"))
     assert kinds(faults) == [(f"link{index}", "too_large") for index in (1, 2, 7)]
     assert faults[0].value == pytest.approx(0.3755, abs=1e-4)
     assert faults[0].limit == pytest.approx(0.2503, abs=1e-4)

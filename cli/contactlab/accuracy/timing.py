@@ -45,7 +45,7 @@ def work_of_runs(scene: Scene, runs: Sequence[PlannedModel], watch: Watch) -> It
     The runs are of one structure and engine; `watch` is called before steps, to start their time
     limit. The models are those that are timed, so that the states fit them.
     """
-    compiled = scene.compile_without_sensors(runs[0].run)
+    compiled = scene.written_model(runs[0].run)
     engine = _timing_engine(runs[0].run)
     for run in runs:
         model = scene.prepare(run.run, run.start, compiled).model
@@ -154,7 +154,7 @@ class InterleavedTimer:
 def _clocked_compile(scene: Scene, resolved: RunSpec) -> tuple[mujoco.MjModel, float]:
     # MuJoCo compiles meshes on separate threads, which a thread's clock does not include.
     begin = time.process_time()
-    compiled = scene.compile_without_sensors(resolved)
+    compiled = scene.written_model(resolved)
     return compiled, time.process_time() - begin
 
 

@@ -220,7 +220,7 @@ def timed_run(store: Store, run: str) -> tuple[TimesSteps, Segments]:
     if not isinstance(engine, TimesSteps):
         raise ContactlabError(f"run {run}: the {resolved.engine} engine does not time its steps")
     start = PreparedRuns.of(scene, resolved).with_recorded_controls([store.controls(record)]).starts
-    compiled = scene.compile_without_sensors(resolved)
+    compiled = scene.written_model(resolved)
     model = scene.prepare(resolved, start, compiled).model
     work = engine.count_work(model, start, resolved.steps)
     if work is None:

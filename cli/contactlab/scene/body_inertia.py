@@ -20,8 +20,8 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.compile_model import (
     InertiaFault,
-    compile_model,
     nonpositive_inertia_fault,
+    read_spec,
     satisfies_triangle,
     triangle_inertia_fault,
     written_inertia_faults,
@@ -125,14 +125,12 @@ def _too_small(name: str, mass: float, spread: float, length: float) -> Iterator
 
 
 def scene_inertia_faults(
-    source: SceneSource, structure: Mapping[str, object] | None = None
+    source: SceneSource, structure: Mapping[str, object], compiled: mujoco.MjModel
 ) -> tuple[InertiaFault, ...]:
-    """Return the inertia faults of a scene's model, in its file and compiled."""
-    written: list[InertiaFault] = []
-    model = compile_model(
-        source, structure or {}, lambda spec: written.extend(written_inertia_faults(spec))
-    )
-    return (*written, *inertia_faults(model))
+    """Return the inertia faults of a scene's structure, in its file and compiled."""
+    with read_spec(source, structure) as spec:
+        written = tuple(written_inertia_faults(spec))
+    return (*written, *inertia_faults(compiled))
 
 
 def inertia_faults(model: mujoco.MjModel) -> tuple[InertiaFault, ...]:

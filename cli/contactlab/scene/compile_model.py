@@ -172,22 +172,43 @@ def compile_model(
 
     A binary model is already compiled and is not edited. A SceneError explains a failure.
     """
+    if source.model.suffix == BINARY:
+        with _show_warnings_once(source):
+            try:
+                model = mujoco.MjModel.from_binary_path(str(source.model))
+            except (ValueError, mujoco.FatalError) as error:
+                raise compile_error(source.model, source.model, error) from error
+        return recordable_model(model, source)
+    with read_spec(source, structure) as spec:
+        edit(spec)
+        return recordable_model(spec.compile(), source)
+
+
+@contextmanager
+def read_spec(source: SceneSource, structure: Mapping[str, object]) -> Generator[mujoco.MjSpec]:
+    """Yield the specification of a scene's structure, which may be compiled within the context.
+
+    A SceneError explains why it cannot be read, or not be compiled within the context.
+    """
     with _model_file(source, structure) as path, _show_warnings_once(source):
         try:
-            if path.suffix == BINARY:
-                return _recordable_model(mujoco.MjModel.from_binary_path(str(path)), source)
             spec = mujoco.MjSpec.from_file(str(path))
             for element in (*spec.meshes, *spec.hfields, *spec.skins, *spec.textures):
                 if found := source.content.resources.get(plain_name(element.file)):
                     element.file = str(found)
             name_by_address(spec)
-            edit(spec)
-            return _recordable_model(spec.compile(), source)
+            yield spec
         except (ValueError, mujoco.FatalError) as error:
             raise compile_error(source.model, path, error) from error
 
 
-def _recordable_model(model: mujoco.MjModel, source: SceneSource) -> mujoco.MjModel:
+def name_sensors(spec: mujoco.MjSpec) -> None:
+    """Name sensors without a name by their place, like `sensor[3]`."""
+    for place, sensor in enumerate(spec.sensors):
+        sensor.name = sensor.name or f"sensor[{place}]"
+
+
+def recordable_model(model: mujoco.MjModel, source: SceneSource) -> mujoco.MjModel:
     """Return the model if it can be recorded, and raise a SceneError with the reason otherwise.
 
     Every option except the timestep, which a sweep may replace, must be valid, and each actuator

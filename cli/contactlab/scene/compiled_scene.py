@@ -2,10 +2,12 @@
 
 import copy
 import json
+from collections import deque
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import cast
+from weakref import WeakValueDictionary
 
 import mujoco
 import numpy as np
@@ -170,6 +172,27 @@ class PreparedModel:
     def friction(self) -> NDArray[np.float64]:
         """(P, 5) the coefficients of each pair (slide, slide, torsion, roll, roll)."""
         return np.array([pair.friction for pair in self.pairs.values()]).reshape(-1, 5)
+
+
+# Structures that are open in this process, by the content of their files.
+_OPEN = WeakValueDictionary[tuple[object, ...], CompiledScene]()
+_LAST = deque[CompiledScene](maxlen=1)  # stays open between two scenes of a command
+
+
+def open_structure(
+    source: SceneSource, structure: Mapping[str, object], without: frozenset[str]
+) -> CompiledScene:
+    """Return one compiled structure of a scene without some effects.
+
+    A store's copy whose files have the bytes of an open scene's is the same model, so that it is
+    not compiled again.
+    """
+    key = (source.content.hash, source.content.model, tuple(structure.items()), without)
+    compiled = _OPEN.get(key) if source.content.copied else None
+    if compiled is None:
+        compiled = _OPEN[key] = compile_scene(source, structure, without)
+    _LAST.append(compiled)
+    return compiled
 
 
 def compile_scene(

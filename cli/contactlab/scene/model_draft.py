@@ -17,7 +17,7 @@ import numpy as np
 
 from contactlab.errors import SceneError
 from contactlab.mjcf import OPTIONS
-from contactlab.scene.compile_model import compile_model
+from contactlab.scene.compile_model import name_sensors, read_spec, recordable_model
 from contactlab.scene.effects.effect_table import remove_from_spec
 from contactlab.scene.model_edits import (
     FIELD_KINDS,
@@ -74,6 +74,12 @@ class ModelEdits:
     hulls: Mapping[str, int] = field(default_factory=dict[str, int])
     # Flags that are switched off although no compiled scene has them: energy, fwdinv.
     unflagged: tuple[str, ...] = ()
+
+    @property
+    def changes_spec(self) -> bool:
+        """Whether more than settings and flags changes."""
+        settings_only = ModelEdits(self.settings, unflagged=self.unflagged)
+        return self != settings_only
 
     @property
     def separates_links(self) -> bool:
@@ -135,30 +141,42 @@ class CompiledFiles(NamedTuple):
         scene: Scene,
         source: SceneSource,
         settings: Mapping[str, object],
-        edit: Callable[[mujoco.MjSpec], None] = lambda _: None,
+        edit: Callable[[mujoco.MjSpec], None] | None = None,
     ) -> "CompiledFiles":
-        """Compile the files of a scene without recording sensors, and write settings."""
-        plain, run = (scene.with_effects("all").resolve(axes, 0, None) for axes in ({}, settings))
+        """Compile the files of a scene without recording sensors, and write settings.
+
+        The scene's own files without an edit are compiled once.
+        """
+        whole = scene.with_effects("all")
+        plain = whole.resolve({}, 0, None)
+        run = whole.resolve(settings, 0, None) if settings else plain
         if own := [name for name in run.structure if name in settings]:
             raise SceneError(
                 f"cannot write '{own[0]}' into the model files: the scene itself sets this value"
             )
-        lines: dict[str, dict[str, int]] = {}
-
-        def change(spec: mujoco.MjSpec) -> None:
-            for place, sensor in enumerate(spec.sensors):
-                sensor.name = sensor.name or f"sensor[{place}]"
+        with read_spec(source, run.structure) as spec:
+            name_sensors(spec)
             remove_from_spec(spec, run.without)
-            edit(spec)
-            for kind in _SPEC_LISTS:
-                parts = _elements_by_name(spec, kind).items()
-                lines[kind] = {
-                    name: int(element.info.rpartition(" ")[2] or 0) for name, element in parts
-                }
-
-        model = compile_model(source, run.structure, change)
+            if edit is not None:
+                edit(spec)
+            lines = _element_lines(spec)
+            if edit is None and source is scene.source:
+                model = scene.written_model(run)
+            else:
+                model = recordable_model(spec.compile(), source)
         base = replace(scene.base(run.structure), model=model)
         return cls(base.prepare(run.edits()).model, base.prepare(plain.edits()).model, lines)
+
+
+def _element_lines(spec: mujoco.MjSpec) -> dict[str, dict[str, int]]:
+    """Return the line of each element, by kind and name."""
+    return {
+        kind: {
+            name: int(element.info.rpartition(" ")[2] or 0)
+            for name, element in _elements_by_name(spec, kind).items()
+        }
+        for kind in _SPEC_LISTS
+    }
 
 
 def edit_spec(spec: mujoco.MjSpec, edits: ModelEdits) -> None:
@@ -235,7 +253,8 @@ class Draft:
     main: Path  # the main file, in a copy
     before: Mapping[Path, bytes]  # the original content of each file
     origins: Origins  # the file and line of each element
-    now: CompiledFiles  # the model compiled from the original files
+    # The line of each element in the original files, by kind and name.
+    lines: Mapping[str, Mapping[str, int]]
     # Attributes to set.
     values: dict[Origin, dict[str, str]] = field(default_factory=lambda: defaultdict(dict))
     removed: set[Origin] = field(default_factory=set[Origin])  # elements to remove
@@ -250,11 +269,16 @@ class Draft:
         paths = [root / file for file in source.content.files if file.suffix in MODEL_SUFFIXES]
         before = {path: path.read_bytes() for path in paths}
         origins = Origins.lay_out(source.model, root)
-        return cls(source.model, before, origins, CompiledFiles.of(scene, source, {}))
+        run = scene.with_effects("all").resolve({}, 0, None)
+        with read_spec(source, run.structure) as spec:
+            name_sensors(spec)
+            remove_from_spec(spec, run.without)
+            lines = _element_lines(spec)
+        return cls(source.model, before, origins, lines)
 
     def _find_origin(self, kind: str, name: str) -> Origin:
-        origin = self.origins.by_line.get(self.now.lines[kind].get(name, 0))
-        own, places = self.origins.keyframes, [*self.now.lines["key"]]
+        origin = self.origins.by_line.get(self.lines[kind].get(name, 0))
+        own, places = self.origins.keyframes, [*self.lines["key"]]
         if kind == "key" and len(own) == len(places):
             origin = own[places.index(name)]
         if origin is None:
@@ -266,7 +290,7 @@ class Draft:
         kind = FIELD_KINDS.get(field.partition("_")[0])
         if kind is None:
             return ""
-        name, lines = object_name(model, field, row), self.now.lines[kind]
+        name, lines = object_name(model, field, row), self.lines[kind]
         others = [line for line in lines if line != name and lines[line] == lines[name] > 0]
         note = f" (from the same element as '{others[0]}')" if others else ""
         return f" of {kind} '{name}'{note}"
@@ -329,14 +353,14 @@ class Draft:
         self._set_keyframes(edits.posed)
         if edits.unflagged:
             self._set_last_element("flag", dict.fromkeys(edits.unflagged, "disable"))
-        for kind, lines in self.now.lines.items():
+        for kind, lines in self.lines.items():
             for name in lines.keys() - meant.lines[kind].keys():
                 self.removed.add(self._find_origin(kind, name))
 
     def _set_keyframes(self, posed: Sequence[tuple[str, Sequence[float]]]) -> None:
         for name, qpos in posed:
             text = mjcf_text(list(qpos))
-            if name in self.now.lines["key"]:
+            if name in self.lines["key"]:
                 self._set_attribute("key", name, "qpos", text)
             else:
                 key = attribute_text({"name": name, "qpos": text})

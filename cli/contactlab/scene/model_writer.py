@@ -8,6 +8,7 @@ import re
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -70,7 +71,8 @@ def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -
         raise OutputError(f"{folder} is the folder of the scene; write into another folder")
     with TemporaryDirectory(prefix="contactlab-") as temporary, source.named_in_errors():
         copied = _copy_scene(source, Path(temporary).resolve(), name, fused=not edits.freed)
-        meant = CompiledFiles.of(scene, source, edits.settings, lambda spec: edit_spec(spec, edits))
+        edit = partial(edit_spec, edits=edits) if edits.changes_spec else None
+        meant = CompiledFiles.of(scene, source, edits.settings, edit)
         draft = Draft.of(scene, copied)
         draft.set_fields(meant)
         draft.set_options(meant)

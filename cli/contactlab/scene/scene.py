@@ -16,12 +16,12 @@ from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.contact.trace_setup import RecordedMotion
 from contactlab.errors import SceneError, UnheldWarning
 from contactlab.scene.axis_catalogue import Engines, SceneCatalogue
-from contactlab.scene.compile_model import compile_model, warn_once
+from contactlab.scene.compile_model import compile_model, name_sensors, warn_once
 from contactlab.scene.compiled_scene import (
     CompiledScene,
     PreparedModel,
-    compile_scene,
     full_structure,
+    open_structure,
 )
 from contactlab.scene.drive.driving import Driving, is_driven
 from contactlab.scene.drive.located_drive import (
@@ -83,6 +83,7 @@ class Scene:
         """
         self.source, self._engines, self._tables = source, engines, tables
         self._compiled: dict[tuple[tuple[object, ...], frozenset[str]], CompiledScene] = {}
+        self._written: dict[tuple[tuple[object, ...], frozenset[str]], mujoco.MjModel] = {}
         self._rules: dict[str, InitialStateRule] = {}
         self._driving: dict[tuple[str, Drive], Driving] = {}
         manifest, base = source.manifest, self.base({})
@@ -226,8 +227,20 @@ class Scene:
         full = full_structure(self.source.manifest, structure)
         key = tuple(full.values()), without
         if key not in self._compiled:
-            self._compiled[key] = compile_scene(self.source, full, without)
+            self._compiled[key] = open_structure(self.source, full, without)
         return self._compiled[key]
+
+    def written_model(self, run: RunSpec) -> mujoco.MjModel:
+        """Return the compiled structure of a run without the recording sensors; never edit it."""
+
+        def edit(spec: mujoco.MjSpec) -> None:
+            name_sensors(spec)
+            remove_from_spec(spec, run.without)
+
+        key = tuple(run.structure.values()), run.without
+        if key not in self._written:
+            self._written[key] = compile_model(self.source, run.structure, edit)
+        return self._written[key]
 
     def base_of(self, run: RunSpec) -> CompiledScene:
         """Return the compiled scene that a run's model is based on."""
@@ -398,7 +411,7 @@ class Scene:
     ) -> PreparedModel:
         """Return a run's model for its start (n is 1), without effects that it does not need.
 
-        It is based on the result of `compile_without_sensors`, if that is passed.
+        It is based on the result of `written_model`, if that is passed.
         """
         base = self.base_of(run)
         base = base if compiled is None else replace(base, model=compiled)
@@ -415,9 +428,3 @@ class Scene:
         edits, without = run.edits(), sorted(run.without)
         key = json.dumps([run.structure, without, edits, drive, held])
         return hashlib.sha256(key.encode()).hexdigest()
-
-    def compile_without_sensors(self, run: RunSpec) -> mujoco.MjModel:
-        """Compile the structure of a run without the recording sensors."""
-        return compile_model(
-            self.source, run.structure, lambda spec: remove_from_spec(spec, run.without)
-        )
