@@ -1,9 +1,10 @@
 """Measures the cost of changed models as ratios of times, in turns from the same states.
 
 Times are those of a plain loop of `mj_step`, as users run a model: with its sensors, and with the
-overhead of Python. If MuJoCo gives up, it resets the model and goes on. Short segments steer the
-search. Reported ratios are measured on whole runs of the task, with seeds of the search and fresh
-ones: iterations depend on the motion, so that seeds differ by more than turns do.
+overhead of Python. If MuJoCo gives up, it resets the model and goes on. Removed features are timed
+on short segments. Ratios of written models are measured on whole runs of the task, with seeds of
+the search and fresh ones: iterations depend on the motion, so that seeds differ by more than turns
+do.
 """
 
 import copy
