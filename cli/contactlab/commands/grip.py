@@ -87,7 +87,8 @@ def grip(
     """
     from contactlab.store.atomic_files import atomic_write, write_errors
     from contactlab.studies.grip.gripped_object import read_speed
-    from contactlab.studies.grip.gripping import GripRequest, judge_grip
+    from contactlab.studies.grip.gripping import GripRequest
+    from contactlab.studies.verification.verified_grip import judge_verified_grip
 
     shown = None
     if film is not None:
@@ -110,7 +111,7 @@ def grip(
         notify=say,
         film=shown,
     )
-    report = judge_grip(request)
+    report = judge_verified_grip(request)
     if film is not None:
         say(f"wrote {film}")
     if output is not None:

@@ -22,6 +22,9 @@ Failures = dict[int, list[str]]  # error messages of metrics and labels, by run
 
 _RunResult = TypeVar("_RunResult")
 
+NUMERICAL_CAUSE = "cause: the numerics"
+"""Words in the reason of a label that a numerical error causes."""
+
 
 class AppliedLabel(NamedTuple):
     """A label that applies to a run: the reason, its first step, and its bodies.
@@ -106,9 +109,9 @@ def _add_causes(context: Context, run: int, labels: list[AppliedLabel]) -> Itera
         if resolved is None or label.label not in traced:
             yield label
         else:
-            cause = "the model" if resolved[run] else "the numerics"
+            cause = "cause: the model" if resolved[run] else NUMERICAL_CAUSE
             error = numerical_error_text(context, run)
-            yield label._replace(reason=f"{label.reason}; cause: {cause} ({error})")
+            yield label._replace(reason=f"{label.reason}; {cause} ({error})")
 
 
 def _measure_or_fail(

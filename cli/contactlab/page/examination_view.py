@@ -19,6 +19,7 @@ from contactlab.reporting.examination import (
     phase_begins,
     row_error,
 )
+from contactlab.reporting.verified_measures import MeasureRow, measure_rows
 from contactlab.schema.error_budget import BudgetPhase, BudgetReport, BudgetRow
 from contactlab.schema.examination import Examination
 from contactlab.store.finished_store import Store
@@ -61,6 +62,8 @@ class ExaminationView:
         limit: place of the tolerance along a bar, 0 to 1.
         chart: time over error of the fixes that were tried; empty without any.
         fixes: each in a line, with the lines of the model's files.
+        verified: measures of the first fix, in a table.
+        verified_sentence: the result of its verification.
         not_tried: skipped rows and fixes, in a sentence; empty if none is skipped.
         contacts: each as lines of text.
     """
@@ -72,6 +75,8 @@ class ExaminationView:
     limit: float
     chart: str
     fixes: Sequence[tuple[str, Sequence[str]]]
+    verified: Sequence[MeasureRow]
+    verified_sentence: str
     not_tried: str
     contacts: Sequence[Sequence[str]]
 
@@ -100,6 +105,7 @@ def examination_view(
     budget = report.budget
     moment = None if budget is None else _worst_moment(store, report, budget)
     chart = None if budget is None else _fix_chart(budget)
+    verified = next(filter(None, (fix.verification for fix in report.fixes)), None)
     return ExaminationView(
         report=report,
         film=Films([]) if moment is None else film_of_moment(store, moment),
@@ -111,6 +117,8 @@ def examination_view(
             (f"{number}. {fix_summary(fix, report)}", fix.lines or (fix.no_patch_reason,))
             for number, fix in enumerate(report.fixes, 1)
         ],
+        verified=measure_rows(verified.measures) if verified else (),
+        verified_sentence=verified.sentence if verified else "",
         not_tried=not_tried_line(report),
         contacts=grouped_contacts(report.contacts),
     )

@@ -12,6 +12,7 @@ from contactlab.schema.task import Task
 from contactlab.schema.task_verdict import TaskVerdict
 from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.verdict import VerdictWord
+from contactlab.schema.verification import VerifiedChange
 
 EXAMINATION_VERSION = 2
 
@@ -77,6 +78,10 @@ class Fix(Model):
     time_ratio: TimeRatio | None = about("Time with the fix over time without; null if unknown.")
     lines: tuple[str, ...] = about("The lines of the model's files, each after FILE:LINE.")
     no_patch_reason: str = about("Why there are no lines.", default="")
+    verification: VerifiedChange | None = about(
+        "Measures of the model with it against those of the original, if it is the first fix.",
+        default=None,
+    )
 
     @property
     def is_structural(self) -> bool:
@@ -87,6 +92,13 @@ class Fix(Model):
             or self.replaced_meshes
             or self.changed_keyframes
         )
+
+
+class RejectedFix(Model):
+    """A change that removes a problem, and makes another measure worse."""
+
+    name: str
+    reason: str = about("The measure that it makes worse, before and after.")
 
 
 class RunLabel(Model):
@@ -165,6 +177,9 @@ class Examination(Model):
         "At most three, the cheapest first, those that `--apply` names, and those that separate "
         "overlapping bodies.",
         default=(),
+    )
+    rejected_fixes: tuple[RejectedFix, ...] = about(
+        "Changes that are no fix, since a measure of their verification became worse.", default=()
     )
     not_tried: tuple[str, ...] = about(
         "Rows of the budget that are not judged, and fixes, that were skipped so that the "

@@ -5,6 +5,7 @@ from typing import Literal
 from contactlab.schema.evidence import Setting
 from contactlab.schema.strict_model import Model, about
 from contactlab.schema.time_ratio import TimeRatio
+from contactlab.schema.verification import VerifiedChange
 
 GripVerdict = Literal["holds", "creeps", "drops"]
 GripTrend = Literal["still", "steady", "fading", "growing", "uneven", "lost"]
@@ -92,6 +93,10 @@ class GripFix(Model):
     time_ratio: TimeRatio | None = about("Time with it over time without; null if unknown.")
     lines: tuple[str, ...] = about("Changed lines of the model files, each after FILE:LINE.")
     no_patch_reason: str = about("Why there are no lines.", default="")
+    verification: VerifiedChange | None = about(
+        "Measures of the model with it against those of the original, if it is recommended.",
+        default=None,
+    )
 
 
 class GripReport(Model):

@@ -6,6 +6,7 @@ from contactlab.schema.evidence import Engine, Provenance, Setting
 from contactlab.schema.strict_model import Model, about
 from contactlab.schema.task import Task
 from contactlab.schema.time_ratio import TimeRatio
+from contactlab.schema.verification import VerifiedChange
 
 EFFECTS_VERSION = 2
 
@@ -88,6 +89,10 @@ class Verification(Model):
     holds: bool
     reason: str
     time_ratio: TimeRatio | None
+    measures: VerifiedChange | None = about(
+        "Measures of the written model against those of the base; null if not written.",
+        default=None,
+    )
 
 
 class EffectsReport(Model):

@@ -6,7 +6,7 @@ from contactlab.schema.evidence import Setting
 from contactlab.schema.strict_model import Model, about
 from contactlab.schema.task import Task
 from contactlab.schema.time_ratio import TimeRatio
-from contactlab.schema.verification import Verification as Panel
+from contactlab.schema.verification import VerifiedChange
 
 TUNE_VERSION = 4
 REPORT, MODEL, FOLDER = "tune.json", "tuned.xml", "tuned"
@@ -76,7 +76,7 @@ class Verification(Model):
     numerical_error: float | None = about("Its numerical error as `contactlab MODEL` measures it.")
     labels: tuple[str, ...] = about("Labels of its runs that the model as written does not have.")
     sentence: str = about("Why it does not hold, or that it does.")
-    panel: Panel | None = about(
+    panel: VerifiedChange | None = about(
         "Each measure next to that of the model as written; null if the candidate was rejected "
         "before, or moves exactly as the model as written.",
         default=None,

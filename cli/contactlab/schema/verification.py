@@ -27,14 +27,15 @@ class SkippedRun(Model):
     reason: str
 
 
-class Verification(Model):
+class VerifiedChange(Model):
     """Whether a changed model is worse than the original in any measure."""
 
     verification_version: int = VERIFICATION_VERSION
-    seeds: tuple[int, ...] = about("Seeds of the task that both models ran.")
-    fresh_seeds: tuple[int, ...] = about("Seeds that no setting was chosen by.")
-    measures: tuple[VerifiedMeasure, ...]
+    seeds: tuple[int, ...] = about("Seeds of the task that both models ran.", default=())
+    fresh_seeds: tuple[int, ...] = about("Seeds that no setting was chosen by.", default=())
+    measures: tuple[VerifiedMeasure, ...] = ()
     skipped: tuple[SkippedRun, ...] = about("Runs that were not made, with the reason.", default=())
     identical: bool = about("Whether every run has the bits of the original's.")
-    passed: bool = about("Whether no measure is worse.")
+    passed: bool = about("Whether no measure is worse, and those that must improve do.")
     sentence: str = about("The result in one line.")
+    ended_early: bool = about("Whether a limit on time ended it.", default=False)

@@ -82,6 +82,7 @@ _HAND = (
     '\n<body name="hand"><joint axis="0 1 0"/><geom name="hand" pos="-.2 0 0" size=".03"/></body>'
 )
 CASES: Mapping[str, Planted] = {
+    "keyframe-length": Planted({'qpos="0 0"': 'qpos="0"'}, "<key", mends=False),
     "keyframe-range": Planted({'qpos="0 0"': 'qpos="0 1.5"'}, "<key"),
     "keyframe-control": Planted({'ctrl="0"': 'ctrl="2"'}, "<key"),
     "qpos0-range": Planted(

@@ -6,7 +6,7 @@ from functools import partial
 from itertools import combinations
 from pathlib import Path
 
-from contactlab.errors import SceneError
+from contactlab.errors import EngineError, SceneError
 from contactlab.run.evidence_record import engine, provenance
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.model_draft import ModelEdits
@@ -23,6 +23,7 @@ from contactlab.schema.study_reports import (
 )
 from contactlab.schema.time_ratio import LEAST_SAVING, TimeRatio
 from contactlab.schema.tradeoff_report import REALITY
+from contactlab.schema.verification import VerifiedChange
 from contactlab.store.table_layout import axis_cell
 from contactlab.studies.effects.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.effect_toggles import (
@@ -38,6 +39,8 @@ from contactlab.studies.effects.effect_toggles import (
     work_ratios,
 )
 from contactlab.studies.effects.effects_request import AblationSetup, EffectsRequest
+from contactlab.studies.verification import VerificationRequest, verify_change
+from contactlab.tasks.checked_model import CheckedModel
 from contactlab.tasks.session import Session, Values
 
 
@@ -304,7 +307,7 @@ def _verify_set(
     farther = partial(difference, setup.tolerances, outcomes[BASE], matters="if farther")
     change = farther(outcomes[free], free)
     timed = trials.timed("fresh-timing", [BASE, free], seeds)
-    pasted = None
+    pasted, as_text = None, fresh
     if isinstance(written, WrittenModel):
         as_text = fresh.written(written.reference, {**settings, **dict.fromkeys(free)})
         text = "The model with the smallest set in its files"
@@ -314,15 +317,56 @@ def _verify_set(
         (comparison for comparison in (change, pasted) if comparison and comparison.is_significant),
         None,
     )
+    panel = None
+    if pasted is not None and failed is None and {*setup.tolerances} != {REALITY}:
+        panel = _compare_loads(setup, as_text, trials.session)
+    harm = panel is not None and not panel.passed
+    reason = f"as text, {failed.reason}" if failed and failed is pasted else change.reason
     return Verification(
         seeds=seeds,
         scenarios=tuple(_as_written(scenario) for scenario in scenarios),
         runs=len(outcomes[free].flat),
         holds_as_written=pasted and not pasted.is_significant,
-        holds=failed is None,
-        reason=f"as text, {failed.reason}" if failed and failed is pasted else change.reason,
+        holds=failed is None and not harm,
+        reason=f"worse than the base: {panel.sentence}" if panel and harm else reason,
+        measures=panel,
         time_ratio=cost_ratio(timed[BASE], timed[free]),
     )
+
+
+def _compare_loads(
+    setup: AblationSetup, written: AblationSetup, session: Session
+) -> VerifiedChange | None:
+    """Compare a written model with the base where runs of its task do not load it.
+
+    None if MuJoCo does not simulate it, or nothing in it moves.
+    """
+
+    def check(own: AblationSetup) -> CheckedModel:
+        return CheckedModel(
+            reference=own.reference,
+            scenes=own.scenes,
+            session=replace(session, workers=0),
+            values={**own.base, **own.scenarios[0]},
+            duration=own.duration,
+            options=own.options,
+            thresholds=own.thresholds,
+            threads=max(1, session.workers),
+        )
+
+    original, changed = check(setup), check(written)
+    request = VerificationRequest(
+        original=original,
+        changed=changed,
+        same_model=False,
+        allowed_error=original.task.tolerance,
+        stop_early=True,
+        with_labels=False,
+    )
+    try:
+        return verify_change(request)
+    except EngineError:
+        return None
 
 
 def _as_written(values: Values) -> dict[str, Setting]:

@@ -203,6 +203,9 @@ def _overlaps(report: Examination) -> bool:
 def _no_fix(report: Examination, tried: int, not_tried: int) -> str:
     if "fixes" not in report.sections:
         return f"not searched; contactlab {report.model} searches for one"
+    if report.rejected_fixes:
+        first = report.rejected_fixes[0]
+        return f"none: {first.name} is no fix: {first.reason}"
     if not tried:
         return "no time to try one; --max-cpu 5min allows more" if not_tried else "none is known"
     none = f"none of {tried} tried removes it" if tried > 1 else "the one tried does not remove it"

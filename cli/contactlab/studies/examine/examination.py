@@ -24,8 +24,9 @@ from contactlab.printable import first_names
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.coverage import Exercised
 from contactlab.schema.evidence import EvidenceRecord
-from contactlab.schema.examination import MOST_FIXES, Examination, RunLabel, SectionName
+from contactlab.schema.examination import MOST_FIXES, Examination, Fix, RunLabel, SectionName
 from contactlab.schema.finding import Waiver
+from contactlab.schema.task import QPOS0
 from contactlab.store.table_layout import record_to_row
 from contactlab.studies.check.check_entries import CHECKS, Check
 from contactlab.studies.check.chosen_checks import chosen_checks, judged_findings
@@ -33,8 +34,9 @@ from contactlab.studies.check.own_runs import reference_of
 from contactlab.studies.examine.conclusion import conclude
 from contactlab.studies.examine.facts import facts
 from contactlab.studies.examine.fixes import FixSearch, TaskRepeats
-from contactlab.studies.examine.linted_file import file_facts
+from contactlab.studies.examine.linted_file import file_facts, find_broken_start
 from contactlab.studies.examine.resting_contacts import resting_contacts
+from contactlab.studies.examine.verified_fixes import FixVerifier
 from contactlab.studies.grip.grip_fact import grip_facts
 from contactlab.tasks.checked_model import CheckedModel, open_model
 from contactlab.tasks.session import Session, Values
@@ -50,8 +52,9 @@ _OF_RUNS = {"labels", "checks", "contacts"}
 SETTINGS = Settings(timed=True)
 MAX_CPU = 60.0
 """CPU within which an examination ends, its page included [s]."""
-# Shares of it, after which no more rows that are not judged, and no more fixes, are begun.
-_BUDGETING, _FIXING = 0.4, 0.7
+# Shares of it, after which no more rows that are not judged, no more fixes, and no more runs that
+# verify a fix are begun.
+_BUDGETING, _FIXING, _VERIFYING = 0.4, 0.7, 0.9
 _CHANGED = "changed"  # store of runs with a fix
 
 
@@ -134,8 +137,7 @@ def run(request: ExamineRequest, session: Session) -> Examination:
     if "checks" in wanted:
         request.begins("checking it")
         report = _checked(report, checks, examined, request.accepted)
-    until = begun + _FIXING * request.max_cpu
-    return report if wanted == {"contacts"} else _measured(request, report, examined, until)
+    return report if wanted == {"contacts"} else _measured(request, report, examined, begun)
 
 
 def _ran(report: Examination, examined: CheckedModel) -> Examination:
@@ -154,18 +156,25 @@ def _ran(report: Examination, examined: CheckedModel) -> Examination:
 
 
 def _measured(
-    request: ExamineRequest, report: Examination, examined: CheckedModel, until: float
+    request: ExamineRequest, report: Examination, examined: CheckedModel, begun: float
 ) -> Examination:
     """Return a report with its budget, facts, fixes and verdict.
 
-    Fixes are tried until the process has used `until` seconds of CPU.
+    The examination began when the process had used `begun` seconds of CPU.
     """
+    until = begun + _FIXING * request.max_cpu
     request.begins("measuring its error budget")
     if not examined.moves:
         return conclude(report)
-    task, verdict, search = report.task, examined.judged, None
+    task, verdict, search, verifier, cause = report.task, examined.judged, None, None, ""
+    fixes = tuple[Fix, ...]()
     if "fixes" in request.sections:
-        search = _search_fixes(request, examined, verdict, report.labels, until)
+        if task.start != QPOS0:
+            cause = find_broken_start(request.model, task.start)
+        if not cause:
+            search = _search_fixes(request, examined, verdict, report.labels, until)
+            verifier = _make_verifier(request, examined, search, report.labels, begun)
+            fixes = verifier.recommend_fixes()
     tried = search.tried if search else ()
     if "facts" in request.sections:
         begins = {phase.name: phase.begin for phase in task.phases}
@@ -179,13 +188,16 @@ def _measured(
     report = report.model_copy(
         update={
             "budget": budget_report(examined.budget, verdict, tried),
-            "fixes": search.reported_fixes() if search else (),
+            "fixes": fixes,
+            "rejected_fixes": tuple(verifier.rejected) if verifier else (),
             "not_tried": (*examined.unmeasured, *skipped),
         }
     )
     trials = len(tried) + search.label_trials if search else 0
     report = conclude(report, fixes_tried=trials, fixes_not_tried=skipped)
-    return _written(request, examined, report, search)
+    if cause:
+        report = report.model_copy(update={"fix": cause})
+    return _written(request, examined, report, verifier)
 
 
 def sections_of(names: Sequence[str]) -> tuple[SectionName, ...]:
@@ -263,13 +275,32 @@ def _search_fixes(
     return FixSearch(scene, values, examined.motions, verdict, trial, repeats)
 
 
+def _make_verifier(
+    request: ExamineRequest,
+    examined: CheckedModel,
+    search: FixSearch,
+    labels: Sequence[RunLabel],
+    begun: float,
+) -> FixVerifier:
+    def open_changed(reference: str) -> CheckedModel:
+        return open_model(reference, examined.session, request.task)
+
+    until = begun + _VERIFYING * request.max_cpu
+    return FixVerifier(examined, search, examined.judged, labels, open_changed, until)
+
+
 def _written(
-    request: ExamineRequest, examined: CheckedModel, report: Examination, search: FixSearch | None
+    request: ExamineRequest,
+    examined: CheckedModel,
+    report: Examination,
+    verifier: FixVerifier | None,
 ) -> Examination:
     """Write the model with the applied fixes, or the first that keeps the model; or say why not."""
-    if request.write is None or search is None:
+    if request.write is None:
         return report
-    made, reason = search.write(request.write)
+    made, reason = None, report.fix
+    if verifier is not None:
+        made, reason = verifier.write_fix(request.write, requested=bool(request.apply))
     if made is None:
         examined.session.notify(f"{request.write} is not written: {reason}")
         return report

@@ -33,7 +33,10 @@ _SHOWN = 0.1  # of the tolerance: rows above it are in the short table
 _MOST_LINES = 6  # of a fix
 _MOST_FIRST_LINES = 3  # of the first fix, in the head
 _HEAD = "      "  # lines of the head after "why:  ", "fix:  " and "task: "
-_REPLAYED = "The actions of the policy are replayed; whether its loop is stable is not judged."
+_REPLAYED = (
+    "The error budget replays the actions of the policy; fixes are verified in its loop, where a "
+    "finer step or another integrator has to reduce the tracking error."
+)
 
 
 def examination_lines(report: Examination, *, full: bool = False) -> list[str]:
@@ -92,7 +95,15 @@ def _head(report: Examination) -> Iterator[str]:
     if report.fix:
         yield from _labeled("fix", report.fix)
     if report.fixes:
-        yield from _code(first_fix(report.fixes), _MOST_FIRST_LINES)
+        first = first_fix(report.fixes)
+        yield from _code(first, _MOST_FIRST_LINES)
+        if first.verification is not None:
+            yield from textwrap.wrap(
+                f"verified: {first.verification.sentence}",
+                COLUMNS,
+                initial_indent=_HEAD,
+                subsequent_indent=_HEAD,
+            )
 
 
 def _code(fix: Fix, most: int) -> Iterator[str]:
@@ -181,6 +192,8 @@ def _other_fix(number: int, fix: Fix, report: Examination) -> Iterator[str]:
 
 def _ends(report: Examination) -> Iterator[str]:
     """Yield the skipped parts, and what to do next: the fixed model, the page, the evidence."""
+    for fix in report.rejected_fixes:
+        yield f"no fix: {fix.name}: {fix.reason}"
     if skipped := not_tried_line(report):
         yield skipped
     if report.written:

@@ -248,7 +248,7 @@ class FixSearch:
         """Return the file of a changed model with other states; it is written once."""
         if candidate.name not in self._others:
             folder = self._folder / str(len(self._others))
-            self._others[candidate.name] = self._written(candidate.edits, folder, "").path
+            self._others[candidate.name] = self.write_edits(candidate.edits, folder).path
         return self._others[candidate.name]
 
     def reported_fixes(self) -> tuple[Fix, ...]:
@@ -268,6 +268,24 @@ class FixSearch:
             "overlap": parting,
         }
         return tuple(self._report(one, what) for what, some in found.items() for one in some)
+
+    def find_edits(self, name: str) -> ModelEdits:
+        """Return the edits of a reported fix."""
+        tried = (*self.helping, *self.without_labels)
+        found = {fix.name: fix.edits for fix in tried}
+        found |= {candidate.name: candidate.edits for candidate in self._parting}
+        return found[name]
+
+    def changes_model(self, name: str) -> bool:
+        """Return whether a fix makes another model; several fixes together do."""
+        tried = (*self.helping, *self.without_labels)
+        return next((fix.changes_model for fix in tried if fix.name == name), True)
+
+    def drop_fix(self, name: str) -> None:
+        """Report a fix no longer, and do not write it."""
+        self.helping = [fix for fix in self.helping if fix.name != name]
+        self.without_labels = [fix for fix in self.without_labels if fix.name != name]
+        self._parting = [candidate for candidate in self._parting if candidate.name != name]
 
     def _parts(self, candidate: Candidate) -> bool:
         """Return whether a fix leaves no overlap, no extreme force and no worse verdict."""
@@ -301,7 +319,7 @@ class FixSearch:
         lines, no_patch_reason = tuple[str, ...](), ""
         with TemporaryDirectory(prefix="contactlab-") as folder:
             try:
-                lines = self._written(fix.edits, Path(folder) / "changed", "").lines
+                lines = self.write_edits(fix.edits, Path(folder) / "changed").lines
             except SceneError as error:
                 no_patch_reason = str(error).splitlines()[0]
         tried = fix_report(fix)
@@ -323,47 +341,29 @@ class FixSearch:
             no_patch_reason=no_patch_reason,
         )
 
-    def _written(self, edits: ModelEdits, folder: Path, name: str) -> WrittenModel:
+    def write_edits(self, edits: ModelEdits, folder: Path, name: str = "") -> WrittenModel:
+        """Write the model with edits, and with the settings of the examination."""
         own = {key: value for key, value in self._values.items() if key not in edits.settings}
         whole = replace(edits, settings={**own, **edits.settings})
         return write_model(self._scene, whole, folder, name)
 
-    def write(self, file: Path) -> tuple[Path | None, str]:
-        """Write the model with the requested fixes, or with the first that keeps the model.
+    def choose_edits(self) -> tuple[str, ModelEdits, str]:
+        """Return the name and edits of the fix to write, or why there is none.
 
-        Several fixes are judged together first.
-
-        Returns:
-            the file of the model, which may be in a folder with files that it includes; None if it
-            was not written.
-            the reason why not, or "".
-
-        Raises:
-            OutputError: the file cannot be written.
+        It is the first that keeps the model, or the requested ones, judged together.
         """
-        edits, reason = self._to_write()
-        if reason:
-            return None, reason
-        try:
-            return self._written(edits, file.parent, file.name).path, ""
-        except SceneError as error:
-            return None, str(error).splitlines()[0]
-
-    def _to_write(self) -> tuple[ModelEdits, str]:
-        """Return the edits to write, or why there are none."""
         helping = [*self.helping, *self.without_labels]
         numerical = [fix for fix in helping if not fix.changes_model]
         wanted = {*self._trial.requested}
-        for fix in self.without_labels:
-            if wanted == {fix.apply}:
-                return fix.edits, ""
-        if not self._trial.requested:
-            return (numerical[0].edits, "") if numerical else (NO_EDITS, self._why_none(helping))
+        chosen = [fix for fix in self.without_labels if wanted == {fix.apply}]
+        if not wanted:
+            chosen = numerical
+        if chosen:
+            return chosen[0].name, chosen[0].edits, ""
+        reason = self._unknown_request() if wanted else self._why_none(helping)
+        if reason:
+            return "", NO_EDITS, reason
         by_word = {candidate.apply: candidate for candidate in self._candidates}
-        unknown = [word for word in self._trial.requested if word not in by_word]
-        if unknown:
-            known = ", ".join(word for word in by_word if word) or "none"
-            return NO_EDITS, f"no fix is called {unknown[0]}; write one of: {known}"
         accepted = [by_word[word] for word in dict.fromkeys(self._trial.requested)]
         others = [one for one in self._candidates if one.name in {two.name for two in numerical}]
         trial = replace(self._trial, most=None, left=lambda: math.inf)
@@ -371,10 +371,16 @@ class FixSearch:
             whole = joined(candidates)
             tried = try_fixes(self._motions, self._verdict, candidates=[whole], trial=trial)
             if tried and tried[0].removes:
-                return tried[0].edits, ""
+                return tried[0].name, tried[0].edits, ""
         if self._parts(whole := joined(accepted)):
-            return whole.edits, ""
-        return NO_EDITS, "the applied fixes do not remove the cause of the verdict"
+            return whole.name, whole.edits, ""
+        return "", NO_EDITS, "the applied fixes do not remove the cause of the verdict"
+
+    def _unknown_request(self) -> str:
+        words = [candidate.apply for candidate in self._candidates if candidate.apply]
+        unknown = [word for word in self._trial.requested if word not in words]
+        known = ", ".join(words) or "none"
+        return f"no fix is called {unknown[0]}; write one of: {known}" if unknown else ""
 
     def _why_none(self, helping: Sequence[TriedFix]) -> str:
         """Return why no fix is written that keeps the model."""

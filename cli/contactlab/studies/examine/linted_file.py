@@ -3,7 +3,9 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+from contactlab.scene.scene_source import find_scene
 from contactlab.schema.examination import Fact
+from contactlab.studies.lint.linted_model import linted_model
 from contactlab.studies.lint.linting import lint
 
 _MOST = 3
@@ -27,3 +29,16 @@ def file_facts(reference: str) -> Iterator[Fact]:
         if number == _MOST and more > 0:
             sentence += f"; contactlab lint lists {more} more"
         yield Fact(kind="file", place=place, value=finding.line, unit="", sentence=sentence)
+
+
+def find_broken_start(reference: str, start: str) -> str:
+    """Return why the numbers of a start are not those that its file means; "" if they are."""
+    with linted_model(find_scene(reference)) as linted:
+        if start not in linted.short_keyframes:
+            return ""
+        short = linted.short_keyframes[start]
+        name = _relative_to_model(str(short.place.file), reference)
+        return (
+            f"write {short.size} numbers in {short.attribute} of keyframe {start} "
+            f"({name}:{short.place.line}), which has {short.count}; all else follows from it"
+        )

@@ -42,6 +42,7 @@ _KINDS = {
     "site": "sites",
 }
 _UNLINED = "key"  # MuJoCo keeps no lines of keyframes
+_ATTACHING = {"attach", "replicate"}
 _LINE = re.compile(r":(\d+): does not compile")
 _LINKS = {"body": "link", "joint": "joint"}  # names in URDF
 
@@ -52,6 +53,22 @@ class Place(NamedTuple):
     file: Path
     line: int
     last: int
+
+
+class ShortKeyframe(NamedTuple):
+    """A keyframe with a wrong count of numbers.
+
+    Attributes:
+        attribute: such as `qpos`.
+        count: numbers that it has.
+        size: numbers that the model has.
+        place: of its element.
+    """
+
+    attribute: str
+    count: int
+    size: int
+    place: Place
 
 
 class Edit(NamedTuple):
@@ -132,15 +149,48 @@ class LintedModel:
 
     @cached_property
     def starts(self) -> Mapping[str, mujoco.MjData]:
-        """State of each start after `mj_forward`, by name: keyframes, or `QPOS0` without any."""
+        """State of each start after `mj_forward`, by name: keyframes, or `QPOS0` without any.
+
+        Keyframes with a wrong count of numbers are no states that anyone meant, and left out.
+        """
         silence_mujoco()
         found = dict[str, mujoco.MjData]()
-        for name in keyframe_names(self.model) or (QPOS0,):
+        names = [name for name in keyframe_names(self.model) if name not in self.short_keyframes]
+        for name in names or (QPOS0,):
             data = mujoco.MjData(self.model)
             if name != QPOS0:
                 mujoco.mj_resetDataKeyframe(self.model, data, self.model.key(name).id)
             mujoco.mj_forward(self.model, data)
             found[name] = data
+        return found
+
+    @cached_property
+    def short_keyframes(self) -> Mapping[str, ShortKeyframe]:
+        """Keyframes with a wrong count of numbers, by name.
+
+        MuJoCo fills up those of attached models by itself, so these are not judged.
+        """
+        if self.is_urdf or any(element.tag in _ATTACHING for element, _ in self.tags()):
+            return {}
+        model = self.model
+        sizes = {
+            "qpos": model.nq,
+            "qvel": model.nv,
+            "act": model.na,
+            "ctrl": model.nu,
+            "mpos": 3 * model.nmocap,
+            "mquat": 4 * model.nmocap,
+        }
+        found = dict[str, ShortKeyframe]()
+        for element, origin in self.tags():
+            if element.tag != _UNLINED:
+                continue
+            for attribute, size in sizes.items():
+                text = element.get(attribute)
+                if text is not None and (count := len(text.split())) != size:
+                    place = self.place_at(origin)
+                    short = ShortKeyframe(attribute, count, size, place)
+                    found.setdefault(element.get("name", ""), short)
         return found
 
     @cached_property

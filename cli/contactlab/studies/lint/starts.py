@@ -88,12 +88,26 @@ def _clip_text(values: Floats, found: list[_Beyond]) -> str:
     return mjcf_text(inside.tolist())
 
 
+@rule("keyframe-length", "gate")
+def keyframe_length(linted: LintedModel) -> Iterator[Fault]:
+    """A keyframe has another count of numbers than the model."""
+    for name, short in linted.short_keyframes.items():
+        rest = f"those of {QPOS0}" if short.attribute == "qpos" else "zeros"
+        yield Fault(
+            f"keyframe '{name}' has {short.count} numbers in {short.attribute}, and the model "
+            f"{short.size}: MuJoCo appends {rest}, so values may act on other joints than meant; "
+            f"write {short.size}",
+            short.place,
+        )
+
+
 @rule("keyframe-range", "gate")
 def keyframe_range(linted: LintedModel) -> Iterator[Fault]:
     """A keyframe puts joints outside of their ranges."""
     model = linted.model
-    for name in keyframe_names(model):
-        data = linted.starts[name]
+    for name, data in linted.starts.items():
+        if name == QPOS0:
+            continue
         if found := _pushed_back(model, data):
             edits = linted.set("key", name, qpos=_clip_text(data.qpos, found))
             message = f"keyframe '{name}' has {_list_text(found)}; the limits push it back at once"
@@ -110,7 +124,7 @@ def keyframe_control(linted: LintedModel) -> Iterator[Fault]:
     """A keyframe has controls outside of their ranges, which are clamped."""
     model = linted.model
     for name in keyframe_names(model):
-        if not len(linted.spec.key(name).ctrl):
+        if name in linted.short_keyframes or not len(linted.spec.key(name).ctrl):
             continue  # not written in the file
         controls = start_data(model, name).ctrl
         if found := list(_controls_out_of_range(model, controls)):

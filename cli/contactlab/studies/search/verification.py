@@ -17,7 +17,7 @@ from contactlab.scene.model_names import printed_geom_name
 from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.schema.task import Task
 from contactlab.schema.tune_report import MODEL, CurrentVerdict, Target, Verification
-from contactlab.schema.verification import Verification as Panel
+from contactlab.schema.verification import VerifiedChange
 from contactlab.studies.search.configuration import (
     INTEGRATOR,
     Configuration,
@@ -484,7 +484,7 @@ class CandidateVerifier:
             panel=panel,
         )
 
-    def _compare_measures(self, changed: CheckedModel, goal: Goal) -> Panel:
+    def _compare_measures(self, changed: CheckedModel, goal: Goal) -> VerifiedChange:
         """Run the original and the changed model next to each other; the time limit ends it."""
         asked = self._target.kind == "error" and goal.must_be_sound
         return verify_change(

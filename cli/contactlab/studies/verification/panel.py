@@ -21,9 +21,10 @@ from contactlab.budget.measuring import run_at_once
 from contactlab.budget.motion import INTEGRATION
 from contactlab.measure import LABELS
 from contactlab.numerical_tolerance import COARSE_ROUNDING
+from contactlab.reporting.verified_measures import describe_measure, measure_change
 from contactlab.schema.grip import GripReport
 from contactlab.schema.task import Task
-from contactlab.schema.verification import SkippedRun, Verification, VerifiedMeasure
+from contactlab.schema.verification import SkippedRun, VerifiedChange, VerifiedMeasure
 from contactlab.studies.verification.grip_measures import compare_grips
 from contactlab.studies.verification.loop_runs import LoopRuns, has_policy
 from contactlab.studies.verification.run_measures import (
@@ -52,7 +53,8 @@ ERROR_FLOOR = 1e-3
 below the error of any measured parameter."""
 _RATES = (8, 10, 12, 16, 20, 25, 32)
 """Steps of the reference in one step of the original. One of them fits nearly any usual ratio."""
-_JUDGING = {"void", "bad", "poor"}  # bands of labels that say that something is wrong
+JUDGING_SEVERITIES = {"void", "bad", "poor"}
+"""Severities of labels that say that something is wrong."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +100,7 @@ class VerificationRequest:
         with_labels: False if the caller compares the labels of runs.
         runs: of the original; pass the same object to verify several changes of one model.
         notify: called with the name of each run as it begins.
+        left: returns the time that is left [s]; runs that would begin later are skipped.
     """
 
     original: CheckedModel
@@ -110,9 +113,10 @@ class VerificationRequest:
     with_labels: bool = True
     runs: OriginalRuns = field(default_factory=OriginalRuns)
     notify: Callable[[str], None] = lambda _: None
+    left: Callable[[], float] = lambda: math.inf
 
 
-def verify_change(request: VerificationRequest) -> Verification:
+def verify_change(request: VerificationRequest) -> VerifiedChange:
     """Run original and changed model next to each other, and compare all measures.
 
     Raises:
@@ -126,17 +130,19 @@ def verify_change(request: VerificationRequest) -> Verification:
             break
     worse = [measure for measure in measures if measure.worse]
     idle = not worse and not _is_improved(measures, request.must_improve)
+    summary = summarize_measures(measures)
+    if panel.ended_early and not worse:
+        summary += "; the time limit ended it early"
     task = request.original.task
-    return Verification(
+    return VerifiedChange(
         seeds=task.seeds,
         fresh_seeds=with_new_seeds(task).seeds,
         measures=tuple(measures),
         skipped=tuple(panel.skipped),
         identical=panel.identical and not worse,
         passed=not worse and not idle,
-        sentence=_idle_sentence(measures, request.must_improve)
-        if idle
-        else summarize_measures(measures),
+        sentence=_idle_sentence(measures, request.must_improve) if idle else summary,
+        ended_early=panel.ended_early,
     )
 
 
@@ -160,42 +166,34 @@ def _idle_sentence(measures: Sequence[VerifiedMeasure], names: Sequence[str]) ->
 
 
 def summarize_measures(measures: Sequence[VerifiedMeasure]) -> str:
-    """Return the result in one line."""
+    """Return the result in one line, such as "nothing worse in 14 measures of 5 runs"."""
     worse = [measure for measure in measures if measure.worse]
-    if not worse:
-        runs = len({measure.run for measure in measures})
-        return f"nothing worse in {len(measures)} measures of {runs} runs"
-    first = worst_measure(worse)
-    more = f" (and {len(worse) - 1} more)" if len(worse) > 1 else ""
-    return f"{describe_measure(first)}{more}"
+    if worse:
+        first = worst_measure(worse)
+        more = f" (and {len(worse) - 1} more)" if len(worse) > 1 else ""
+        return f"{describe_measure(first)}{more}"
+    runs = len({measure.run for measure in measures})
+    better = [measure for measure in measures if _is_better(measure)]
+    # The numerical error is the usual reason of a change.
+    best = max(
+        better,
+        key=lambda each: (each.name == "numerical error", measure_change(each)),
+        default=None,
+    )
+    gain = f"; {describe_measure(best)}" if best else ""
+    return f"nothing worse in {len(measures)} measures of {runs} runs{gain}"
+
+
+def _is_better(measure: VerifiedMeasure) -> bool:
+    if measure.before is None or measure.after is None:
+        return measure.before is None and not measure.worse
+    gain = measure.before - measure.after
+    return (-gain if measure.more_is_better else gain) > measure.tolerance
 
 
 def worst_measure(measures: Sequence[VerifiedMeasure]) -> VerifiedMeasure:
     """Return the measure that exceeds its tolerance by the largest factor."""
-
-    def measure_excess(measure: VerifiedMeasure) -> float:
-        if measure.after is None or measure.before is None:
-            return math.inf
-        return abs(measure.after - measure.before) / max(measure.tolerance, 1e-300)
-
-    return max(measures, key=measure_excess)
-
-
-_SCALES = {"m": (1e3, "mm"), "rad": (180 / math.pi, "deg"), "m/s": (1e3, "mm/s"), "1": (1.0, "")}
-_SHARES = {"numerical error", "energy gain", "energy error", "grip depth"}
-
-
-def describe_measure(measure: VerifiedMeasure) -> str:
-    """Return a measure before and after, such as "creep 0 -> 0.99 mm/s (tilted; box)"."""
-    factor, unit = _SCALES.get(measure.unit, (1.0, measure.unit))
-    if measure.name in _SHARES:
-        factor, unit = 100.0, "%"
-    numbers = [
-        "infinite" if value is None else f"{factor * value:.3g}"
-        for value in (measure.before, measure.after)
-    ]
-    where = "; ".join(filter(None, (measure.run, measure.place)))
-    return f"{measure.name} {' -> '.join(numbers)}{' ' * bool(unit)}{unit} ({where})"
+    return max(measures, key=measure_change)
 
 
 class _Panel:
@@ -205,10 +203,16 @@ class _Panel:
         self._request = request
         self._original, self._changed = request.original, request.changed
         self.skipped = list[SkippedRun]()
-        self.identical = True
+        self.ended_early = False
+        self._equal_runs = list[bool]()
         task = request.original.task
         self._tasks = {"task": task, "task on fresh seeds": with_new_seeds(task)}
         self._in_loop = has_policy(request.original)
+
+    @property
+    def identical(self) -> bool:
+        """Whether runs were compared, and all have equal bits."""
+        return bool(self._equal_runs) and all(self._equal_runs)
 
     def measure_all(self) -> Iterator[VerifiedMeasure]:
         """Yield all measures, those first that find most harm for their time."""
@@ -231,13 +235,28 @@ class _Panel:
         for name, (own, other) in motions.items():
             yield from self._measure_errors(name, own, other)
         if comparable:
+            largest = dict[str, float]()
             for name, (own, other) in motions.items():
                 for before, after in zip(own, other, strict=False):
-                    yield from self._compare_states(
-                        pair_motions(f"{name}, {before.name}", before, after)
-                    )
+                    run = pair_motions(f"{name}, {before.name}", before, after)
+                    for measure in self._compare_states(run):
+                        yield self._allow_earlier(measure, largest)
             if first[0][-1].inputs.any():
-                yield from self._compare_states(build_doubled_run(first[0][-1], first[1][-1]))
+                for measure in self._compare_states(build_doubled_run(first[0][-1], first[1][-1])):
+                    yield self._allow_earlier(measure, largest)
+
+    def _allow_earlier(
+        self, measure: VerifiedMeasure, largest: dict[str, float]
+    ) -> VerifiedMeasure:
+        # A motion that the change is meant to alter begins its next phase in another state, so a
+        # measure may be as large as the original's was in any earlier phase of the task.
+        before, after = measure.before, measure.after
+        if self._request.keeps_motion or before is None or after is None:
+            return measure
+        earlier = largest[measure.name] = max(before, largest.get(measure.name, before))
+        tolerance = max(measure.tolerance, earlier - before)
+        worse = measure.worse and after > before + tolerance
+        return measure.model_copy(update={"tolerance": tolerance, "worse": worse})
 
     def _measure_loops(self) -> Iterator[VerifiedMeasure]:
         # Replays of recorded controls say nothing of a loop, so all runs have the policy in them.
@@ -260,6 +279,14 @@ class _Panel:
         if all(skipped.run != run for skipped in self.skipped):
             self.skipped.append(SkippedRun(run=run, reason=reason))
 
+    def _begin_run(self, name: str) -> bool:
+        if self._request.left() < 0:
+            self.ended_early = True
+            self._skip_run(name, "the time limit")
+            return False
+        self._request.notify(name)
+        return True
+
     def _has_same_layout(self, motions: tuple[list[Motion], list[Motion]]) -> bool:
         own, other = (each[0].model for each in motions)
         return self._has_same_sizes(own, other)
@@ -273,9 +300,10 @@ class _Panel:
         return same
 
     def _compare_states(self, run: PairedRun) -> Iterator[VerifiedMeasure]:
-        self._request.notify(run.name)
+        if not self._begin_run(run.name):
+            return
         tables = tabulate_run(run, self._original.threads, self._request.runs.tables)
-        self.identical &= tables.original.bits == tables.changed.bits
+        self._equal_runs.append(tables.original.bits == tables.changed.bits)
         request = self._request
         yield from compare_run(
             run, tables, request.allowed_error, keeps_motion=request.keeps_motion
@@ -301,7 +329,8 @@ class _Panel:
         self, name: str, own: Sequence[Motion], other: Sequence[Motion]
     ) -> Iterator[VerifiedMeasure]:
         # Both errors are measured against the original's motion at a fine step.
-        self._request.notify(f"numerical error, {name}")
+        if not self._begin_run(f"numerical error, {name}"):
+            return
         errors = _measure_error_pair(self._request, name, own, other)
         if errors is None:
             self._skip_run("numerical error", "the step is not a multiple of any reference's step")
@@ -322,14 +351,16 @@ class _Panel:
         )
 
     def _compare_grips(self) -> Iterator[VerifiedMeasure]:
-        if self._original.values:
-            self._skip_run("grip", "settings are given by --set, and grips are judged as written")
+        if self._original.values or self._changed.values:
+            self._skip_run("grip", "settings are not in the file, and grips are judged as written")
             return
-        self._request.notify("grip")
+        if not self._begin_run("grip"):
+            return
         yield from compare_grips(self._original, self._changed, self._request.runs.grips)
 
     def _compare_labels(self, name: str, task: Task) -> Iterator[VerifiedMeasure]:
-        self._request.notify(f"labels, {name}")
+        if not self._begin_run(f"labels, {name}"):
+            return
         known = self._request.runs.labels
         if name not in known:
             known[name] = _count_failure_labels(self._original, task)
@@ -351,11 +382,11 @@ class _Panel:
 def _count_failure_labels(checked: CheckedModel, task: Task) -> Counter[str]:
     with TemporaryDirectory(prefix="contactlab-") as folder:
         alone = replace(checked, session=replace(checked.session, folder=Path(folder)))
-        runs = alone.run("labels", "Verified against the original", seeds=task.seeds)
+        runs = alone.run("labels", "Verified against the original", seeds=task.seeds, trace="none")
         labels = run_labels(task, [run.record for run in runs])
     counts = Counter[str]()
     for each in labels:
-        if LABELS[each.label].severity in _JUDGING:
+        if LABELS[each.label].severity in JUDGING_SEVERITIES:
             counts[each.label] += each.runs
     return counts
 

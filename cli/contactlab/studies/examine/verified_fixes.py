@@ -1,0 +1,160 @@
+"""Verifies the fixes that an examination prints first or writes, and drops those that harm."""
+
+import math
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from contactlab.budget.verdict import Verdict
+from contactlab.errors import SceneError
+from contactlab.measure import LABELS
+from contactlab.measure.assessment import NUMERICAL_CAUSE
+from contactlab.reporting.examination import first_fix
+from contactlab.scene.model_draft import ModelEdits
+from contactlab.schema.examination import Fix, RejectedFix, RunLabel
+from contactlab.schema.verification import VerifiedChange
+from contactlab.studies.examine.fixes import FixSearch
+from contactlab.studies.verification import (
+    JUDGING_SEVERITIES,
+    OriginalRuns,
+    VerificationRequest,
+    has_policy,
+    verify_change,
+)
+from contactlab.tasks.checked_model import CheckedModel
+
+_NUMERICAL = ("inaccurate", "undecided")
+_LOOP_MEASURES = ("tracking error", "end position")
+
+
+@dataclass
+class FixVerifier:
+    """Verifies fixes of one model.
+
+    Attributes:
+        examined: the model.
+        search: its fixes.
+        verdict: the verdict that they are against.
+        labels: failure labels of the model's runs.
+        open_changed: opens the file of a changed model under the same task.
+        until: CPU time of this process at which a verification ends early [s].
+        rejected: fixes that were dropped, with the reason.
+    """
+
+    examined: CheckedModel
+    search: FixSearch
+    verdict: Verdict
+    labels: Sequence[RunLabel]
+    open_changed: Callable[[str], CheckedModel]
+    until: float
+    rejected: list[RejectedFix] = field(default_factory=list[RejectedFix])
+    _known: dict[str, VerifiedChange] = field(default_factory=dict[str, VerifiedChange])
+    _runs: OriginalRuns = field(default_factory=OriginalRuns)
+
+    def recommend_fixes(self) -> tuple[Fix, ...]:
+        """Return the fixes to report; the first has passed its verification.
+
+        Those that did not pass are dropped from the search.
+        """
+        while fixes := self.search.reported_fixes():
+            first = first_fix(fixes)
+            edits = self.search.find_edits(first.name)
+            removes_verdict = first.removes == "verdict"
+            found = self._verify(first.name, edits, self.until, removes_verdict=removes_verdict)
+            if found.passed:
+                verified = first.model_copy(update={"verification": found})
+                return tuple(verified if fix is first else fix for fix in fixes)
+            self._drop(first.name, found)
+        return ()
+
+    def write_fix(self, file: Path, *, requested: bool) -> tuple[Path | None, str]:
+        """Write the model with the requested fixes, or with the first that keeps it and passes.
+
+        Returns:
+            the file of the model, which may be in a folder with files that it includes; None if it
+            was not written.
+            the reason why not, or "".
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        while True:
+            name, edits, reason = self.search.choose_edits()
+            if reason:
+                return None, reason
+            removes_verdict = name not in {fix.name for fix in self.search.without_labels}
+            found = self._verify(name, edits, math.inf, removes_verdict=removes_verdict)
+            if found.passed:
+                return self.search.write_edits(edits, file.parent, file.name).path, ""
+            if requested:
+                return None, f"{name}: {found.sentence}"
+            self._drop(name, found)
+
+    def _drop(self, name: str, found: VerifiedChange) -> None:
+        self.rejected.append(RejectedFix(name=name, reason=found.sentence))
+        self.search.drop_fix(name)
+
+    def _verify(
+        self, name: str, edits: ModelEdits, until: float, *, removes_verdict: bool
+    ) -> VerifiedChange:
+        known = self._known.get(name)
+        if known is not None and not known.ended_early:
+            return known
+        numerical = removes_verdict and self.verdict.word in _NUMERICAL
+        computed = not self.search.changes_model(name)
+        in_loop = has_policy(self.examined)
+        caused = {label.label for label in self.labels if NUMERICAL_CAUSE in label.reason}
+        # A fix that removes a failure moves bodies otherwise, and so does another model in a loop,
+        # which may end an oscillation.
+        keeps_motion = (
+            numerical and not caused and not edits.fixes_start and (computed or not in_loop)
+        )
+        if self.labels:
+            self._runs.labels.setdefault("task", _count_failures(self.labels))
+        with TemporaryDirectory(prefix="contactlab-") as folder:
+            found = verify_change(
+                VerificationRequest(
+                    original=self.examined,
+                    changed=self._open_edited(edits, Path(folder) / "changed"),
+                    same_model=numerical and computed,
+                    keeps_motion=keeps_motion,
+                    must_improve=_LOOP_MEASURES if in_loop and keeps_motion else (),
+                    allowed_error=self.examined.task.tolerance if numerical else 0.0,
+                    stop_early=True,
+                    runs=self._runs,
+                    left=lambda: until - time.process_time(),
+                )
+            )
+        left = [label for label in caused if numerical and _runs_with(found, label)]
+        if found.passed and left:
+            sentence = f"it leaves {' and '.join(sorted(left))}"
+            found = found.model_copy(update={"passed": False, "sentence": sentence})
+        if found.identical:
+            sentence = "its runs are bit for bit those of the model as written"
+            found = found.model_copy(update={"passed": False, "sentence": sentence})
+        self._known[name] = found
+        return found
+
+    def _open_edited(self, edits: ModelEdits, folder: Path) -> CheckedModel:
+        try:
+            return self.open_changed(self.search.write_edits(edits, folder).reference)
+        except SceneError:
+            # Some models cannot be written with a change, such as flexes, but run with settings.
+            return replace(self.examined, values={**self.examined.values, **edits.settings})
+
+
+def _runs_with(found: VerifiedChange, label: str) -> float:
+    return sum(
+        measure.after or 0.0 for measure in found.measures if measure.name == f"label {label}"
+    )
+
+
+def _count_failures(labels: Sequence[RunLabel]) -> Counter[str]:
+    counts = Counter[str]()
+    for label in labels:
+        if LABELS[label.label].severity in JUDGING_SEVERITIES:
+            counts[label.label] += label.runs
+    return counts

@@ -1,0 +1,94 @@
+"""Judges a grip, and verifies the fix that it recommends."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from contactlab.errors import EngineError, SceneError
+from contactlab.run.sweep_request import SceneLoader
+from contactlab.scene.model_draft import ModelEdits
+from contactlab.scene.model_writer import write_model
+from contactlab.schema.grip import GripFix, GripReport
+from contactlab.schema.verification import VerifiedChange
+from contactlab.studies.grip.gripping import GripRequest, judge_grip
+from contactlab.studies.verification.panel import OriginalRuns, VerificationRequest, verify_change
+from contactlab.tasks.checked_model import open_model
+from contactlab.tasks.session import Session
+
+_DEEPEST = 0.5
+"""Share of half of the object's width. Deeper, a finger is nearer to the middle of the object than
+to its face, and where it touches is not where it would."""
+
+
+def judge_verified_grip(request: GripRequest) -> GripReport:
+    """Judge a grip; the fix in its sentence passed its verification.
+
+    Raises:
+        SceneError: there is no such model, keyframe or body; nothing closes, or nothing is held.
+        SweepFileError: a squeeze is requested for a keyframe, or is more than the actuators give.
+    """
+    report = judge_grip(request)
+    holding = [fix for fix in report.fixes if fix.verdict == "holds"]
+    if not holding:
+        return report
+    if report.depth_share > _DEEPEST:
+        reason = (
+            f"the fingers penetrate {report.depth_share:.0%} of half of the object's width; limit "
+            "their force first"
+        )
+        rejected = [
+            _reject_fix(fix, reason) if fix.verdict == "holds" else fix for fix in report.fixes
+        ]
+        return _recommend(report, rejected, reason)
+    fixes, runs = list(report.fixes), OriginalRuns()
+    for place, fix in enumerate(fixes):
+        if fix.verdict != "holds" or not fix.lines:
+            continue
+        request.notify(f"verifying {fix.name}")
+        found = _verify_fix(request, fix, runs)
+        if found.passed:
+            fixes[place] = fix.model_copy(update={"verification": found})
+            return _recommend(report, fixes, "")
+        fixes[place] = _reject_fix(fix, found.sentence)
+    return _recommend(report, fixes, "each makes something worse")
+
+
+def _reject_fix(fix: GripFix, reason: str) -> GripFix:
+    return fix.model_copy(update={"lines": (), "no_patch_reason": reason})
+
+
+def _recommend(report: GripReport, fixes: Sequence[GripFix], reason: str) -> GripReport:
+    """Return the report with verified fixes first, and the first of them in its sentence."""
+    ranked = sorted(fixes, key=lambda fix: fix.verification is None)
+    head = report.sentence.partition(". Fix: ")[0]
+    first = next((fix for fix in ranked if fix.verdict == "holds" and not reason), None)
+    if first is None:
+        text = f"{head}. No fix: {reason}"
+    else:
+        cost = f", x{first.time_ratio.ratio:.2g} time" if first.time_ratio else ""
+        text = f"{head}. Fix: {first.name} ({1e3 * (first.speed or 0.0):.3g} mm/s{cost})"
+    return report.model_copy(update={"fixes": tuple(ranked), "sentence": text})
+
+
+def _verify_fix(request: GripRequest, fix: GripFix, runs: OriginalRuns) -> VerifiedChange:
+    with TemporaryDirectory(prefix="contactlab-") as folder:
+        session = Session(Path(folder) / "results")
+        scene = SceneLoader(Path()).open(request.model).with_effects("all")
+        written = write_model(scene, ModelEdits(dict(fix.options)), Path(folder) / "changed")
+        original, changed = (
+            open_model(model, session) for model in (request.model, written.reference)
+        )
+        asked = VerificationRequest(
+            original=original,
+            changed=changed,
+            same_model=False,
+            keeps_motion=False,
+            stop_early=True,
+            with_labels=False,
+            runs=runs,
+        )
+        try:
+            return verify_change(asked)
+        except (EngineError, SceneError) as error:
+            reason = str(error).splitlines()[0]
+            return VerifiedChange(passed=False, identical=False, sentence=reason)

@@ -1,1 +1,0 @@
-"""The one clock: models take turns, and their ratios of times have intervals."""
