@@ -1,7 +1,6 @@
 """Measures the time of changed models over that of the original, in turns from the same states."""
 
 import math
-import time
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
@@ -12,11 +11,10 @@ from contactlab.budget.motion import Motion
 from contactlab.budget.windows import Batch, Run, start_rows
 from contactlab.contact.trace_arrays import Floats
 from contactlab.schema.time_ratio import TimeRatio
+from contactlab.timing.interleaved import TURN_SECONDS, compare_times, stopwatch
 
 Made = Callable[[], mujoco.MjModel]
 
-_ROUNDS, _WARM = 11, 1
-_LEAST = 5e-3  # s, for which the model as written is timed in each round
 _HELD = 1 << 27  # bytes of models that are held
 _STRETCH = 5  # windows, so that setting states is no part of the time
 
@@ -36,30 +34,26 @@ def measure_time_ratios(
         return {}
     valid = np.argwhere(run.valid[:, length - 1 :])
     stretches = _Stretches(motion, run, length * run.steps)
-    own = stretches.ready(motion.model, 1, valid[:1])
-    taken = _enough(valid, own.seconds())
+    taken = valid[:1]
+    # One place tells roughly how many are enough, and these tell it better.
+    for _ in range(2):
+        own = stretches.ready(motion.model, 1, taken)
+        taken = _enough(valid, own.seconds() / len(taken))
     own = stretches.ready(motion.model, 1, taken)
-    taken = _enough(valid, own.seconds() / len(taken))
-    own = stretches.ready(motion.model, 1, taken)
-    ratios: dict[str, list[float]] = {name: [] for name in changed}
     most = max(1, _HELD // motion.model.nbuffer)
+    ratios = dict[str, TimeRatio]()
     for begin in range(0, len(changed), most):
-        names = list(changed)[begin : begin + most]
-        group = [
-            stretches.ready(made(), rate, taken) for made, rate in [changed[name] for name in names]
-        ]
-        for number in range(_ROUNDS + _WARM):
-            base = own.seconds()
-            for name, model in zip(names, group, strict=True):
-                ratio = model.seconds() / base
-                if number >= _WARM:
-                    ratios[name].append(ratio)
-    return {name: TimeRatio.of_pairs(found) for name, found in ratios.items()}
+        names = [*changed][begin : begin + most]
+        made = [changed[name] for name in names]
+        group = [stretches.ready(model(), rate, taken) for model, rate in made]
+        timers = [each.seconds for each in (own, *group)]
+        ratios |= zip(names, compare_times(timers), strict=True)
+    return ratios
 
 
 def _enough(valid: np.ndarray, seconds: float) -> np.ndarray:
     """Return enough places for the timing if one takes `seconds` [s]; few come twice."""
-    count = max(1, math.ceil(_LEAST / seconds))
+    count = max(1, math.ceil(TURN_SECONDS / seconds))
     places = np.linspace(0, len(valid) - 1, min(count, len(valid))).astype(int)
     return np.resize(valid[places], (max(count, len(places)), 2))
 
@@ -75,9 +69,7 @@ class _Timed(NamedTuple):
     def seconds(self) -> float:
         """Return its thread time [s]."""
         self.batch.state[:] = self.starts
-        begin = time.thread_time()
-        self.batch.rollout(self.steps, record=[], **self.given)
-        return time.thread_time() - begin
+        return stopwatch(lambda: self.batch.rollout(self.steps, record=[], **self.given))()
 
 
 class _Stretches(NamedTuple):

@@ -30,9 +30,11 @@ from contactlab.judge.subjects import (
 from contactlab.judge.wording import out_of, plural, value_change
 from contactlab.rendering.amounts import format_percent
 from contactlab.schema.finding import Finding, RunPair, Verdict
-from contactlab.shares import SURE, median_interval
+from contactlab.schema.time_ratio import TimeRatio
+from contactlab.shares import SURE
 from contactlab.store.run_columns import NumberColumn
 from contactlab.store.table_layout import REAL, Column
+from contactlab.timing.interleaved import time_round
 
 _WORDS: Mapping[Verdict, str] = {
     "not comparable": "not a number",
@@ -277,11 +279,12 @@ def remeasured_check(paired: PairedStores, request: Remeasure) -> Finding:
         times = [_time_pair(before, after, pair) for pair in pairs]
         engines = f"{before.engine}, now {after.engine}"
     ratios = [now / then for then, now in times]
-    low, high = median_interval(ratios)
-    code = WORSE if low > 1 + rule.rel else BETTER if high < 1 - rule.rel else SAME
+    found = TimeRatio.of_pairs(ratios)
+    worse, better = found.is_greater(1 + rule.rel), found.is_less(1 - rule.rel)
+    code = WORSE if worse else BETTER if better else SAME
     message = (
-        f"median ratio {np.median(ratios):.3f}, {format_percent(SURE)} interval "
-        f"{low:.3f} to {high:.3f} over {plural(len(ratios))} "
+        f"median ratio {found.ratio:.3f}, {format_percent(SURE)} interval "
+        f"{found.low:.3f} to {found.high:.3f} over {plural(len(ratios))} "
         f"(within {format_percent(rule.rel)}; {engines})"
     )
     worst = int(np.argmax(ratios))
@@ -291,14 +294,17 @@ def remeasured_check(paired: PairedStores, request: Remeasure) -> Finding:
 
 
 def _time_pair(before: RunTimer, after: RunTimer, pair: RunPair) -> tuple[float, float]:
-    """Return the CPU time of a step of both runs [s]: the smaller of two, timed in order ABBA."""
+    """Return the CPU time of a step of both runs [s], each timed twice in turns."""
     assert pair.baseline_run is not None
     assert pair.candidate_run is not None
     least = min(before.time(pair.baseline_run, 1)[0], after.time(pair.candidate_run, 1)[0])
     least_seconds = 0.05  # CPU time that each timing of a run takes at least [s]
     most_repeats = 200
     repeats = min(most_repeats, max(1, math.ceil(least_seconds / max(least, 1e-9))))
-    first = before.time(pair.baseline_run, repeats)[1]
-    others = [after.time(pair.candidate_run, repeats)[1] for _ in range(2)]
-    last = before.time(pair.baseline_run, repeats)[1]
-    return min(first, last), min(others)
+    one, other = time_round(
+        [
+            lambda: before.time(str(pair.baseline_run), repeats)[1],
+            lambda: after.time(str(pair.candidate_run), repeats)[1],
+        ]
+    )
+    return float(one), float(other)

@@ -7,7 +7,7 @@ from statistics import median
 from pydantic import ConfigDict
 
 from contactlab.schema.strict_model import Model, about
-from contactlab.shares import median_interval
+from contactlab.shares import SURE, median_interval
 
 LEAST_SAVING = 0.03
 """Least relevant difference, as a share of the time: another build or machine changes the time of
@@ -37,6 +37,25 @@ class TimeRatio(Model):
         """Return the median ratio of matched pairs, with the interval of that median."""
         return cls.of(median(ratios), *median_interval(ratios))
 
+    @classmethod
+    def of_sums(cls, base: Sequence[float], other: Sequence[float]) -> "TimeRatio":
+        """Return the ratio of the total times of different samples, such as seeds.
+
+        Samples differ in length and in their ratio, so that the interval contains that spread. For
+        a ratio of sums, the deviation of a sample is its residual, in first order (W. G. Cochran,
+        Sampling Techniques, 1977, 6.4), with n - 1 degrees of freedom.
+        """
+        from scipy.special import stdtrit  # noqa: PLC0415 - it takes a while to load
+
+        count, whole = len(base), sum(base)
+        ratio = sum(other) / whole
+        if not math.isfinite(ratio):
+            return cls.of(math.inf, math.inf, math.inf)
+        off = [theirs / ratio - own for own, theirs in zip(base, other, strict=True)]
+        share = math.sqrt(count / (count - 1) * sum(each * each for each in off)) / whole
+        half = float(stdtrit(count - 1, (1 + SURE) / 2)) * share
+        return cls.of(ratio, ratio * math.exp(-half), ratio * math.exp(half))
+
     def is_less(self, than: float = 1.0, *, by: float = 0.0) -> bool:
         """Return whether the interval is below a number, and the ratio is less by a share of it."""
         return self.high < than and self.ratio < than * (1 - by)
@@ -51,7 +70,9 @@ class TimeRatio(Model):
 
     @property
     def half_width(self) -> float:
-        """Half of the interval, as a share of the ratio."""
+        """Half of the interval, as a share of the ratio; 0 if both are infinite."""
+        if math.isinf(self.ratio):
+            return 0.0
         return (self.high - self.low) / (2 * self.ratio)
 
     def scaled(self, factor: float) -> "TimeRatio":

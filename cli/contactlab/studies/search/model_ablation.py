@@ -41,7 +41,6 @@ from contactlab.tasks.stress_motions import (
 )
 
 _MEASURING_SHARE = 0.85  # of the time limit, after which no measurement starts
-_TIMING_TURNS = 5
 _TENDON_FIELDS = tuple(
     field
     for field in (
@@ -115,11 +114,9 @@ def ablate_model(request: PartsRequest, session: Session) -> PartsReport:
 
             estimate = reference.error_against(without, same)
         if not timed_out:
-            (ratio,) = clock.time_ratios(
-                [(_changed_model(motions[0].model, part.removal), 1)], _TIMING_TURNS
-            )
+            (ratio,) = clock.time_ratios([(_changed_model(motions[0].model, part.removal), 1)])
         measured.append((part, estimate, ratio))
-    (noise_floor,) = clock.time_ratios([(copy.copy(motions[0].model), 1)], _TIMING_TURNS)
+    (noise_floor,) = clock.time_ratios([(copy.copy(motions[0].model), 1)])
     report = PartsReport(
         model=request.model,
         scene_hash=examined.scene.hash,

@@ -1,0 +1,1 @@
+"""The one clock: models take turns, and their ratios of times have intervals."""
