@@ -14,12 +14,13 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from contactlab.budget import Motion, error_budget, judge, motion_of_run
+from contactlab.budget import Motion, budget_report, error_budget, judge, motion_of_run
 from contactlab.budget.motion import INTEGRATION
-from contactlab.budget.text import budget_lines
 from contactlab.engines import PreparedRuns
 from contactlab.modifications.catalogue import list_rows
 from contactlab.parts import register_parts
+from contactlab.rendering.text import render_text
+from contactlab.reporting.budget_document import describe_budget
 from contactlab.run.sweep_request import SceneLoader
 
 _TWELVE = (
@@ -66,7 +67,7 @@ def measure(name: str, motion: Motion, rows: tuple[str, ...] | None, most: float
     begin, cpu = time.perf_counter(), time.process_time()
     budget = error_budget([motion], rows=rows)
     wall, cpu = time.perf_counter() - begin, time.process_time() - cpu
-    print("\n".join(budget_lines(budget, judge(budget))))
+    print(render_text(describe_budget(budget_report(budget, judge(budget)))))
     print(f"{name}: {wall:.1f} s, {cpu:.1f} s of CPU; {most:g} s are meant on two cores\n")
 
 

@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import contactlab
+from contactlab.rendering.text import render_text
 from contactlab.reporting.examination import first_fix
+from contactlab.reporting.examination_document import describe_examination
 from contactlab.schema.examination import Examination
 from contactlab.schema.task import Task
-from contactlab.studies.examine.examination_lines import examination_lines
 from contactlab.tasks.task_verdict import run_labels
 
 
@@ -95,7 +96,7 @@ def _of_numerics(report: Examination) -> Iterator[str]:
 def _of_labels(report: Examination) -> Iterator[str]:
     """Yield labels that the verdict does not count, or the text does not have."""
     runs: dict[str, dict[str, int]] = {}
-    text = " ".join(examination_lines(report))
+    text = " ".join(render_text(describe_examination(report)).split())
     for label in report.labels:
         runs.setdefault(label.phase, {})[label.label] = label.runs
         if label.label not in text:

@@ -7,6 +7,7 @@ works, and one that uses the part names the extra.
 """
 
 from functools import partial
+from importlib import import_module
 from types import ModuleType
 from typing import Any, get_args
 
@@ -76,6 +77,28 @@ def _fork_server() -> ModuleType:
     return preloaded
 
 
+_DESCRIPTIONS = {
+    "BudgetReport": "contactlab.reporting.budget_document:describe_budget",
+    "EffectsReport": "contactlab.studies.effects.effects_document:describe_effects",
+    "EnginePanel": "contactlab.studies.engine_panel.panel_document:describe_panel",
+    "FitReport": "contactlab.studies.fit.fit_document:describe_fit",
+    "GradientsReport": "contactlab.studies.gradients.gradients_document:describe_gradients",
+    "GripReport": "contactlab.studies.grip.grip_document:describe_grip",
+    "PartsReport": "contactlab.studies.search.parts_document:describe_parts",
+    "ShrinkReport": "contactlab.studies.shrink.shrink_document:describe_shrinking",
+    "StabilityReport": "contactlab.reporting.stability_document:describe_stability",
+    "TradeoffReport": "contactlab.pareto.tradeoff_document:describe_tradeoff",
+    "TuneReport": "contactlab.studies.search.tune_document:describe_tuning",
+    "Examination": "contactlab.reporting.examination_document:describe_examination",
+}
+"""Functions that describe reports, by the class of the report."""
+
+
+def _loaded(place: str) -> Any:  # noqa: ANN401 - a function
+    module, _, name = place.partition(":")
+    return getattr(import_module(module), name)
+
+
 def add_parts() -> None:
     """Add contactlab's own parts to the registry of this process."""
     for name in get_args(CommandModule):
@@ -89,6 +112,8 @@ def add_parts() -> None:
     add_part("wording", _geoms, "geoms")
     add_part("schema", _lock_schema, "lock")
     add_part("schema", _parity_schema, "parity")
+    for name, place in _DESCRIPTIONS.items():
+        add_part("description", partial(_loaded, place), name)
     add_part("fork server", _fork_server, "preloaded")
 
 

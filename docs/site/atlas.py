@@ -26,8 +26,9 @@ from PIL import Image
 
 from contactlab.modifications.catalogue import list_rows
 from contactlab.rendering.amounts import format_percent
+from contactlab.rendering.text import render_text
+from contactlab.reporting.examination_document import describe_examination
 from contactlab.schema.examination import Examination
-from contactlab.studies.examine.examination_lines import examination_lines
 
 _STATIC = "_static/atlas"
 _COLOURS = {
@@ -454,7 +455,8 @@ def _page(entry: Entry, others: Mapping[str, Entry], *, old: bool) -> Iterator[s
         yield f"![its task, as plain MuJoCo plays it](../{_STATIC}/{page}.webp)\n"
     else:
         yield "No film of it was kept.\n"
-    yield f"## What `contactlab` says\n\n```text\n{chr(10).join(examination_lines(report))}\n```\n"
+    text = render_text(describe_examination(report))
+    yield f"## What `contactlab` says\n\n```text\n{text}\n```\n"
     yield "## What was tried\n"
     yield from _tried(entry)
     if entry.grip is not None:

@@ -19,7 +19,6 @@ from contactlab.budget import (
     Motion,
     Settings,
     Trial,
-    budget_lines,
     budget_report,
     error_budget,
     judge,
@@ -40,6 +39,8 @@ from contactlab.modifications.catalogue import list_candidates
 from contactlab.modifications.contacts import MARGIN
 from contactlab.modifications.modification import Candidate
 from contactlab.rendering.amounts import format_percent
+from contactlab.rendering.text import render_text
+from contactlab.reporting.budget_document import describe_budget
 from contactlab.schema.error_budget import BudgetReport
 from contactlab.schema.json_schemas import json_schemas
 
@@ -263,7 +264,7 @@ def test_what_is_sound_needs_no_remedy() -> None:
 
 def test_a_table_has_80_columns_and_says_what_was_not_exercised() -> None:
     budget = error_budget([servo(integrator="implicitfast")])
-    lines = budget_lines(budget, judge(budget))
+    lines = render_text(describe_budget(budget_report(budget, judge(budget)))).split("\n")
     assert lines[0] == "ok (tolerance 10 %)"
     assert max(map(len, lines)) <= 80
     for name in ("numerical error", "  step", "  damping", "  gravity", "  mass 5 %"):
@@ -273,7 +274,7 @@ def test_a_table_has_80_columns_and_says_what_was_not_exercised() -> None:
 
 def test_a_table_shows_infinite_shares() -> None:
     budget = error_budget([servo(damping=8.0)], rows=[], settings=FAST)
-    lines = budget_lines(budget, judge(budget))
+    lines = render_text(describe_budget(budget_report(budget, judge(budget)))).split("\n")
     assert lines[0] == "inaccurate (tolerance 10 %)"
     assert any("∞" in line for line in lines)
     assert any("left_knee" in line for line in lines)

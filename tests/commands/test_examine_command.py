@@ -15,12 +15,13 @@ from contactlab.budget import Motion, error_budget, judge
 from contactlab.budget.motion import INTEGRATION
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import EngineError, OutputError, SceneError, SweepFileError
+from contactlab.rendering.text import render_text
+from contactlab.reporting.examination_document import describe_examination
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.initial_states import apply_inputs
 from contactlab.schema.error_budget import BudgetRow
 from contactlab.schema.examination import Examination
 from contactlab.schema.json_schemas import json_schemas
-from contactlab.studies.examine.examination_lines import examination_lines
 from contactlab.studies.examine.facts import facts
 from contactlab.tasks.task_motions import task_motions
 
@@ -137,7 +138,7 @@ def test_the_verdict_hangs_on_no_clock(arm: str) -> None:
             (all_of.numerical_error, *kept)
         )
         assert {row.name for row in all_of.rows} - {row.name for row in kept} <= {*short.not_tried}
-    assert "not tried within the CPU limit: " in "\n".join(examination_lines(short))
+    assert "not tried within the CPU limit: " in render_text(describe_examination(short))
 
 
 @pytest.mark.long
@@ -167,8 +168,9 @@ def test_a_report_fits_its_schema(arm: str, contactlab: Run, tmp_path: Path) -> 
     report = Examination.model_validate_json(printed.out)
     assert report.budget
     assert printed.code == (0 if report.passed else 1)
-    assert max(map(len, examination_lines(report))) <= 80
-    lines = examination_lines(report, full=True)
+    assert max(map(len, render_text(describe_examination(report)).split("\n"))) <= 80
+    whole = describe_examination(report, details=True, phases=True)
+    lines = render_text(whole).split("\n")
     assert max(map(len, lines)) <= 80
     words = " ".join(" ".join(lines).split())
     for phase in report.budget.phases:
@@ -213,7 +215,7 @@ def test_an_unstable_servo_is_named_with_what_mends_it(tmp_path: Path, contactla
         mended = package.examine(path, section=["labels"], duration=0.3, set=settings).task_verdict
         assert mended
         assert mended.verdict != "inaccurate", settings
-    assert "fixed model: new/sound.xml" in examination_lines(report)
+    assert "fixed model: new/sound.xml" in render_text(describe_examination(report)).split("\n")
     assert (tmp_path / "new/sound.patch").is_file()
     judged = package.examine(tmp_path / "new/sound.xml", duration=0.3, section=["labels", "budget"])
     assert judged.passed
@@ -417,7 +419,7 @@ def test_a_model_has_one_page(arm: str, contactlab: Run, tmp_path: Path) -> None
     assert all(text in page for text in ("Error budget", report.task.line, ">gravity</th>"))
     assert report.headline.split(":")[0] in page
     shown = report._repr_html_()  # pyright: ignore[reportPrivateUsage]
-    assert "<td>gravity</td>" in shown
+    assert ">gravity</th>" in shown
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
     alone = ("--duration", "0.1", "--workers", "1", "-o", "own.html", "--section", "budget")
     printed = contactlab(arm, *alone, "--section", "labels")

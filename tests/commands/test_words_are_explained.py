@@ -2,7 +2,7 @@
 
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ import pytest
 from tests.explain.printed_words import page_words, table_words
 
 from contactlab.command_line import terminal
+from contactlab.rendering.document import Document, Table
 from contactlab.studies.explain.definitions import is_defined
 
 Run = Callable[..., Any]
@@ -37,15 +38,18 @@ COMMANDS = (
 def printed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Collect the words of every table that is printed."""
     words = list[str]()
-    original = terminal.print_table
+    original = terminal.print_document
 
-    def spy(header: Sequence[str], rows: Sequence[Sequence[object]], droppable: int = 0) -> None:
-        words.extend(table_words(header, rows))
-        original(header, rows, droppable)
+    def spy(document: Document) -> None:
+        for block in document.blocks:
+            if isinstance(block, Table):
+                heads = [column.name for column in block.columns]
+                words.extend(table_words(heads, [row.cells for row in block.rows]))
+        original(document)
 
     for module in [*sys.modules.values()]:
-        if getattr(module, "print_table", None) is original:
-            monkeypatch.setattr(module, "print_table", spy)
+        if getattr(module, "print_document", None) is original:
+            monkeypatch.setattr(module, "print_document", spy)
     return words
 
 

@@ -170,7 +170,7 @@ def test_markdown_tells_the_worst_first(worse: ComparisonReport) -> None:
     text = as_markdown(report_of(worse))
     assert text.startswith("### ❌ worse: 2 of ")
     header, _, first, *_ = (line for line in text.splitlines() if line.startswith("|"))
-    assert header == "| | check | result | worst | where |"
+    assert header == "|  | check | result | worst | where |"
     sign, name, found, values, where = rows_of(first)[0]
     assert (sign, name, found) == ("❌", "no new chatter", "1 of 8 runs newly chatter")
     assert values == "stable -> chatter"

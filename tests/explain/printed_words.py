@@ -16,7 +16,7 @@ REPOSITORY = Path(__file__).parents[2]
 _INPUTS = {"sweep", "scene", "policy"}
 # Values that are units, not words.
 _UNITS = {"1", "m", "rad"}
-_PRINTERS = {"print_table", "Listing"}
+_PRINTERS = {"print_table", "table_of", "Column", "Listing"}
 _HEADS = {"header", "headings"}
 # Columns whose cells are words of contactlab, in any table; others hold names of the user.
 WORD_COLUMNS = {"label", "verdict", "outcome", "severity", "metric", "threshold", "role", "figure"}
@@ -66,14 +66,17 @@ def head_words(folder: Path = PACKAGE) -> dict[str, str]:
 def _texts_with_tables(folder: Path) -> dict[Path, str]:
     """Return the modules that declare heads of tables: few of many, since parsing takes a while."""
     texts = {path: path.read_text(encoding="utf-8") for path in folder.rglob("*.py")}
-    words = re.compile("|".join([*_PRINTERS, *_HEADS, r"\), \["]))
+    printers = rf"\b({'|'.join(_PRINTERS)})\("
+    words = re.compile(
+        "|".join([printers, "_HEADS = ", *(rf"\b{head}\b" for head in _HEADS), r"\), \["])
+    )
     return {path: text for path, text in texts.items() if words.search(text)}
 
 
 def _heads(node: ast.AST, functions: dict[str, list[ast.FunctionDef]]) -> Iterator[ast.expr]:
     """Yield the expressions that are heads of a table."""
     if isinstance(node, ast.Assign) and any(
-        isinstance(target, ast.Name) and target.id in _HEADS for target in node.targets
+        isinstance(target, ast.Name) and _names_heads(target.id) for target in node.targets
     ):
         yield node.value
     if not isinstance(node, ast.Call):
@@ -89,6 +92,10 @@ def _heads(node: ast.AST, functions: dict[str, list[ast.FunctionDef]]) -> Iterat
         if isinstance(call, ast.Call) and isinstance(call.func, ast.Name):
             for function in functions.get(call.func.id, ()):
                 yield from _returned_heads(function)
+
+
+def _names_heads(name: str) -> bool:
+    return name in _HEADS or name.endswith("_HEADS")
 
 
 def _returned_heads(function: ast.FunctionDef) -> Iterator[ast.expr]:

@@ -19,7 +19,7 @@ from contactlab.measure import METRICS
 from contactlab.studies.check.check_entries import CHECKS
 from contactlab.studies.explain.definitions import define, is_defined, words_of
 from contactlab.studies.explain.glossary import glossary_page, read_glossary
-from contactlab.writers import text
+from contactlab.writers.signs import ORDER, outcome_mark
 
 TEMPLATES = sorted((PACKAGE / "page" / "templates").glob("*.html"))
 
@@ -46,7 +46,7 @@ def test_every_head_of_the_page_is_defined(template: Path) -> None:
 
 
 def test_every_outcome_and_limit_is_defined() -> None:
-    names = {*text.OUTCOME_WORDS.values(), *CHECKS}
+    names = {*(outcome_mark(outcome).word for outcome in ORDER), *CHECKS}
     names |= {limit.name for check in CHECKS.values() for limit in check.limits}
     assert undefined(dict.fromkeys(names, "check")) == {}
 

@@ -8,11 +8,12 @@ import pytest
 from tests.grip.grippers import claw
 
 from contactlab.errors import SceneError
+from contactlab.rendering.text import render_text
 from contactlab.scene.model_names import name_by_address
 from contactlab.schema.grip import GripReport
 from contactlab.studies.grip.fingers import find_hand
+from contactlab.studies.grip.grip_document import describe_grip
 from contactlab.studies.grip.grip_fixture import add_object, mount_hand
-from contactlab.studies.grip.grip_lines import grip_lines
 from contactlab.studies.grip.gripped_object import DEFAULT_OBJECT
 from contactlab.studies.grip.gripping import GripRequest, judge_grip
 
@@ -128,9 +129,8 @@ def test_it_grips_by_its_own_actuators(hand: str, tmp_path: Path) -> None:
     assert forces[0] == pytest.approx(forces[1], rel=1e-3)
     assert {each.name for each in report.controls} <= {"actuator[2]", "actuator[3]"}
     told = " against " if hand == "a fixed jaw" else ", "
-    assert told.join(f"{each.body} {each.force:.3g} N" for each in report.fingers) in "\n".join(
-        grip_lines(report)
-    )
+    sides = told.join(f"{each.body} {each.force:.3g} N" for each in report.fingers)
+    assert sides in " ".join(render_text(describe_grip(report)).split())
 
 
 def test_what_a_string_drags_is_no_finger() -> None:

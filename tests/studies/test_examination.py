@@ -6,13 +6,14 @@ from typing import Any
 
 import pytest
 
+from contactlab.rendering.text import render_text
+from contactlab.reporting.examination_document import describe_examination
 from contactlab.schema.error_budget import BudgetPhase, BudgetReason, BudgetReport, BudgetRow
 from contactlab.schema.examination import Examination, Fact, Fix, RunLabel
 from contactlab.schema.finding import Finding
 from contactlab.schema.task import Phase, Task
 from contactlab.schema.verdict import VerdictWord
 from contactlab.studies.examine.conclusion import conclude
-from contactlab.studies.examine.examination_lines import examination_lines
 
 WORDS: tuple[VerdictWord, ...] = ("inaccurate", "undecided", "depends", "ok")
 OVERLAP = Fact(kind="overlap", place="", value=0.02, unit="m", sentence="mug is in the table")
@@ -172,7 +173,7 @@ def test_the_text_says_nothing_twice(word: VerdictWord, labels: Sequence[RunLabe
     """Its first line is the verdict; causes, fix and facts each stand in it once."""
     fixes = () if word == "ok" and not labels else (fix(), fix("RK4"))
     report = conclude(examined(word, labels=labels, facts=(OVERLAP,), fixes=fixes))
-    lines = examination_lines(report)
+    lines = render_text(describe_examination(report)).split("\n")
     text = " ".join(" ".join(lines).split())
     assert lines[0] == report.headline
     for part in (report.headline, *report.why, report.fix, OVERLAP.sentence, report.task.line):

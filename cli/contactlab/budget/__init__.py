@@ -7,7 +7,6 @@ from contactlab.budget.measuring import Settings, affordable
 from contactlab.budget.motion import Motion, motion_of_run
 from contactlab.budget.readings import ErrorBudget, PhaseBudget, Reading
 from contactlab.budget.report import budget_report
-from contactlab.budget.text import budget_lines
 from contactlab.budget.verdict import Reason, Verdict, judge
 
 __all__ = [
@@ -22,7 +21,6 @@ __all__ = [
     "Verdict",
     "affordable",
     "backward_error",
-    "budget_lines",
     "budget_report",
     "error_budget",
     "judge",

@@ -30,19 +30,15 @@ def budget_report(
     )
 
 
-def _finite(number: float) -> float | None:
-    return float(number) if math.isfinite(number) else None
-
-
 def _reason(reason: Reason) -> BudgetReason:
     return BudgetReason(
         verdict=reason.word,
         phase=reason.phase,
         row=reason.row,
-        error=_finite(reason.error),
+        error=reason.error,
         body=reason.body,
         place=reason.place,
-        time=_finite(reason.time),
+        time=reason.time,
         sentence=reason.sentence,
     )
 
@@ -55,9 +51,9 @@ def fix_report(fix: TriedFix) -> BudgetFix:
         settings={name: axis_cell(value) for name, value in fix.edits.settings.items()},
         removes=fix.removes,
         verdict=fix.word,
-        error=_finite(fix.error),
-        distance_to_reference=_finite(fix.distance),
-        distance_before=_finite(fix.distance_before),
+        error=fix.error,
+        distance_to_reference=fix.distance,
+        distance_before=fix.distance_before,
         time_ratio=fix.time_ratio,
     )
 
@@ -73,10 +69,10 @@ def _phase(phase: PhaseBudget) -> BudgetPhase:
         bodies=phase.bodies,
         numerical_error=_row(phase, phase.run),
         rows=tuple(_row(phase, reading) for reading in phase.rows),
-        energy_drift=_finite(phase.energy_drift),
-        excess_path=_finite(float(phase.excess_path.max())),
-        worst_window=_finite(phase.worst_window),
-        upper_bound=_finite(phase.upper_bound),
+        energy_drift=phase.energy_drift,
+        excess_path=float(phase.excess_path.max()),
+        worst_window=phase.worst_window,
+        upper_bound=phase.upper_bound,
         limit_factor=phase.limit_factor,
         invalid_windows=phase.invalid_windows,
         warnings=tuple(
@@ -101,14 +97,14 @@ def _row(phase: PhaseBudget, reading: Reading) -> BudgetRow:
         kind=reading.kind,
         exercised=known,
         infinite=math.isinf(reading.error),
-        error=_finite(reading.error),
+        error=reading.error,
         seeds=seeds if seeds and all(map(math.isfinite, seeds)) else None,
-        median=_finite(reading.median),
-        by_mass=_finite(phase.by_mass(reading)),
+        median=reading.median,
+        by_mass=phase.by_mass(reading),
         body=phase.bodies[reading.body] if known else None,
         place=reading.place or None,
-        speed=_finite(reading.speed),
+        speed=reading.speed,
         seed=reading.seed if known else None,
-        time=_finite(reading.time),
+        time=reading.time,
         time_ratio=reading.time_ratio,
     )

@@ -8,12 +8,11 @@ import numpy as np
 
 from contactlab.budget.readings import ErrorBudget, PhaseBudget
 from contactlab.modifications.catalogue import list_rows
-from contactlab.rendering.amounts import format_digits, format_percent
+from contactlab.rendering.amounts import format_above, format_percent
 from contactlab.schema.verdict import VerdictWord
 
 TOLERANCE = 0.1
 _ORDER: tuple[VerdictWord, ...] = get_args(VerdictWord)
-_MOST_DIGITS = 9  # more are rounding
 
 
 @dataclass(frozen=True)
@@ -48,16 +47,6 @@ class Verdict:
     reasons: tuple[Reason, ...]
 
 
-def percent_above(share: float, tolerance: float) -> str:
-    """Write a share with as many digits as it takes to show that it is above a tolerance."""
-    if not np.isfinite(share) or format_percent(share) != format_percent(tolerance):
-        return format_percent(share)
-    for digits in range(3, _MOST_DIGITS):
-        if (text := format_digits(100 * share, digits)) != format_digits(100 * tolerance, digits):
-            return f"{text} %"
-    return format_percent(share)
-
-
 def judge(
     budget: ErrorBudget, tolerance: float = TOLERANCE, intended: Sequence[str] = ()
 ) -> Verdict:
@@ -83,7 +72,7 @@ def _reasons(phase: PhaseBudget, tolerance: float, intended: Sequence[str]) -> I
         if row.kind == "model" and row.name not in intended and row.error > tolerance:
             body = phase.bodies[row.body]
             alternative = alternatives.get(row.name, row.name)
-            size = percent_above(row.error, tolerance)
+            size = format_above(row.error, tolerance)
             sentence = f"{alternative} changes {body}'s motion by {size}"
             where = body, row.place, row.time
             yield Reason("depends", phase.name, row.name, row.error, *where, sentence)
@@ -103,13 +92,13 @@ def _numerical_reasons(phase: PhaseBudget, tolerance: float) -> Iterator[Reason]
     body = phase.bodies[run.body]
     where = body, run.place, run.time
     if run.error > tolerance and not phase.warnings:
-        sentence = f"numerical error {percent_above(run.error, tolerance)} in {body}"
+        sentence = f"numerical error {format_above(run.error, tolerance)} in {body}"
         yield Reason("inaccurate", name, run.name, run.error, *where, sentence)
     drift = phase.energy_drift
     if abs(drift) > tolerance:
         origin = phase.energy_origin
         sign = "+" if drift > 0 else "-"
-        size = percent_above(abs(drift), tolerance)
+        size = format_above(abs(drift), tolerance)
         sentence = f"energy drift {sign}{size}, most in {origin.body}"
         yield Reason("inaccurate", name, "energy", drift, *origin, sentence)
     if phase.invalid_windows:
@@ -118,6 +107,6 @@ def _numerical_reasons(phase: PhaseBudget, tolerance: float) -> Iterator[Reason]
     elif run.error <= tolerance < phase.upper_bound:
         sentence = "the reference fails at an eighth of the time step"
         if np.isfinite(phase.upper_bound):
-            size = percent_above(phase.upper_bound, tolerance)
+            size = format_above(phase.upper_bound, tolerance)
             sentence = f"the numerical error may be up to {size} in {body}"
         yield Reason("undecided", name, "reference", phase.upper_bound, *where, sentence)

@@ -20,7 +20,7 @@ from functools import wraps
 from typing import Any, Literal, ParamSpec, TypeVar, get_args, get_type_hints
 
 from contactlab.command_line.surroundings import progress
-from contactlab.errors import ContactlabError, PluginError
+from contactlab.errors import ContactlabError, ExpectationError, PluginError
 
 Group = Literal["examine", "run", "read", "gate", "extend"]
 """Kind of a command, by its purpose."""
@@ -83,9 +83,11 @@ def flag(help: str) -> Option:  # noqa: A002 - as typer calls it
     return Option(None, help, kind=bool)
 
 
-def _never(result: object, given: Given) -> None:
-    """Return no failure: the command answers, whatever the answer is."""
-    del result, given
+def _problem_of(result: object, given: Given) -> ContactlabError | None:
+    """Return the error of a report with a problem; other results have none."""
+    del given
+    problem = getattr(result, "problem", "")
+    return ExpectationError(problem) if problem else None
 
 
 @dataclass(frozen=True)
@@ -101,7 +103,7 @@ class Command:
     # there is no such option.
     formats: Mapping[str, Show] = field(default_factory=dict[str, Show])
     # Returns the error that the command line ends with, once a result is printed.
-    failure: Callable[[Any, Given], ContactlabError | None] = _never
+    failure: Callable[[Any, Given], ContactlabError | None] = _problem_of
 
     @property
     def end_of_help(self) -> str:
@@ -117,7 +119,7 @@ def command(
     examples: Sequence[str] = (),
     codes: str | None = None,
     formats: Mapping[str, Show] | None = None,
-    failure: Callable[[Any, Given], ContactlabError | None] = _never,
+    failure: Callable[[Any, Given], ContactlabError | None] = _problem_of,
 ) -> Callable[[Callable[_Parameters, _Result]], Callable[_Parameters, _Result]]:
     """Declare a function as a command of the command line, by its own name unless another is given.
 

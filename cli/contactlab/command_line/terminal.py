@@ -10,7 +10,6 @@ import json
 import os
 import signal
 import sys
-import textwrap
 import threading
 import time
 from collections import Counter, deque
@@ -21,15 +20,16 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 import typer
-from rich import box
 from rich.console import Console
 from rich.live import Live
-from rich.table import Table
+from rich.style import Style
 from rich.text import Text
 
 from contactlab.command_line.surroundings import Begin, Surroundings, Watch
 from contactlab.errors import StoppedError
 from contactlab.printable import in_one_line, printable
+from contactlab.rendering.document import Document, Sentence, document_of, table_of
+from contactlab.rendering.text import render_text
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -39,8 +39,6 @@ if TYPE_CHECKING:
 _QUIET_SECONDS = 10.0
 _LEAST_SECONDS_OF_A_RATE = 1.0
 _BAR = 24
-# A column of words is at least so wide.
-_LEAST_WIDTH_OF_WORDS = 14
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _STOPPING = b"finishing the current runs; interrupt again to stop at once\n"
 
@@ -73,8 +71,7 @@ def echo(text: object, *, err: bool = False) -> None:
 
 def tell(sentence: str) -> None:
     """Print a sentence to stdout, in lines as wide as a terminal; words stay whole."""
-    console, text = stdout(), in_one_line(sentence)
-    echo(textwrap.fill(text, console.width, break_long_words=False, break_on_hyphens=False))
+    print_document(document_of([Sentence(sentence)]))
 
 
 def echo_commands(text: str, *, err: bool = False) -> None:
@@ -123,69 +120,20 @@ def print_report_json(report: "BaseModel", given: object) -> None:
 def print_table(
     header: Sequence[str], rows: Sequence[Sequence[object]], droppable: int = 0
 ) -> None:
-    """Print a table to stdout; columns of numbers are aligned to the right.
+    """Print a table to stdout; up to `droppable` of the last columns are left out if need be."""
+    print_document(document_of([table_of(header, rows, droppable=droppable)]))
 
-    A table that is wider than the terminal wraps between words, then leaves out up to `droppable`
-    of the last columns, and otherwise prints cells below each other. Cells of a column "label" have
-    the colors of labels.
-    """
+
+def print_document(document: Document) -> None:
+    """Print a document as wide as the terminal; cells of a column "label" have colors there."""
     console = stdout()
-    cells = [list(map(_text, row)) for row in rows]
-    columns = list(zip(header, *cells, strict=True))
-    widths = [max(map(len, column)) for column in columns]
-    least = [
-        min(width, max(_LEAST_WIDTH_OF_WORDS, len(name))) if any(map(_is_words, said)) else width
-        for (name, *said), width in zip(columns, widths, strict=True)
-    ]
-    shown = len(header)
-    while droppable and sum(least[:shown]) + 2 * shown > console.width:
-        shown, droppable = shown - 1, droppable - 1
-    if sum(least[:shown]) + 2 * shown > console.width:
-        _print_blocks(console, header, cells)
-        return
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    for index, name in enumerate(header[:shown]):
-        numeric = all(isinstance(row[index], (int, float)) for row in rows)
-        table.add_column(
-            Text(in_one_line(name)),
-            justify="right" if numeric else "left",
-            no_wrap=least[index] == widths[index],
-            min_width=least[index],
-        )
-    # Labels take a while to load, and only a terminal has colors.
-    coloured = ("label",) if console.is_terminal else ()
-    for row in cells:
-        styled = zip(header[:shown], row, strict=False)
-        table.add_row(
-            *[Text(cell, label_style(cell) if n in coloured else "") for n, cell in styled]
-        )
-    with console.capture() as rendered:
-        console.print(table, highlight=False)
-    echo_commands("\n".join(filter(None, map(str.rstrip, rendered.get().splitlines()))))
-    if shown < len(header):
-        echo(f"not shown: {', '.join(header[shown:])}; --format csv has all")
+    paint = _paint_label if console.is_terminal else None
+    echo_commands(render_text(document, console.width, paint))
 
 
-def _is_words(cell: str) -> bool:
-    return len(cell) > _LEAST_WIDTH_OF_WORDS and " " in cell
-
-
-def _print_blocks(console: Console, header: Sequence[str], cells: Sequence[Sequence[str]]) -> None:
-    """Print each row as lines, one for each of its cells that say something."""
-    room = max(map(len, header)) + 2
-    for row in cells:
-        echo(row[0])
-        for name, value in zip(header[1:], row[1:], strict=True):
-            if value not in ("", "-"):
-                indent = f"  {in_one_line(name):<{room}}"
-                width = max(len(indent) + _LEAST_WIDTH_OF_WORDS, console.width)
-                lines = textwrap.wrap(value, width - len(indent), break_long_words=False)
-                echo(
-                    "\n".join(
-                        (indent if not at else " " * len(indent)) + line
-                        for at, line in enumerate(lines)
-                    )
-                )
+def _paint_label(column: str, text: str) -> str:
+    style = label_style(text) if column == "label" else ""
+    return Style.parse(style).render(text) if style else text
 
 
 def label_style(name: str) -> str:
@@ -207,14 +155,6 @@ def say(message: str) -> None:
     """Print a message for people to stderr."""
     notice.clear()
     Console(stderr=True).print(Text(printable(message)), soft_wrap=True)
-
-
-def _text(value: object) -> str:
-    if value is None:
-        return "-"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return f"{value:.4g}" if isinstance(value, float) else in_one_line(str(value))
 
 
 class ProgressDisplay:

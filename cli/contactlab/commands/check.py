@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Unpack
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Option, command
-from contactlab.commands.examine import FORMATS, examined, failure
+from contactlab.commands.examine import FORMATS, examined
 
 if TYPE_CHECKING:
     from contactlab.schema.examination import Examination
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     "examine",
     examples=("check robot.xml", "check menagerie:franka_emika_panda --format junit"),
     formats=FORMATS,
-    failure=failure,
 )
 def check(
     model: opt.Model,

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, Option, command
+from contactlab.command_line.report_formats import report_formats
 from contactlab.command_line.surroundings import say, study_session
-from contactlab.command_line.terminal import echo, print_report_json, print_table
+from contactlab.command_line.terminal import echo
 
 if TYPE_CHECKING:
     from contactlab.schema.engine_panel import EnginePanel
@@ -39,17 +40,6 @@ def add(name: Annotated[str, Argument("NAME", "Engine to install.")]) -> str:
     return engine.version
 
 
-def _panel_text(report: "EnginePanel", given: Given) -> None:
-    from contactlab.studies.engine_panel.engine_panel import REPORT
-    from contactlab.studies.engine_panel.panel_lines import notes, rows
-
-    echo(", ".join(f"{name} {version}" for name, version in report.engines.items()))
-    print_table(*rows(report))
-    for line in notes(report):
-        echo(line)
-    echo(f"all steps, depths and labels: {_panel_folder(given['output']) / REPORT}")
-
-
 def _panel_folder(output: str | Path | None) -> Path:
     from contactlab.resources import RESULTS
 
@@ -61,7 +51,7 @@ def _panel_folder(output: str | Path | None) -> Path:
     name="engines panel",
     examples=("engines panel", "engines panel bounce slide --engine mujoco,drake"),
     codes="0 measured, 2 bad input, 130 interrupted",
-    formats={"text": _panel_text, "json": print_report_json},
+    formats=report_formats(lambda given: _panel_folder(given["output"])),
 )
 def panel(
     tasks: Annotated[

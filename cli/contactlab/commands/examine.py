@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Unpack
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Given, Option, Show, command, flag
 from contactlab.command_line.judgements import printed
+from contactlab.command_line.report_formats import print_markdown, print_text
 from contactlab.command_line.surroundings import say, surroundings
-from contactlab.command_line.terminal import echo
-from contactlab.errors import ExpectationError, OutputError, SceneError
+from contactlab.errors import OutputError, SceneError
 
 if TYPE_CHECKING:
     from contactlab.schema.examination import Examination
@@ -24,38 +24,21 @@ _GRIP, _FILM_PIXELS, _FILM_RATE = "grip.gif", (480, 360), 10  # frames per secon
 _FILES = {".html", ".htm", ".json"}
 
 
-def _text(report: "Examination", given: Given) -> None:
-    from contactlab.studies.examine.examination_lines import examination_lines
+def _findings(report: "Examination", given: Given) -> "Report":
+    from contactlab.reporting.examination_document import findings_of_examination
 
     del given
-    echo("\n".join(examination_lines(report)))
+    return findings_of_examination(report)
 
 
-def _full(report: "Examination", given: Given) -> None:
-    from contactlab.studies.examine.examination_lines import examination_lines
-
-    del given
-    echo("\n".join(examination_lines(report, full=True)))
-
-
-def _report_of(report: "Examination", given: Given) -> "Report":
-    from contactlab.studies.examine.examination_report import report_of
-
-    del given
-    return report_of(report)
-
-
-def failure(report: "Examination", given: Given) -> ExpectationError | None:
-    """Return the error of a model that does not pass; its output says why."""
-    del given
-    return None if report.passed else ExpectationError(f"{report.model}: {report.verdict}")
-
-
-_OF_JOBS = printed(_report_of)
+_OF_JOBS = printed(_findings)
 FORMATS: Mapping[str, Show] = {
-    "text": _text,
-    "full": _full,
-    **{form: _OF_JOBS[form] for form in ("json", "markdown", "junit", "github")},
+    "text": print_text(),
+    "full": print_text(details=True, phases=True),
+    "json": _OF_JOBS["json"],
+    "markdown": print_markdown(details=True, name="model"),
+    "junit": _OF_JOBS["junit"],
+    "github": _OF_JOBS["github"],
 }
 """Formats of an examination, for any of its sections."""
 
@@ -214,7 +197,6 @@ def _filmed(report: "Examination", file: Path) -> Path | None:
     "examine",
     examples=("examine robot.xml", "robot.xml --tolerance 30% --write fixed/robot.xml"),
     formats=FORMATS,
-    failure=failure,
 )
 def examine(
     model: opt.Model,

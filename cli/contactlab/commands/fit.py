@@ -6,38 +6,22 @@ from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, Option, command
+from contactlab.command_line.report_formats import report_formats
 from contactlab.command_line.surroundings import study_session
-from contactlab.command_line.terminal import echo, print_report_json, print_table
 
 if TYPE_CHECKING:
-    from contactlab.schema.study_reports import FitReport, FittedSetting
+    from contactlab.schema.study_reports import FitReport
 
 
-def _text(report: "FitReport", given: Given) -> None:
-    from contactlab.schema.study_reports import FITTED
-
-    low, high = report.held_out_interval
-    echo(
-        f"{given['scene']}: {report.metric} {report.held_out_error:.3g} ({low:.3g} to {high:.3g}) "
-        f"on {len(report.held_out)} held-out runs, {report.current_error:.3g} as written; "
-        f"{report.fitted_error:.3g} on {len(report.fitted_runs)} fitted runs"
-    )
-    if report.noise_floor is not None:
-        echo(f"noise floor: {report.noise_floor:.3g}, by the start noise of the scene")
-    print_table(
-        ("setting", "fitted", "95 %", "identified"), [_fitted_row(x) for x in report.settings]
-    )
-    worst = sorted(report.held_out.items(), key=lambda item: -item[1])[:5]
-    echo(f"largest errors: {', '.join(f'run {run} ({x:.3g})' for run, x in worst)}")
-    folder = opt.study_folder("fit", given["scene"], given["output"])
-    echo(f"wrote {folder / 'fitted' / FITTED}, after {report.runs:,} runs")
+def _folder(given: Given) -> Path:
+    return opt.study_folder("fit", given["scene"], given["output"])
 
 
 @command(
     "examine",
     examples=("fit cube_toss", "fit scene/ --free friction.slide=0.1:1,solref --fitted 60"),
     codes="0 fitted, 2 bad input, 130 interrupted",
-    formats={"text": _text, "json": print_report_json},
+    formats=report_formats(_folder),
 )
 def fit(
     scene: Annotated[str | Path, Argument("SCENE", "A scene with a recording.", kind=str)],
@@ -72,14 +56,3 @@ def fit(
     request = FitRequest(str(scene), names, opt.assigned(set), fitted, seed, metric)
     with study_session(opt.study_folder("fit", scene, output), workers) as session:
         return fit_settings(request, session)
-
-
-def _fitted_row(each: "FittedSetting") -> tuple[object, ...]:
-    interval = f"{each.interval[0]:.3g} to {each.interval[1]:.3g}" if each.interval else ""
-    value = f"{each.value:.4g}" if isinstance(each.value, float) else each.value
-    return (
-        each.name,
-        value,
-        interval,
-        "yes" if each.identified else "no: the error does not depend on it",
-    )

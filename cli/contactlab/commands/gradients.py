@@ -6,25 +6,15 @@ from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, Option, command
+from contactlab.command_line.report_formats import report_formats
 from contactlab.command_line.surroundings import say, study_session
-from contactlab.command_line.terminal import echo, print_report_json, print_table
 
 if TYPE_CHECKING:
     from contactlab.schema.gradients import GradientsReport
 
 
-def _text(report: "GradientsReport", given: Given) -> None:
-    from contactlab.studies.gradients.differentiating import REPORT
-    from contactlab.studies.gradients.gradient_lines import advice, headline, map_rows, place_rows
-
-    echo(headline(report))
-    if not report.axes:
-        echo(report.places[0].mode)
-    print_table(*(map_rows(report) if report.axes else place_rows(report)))
-    for line in (*advice(report), *report.notes):
-        echo(line)
-    folder = opt.study_folder("gradients", given["source"], given["output"])
-    echo(f"evidence and {REPORT} in {folder}")
+def _folder(given: Given) -> Path:
+    return opt.study_folder("gradients", given["source"], given["output"])
 
 
 @command(
@@ -34,7 +24,7 @@ def _text(report: "GradientsReport", given: Given) -> None:
         "gradients map.yaml --output-coordinate x.v --input speed --figure map.svg",
     ),
     codes="0 measured, 2 bad input, 130 interrupted",
-    formats={"text": _text, "json": print_report_json},
+    formats=report_formats(_folder),
 )
 def gradients(
     source: Annotated[

@@ -4,27 +4,13 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Annotated
 
-from contactlab.command_line.declaration import Argument, Given, Option, command, flag
+from contactlab.command_line.declaration import Argument, Option, command, flag
+from contactlab.command_line.report_formats import report_formats
 from contactlab.command_line.surroundings import say
-from contactlab.command_line.terminal import echo, print_report_json
-from contactlab.errors import ExpectationError, OutputError
+from contactlab.errors import OutputError
 
 if TYPE_CHECKING:
     from contactlab.schema.grip import GripReport
-
-
-def _text(report: "GripReport", given: Given) -> None:
-    from contactlab.studies.grip.grip_lines import grip_lines
-
-    del given
-    echo("\n".join(grip_lines(report)))
-
-
-def _failure(report: "GripReport", given: Given) -> ExpectationError | None:
-    del given
-    if report.holds:
-        return None
-    return ExpectationError(f"{report.model} {report.verdict} {report.object}")
 
 
 @command(
@@ -35,8 +21,7 @@ def _failure(report: "GripReport", given: Given) -> ExpectationError | None:
         "grip scene.xml --keyframe held",
     ),
     codes="0 holds, 1 creeps or drops, 2 bad input, 130 interrupted",
-    formats={"text": _text, "json": print_report_json},
-    failure=_failure,
+    formats=report_formats(),
 )
 def grip(
     model: Annotated[

@@ -4,25 +4,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Given, Option, command
+from contactlab.command_line.declaration import Option, command
+from contactlab.command_line.report_formats import report_formats
 from contactlab.command_line.surroundings import say
-from contactlab.command_line.terminal import echo, print_report_json
 
 if TYPE_CHECKING:
     from contactlab.schema.shrink_report import ShrinkReport
 
 
-def _text(report: "ShrinkReport", given: Given) -> None:
-    from contactlab.studies.shrink.shrink_lines import shrink_lines
-
-    del given
-    echo("\n".join(shrink_lines(report)))
-
-
 @command(
     "read",
     examples=("shrink results/grasp 3ead3115", "shrink results/pile 1fef82b1 -o pile-small"),
-    formats={"text": _text, "json": print_report_json},
+    formats=report_formats(),
 )
 def shrink(
     store: opt.StoreArgument,

@@ -5,47 +5,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Unpack
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Given, command
+from contactlab.command_line.declaration import Argument, command
+from contactlab.command_line.report_formats import report_formats
 from contactlab.command_line.surroundings import rerun_with_mujoco, study_session
-from contactlab.command_line.terminal import echo, print_json, print_table
-from contactlab.commands.examine import FORMATS, examined, failure
-from contactlab.errors import ContactlabError, ExpectationError, SweepFileError
-from contactlab.printable import shortened
+from contactlab.commands.examine import examined
+from contactlab.errors import SweepFileError
 
 if TYPE_CHECKING:
-    from contactlab.schema.check_report import StabilityReport, StabilityResult
+    from contactlab.schema.check_report import StabilityReport
     from contactlab.schema.examination import Examination
-
-
-def _text(report: "StabilityReport | Examination", given: Given) -> None:
-    from contactlab.schema.examination import Examination
-
-    if isinstance(report, Examination):
-        FORMATS["text"](report, given)
-    else:
-        _print_cases(report.cases)
-
-
-def _json(report: "StabilityReport | Examination", given: Given) -> None:
-    del given
-    print_json(report.model_dump(mode="json"))
-
-
-def _failure(report: "StabilityReport | Examination", given: Given) -> ContactlabError | None:
-    from contactlab.schema.examination import Examination
-
-    if isinstance(report, Examination):
-        return failure(report, given)
-    failed = [case.name for case in report.cases if not case.passed]
-    count = f"{len(failed)} of {len(report.cases)} cases failed"
-    return ExpectationError(f"{count}: {', '.join(failed)}") if failed else None
 
 
 @command(
     "examine",
     examples=("stability", "stability robot.xml --duration 5"),
-    formats={"text": _text, "json": _json},
-    failure=_failure,
+    formats=report_formats(),
 )
 def stability(
     names: Annotated[
@@ -95,20 +69,3 @@ def stability(
     then = "repeat the finished cases and resume this one"
     with study_session(folder, workers, then, allow_code=allow_code) as session:
         return run(cases, session)
-
-
-def _print_cases(done: "Sequence[StabilityResult]") -> None:
-    rows: list[tuple[object, ...]] = []
-    for case in done:
-        labels = ", ".join(f"{label} {count}" for label, count in case.labels.items())
-        met = f"{case.as_expected}/{case.expected}"
-        end = (case.error, case.step, case.seconds)
-        rows.append((case.name, case.runs, met, case.controls, labels, *end))
-    header = ("case", "runs", "as expected", "controls", "labels", "error", "step", "seconds")
-    print_table(header, rows)
-    for case in done:
-        for miss in shortened(case.misses, 5, case.store):
-            echo(f"{case.name} {miss}")
-    seconds = sum(case.seconds for case in done)
-    met = sum(case.passed for case in done)
-    echo(f"{met} of {len(done)} cases are as expected, in {seconds:.0f} s")

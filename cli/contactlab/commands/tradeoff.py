@@ -1,70 +1,45 @@
 """`contactlab tradeoff`: the time that accuracy costs, and the recommended configuration."""
 
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Unpack
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, Option, command
+from contactlab.command_line.report_formats import print_markdown, print_text
 from contactlab.command_line.surroundings import say, study_session
-from contactlab.command_line.terminal import echo, print_json, print_table
-from contactlab.errors import ExpectationError, OutputError, SweepFileError
-from contactlab.printable import shell_word, shortened
+from contactlab.command_line.terminal import print_report_json
+from contactlab.errors import OutputError, SweepFileError
+from contactlab.printable import shell_word
 from contactlab.resources import RESULTS
 
 if TYPE_CHECKING:
     from contactlab.plan.task_options import TaskOptions
-    from contactlab.schema.tradeoff_report import (
-        Configuration,
-        Method,
-        Recommendation,
-        TradeoffReport,
-    )
+    from contactlab.schema.tradeoff_report import TradeoffReport
     from contactlab.schema.tune_report import TuneReport
     from contactlab.store.finished_store import Store
     from contactlab.store.store_files import Address
-
-_MOST_METHODS = 12
-_MOST_RATES = 40
 
 
 def _text(report: "TradeoffReport | TuneReport", given: Given) -> None:
     from contactlab.schema.tune_report import TuneReport
 
-    if isinstance(report, TuneReport):
-        from contactlab.commands.tune import print_search
-
-        print_search(report, opt.study_folder("tradeoff", given["source"], given["output"]))
-    else:
-        _print(report)
+    print_text(_folder if isinstance(report, TuneReport) else None)(report, given)
 
 
-def _json(report: "TradeoffReport | TuneReport", given: Given) -> None:
-    del given
-    print_json(report.model_dump(mode="json"))
-
-
-def _failure(report: "TradeoffReport | TuneReport", given: Given) -> ExpectationError | None:
+def _markdown(report: "TradeoffReport | TuneReport", given: Given) -> None:
     from contactlab.schema.tune_report import TuneReport
 
-    if isinstance(report, TuneReport):
-        from contactlab.commands.tune import failure
+    print_markdown(_folder if isinstance(report, TuneReport) else None)(report, given)
 
-        return failure(report, given)
-    if report.recommendation is not None:
-        return None
-    from contactlab.pareto.recommendation import blocker_texts
 
-    reason = "".join(f": {text}" for text in blocker_texts(report)[:1])
-    which = "mujoco's" if report.front else str(len(report.configurations))
-    return ExpectationError(f"none of {which} configurations is feasible{reason}")
+def _folder(given: Given) -> Path:
+    return opt.study_folder("tradeoff", given["source"], given["output"])
 
 
 @command(
     "examine",
     examples=("tradeoff results/bounce --tolerance oracle_error=1%",),
-    formats={"text": _text, "json": _json},
-    failure=_failure,
+    formats={"text": _text, "json": print_report_json, "markdown": _markdown},
 )
 def tradeoff(
     source: Annotated[
@@ -249,150 +224,3 @@ def _write(path: Path, report: "TradeoffReport") -> None:
         temporary.write_text(text, encoding="utf-8")
     command = "tradeoff" if report.tolerances.keys() & set(ERRORS) else "sweep"
     say(f"wrote {path}\nnext: contactlab {command} {shell_word(path)}")
-
-
-def _print(report: "TradeoffReport") -> None:
-    echo("\n".join(_head(report)))
-    _print_front(report)
-    if len(report.methods) < len(report.configurations):
-        _print_methods(report.methods)
-    if report.chaotic:
-        _print_rates(report)
-    for line in _answer(report):
-        echo(line)
-    for note in report.notes:
-        echo(f"note: {note}")
-
-
-def _head(report: "TradeoffReport") -> Iterator[str]:
-    from contactlab.schema.tradeoff_report import REALITY
-
-    feasible = sum(each.feasible for each in report.configurations)
-    unit = f" [{report.error.unit}]" if report.error.unit not in {"", "any"} else ""
-    source = "a timing pass" if report.time.source == "timing" else "the recorded runs"
-    if report.task is not None:
-        yield report.task.line
-    if report.verdict is not None:
-        yield f"as written: {report.verdict.line}"
-    yield f"{report.sweep}: {len(report.configurations)} configurations of {report.scene}"
-    scenarios = ", ".join(report.scenarios) or "one"
-    yield f"  runs of each  {report.runs_per_configuration} (scenarios: {scenarios})"
-    written = "against the model as written" if report.error.reference == "written" else None
-    over = "mean" if report.error.name == REALITY else "largest"
-    kind = ", ".join(filter(None, (report.error.kind, report.error.against, written)))
-    yield f"  error         {report.error.name}{unit}, {over} over the runs ({kind})"
-    yield f"  time          CPU seconds per simulated second, mean over the runs, from {source}"
-    limits = ", ".join(f"{name} <= {value:g}" for name, value in report.tolerances.items())
-    yield f"  tolerances    {limits or 'none'}"
-    yield f"  feasible      {feasible}"
-    if report.baseline is not None:
-        yield f"  current       {_current_text(report, report.baseline)}"
-
-
-def _current_text(report: "TradeoffReport", current: "Configuration") -> str:
-    """Return settings, error and time of the model as written, and why it is not feasible."""
-    from contactlab.pareto.recommendation import settings_text
-
-    known = [name for name in report.varying if current.configuration[name] is not None]
-    parts = [settings_text(current.configuration, known)] if known else []
-    parts += [] if current.error is None else [f"error {current.error:.3g}"]
-    parts += [] if current.time is None else [f"{current.time:.3g} CPU s per s"]
-    return "; ".join([*parts, *current.reasons[:1]])
-
-
-def _print_front(report: "TradeoffReport") -> None:
-    points, title = report.front, "Pareto front of the feasible configurations"
-    if not points:
-        points, title = report.unconstrained_front, "Pareto front; no configuration is feasible"
-    echo(f"\n{title}")
-    rows: list[list[object]] = []
-    for each in points:
-        values = [each.configuration[name] for name in report.varying]
-        speed = (f"{each.time:.3g}", f"{each.real_time_factor:,.0f}")
-        rows.append([*values, f"{each.error:.3g}", *speed])
-    print_table([*report.varying, "error", "CPU s per s", "x real time"], rows)
-
-
-def _print_methods(methods: "Sequence[Method]") -> None:
-    ordered = sorted(methods, key=lambda each: each.order.slope is None and each.floor is None)
-    floors = [
-        f"{each.floor.error:.3g} up to {each.floor.timestep:g} s" if each.floor else "-"
-        for each in ordered
-    ]
-    rows = [(each.name, _order(each), floor) for each, floor in zip(ordered, floors, strict=True)]
-    echo("\nconvergence of the error with the timestep")
-    _print_first(("method", "order", "floor"), rows, _MOST_METHODS)
-
-
-def _order(method: "Method") -> str:
-    order = method.order
-    if order.slope is None or order.standard_error is None:
-        return f"none: {order.reason}"
-    return f"{order.slope:.2f} +- {order.standard_error:.2f} over {order.points} timesteps"
-
-
-def _print_rates(report: "TradeoffReport") -> None:
-    echo("\nchaotic: fraction of runs as expected, with its 95 % confidence interval")
-    rows = [
-        (
-            *(each.configuration[name] for name in report.varying),
-            f"{each.outcomes.good}/{each.outcomes.runs}",
-            f"{each.outcomes.low:.0%} to {each.outcomes.high:.0%}",
-        )
-        for each in report.configurations
-    ]
-    _print_first((*report.varying, "as expected", "rate"), rows, _MOST_RATES)
-
-
-def _print_first(header: Sequence[str], rows: Sequence[Sequence[object]], most: int) -> None:
-    print_table(header, rows[:most])
-    if len(rows) > most:
-        echo(f"and {len(rows) - most} more, see --format json")
-
-
-def _answer(report: "TradeoffReport") -> Iterator[str]:
-    from contactlab.pareto.recommendation import blocker_texts, next_step_text, robust_text
-
-    chosen, robust = report.recommendation, report.robust
-    if chosen is None:
-        yield f"\nno configuration {'of mujoco ' if report.front else ''}is feasible"
-        yield from (f"  {text}" for text in blocker_texts(report))
-        return
-    now = report.baseline and report.baseline.time
-    yield f"\nrecommended{f', {now / chosen.time:.2f}x as fast as written' if now else ''}"
-    yield from _described(report, chosen)
-    if text := robust_text(report):
-        yield text
-    if robust is not None and robust.run_id != chosen.run_id:
-        yield from _described(report, robust)
-    yield f"next step: {next_step_text(report) or 'no feasible configuration is more accurate'}"
-    if report.baseline and chosen.configuration == report.baseline.configuration:
-        yield "\nNo change recommended."
-    elif not (chosen.mjcf or chosen.other):
-        yield f"\nwrite the model: contactlab tradeoff {report.store} --model FOLDER"
-    else:
-        yield "\nchanges of the model"
-        rest = "the patch that --model FOLDER writes"
-        yield from (f"  {line}" for line in shortened(chosen.mjcf, 12, rest))
-        yield from (f"  {name}: {value}" for name, value in chosen.other.items())
-
-
-def _described(report: "TradeoffReport", chosen: "Recommendation") -> Iterator[str]:
-    from contactlab.pareto.recommendation import settings_text
-
-    yield f"  {settings_text(chosen.configuration, report.varying) or 'as in the sweep'}"
-    error = "unknown" if chosen.error is None else f"{chosen.error:.3g}"
-    speed = f"{chosen.time:.3g} CPU s per s, {chosen.real_time_factor:,.0f}x real time"
-    yield f"  error {error}; {speed}"
-    if chosen.margins:
-        margins = [
-            f"{name} {'unlimited' if each is None else f'{each:.3g}'}"
-            for name, each in chosen.margins.items()
-        ]
-        yield f"  margins: {', '.join(margins)}"
-    if chosen.equally_fast:
-        yield (
-            f"  {len(chosen.equally_fast)} other configurations are as fast (within 5 %) and not "
-            "more accurate"
-        )
-    yield f"  details: contactlab show {shell_word(report.store)} {chosen.run_id[:8]}"

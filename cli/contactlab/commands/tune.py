@@ -2,52 +2,43 @@
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, Unpack
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, Option, command, flag
+from contactlab.command_line.report_formats import print_text, report_formats
 from contactlab.command_line.surroundings import say
-from contactlab.command_line.terminal import echo, echo_bytes, print_report_json, print_table
-from contactlab.errors import ExpectationError, SweepFileError
-from contactlab.judge.wording import out_of, plural
-from contactlab.printable import shell_word, shortened, wrapped
-from contactlab.rendering.amounts import format_percent
+from contactlab.command_line.terminal import echo_bytes
+from contactlab.errors import SweepFileError
 
 if TYPE_CHECKING:
-    from contactlab.schema.tune_report import Candidate, CurrentVerdict, FarPairs, TuneReport
+    from contactlab.schema.tune_report import TuneReport
     from contactlab.studies.search.tune_request import TuneRequest
 
-_MAX_UNCHANGED = 6  # settings that the text lists
 _TIME = "a time, such as 90s, 5min or 1h"
 _ERROR = "a share, such as 2%, or with --error-at a number in the unit of the observed output"
+
+
+def _folder(given: Given) -> Path:
+    return opt.study_folder("tune", given["model"], given["output"])
 
 
 def _text(report: "TuneReport", given: Given) -> None:
     from contactlab.schema.tune_report import PATCH
 
-    folder = opt.study_folder("tune", given["model"], given["output"])
-    if given["patch"]:
-        if report.recommended and (folder / PATCH).is_file():
-            echo_bytes((folder / PATCH).read_bytes())
-        return
-    print_search(report, folder)
-
-
-def failure(report: "TuneReport", given: Given) -> ExpectationError | None:
-    """Return the error if no candidate meets the target."""
-    del given
-    if report.target_met or report.recommended:
-        return None
-    return ExpectationError(f"{report.model}: {report.sentence}")
+    patch = _folder(given) / PATCH
+    if not given["patch"]:
+        print_text(_folder)(report, given)
+    elif report.recommended and patch.is_file():
+        echo_bytes(patch.read_bytes())
 
 
 @command(
     "examine",
     examples=("tune robot.xml",),
-    formats={"text": _text, "json": print_report_json},
-    failure=failure,
+    formats={**report_formats(_folder), "text": _text},
 )
 def tune(
     model: Annotated[
@@ -201,184 +192,3 @@ def _positive_rate(rate: float | None) -> float | None:
     if rate is not None and not 0 < rate < math.inf:
         raise SweepFileError(f"--real-time {rate:g}: write a number above 0, such as 5")
     return rate
-
-
-def print_search(report: "TuneReport", folder: Path) -> None:
-    """Print the report of a search."""
-    echo("\n".join(_head(report)))
-    shown = [("current", report.current)]
-    for standing, candidate in (
-        ("recommended", report.recommended),
-        ("closest", report.closest),
-        ("equal error", report.equal_error and report.equal_error.candidate),
-    ):
-        if candidate:
-            shown.append((standing, candidate))
-    header = ("", "settings", "timestep [s]", "error", "over seeds", "worst body", "time")
-    print_table(header, [_row(standing, candidate, report) for standing, candidate in shown])
-    echo("\n".join(_details(report, folder)))
-
-
-def _head(report: "TuneReport") -> Iterator[str]:
-    target = report.target
-    yield from wrapped(report.task.line)
-    yield from wrapped(f"{report.model}: {report.sentence}")
-    limit = _number(target.limit, report)
-    match target.kind:
-        case "as written":
-            yield f"  target     error at most {limit}, as the model as written"
-        case "tolerance":
-            yield f"  target     error at most {limit} (the tolerance)"
-        case "real time":
-            yield f"  target     the least error at {target.real_time:g}x real time"
-        case _:
-            yield f"  target     error at most {limit}, as requested"
-    if report.current_verdict:
-        yield from wrapped(f"verdict    {_verdict(report.current_verdict, report)}", "  ")
-    if target.unit == "1":
-        yield from wrapped(
-            "errors     residual force as a share of the real forces, against the model as written "
-            f"at a timestep of {report.reference_step:g} s",
-            "  ",
-        )
-    if target.divergence:
-        yield from wrapped(f"motion     {target.divergence}", "  ")
-    yield from _search_lines(report)
-
-
-def _search_lines(report: "TuneReport") -> Iterator[str]:
-    from contactlab.studies.search.report_text import ending_text, no_speedup_text
-
-    yield from wrapped(f"search     {ending_text(report)}, {report.seconds:.0f} s", "  ")
-    yield f"  speed      {report.real_time:.3g}x real time as written, on one core"
-    if why := no_speedup_text(report):
-        yield from wrapped(f"limits     {why}", "  ")
-
-
-def _verdict(verdict: "CurrentVerdict", report: "TuneReport") -> str:
-    error = (
-        "MuJoCo gave up"
-        if verdict.numerical_error is None
-        else f"numerical error {format_percent(verdict.numerical_error)}"
-    )
-    text = f"{verdict.verdict} as written, {error} along its own motion"
-    count = len(report.task.seeds)
-    if len(verdict.seeds) == count:
-        return f"{text}, as in `contactlab MODEL`"
-    few = out_of(len(verdict.seeds), count, "seed")
-    return f"{text}, on {few} only; `contactlab MODEL` judges all {count}"
-
-
-def _row(standing: str, candidate: "Candidate", report: "TuneReport") -> tuple[object, ...]:
-    from contactlab.studies.search.configuration import format_settings
-    from contactlab.studies.search.report_text import time_ratio_text
-
-    time = "" if candidate.cost is None else f"work x{candidate.cost:.2g}"
-    time = time if candidate.time_ratio is None else time_ratio_text(candidate.time_ratio)
-    spread = f"{_number(candidate.low, report)} to {_number(candidate.high, report)}"
-    settings = format_settings(candidate.settings) or (
-        "as written" if standing == "current" else ""
-    )
-    error = _number(candidate.error, report)
-    return standing, settings, f"{candidate.timestep:g}", error, spread, candidate.body, time
-
-
-def _number(value: float | None, report: "TuneReport") -> str:
-    if value is None:
-        return "gave up"
-    return (
-        format_percent(value) if report.target.unit == "1" else f"{value:.2e} {report.target.unit}"
-    )
-
-
-def _details(report: "TuneReport", folder: Path) -> Iterator[str]:
-    from contactlab.schema.tune_report import PATCH
-
-    if report.masked or report.excluded:
-        yield from wrapped(
-            f"unused: {_count_pairs(report.masked, report.excluded)} provably cannot touch: "
-            "without their collisions the motion is the same, bit for bit"
-        )
-    if report.disabled_flags:
-        yield f"unused: {' and '.join(report.disabled_flags)}: no state depends on it; turned off"
-    for assumption in _assumptions(report):
-        yield from wrapped(assumption)
-    if report.verified:
-        fresh = report.verified.seeds
-        seeds = f"seed{'s' * (len(fresh) > 1)} {', '.join(map(str, fresh))}"
-        yield from wrapped(f"verified on {seeds}: {report.verified.sentence}")
-    lines = [f"{each.file}:{each.line}: {each.element or 'removed'}" for each in report.lines]
-    yield from shortened(lines, 12, PATCH)
-    for note in _notes(report):
-        yield from wrapped(note)
-    yield from _written_files(report, folder)
-
-
-def _notes(report: "TuneReport") -> Iterator[str]:
-    """Yield the settings that were not changed and why, then the effects of the time limit."""
-    from contactlab.schema.tune_report import REPORT
-    from contactlab.studies.search.report_text import UNVERIFIED
-    from contactlab.studies.search.tuning_problem import LIMITED
-
-    limited = {each.name: each.reason for each in report.not_changed if each.name in LIMITED}
-    unchanged = [
-        f"{each.name} ({each.reason})"
-        for each in report.not_changed
-        if each.name not in limited and each.reason != UNVERIFIED
-    ]
-    yield from (f"Not changed: {each}." for each in unchanged[:_MAX_UNCHANGED])
-    if (more := len(unchanged) - _MAX_UNCHANGED) > 0:
-        yield f"Not changed: {more} more settings, listed in {REPORT}."
-    yield from (f"note: {name}: {reason}" for name, reason in limited.items())
-    if any(each.reason == UNVERIFIED for each in report.not_changed):
-        yield f"note: {UNVERIFIED}"
-
-
-def _written_files(report: "TuneReport", folder: Path) -> Iterator[str]:
-    from contactlab.schema.tune_report import PATCH, REPORT
-
-    if other := report.equal_error:
-        yield from wrapped(f"wrote {folder / other.file} (equal error): {other.verified.sentence}")
-    if report.file:
-        patch = f", {PATCH}" if (folder / PATCH).is_file() else ""
-        yield from wrapped(f"wrote {folder / report.file}{patch} and {REPORT}")
-        yield f"next: contactlab {shell_word(folder / report.file)}"
-    else:
-        yield f"{REPORT} in {folder}"
-
-
-def _assumptions(report: "TuneReport") -> Iterator[str]:
-    """Yield the assumptions of the written model, or those that it could make."""
-    if (pairs := report.far_pairs) and (pairs.removed or _saves_time(pairs)):
-        yield _far_pairs_text(pairs)
-    if hulls := report.simplified_hulls:
-        yield (
-            f"assumed: {plural(len(hulls.meshes), 'hull')} with fewer vertices, at most "
-            f"{1e3 * hulls.max_distance:g} mm inside the original"
-        )
-
-
-def _saves_time(pairs: "FarPairs") -> bool:
-    """Return whether removing their collisions saves work; true if it was not counted."""
-    from contactlab.schema.time_ratio import LEAST_SAVING
-
-    return pairs.cost is None or pairs.cost < 1 - LEAST_SAVING
-
-
-def _count_pairs(geoms: Sequence[str], bodies: Sequence[object]) -> str:
-    counts = (plural(len(geoms), "geom"), f"{plural(len(bodies), 'pair')} of bodies")
-    return " and ".join(text for text, some in zip(counts, (geoms, bodies), strict=True) if some)
-
-
-def _far_pairs_text(pairs: "FarPairs") -> str:
-    count = _count_pairs(pairs.geoms, pairs.bodies)
-    distance = f"{1e3 * pairs.distance:g} mm"
-    text = (
-        f"{count} stayed at least {distance} apart in every run (the task, tilted, and with twice "
-        "its inputs)"
-    )
-    if pairs.removed:
-        return f"assumed: {text}. If they meet, they now pass through each other"
-    ratio = f" at x{pairs.cost:.2g} work" if pairs.cost else ""
-    option = f"--skip-pairs-beyond {distance.replace(' ', '')}"
-    return f"option: {text}. {option} ignores their collisions{ratio}"

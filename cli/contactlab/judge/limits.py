@@ -59,7 +59,7 @@ class Limit:
         return Measure(
             name=self.name,
             of=of,
-            value=value if math.isfinite(value) else None,
+            value=value,
             unit=self.unit,
             limit=bound,
             holds=bool(value < bound if self.strict else value <= bound * slack),
@@ -87,8 +87,7 @@ LIMITS: Registry[Limit] = Registry("limit")
 
 def informative(name: str, value: float, unit: str, of: str | None = None) -> Measure:
     """Return a measure without a limit."""
-    kept = value if math.isfinite(value) else None
-    return Measure(name=name, of=of, value=kept, unit=unit, limit=None, holds=None)
+    return Measure(name=name, of=of, value=value, unit=unit, limit=None, holds=None)
 
 
 def utilization(value: float | None, limit: float | None) -> float:

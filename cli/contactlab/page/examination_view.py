@@ -1,7 +1,6 @@
 """The part of a page about an examination: its worst moment, budget, fixes and checks."""
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,44 +9,17 @@ import altair as alt
 from contactlab.charts import Rows, Spec, haloed, layer_of, static_svg, themed, word_colours
 from contactlab.page.header_films import Films, HeaderFilm, Moment, film_in, film_of_moment
 from contactlab.palette import COLOURS, OTHERS_COLOUR
-from contactlab.rendering.amounts import format_percent
-from contactlab.reporting.examination import (
-    fix_summary,
-    grouped_contacts,
-    largest_rows,
-    not_tried_line,
-    phase_begins,
-    row_error,
-)
-from contactlab.reporting.verified_measures import MeasureRow, measure_rows
+from contactlab.rendering.document import Document
+from contactlab.rendering.html import render_html
+from contactlab.reporting.budget_document import phase_begins
+from contactlab.reporting.examination_document import describe_examination
 from contactlab.schema.error_budget import BudgetPhase, BudgetReport, BudgetRow
 from contactlab.schema.examination import Examination
 from contactlab.store.finished_store import Store
 
-# Bars are logarithmic, from a tenth of a percent to ten times the real forces.
-_LEAST, _MOST = 1e-3, 10.0
-_KINDS = {
-    "numerics": "numerical settings, if changed",
-    "model": "modeling choices, if changed",
-    "effect": "effects, if left out",
-    "unknown": "uncertain parameters, if varied",
-}
+_TICKS = [float(f"{digits}e{power}") for power in range(-5, 3) for digits in (1, 1.5, 2, 3, 5, 7)]
+_MARGIN = 1.5  # room for names next to the fastest and the slowest, as a ratio of times
 _REMOVES, _REMAINS, _NOW = "removes the cause", "does not", "as written"
-
-
-@dataclass(frozen=True)
-class BudgetLine:
-    """A row of the budget: texts, and its bar as a share of the full width, 0 to 1."""
-
-    name: str
-    kind: str
-    error: str
-    spread: str
-    bar: float
-    exceeds: bool
-    time: str
-    where: str
-    summary: str
 
 
 @dataclass(frozen=True)
@@ -58,27 +30,19 @@ class ExaminationView:
         report: the whole.
         film: of the worst moment, or why it is missing.
         grip: a film of the grip that is a fact; None without one.
-        lines: the shown rows of the budget, the numerical error first.
-        limit: place of the tolerance along a bar, 0 to 1.
+        document: what its text says.
         chart: time over error of the fixes that were tried; empty without any.
-        fixes: each in a line, with the lines of the model's files.
-        verified: measures of the first fix, in a table.
-        verified_sentence: the result of its verification.
-        not_tried: skipped rows and fixes, in a sentence; empty if none is skipped.
-        contacts: each as lines of text.
     """
 
     report: Examination
     film: Films
     grip: HeaderFilm | None
-    lines: Sequence[BudgetLine]
-    limit: float
+    document: Document
     chart: str
-    fixes: Sequence[tuple[str, Sequence[str]]]
-    verified: Sequence[MeasureRow]
-    verified_sentence: str
-    not_tried: str
-    contacts: Sequence[Sequence[str]]
+
+    def html(self, section: str) -> str:
+        """Return the sections of a name as HTML; empty if there are none."""
+        return render_html(self.document.section(section))
 
     @property
     def has_pictures(self) -> bool:
@@ -105,22 +69,12 @@ def examination_view(
     budget = report.budget
     moment = None if budget is None else _worst_moment(store, report, budget)
     chart = None if budget is None else _fix_chart(budget)
-    verified = next(filter(None, (fix.verification for fix in report.fixes)), None)
     return ExaminationView(
         report=report,
         film=Films([]) if moment is None else film_of_moment(store, moment),
         grip=None if grip is None else film_in(grip, "the hand closes"),
-        lines=[] if budget is None else list(_budget_lines(report, budget)),
-        limit=_bar_place(report.task.tolerance),
+        document=describe_examination(report, details=True),
         chart=static_svg(chart, "Error over time of the fixes that were tried") if chart else "",
-        fixes=[
-            (f"{number}. {fix_summary(fix, report)}", fix.lines or (fix.no_patch_reason,))
-            for number, fix in enumerate(report.fixes, 1)
-        ],
-        verified=measure_rows(verified.measures) if verified else (),
-        verified_sentence=verified.sentence if verified else "",
-        not_tried=not_tried_line(report),
-        contacts=grouped_contacts(report.contacts),
     )
 
 
@@ -146,37 +100,6 @@ def _worst_row(budget: BudgetReport) -> tuple[BudgetPhase, BudgetRow]:
         return phase, rows.get(reason.row, phase.numerical_error)
     worst = max(budget.phases, key=lambda phase: phase.numerical_error.error or 0.0)
     return worst, worst.numerical_error
-
-
-def _budget_lines(report: Examination, budget: BudgetReport) -> Iterator[BudgetLine]:
-    found = largest_rows(budget, report.task)
-    run, *_ = found
-    shown_share = 0.1  # of the tolerance: rows above it are shown
-    shown = [name for name in found if row_error(found[name][0]) >= shown_share * budget.tolerance]
-    kinds = list(_KINDS)
-    shown.sort(key=lambda name: (kinds.index(found[name][0].kind), -row_error(found[name][0])))
-    for name in dict.fromkeys((run, *shown)):
-        row, begin = found[name]
-        error = row_error(row)
-        when = "" if row.time is None else f", {begin + row.time:.2f} s"
-        yield BudgetLine(
-            name=name,
-            kind="" if name == run else _KINDS[row.kind],
-            error=format_percent(error),
-            spread="" if row.seeds is None else " to ".join(map(format_percent, row.seeds)),
-            bar=_bar_place(error),
-            exceeds=row.kind in {"numerics", "model"} and error > budget.tolerance,
-            time=f"x{row.time_ratio.ratio:.2f}" if row.time_ratio else "",
-            where=f"{row.body or ''}{when}",
-            summary=row.summary,
-        )
-
-
-def _bar_place(share: float) -> float:
-    """Return the place of a share along a bar, 0 to 1."""
-    if share <= _LEAST:
-        return 0.0
-    return min(1.0, math.log(share / _LEAST) / math.log(_MOST / _LEAST))
 
 
 def _fix_chart(budget: BudgetReport) -> Spec | None:

@@ -26,7 +26,7 @@ from contactlab.page.paper_figures import physical_figures
 from contactlab.page.script_data import ScriptData, listed_metrics, page_colours, script_data
 from contactlab.page.sentences import closest_settings, reality_sentence, tradeoff_sentence
 from contactlab.pareto.criteria import RECORDED_TIME_COLUMN
-from contactlab.pareto.recommendation import blocker_texts, next_step_text, robust_text
+from contactlab.pareto.recommendation import next_step_text, robust_text
 from contactlab.reporting.boundaries import boundary_lines, coverage
 from contactlab.reporting.finding import finding
 from contactlab.reporting.label_shares import share_words
@@ -373,7 +373,7 @@ def tradeoff_view(data: ReportData, chart: Spec | None) -> TradeoffView | None:
         report=report,
         sentence=tradeoff_sentence(report),
         recommended=[text for text in (robust_text(report), next_step_text(report)) if text],
-        blockers=blocker_texts(report),
+        blockers=[blocker.sentence for blocker in report.blockers],
         titles={axis.name: axis.stored_title for axis in data.axes},
         worst=next(worst, {}),
         chart=static_svg(chart, "Error against time of each configuration") if chart else "",

@@ -139,12 +139,3 @@ def next_step_text(report: TradeoffReport) -> str:
     gain = "no error" if after.error_ratio is None else f"{after.error_ratio:.3g}x less error"
     values = settings_text(after.configuration, report.varying) or "as in the sweep"
     return f"x{after.time_ratio:.3g} time gives {gain}: {values}."
-
-
-def blocker_texts(report: TradeoffReport) -> list[str]:
-    """Return the causes of infeasible configurations with their counts, most frequent first."""
-    return [
-        f"{blocker.kind} {blocker.name} rules out {blocker.configurations} configurations"
-        + ("" if blocker.best is None else f"; the best has {blocker.best:.3g}")
-        for blocker in report.blockers
-    ]

@@ -4,6 +4,7 @@ import math
 
 _SCALED = {"mm": 1e3, "mm/s": 1e3, "ms": 1e3, "us": 1e6}
 """Units that are printed for SI numbers, and the factor from the SI unit."""
+_MOST_DIGITS = 9  # more are rounding
 _TWO_DIGITS = 0.1  # smallest ratio of which two decimals have two significant digits
 
 
@@ -49,6 +50,16 @@ def format_interval(low: float | None, high: float | None, unit: str = "%") -> s
     suffix = "" if unit == "x" else f" {unit}"
     first, last = format_amount(low, unit), format_amount(high, unit)
     return f"{first.removesuffix(suffix).removeprefix('x')} to {last.removeprefix('x')}"
+
+
+def format_above(share: float, limit: float) -> str:
+    """Return a share in percent with as many digits as show that it is above a limit."""
+    if not math.isfinite(share) or format_percent(share) != format_percent(limit):
+        return format_percent(share)
+    for digits in range(3, _MOST_DIGITS):
+        if (text := format_digits(100 * share, digits)) != format_digits(100 * limit, digits):
+            return f"{text} %"
+    return format_percent(share)
 
 
 def format_digits(number: float, digits: int = 3) -> str:

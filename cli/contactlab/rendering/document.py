@@ -76,27 +76,31 @@ class Table:
 
     Attributes:
         ruled: whether a line separates the head in text.
+        headed: whether text shows the head; Markdown and HTML need it.
         more: what is left out and where it is, in a sentence; "" if nothing is.
     """
 
     columns: tuple[Column, ...]
     rows: tuple[Row, ...]
     ruled: bool = True
+    headed: bool = True
     more: str = ""
 
 
 @dataclass(frozen=True)
 class Headline:
-    """The result in one sentence."""
+    """The result in one sentence; the sign of its mark is shown, but not the word."""
 
     text: str
+    mark: Mark | None = None
 
 
 @dataclass(frozen=True)
 class Sentence:
-    """A paragraph."""
+    """A paragraph, after a mark or none."""
 
     text: str
+    mark: Mark | None = None
 
 
 @dataclass(frozen=True)
@@ -125,7 +129,14 @@ class Code:
     indent: int = 2  # of text
 
 
-Block = Headline | Sentence | Facts | Items | Code | Table
+@dataclass(frozen=True)
+class Commands:
+    """Command lines for the next step, each with its purpose."""
+
+    entries: tuple[tuple[str, str], ...]
+
+
+Block = Commands | Headline | Sentence | Facts | Items | Code | Table
 
 
 @dataclass(frozen=True)
@@ -136,12 +147,14 @@ class Section:
         name: by which a page takes the section, such as `budget`.
         title: its head; "" for none.
         folded: whether Markdown and HTML show it on request only.
+        follows: whether text has no empty line before it.
     """
 
     blocks: tuple[Block, ...]
     name: str = ""
     title: str = ""
     folded: bool = False
+    follows: bool = False
 
 
 @dataclass(frozen=True)
@@ -168,25 +181,31 @@ def document_of(*sections: Section | Sequence[Block]) -> Document:
 
 
 def table_of(
-    columns: Sequence[str | Column], rows: Sequence[Sequence[object]], *, most: int | None = None
+    columns: Sequence[str | Column],
+    rows: Sequence[Sequence[object]],
+    *,
+    most: int | None = None,
+    droppable: int = 0,
 ) -> Table:
     """Return a table of values; columns of numbers are aligned right.
 
-    With more than `most` rows, the first are shown, and a sentence says where the others are.
+    Args:
+        columns: names, or columns.
+        rows: values, one for each column.
+        most: number of rows that are shown; a sentence says where the others are.
+        droppable: number of the last columns that a narrow terminal may leave out.
     """
     shown = rows if most is None else rows[:most]
-    built = tuple(
-        column
-        if isinstance(column, Column)
-        else Column(column, "right" if _is_numeric(shown, place) else "left")
-        for place, column in enumerate(columns)
-    )
+    built: list[Column] = []
+    for place, column in enumerate(columns):
+        if isinstance(column, Column):
+            built.append(column)
+            continue
+        numeric = bool(shown) and all(isinstance(row[place], int | float) for row in shown)
+        optional = place >= len(columns) - droppable
+        built.append(Column(column, "right" if numeric else "left", droppable=optional))
     more = f"and {len(rows) - len(shown):,} more, see --format json" if rows[len(shown) :] else ""
-    return Table(built, tuple(Row(tuple(map(cell_of, row))) for row in shown), more=more)
-
-
-def _is_numeric(rows: Sequence[Sequence[object]], place: int) -> bool:
-    return bool(rows) and all(isinstance(row[place], int | float) for row in rows)
+    return Table(tuple(built), tuple(Row(tuple(map(cell_of, row))) for row in shown), more=more)
 
 
 def cell_of(value: object) -> Cell:

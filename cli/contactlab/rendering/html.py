@@ -10,6 +10,7 @@ from contactlab.rendering.document import (
     Cell,
     Code,
     Column,
+    Commands,
     Document,
     Facts,
     Headline,
@@ -46,10 +47,13 @@ def _section_lines(section: Section) -> Iterator[str]:
 
 def _block_lines(block: Block) -> Iterator[str]:
     match block:
-        case Headline(text):
+        case Headline(text, mark):
+            text = f"{mark.sign} {text}" if mark else text
             yield f"<p><strong>{_text(text)}</strong></p>"
-        case Sentence(text):
-            yield f"<p>{_text(text)}</p>"
+        case Sentence(text, mark):
+            yield f"<p>{_text(f'{mark.sign} {text}' if mark else text)}</p>"
+        case Commands(entries):
+            yield _code(tuple(f"{purpose}: {command}" for purpose, command in entries))
         case Facts(entries):
             yield '<dl class="causes">'
             for name, text in entries:

@@ -2,12 +2,13 @@
 
 from collections.abc import Iterable, Iterator
 
-from contactlab.printable import in_markdown, in_one_line
+from contactlab.printable import in_markdown, in_one_line, printable
 from contactlab.rendering.document import (
     Bar,
     Block,
     Cell,
     Code,
+    Commands,
     Document,
     Facts,
     Headline,
@@ -50,21 +51,32 @@ def _section_lines(section: Section) -> Iterator[str]:
 
 def _block_lines(block: Block) -> Iterator[str]:
     match block:
-        case Headline(text):
-            yield f"### {in_markdown(text)}"
-        case Sentence(text):
-            yield in_markdown(text)
+        case Headline(text, mark):
+            yield f"### {mark.sign} {in_markdown(text)}" if mark else f"### {in_markdown(text)}"
+        case Sentence(text, mark):
+            # A job takes a line that begins so for a command, in its log.
+            yield f"{mark.sign} {in_markdown(text)}" if mark else printable(in_markdown(text))
+        case Commands(entries):
+            yield from ("<details><summary>commands</summary>", "")
+            yield from _code_lines(
+                (line for what, how in entries for line in (f"# {what}", how)), "sh"
+            )
+            yield from ("", "</details>")
         case Facts(entries):
             name = ""
             for given, text in entries:
                 name = given or name
-                yield f"- **{in_markdown(name)}** {in_markdown(text)}"
+                yield (
+                    f"- **{in_markdown(name)}** {in_markdown(text)}"
+                    if name
+                    else (f"- {in_markdown(text)}")
+                )
         case Items(texts, title):
-            yield from [in_markdown(title), ""] if title else []
+            yield from [printable(in_markdown(title)), ""] if title else []
             yield from (f"- {in_markdown(text)}" for text in texts)
         case Code(lines, language, more):
             yield from _code_lines(lines, language)
-            yield from ["", in_markdown(more)] if more else []
+            yield from ["", printable(in_markdown(more))] if more else []
         case Table():
             yield from _table_lines(block)
 
@@ -94,7 +106,7 @@ def _table_lines(table: Table) -> Iterator[str]:
             details.append((_cell_text(row.cells[0]), row.details))
     for name, lines in details:
         yield from ("", name, "", *_code_lines(lines))
-    yield from ["", in_markdown(table.more)] if table.more else []
+    yield from ["", printable(in_markdown(table.more))] if table.more else []
 
 
 def _cell_text(cell: Cell) -> str:

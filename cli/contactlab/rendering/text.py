@@ -13,6 +13,7 @@ from contactlab.rendering.document import (
     Cell,
     Code,
     Column,
+    Commands,
     Document,
     Facts,
     Headline,
@@ -28,6 +29,7 @@ COLUMNS = 80
 """Width of a report in a pipe or a file."""
 _GAP = "  "  # between columns
 _BAR_SIGNS = 8
+_MARK_WIDTH = 4
 _LEAST_WIDTH_OF_WORDS = 14  # a column of words is at least this wide
 _MOST_INDENT = 30  # of texts after a name
 Paint = Callable[[str, str], str]
@@ -38,7 +40,7 @@ def render_text(document: Document, width: int = COLUMNS, paint: Paint | None = 
     """Return a document as lines; sections are separated by empty lines."""
     lines: list[str] = []
     for section in document.sections:
-        lines += [""] if lines else []
+        lines += [""] if lines and not section.follows else []
         lines += _section_lines(section, width, paint or _keep)
     return "\n".join(line.rstrip() for line in lines)
 
@@ -70,8 +72,13 @@ def _section_lines(section: Section, width: int, paint: Paint) -> Iterator[str]:
 
 def _block_lines(block: Block, width: int, paint: Paint) -> Iterator[str]:
     match block:
-        case Headline(text) | Sentence(text):
+        case Headline(text):
             yield from wrap_text(text, width).split("\n")
+        case Sentence(text, mark):
+            first = f"{mark.word:{_MARK_WIDTH}}  " if mark else ""
+            yield from wrap_text(text, width, first).split("\n")
+        case Commands(entries):
+            yield from (in_one_line(f"{purpose}: {command}") for purpose, command in entries)
         case Facts():
             yield from _fact_lines(block, width)
         case Items(texts, title):
@@ -116,7 +123,7 @@ def _table_lines(table: Table, width: int, paint: Paint) -> Iterator[str]:
         return
     widths = _fit_widths(widths[:shown], least[:shown], width)
     head = [in_one_line(column.name) for column in columns]
-    if any(head):
+    if any(head) and table.headed:
         yield from _row_lines(columns, head, widths, _keep)
         if table.ruled:
             yield "─" * _total(widths)
@@ -227,7 +234,7 @@ def _block_rows(table: Table, rows: Sequence[Sequence[str]], width: int) -> Iter
             yield from wrap_text(f"{group}:", width).split("\n") if group else ()
         yield from wrap_text(f"{names[0]} {cells[0].strip()}".strip(), width).split("\n")
         for name, value in zip(names[1:], cells[1:], strict=True):
-            if value not in {"", "-"}:
+            if value:
                 first = f"  {name:<{room}}"
                 room_left = max(width, len(first) + _LEAST_WIDTH_OF_WORDS)
                 yield from wrap_text(value, room_left, first, " " * len(first)).split("\n")

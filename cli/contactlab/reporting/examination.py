@@ -1,41 +1,13 @@
 """Words for parts of an examination, for its text and its page."""
 
-import math
 from collections.abc import Iterable, Sequence
 
 from contactlab.judge.conclusion import failed_names
 from contactlab.rendering.amounts import format_percent
-from contactlab.schema.error_budget import BudgetReport, BudgetRow
 from contactlab.schema.examination import Examination, Fix, RestingContact, RunLabel
-from contactlab.schema.task import Task
 
 _MOST_LABELS = 2  # that the causes of a verdict have
 _MOST_NAMES = 3  # of skipped rows and fixes
-
-
-def largest_rows(budget: BudgetReport, task: Task) -> dict[str, tuple[BudgetRow, float]]:
-    """Return the exercised rows, each of the phase in which it is largest.
-
-    With it comes the time at which that phase begins [s].
-    """
-    begins = phase_begins(task)
-    found: dict[str, tuple[BudgetRow, float]] = {}
-    for phase in budget.phases:
-        for row in (phase.numerical_error, *phase.rows):
-            kept = found.get(row.name)
-            if row.exercised and (kept is None or row_error(row) > row_error(kept[0])):
-                found[row.name] = row, begins.get(phase.name, 0.0)
-    return found
-
-
-def row_error(row: BudgetRow) -> float:
-    """Return the error of a row; infinite if the engine failed, 0 if unknown."""
-    return math.inf if row.infinite else row.error or 0.0
-
-
-def phase_begins(task: Task) -> dict[str, float]:
-    """Return when the phases of a task begin [s], by name."""
-    return {phase.name: phase.begin for phase in task.phases}
 
 
 def judged_labels(report: Examination) -> Sequence[RunLabel]:

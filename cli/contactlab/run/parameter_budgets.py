@@ -18,6 +18,7 @@ from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import ParameterBudget
+from contactlab.schema.strict_model import finite_or_none
 from contactlab.schema.sweep_schema import MOST_SENSITIVITIES, Sweep
 from contactlab.schema.vocabulary import Loguniform, Sampled
 
@@ -81,12 +82,12 @@ def _budgets_of_run(
             "axis": row.name,
             "low": ranges[row.name][0],
             "high": ranges[row.name][2],
-            "share": _finite_or_none(row.error),
+            "share": finite_or_none(row.error),
             "body": phase.bodies[row.body],
         }
         for row in phase.rows
     ]
-    own_share = _finite_or_none(phase.run.error)
+    own_share = finite_or_none(phase.run.error)
     found = {"shared": {**shared, "seed": run.seed}, "middle": middle}
     yield ParameterBudget.model_validate({**found, "run": own_share, "rows": rows})
 
@@ -176,7 +177,3 @@ def _change_towards(own: mujoco.MjModel, other: mujoco.MjModel) -> ModelChange:
                 setattr(owner, name, value.item())
 
     return change
-
-
-def _finite_or_none(share: float) -> float | None:
-    return share if math.isfinite(share) else None

@@ -6,7 +6,8 @@ from pydantic import RootModel
 
 from contactlab.schema.evidence import Engine, Setting
 from contactlab.schema.finding import LEVEL, Level
-from contactlab.schema.strict_model import Model, about
+from contactlab.schema.report_model import Described
+from contactlab.schema.strict_model import FiniteOrNull, Model, about
 
 CheckVerdict = Literal["pass", "warning", "fail", "not applicable"]
 
@@ -16,9 +17,9 @@ class Measure(Model):
 
     name: str
     of: str | None = about("The pair, body or setting that it belongs to; null if all.")
-    value: float | None = about("Null if it could not be measured.")
+    value: FiniteOrNull = about("Null if it could not be measured.")
     unit: str
-    limit: float | None = about("Its limit; null if it is only reported.")
+    limit: FiniteOrNull = about("Its limit; null if it is only reported.")
     holds: bool | None = about("Whether the limit is met; null if it is only reported.")
     level: Level = about(f"Of an exceeded limit. {LEVEL}.", default="note")
 
@@ -67,7 +68,7 @@ class StabilityResult(Model):
     as_expected: int = about("Number of these that are as expected.")
     controls: int = about("Runs that are expected to fail, and did.")
     labels: dict[str, int] = about("Runs by worst label.")
-    error: float | None = about(
+    error: FiniteOrNull = about(
         "Largest oracle error of runs that are expected to be stable; null without an oracle."
     )
     step: int | None = about("Earliest step at which such a run failed; null if none did.")
@@ -82,13 +83,20 @@ class StabilityResult(Model):
         return self.as_expected == self.expected > 0
 
 
-class StabilityReport(RootModel[tuple[StabilityResult, ...]]):
+class StabilityReport(Described, RootModel[tuple[StabilityResult, ...]]):
     """Every case that could be run."""
 
     @property
     def cases(self) -> tuple[StabilityResult, ...]:
         """The results, in the order of the cases."""
         return self.root
+
+    @property
+    def problem(self) -> str:
+        """The cases that failed."""
+        failed = [case.name for case in self.root if not case.passed]
+        count = f"{len(failed)} of {len(self.root)} cases failed"
+        return f"{count}: {', '.join(failed)}" if failed else ""
 
     @property
     def passed(self) -> bool:

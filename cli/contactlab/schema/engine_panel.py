@@ -2,7 +2,11 @@
 
 from typing import Literal
 
-from contactlab.schema.strict_model import Model, about
+from contactlab.schema.report_model import ReportModel
+from contactlab.schema.strict_model import FiniteOrNull, Model, about
+
+REPORT = "panel.json"
+"""Name of its file."""
 
 
 class PanelRun(Model):
@@ -11,14 +15,14 @@ class PanelRun(Model):
     task: str
     engine: str
     step: float = about("Timestep; if the engine chooses its own, that of the recording.", unit="s")
-    accuracy: float | None = about("Accuracy of the error control; null without one.")
-    error: float | None = about(
+    accuracy: FiniteOrNull = about("Accuracy of the error control; null without one.")
+    error: FiniteOrNull = about(
         "Difference from the closed form: relative, or in SI units if that is 0; null if the run "
         "failed."
     )
-    energy: float | None = about("Gained or lost energy over the initial energy.", unit="1")
-    depth: float | None = about("Deepest contact.", unit="m")
-    cost: float | None = about("CPU time of stepping alone, for a second of the task.", unit="s")
+    energy: FiniteOrNull = about("Gained or lost energy over the initial energy.", unit="1")
+    depth: FiniteOrNull = about("Deepest contact.", unit="m")
+    cost: FiniteOrNull = about("CPU time of stepping alone, for a second of the task.", unit="s")
     label: str = about("Label of the run, or why it failed.")
 
 
@@ -30,7 +34,7 @@ class PanelTask(Model):
     measure: str = about("The quantity of the error.")
 
 
-class EnginePanel(Model):
+class EnginePanel(ReportModel):
     """Every installed engine on tasks with a closed form, at three steps or accuracies."""
 
     panel_version: Literal[2] = 2

@@ -3,7 +3,8 @@
 from typing import Literal
 
 from contactlab.schema.evidence import Setting
-from contactlab.schema.strict_model import Model, about
+from contactlab.schema.report_model import ReportModel
+from contactlab.schema.strict_model import FiniteOrNull, Model, about
 from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.verdict import VerdictWord
 
@@ -20,22 +21,22 @@ class BudgetRow(Model):
     kind: RowKind
     exercised: bool = about("Whether the task exercises the modified setting.")
     infinite: bool = about("Whether the engine failed, so that the error is infinite.")
-    error: float | None = about(
+    error: FiniteOrNull = about(
         "Of the worst body, the mean over seeds; null if not exercised, or infinite."
     )
     seeds: tuple[float, float] | None = about("Least and largest of any seed; null as above.")
-    median: float | None = about("Of all bodies; null as above.")
-    by_mass: float | None = about("Weighted by mass; null as above.")
+    median: FiniteOrNull = about("Of all bodies; null as above.")
+    by_mass: FiniteOrNull = about("Weighted by mass; null as above.")
     body: str | None = about("The worst body; null if not exercised.")
     place: str | None = about(
         "The contact, joint, tendon or equality whose impulse on that body differs most in the "
         "worst window; null if not known."
     )
-    speed: float | None = about(
+    speed: FiniteOrNull = about(
         "Defect of the worst body, the mean over windows [m/s]; the speed of a creep."
     )
     seed: int | None = about("Of the worst window; null if not exercised.")
-    time: float | None = about("When the worst window begins [s]; null if not exercised.")
+    time: FiniteOrNull = about("When the worst window begins [s]; null if not exercised.")
     time_ratio: TimeRatio | None = about(
         "Of the change in the model's own settings; null if not measured."
     )
@@ -63,14 +64,14 @@ class BudgetPhase(Model):
     bodies: tuple[str, ...] = about("The observed bodies, which move and have mass.")
     numerical_error: BudgetRow = about("The run as written against the reference.")
     rows: tuple[BudgetRow, ...]
-    energy_drift: float | None = about(
+    energy_drift: FiniteOrNull = about(
         "Energy that drifts in the run and not in a reference, as a share; null if infinite."
     )
-    excess_path: float | None = about(
+    excess_path: FiniteOrNull = about(
         "Path of the run's velocity beyond the reference's; not judged."
     )
-    worst_window: float | None = about("Worst window over the body's largest speed; not judged.")
-    upper_bound: float | None = about(
+    worst_window: FiniteOrNull = about("Worst window over the body's largest speed; not judged.")
+    upper_bound: FiniteOrNull = about(
         "Largest numerical error that the convergence of the references at h/4 and h/8 allows, "
         "worst body; null if infinite or unchecked."
     )
@@ -87,10 +88,10 @@ class BudgetReason(Model):
     verdict: VerdictWord = about("The verdict that it alone would give.")
     phase: str
     row: str = about("A row, or `energy`, `reference`, `warning`.")
-    error: float | None = about("The number, as a share; null if infinite.")
+    error: FiniteOrNull = about("The number, as a share; null if infinite.")
     body: str
     place: str
-    time: float | None
+    time: FiniteOrNull
     sentence: str
 
 
@@ -104,19 +105,19 @@ class BudgetFix(Model):
     settings: dict[str, Setting] = about("Options, and fields of named parts, that it sets.")
     removes: bool
     verdict: VerdictWord = about("On the changed model.")
-    error: float | None = about(
+    error: FiniteOrNull = about(
         "Of the row that it was tried against, or the numerical error; null if infinite."
     )
-    distance_to_reference: float | None = about(
+    distance_to_reference: FiniteOrNull = about(
         "From the model's motion at its finest step, or, against a modeling choice, from that "
         "with the choice changed. A fix that comes no nearer is not judged further. Null if "
         "infinite."
     )
-    distance_before: float | None = about("The same of the model as written; null if infinite.")
+    distance_before: FiniteOrNull = about("The same of the model as written; null if infinite.")
     time_ratio: TimeRatio | None
 
 
-class BudgetReport(Model):
+class BudgetReport(ReportModel):
     """An error budget and its verdict."""
 
     budget_version: Literal[2] = BUDGET_VERSION

@@ -1,13 +1,13 @@
 """The report of `contactlab examine`: a verdict on a model's simulation under its task."""
 
-from html import escape
 from typing import Literal
 
 from contactlab.schema.check_report import CheckResult
 from contactlab.schema.error_budget import BudgetReport
 from contactlab.schema.evidence import Setting
 from contactlab.schema.finding import Finding
-from contactlab.schema.strict_model import Model, about
+from contactlab.schema.report_model import ReportModel
+from contactlab.schema.strict_model import FiniteOrNull, Model, about
 from contactlab.schema.task import Task
 from contactlab.schema.task_verdict import TaskVerdict
 from contactlab.schema.time_ratio import TimeRatio
@@ -69,12 +69,12 @@ class Fix(Model):
     changed_keyframes: tuple[tuple[str, tuple[float, ...]], ...] = about(
         "Keyframes, and the configuration that each then has.", default=()
     )
-    error: float | None = about("Remaining error of the reason; null if infinite.")
-    distance_to_reference: float | None = about(
+    error: FiniteOrNull = about("Remaining error of the reason; null if infinite.")
+    distance_to_reference: FiniteOrNull = about(
         "From the model's motion at its finest step, or, against a modeling choice, from that "
         "with the choice changed, as a share; null if infinite."
     )
-    distance_before: float | None = about("The same of the model as written; null if infinite.")
+    distance_before: FiniteOrNull = about("The same of the model as written; null if infinite.")
     time_ratio: TimeRatio | None = about("Time with the fix over time without; null if unknown.")
     lines: tuple[str, ...] = about("The lines of the model's files, each after FILE:LINE.")
     no_patch_reason: str = about("Why there are no lines.", default="")
@@ -109,7 +109,7 @@ class RunLabel(Model):
     runs: int = about("Number of runs that have it.")
     reason: str = about("Why it applies to the first of these runs.")
     seed: int = about("Of that run.")
-    time: float | None = about("When it begins [s]; null if of the whole run.")
+    time: FiniteOrNull = about("When it begins [s]; null if of the whole run.")
     bodies: tuple[str, ...] = about("Bodies that it concerns; empty if the whole run.", default=())
 
     @property
@@ -128,17 +128,17 @@ class RestingContact(Model):
     contacts: float = about("their mean number then; 0 if it does not rest", unit="1")
     load: float = about("that one of them bears", unit="N")
     depth: float = about("their mean depth, measured", unit="m")
-    expected_depth: float | None = about("by the law of rest; null without a load", unit="m")
+    expected_depth: FiniteOrNull = about("by the law of rest; null without a load", unit="m")
     stiffness: float = about("in an impact", unit="N/m")
     damping: float = about("in an impact", unit="N s/m")
     damping_ratio: float = about("of an impact", unit="1")
     restitution: float = about("of an impact without gravity, by the law", unit="1")
-    bounced: float | None = about("restitution in the run; null if nothing bounced", unit="1")
+    bounced: FiniteOrNull = about("restitution in the run; null if nothing bounced", unit="1")
     longest_step: float = about("timestep that resolves it", unit="s")
     timestep: float = about("of the run", unit="s")
 
 
-class Examination(Model):
+class Examination(ReportModel):
     """Result of an examination of a model under its task.
 
     It has an error budget, the labels of runs, checks, facts and fixes.
@@ -192,6 +192,11 @@ class Examination(Model):
     page: str | None = about("Its page; null if none was drawn.", default=None)
 
     @property
+    def problem(self) -> str:
+        """The verdict of a model that does not pass; its output says why."""
+        return "" if self.passed else f"{self.model}: {self.verdict}"
+
+    @property
     def passed(self) -> bool:
         """True if the run is the motion of its model and has no failure label.
 
@@ -204,31 +209,3 @@ class Examination(Model):
         words += [self.budget.verdict] if self.budget else []
         labels = self.task_verdict.labels if self.task_verdict else {}
         return not labels and all(word in {None, "ok", "depends"} for word in words)
-
-    def _repr_html_(self) -> str:
-        """Return the verdict, the errors of the worst phase, and the fixes, for notebooks."""
-        lines = [f"<strong>{escape(self.headline)}</strong>"]
-        lines += [f"why: {escape(line)}" for line in self.why]
-        lines += [f"fix: {escape(self.fix)}"] if self.fix else []
-        lines += [escape(self.task.line)]
-        for fix in self.fixes:
-            lines.append(f"{escape(fix.name)}<pre>{escape(chr(10).join(fix.lines))}</pre>")
-        lines += [escape(fact.sentence) for fact in self.facts]
-        lines += [escape(f"{label.label}{label.where}: {label.reason}") for label in self.labels]
-        lines += [f'<a href="{escape(self.page)}">{escape(self.page)}</a>'] if self.page else []
-        return "".join(f"<p>{line}</p>" for line in lines) + self._table()
-
-    def _table(self) -> str:
-        """Return the rows of the worst phase as an HTML table."""
-        phases = self.budget.phases if self.budget else ()
-        if not phases:
-            return ""
-        worst = max(phases, key=lambda phase: phase.numerical_error.error or 0.0)
-        rows = [row for row in (worst.numerical_error, *worst.rows) if row.exercised]
-        cells = (
-            (row.name, "∞" if row.error is None else f"{100 * row.error:.2g} %", row.body or "")
-            for row in rows
-        )
-        body = (f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in cells)
-        head = f"<tr><th>{escape(worst.name)}</th><th>error</th><th>worst body</th></tr>"
-        return f"<table>{head}{''.join(body)}</table>"

@@ -3,7 +3,8 @@
 from typing import Literal
 
 from contactlab.schema.evidence import Setting
-from contactlab.schema.strict_model import Model, about
+from contactlab.schema.report_model import ReportModel
+from contactlab.schema.strict_model import FiniteOrNull, Model, about
 
 GradientVerdict = Literal["agrees", "differs", "vanishes", "explodes", "unknown"]
 GRADIENT_VERDICTS: dict[GradientVerdict, str] = {
@@ -15,13 +16,16 @@ GRADIENT_VERDICTS: dict[GradientVerdict, str] = {
     "steps scatter",
 }
 
+REPORT = "gradients.json"
+"""Name of its file."""
+
 
 class Difference(Model):
     """A derivative by finite differences."""
 
-    value: float | None = about("Null if no run gave one.")
-    bound: float | None = about("Bound on its error; null if there is none.")
-    span: float | None = about("Half-width of the wider of the two differences behind it.")
+    value: FiniteOrNull = about("Null if no run gave one.")
+    bound: FiniteOrNull = about("Bound on its error; null if there is none.")
+    span: FiniteOrNull = about("Half-width of the wider of the two differences behind it.")
 
 
 class LadderRung(Model):
@@ -29,7 +33,7 @@ class LadderRung(Model):
 
     step: float = about("Timestep of the runs.", unit="s")
     span: float = about("Half-width, in the parameter's unit.")
-    value: float | None = about("Null if a run failed.")
+    value: FiniteOrNull = about("Null if a run failed.")
 
 
 class GradientInput(Model):
@@ -38,7 +42,7 @@ class GradientInput(Model):
     value: float = about("Value of the input, in its own unit.")
     model: Difference = about("Derivative of the model: over many steps, at the finest step.")
     run: Difference = about("Derivative of the run at its own step: spans of less than a step.")
-    methods: dict[str, float | None] = about(
+    methods: dict[str, FiniteOrNull] = about(
         "Derivative of the run by other methods: `chain`, MuJoCo's mjd_transitionFD step by step; "
         "`mjx`, automatic differentiation; `mjx-adaptive`, the same by substeps. Null if a method "
         "gives none."
@@ -53,7 +57,7 @@ class GradientPlace(Model):
     """One place: a setting of the scene."""
 
     settings: dict[str, Setting]
-    end: float | None = about("Value of the output coordinate; null if the run failed.")
+    end: FiniteOrNull = about("Value of the output coordinate; null if the run failed.")
     mode: str = about("Modes of the pairs, in order: apart, stick, slide.")
     inputs: dict[str, GradientInput] = about("By input.")
 
@@ -70,7 +74,7 @@ class Band(Model):
     )
 
 
-class GradientsReport(Model):
+class GradientsReport(ReportModel):
     """Where derivatives of a scene's end state can be trusted."""
 
     gradients_version: Literal[2] = 2

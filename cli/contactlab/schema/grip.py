@@ -3,7 +3,8 @@
 from typing import Literal
 
 from contactlab.schema.evidence import Setting
-from contactlab.schema.strict_model import Model, about
+from contactlab.schema.report_model import ReportModel
+from contactlab.schema.strict_model import FiniteOrNull, Model, about
 from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.verification import VerifiedChange
 
@@ -23,10 +24,10 @@ class GripControl(Model):
     """A control, and the force of its actuator while the object is held."""
 
     name: str = about("The actuator.")
-    open_control: float | None = about("Control that opens; null for a keyframe.")
+    open_control: FiniteOrNull = about("Control that opens; null for a keyframe.")
     closed_control: float = about("Control that closes, as it is held.")
     force: float = about("Force of the actuator, in its own unit.")
-    limit: float | None = about("Largest force of the actuator; null if none is set.")
+    limit: FiniteOrNull = about("Largest force of the actuator; null if none is set.")
 
 
 class GripFinger(Model):
@@ -41,20 +42,20 @@ class GripDrift(Model):
 
     name: str = about("Direction of the weight.")
     seconds: float = about("Duration of the run.", unit="s")
-    speeds: tuple[float | None, ...] = about("Mean speeds in quarters of the run.", unit="m/s")
+    speeds: tuple[FiniteOrNull, ...] = about("Mean speeds in quarters of the run.", unit="m/s")
     trend: GripTrend = about("Trend of the last three of these.")
-    speed: float | None = about(
+    speed: FiniteOrNull = about(
         "Speed in the last quarter; if it fades, mean over the next ten seconds; if it is uneven, "
         "mean of all quarters except the first; null once the object is lost.",
         unit="m/s",
     )
-    lost_after: float | None = about("When the pads no longer cover it; null if never.", unit="s")
+    lost_after: FiniteOrNull = about("When the pads no longer cover it; null if never.", unit="s")
 
 
 class GripTrial(Model):
     """Displacement of the object under a changing load."""
 
-    distance: float | None = about("Largest displacement; null if it is not finite.", unit="m")
+    distance: FiniteOrNull = about("Largest displacement; null if it is not finite.", unit="m")
     lost: bool
 
 
@@ -71,7 +72,7 @@ class GripPlacement(Model):
 
     name: str
     force: float = about("Force of the finger that presses least, of those that press.", unit="N")
-    speed: float | None = about("Speed in the worst direction; null if it is lost.", unit="m/s")
+    speed: FiniteOrNull = about("Speed in the worst direction; null if it is lost.", unit="m/s")
     verdict: GripVerdict
 
 
@@ -87,7 +88,7 @@ class GripFix(Model):
 
     name: str
     options: dict[str, Setting] = about("The changed settings; none for a control.")
-    speed: float | None = about("Speed in the worst direction; null if it is lost.", unit="m/s")
+    speed: FiniteOrNull = about("Speed in the worst direction; null if it is lost.", unit="m/s")
     verdict: GripVerdict
     worse: bool = about("Whether the object moves faster than as written.")
     time_ratio: TimeRatio | None = about("Time with it over time without; null if unknown.")
@@ -99,7 +100,7 @@ class GripFix(Model):
     )
 
 
-class GripReport(Model):
+class GripReport(ReportModel):
     """Whether a gripper holds an object, measured by closing it with its own actuators."""
 
     grip_version: Literal[2] = 2
@@ -111,7 +112,7 @@ class GripReport(Model):
     tolerance: float = about("Speed above which the object creeps.", unit="m/s")
     object: str = about("The object.")
     base: str = about("The body that carries the fingers. Motion is measured in its frame.")
-    opening: float | None = about("Largest clearance of the fingers.", unit="m")
+    opening: FiniteOrNull = about("Largest clearance of the fingers.", unit="m")
     controls: tuple[GripControl, ...]
     fingers: tuple[GripFinger, ...]
     depth: float = about("Depth of the deepest contact with the object.", unit="m")
@@ -130,3 +131,8 @@ class GripReport(Model):
     def holds(self) -> bool:
         """True if the object does not creep or drop."""
         return self.verdict == "holds"
+
+    @property
+    def problem(self) -> str:
+        """The verdict, if the object creeps or drops."""
+        return "" if self.holds else f"{self.model} {self.verdict} {self.object}"

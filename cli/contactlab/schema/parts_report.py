@@ -2,7 +2,8 @@
 
 from typing import Literal
 
-from contactlab.schema.strict_model import Model, about
+from contactlab.schema.report_model import ReportModel
+from contactlab.schema.strict_model import FiniteOrNull, Model, about
 from contactlab.schema.task import Task
 from contactlab.schema.time_ratio import TimeRatio
 
@@ -26,18 +27,18 @@ class PartEffect(Model):
     exercised: bool = about(
         "Whether any step uses it: of the task, with gravity tilted, or with twice the inputs."
     )
-    error: float | None = about(
+    error: FiniteOrNull = about(
         "Difference of the motion without it, as a share of the real forces, of the worst body; "
         "null if it is not exercised, or MuJoCo gave up."
     )
     body: str = about("The worst body; empty without an error.")
     phase: str
-    time: float | None = about("When its worst window begins [s since the phase began].")
+    time: FiniteOrNull = about("When its worst window begins [s since the phase began].")
     time_ratio: TimeRatio | None = about("Time without it over time with it; null if not timed.")
     reason: str = about("A proof, or why it is kept whatever it saves; otherwise empty.")
 
 
-class PartsReport(Model):
+class PartsReport(ReportModel):
     """The influence of each feature and part of a model (`parts.json`). Units are SI."""
 
     parts_version: Literal[2] = PARTS_VERSION

@@ -2,10 +2,11 @@
 
 from typing import Literal
 
-from contactlab.schema.strict_model import Model, about
+from contactlab.schema.report_model import ReportModel
+from contactlab.schema.strict_model import about
 
 
-class ShrinkReport(Model):
+class ShrinkReport(ReportModel):
     """The smallest model that fails as a stored run does, compared with that run."""
 
     shrink_version: Literal[2] = 2

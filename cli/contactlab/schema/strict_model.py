@@ -1,5 +1,6 @@
 """The base of all models of files: closed, frozen, strict about numbers and words."""
 
+import math
 import re
 import sys
 from collections.abc import Sequence
@@ -13,6 +14,19 @@ from contactlab.schema.setting_values import MEASURED_TEXT, without_unit
 _PERCENT = r"[0-9]*\.?[0-9]+([eE][-+]?[0-9]+)?%"
 _BRACKET = re.compile(r"[\[\]{}]")
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+
+
+def finite_or_none(number: float | None) -> float | None:
+    """Return a number, or None for NaN and infinity, which JSON lacks."""
+    return None if number is None or not math.isfinite(number) else float(number)
+
+
+def _null_unless_finite(value: object) -> object:
+    return finite_or_none(value) if isinstance(value, float) else value
+
+
+FiniteOrNull = Annotated[float | None, BeforeValidator(_null_unless_finite)]
+"""A measured number of a report: NaN and infinity become null here, and nowhere else."""
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
 MEASURED = {"type": ["number", "string"], "pattern": f"^({MEASURED_TEXT.pattern}|{_PERCENT})$"}
 """JSON schema of a number, or of a text with a unit."""

@@ -3,6 +3,7 @@
 from typing import Literal
 
 from contactlab.schema.evidence import Engine, Provenance, Setting
+from contactlab.schema.report_model import ReportModel
 from contactlab.schema.strict_model import Model, about
 from contactlab.schema.task import Task
 from contactlab.schema.time_ratio import TimeRatio
@@ -95,7 +96,7 @@ class Verification(Model):
     )
 
 
-class EffectsReport(Model):
+class EffectsReport(ReportModel):
     """Every effect of one scene (`effects.json`). Units are SI; each change states its own."""
 
     effects_version: Literal[2] = EFFECTS_VERSION
@@ -119,6 +120,14 @@ class EffectsReport(Model):
     verification: Verification
     stores: tuple[str, ...] = about("The evidence, relative to the report.")
 
+    @property
+    def problem(self) -> str:
+        """Why the smallest set fails with fresh seeds, if it does."""
+        verified = self.verification
+        return (
+            "" if verified.holds else f"the smallest set fails with fresh seeds: {verified.reason}"
+        )
+
 
 FIT_REPORT, FITTED = "fit.json", "fitted.xml"
 
@@ -137,7 +146,7 @@ class FittedSetting(Model):
     )
 
 
-class FitReport(Model):
+class FitReport(ReportModel):
     """Result of a fit; errors are means over recorded runs."""
 
     schema_version: Literal[2] = 2

@@ -1,6 +1,6 @@
 """The verdict of a task: its numerics and its failure labels, phase by phase."""
 
-from contactlab.schema.strict_model import Model, Number, about
+from contactlab.schema.strict_model import FiniteOrNull, Model, about
 from contactlab.schema.verdict import VerdictWord
 
 
@@ -8,7 +8,7 @@ class PhaseVerdict(Model):
     """The numerics and the failure labels of one phase of a task."""
 
     name: str = about("The phase.")
-    numerical_error: Number | None = about(
+    numerical_error: FiniteOrNull = about(
         "Residual force as a share of the real forces, of the worst observed body; null if "
         "infinite or not measured."
     )

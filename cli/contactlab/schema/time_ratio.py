@@ -6,6 +6,7 @@ from statistics import median
 
 from pydantic import ConfigDict
 
+from contactlab.rendering.amounts import format_amount, format_interval
 from contactlab.schema.strict_model import Model, about
 from contactlab.shares import SURE, median_interval
 
@@ -67,6 +68,11 @@ class TimeRatio(Model):
     def is_equal(self, to: float = 1.0, *, by: float = LEAST_SAVING) -> bool:
         """Return whether the ratio is neither relevantly less nor relevantly greater."""
         return not self.is_less(to, by=by) and not self.is_greater(to, by=by)
+
+    @property
+    def text(self) -> str:
+        """The ratio with its interval, such as `x0.80 (0.78 to 0.82)`."""
+        return f"{format_amount(self.ratio, 'x')} ({format_interval(self.low, self.high, 'x')})"
 
     @property
     def half_width(self) -> float:

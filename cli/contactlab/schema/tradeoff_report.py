@@ -2,7 +2,9 @@
 
 from typing import Literal
 
+from contactlab.rendering.amounts import format_amount
 from contactlab.schema.evidence import Setting
+from contactlab.schema.report_model import ReportModel
 from contactlab.schema.strict_model import Model, about
 from contactlab.schema.task import Task
 from contactlab.schema.task_verdict import TaskVerdict
@@ -154,8 +156,14 @@ class Blocker(Model):
     configurations: int
     best: float | None = about("Smallest worst value over configurations.")
 
+    @property
+    def sentence(self) -> str:
+        """The number of configurations that it rules out, and the best value."""
+        best = "" if self.best is None else f"; the best has {format_amount(self.best)}"
+        return f"{self.kind} {self.name} rules out {self.configurations} configurations{best}"
 
-class TradeoffReport(Model):
+
+class TradeoffReport(ReportModel):
     """Time and error over the knobs of a sweep, in its worst scenario and seed."""
 
     schema_version: Literal[2] = TRADEOFF_VERSION
@@ -186,6 +194,15 @@ class TradeoffReport(Model):
     next_step: NextStep | None
     blockers: tuple[Blocker, ...] = about("The most frequent first.")
     notes: tuple[str, ...]
+
+    @property
+    def problem(self) -> str:
+        """Why no configuration can be recommended, if none can."""
+        if self.recommendation is not None:
+            return ""
+        reason = "".join(f": {blocker.sentence}" for blocker in self.blockers[:1])
+        which = "mujoco's" if self.front else str(len(self.configurations))
+        return f"none of {which} configurations is feasible{reason}"
 
     @property
     def varying(self) -> list[str]:

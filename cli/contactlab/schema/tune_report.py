@@ -3,7 +3,8 @@
 from typing import Literal
 
 from contactlab.schema.evidence import Setting
-from contactlab.schema.strict_model import Model, about
+from contactlab.schema.report_model import ReportModel
+from contactlab.schema.strict_model import FiniteOrNull, Model, about
 from contactlab.schema.task import Task
 from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.verification import VerifiedChange
@@ -31,7 +32,7 @@ class Target(Model):
     limit: float = about("Largest error: a share of the real forces, or in `unit`.")
     unit: str = about("Unit of errors: 1 (a share), m, or the unit of a sensor.")
     tolerance: float = about("The tolerance, a share of the real forces.")
-    real_time: float | None = about("Requested simulated time over CPU time.")
+    real_time: FiniteOrNull = about("Requested simulated time over CPU time.")
     observed: tuple[str, ...] = about("Bodies, sites and sensors of a forward error.")
     error_at: Literal["end", "peak"] | None = about("When the forward error is measured.")
     divergence: str = about("How nudged copies diverge; empty without a forward error.")
@@ -45,14 +46,14 @@ class Candidate(Model):
     removes_unused: bool = about("Without anything that changes no state: see the report.")
     removes_far_pairs: bool = about("Without collisions of far pairs: see the report.")
     simplifies_hulls: bool = about("With fewer vertices of hulls: see the report.")
-    error: float | None = about("Error of the worst body, mean over seeds; null if MuJoCo gave up.")
-    low: float | None = about("Least error of any seed.")
-    high: float | None = about("Largest error of any seed.")
+    error: FiniteOrNull = about("Error of the worst body, mean over seeds; null if MuJoCo gave up.")
+    low: FiniteOrNull = about("Least error of any seed.")
+    high: FiniteOrNull = about("Largest error of any seed.")
     body: str = about("The worst body.")
     phase: str
-    time: float | None = about("When its worst window begins [s since the phase began].")
+    time: FiniteOrNull = about("When its worst window begins [s since the phase began].")
     exact: bool = about("Whether each bit of the task's motion is that of the model as written.")
-    cost: float | None = about(
+    cost: FiniteOrNull = about(
         "Counted work per simulated second, over that of the model as written; null if infinite. "
         "It is the same on any machine, and decides the search."
     )
@@ -70,10 +71,10 @@ class Verification(Model):
     meets_target: bool = about(
         "Whether it also meets the target, if the recommended candidate need not."
     )
-    error: float | None = about("Error as in the search; null if MuJoCo gave up.")
-    current_error: float | None = about("The same error of the model as written.")
+    error: FiniteOrNull = about("Error as in the search; null if MuJoCo gave up.")
+    current_error: FiniteOrNull = about("The same error of the model as written.")
     verdict: str = about("The verdict of `contactlab MODEL` on its numerics.")
-    numerical_error: float | None = about("Its numerical error as `contactlab MODEL` measures it.")
+    numerical_error: FiniteOrNull = about("Its numerical error as `contactlab MODEL` measures it.")
     labels: tuple[str, ...] = about("Labels of its runs that the model as written does not have.")
     sentence: str = about("Why it does not hold, or that it does.")
     panel: VerifiedChange | None = about(
@@ -88,7 +89,7 @@ class CurrentVerdict(Model):
 
     seeds: tuple[int, ...] = about("Seeds of the task: all, or as many as the time limit allowed.")
     verdict: str
-    numerical_error: float | None = about(
+    numerical_error: FiniteOrNull = about(
         "Its numerical error along its own motion. The search measures errors along the reference."
     )
 
@@ -134,7 +135,7 @@ class FarPairs(Model):
     geoms: tuple[str, ...] = about("Geoms that stayed farther than that from every other geom.")
     bodies: tuple[tuple[str, str], ...] = about("Bodies that stayed farther apart than that.")
     removed: bool = about("Whether the written models lack these collisions.")
-    cost: float | None = about(
+    cost: FiniteOrNull = about(
         "Counted work without them over that of the recommended model, or of the model as written "
         "if none is recommended; null if they are removed already."
     )
@@ -147,7 +148,7 @@ class SimplifiedHulls(Model):
     meshes: dict[str, int] = about("Largest number of vertices (`maxhullvert`), by mesh.")
 
 
-class TuneReport(Model):
+class TuneReport(ReportModel):
     """From a model to recommended settings (`tune.json`). Units are SI."""
 
     tune_version: Literal[4] = TUNE_VERSION
@@ -172,7 +173,7 @@ class TuneReport(Model):
     limiting_factor: str = about(
         "Its body, time and row of the error budget, if these were measured; otherwise empty."
     )
-    unconstrained_cost: float | None = about(
+    unconstrained_cost: FiniteOrNull = about(
         "If nothing saves 20 %: counted work without contacts and other constraints, at the own "
         "step, over that as written. No solver setting and no pair changes it. Otherwise null."
     )
@@ -201,3 +202,8 @@ class TuneReport(Model):
     )
     max_time: float = about("Time limit [s], which the share of counted work follows from.")
     seconds: float = about("Wall time of the study.")
+
+    @property
+    def problem(self) -> str:
+        """The result, if no candidate meets the target and none is recommended."""
+        return "" if self.target_met or self.recommended else f"{self.model}: {self.sentence}"

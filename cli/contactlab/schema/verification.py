@@ -1,6 +1,6 @@
 """The report of a verification: each measure of a changed model next to that of the original."""
 
-from contactlab.schema.strict_model import Model, about
+from contactlab.schema.strict_model import FiniteOrNull, Model, about
 
 VERIFICATION_VERSION = 1
 
@@ -11,8 +11,8 @@ class VerifiedMeasure(Model):
     name: str = about("The measure, such as `depth`.")
     run: str = about("The run that it was measured in, such as `tilted by 20 degrees`.")
     unit: str = about("Unit of its numbers; `1` for a share.")
-    before: float | None = about("Value of the original model; null if not finite.")
-    after: float | None = about("Value of the changed model; null if not finite.")
+    before: FiniteOrNull = about("Value of the original model; null if not finite.")
+    after: FiniteOrNull = about("Value of the changed model; null if not finite.")
     spread: float = about("By how much it differs among repetitions of the original.")
     tolerance: float = about("By how much it may be worse; at least the spread.")
     place: str = about("Body, contact, joint or actuator with the largest value; may be empty.")

@@ -109,7 +109,7 @@ def _phase(name: str, budget: PhaseBudget | None, labels: Counter[str]) -> Phase
     error = budget.run.error if budget else np.nan
     return PhaseVerdict(
         name=name,
-        numerical_error=error if np.isfinite(error) else None,
+        numerical_error=error,
         body=budget.bodies[budget.run.body] if budget else None,
         labels=dict(labels),
     )

@@ -7,8 +7,7 @@ from pydantic import BaseModel
 
 from contactlab.judge.wording import pair_location, pair_values, plural
 from contactlab.schema.finding import Finding, Outcome
-
-ORDER: tuple[Outcome, ...] = ("failed", "skipped", "warned", "noted", "passed")
+from contactlab.writers.signs import ORDER
 
 
 @dataclass(frozen=True)

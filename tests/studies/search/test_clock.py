@@ -10,7 +10,6 @@ from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
 from contactlab.schema.time_ratio import TimeRatio
 from contactlab.studies.search.clock import Clock, Segment, TimedModel
-from contactlab.studies.search.report_text import time_ratio_text
 from contactlab.tasks.reference_error import TaskReference
 
 SWING = """<mujoco><option timestep="0.002"/><worldbody><body><joint axis="0 1 0"/>
@@ -53,8 +52,8 @@ def test_whole_runs_are_timed_by_two_seeds_at_least() -> None:
 
 
 def test_ratios_of_times_are_printed_with_two_digits() -> None:
-    assert time_ratio_text(TimeRatio.of(0.0183, 0.0179, 0.0191)) == "x0.018 (0.018 to 0.019)"
-    assert time_ratio_text(TimeRatio.of(0.95, 0.9, 1.0)) == "x0.95 (0.90 to 1.00)"
+    assert TimeRatio.of(0.0183, 0.0179, 0.0191).text == "x0.018 (0.018 to 0.019)"
+    assert TimeRatio.of(0.95, 0.9, 1.0).text == "x0.95 (0.90 to 1.00)"
 
 
 def test_the_first_step_of_a_segment_is_not_timed(monkeypatch: pytest.MonkeyPatch) -> None:

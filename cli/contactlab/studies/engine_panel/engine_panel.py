@@ -16,14 +16,14 @@ from contactlab.mjcf import MODEL_ENGINE
 from contactlab.plan.overrides import Overrides
 from contactlab.resources import SWEEPS
 from contactlab.run.sweep_request import SweepRequest, read_request
-from contactlab.schema.engine_panel import EnginePanel, PanelRun, PanelTask
+from contactlab.schema.engine_panel import REPORT, EnginePanel, PanelRun, PanelTask
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.setting_values import as_number
+from contactlab.schema.strict_model import finite_or_none
 from contactlab.store.finished_store import Store
 from contactlab.studies.engine_panel.closed_forms import TASK_ERRORS
 from contactlab.tasks.session import REMOVE, Session
 
-REPORT = "panel.json"
 TASKS = {path.stem: path for path in sorted((SWEEPS / "engines").glob("*.yaml"))}
 """Sweep files by task."""
 _MEASURES = {
@@ -135,7 +135,7 @@ def _measure_run(task: str, store: Store, record: EvidenceRecord) -> PanelRun:
     error = own(store.trace(record), record) if own else metrics["oracle_error"]
     return told.model_copy(
         update={
-            "error": None if error is None or not math.isfinite(error) else abs(error),
+            "error": None if error is None else finite_or_none(abs(error)),
             "energy": metrics.get("energy_drift"),
             "depth": metrics.get("penetration_max"),
             "cost": record.cost.cpu_s / (record.steps * step) if record.cost else None,

@@ -6,13 +6,13 @@ from collections.abc import Iterator, Sequence
 from contactlab.judge.conclusion import failed_names
 from contactlab.modifications.catalogue import find_row, list_rows
 from contactlab.rendering.amounts import format_percent
+from contactlab.reporting.budget_document import phase_begins
 from contactlab.reporting.examination import (
     first_fix,
     fix_summary,
     judged_labels,
     label_line,
     labels_in_why,
-    phase_begins,
 )
 from contactlab.schema.error_budget import BudgetPhase, BudgetReason
 from contactlab.schema.examination import Examination

@@ -1,6 +1,5 @@
 """Derivatives at one place: of the model, of the run, and of the run by other methods."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -171,7 +170,7 @@ class Differentiation:
                 [parameter.moved(point.at_step(step), float(each)) for each in points]
             )
             rungs += [
-                LadderRung(step=step, span=float(span), value=_finite(difference))
+                LadderRung(step=step, span=float(span), value=difference)
                 for span, difference in zip(*differences(points, ends), strict=True)
             ]
         return tuple(rungs)
@@ -212,9 +211,5 @@ def judge_derivative(
 
 
 def _difference(estimate: Estimate) -> Difference:
-    value, bound, span = map(_finite, estimate)
+    value, bound, span = estimate
     return Difference(value=value, bound=bound, span=span)
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

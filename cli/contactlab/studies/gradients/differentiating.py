@@ -19,6 +19,7 @@ from contactlab.scene.scene import Scene
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.gradients import (
     GRADIENT_VERDICTS,
+    REPORT,
     Band,
     GradientInput,
     GradientPlace,
@@ -39,7 +40,7 @@ from contactlab.studies.gradients.differences import WIDE_SPANS, parameter_scale
 from contactlab.studies.gradients.end_states import DifferentiatedScene, Parameter, Point
 from contactlab.tasks.session import Session
 
-REPORT, STORE = "gradients.json", "places"
+STORE = "places"
 _SWEEPS = {".yaml", ".yml"}
 _MOST_AXES = 2
 _BATCH_SIZE = 16  # places whose runs are made together
@@ -109,7 +110,7 @@ def differentiate_scene(request: GradientsRequest, session: Session) -> Gradient
     places = tuple(
         GradientPlace(
             settings={name: axis_cell(value) for name, value in point.values.items()},
-            end=float(ends[place]) if np.isfinite(ends[place]) else None,
+            end=ends[place],
             mode=modes[place],
             inputs={
                 name: _with_verdicts(found[place], request.tolerance, most)

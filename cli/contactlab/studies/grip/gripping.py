@@ -27,7 +27,6 @@ from contactlab.schema.grip import (
     GripPlacement,
     GripPull,
     GripReport,
-    GripTrial,
 )
 from contactlab.schema.time_ratio import cost_class
 from contactlab.studies.grip.closing import (
@@ -53,7 +52,6 @@ from contactlab.studies.grip.gripped_object import DEFAULT_OBJECT, GrippedObject
 from contactlab.studies.grip.holding import (
     Drift,
     Load,
-    Trial,
     gravity_magnitude,
     object_weight,
     pull_object,
@@ -175,8 +173,8 @@ def judge_grip(request: GripRequest) -> GripReport:
         depth_share=known.deep,
         weight=known.weight,
         drifts=tuple(map(_drift_report, drifts)),
-        shake=_trial_report(trials[0]),
-        turn=_trial_report(trials[1]),
+        shake=trials[0],
+        turn=trials[1],
         pull=GripPull(direction=pull[0], force=pull[1], weights=pull[1] / known.weight),
         placements=(
             tuple(_placement_rows(setup, drifts, request.tolerance)) if request.placements else ()
@@ -270,23 +268,15 @@ def _object_words(setup: _Setup) -> str:
     return f"body {fixture.model.body(fixture.body).name}"
 
 
-def _finite_number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
 def _drift_report(drift: Drift) -> GripDrift:
     return GripDrift(
         name=drift.name,
         seconds=drift.seconds,
-        speeds=tuple(map(_finite_number, drift.speeds)),
+        speeds=drift.speeds,
         trend=drift.trend,
-        speed=_finite_number(drift.speed),
-        lost_after=_finite_number(drift.lost),
+        speed=drift.speed,
+        lost_after=drift.lost,
     )
-
-
-def _trial_report(trial: Trial) -> GripTrial:
-    return GripTrial(distance=_finite_number(trial.distance), lost=trial.lost)
 
 
 def _control_rows(grip: Grip) -> Iterator[GripControl]:
@@ -351,7 +341,7 @@ def _placement_row(name: str, grip: Grip, drifts: Sequence[Drift], within: float
     return GripPlacement(
         name=name,
         force=weakest_finger_force(grip.held),
-        speed=_finite_number(worst_speed(drifts)),
+        speed=worst_speed(drifts),
         verdict=verdict_of(drifts, within),
     )
 
@@ -379,7 +369,7 @@ def _fixes(request: GripRequest, speed: float, tried: Sequence[TestedFix]) -> tu
             GripFix(
                 name=each.name,
                 options=dict(each.options),  # pyright: ignore[reportArgumentType] - settings
-                speed=_finite_number(left),
+                speed=left,
                 verdict=word,
                 worse=left > worse_speeds * speed,
                 time_ratio=each.time_ratio,

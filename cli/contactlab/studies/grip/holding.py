@@ -6,13 +6,14 @@ model's own gravity is off, or cancelled, and all directions are runs of one mod
 
 import math
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.numerical_tolerance import COARSE_ROUNDING
+from contactlab.schema.grip import GripTrend, GripTrial
 from contactlab.studies.grip.closing import Squeeze, measure_squeeze
 from contactlab.studies.grip.grip_fixture import GripFixture
 from contactlab.studies.grip.rollouts import (
@@ -22,8 +23,6 @@ from contactlab.studies.grip.rollouts import (
     repeat_input,
     roll_out,
 )
-
-Trend = Literal["still", "steady", "fading", "growing", "uneven", "lost"]
 
 
 @dataclass(frozen=True)
@@ -89,7 +88,7 @@ class Drift:
     name: str
     seconds: float
     speeds: tuple[float, ...]
-    trend: Trend
+    trend: GripTrend
     speed: float
     left: float
     lost: float
@@ -255,7 +254,7 @@ class Pace(NamedTuple):
         ratio: of each change to the one before.
     """
 
-    trend: Trend
+    trend: GripTrend
     speed: float
     change: float = 0.0
     ratio: float = 0.0
@@ -318,20 +317,7 @@ def remaining_travel(fixture: GripFixture, held: Squeeze, way: Floats) -> float:
     return max(reach + float((touched - middle) @ way), 0.0)
 
 
-@dataclass(frozen=True)
-class Trial:
-    """Displacement of an object under a changing load.
-
-    Attributes:
-        distance: largest distance from its place [m].
-        lost: whether the hand lost it.
-    """
-
-    distance: float
-    lost: bool
-
-
-def shake_object(fixture: GripFixture, held: Squeeze, load: Load, down: Floats) -> Trial:
+def shake_object(fixture: GripFixture, held: Squeeze, load: Load, down: Floats) -> GripTrial:
     """Shake a held object in a circle across the fingers, 5 m/s2 at 5 Hz, for a second."""
     return _run_trial(fixture, held, shake_forces(fixture, held, load, load.gravity * down))
 
@@ -346,7 +332,7 @@ def shake_forces(fixture: GripFixture, held: Squeeze, load: Load, gravity: Float
     )
 
 
-def turn_object(fixture: GripFixture, held: Squeeze, load: Load, down: Floats) -> Trial:
+def turn_object(fixture: GripFixture, held: Squeeze, load: Load, down: Floats) -> GripTrial:
     """Turn gravity once about the axis from finger to finger, in two seconds."""
     times = np.arange(0, _LOADING.turn_seconds, fixture.model.opt.timestep)[:, None]
     angles, axis = 2 * np.pi * times / _LOADING.turn_seconds, held.turn[:, 0]
@@ -354,7 +340,7 @@ def turn_object(fixture: GripFixture, held: Squeeze, load: Load, down: Floats) -
     return _run_trial(fixture, held, load.forces(load.gravity * turning))
 
 
-def _run_trial(fixture: GripFixture, held: Squeeze, forces: Floats) -> Trial:
+def _run_trial(fixture: GripFixture, held: Squeeze, forces: Floats) -> GripTrial:
     steps = len(forces)
     rolled = roll_out(
         fixture.model, held.row[None], repeat_input(held.control, 1, steps), forces[None]
@@ -366,7 +352,7 @@ def _run_trial(fixture: GripFixture, held: Squeeze, forces: Floats) -> Trial:
     lost = (
         bool(rolled.failed[0]) or not way < 2 * reach or not _is_touching(fixture, rolled.rows[0])
     )
-    return Trial(way if np.isfinite(way) else math.inf, lost)
+    return GripTrial(distance=way, lost=lost)
 
 
 def pull_object(

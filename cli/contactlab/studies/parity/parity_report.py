@@ -4,7 +4,7 @@ from typing import Literal
 
 from contactlab.schema.evidence import Setting
 from contactlab.schema.finding import Finding
-from contactlab.schema.strict_model import Model, about
+from contactlab.schema.strict_model import FiniteOrNull, Model, about
 
 Verdict = Literal["same", "within noise floor", "ambiguous", "different", "refused", "failed"]
 Stage = Literal[
@@ -28,8 +28,8 @@ class Divergence(Model):
         "Quantity that differs: a field of MuJoCo's data, or of the contacts of a pair."
     )
     step: int = about("The step after the state in which it differs.")
-    mujoco: float | None = None
-    engine: float | None = None
+    mujoco: FiniteOrNull = None
+    engine: FiniteOrNull = None
 
     def __str__(self) -> str:
         """Return `contacts: count of left - box at step 40, 8 -> 4`."""
@@ -42,10 +42,10 @@ class Divergence(Model):
 class Measured(Model):
     """One quantity of a run by both engines, and by MuJoCo with rounded states."""
 
-    mujoco: float | None
-    engine: float | None
-    rounded_mujoco: float | None = about("By MuJoCo with states rounded to single precision.")
-    difference: float | None = about("Share of MuJoCo's value; for success, 1 if they disagree.")
+    mujoco: FiniteOrNull
+    engine: FiniteOrNull
+    rounded_mujoco: FiniteOrNull = about("By MuJoCo with states rounded to single precision.")
+    difference: FiniteOrNull = about("Share of MuJoCo's value; for success, 1 if they disagree.")
     above_tolerance: bool = about("Whether it is more than the policy and rounding allow.")
 
 
@@ -58,16 +58,16 @@ class RunParity(Model):
     verdict: Verdict
     reason: str = about("Why it is refused, or what failed.", default="")
     first_divergence: Divergence | None = about("Null if nothing differs.", default=None)
-    position: float | None = about("Largest difference of a coordinate [m or rad].", default=None)
-    noise_floor: float | None = about(
+    position: FiniteOrNull = about("Largest difference of a coordinate [m or rad].", default=None)
+    noise_floor: FiniteOrNull = about(
         "The same for MuJoCo against itself, rounded to single precision.", default=None
     )
-    repeat_difference: float | None = about("The same for the engine against itself.", default=None)
-    step: float | None = about(
+    repeat_difference: FiniteOrNull = about("The same for the engine against itself.", default=None)
+    step: FiniteOrNull = about(
         "Largest difference of a velocity after one step from MuJoCo's states [m/s or rad/s].",
         default=None,
     )
-    step_noise_floor: float | None = about("The same for MuJoCo from rounded states.", default=None)
+    step_noise_floor: FiniteOrNull = about("The same for MuJoCo from rounded states.", default=None)
     ambiguous_states: int = about("Number of states whose contacts rounding may change.", default=0)
     labels: tuple[str, str] | None = about("Worst label by MuJoCo, by the engine.", default=None)
     measured: dict[str, Measured] = about("Judged quantities by name.", default={})

@@ -173,10 +173,10 @@ def _measure_quantity(name: str, rule: MetricRule, metrics: Sequence[Metrics]) -
     allowed += noise if math.isfinite(noise) else 0
     both_lack = not (math.isfinite(ours) or math.isfinite(theirs))
     return Measured(
-        mujoco=_finite(ours),
-        engine=_finite(theirs),
-        rounded_mujoco=_finite(rounded),
-        difference=_finite(change / scale if scale else change and math.inf),
+        mujoco=ours,
+        engine=theirs,
+        rounded_mujoco=rounded,
+        difference=change / scale if scale else change and math.inf,
         above_tolerance=not both_lack and not change <= allowed,
     )
 
@@ -187,10 +187,6 @@ def _number(metrics: Metrics, name: str) -> float:
     value = metrics.get("energy_end" if name == ENERGY else name, math.nan)
     assert isinstance(value, float)
     return value
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 _CODES = {"different": WORSE, "failed": NOT_COMPARABLE}

@@ -6,7 +6,6 @@ with twice its controls and pushes.
 """
 
 import copy
-import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -164,7 +163,7 @@ def _effect_of(
         name=part.name,
         verdict=verdict,
         exercised=part.exercised,
-        error=estimate.error if estimate and math.isfinite(estimate.error) else None,
+        error=estimate.error if estimate else None,
         body=estimate.body if estimate else "",
         phase=estimate.phase if estimate else "",
         time=estimate.time if estimate else None,

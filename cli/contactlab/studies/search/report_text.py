@@ -1,10 +1,8 @@
 """Sentences of a tune report."""
 
-import math
 from collections.abc import Iterator
 
 from contactlab.rendering.amounts import format_percent
-from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.tune_report import Candidate, TuneReport
 from contactlab.studies.search.configuration import format_settings
 from contactlab.studies.search.settings_search import EQUAL_ERROR_RATIO
@@ -13,7 +11,6 @@ UNVERIFIED = "the time limit left no time to verify the next candidate"
 """Why the search ended without a verdict."""
 _NOT_VERIFIED = "The time limit left no time to verify"
 _MORE_TIME = "Allow more with --max-time."
-_TWO_DIGITS = 0.1  # smallest ratio of which two decimals have two significant digits
 
 
 def error_text(error: float | None, unit: str) -> str:
@@ -21,20 +18,6 @@ def error_text(error: float | None, unit: str) -> str:
     if error is None:
         return "unknown"
     return format_percent(error) if unit == "1" else f"{error:.2e} {unit}"
-
-
-def time_ratio_text(price: TimeRatio) -> str:
-    """Return a ratio of times with its interval, such as `x0.80 (0.78 to 0.82)`."""
-    ratio, low, high = (
-        f"{part:.2f}" if part >= _TWO_DIGITS else f"{part:.2g}"
-        for part in (price.ratio, price.low, price.high)
-    )
-    return f"x{ratio} ({low} to {high})"
-
-
-def finite_or_none(number: float) -> float | None:
-    """Return a number, or None if JSON has no such number."""
-    return float(number) if math.isfinite(number) else None
 
 
 def settings_text(candidate: Candidate, current: Candidate) -> str:
@@ -77,7 +60,7 @@ def sentence_of(report: TuneReport) -> str:
         if best.exact:
             fresh = "with the same motion"
         head = (
-            f"Recommended: {time_ratio_text(best.time_ratio)} time, error "
+            f"Recommended: {best.time_ratio.text} time, error "
             f"{error_text(best.error, target.unit)}, {fresh} (current {current})."
         )
         if _is_above_tolerance(report):
@@ -146,7 +129,7 @@ def _extra_options(report: TuneReport) -> Iterator[str]:
     target = report.target
     limit = error_text(target.limit, target.unit)
     if report.equal_error and report.equal_error.candidate.time_ratio:
-        ratio = time_ratio_text(report.equal_error.candidate.time_ratio)
+        ratio = report.equal_error.candidate.time_ratio.text
         yield f"Equally accurate as written, with the same verdict: {ratio} time."
     if closest := report.closest:
         which = f"{settings_text(closest, report.current)}, error "

@@ -34,7 +34,7 @@ from contactlab.store.table_layout import axis_cell
 from contactlab.studies.search.clock import Clock
 from contactlab.studies.search.configuration import changed_settings
 from contactlab.studies.search.forward_error import Divergence, join_phases, measure_divergence
-from contactlab.studies.search.report_text import finite_or_none, sentence_of
+from contactlab.studies.search.report_text import sentence_of
 from contactlab.studies.search.search_space import find_integrators, find_parameters, may_sleep
 from contactlab.studies.search.settings_search import (
     SAVING,
@@ -386,15 +386,15 @@ class TuningStudy:
             settings=settings,
             timestep=self._problem.timestep_of(choice),
             exact=tried.exact,
-            cost=finite_or_none(tried.cost),
+            cost=tried.cost,
             removes_unused="unused" in choice.reductions,
             removes_far_pairs="apart" in choice.reductions,
             simplifies_hulls="hulls" in choice.reductions,
-            error=finite_or_none(error.error),
-            low=finite_or_none(error.low),
-            high=finite_or_none(error.high),
+            error=error.error,
+            low=error.low,
+            high=error.high,
             body=error.body,
             phase=error.phase,
-            time=finite_or_none(error.time),
+            time=error.time,
             time_ratio=price,
         )

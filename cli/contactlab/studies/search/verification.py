@@ -28,8 +28,6 @@ from contactlab.studies.search.configuration import (
 from contactlab.studies.search.report_text import (
     UNVERIFIED,
     error_text,
-    finite_or_none,
-    time_ratio_text,
 )
 from contactlab.studies.search.search_space import SkippedParameter
 from contactlab.studies.search.settings_search import (
@@ -250,7 +248,7 @@ class CandidateVerifier:
         price = tried.time_ratio
         slower = price is not None and price.low > 1.0
         if slower and price:
-            self._reject(tried, f"{time_ratio_text(price)} time, although it does less work")
+            self._reject(tried, f"{price.text} time, although it does less work")
         return slower
 
     def _verify_exact(self, goal: Goal) -> VerifiedCandidate | None:
@@ -475,10 +473,10 @@ class CandidateVerifier:
             holds=holds,
             meets_target=holds
             and (timely or error.error <= max(self._target.limit, self._accepted_current_error)),
-            error=finite_or_none(error.error),
-            current_error=finite_or_none(self._current_error.error),
+            error=error.error,
+            current_error=self._current_error.error,
             verdict=said.verdict,
-            numerical_error=finite_or_none(said.error),
+            numerical_error=said.error,
             labels=(),
             sentence=why,
             panel=panel,
@@ -540,9 +538,7 @@ class CandidateVerifier:
             return None
         seeds = max(known, key=len)
         said = self._current_verdicts[seeds]
-        return CurrentVerdict(
-            seeds=seeds, verdict=said.verdict, numerical_error=finite_or_none(said.error)
-        )
+        return CurrentVerdict(seeds=seeds, verdict=said.verdict, numerical_error=said.error)
 
     def _is_as_current(self, task: Task, said: _Judgement) -> bool:
         """Return whether the verdict on a candidate equals that on the model as written.

@@ -1,0 +1,55 @@
+"""Prints reports in any format, from the one document that describes each."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+from contactlab.command_line.declaration import Given, Show
+from contactlab.command_line.terminal import echo, print_document, print_report_json
+from contactlab.rendering.document import Document
+from contactlab.rendering.markdown import render_markdown
+
+
+class Described(Protocol):
+    """A result that a document describes."""
+
+    def describe(self, **options: Any) -> Document:  # noqa: ANN401 - of its own function
+        """Return its document."""
+        ...
+
+
+FolderOf = Callable[[Given], Path]
+"""Returns the folder of a command's results, from its parameters."""
+
+
+def print_text(folder: FolderOf | None = None, **options: object) -> Show:
+    """Return a printer of text as wide as the terminal."""
+
+    def show(result: Described, given: Given) -> None:
+        print_document(result.describe(**_placed(folder, given), **options))
+
+    return show
+
+
+def print_markdown(folder: FolderOf | None = None, name: str = "", **options: object) -> Show:
+    """Return a printer of Markdown; `name` is a field of the report, which the document names."""
+
+    def show(result: Described, given: Given) -> None:
+        named = {name: str(getattr(result, name))} if name else {}
+        document = result.describe(**_placed(folder, given), **named, **options)
+        echo(render_markdown(document))
+
+    return show
+
+
+def report_formats(folder: FolderOf | None = None) -> Mapping[str, Show]:
+    """Return the printers of a report, by format; its document may name its folder."""
+    return {
+        "text": print_text(folder),
+        "json": print_report_json,
+        "markdown": print_markdown(folder),
+    }
+
+
+def _placed(folder: FolderOf | None, given: Given) -> Mapping[str, Path]:
+    return {"folder": folder(given)} if folder else {}

@@ -1,0 +1,190 @@
+"""Describes an error budget: a table of each phase, or of the worst phase of each row."""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from contactlab.rendering.amounts import (
+    format_above,
+    format_amount,
+    format_percent,
+)
+from contactlab.rendering.document import (
+    Bar,
+    Block,
+    Column,
+    Document,
+    Headline,
+    Items,
+    Row,
+    Section,
+    Sentence,
+    Table,
+    document_of,
+)
+from contactlab.schema.error_budget import BudgetPhase, BudgetReason, BudgetReport, BudgetRow
+from contactlab.schema.task import Task
+
+_GROUPS = {
+    "numerics": "numerical settings, if changed",
+    "model": "modeling choices, if changed",
+    "effect": "effects, if left out",
+    "unknown": "uncertain parameters, if varied",
+}
+_HEADS = (
+    Column(""),
+    Column("error", "right"),
+    Column("over seeds", "right"),
+    Column(""),
+    Column("time", "right"),
+    Column("worst body, when", breakable=True),
+)
+_LEAST, _MOST = 1e-3, 10.0  # ends of a logarithmic bar: a tenth of a percent, ten times the forces
+_NOTHING = 1e-4  # a smaller share is written as 0 %, and has no worst body
+_SHOWN = 0.1  # of the tolerance: rows above it are in the short table
+DEFINITION = "error budget: residual force as a share of the real forces, in the worst body"
+NOTES = (
+    "Bars are logarithmic, from 0.1 to 1000 %. The time is that of a run with the change over one "
+    "without."
+)
+
+
+class PlacedRow(NamedTuple):
+    """A row of a budget, and when its phase begins [s]; times count from the start of the run."""
+
+    row: BudgetRow
+    begin: float = 0.0
+
+
+def describe_budget(report: BudgetReport) -> Document:
+    """Describe a budget alone: its verdict with the reasons, and the table of each phase."""
+    verdict = f"{report.verdict} (tolerance {format_percent(report.tolerance)})"
+    reasons = tuple(f"{reason.sentence}{_place_of(reason)}" for reason in report.reasons)
+    head = [Headline(verdict), *([Items(reasons)] if reasons else [])]
+    return document_of(
+        head, *(phase_section(phase, 0.0, report.tolerance) for phase in report.phases)
+    )
+
+
+def _place_of(reason: BudgetReason) -> str:
+    place = "" if reason.place in reason.sentence else reason.place
+    time = "" if reason.time is None else f"at {format_amount(reason.time, 's')}"
+    return "".join(f", {part}" for part in (place, time) if part)
+
+
+def phase_section(phase: BudgetPhase, begin: float, tolerance: float) -> Section:
+    """Return the budget of a phase that begins at a time [s], with numbers that are not judged."""
+    span = f"{begin:.3g} to {begin + phase.steps * phase.timestep:.3g} s"
+    title = f"{phase.name}, {span}" if phase.name else span
+    seeds = f"{phase.seeds} seed{'s' if phase.seeds > 1 else ''}"
+    head = (
+        f"{title}: {seeds}, {phase.windows} windows of {format_amount(phase.window, 'ms')}, steps "
+        f"of {format_amount(phase.timestep, 'ms')}"
+    )
+    rows = [PlacedRow(row, begin) for row in phase.rows if row.exercised]
+    blocks: list[Block] = [
+        Sentence(head),
+        budget_table(PlacedRow(phase.numerical_error, begin), rows, tolerance),
+        *_unexercised([row.name for row in phase.rows if not row.exercised]),
+        Sentence("; ".join(_other_numbers(phase))),
+    ]
+    return Section(tuple(blocks), "budget")
+
+
+def worst_rows_section(budget: BudgetReport, task: Task) -> Section:
+    """Return the numerical error and the rows that matter, each of its worst phase."""
+    found = largest_rows(budget, task)
+    run = found.pop(budget.phases[0].numerical_error.name)
+    least = _SHOWN * budget.tolerance
+    shown = {name: at for name, at in found.items() if row_error(at.row) >= least}
+    blocks: list[Block] = [
+        Sentence(DEFINITION),
+        budget_table(run, list(shown.values()), budget.tolerance),
+    ]
+    if less := [name for name in found if name not in shown]:
+        blocks.append(Sentence(f"below {format_percent(least)}: {', '.join(less)}"))
+    rows = dict.fromkeys(row.name for phase in budget.phases for row in phase.rows)
+    blocks += _unexercised([name for name in rows if name not in found])
+    return Section(tuple(blocks), "budget")
+
+
+def budget_table(run: PlacedRow, rows: Sequence[PlacedRow], tolerance: float) -> Table:
+    """Return the table of the numerical error and of exercised rows, by their kind."""
+    built = [_table_row(run, "", tolerance)]
+    for kind, group in _GROUPS.items():
+        own = sorted(
+            (placed for placed in rows if placed.row.kind == kind),
+            key=lambda placed: -row_error(placed.row),
+        )
+        built += [_table_row(placed, group, tolerance) for placed in own]
+    return Table(_HEADS, tuple(built), ruled=False)
+
+
+def largest_rows(budget: BudgetReport, task: Task) -> dict[str, PlacedRow]:
+    """Return the exercised rows, each of the phase in which it is largest."""
+    begins = phase_begins(task)
+    found: dict[str, PlacedRow] = {}
+    for phase in budget.phases:
+        for row in (phase.numerical_error, *phase.rows):
+            kept = found.get(row.name)
+            if row.exercised and (kept is None or row_error(row) > row_error(kept.row)):
+                found[row.name] = PlacedRow(row, begins.get(phase.name, 0.0))
+    return found
+
+
+def row_error(row: BudgetRow) -> float:
+    """Return the error of a row; infinite if the engine failed, 0 if unknown."""
+    return math.inf if row.infinite else row.error or 0.0
+
+
+def phase_begins(task: Task) -> dict[str, float]:
+    """Return when the phases of a task begin [s], by name."""
+    return {phase.name: phase.begin for phase in task.phases}
+
+
+def share_text(share: float | None) -> str:
+    """Return a share of a report, in which infinite shares are null."""
+    return format_percent(math.inf if share is None else share)
+
+
+def _unexercised(names: Sequence[str]) -> list[Block]:
+    return [Sentence(f"not exercised by the task: {', '.join(names)}")] if names else []
+
+
+def _other_numbers(phase: BudgetPhase) -> Iterator[str]:
+    drift = phase.energy_drift
+    known = drift is None or abs(drift) >= _NOTHING
+    signed = format_percent(math.inf if drift is None else drift, signed=True)
+    yield f"energy drift {signed if known else '0 %'}"
+    if phase.upper_bound is not None:
+        yield f"upper bound of the numerical error {share_text(phase.upper_bound)}"
+    yield f"not judged: excess path {share_text(phase.excess_path)}"
+    yield f"worst window {share_text(phase.worst_window)} of the body's largest speed"
+
+
+def _table_row(placed: PlacedRow, group: str, tolerance: float) -> Row:
+    row = placed.row
+    error = math.inf if row.infinite else row.error
+    spread = ""
+    if row.seeds and row.error is not None:
+        low, high = (_short(value).removesuffix(" %") for value in row.seeds)
+        spread = "" if low == high else f"{low}-{high} %"
+    when = "" if row.time is None else f", {placed.begin + row.time:.2f} s"
+    exceeds = error is not None and error > tolerance
+    text = format_above(error, tolerance) if error and exceeds else _short(error)
+    where = f"{row.body}{when}" if error is not None and error >= _NOTHING else ""
+    ratio = format_amount(row.time_ratio.ratio, "x") if row.time_ratio else ""
+    judged = not group or row.kind in {"numerics", "model"}
+    bar = Bar(_along(error or 0.0), _along(tolerance), exceeds and judged)
+    return Row((row.name, text, spread, bar, ratio, where), group, title=row.summary)
+
+
+def _short(share: float | None) -> str:
+    return "0 %" if share is not None and share < _NOTHING else format_percent(share)
+
+
+def _along(share: float) -> float:
+    """Return how far along a bar a share is, 0 to 1."""
+    if share <= _LEAST:
+        return 0.0
+    return min(1.0, math.log(share / _LEAST) / math.log(_MOST / _LEAST))

@@ -1,0 +1,250 @@
+"""Describes an examination: its verdict, causes and fix, the task, and the requested sections."""
+
+from collections.abc import Iterator, Sequence
+
+from contactlab.rendering.amounts import format_amount, format_digits
+from contactlab.rendering.document import (
+    Block,
+    Code,
+    Column,
+    Document,
+    Facts,
+    Headline,
+    Items,
+    Row,
+    Section,
+    Sentence,
+    Table,
+    document_of,
+    table_of,
+)
+from contactlab.reporting.budget_document import (
+    DEFINITION,
+    NOTES,
+    phase_begins,
+    phase_section,
+    share_text,
+    worst_rows_section,
+)
+from contactlab.reporting.examination import (
+    first_fix,
+    fix_summary,
+    grouped_contacts,
+    label_line,
+    labels_in_why,
+    not_tried_line,
+)
+from contactlab.reporting.verified_measures import measure_rows
+from contactlab.schema.check_report import CheckResult, Measure
+from contactlab.schema.drive import PolicyDrive
+from contactlab.schema.error_budget import BudgetReport
+from contactlab.schema.examination import Examination, Fix
+from contactlab.writers.report import Report
+from contactlab.writers.signs import outcome_mark
+
+_VERIFIED_HEADS = (
+    "measure",
+    "run",
+    Column("original", "right"),
+    Column("changed", "right"),
+    Column("tolerance", "right"),
+    "where",
+)
+_MOST_LINES = 6  # of a fix
+_MOST_FIRST_LINES = 3  # of the first fix
+_REPLAYED = (
+    "The error budget replays the actions of the policy; fixes are verified in its loop, where a "
+    "finer step or another integrator has to reduce the tracking error."
+)
+
+
+def describe_examination(
+    report: Examination, *, details: bool = False, phases: bool = False, model: str = ""
+) -> Document:
+    """Describe an examination.
+
+    Args:
+        report: the examination.
+        details: whether all checks with their measures, the contacts in units of the world and the
+            notes are described too, or only checks that warn.
+        phases: whether the budget has all rows of each phase, and all fixes that were tried, or
+            each row of the phase in which it is largest, if above a tenth of the tolerance.
+        model: named before the headline, where several models are in one place.
+    """
+    details_or_alone = details or len(report.sections) == 1
+    sections = [*_head_sections(report, model), Section(tuple(_task_blocks(report)), "task")]
+    if report.budget is not None and "budget" in report.sections:
+        if phases:
+            sections += _full_budget(report, report.budget)
+        else:
+            sections.append(worst_rows_section(report.budget, report.task))
+    sections.append(Section(tuple(_label_blocks(report)), "labels"))
+    sections.append(Section(tuple(_finding_blocks(report, every=details_or_alone)), "checks"))
+    if details:
+        sections += map(_check_section, report.checks)
+    told = [fact.sentence for fact in report.facts if fact.sentence not in report.why]
+    sections.append(Section(tuple(map(Sentence, told)), "facts"))
+    if details_or_alone:
+        sections += [
+            Section((Code(tuple(lines), indent=0),), "contacts")
+            for lines in grouped_contacts(report.contacts)
+        ]
+    others = (fix for fix in report.fixes if fix is not first_fix(report.fixes))
+    sections += [
+        Section(
+            (Sentence(f"fix {number}: {fix_summary(fix, report)}"), *_lines(fix, _MOST_LINES)),
+            "fixes",
+        )
+        for number, fix in enumerate(others, 2)
+    ]
+    if details:
+        sections += _verified_section(report)
+    notes = report.notes if details_or_alone else ()
+    sections.append(Section(tuple(map(Sentence, notes)), "notes"))
+    sections.append(Section(tuple(map(Sentence, _ends(report))), "ends"))
+    return document_of(*sections)
+
+
+def findings_of_examination(report: Examination) -> Report:
+    """Return the findings of an examination, for JUnit and annotations of a job."""
+    facts = [("why", cause) for cause in report.why]
+    facts += [("fix", report.fix)] if report.fix else []
+    facts.append(("task", report.task.line))
+    if report.task_verdict is not None:
+        facts.append(("verdict", report.task_verdict.line))
+    return Report(
+        title=f"contactlab examine {report.model}",
+        place=(report.model,),
+        headline=f"{report.model}: {report.headline}",
+        passed=report.passed,
+        record=report,
+        facts=(*facts, ("engine", f"mujoco {report.mujoco}")),
+        findings=report.findings,
+    )
+
+
+def _head_sections(report: Examination, model: str) -> Iterator[Section]:
+    """Yield the verdict, its causes, and the first fix with the lines to write."""
+    if not report.headline:
+        return
+    headline = f"{model}: {report.headline}" if model else report.headline
+    yield Section((Headline(headline),), "headline")
+    entries = [("" if place else "why", cause) for place, cause in enumerate(report.why)]
+    entries += [("fix", report.fix)] if report.fix else []
+    blocks: list[Block] = [Facts((*entries,), colon=True)]
+    if report.fixes:
+        first = first_fix(report.fixes)
+        blocks += _lines(first, _MOST_FIRST_LINES)
+        if first.verification is not None:
+            blocks.append(Sentence(f"verified: {first.verification.sentence}"))
+    blocks += [Sentence(f"no fix: {fix.name}: {fix.reason}") for fix in report.rejected_fixes]
+    yield Section(tuple(blocks), "causes", follows=True)
+
+
+def _task_blocks(report: Examination) -> Iterator[Block]:
+    yield Facts((("task", report.task.line),), colon=True)
+    if isinstance(report.task.drive, PolicyDrive):
+        yield Sentence(_REPLAYED)
+
+
+def _lines(fix: Fix, most: int) -> Iterator[Block]:
+    """Yield the first lines of a fix, or why there are none."""
+    if fix.lines:
+        more = len(fix.lines) - most
+        rest = f"and {more} more line{'s' * (more > 1)}, which --write writes" if more > 0 else ""
+        yield Code(fix.lines[:most], more=rest, indent=5)
+    if fix.no_patch_reason:
+        yield Sentence(f"no lines: {fix.no_patch_reason}")
+
+
+def _verified_section(report: Examination) -> Iterator[Section]:
+    """Yield the measures of the first fix next to those of the model as written."""
+    verified = next(filter(None, (fix.verification for fix in report.fixes)), None)
+    if verified is not None and verified.measures:
+        rows = [
+            (row.name, row.run, row.before, row.after, f"{row.tolerance} {row.unit}", row.place)
+            for row in measure_rows(verified.measures)
+        ]
+        table = table_of(_VERIFIED_HEADS, rows)
+        yield Section((table,), "verified", f"Verified: {verified.sentence}", folded=True)
+
+
+def _full_budget(report: Examination, budget: BudgetReport) -> Iterator[Section]:
+    begins = phase_begins(report.task)
+    yield Section((Sentence(f"{DEFINITION}. {NOTES}"),), "budget")
+    for phase in budget.phases:
+        yield phase_section(phase, begins.get(phase.name, 0.0), report.task.tolerance)
+    if budget.fixes:
+        rows = [
+            (
+                fix.name,
+                format_amount(fix.time_ratio.ratio, "x") if fix.time_ratio else "",
+                share_text(fix.error),
+                "removes it" if fix.removes else f"still {fix.verdict}",
+            )
+            for fix in budget.fixes
+        ]
+        header = ("fixes tried", Column("time", "right"), Column("error", "right"), "")
+        yield Section((table_of(header, rows),), "tried")
+
+
+def _label_blocks(report: Examination) -> Iterator[Block]:
+    """Yield the labels that the causes lack; in the section alone, the numerics of each phase."""
+    if report.task_verdict is None:
+        return
+    if report.sections == ("labels",):
+        for phase in report.task_verdict.phases:
+            runs = ", ".join(f"{name} in {count} runs" for name, count in phase.labels.items())
+            numerics = "numerical error not measured"
+            if phase.body:
+                numerics = f"numerical error {share_text(phase.numerical_error)} in {phase.body}"
+            yield Sentence(f"{phase.name}: {numerics}; {runs or 'no failure label'}")
+    told = labels_in_why(report)
+    for label in report.labels:
+        if label not in told:
+            yield Sentence(label_line(label, len(report.task.seeds)))
+
+
+def _finding_blocks(report: Examination, *, every: bool) -> Iterator[Block]:
+    shown = [one for one in report.findings if every or one.outcome == "warned"]
+    if shown:
+        rows = tuple(Row((outcome_mark(one.outcome), one.full_message)) for one in shown)
+        yield Table((Column(""), Column("")), rows)
+
+
+def _check_section(check: CheckResult) -> Section:
+    """Return a check with its question, its reason, its measures and the place of its evidence."""
+    lines = [f"question: {check.question}", check.reason, *check.notes]
+    lines += [f"evidence: {', '.join(check.stores)}"] if check.stores else []
+    blocks: list[Block] = [Items(tuple(filter(None, lines)))]
+    if check.measures:
+        header = ("number", "of", "value", "limit", "")
+        blocks.append(table_of(header, [_measure_row(one) for one in check.measures]))
+    return Section(tuple(blocks), "measures", f"{check.name}: {check.verdict}", folded=True)
+
+
+def _measure_row(measure: Measure) -> Sequence[str]:
+    verdict = {None: "", True: "holds", False: "exceeded"}[measure.holds]
+    limit = "" if measure.limit is None else _number(measure.limit, measure.unit)
+    value = "none" if measure.value is None else _number(measure.value, measure.unit)
+    return measure.name.replace("_", " "), measure.of or "", value, limit, verdict
+
+
+def _number(value: float, unit: str) -> str:
+    return format_digits(value, 4) + ("" if unit == "1" else f" {unit}")
+
+
+def _ends(report: Examination) -> Iterator[str]:
+    """Yield the skipped parts, and what to do next: the fixed model, the page, the evidence."""
+    if skipped := not_tried_line(report):
+        yield skipped
+    if report.written:
+        yield f"fixed model: {report.written}"
+    elif writable := [fix for fix in report.fixes if fix.lines]:
+        own = [fix for fix in writable if not fix.changes_model]
+        name = "" if own else f" --apply {first_fix(writable).apply}"
+        yield f"--write FILE{name} writes the fixed model; fixes also hold on new seeds"
+    if report.page:
+        yield f"page: {report.page}"
+    elif report.evidence:
+        yield f"evidence: {report.evidence}"

@@ -1,0 +1,120 @@
+"""Describes a grip: its verdict, the squeeze, the drifts, trials, placements, causes and fixes."""
+
+from collections.abc import Iterator
+
+from contactlab.rendering.amounts import format_amount
+from contactlab.rendering.document import (
+    Block,
+    Column,
+    Document,
+    Facts,
+    Headline,
+    Row,
+    Sentence,
+    Table,
+    document_of,
+    table_of,
+)
+from contactlab.schema.grip import GripFix, GripReport
+
+_DRIFT_HEADS = ("weight pulls", Column("speed", "right"), "", "lost after")
+
+
+def describe_grip(report: GripReport) -> Document:
+    """Describe whether a gripper holds an object, and why not."""
+    place = f"keyframe {report.keyframe}" if report.keyframe else "hand with its base fixed"
+    limit = _speed_text(report.tolerance)
+    where = f"{place}; motion relative to {report.base}; tolerance {limit}"
+    return document_of(
+        [Headline(report.sentence), Sentence(where)],
+        [Facts(tuple(_squeeze_facts(report)))],
+        [_drift_table(report), Facts(tuple(_trial_facts(report)))],
+        [*_placement_table(report)],
+        [Sentence(cause.sentence) for cause in report.causes[1:]],
+        [*_fix_table(report)],
+        [Sentence(note) for note in report.notes],
+    )
+
+
+def _squeeze_facts(report: GripReport) -> Iterator[tuple[str, str]]:
+    if report.opening is not None:
+        yield "opening", format_amount(report.opening, "mm")
+    yield _pressing_bodies(report)
+    controls = (
+        f"{each.name} {abs(each.force):.3g}"
+        + (f" of {each.limit:.3g}" if each.limit is not None else "")
+        for each in report.controls
+    )
+    yield "actuators", ", ".join(controls)
+    share = format_amount(report.depth_share, "%")
+    yield "depth", f"{format_amount(report.depth, 'mm')}, {share} of half of its width"
+
+
+def _pressing_bodies(report: GripReport) -> tuple[str, str]:
+    """Return the bodies that press on the object: fingers, or one jaw and its counterpart."""
+    forces = [
+        f"{each.body} {format_amount(each.force, 'N', digits=3)}"
+        for each in report.fingers
+        if each.force > 0
+    ]
+    moving = [each.body for each in report.fingers if each.body != report.base]
+    if len(moving) != 1:
+        return "fingers", ", ".join(forces) or "no finger presses on it"
+    if len(forces) > 1:
+        return "jaw", " against ".join(forces)
+    return "jaw", f"{moving[0]} and {report.base}: they do not hold it"
+
+
+def _drift_table(report: GripReport) -> Table:
+    rows = [
+        (
+            each.name,
+            "-" if each.speed is None else _speed_text(each.speed),
+            each.trend,
+            "never" if each.lost_after is None else format_amount(each.lost_after, "s"),
+        )
+        for each in report.drifts
+    ]
+    return table_of(_DRIFT_HEADS, rows)
+
+
+def _trial_facts(report: GripReport) -> Iterator[tuple[str, str]]:
+    for name, trial in (("shaken", report.shake), ("turned", report.turn)):
+        way = "far" if trial.distance is None else format_amount(trial.distance, "mm")
+        yield name, "lost" if trial.lost else f"moves {way}"
+    pull = report.pull
+    force = format_amount(pull.force, "N", digits=3)
+    yield "pulled", f"holds {force}, {pull.weights:.3g} weights ({pull.direction})"
+
+
+def _placement_table(report: GripReport) -> Iterator[Block]:
+    if report.placements:
+        header = ("object", Column("force", "right"), Column("speed", "right"), "verdict")
+        rows = [
+            (
+                each.name,
+                format_amount(each.force, "N", digits=3),
+                _speed_text(each.speed),
+                each.verdict,
+            )
+            for each in report.placements
+        ]
+        yield table_of(header, rows)
+
+
+def _fix_table(report: GripReport) -> Iterator[Block]:
+    if report.fixes:
+        header = (Column("fix"), Column("speed", "right"), Column("time"), Column("verdict"))
+        yield Table(header, tuple(_fix_row(fix) for fix in report.fixes))
+
+
+def _fix_row(fix: GripFix) -> Row:
+    ratio = format_amount(fix.time_ratio.ratio, "x") if fix.time_ratio else ""
+    worse = ", worse than as written" if fix.worse else ""
+    why = (f"no patch: {fix.no_patch_reason}",) if fix.no_patch_reason else ()
+    cells = (fix.name, _speed_text(fix.speed), ratio, f"{fix.verdict}{worse}")
+    return Row(cells, details=(*fix.lines, *why))
+
+
+def _speed_text(speed: float | None) -> str:
+    return "lost" if speed is None else format_amount(speed, "mm/s")

@@ -1,0 +1,219 @@
+"""Describes a search for settings: its result, the compared candidates, and the written files."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from contactlab.judge.wording import out_of, plural
+from contactlab.printable import shell_word, shortened
+from contactlab.rendering.amounts import format_amount, format_percent
+from contactlab.rendering.document import (
+    Block,
+    Code,
+    Column,
+    Document,
+    Facts,
+    Headline,
+    Section,
+    Sentence,
+    Table,
+    document_of,
+    table_of,
+)
+from contactlab.schema.time_ratio import LEAST_SAVING
+from contactlab.schema.tune_report import (
+    PATCH,
+    REPORT,
+    Candidate,
+    CurrentVerdict,
+    FarPairs,
+    TuneReport,
+)
+from contactlab.studies.search.configuration import format_settings
+from contactlab.studies.search.report_text import (
+    UNVERIFIED,
+    ending_text,
+    error_text,
+    no_speedup_text,
+)
+from contactlab.studies.search.tuning_problem import LIMITED
+
+_MAX_UNCHANGED = 6  # settings that are listed
+_MAX_LINES = 12  # of the patch
+_HEADS = (
+    Column(""),
+    Column("settings"),
+    Column("timestep [s]", "right"),
+    Column("error", "right"),
+    Column("over seeds", "right"),
+    Column("worst body", breakable=True),
+    Column("time"),
+)
+
+
+def describe_tuning(report: TuneReport, *, folder: Path | None = None) -> Document:
+    """Describe a search.
+
+    Args:
+        report: the search.
+        folder: of the report and the written models, if they were written.
+    """
+    return document_of(
+        Section((Sentence(report.task.line), Headline(f"{report.model}: {report.sentence}"))),
+        Section((Facts(tuple(_facts(report))),), "search", follows=True),
+        Section((_candidate_table(report),), "candidates", follows=True),
+        Section(tuple(_details(report)), "details", follows=True),
+        Section(tuple(map(Sentence, _notes(report))), "notes", follows=True),
+        Section(tuple(_written_files(report, folder)), "files", follows=True),
+    )
+
+
+def _facts(report: TuneReport) -> Iterator[tuple[str, str]]:
+    target = report.target
+    yield "target", _target_text(report)
+    if report.current_verdict:
+        yield "verdict", _verdict_text(report.current_verdict, len(report.task.seeds))
+    if target.unit == "1":
+        step = f"{report.reference_step:g} s"
+        what = "residual force as a share of the real forces"
+        yield "errors", f"{what}, against the model as written at a timestep of {step}"
+    if target.divergence:
+        yield "motion", target.divergence
+    yield "search", f"{ending_text(report)}, {report.seconds:.0f} s"
+    yield "speed", f"{format_amount(report.real_time)}x real time as written, on one core"
+    if why := no_speedup_text(report):
+        yield "limits", why
+
+
+def _target_text(report: TuneReport) -> str:
+    target = report.target
+    limit = error_text(target.limit, target.unit)
+    match target.kind:
+        case "as written":
+            return f"error at most {limit}, as the model as written"
+        case "tolerance":
+            return f"error at most {limit} (the tolerance)"
+        case "real time":
+            return f"the least error at {target.real_time:g}x real time"
+        case _:
+            return f"error at most {limit}, as requested"
+
+
+def _verdict_text(verdict: CurrentVerdict, count: int) -> str:
+    error = (
+        "MuJoCo gave up"
+        if verdict.numerical_error is None
+        else f"numerical error {format_percent(verdict.numerical_error)}"
+    )
+    text = f"{verdict.verdict} as written, {error} along its own motion"
+    if len(verdict.seeds) == count:
+        return f"{text}, as in `contactlab MODEL`"
+    few = out_of(len(verdict.seeds), count, "seed")
+    return f"{text}, on {few} only; `contactlab MODEL` judges all {count}"
+
+
+def _candidate_table(report: TuneReport) -> Table:
+    shown = {
+        "current": report.current,
+        "recommended": report.recommended,
+        "closest": report.closest,
+        "equal error": report.equal_error and report.equal_error.candidate,
+    }
+    rows = [_candidate_row(name, one, report.target.unit) for name, one in shown.items() if one]
+    return table_of(_HEADS, rows)
+
+
+def _candidate_row(standing: str, candidate: Candidate, unit: str) -> Sequence[str]:
+    def number(error: float | None) -> str:
+        return "gave up" if error is None else error_text(error, unit)
+
+    written = "as written" if standing == "current" else ""
+    time = "" if candidate.cost is None else f"work x{candidate.cost:.2g}"
+    return (
+        standing,
+        format_settings(candidate.settings) or written,
+        f"{candidate.timestep:g}",
+        number(candidate.error),
+        f"{number(candidate.low)} to {number(candidate.high)}",
+        candidate.body,
+        candidate.time_ratio.text if candidate.time_ratio else time,
+    )
+
+
+def _details(report: TuneReport) -> Iterator[Block]:
+    """Yield unused parts, assumptions, the verification, and the changed lines."""
+    if report.masked or report.excluded:
+        count = _count_pairs(report.masked, report.excluded)
+        yield Sentence(
+            f"unused: {count} provably cannot touch: without their collisions the motion is the "
+            "same, bit for bit"
+        )
+    if report.disabled_flags:
+        flags = " and ".join(report.disabled_flags)
+        yield Sentence(f"unused: {flags}: no state depends on it; turned off")
+    if (pairs := report.far_pairs) and (pairs.removed or _saves_time(pairs)):
+        yield Sentence(_far_pairs_text(pairs))
+    if hulls := report.simplified_hulls:
+        yield Sentence(
+            f"assumed: {plural(len(hulls.meshes), 'hull')} with fewer vertices, at most "
+            f"{format_amount(hulls.max_distance, 'mm')} inside the original"
+        )
+    if report.verified:
+        fresh = report.verified.seeds
+        seeds = f"seed{'s' * (len(fresh) > 1)} {', '.join(map(str, fresh))}"
+        yield Sentence(f"verified on {seeds}: {report.verified.sentence}")
+    lines = [f"{each.file}:{each.line}: {each.element or 'removed'}" for each in report.lines]
+    if lines:
+        yield Code(tuple(shortened(lines, _MAX_LINES, PATCH)), indent=0)
+
+
+def _saves_time(pairs: FarPairs) -> bool:
+    """Return whether removing their collisions saves work; true if it was not counted."""
+    return pairs.cost is None or pairs.cost < 1 - LEAST_SAVING
+
+
+def _count_pairs(geoms: Sequence[str], bodies: Sequence[object]) -> str:
+    counts = (plural(len(geoms), "geom"), f"{plural(len(bodies), 'pair')} of bodies")
+    return " and ".join(text for text, some in zip(counts, (geoms, bodies), strict=True) if some)
+
+
+def _far_pairs_text(pairs: FarPairs) -> str:
+    count = _count_pairs(pairs.geoms, pairs.bodies)
+    distance = f"{1e3 * pairs.distance:g} mm"
+    text = (
+        f"{count} stayed at least {distance} apart in every run (the task, tilted, and with twice "
+        "its inputs)"
+    )
+    if pairs.removed:
+        return f"assumed: {text}. If they meet, they now pass through each other"
+    ratio = f" at x{pairs.cost:.2g} work" if pairs.cost else ""
+    option = f"--skip-pairs-beyond {distance.replace(' ', '')}"
+    return f"option: {text}. {option} ignores their collisions{ratio}"
+
+
+def _notes(report: TuneReport) -> Iterator[str]:
+    """Yield the settings that were not changed and why, then the effects of the time limit."""
+    limited = {each.name: each.reason for each in report.not_changed if each.name in LIMITED}
+    unchanged = [
+        f"{each.name} ({each.reason})"
+        for each in report.not_changed
+        if each.name not in limited and each.reason != UNVERIFIED
+    ]
+    yield from (f"Not changed: {each}." for each in unchanged[:_MAX_UNCHANGED])
+    if (more := len(unchanged) - _MAX_UNCHANGED) > 0:
+        yield f"Not changed: {more} more settings, listed in {REPORT}."
+    yield from (f"note: {name}: {reason}" for name, reason in limited.items())
+    if any(each.reason == UNVERIFIED for each in report.not_changed):
+        yield f"note: {UNVERIFIED}"
+
+
+def _written_files(report: TuneReport, folder: Path | None) -> Iterator[Block]:
+    if folder is None:
+        return
+    if other := report.equal_error:
+        yield Sentence(f"wrote {folder / other.file} (equal error): {other.verified.sentence}")
+    if report.file:
+        patch = f", {PATCH}" if (folder / PATCH).is_file() else ""
+        yield Sentence(f"wrote {folder / report.file}{patch} and {REPORT}")
+        yield Code((f"next: contactlab {shell_word(folder / report.file)}",), indent=0)
+    else:
+        yield Sentence(f"{REPORT} in {folder}")

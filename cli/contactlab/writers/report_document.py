@@ -1,0 +1,114 @@
+"""Describes findings with their facts, the worst first, and writes text and Markdown of them."""
+
+from collections.abc import Iterator, Sequence
+
+from contactlab.judge.wording import passed_in_words
+from contactlab.rendering.document import (
+    Block,
+    Code,
+    Column,
+    Commands,
+    Document,
+    Facts,
+    Headline,
+    Items,
+    Row,
+    Sentence,
+    Table,
+    document_of,
+    table_of,
+)
+from contactlab.rendering.document import Section as Part
+from contactlab.rendering.markdown import render_markdown
+from contactlab.rendering.text import render_text
+from contactlab.writers.report import Line, Report, Section, finding_lines
+from contactlab.writers.signs import ORDER, outcome_mark
+
+WIDEST = 10_000  # lines of a file: they do not wrap
+MOST_BYTES = 900_000  # a job summary of more than 1 MiB is lost
+_MOST_OF_OUTCOME = 25  # findings that text lists
+_MOST_FIRST, _MOST_ROWS = 12, 1_000  # findings that Markdown shows at once, and in all
+_HEADS = (Column(""), Column("check"), Column("result"), Column("worst"), Column("where"))
+
+
+def as_text(report: Report, width: int = WIDEST) -> str:
+    """Return a report as plain text of a width."""
+    return f"{render_text(describe_findings(report), width)}\n"
+
+
+def as_markdown(report: Report) -> str:
+    """Return a report as Markdown of less than 0.9 MB."""
+    lines: list[str] = []
+    left = MOST_BYTES - 1_000
+    for line in render_markdown(describe_findings(report, folded=True)).split("\n"):
+        left -= len(line.encode()) + 1
+        if left < 0:
+            lines.append("\nThe rest is left out: a job summary holds no more.\n")
+            break
+        lines.append(line)
+    return "\n".join(lines) + "\n"
+
+
+def describe_findings(report: Report, *, folded: bool = False) -> Document:
+    """Describe a report of a judge.
+
+    Args:
+        report: the findings and their facts.
+        folded: whether findings after the first urgent ones are folded, as a job summary has them,
+            or only the first of each outcome are listed.
+    """
+    mark = outcome_mark("passed" if report.passed else "failed")
+    lines = finding_lines(report)
+    findings = [*(_folded_findings(report, lines) if folded else _first_findings(lines))]
+    if not report.lists_passed and (passed := passed_in_words(report.findings)):
+        findings.insert(1, Part((Sentence(passed, outcome_mark("passed")),), follows=True))
+    return document_of(
+        Part((Headline(report.headline, mark),)),
+        Part((Facts(report.facts),) if report.facts else ()),
+        *findings,
+        *map(_section, report.sections),
+        Part(tuple(map(Sentence, report.notes))),
+        Part((Commands(report.commands),) if report.commands else ()),
+    )
+
+
+def _first_findings(lines: Sequence[Line]) -> Iterator[Part]:
+    """Yield the first findings of each outcome, and how many more there are."""
+    shown: list[Line] = []
+    for outcome in ORDER:
+        same = [line for line in lines if line.outcome == outcome]
+        shown += same[:_MOST_OF_OUTCOME]
+        if len(same) > _MOST_OF_OUTCOME:
+            rest = f"and {len(same) - _MOST_OF_OUTCOME:,} more ({outcome_mark(outcome).word})"
+            shown.append(Line(outcome, rest))
+    yield Part(tuple(_table(shown)), "findings")
+
+
+def _folded_findings(report: Report, lines: Sequence[Line]) -> Iterator[Part]:
+    """Yield the first urgent findings, and all others, which are folded."""
+    # Stable: within the urgent ones and the others the worst come first.
+    shown = sorted(lines, key=lambda line: not line.urgent)
+    urgent = sum(line.urgent for line in shown)
+    first = len(shown) if report.lists_passed else min(_MOST_FIRST, urgent)
+    yield Part(tuple(_table(shown[:first])), "findings")
+    if rest := shown[first:]:
+        yield Part(tuple(_table(rest)), "findings", f"{len(rest)} more", folded=True)
+
+
+def _table(lines: Sequence[Line]) -> Iterator[Block]:
+    if lines:
+        rows = tuple(Row((outcome_mark(line.outcome), *line.cells)) for line in lines[:_MOST_ROWS])
+        rest = len(lines) - _MOST_ROWS
+        more = f"and {rest:,} more" if rest > 0 else ""
+        yield Table(_HEADS, rows, headed=False, more=more)
+
+
+def _section(section: Section) -> Part:
+    blocks: list[Block] = []
+    if section.lines:
+        blocks.append(Items(section.lines))
+    if section.header:
+        blocks.append(table_of(section.header, section.rows))
+    if section.code:
+        blocks.append(Code(section.code, indent=0))
+    return Part(tuple(blocks), title=section.title)

@@ -1,0 +1,158 @@
+"""Small reports of all kinds, to be rendered."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from contactlab.schema.check_report import StabilityReport, StabilityResult
+from contactlab.schema.engine_panel import EnginePanel, PanelRun, PanelTask
+from contactlab.schema.gradients import (
+    Band,
+    Difference,
+    GradientInput,
+    GradientPlace,
+    GradientsReport,
+)
+from contactlab.schema.grip import (
+    GripCause,
+    GripControl,
+    GripDrift,
+    GripFinger,
+    GripFix,
+    GripPlacement,
+    GripPull,
+    GripReport,
+    GripTrial,
+)
+from contactlab.schema.parts_report import PartEffect, PartsReport
+from contactlab.schema.report_model import Described
+from contactlab.schema.shrink_report import ShrinkReport
+from contactlab.schema.study_reports import FitReport, FittedSetting
+from contactlab.schema.task import Phase, Task
+
+HASH = "0" * 16
+
+
+def task() -> Task:
+    phases = (Phase(name="held", begin=0.0, end=1.5), Phase(name="excitation", begin=1.5, end=4.0))
+    return Task(start="home", drive="exercise", own_controls=True, duration=4.0, phases=phases)
+
+
+def grip() -> GripReport:
+    return GripReport(
+        model="hand.xml", mujoco="4.0.0", keyframe=None, verdict="creeps",
+        sentence="creeps: box moves at 0.43 mm/s down, steady", tolerance=1e-4, object="box",
+        base="palm", opening=0.08,
+        controls=(GripControl(name="close", open_control=0, closed_control=1, force=-7, limit=9),),
+        fingers=(GripFinger(body="left", force=3.5), GripFinger(body="right", force=3.25)),
+        depth=2e-4, depth_share=0.013, weight=0.98,
+        drifts=(
+            GripDrift(name="down", seconds=2, speeds=(1e-3, float("nan")), trend="steady",
+                      speed=4.3e-4, lost_after=float("inf")),
+            GripDrift(name="up", seconds=2, speeds=(1e-3,), trend="lost", speed=float("inf"),
+                      lost_after=0.75),
+        ),
+        shake=GripTrial(distance=1e-3, lost=False),
+        turn=GripTrial(distance=float("inf"), lost=True),
+        pull=GripPull(direction="sideways", force=12.5, weights=12.75),
+        placements=(GripPlacement(name="a tenth larger", force=3.1, speed=None, verdict="drops"),),
+        causes=(
+            GripCause(kind="regularized friction", sentence="friction is regularized"),
+            GripCause(kind="weak squeeze", sentence="the squeeze is weak"),
+        ),
+        fixes=(
+            GripFix(name="elliptic cones", options={"cone": "elliptic"}, speed=1e-5,
+                    verdict="holds", worse=False, time_ratio=None,
+                    lines=("hand.xml:3: <option cone=elliptic>",)),
+            GripFix(name="double squeeze", options={}, speed=2e-3, verdict="creeps", worse=True,
+                    time_ratio=None, lines=(), no_patch_reason="a control is no setting"),
+        ),
+        notes=("the hand is alone",),
+    )  # fmt: skip
+
+
+def gradients(*, mapped: bool) -> GradientsReport:
+    known = Difference(value=1.25, bound=0.5, span=0.01)
+    one = GradientInput(
+        value=2.0, model=known, run=Difference(value=3.5, bound=0.25, span=0.001),
+        methods={"chain": None}, verdicts={"run": "differs", "chain": "unknown"}, ladder=(),
+    )  # fmt: skip
+    place = GradientPlace(settings={}, end=0.5, mode="apart, stick", inputs={"speed": one})
+    counts = {"agrees": 1, "differs": 3}
+    band = Band(parameter="speed", method="run", counts=counts, share=0.75, widths={"height": 0.02})
+    return GradientsReport(
+        source="map.yaml", scene="toss", scene_hash=HASH, mujoco="4.0.0", engines={},
+        output_coordinate="ball.z", duration=1.5, steps=(0.002, 0.0005), tolerance=0.1,
+        axes={"height": (1.0, 2.0)} if mapped else {}, places=(place,) * (4 if mapped else 1),
+        bands=(band,) if mapped else (), mode_switches=2, notes=("mjx is missing",),
+    )  # fmt: skip
+
+
+def panel() -> EnginePanel:
+    common: dict[str, Any] = {"task": "bounce", "step": 0.002, "accuracy": None, "energy": None}
+    ours = PanelRun(engine="mujoco", error=0.02, depth=1e-3, cost=0.25, label="stable", **common)
+    other = PanelRun(engine="drake", error=1e-4, depth=1e-3, cost=None, label="stable", **common)
+    return EnginePanel(
+        engines={"mujoco": "4.0.0", "drake": "1.30"},
+        tasks=(PanelTask(name="bounce", description="a ball", measure="height"),),
+        runs=(ours, other),
+        skipped=("bullet is not installed",),
+    )
+
+
+def shrunk() -> ShrinkReport:
+    return ShrinkReport(
+        run="0f3a", label="tunneling", reason="mug passed the table", stored_reason="as before",
+        before={"bodies": 12, "joints": 4}, after={"bodies": 2, "joints": 4}, start_time=0.5,
+        duration=0.25, stored_duration=4.0, models_run=81, finished=False, seconds=59.6,
+        folder="results/shrink/a folder",
+    )  # fmt: skip
+
+
+def stability() -> StabilityReport:
+    case: dict[str, Any] = {"runs": 8, "expected": 8, "labels": {"stable": 7}, "step": 12}
+    case |= {"error": float("nan"), "seconds": 3.25, "store": "results/x", "skipped": ()}
+    good = StabilityResult(name="wedge", as_expected=8, controls=1, misses=(), **case)
+    bad = StabilityResult(name="pile", as_expected=7, controls=0, misses=("0f3a: lost",), **case)
+    return StabilityReport((good, bad))
+
+
+def fitted() -> FitReport:
+    settings = (
+        FittedSetting(
+            name="friction", value=0.75, interval=(0.5, 0.9), profile={}, identified=True
+        ),
+        FittedSetting(name="cone", value="elliptic", interval=None, profile={}, identified=False),
+    )
+    return FitReport(
+        scene="toss", scene_hash=HASH, metric="reality", settings=settings, fitted_runs=(1.0, 2.0),
+        fitted_error=0.012, held_out={"3": 0.02, "4": 0.01}, held_out_error=0.015,
+        held_out_interval=(0.01, 0.02), current_error=0.04, noise_floor=0.003, lines=(), runs=1234,
+    )  # fmt: skip
+
+
+def parts() -> PartsReport:
+    effect: dict[str, Any] = {"time": None, "time_ratio": None}
+    return PartsReport(
+        model="robot.xml", scene_hash=HASH, mujoco="4.0.0", task=task(), tilt=5.0, tolerance=0.1,
+        parts=(
+            PartEffect(kind="geom", name="toe", verdict="needed", exercised=True, error=0.25,
+                       body="foot", phase="held", reason="", **effect),
+            PartEffect(kind="pair", name="a - b", verdict="unused", exercised=False, error=None,
+                       body="", phase="", reason="they cannot touch", **effect),
+            PartEffect(kind="limit", name="knee", verdict="not measured", exercised=True,
+                       error=None, body="", phase="", reason="", **effect),
+        ),
+        noise_floor=None, timed_out=True, seconds=12.0,
+    )  # fmt: skip
+
+
+REPORTS: Mapping[str, Described] = {
+    "grip": grip(),
+    "gradients of one place": gradients(mapped=False),
+    "gradients of a map": gradients(mapped=True),
+    "panel": panel(),
+    "shrink": shrunk(),
+    "stability": stability(),
+    "fit": fitted(),
+    "parts": parts(),
+}
