@@ -15,7 +15,6 @@ from bench.budget import assets, driven_by_sines
 
 from contactlab.budget import (
     ErrorBudget,
-    budget_lines,
     budget_report,
     error_budget,
     judge,
@@ -24,6 +23,8 @@ from contactlab.budget import (
 from contactlab.charts import Rows, haloed, layer_of, save_figure, word_colours
 from contactlab.engines import PreparedRuns
 from contactlab.palette import COLOURS, INK
+from contactlab.rendering.text import render_text
+from contactlab.reporting.budget_document import describe_budget
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.schema.error_budget import BudgetRow
 
@@ -61,7 +62,8 @@ def draw(budget: ErrorBudget, file: str, title: str) -> None:
     )
     chart = chart_of(rows).properties(title=alt.Title(title, subtitle=subtitle))
     save_figure(chart, _FOLDER / file)
-    sys.stdout.write("\n".join([*budget_lines(budget, verdict), "", ""]))
+    text = render_text(describe_budget(budget_report(budget, verdict)))
+    sys.stdout.write(f"{text}\n\n")
 
 
 def bar_of(row: BudgetRow) -> dict[str, object]:
