@@ -184,7 +184,7 @@ class TuningStudy:
         """
         now, limit = self._current_error, self._target.limit
         if self._target.kind in ("as written", "real time"):
-            return [Goal(Bound.as_current(now, ERROR_FLOOR), FOLDER)]
+            return [Goal(Bound.as_current(now, ERROR_FLOOR), FOLDER, must_be_sound=False)]
         if now <= limit:
             return [Goal(Bound.of(limit).or_as_current(now), FOLDER)]
         as_current = Goal(Bound.as_current(now), EQUAL_ERROR_FOLDER, must_be_sound=False)
@@ -193,8 +193,8 @@ class TuningStudy:
     def run_study(self) -> TuneReport:
         """Search, write and verify candidates, and return the report."""
         search, verifier = self._search, self._verifier
-        verifier.judge_current()
         search.run_search()
+        verifier.judge_current()
         known = verifier.current
         for folder in (FOLDER, EQUAL_ERROR_FOLDER):
             rmtree(self._session.folder / folder, ignore_errors=True)

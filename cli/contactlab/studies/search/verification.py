@@ -467,6 +467,8 @@ class CandidateVerifier:
         if holds:
             panel = self._compare_measures(examined, goal)
             holds = panel.passed
+            if holds and panel.ended_early:
+                raise OutOfTimeError
             why = why + panel.sentence if holds else f"worse than as written: {panel.sentence}"
         return Verification(
             seeds=self.task.seeds,
@@ -491,8 +493,9 @@ class CandidateVerifier:
                 changed=changed,
                 allowed_error=self._limit_of(goal) if asked else 0.0,
                 stop_early=True,
+                most_seeds=self._problem.seeds,
                 runs=self._original_runs,
-                notify=lambda _: self._check_time(),
+                left=lambda: self._time_limit.remaining,
             )
         )
 
@@ -527,8 +530,12 @@ class CandidateVerifier:
         return task.model_copy(update={"seeds": task.seeds[:seeds]})
 
     def judge_current(self) -> None:
-        """Judge the model as written, on as many of the task's seeds as the search has."""
-        self._current_verdict_on(self._own_task(self._problem.seeds))
+        """Judge the model as written, on as many of the task's seeds as the search has.
+
+        Without time, nothing is said of it.
+        """
+        if self._time_limit.remaining > 0:
+            self._current_verdict_on(self._own_task(self._problem.seeds))
 
     def current_verdict(self) -> CurrentVerdict | None:
         """Return the verdict on the model as written, on the most seeds that were judged."""

@@ -98,6 +98,7 @@ class VerificationRequest:
             is no less accurate than the original.
         stop_early: True to stop at the first measure that is worse.
         with_labels: False if the caller compares the labels of runs.
+        most_seeds: most seeds of the task, on its own and fresh; None for all.
         runs: of the original; pass the same object to verify several changes of one model.
         notify: called with the name of each run as it begins.
         left: returns the time that is left [s]; runs that would begin later are skipped.
@@ -111,6 +112,7 @@ class VerificationRequest:
     allowed_error: float = 0.0
     stop_early: bool = False
     with_labels: bool = True
+    most_seeds: int | None = None
     runs: OriginalRuns = field(default_factory=OriginalRuns)
     notify: Callable[[str], None] = lambda _: None
     left: Callable[[], float] = lambda: math.inf
@@ -133,7 +135,7 @@ def verify_change(request: VerificationRequest) -> VerifiedChange:
     summary = summarize_measures(measures)
     if panel.ended_early and not worse:
         summary += "; the time limit ended it early"
-    task = request.original.task
+    task = _choose_seeds(request)
     return VerifiedChange(
         seeds=task.seeds,
         fresh_seeds=with_new_seeds(task).seeds,
@@ -196,6 +198,11 @@ def worst_measure(measures: Sequence[VerifiedMeasure]) -> VerifiedMeasure:
     return max(measures, key=measure_change)
 
 
+def _choose_seeds(request: VerificationRequest) -> Task:
+    task = request.original.task
+    return task.model_copy(update={"seeds": task.seeds[: request.most_seeds]})
+
+
 class _Panel:
     """The runs of one verification."""
 
@@ -205,7 +212,7 @@ class _Panel:
         self.skipped = list[SkippedRun]()
         self.ended_early = False
         self._equal_runs = list[bool]()
-        task = request.original.task
+        task = _choose_seeds(request)
         self._tasks = {"task": task, "task on fresh seeds": with_new_seeds(task)}
         self._in_loop = has_policy(request.original)
 
