@@ -119,7 +119,7 @@ def add_geom(**values: object) -> Edit:
     """Return the edit that adds a geom to the world."""
 
     def edit(spec: mujoco.MjSpec) -> None:
-        spec.worldbody.add_geom(name="added", **values)
+        set_fields(**values)(spec.worldbody.add_geom(name="added"))
 
     return edit
 

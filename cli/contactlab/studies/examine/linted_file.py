@@ -39,6 +39,6 @@ def find_broken_start(reference: str, start: str) -> str:
         short = linted.short_keyframes[start]
         name = _relative_to_model(str(short.place.file), reference)
         return (
-            f"write {short.size} numbers in {short.attribute} of keyframe {start} "
-            f"({name}:{short.place.line}), which has {short.count}; all else follows from it"
+            f"write {short.needed} numbers in {short.attribute} of keyframe {start} "
+            f"({name}:{short.place.line}), which has {short.written}; all else follows from it"
         )

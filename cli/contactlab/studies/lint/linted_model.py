@@ -60,14 +60,14 @@ class ShortKeyframe(NamedTuple):
 
     Attributes:
         attribute: such as `qpos`.
-        count: numbers that it has.
-        size: numbers that the model has.
+        written: count of its numbers.
+        needed: count of the model's.
         place: of its element.
     """
 
     attribute: str
-    count: int
-    size: int
+    written: int
+    needed: int
     place: Place
 
 

@@ -94,9 +94,9 @@ def keyframe_length(linted: LintedModel) -> Iterator[Fault]:
     for name, short in linted.short_keyframes.items():
         rest = f"those of {QPOS0}" if short.attribute == "qpos" else "zeros"
         yield Fault(
-            f"keyframe '{name}' has {short.count} numbers in {short.attribute}, and the model "
-            f"{short.size}: MuJoCo appends {rest}, so values may act on other joints than meant; "
-            f"write {short.size}",
+            f"keyframe '{name}' has {short.written} numbers in {short.attribute}, and the model "
+            f"{short.needed}: MuJoCo appends {rest}, so values may act on other joints than meant; "
+            f"write {short.needed}",
             short.place,
         )
 

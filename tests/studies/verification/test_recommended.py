@@ -1,0 +1,82 @@
+"""Recommended fixes passed their verification; a fix that hides a fault is not recommended."""
+
+from pathlib import Path
+
+import pytest
+from tests.studies.verification.planted import ARM, PINCH
+
+from contactlab.schema.examination import Examination
+from contactlab.studies.examine.examination import ExamineRequest, run
+from contactlab.studies.grip.gripping import GripRequest
+from contactlab.studies.verification.verified_grip import judge_verified_grip
+from contactlab.tasks.session import Session
+
+BULLET = """
+<mujoco>
+  <option timestep="0.004"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="2 2 .1"/>
+    <geom name="plate" type="box" size=".3 .3 .002" pos="0 0 .5"/>
+    <body name="ball" pos="0 0 1.3">
+      <freejoint/>
+      <geom name="ball" type="sphere" size=".01" mass=".05"/>
+    </body>
+  </worldbody>
+  <keyframe><key name="shot" qpos="0 0 1.3 1 0 0 0" qvel="0 0 -8 0 0 0"/></keyframe>
+</mujoco>
+"""
+"""A ball of 8 m/s passes a plate of 4 mm, and most finer steps let it pass too."""
+JAWS = PINCH.replace(' impratio="10" cone="elliptic" noslip_iterations="3"', "")
+
+
+def _examine(folder: Path, text: str) -> Examination:
+    file = folder / "model.xml"
+    file.write_text(text)
+    return run(ExamineRequest(str(file), sections=("labels", "fixes")), Session(folder / "results"))
+
+
+def _write_jaws(folder: Path, text: str) -> GripRequest:
+    (folder / "jaws.xml").write_text(text)
+    return GripRequest(str(folder / "jaws.xml"), keyframe="closed")
+
+
+@pytest.mark.long
+def test_a_short_keyframe_has_no_other_fix(tmp_path: Path) -> None:
+    key = '<keyframe><key name="home" qpos="0.3"/></keyframe></mujoco>'
+    report = _examine(tmp_path, ARM.replace("</mujoco>", key))
+    assert report.fix.startswith("write 2 numbers in qpos of keyframe home (model.xml:")
+    assert not report.fixes
+    assert not report.written
+
+
+@pytest.mark.night
+def test_no_fix_leaves_the_ball_behind_the_plate(tmp_path: Path) -> None:
+    report = _examine(tmp_path, BULLET)
+    assert {"tunneling"} <= {label.label for label in report.labels}
+    assert report.rejected_fixes
+    for fix in report.fixes[:1]:
+        assert fix.verification is not None
+        left = [each for each in fix.verification.measures if each.name == "label tunneling"]
+        assert not any(measure.after for measure in left)
+
+
+@pytest.mark.long
+def test_the_fix_of_a_grip_makes_nothing_worse(tmp_path: Path) -> None:
+    """Regularized friction creeps, and noslip ends that."""
+    report = judge_verified_grip(_write_jaws(tmp_path, JAWS))
+    first = report.fixes[0]
+    assert report.verdict == "creeps"
+    assert first.verdict == "holds"
+    assert first.verification is not None
+    assert not any(measure.worse for measure in first.verification.measures)
+    assert f"Fix: {first.name}" in report.sentence
+
+
+@pytest.mark.long
+def test_fingers_inside_the_object_get_no_fix_of_friction(tmp_path: Path) -> None:
+    servo = 'kp="2000" ctrlrange="0 .05" forcerange="-5 5"'
+    stiff = JAWS.replace(servo, 'kp="20000" ctrlrange="0 .05"')
+    report = judge_verified_grip(_write_jaws(tmp_path, stiff))
+    assert report.depth_share > 0.5
+    assert "No fix: the fingers penetrate" in report.sentence
+    assert not any(fix.lines for fix in report.fixes if fix.verdict == "holds")
