@@ -6,9 +6,10 @@ import pytest
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import GRAVITY_AS_REAL, INTEGRATION
+from contactlab.budget.restarts import held_inputs
 from contactlab.studies.search.clock import whole_run
 from contactlab.studies.search.configuration import Configuration
-from contactlab.tasks.reference_error import TaskReference, held_inputs
+from contactlab.tasks.reference_error import TaskReference
 
 FALL = """<mujoco><option timestep="0.002"/><worldbody>
 <body name="ball"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""

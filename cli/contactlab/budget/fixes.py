@@ -22,6 +22,7 @@ from contactlab.budget.measuring import PhaseMeasure, Settings, evaluations, pac
 from contactlab.budget.motion import Motion
 from contactlab.budget.readings import ErrorBudget
 from contactlab.budget.reference_distance import FINEST, ChangedModel, distances_to_reference
+from contactlab.budget.restarts import refine_motion
 from contactlab.budget.time_ratios import measure_time_ratios
 from contactlab.budget.verdict import Reason, Verdict, VerdictWord, judge
 from contactlab.budget.windows import replay
@@ -604,7 +605,7 @@ def changed_model(model: mujoco.MjModel, candidate: Candidate) -> mujoco.MjModel
 def changed(motion: Motion, candidate: Candidate) -> Motion:
     """Return a motion of the changed model, its inputs held at the run's rate."""
     model = changed_model(motion.model, candidate)
-    return replace(motion, model=model, inputs=motion.inputs.repeat(candidate.rate, axis=1))
+    return refine_motion(motion, model, candidate.rate)
 
 
 def _measure_time_ratio(

@@ -23,6 +23,7 @@ from contactlab.budget.exercised_rows import exercised_rows
 from contactlab.budget.force_places import Stretch, find_force_place
 from contactlab.budget.motion import GRAVITY_AS_REAL, Motion, forget_delays, pulls, without_delays
 from contactlab.budget.readings import Origin, PhaseBudget, Reading
+from contactlab.budget.restarts import scale_of_impulses
 from contactlab.budget.time_ratios import measure_time_ratios
 from contactlab.budget.windows import (
     EngineWarning,
@@ -59,8 +60,6 @@ _WORTH_A_LOOK = 0.01
 # Largest relative change of an energy drift when the reference is refined.
 _ITS_OWN = 0.5
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
-# Impulses of a body below this share of the largest body's are no scale.
-_STANDING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -483,7 +482,7 @@ class PhaseMeasure:
         real = found.begin[:, 0] + found.path.sum(axis=1) + weight
         duration = run.steps * self._model.opt.timestep * run.valid.sum(axis=1)
         real = np.maximum(real, GRAVITY_AS_REAL * self._usual * duration[:, None])
-        return np.maximum(real, _STANDING * real.max(axis=1, keepdims=True)) + 1e-300
+        return scale_of_impulses(real)
 
     def _reading(self, row: Row, found: "_Found", real: Floats, *, exercised: bool) -> Reading:
         about = row.name, row.summary, row.kind

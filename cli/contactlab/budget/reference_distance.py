@@ -5,7 +5,7 @@ motion, and all changes from the same states.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 from contactlab.budget.defects import defects, paths
 from contactlab.budget.measuring import Settings, reference_of, run_at_once
 from contactlab.budget.motion import GRAVITY_AS_REAL, Motion, without_delays
+from contactlab.budget.restarts import refine_motion, scale_of_impulses
 from contactlab.budget.windows import (
     Observer,
     Run,
@@ -53,7 +54,7 @@ def distances_to_reference(
     """
     undelayed, fine_model = without_delays(motion), reference_of(motion.model, finest)
     target(fine_model)
-    run = _finest_run(replace(undelayed, model=fine_model), settings, finest)
+    run = _finest_run(undelayed, fine_model, settings, finest)
     bodies = judged_bodies(motion.model)
     observer = Observer(motion.model, motion.starts[0], bodies, settings.workers)
     models = [(run_at_once(rival.model), rival.rate) for rival in rivals]
@@ -89,16 +90,14 @@ def distances_to_reference(
 def _shares(apart: Floats, real: Floats) -> Floats:
     """Return (R, B) shares, the mean over seeds that have windows at all."""
     begun = real.any(axis=1)
-    scale = np.maximum(real, 1e-6 * real.max(axis=1, keepdims=True)) + 1e-300
-    return (apart / scale)[:, begun].mean(axis=1)
+    return (apart / scale_of_impulses(real))[:, begun].mean(axis=1)
 
 
-def _finest_run(motion: Motion, settings: Settings, finest: int) -> Run:
+def _finest_run(motion: Motion, model: mujoco.MjModel, settings: Settings, finest: int) -> Run:
     """Return the finest motion, cut into windows of the run's whole steps."""
-    step = motion.model.opt.timestep * finest
+    step = model.opt.timestep * finest
     steps = min(motion.steps, max(1, round(settings.window / step)))
-    inputs = motion.inputs.repeat(finest, axis=1)
-    fine = replay(replace(motion, inputs=inputs), steps * step, settings.workers)
+    fine = replay(refine_motion(motion, model, finest), steps * step, settings.workers)
     kept = fine.kept[:, ::finest]
     kept = np.concatenate([kept, kept[:, -1:]], axis=1)
     return Run(steps, fine.begins // finest, fine.starts, kept, fine.valid, ())

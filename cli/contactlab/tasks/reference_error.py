@@ -16,17 +16,21 @@ from contactlab.budget import Motion
 from contactlab.budget.defects import defects, paths
 from contactlab.budget.measuring import WINDOW, reference_of, run_at_once
 from contactlab.budget.motion import GRAVITY_AS_REAL, pulls, without_delays
+from contactlab.budget.restarts import (
+    MIN_WINDOW_STEPS,
+    held_inputs,
+    refine_motion,
+    scale_of_impulses,
+    subsample_windows,
+    whole_windows,
+)
 from contactlab.budget.windows import Observer, Run, body_name, judged_bodies, replay
 from contactlab.contact.trace_arrays import Floats
 from contactlab.modifications.model_predicates import is_disabled
 
-_MIN_WINDOW_STEPS = (
-    2  # steps per window, so that rounding a window to whole steps leaves something to compare
-)
 _REFERENCE_POINTS = (
     4  # points of the reference within a step of the candidate, on either side of an end
 )
-_STATIONARY_SHARE = 1e-6
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 
 
@@ -60,14 +64,13 @@ class PhaseReference:
         self.step = float(motion.model.opt.timestep) / finer
         self._reference_model = reference_of(motion.model, finer)
         steps = max(1, round(WINDOW / motion.model.opt.timestep))
-        inputs = self._motion.inputs.repeat(finer, axis=1)
-        fine = replace(self._motion, model=self._reference_model, inputs=inputs)
+        fine = refine_motion(self._motion, self._reference_model, finer)
         window = min(steps, motion.steps) * float(motion.model.opt.timestep)
         self._run: Run = replay(fine, window, workers)
         self._bodies = judged_bodies(motion.model)
         self._observe = Observer(motion.model, motion.starts[0], self._bodies, workers)
         self._cached_reference = (0, np.empty(0))
-        whole = np.flatnonzero(self._run.begins % self._run.steps == 0)
+        whole = whole_windows(self._run)
         chosen = [
             (seed, window, stood_for)
             for seed in range(motion.seeds)
@@ -155,8 +158,7 @@ class PhaseReference:
         shares = np.empty((len(seeds), len(self._bodies)))
         for place, seed in enumerate(seeds):
             own = which[:, 0] == seed
-            whole = real[own].sum(axis=0)
-            whole = np.maximum(whole, _STATIONARY_SHARE * whole.max()) + 1e-300
+            whole = scale_of_impulses(real[own].sum(axis=0))
             shares[place] = found[own].sum(axis=0) / whole
         mean = shares.mean(axis=0)
         body = int(self._observed[np.argmax(mean[self._observed])])
@@ -170,7 +172,7 @@ class PhaseReference:
 
     def _window_ends(self, multiple: int) -> tuple[np.ndarray, np.ndarray]:
         """Return (M,) fine steps at which windows end, and the (M, 2) windows that fit."""
-        count = max(_MIN_WINDOW_STEPS, round(self._run.steps / multiple))
+        count = max(MIN_WINDOW_STEPS, round(self._run.steps / multiple))
         ends = self._run.begins[self._windows[:, 1]] + count * multiple
         fits = ends + multiple < self._run.kept.shape[1]
         return ends[fits], self._windows[fits]
@@ -201,7 +203,7 @@ class PhaseReference:
     def velocities_around(self, model: mujoco.MjModel, multiple: int) -> Floats:
         """Return (M, 3, B, 6) velocities of a model one step before, at and after window ends."""
         _, which = self._window_ends(multiple)
-        count = max(_MIN_WINDOW_STEPS, round(self._run.steps / multiple))
+        count = max(MIN_WINDOW_STEPS, round(self._run.steps / multiple))
         motion = self.motion_of(model, multiple, which, count + 1)
         run = replay(motion, (count + 1) * float(motion.model.opt.timestep), self._workers)
         return self._observe(run.kept[:, count - 1 : count + 2])[0]
@@ -230,42 +232,6 @@ class PhaseReference:
     def starts(self) -> np.ndarray:
         """(M, 2) seeds and windows that candidates begin in."""
         return self._windows
-
-
-def subsample_windows(windows: np.ndarray, every: int) -> tuple[np.ndarray, Floats]:
-    """Return the first window and one in `every` of the others, with the number each stands for.
-
-    In the first window constraints take up their load, which happens once.
-    """
-    first, others = windows[:1], windows[1:]
-    chosen = others[(every - 1) // 2 :: every]
-    stood_for = np.full(len(chosen), len(others) / max(len(chosen), 1))
-    return np.concatenate([first, chosen]), np.concatenate([np.ones(len(first)), stood_for])
-
-
-def held_inputs(
-    motion: Motion, finer: int, seeds: np.ndarray, begins: np.ndarray, multiple: int, steps: int
-) -> Floats:
-    """Return (M, steps, width) inputs of seeds from fine steps (M,) on, one row per longer step.
-
-    A step that covers several steps of the motion gets the mean of their inputs.
-    """
-    if not motion.inputs.shape[2]:
-        return np.empty((len(seeds), steps, 0))
-    fine = begins[:, None] + np.arange(steps * multiple)
-    rows = motion.inputs[seeds[:, None], np.minimum(fine // finer, motion.steps - 1)]
-    return rows.reshape(len(seeds), steps, multiple, -1).mean(axis=2)
-
-
-def motion_at_steps(motion: Motion, finer: int, seeds: np.ndarray, multiple: int) -> Motion:
-    """Return seeds of a motion from start to end, with inputs for steps of `multiple` fine steps.
-
-    The model of the motion is unchanged; another model makes the steps.
-    """
-    own = without_delays(motion)
-    steps = max(_MIN_WINDOW_STEPS, round(own.steps * finer / multiple))
-    rows = held_inputs(own, finer, seeds, np.zeros(len(seeds), int), multiple, steps)
-    return replace(own, starts=own.starts[seeds], inputs=rows)
 
 
 @dataclass(frozen=True)

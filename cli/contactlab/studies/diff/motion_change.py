@@ -14,8 +14,10 @@ import numpy as np
 
 from contactlab.budget import Motion
 from contactlab.budget.defects import defects, paths
-from contactlab.budget.motion import INTEGRATION
-from contactlab.budget.windows import gyration, judged_bodies
+from contactlab.budget.measuring import WINDOW
+from contactlab.budget.motion import GRAVITY_AS_REAL, INTEGRATION
+from contactlab.budget.restarts import scale_of_impulses, whole_windows
+from contactlab.budget.windows import Observer, judged_bodies, replay
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import EngineError, SceneError
 from contactlab.numerical_tolerance import ROUNDING, SUM_ROUNDING
@@ -25,9 +27,11 @@ from contactlab.schema.diff_report import MotionChange
 from contactlab.studies.diff.matching import MatchedParts
 from contactlab.tasks.task_motions import task_motions
 
-_SECONDS, _WINDOW = 1.0, 0.04
-_GRAVITY = 0.1  # share of free fall that counts as real impulse of a body at rest
-_BODY = int(mujoco.mjtObj.mjOBJ_BODY)
+_SECONDS = 1.0  # s of the task
+_INPUTS = sum(
+    int(getattr(mujoco.mjtState, f"mjSTATE_{name}"))
+    for name in ("CTRL", "QFRC_APPLIED", "XFRC_APPLIED")
+)
 
 
 class _SharedIndices(NamedTuple):
@@ -52,15 +56,15 @@ def motion_change(
     try:
         task = scene.task({}, _SECONDS, seeds=(0,))
         motions = task_motions(scene, {}, task)
+        parts = [_phase_impulses(motion, other, places, np.array(moving)) for motion in motions]
     except (EngineError, SceneError) as error:
         return None, str(error).splitlines()[0]
-    parts = [_phase_impulses(motion, other, places, np.array(moving)) for motion in motions]
     apart, real = (np.sum([part[row] for part in parts], axis=0) for row in (0, 1))
-    shares = apart / np.maximum(real, 1e-6 * real.max() + 1e-300)
+    shares = apart / scale_of_impulses(real)
     worst = int(np.argmax(np.nan_to_num(shares, nan=np.inf)))
     share = float(shares[worst]) if np.isfinite(shares[worst]) else float(np.finfo(float).max)
     body = name_of(one, "body", moving[worst])
-    return MotionChange(task=task.line, error=share, body=body, window=_WINDOW), ""
+    return MotionChange(task=task.line, error=share, body=body, window=WINDOW), ""
 
 
 def _shared_indices(
@@ -95,81 +99,89 @@ def _phase_impulses(
     motion: Motion, other: mujoco.MjModel, places: _SharedIndices, moving: np.ndarray
 ) -> tuple[Floats, Floats]:
     """Return (B,) residual and real impulses of bodies over their masses [m/s], of a phase."""
-    one, step = motion.model, float(motion.model.opt.timestep)
-    length = max(1, min(motion.steps, round(_WINDOW / step)))
-    same = dict(map(tuple, places.bodies.tolist()))
-    theirs = np.array([same[body] for body in moving.tolist()])
-    data, twin = mujoco.MjData(one), mujoco.MjData(other)
-    mujoco.mj_setState(one, data, motion.starts[0], INTEGRATION)
-    apart, real = np.zeros(len(moving)), np.zeros(len(moving))
-    gravity = float(np.linalg.norm(one.opt.gravity))
-    for begin in range(0, motion.steps - length + 1, length):
-        _apply_inputs(motion, begin, one, data)
-        _copy_state(data, twin, places)
-        own = [_velocities(one, data, moving)]
-        before = np.empty(mujoco.mj_stateSize(one, INTEGRATION))
-        for place in range(begin, begin + length + 1):
-            if place == begin + length:
-                mujoco.mj_getState(one, data, before, INTEGRATION)
-            _apply_inputs(motion, place, one, data)
-            mujoco.mj_step(one, data)
-            own.append(_velocities(one, data, moving))
-        seen = _follow_window(motion, begin, length, (other, twin), places, theirs)
-        mujoco.mj_setState(one, data, before, INTEGRATION)
-        path = np.stack(own)[None]
-        apart += defects(path[:, -3:], seen[None])[0]
-        real += paths(path[:, :-1])[0] + _GRAVITY * gravity * length * step
-        if begin == 0:
-            real += np.linalg.norm(own[0], axis=-1)
-    return apart, real
+    model, step = motion.model, float(motion.model.opt.timestep)
+    run = replay(motion, WINDOW, 1)
+    windows = [window for window in whole_windows(run) if run.valid[0, window]]
+    if not windows:
+        raise EngineError(f"MuJoCo gave up in the first window of {motion.name}")
+    begins = run.begins[windows]
+    kept = np.stack([run.kept[0, begin : begin + run.steps + 2] for begin in begins])
+    path = Observer(model, motion.starts[0], moving, 1)(kept)[0]
+    seen = _follow_windows(motion, begins, run.starts[0, windows], run.steps, other, places, moving)
+    gravity = float(np.linalg.norm(model.opt.gravity))
+    weight = GRAVITY_AS_REAL * gravity * run.steps * step
+    real = (paths(path[:, :-1]) + weight).sum(axis=0)
+    if windows[0] == 0:
+        real += np.linalg.norm(path[0, 0], axis=-1)
+    return defects(path[:, -3:], seen).sum(axis=0), real
 
 
-def _follow_window(
+def _follow_windows(
     motion: Motion,
-    begin: int,
+    begins: np.ndarray,
+    states: Floats,
     length: int,
-    twin: tuple[mujoco.MjModel, mujoco.MjData],
+    other: mujoco.MjModel,
     places: _SharedIndices,
-    bodies: np.ndarray,
+    moving: np.ndarray,
 ) -> Floats:
-    """Return (2 r + 1, B, 6) velocities of the second model around a window's end.
+    """Return (M, 2 r + 1, B, 6) velocities of the second model around the ends of windows.
 
     It takes its own steps, of any length, with the inputs of the run.
     """
-    (model, data), step = twin, float(motion.model.opt.timestep)
-    source = mujoco.MjData(motion.model)
-    # Where nothing is stored of each step, the start's own controls and forces act.
-    mujoco.mj_setState(motion.model, source, motion.starts[0], INTEGRATION)
-    seen, times = list[Floats](), list[float]()
-    elapsed, place = 0.0, -1
-    own = float(model.opt.timestep)
+    step, own = float(motion.model.opt.timestep), float(other.opt.timestep)
+    times = list[float]()
+    elapsed = 0.0
     while elapsed < (length + 1) * step * (1 - SUM_ROUNDING):
-        now = begin + int(elapsed / step * (1 + ROUNDING))
-        if now != place:
-            place = now
-            _apply_inputs(motion, place, motion.model, source)
-            _copy_inputs(source, data, places)
-        # From the last step that is not past a step of the run before the end.
-        if elapsed + own > (length - 1) * step * (1 + SUM_ROUNDING):
-            seen.append(_velocities(model, data, bodies))
-            times.append(elapsed)
-        mujoco.mj_step(model, data)
+        times.append(elapsed)
         elapsed += own
-    seen.append(_velocities(model, data, bodies))
+    starts, inputs = _restarts(motion, begins, states, np.array(times), other, places)
+    restarted = Motion(other, starts, inputs, _INPUTS, motion.name)
+    kept = replay(restarted, len(times) * own, 1).kept
+    # From the last step that is not past a step of the run before the end.
+    first = sum(time + own <= (length - 1) * step * (1 + SUM_ROUNDING) for time in times)
+    same = dict(map(tuple, places.bodies.tolist()))
+    bodies = np.array([same[body] for body in moving.tolist()])
+    rows = Observer(other, starts[0], bodies, 1)(kept[:, first : len(times) + 1])[0]
     # Straight in between, with the window's end in the middle, and its own steps where they fit.
     each_side = max(1, round(step / own))
     wanted = np.linspace((length - 1) * step, (length + 1) * step, 2 * each_side + 1)
-    own_times, rows = np.array([*times, elapsed]), np.stack(seen)
-    before = np.clip(np.searchsorted(own_times, wanted, "right") - 1, 0, len(rows) - 2)
+    own_times = np.array([*times[first:], elapsed])
+    before = np.clip(np.searchsorted(own_times, wanted, "right") - 1, 0, len(own_times) - 2)
     # Rounded, for sums of steps are: at a step of its own it is that step's, to the bit.
     part = ((wanted - own_times[before]) / own).round(9)[:, None, None]
-    return (1 - part) * rows[before] + part * rows[before + 1]
+    return (1 - part) * rows[:, before] + part * rows[:, before + 1]
 
 
-def _apply_inputs(motion: Motion, place: int, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    rows = motion.rows(0, [place])
-    if rows is not None:
-        mujoco.mj_setState(model, data, rows[0], motion.spec)
+def _restarts(
+    motion: Motion,
+    begins: np.ndarray,
+    states: Floats,
+    times: Floats,
+    other: mujoco.MjModel,
+    places: _SharedIndices,
+) -> tuple[Floats, Floats]:
+    """Return the second model's states (M, nstate) at windows, and its inputs (M, N, width).
+
+    Its steps begin at (N,) times since the beginning of a window [s].
+    """
+    data, twin = mujoco.MjData(motion.model), mujoco.MjData(other)
+    starts = np.empty((len(begins), mujoco.mj_stateSize(other, INTEGRATION)))
+    inputs = np.empty((len(begins), len(times), mujoco.mj_stateSize(other, _INPUTS)))
+    ahead = (times / motion.model.opt.timestep * (1 + ROUNDING)).astype(int)
+    for start, given, begin, state in zip(starts, inputs, begins, states, strict=True):
+        mujoco.mj_setState(motion.model, data, state, INTEGRATION)
+        _copy_state(data, twin, places)
+        mujoco.mj_getState(other, twin, start, INTEGRATION)
+        # Where nothing is stored of each step, the start's own controls and forces act.
+        mujoco.mj_setState(motion.model, data, motion.starts[0], INTEGRATION)
+        rows = motion.rows(0, begin + ahead)
+        for place, row in enumerate(given):
+            if rows is not None:
+                mujoco.mj_setState(motion.model, data, rows[place], motion.spec)
+            _copy_inputs(data, twin, places)
+            mujoco.mj_getState(other, twin, row, _INPUTS)
+    return starts, inputs
 
 
 def _copy_state(data: mujoco.MjData, twin: mujoco.MjData, places: _SharedIndices) -> None:
@@ -194,16 +206,3 @@ def _copy_inputs(data: mujoco.MjData, twin: mujoco.MjData, places: _SharedIndice
     ):
         first, second = pairs.T
         getattr(twin, name)[second] = getattr(data, name)[first]
-
-
-def _velocities(model: mujoco.MjModel, data: mujoco.MjData, bodies: np.ndarray) -> Floats:
-    """Return (B, 6) velocities of centres of mass, and spins times radii of gyration [m/s]."""
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    mujoco.mj_comVel(model, data)
-    found, twist = np.empty((len(bodies), 6)), np.empty(6)
-    for row, body in zip(found, bodies.tolist(), strict=True):
-        mujoco.mj_objectVelocity(model, data, _BODY, body, twist, 0)
-        row[:3], row[3:] = twist[3:], twist[:3]
-    found[:, 3:] *= gyration(model)[bodies, None]
-    return found

@@ -18,9 +18,10 @@ import numpy as np
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
+from contactlab.budget.restarts import motion_at_steps
 from contactlab.contact.trace_arrays import Floats
 from contactlab.schema.time_ratio import TimeRatio
-from contactlab.tasks.reference_error import TaskReference, motion_at_steps
+from contactlab.tasks.reference_error import TaskReference
 from contactlab.timing.interleaved import (
     TURN_SECONDS,
     Timer,

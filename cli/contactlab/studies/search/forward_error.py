@@ -14,6 +14,7 @@ import numpy as np
 from contactlab.budget import Motion
 from contactlab.budget.measuring import reference_of, run_at_once
 from contactlab.budget.motion import INTEGRATION, without_delays
+from contactlab.budget.restarts import held_inputs, refine_motion
 from contactlab.budget.windows import replay
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
@@ -164,8 +165,7 @@ class ForwardError:
         """Return the states of the motion by an integrator, at `rate` substeps."""
         model = reference_of(self._motion.model, rate)
         model.opt.integrator = integrator
-        inputs = self._motion.inputs.repeat(rate, axis=1)
-        motion = replace(self._motion, model=model, inputs=inputs)
+        motion = refine_motion(self._motion, model, rate)
         return replay(motion, motion.steps * float(model.opt.timestep), self._workers).kept[:, :-1]
 
     def estimate_error(self, model: mujoco.MjModel, multiple: int) -> ErrorEstimate:
@@ -173,9 +173,9 @@ class ForwardError:
         own = run_at_once(model)
         own.opt.timestep = multiple * self.step
         steps = self._motion.steps * self._finer // multiple
-        fine = np.arange(steps * multiple)
-        rows = self._motion.inputs[:, fine // self._finer]
-        inputs = rows.reshape(len(rows), steps, multiple, -1).mean(axis=2)
+        every = np.arange(self._motion.seeds)
+        start = np.zeros_like(every)
+        inputs = held_inputs(self._motion, self._finer, every, start, multiple, steps)
         motion = replace(self._motion, model=own, inputs=inputs)
         kept = replay(motion, steps * float(own.opt.timestep), self._workers).kept[:, :-1]
         places = [steps]
@@ -183,7 +183,7 @@ class ForwardError:
             places = np.unique(np.linspace(0, steps, _PEAK_SAMPLES).astype(int)).tolist()
         data, distances = (
             mujoco.MjData(own),
-            np.empty((len(rows), len(self._observed), len(places))),
+            np.empty((len(inputs), len(self._observed), len(places))),
         )
         for seed, which, place in np.ndindex(distances.shape):
             ends = kept[seed, places[place]], self._reference[seed, places[place] * multiple]

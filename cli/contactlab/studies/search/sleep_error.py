@@ -9,8 +9,9 @@ import numpy as np
 
 from contactlab.budget import Motion, Settings, error_budget
 from contactlab.budget.measuring import run_at_once
+from contactlab.budget.restarts import motion_at_steps
 from contactlab.studies.search.settings_search import ErrorEstimator
-from contactlab.tasks.reference_error import ErrorEstimate, motion_at_steps
+from contactlab.tasks.reference_error import ErrorEstimate
 
 _SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 
