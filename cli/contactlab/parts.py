@@ -89,6 +89,8 @@ _DESCRIPTIONS = {
     "StabilityReport": "contactlab.reporting.stability_document:describe_stability",
     "TradeoffReport": "contactlab.pareto.tradeoff_document:describe_tradeoff",
     "TuneReport": "contactlab.studies.search.tune_document:describe_tuning",
+    "DiffReport": "contactlab.studies.diff.compare_models:describe_diff",
+    "LintReport": "contactlab.studies.lint.linting:describe_lint",
     "Examination": "contactlab.reporting.examination_document:describe_examination",
 }
 """Functions that describe reports, by the class of the report."""

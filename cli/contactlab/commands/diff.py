@@ -1,39 +1,22 @@
 """`contactlab diff`: the differences of two models."""
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from contactlab.command_line.declaration import Argument, Given, Option, command
-from contactlab.command_line.judgements import print_report
-from contactlab.errors import ExpectationError, SweepFileError
+from contactlab.command_line.declaration import Argument, Option, command
+from contactlab.command_line.report_formats import report_formats
+from contactlab.errors import SweepFileError
 
 if TYPE_CHECKING:
     from contactlab.schema.diff_report import DiffReport
-    from contactlab.writers import Report
 
 _WHAT = "Scene, .xml or .urdf file, menagerie:ROBOT, or a store, for its scene."
-
-
-def _report_of(report: "DiffReport", given: Given) -> "Report":
-    from contactlab.studies.diff.compare_models import report_of
-
-    del given
-    return report_of(report)
-
-
-def _failure(report: "DiffReport", given: Given) -> ExpectationError | None:
-    del given
-    return ExpectationError(report.headline) if report.differences else None
 
 
 @command(
     "gate",
     examples=("diff robot.xml converted.xml", "diff robot.urdf robot.xml --tolerance 1%"),
-    formats={
-        form: partial(print_report, form, _report_of) for form in ("text", "json", "markdown")
-    },
-    failure=_failure,
+    formats=report_formats(),
 )
 def diff(
     before: Annotated[str | Path, Argument("A", _WHAT, kind=str)],

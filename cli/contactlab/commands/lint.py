@@ -7,47 +7,29 @@ from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line.declaration import Argument, Given, command
 from contactlab.command_line.judgements import print_report
+from contactlab.command_line.report_formats import report_formats
 from contactlab.command_line.surroundings import say
-from contactlab.command_line.terminal import echo
-from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
     from contactlab.schema.lint_report import LintReport
     from contactlab.writers import Report
 
 
-def _text(report: "LintReport", given: Given) -> None:
-    from contactlab.printable import printable
-    from contactlab.studies.lint.linting import lint_lines
+def _findings(report: "LintReport", given: Given) -> "Report":
+    from contactlab.studies.lint.linting import findings_of_lint
 
     del given
-    echo("\n".join(map(printable, lint_lines(report))))
-
-
-def _report_of(report: "LintReport", given: Given) -> "Report":
-    from contactlab.studies.lint.linting import report_of
-
-    del given
-    return report_of(report)
-
-
-def _failure(report: "LintReport", given: Given) -> ExpectationError | None:
-    from contactlab.studies.lint.linting import headline
-
-    del given
-    return None if report.passed else ExpectationError(headline(report))
+    return findings_of_lint(report)
 
 
 @command(
     "examine",
     examples=("lint robot.xml", "lint models/*.xml --format sarif"),
     formats={
-        "text": _text,
-        "json": partial(print_report, "json", _report_of),
-        "github": partial(print_report, "github", _report_of),
-        "sarif": partial(print_report, "sarif", _report_of),
+        **report_formats(),
+        "github": partial(print_report, "github", _findings),
+        "sarif": partial(print_report, "sarif", _findings),
     },
-    failure=_failure,
 )
 def lint(
     models: Annotated[

@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import Literal
 
+from contactlab.rendering.amounts import format_amount, format_percent
+from contactlab.schema.report_model import ReportModel
 from contactlab.schema.strict_model import Model, about
 
 
@@ -29,7 +31,7 @@ class Difference(Model):
             return f"{of} is new: {self.quantity} {self.after}{unit}".rstrip()
         if not self.after:
             return f"{of} is gone: {self.quantity} {self.before}{unit}".rstrip()
-        size = "" if self.relative_change is None else f" ({100 * self.relative_change:.2g} %)"
+        size = "" if self.relative_change is None else f" ({format_percent(self.relative_change)})"
         return f"{of}: {self.quantity} {self.before} -> {self.after}{unit}{size}"
 
 
@@ -47,7 +49,7 @@ class MotionChange(Model):
     window: float = about("Length of windows.", unit="s")
 
 
-class DiffReport(Model):
+class DiffReport(ReportModel):
     """Differences of two models (`diff --format json`)."""
 
     diff_version: Literal[2] = 2
@@ -72,13 +74,19 @@ class DiffReport(Model):
         return f"{counted}{which} above {100 * self.tolerance:g} %"
 
     @property
+    def problem(self) -> str:
+        """The result, if the models differ."""
+        return self.headline if self.differences else ""
+
+    @property
     def last_line(self) -> str:
         """The change in motion in words."""
         if self.motion is None:
             return f"motion: {self.no_motion_reason}"
         motion = self.motion
         return (
-            f"motion: the second model needs a residual force of {100 * motion.error:.2g} % of the "
-            f"real forces to move as the first, in the worst body, {motion.body} (windows of "
-            f"{1e3 * motion.window:.0f} ms of one second; {motion.task})"
+            "motion: the second model needs a residual force of "
+            f"{format_percent(motion.error)} of the real forces to move as the first, in the worst "
+            f"body, {motion.body} (windows of "
+            f"{format_amount(motion.window, 'ms')} of one second; {motion.task})"
         )

@@ -7,14 +7,15 @@ import mujoco
 import numpy as np
 import pytest
 
+from contactlab.rendering.markdown import render_markdown
+from contactlab.rendering.text import render_text
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_names import name_by_address
 from contactlab.scene.model_writer import write_model
 from contactlab.scene.scene import Scene
-from contactlab.studies.diff.compare_models import diff, find_differences, report_of
+from contactlab.studies.diff.compare_models import describe_diff, diff, find_differences
 from contactlab.studies.diff.matching import match_parts
 from contactlab.studies.diff.motion_change import motion_change
-from contactlab.writers import WRITERS
 
 ROBOT = """<mujoco model="robot">
   <option timestep="0.002"/>
@@ -265,8 +266,9 @@ def test_the_motion_is_the_last_line_of_words_and_markdown(tmp_path: Path) -> No
     (tmp_path / "a.xml").write_text(ROBOT)
     (tmp_path / "b.xml").write_text(ROBOT.replace('mass="2"', 'mass="4"'))
     report = diff(str(tmp_path / "a.xml"), str(tmp_path / "b.xml"))
-    for form in ("text", "markdown"):
-        lines = [line for line in WRITERS[form](report_of(report)).splitlines() if line]
+    document = describe_diff(report)
+    for text in (render_text(document, 1000), render_markdown(document)):
+        lines = [line for line in text.splitlines() if line]
         assert "motion: the second model needs a residual force" in lines[-1]
     assert report.motion is not None
     assert report.motion.error > 0

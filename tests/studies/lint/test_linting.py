@@ -13,7 +13,7 @@ from tests.studies.lint.test_rules import ROBOT
 
 import contactlab
 from contactlab.errors import SceneError
-from contactlab.studies.lint.linting import lint, lint_lines, report_of
+from contactlab.studies.lint.linting import findings_of_lint, lint
 from contactlab.studies.lint.rules import RULES
 from contactlab.writers import WRITERS
 
@@ -39,7 +39,7 @@ def test_a_comment_ignores_a_rule_where_it_stands(linted: Linted, old: str, new:
     ignored = _IGNORE.format("memory, contact-margin")
     report = linted(MARGIN.replace(old, new.format(ignored)))
     assert "ignored in robot.xml:" in str(only(report, "contact-margin").waived)
-    assert "1 ignored" in list(lint_lines(report))[-1]
+    assert "1 ignored" in report.headline
 
 
 def test_a_comment_beside_another_element_ignores_nothing(linted: Linted) -> None:
@@ -147,7 +147,7 @@ def test_a_name_that_is_used_twice_is_told_at_its_line(linted: Linted) -> None:
 
 
 def test_annotations_have_file_and_line(linted: Linted) -> None:
-    text = WRITERS["github"](report_of(linted(BROKEN)))
+    text = WRITERS["github"](findings_of_lint(linted(BROKEN)))
     line = BROKEN.splitlines().index('    <key name="home" qpos="0 1.5" ctrl="0"/>') + 1
     assert text.startswith(f"::error file=robot.xml,line={line},title=contactlab lint::")
 
@@ -155,7 +155,7 @@ def test_annotations_have_file_and_line(linted: Linted) -> None:
 def test_sarif_has_each_finding_with_its_rule_and_place(linted: Linted) -> None:
     text = BROKEN.replace('<geom name="lower"', '<geom name="lower" margin=".01"')
     report = linted(text.replace("<worldbody>", f"<worldbody> {_IGNORE.format('nothing')}"))
-    (run,) = json.loads(WRITERS["sarif"](report_of(report)))["runs"]
+    (run,) = json.loads(WRITERS["sarif"](findings_of_lint(report)))["runs"]
     rules = run["tool"]["driver"]["rules"]
     places = {
         (
@@ -177,7 +177,7 @@ def test_sarif_has_each_finding_with_its_rule_and_place(linted: Linted) -> None:
 def test_sarif_suppresses_what_is_ignored(linted: Linted) -> None:
     ignored = _IGNORE.format("keyframe-range")
     report = linted(BROKEN.replace('ctrl="0"/>', f'ctrl="0"/> {ignored}'))
-    (run,) = json.loads(WRITERS["sarif"](report_of(report)))["runs"]
+    (run,) = json.loads(WRITERS["sarif"](findings_of_lint(report)))["runs"]
     assert run["results"][0]["suppressions"][0]["kind"] == "inSource"
 
 
@@ -204,8 +204,10 @@ def test_sarif_is_valid_by_its_published_schema(linted: Linted, tmp_path: Path) 
     ]
     validator = validator_for(schema)(schema)
     for report in reports:
-        assert not list(validator.iter_errors(json.loads(WRITERS["sarif"](report_of(report)))))
-    broken = json.loads(WRITERS["sarif"](report_of(reports[-1])))
+        assert not list(
+            validator.iter_errors(json.loads(WRITERS["sarif"](findings_of_lint(report))))
+        )
+    broken = json.loads(WRITERS["sarif"](findings_of_lint(reports[-1])))
     del broken["runs"][0]["tool"]
     assert list(validator.iter_errors(broken))
 

@@ -7,6 +7,15 @@ import mujoco
 import numpy as np
 
 from contactlab.mjcf import OPTIONS
+from contactlab.rendering.amounts import format_amount
+from contactlab.rendering.document import (
+    Document,
+    Facts,
+    Headline,
+    Sentence,
+    document_of,
+    table_of,
+)
 from contactlab.run.planned_runs import stored_sweep_scene
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.contact_pairs import body_reaches, touch_mask
@@ -19,7 +28,7 @@ from contactlab.store.finished_store import Store
 from contactlab.studies.diff.matching import MatchedParts, match_parts
 from contactlab.studies.diff.motion_change import motion_change
 from contactlab.studies.diff.quantities import QUANTITIES, Quantity, format_value, relative_change
-from contactlab.writers.report import Report, Section
+from contactlab.writers.signs import outcome_mark
 
 DEFAULT_TOLERANCE = 1e-4
 """Relative change up to which quantities are equal: MuJoCo writes models with six digits."""
@@ -215,9 +224,9 @@ def _set_differences(kind: str, before: set[str], after: set[str]) -> Iterator[D
         )
 
 
-def report_of(report: DiffReport) -> Report:
-    """Return the report for the writers."""
-    rows = tuple(
+def describe_diff(report: DiffReport) -> Document:
+    """Describe the differences of two models; the last sentence is the change in motion."""
+    rows = [
         (
             found.kind,
             found.name,
@@ -225,28 +234,27 @@ def report_of(report: DiffReport) -> Report:
             found.before or "none",
             found.after or "none",
             found.unit,
-            "" if found.relative_change is None else f"{100 * found.relative_change:.3g} %",
+            ""
+            if found.relative_change is None
+            else format_amount(found.relative_change, "%", digits=3),
         )
         for found in report.differences
-    )
+    ]
     header = ("kind", "name", "quantity", "before", "after", "unit", "change")
     parts = ", ".join(
         f"{count} {OBJECT_LISTS[kind] if count > 1 else kind}"
         for kind, count in report.matched.items()
         if count
     )
-    return Report(
-        title=f"contactlab diff {report.before} {report.after}",
-        place=("diff",),
-        headline=report.headline,
-        passed=not report.differences,
-        record=report,
-        facts=(
-            ("before", report.before),
-            ("after", report.after),
-            ("engine", f"mujoco {report.mujoco}"),
-            ("in both", parts),
-        ),
-        sections=(Section("", header=header, rows=rows),) if rows else (),
-        notes=(report.last_line,),
+    facts = (
+        ("before", report.before),
+        ("after", report.after),
+        ("engine", f"mujoco {report.mujoco}"),
+        ("in both", parts),
+    )
+    return document_of(
+        [Headline(report.headline, outcome_mark("failed" if report.differences else "passed"))],
+        [Facts(facts)],
+        [table_of(header, rows)] if rows else [],
+        [Sentence(report.last_line)],
     )

@@ -7,6 +7,7 @@ from pathlib import Path
 from contactlab.errors import SceneError, no_file
 from contactlab.judge.subjects import OUTCOMES
 from contactlab.judge.wording import plural
+from contactlab.rendering.document import Code, Document, Sentence, document_of
 from contactlab.scene.model_files import FileSearch
 from contactlab.scene.model_xml import parse
 from contactlab.scene.mujoco_versions import VERSION
@@ -162,21 +163,12 @@ def _unreadable_finding(model: str, error: str) -> PlacedFinding:
     )
 
 
-def headline(report: LintReport) -> str:
-    """Return the number of findings in a sentence."""
-    counts = {word: len(report.open(word)) for word in ("error", "warning", "note")}
-    counts_text = [plural(count, word) for word, count in counts.items() if count]
-    waived = sum(finding.waived is not None for finding in report.findings)
-    counts_text += [f"{waived} ignored"] if waived else []
-    return f"{', '.join(counts_text) or 'nothing found'} in {plural(len(report.models), 'model')}"
-
-
-def report_of(report: LintReport) -> Report:
-    """Return the report for the writers."""
+def findings_of_lint(report: LintReport) -> Report:
+    """Return the findings for annotations and SARIF."""
     return Report(
         title="contactlab lint",
         place=("lint",),
-        headline=headline(report),
+        headline=report.headline,
         passed=report.passed,
         record=report,
         facts=(("engine", f"mujoco {report.mujoco}"),),
@@ -185,10 +177,13 @@ def report_of(report: LintReport) -> Report:
     )
 
 
-def lint_lines(report: LintReport) -> Iterator[str]:
-    """Yield findings in the style of compilers, errors last, then the counts."""
+def describe_lint(report: LintReport) -> Document:
+    """Describe findings in the style of compilers, errors last, then the counts."""
+    lines: list[str] = []
     for word in ("note", "warning", "error"):
         for finding in report.open(word):
-            yield f"{finding.file}:{finding.line}: {word}: {finding.message} [{finding.name}]"
-            yield from (f"    {line}" for line in finding.fix)
-    yield headline(report)
+            place = f"{finding.file}:{finding.line}"
+            lines.append(f"{place}: {word}: {finding.message} [{finding.name}]")
+            lines += [f"    {line}" for line in finding.fix]
+    head = Sentence(report.headline)
+    return document_of([Code(tuple(lines), indent=0), head] if lines else [head])
