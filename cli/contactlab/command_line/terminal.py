@@ -28,7 +28,7 @@ from rich.text import Text
 from contactlab.command_line.surroundings import Begin, Surroundings, Watch
 from contactlab.errors import StoppedError
 from contactlab.printable import in_one_line, printable
-from contactlab.rendering.document import Document, Sentence, document_of, table_of
+from contactlab.rendering.document import Document, document_of, table_of
 from contactlab.rendering.text import render_text
 
 if TYPE_CHECKING:
@@ -67,11 +67,6 @@ notice = _Notice()
 def echo(text: object, *, err: bool = False) -> None:
     """Print lines to stdout, or to stderr; control characters of data are shown as text."""
     echo_commands(printable(str(text)), err=err)
-
-
-def tell(sentence: str) -> None:
-    """Print a sentence to stdout, in lines as wide as a terminal; words stay whole."""
-    print_document(document_of([Sentence(sentence)]))
 
 
 def echo_commands(text: str, *, err: bool = False) -> None:

@@ -1,0 +1,141 @@
+"""Describes a store: its labels and expectations, and the axis values that fail."""
+
+import json
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from operator import itemgetter, methodcaller
+
+from contactlab.judge.expectations import EXPECTED, expectation_findings
+from contactlab.measure import METRICS
+from contactlab.printable import shell_word
+from contactlab.rendering.document import (
+    Block,
+    Code,
+    Document,
+    Headline,
+    Section,
+    Sentence,
+    Table,
+    document_of,
+    table_of,
+)
+from contactlab.reporting.boundaries import boundaries, boundary_lines, coverage
+from contactlab.reporting.finding import finding, headline
+from contactlab.reporting.found_worst import worst_lines
+from contactlab.reporting.known_shares import known_shares, share_lines
+from contactlab.reporting.label_shares import share_words, stable_share
+from contactlab.reporting.map_axes import by_importance
+from contactlab.reporting.report_columns import GridAxis, RunLabels, read_axes, read_run_labels
+from contactlab.reporting.sensitivity import budget_lines, sensitivities, sensitivity_lines
+from contactlab.reporting.start_noise import distance_to_reality
+from contactlab.schema.evidence import StoreManifest
+from contactlab.store.finished_store import Store
+from contactlab.store.run_columns import RunColumns
+from contactlab.store.store_files import is_slice, shard_of
+
+_MOST_ROWS = 12
+_ID_DIGITS = 8
+_CHOOSING = ("refine", "limit", "until", "search", "sample")
+_OF_LOOPS = {"seed": "episode", "success": "success", "total_reward": "return"}
+
+
+def describe_store(store: Store) -> Document:
+    """Describe the result of a store: sentences, and the table of the axes that matter most."""
+    manifest, columns = store.manifest, store.columns
+    axes, labels, share = read_axes(store), read_run_labels(store), share_words(store)
+    mixed = bool(labels.failed.any())  # otherwise all values are alike, as the headline says
+    texts = [
+        stable_share(labels, share),
+        finding(axes, labels, share) if axes and mixed else "",
+        distance_to_reality(axes, columns),
+        *_expectation_texts(store),
+        *_missing_effects(columns),
+    ]
+    blocks: list[Block] = [Headline(f"{manifest.sweep.name}: {headline(labels)}")]
+    blocks += map(Sentence, filter(None, texts))
+    if chosen := [*_chosen_runs(store)]:
+        blocks += map(Sentence, chosen)
+    elif manifest.runs <= _MOST_ROWS:
+        blocks.append(_run_table(store))
+    elif axes and mixed:
+        blocks += _value_table(by_importance(axes, labels), labels, share)
+    path = store.address
+    look = columns.run_id(int(labels.codes.argmin()))[:_ID_DIGITS]
+    blocks.append(Sentence(f"{_count_runs(manifest)}, {manifest.traces:,} traces in {path}"))
+    closer = f"look closer: contactlab show {shell_word(path)} {look}"
+    blocks.append(Code((closer, f"one page: contactlab report {shell_word(path)}"), indent=0))
+    return document_of(Section(tuple(blocks), "summary"))
+
+
+def _count_runs(manifest: StoreManifest) -> str:
+    """Return the number of runs of a store, and of its sweep if it is a part of it."""
+    sweep, runs = manifest.sweep, f"{manifest.runs:,} runs"
+    if sweep.whole is None or not is_slice(sweep):
+        return runs
+    part = f"shard {shard}" if (shard := shard_of(sweep)) else "a part of the sweep"
+    return f"{manifest.runs:,} of {sweep.whole.runs:,} runs ({part})"
+
+
+def _expectation_texts(store: Store) -> Iterator[str]:
+    """Yield how many runs are as the sweep expects, and the means that are not."""
+    for found in expectation_findings(store):
+        if found.name == EXPECTED:
+            yield found.message
+    yield from (f"not as expected: {mean}" for mean in store.manifest.unmet_means)
+
+
+def _missing_effects(columns: RunColumns) -> Iterator[str]:
+    """Yield the effects that were off in runs that needed them."""
+    missing: Counter[str] = Counter()
+    for entry in columns.arrow(["effects_missed"])[0].value_counts().to_pylist():
+        missing.update(dict.fromkeys(json.loads(entry["values"]), entry["counts"]))
+    for name, count in missing.most_common():
+        yield f"{name} is off, but {count:,} of {columns.runs:,} runs need it"
+
+
+def _chosen_runs(store: Store) -> Iterator[str]:
+    """Yield the results of a sweep that chose its runs by the results of others."""
+    if not any(map(store.manifest.sweep.resolved.get, _CHOOSING)):
+        return
+    if known := known_shares(store):
+        yield from share_lines(*known)
+    yield from worst_lines(store)
+    for sensitivity in sensitivities(store):
+        yield from sensitivity_lines(sensitivity)
+    yield from budget_lines(store)
+    if found := boundaries(store):
+        yield coverage(found)
+        yield from boundary_lines(found)
+
+
+def _run_table(store: Store) -> Table:
+    """Return the table of all runs, with the metrics that any of them has."""
+    rows, axes = store.table.to_pylist(), store.columns.axis_names
+    headed = [(metric.name, metric.heading) for metric in METRICS.values() if metric.heading]
+    shown = [name for name, _ in headed if any(map(methodcaller("get", name), rows))]
+    headings = [heading for name, heading in headed if name in shown]
+    said = _OF_LOOPS if "loop" in rows[0] else {"expectation_met": "as expected"}
+    of_columns = itemgetter("label", *said, *axes, *shown)
+    cells = [[str(row["run_id"])[:_ID_DIGITS], *of_columns(row)] for row in rows]
+    header = ["run", "label", *said.values(), *axes, *headings]
+    return table_of(header, cells, droppable=len(headings))
+
+
+def _value_table(
+    axes: Sequence[GridAxis], labels: RunLabels, share: Callable[[int, int], str]
+) -> Iterator[Block]:
+    """Yield the numbers of runs by label for each axis value, the most important axes first."""
+    rows: list[tuple[object, ...]] = []
+    for axis in axes:
+        if len(rows) + len(axis.ticks) > _MOST_ROWS:
+            continue
+        for code, tick in enumerate(axis.ticks):
+            codes = Counter(labels.codes[axis.codes == code].tolist())
+            here = Counter({labels.names[label]: count for label, count in codes.items()})
+            others = Counter({label: count for label, count in here.items() if label != "stable"})
+            most = ", ".join(f"{label} {count}" for label, count in others.most_common(2))
+            stable = share(here["stable"], here.total())
+            rows.append((axis.title, tick, here.total(), stable, most))
+    yield table_of(("axis", "value", "runs", "stable", "other labels"), rows)
+    if left := [axis.name for axis in axes if not any(row[0] == axis.title for row in rows)]:
+        yield Sentence(f"also swept: {', '.join(left)}")
