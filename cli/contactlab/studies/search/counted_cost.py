@@ -16,12 +16,16 @@ from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION, without_delays
 from contactlab.budget.windows import Run, replay
 from contactlab.contact.trace_arrays import Floats
+from contactlab.scene.model_edits import read_flag
 from contactlab.studies.search.step_work import UNIT_SECONDS, StepWork
 
 SAMPLE_SECONDS = 0.04
-"""s of simulated time in which steps are counted from each sampled state; at least three steps."""
+"""s between states from which steps are counted, and length of these steps, if they are few."""
 _SAMPLES = 12  # states of each phase: contacts come and go, and fewer would miss some of them
-_MIN_STEPS = 3  # the first one, which begins without a warm start, is not counted
+_MIN_STEPS, _MAX_STEPS = 3, 8
+"""Steps from each state. The first one, which begins without a warm start, is not counted; the work
+of later ones hardly differs."""
+_STEPS_TO_SLEEP = 40  # bodies fall asleep after ten steps of rest
 _AUTORESET_OFF = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
 
 
@@ -57,7 +61,9 @@ class CountedCost:
         made.opt.timestep = timestep
         made.opt.disableflags &= ~_AUTORESET_OFF  # as in files; recording never resets
         data, work = mujoco.MjData(made), StepWork(made)
-        steps = max(_MIN_STEPS, round(SAMPLE_SECONDS / timestep))
+        steps = min(_MAX_STEPS, max(_MIN_STEPS, round(SAMPLE_SECONDS / timestep)))
+        if read_flag(made, "sleep"):
+            steps = _STEPS_TO_SLEEP
         for motion, samples in zip(self._motions, self._starts, strict=True):
             for seed, begin, start in samples:
                 mujoco.mj_resetData(made, data)  # wakes sleeping bodies

@@ -365,8 +365,10 @@ class Search:
 
         def moves_alike(choice: Configuration) -> bool:
             self._check_limits()
+            if not self.is_exact(self.space.model_of(choice)):
+                return False
             self.done += self._cost_of(choice)
-            return self.is_exact(self.space.model_of(choice))
+            return True
 
         found = self._add_parameters(exact, self.space.parameters, moves_alike)
         self._evaluate(found).exact = True

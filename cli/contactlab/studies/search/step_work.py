@@ -207,7 +207,8 @@ class StepWork:
             part = 1 / islands
             first = island * per_island
             searches, updates, sweeps = 0.0, 0.0, 0.0
-            for place in range(first, first + min(count, per_island)):
+            read = 0 if self._solver == _SOLVERS.mjSOL_PGS else min(count, per_island)
+            for place in range(first, first + read):
                 stat = data.solver[place]
                 searches += stat.neval
                 updates += stat.nupdate
