@@ -62,7 +62,11 @@ def test_every_printed_word_is_explained(contactlab: Run, printed: list[str]) ->
         code, out, err = contactlab(*command.format(run=run).split())
         assert code in {0, 1}, err
         if command.startswith("compare"):
-            printed += {line.split("  ")[0] for line in out.splitlines() if line[4:6] == "  "}
+            printed += {
+                line.split("  ")[0]
+                for line in out.splitlines()
+                if line[:1] not in {"", " "} and line[4:6] == "  "
+            }
         run = run or next(filter(_RUN_ID.fullmatch, out.split()), "")
         assert len(printed) > before or command.startswith("show store {"), command
     assert {word for word in printed if not is_defined(word)} == set()
