@@ -1,6 +1,6 @@
 """The way of one value through the program: the files, functions and hops that a reader follows.
 
-Run: python -m bench.way [solref|timestep|friction.slide [--functions]]
+Run: python -m bench.way [solref|timestep|friction.slide|model [FILE] [--functions]]
 
 Without a value, it prints the dependencies of modules that no import statement shows, in the source
 and as commands run, and the cycles of modules.
@@ -15,7 +15,10 @@ hold the value at least once, and the hops: how often one event that holds it is
 than the one before. The whole is counted first, with the summary that the command prints of the
 finished store; then what lies before the store is published, from when on the value is evidence.
 Nested functions and comprehensions are functions of their own. Bytes are not searched: they are
-what is written of the value. What imports run does not count.
+written results. Imports do not count.
+
+`model` follows the path of a model's file, as text and as `Path`, from the command `contactlab
+examine FILE` to its printed verdict; without a FILE, of a small model.
 """
 
 import argparse
@@ -81,8 +84,8 @@ def counts(stops: Sequence[Stop]) -> str:
 class Way:
     """The functions that hold a value while this is the profile function, in their order."""
 
-    def __init__(self, value: float) -> None:
-        self._value, self._text = value, f"{value:g}"
+    def __init__(self, value: float | str) -> None:
+        self._value, self._text = value, value if isinstance(value, str) else f"{value:g}"
         self._importing = 0
         self.stops: list[Stop] = []
         self.published = 0  # stops before the store was
@@ -105,8 +108,8 @@ class Way:
     def _holds(self, held: object, depth: int) -> bool:
         if isinstance(held, float):
             return held == self._value
-        if isinstance(held, str):
-            return self._text in held
+        if isinstance(held, (str, Path)):
+            return self._text in str(held)
         if not depth:
             return False
         if isinstance(held, Mapping):
@@ -117,6 +120,34 @@ class Way:
         if isinstance(held, (tuple, list, AbstractSet)):
             return any(self._holds(item, depth - 1) for item in list(held))
         return False
+
+
+MODEL_NAME = "followed-model.xml"
+MODEL = """
+<mujoco><option timestep="0.005"/><worldbody><geom name="floor" type="plane" size="1 1 .1"/>
+<body name="ball" pos="0 0 .099"><freejoint/><geom type="sphere" size=".1"/></body>
+</worldbody></mujoco>
+"""
+
+
+def follow_model(file: Path | None) -> Way:
+    """Examine a model in this process and return the way of its path."""
+    way = Way(MODEL_NAME)
+    with tempfile.TemporaryDirectory(prefix="contactlab-bench-") as folder:
+        model = Path(folder) / MODEL_NAME
+        model.write_text(file.read_text(encoding="utf-8") if file else MODEL, encoding="utf-8")
+        words = ("examine", str(model), "-o", str(Path(folder) / "results"))
+        sys.argv = ["contactlab", *words]
+        output = io.StringIO()
+        with contextlib.redirect_stdout(output), contextlib.suppress(SystemExit):
+            sys.setprofile(way)
+            try:
+                command()
+            finally:
+                sys.setprofile(None)
+        if "task:" not in output.getvalue():
+            raise RuntimeError(f"the examination failed: {output.getvalue()}")
+    return way
 
 
 def follow(axis: str) -> Way:
@@ -159,15 +190,17 @@ def print_dependencies() -> None:
 def main() -> None:
     """Print the counts of one value, and the files in order; or the dependencies of modules."""
     parser = argparse.ArgumentParser(description=__doc__, allow_abbrev=False)
-    parser.add_argument("axis", choices=sorted(SENTINELS), nargs="?")
+    parser.add_argument("axis", choices=[*sorted(SENTINELS), "model"], nargs="?")
+    parser.add_argument("file", type=Path, nargs="?", help="of the model")
     parser.add_argument("--functions", action="store_true", help="list the functions of each file")
     asked = parser.parse_args()
     if asked.axis is None:
         print_dependencies()
         return
-    way = follow(asked.axis)
+    way = follow_model(asked.file) if asked.axis == "model" else follow(asked.axis)
     print(counts(way.stops))
-    print(f"{counts(way.stops[: way.published])} before it is evidence")
+    if asked.axis != "model":
+        print(f"{counts(way.stops[: way.published])} before it is evidence")
     functions = dict.fromkeys(way.stops)
     for file in dict.fromkeys(stop.file for stop in functions):
         print(f"  {file}")

@@ -9,6 +9,7 @@ import pytest
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.windows import replay
+from contactlab.scene.scene_source import find_scene
 from contactlab.schema.examination import Fact
 from contactlab.studies.examine.linted_file import file_facts
 from contactlab.studies.examine.masked_passages import MaskedPassages
@@ -72,8 +73,8 @@ def test_the_first_mistakes_of_a_file_are_told_with_their_lines(tmp_path: Path) 
 <body pos="0 0 .5"><joint name="knee" range="-90 0" limited="true"/><geom size=".1"/></body>
 </body></worldbody></mujoco>"""
     file.write_text(text.format(angle="radian"), encoding="utf-8")
-    (fact,) = file_facts(str(file))
+    (fact,) = file_facts(find_scene(str(file)), str(file))
     assert fact.place.startswith(str(file))
     assert "[degrees-as-radians]" in fact.sentence
     file.write_text(text.format(angle="degree"), encoding="utf-8")
-    assert list(file_facts(str(file))) == []
+    assert list(file_facts(find_scene(str(file)), str(file))) == []

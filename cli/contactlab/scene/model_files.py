@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from contactlab.errors import SceneError
-from contactlab.scene.model_guards import check_element, check_picture, check_places
+from contactlab.scene.model_guards import check_picture, check_places, element_problem
 from contactlab.scene.model_xml import FILE_KEYS, FOLDER_KEYS, parse
 
 ASSET_FOLDERS = {
@@ -69,7 +69,8 @@ class FileSearch:
         elements = list(self._elements(Reference(model), model.parent, within))
         compiler: dict[str, str] = {}
         for element, file in elements:
-            check_element(element, file.path)
+            if problem := element_problem(element):
+                raise SceneError(f"{file.path}: {problem}")
             if element.tag == "compiler":
                 compiler.update(element.attrib)
             if file.path != model:

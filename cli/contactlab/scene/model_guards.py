@@ -14,6 +14,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from contactlab.errors import SceneError
+from contactlab.scene.model_xml import check_regular
 
 ALLOWED = "CONTACTLAB_ALLOW_FILES"
 """The environment variable that names allowed folders; workers inherit it."""
@@ -53,12 +54,6 @@ def check_places(files: Iterable[Path], named: Path, copy: Path | None = None) -
                 f"put it there, or allow its folder: `contactlab --allow-files {real.parent} "
                 "COMMAND`"
             )
-
-
-def check_regular(path: Path) -> None:
-    """Refuse what is no file or folder, and not nothing yet: a pipe would be waited for."""
-    if path.exists() and not (path.is_file() or path.is_dir()):
-        raise SceneError(f"{path} is no regular file")
 
 
 def scene_tree(folder: Path) -> Path:
@@ -105,8 +100,8 @@ _COPIES = ("flexcomp", "composite", "replicate")
 _PNG = struct.Struct(">8s4x4sII")
 
 
-def check_element(element: ET.Element, file: Path) -> None:
-    """Refuse an element of a model that asks for an absurd number of values or copies."""
+def element_problem(element: ET.Element) -> str:
+    """Return the problem of an element with an absurd number of values or copies, otherwise ""."""
     most, counts = (
         _MOST_HEIGHTS_OR_PIXELS,
         [element.get(key, "1") for key in _VALUES.get(element.tag, ())],
@@ -117,13 +112,11 @@ def check_element(element: ET.Element, file: Path) -> None:
         product = math.prod(float(count) for count in counts)
     except ValueError:
         # Left to the compiler, whose message says what is wrong.
-        return
-    if product > most:
-        name = f" '{element.get('name')}'" if element.get("name") else ""
-        size = " x ".join(counts)
-        raise SceneError(
-            f"{file}: {element.tag}{name} of {size} is more than {most:,}; make it smaller"
-        )
+        return ""
+    if product <= most:
+        return ""
+    name = f" '{element.get('name')}'" if element.get("name") else ""
+    return f"{element.tag}{name} of {' x '.join(counts)} is more than {most:,}; make it smaller"
 
 
 def check_picture(path: Path) -> None:

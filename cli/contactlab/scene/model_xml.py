@@ -16,7 +16,6 @@ from typing import NoReturn
 from xml.parsers import expat
 
 from contactlab.errors import SceneError
-from contactlab.scene.model_guards import check_regular
 
 FOLDER_KEYS = ("meshdir", "texturedir", "assetdir")
 """The attributes of a compiler that name folders."""
@@ -37,6 +36,12 @@ _NOT_XML = {
 }
 _ATTRIBUTE = re.compile(rb"""([^\s=<>/"']+)\s*=\s*("[^"]*"|'[^']*')|>""")
 _BREAK = re.compile(rb"[\t\r\n]")
+
+
+def check_regular(path: Path) -> None:
+    """Refuse a pipe or device, which would be waited for; a missing file passes."""
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise SceneError(f"{path} is no regular file")
 
 
 def parse(path: Path) -> ET.Element:

@@ -290,6 +290,13 @@ class Scene:
             drive=drive,
         )
 
+    def resolve_seeds(
+        self, values: Mapping[str, object], seeds: Sequence[int], duration: float | None
+    ) -> list[RunSpec]:
+        """Return the runs of canonical values of axes, one for each seed, resolved once."""
+        run = self.resolve(values, seeds[0], duration)
+        return [replace(run, seed=seed) for seed in seeds]
+
     def resolve_as_written(self, run: RunSpec, scenario: Collection[str]) -> RunSpec:
         """Return the run of the scene as written, with the scenario and start of a planned run.
 

@@ -236,10 +236,8 @@ class CheckedModel:
         sweep["seeds"] = list(seeds)
         store = self.session.run_derived(name, sweep, self.scenes)
         self._written.add(name)
-        return [
-            CheckedRun(self.scene, self.scene.resolve(values, int(seed), self.duration), store)
-            for seed in seeds
-        ]
+        runs = self.scene.resolve_seeds(values, sweep["seeds"], self.duration)
+        return [CheckedRun(self.scene, run, store) for run in runs]
 
     def elsewhere(self, workers: int) -> "CheckedModel":
         """Return the model with runs in so many other processes."""

@@ -67,7 +67,7 @@ def task_motions(
         EngineError: another engine than MuJoCo is requested.
         SceneError: a policy is not allowed, or fails.
     """
-    runs = [scene.resolve(values, seed, task.duration) for seed in task.seeds]
+    runs = scene.resolve_seeds(values, task.seeds, task.duration)
     if (engine := runs[0].engine) != _ENGINE:
         raise EngineError(f"examine measures MuJoCo's own motion, not that of engine {engine}")
     prepared = PreparedRuns.of(scene, *runs)

@@ -41,7 +41,7 @@ def refuse_lengths(options: TaskOptions) -> None:
 
 def records_of(store: Store, scene: Scene, values: Values, task: Task) -> list[EvidenceRecord]:
     """Return the records of a task's runs, one for each seed, as far as a store has them."""
-    runs = (scene.resolve(values, seed, task.duration) for seed in task.seeds)
+    runs = scene.resolve_seeds(values, task.seeds, task.duration)
     ids = set(store.table["run_id"].to_pylist())
     return [store.record(run_id) for run in runs if (run_id := scene.run_id(run)) in ids]
 

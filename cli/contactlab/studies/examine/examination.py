@@ -170,7 +170,7 @@ def _measured(
     fixes = tuple[Fix, ...]()
     if "fixes" in request.sections:
         if task.start != QPOS0:
-            cause = find_broken_start(request.model, task.start)
+            cause = find_broken_start(examined.scene.source, request.model, task.start)
         if not cause:
             search = _search_fixes(request, examined, verdict, report.labels, until)
             verifier = _make_verifier(request, examined, search, report.labels, begun)
@@ -182,7 +182,7 @@ def _measured(
         found = facts(examined.motions, times)
         if not request.assign:
             found += grip_facts(request.model, examined.motions[0].model, task.start)
-            found += tuple(file_facts(request.model))
+            found += tuple(file_facts(examined.scene.source, request.model))
         report = report.model_copy(update={"facts": found})
     skipped = tuple(search.not_tried) if search else ()
     report = report.model_copy(

@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from contactlab.scene.scene_source import find_scene
+from contactlab.scene.scene_source import SceneSource
 from contactlab.schema.examination import Fact
 from contactlab.studies.lint.linted_model import linted_model
-from contactlab.studies.lint.linting import lint
+from contactlab.studies.lint.linting import lint_scene
 
 _MOST = 3
 
@@ -17,9 +17,9 @@ def _relative_to_model(file: str, reference: str) -> str:
     return str(path.relative_to(folder)) if path.is_relative_to(folder) else file
 
 
-def file_facts(reference: str) -> Iterator[Fact]:
+def file_facts(source: SceneSource, reference: str) -> Iterator[Fact]:
     """Yield the first errors and warnings that lint finds in a model's files, errors first."""
-    report = lint((reference,))
+    report = lint_scene(source, reference)
     found = [*report.open("error"), *report.open("warning")]
     more = len(found) - _MOST
     for number, finding in enumerate(found[:_MOST], 1):
@@ -31,9 +31,9 @@ def file_facts(reference: str) -> Iterator[Fact]:
         yield Fact(kind="file", place=place, value=finding.line, unit="", sentence=sentence)
 
 
-def find_broken_start(reference: str, start: str) -> str:
+def find_broken_start(source: SceneSource, reference: str, start: str) -> str:
     """Return why the numbers of a start are not those that its file means; "" if they are."""
-    with linted_model(find_scene(reference)) as linted:
+    with linted_model(source) as linted:
         if start not in linted.short_keyframes:
             return ""
         short = linted.short_keyframes[start]

@@ -145,7 +145,7 @@ class LintedModel:
     @cached_property
     def is_urdf(self) -> bool:
         """Whether the main file is a URDF."""
-        return parse(self.main).tag == "robot"
+        return self._roots[self.main].tag == "robot"
 
     @cached_property
     def starts(self) -> Mapping[str, mujoco.MjData]:
@@ -248,6 +248,10 @@ class LintedModel:
         return {file: file.read_bytes() for file in files if file.suffix in MODEL_SUFFIXES}
 
     @cached_property
+    def _roots(self) -> Mapping[Path, ET.Element]:
+        return {file: parse(file) for file in self._texts}
+
+    @cached_property
     def _elements(self) -> Mapping[Path, list[ElementText]]:
         return {file: elements_of(text) for file, text in self._texts.items()}
 
@@ -272,8 +276,8 @@ class LintedModel:
 
     def tags(self) -> Iterator[tuple[ET.Element, Origin]]:
         """Yield every element of the scene's files as written, with its origin."""
-        for file in self._texts:
-            for place, element in enumerate(parse(file).iter()):
+        for file, root in self._roots.items():
+            for place, element in enumerate(root.iter()):
                 yield element, (file, place)
 
 

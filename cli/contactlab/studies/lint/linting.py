@@ -11,7 +11,7 @@ from contactlab.rendering.document import Code, Document, Sentence, document_of
 from contactlab.scene.model_files import FileSearch
 from contactlab.scene.model_xml import parse
 from contactlab.scene.mujoco_versions import VERSION
-from contactlab.scene.scene_source import MODEL_SUFFIXES, find_scene
+from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource, find_scene
 from contactlab.schema.finding import PlacedFinding
 from contactlab.schema.lint_report import LintReport
 from contactlab.studies.lint.ignores import Ignored, ignored
@@ -31,15 +31,29 @@ def lint(models: Sequence[str]) -> LintReport:
     A SceneError says that there is no such file or scene.
     """
     found, skipped = _split_models(models)
-    # Models that share a file share its findings.
+    findings = (finding for model in found for finding in _model_findings(model))
+    return _report_of(found, skipped, findings)
+
+
+def lint_scene(source: SceneSource, reference: str) -> LintReport:
+    """Lint an open scene; if it is a part that other models include, these are linted."""
+    path = Path(reference).expanduser()
+    is_file = path.suffix in MODEL_SUFFIXES
+    if is_file and (whole := [*map(str, _including_models(path))]):
+        return lint(whole)
+    return _report_of([reference], (), _scene_findings(source, reference))
+
+
+def _report_of(
+    models: Iterable[str], skipped: Iterable[str], found: Iterable[PlacedFinding]
+) -> LintReport:
+    """Return the report of models; those that share a file share its findings."""
     findings = {
-        (finding.file, finding.line, finding.name, finding.message): finding
-        for model in found
-        for finding in _model_findings(model)
+        (finding.file, finding.line, finding.name, finding.message): finding for finding in found
     }
     return LintReport(
         mujoco=VERSION,
-        models=tuple(found),
+        models=tuple(models),
         skipped=tuple(skipped),
         findings=tuple(findings.values()),
     )
@@ -97,6 +111,15 @@ def _model_findings(model: str) -> Iterator[PlacedFinding]:
     """Yield the findings in a model, by line."""
     try:
         source = find_scene(model)
+    except SceneError as error:
+        yield _unreadable_finding(model, str(error))
+        return
+    yield from _scene_findings(source, model)
+
+
+def _scene_findings(source: SceneSource, model: str) -> Iterator[PlacedFinding]:
+    """Yield the findings in an open scene, by line."""
+    try:
         with linted_model(source) as linted:
             yield from sorted(
                 _rule_faults(linted), key=lambda finding: (finding.file, finding.line)
