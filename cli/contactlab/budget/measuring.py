@@ -21,9 +21,9 @@ from contactlab.budget.defects import (
 )
 from contactlab.budget.exercised_rows import exercised_rows
 from contactlab.budget.force_places import Stretch, find_force_place
-from contactlab.budget.motion import GRAVITY_AS_REAL, Motion, forget_delays, pulls, without_delays
+from contactlab.budget.motion import GRAVITY_AS_REAL, Motion, pulls, without_delays
 from contactlab.budget.readings import Origin, PhaseBudget, Reading
-from contactlab.budget.restarts import scale_of_impulses
+from contactlab.budget.restarts import reference_of, run_at_once, scale_of_impulses
 from contactlab.budget.time_ratios import measure_time_ratios
 from contactlab.budget.windows import (
     EngineWarning,
@@ -41,7 +41,6 @@ from contactlab.budget.windows import (
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import EngineError
 from contactlab.modifications.catalogue import list_rows
-from contactlab.modifications.model_changes import converge_solver
 from contactlab.modifications.model_predicates import (
     is_disabled,
     raises_time_constants,
@@ -132,27 +131,6 @@ def affordable(motions: Sequence[Motion], settings: Settings, seconds: float) ->
     judging = {"numerics", "model"}
     fits = math.isinf(seconds) or whole * pace(motions) <= seconds
     return tuple(row.name for row in rows if fits or row.kind in judging)
-
-
-def reference_of(model: mujoco.MjModel, rate: int) -> mujoco.MjModel:
-    """Return a model with the run's own integrator, finer steps and a converged solver.
-
-    Bodies do not sleep, and controls act at once: see `without_delays`. `rate` is how many of its
-    steps make one of the run's.
-    """
-    fine = without_sensors(model)
-    converge_solver(fine)
-    forget_delays(fine)
-    fine.opt.timestep = model.opt.timestep / rate
-    fine.opt.enableflags &= ~int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
-    return fine
-
-
-def run_at_once(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Return the run's own settings, with inputs that have been delayed already."""
-    own = without_sensors(model)
-    forget_delays(own)
-    return own
 
 
 class PhaseMeasure:

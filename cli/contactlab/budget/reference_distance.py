@@ -11,9 +11,9 @@ import mujoco
 import numpy as np
 
 from contactlab.budget.defects import defects, paths
-from contactlab.budget.measuring import Settings, reference_of, run_at_once
+from contactlab.budget.measuring import Settings
 from contactlab.budget.motion import GRAVITY_AS_REAL, Motion, without_delays
-from contactlab.budget.restarts import refine_motion, scale_of_impulses
+from contactlab.budget.restarts import reference_of, refine_motion, run_at_once, scale_of_impulses
 from contactlab.budget.windows import (
     Observer,
     Run,

@@ -10,9 +10,10 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from contactlab.budget.motion import Motion, without_delays
-from contactlab.budget.windows import Run
+from contactlab.budget.motion import Motion, forget_delays, without_delays
+from contactlab.budget.windows import Run, without_sensors
 from contactlab.contact.trace_arrays import Floats
+from contactlab.modifications.model_changes import converge_solver
 
 MIN_WINDOW_STEPS = 2
 """Steps per window, so that rounding a window to whole steps leaves something to compare."""
@@ -29,6 +30,33 @@ def scale_of_impulses(real: Floats) -> Floats:
 def refine_motion(motion: Motion, model: mujoco.MjModel, rate: int) -> Motion:
     """Return a motion of another model, with `rate` of its steps in one and inputs held as long."""
     return replace(motion, model=model, inputs=motion.inputs.repeat(rate, axis=1))
+
+
+def reference_of(model: mujoco.MjModel, rate: int) -> mujoco.MjModel:
+    """Return a model with the run's own integrator, finer steps and a converged solver.
+
+    Bodies do not sleep, and controls act at once: see `without_delays`. `rate` is how many of its
+    steps make one of the run's.
+    """
+    fine = without_sensors(model)
+    converge_solver(fine)
+    forget_delays(fine)
+    fine.opt.timestep = model.opt.timestep / rate
+    fine.opt.enableflags &= ~int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
+    return fine
+
+
+def run_at_once(model: mujoco.MjModel) -> mujoco.MjModel:
+    """Return the run's own settings, with inputs that have been delayed already."""
+    own = without_sensors(model)
+    forget_delays(own)
+    return own
+
+
+def reference_motion(motion: Motion, rate: int) -> Motion:
+    """Return a motion of the reference model, with `rate` of its steps in one of the motion's."""
+    own = without_delays(motion)
+    return refine_motion(own, reference_of(own.model, rate), rate)
 
 
 def whole_windows(run: Run) -> np.ndarray:

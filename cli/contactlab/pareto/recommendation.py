@@ -8,6 +8,7 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.mjcf import MODEL_ENGINE
 from contactlab.pareto.configurations import Evaluated
 from contactlab.schema.evidence import Setting
+from contactlab.schema.time_ratio import BUILD_NOISE
 from contactlab.schema.tradeoff_report import Configuration, Settings, TradeoffReport
 
 
@@ -28,7 +29,7 @@ def pareto_front(time: Floats, error: Floats) -> list[int]:
     return front
 
 
-EQUALLY_FAST = 1.05
+EQUALLY_FAST = 1 + BUILD_NOISE
 """Two timing passes of one build agree within this ratio, on an idle machine."""
 
 MORE_ACCURATE = 1.05  # a configuration counts as more accurate from this ratio of errors

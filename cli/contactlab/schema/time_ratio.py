@@ -10,9 +10,13 @@ from contactlab.rendering.amounts import format_amount, format_interval
 from contactlab.schema.strict_model import Model, about
 from contactlab.shares import SURE, median_interval
 
+BUILD_NOISE = 0.05
+"""Share by which two timings of one model differ on an idle machine: those without an interval are
+equal within it, and no interval needs to be narrower."""
+
 LEAST_SAVING = 0.03
-"""Least relevant difference, as a share of the time: another build or machine changes the time of
-one and the same model by up to 5 %, so that a smaller saving is gone elsewhere."""
+"""Least relevant difference of measured times, as a share of the time: a smaller saving may be gone
+in another build of the same model."""
 
 SIMPLER_SHARE = 0.1
 """Share of the time that a simpler fix may cost more: fixes within it rank by simplicity."""

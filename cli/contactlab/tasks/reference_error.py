@@ -14,12 +14,14 @@ import numpy as np
 
 from contactlab.budget import Motion
 from contactlab.budget.defects import defects, paths
-from contactlab.budget.measuring import WINDOW, reference_of, run_at_once
+from contactlab.budget.measuring import WINDOW
 from contactlab.budget.motion import GRAVITY_AS_REAL, pulls, without_delays
 from contactlab.budget.restarts import (
     MIN_WINDOW_STEPS,
     held_inputs,
+    reference_of,
     refine_motion,
+    run_at_once,
     scale_of_impulses,
     subsample_windows,
     whole_windows,

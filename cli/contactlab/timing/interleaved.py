@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.schema.time_ratio import TimeRatio
+from contactlab.schema.time_ratio import BUILD_NOISE, TimeRatio
 
 Timer = Callable[[], float]
 """Does the work of one turn, and returns its time [s]; infinite if the engine refuses it."""
@@ -31,14 +31,13 @@ class TimingProtocol:
             of a median needs 6 to hold it with 95 %; with 11 it holds it with 98.8 %, which leaves
             95 % after a further look.
         looks: most looks. The counted work ends there.
-        half_width: half of an interval that is narrow enough, as a share of the ratio: 5 %, by
-            which two builds of one model differ.
+        half_width: half of an interval that is narrow enough, as a share of the ratio.
         warm_turns: turns before, which count nothing: the first run of a model loads its memory.
     """
 
     rounds: int = 11
     looks: int = 2
-    half_width: float = 0.05
+    half_width: float = BUILD_NOISE
     warm_turns: int = 1
 
 
@@ -105,7 +104,7 @@ def time_samples(
     rounds: int = 2,
     least: int = 2,
     enough: int = 6,
-    half_width: float = 0.05,
+    half_width: float = BUILD_NOISE,
     may_continue: Callable[[], bool] = lambda: True,
 ) -> Iterator[Floats]:
     """Yield (K,) times of models for one sample of work after the other, such as seeds [s].

@@ -12,9 +12,8 @@ import mujoco
 import numpy as np
 
 from contactlab.budget import Motion
-from contactlab.budget.measuring import reference_of, run_at_once
 from contactlab.budget.motion import INTEGRATION, without_delays
-from contactlab.budget.restarts import held_inputs, refine_motion
+from contactlab.budget.restarts import held_inputs, reference_of, refine_motion, run_at_once
 from contactlab.budget.windows import replay
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError

@@ -16,8 +16,8 @@ import numpy as np
 
 from contactlab.budget import Motion
 from contactlab.budget.exercised_rows import exercised_rows
-from contactlab.budget.measuring import reference_of
 from contactlab.budget.motion import INTEGRATION
+from contactlab.budget.restarts import reference_of
 from contactlab.budget.windows import without_sensors
 from contactlab.modifications.catalogue import CATALOGUE, list_rows
 from contactlab.modifications.modification import ModelChange

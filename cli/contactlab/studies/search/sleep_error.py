@@ -8,8 +8,7 @@ import mujoco
 import numpy as np
 
 from contactlab.budget import Motion, Settings, error_budget
-from contactlab.budget.measuring import run_at_once
-from contactlab.budget.restarts import motion_at_steps
+from contactlab.budget.restarts import motion_at_steps, run_at_once
 from contactlab.studies.search.settings_search import ErrorEstimator
 from contactlab.tasks.reference_error import ErrorEstimate
 

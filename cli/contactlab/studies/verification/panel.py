@@ -17,8 +17,8 @@ import mujoco
 import numpy as np
 
 from contactlab.budget import Motion
-from contactlab.budget.measuring import run_at_once
 from contactlab.budget.motion import INTEGRATION
+from contactlab.budget.restarts import run_at_once
 from contactlab.measure import LABELS
 from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.reporting.verified_measures import describe_measure, measure_change

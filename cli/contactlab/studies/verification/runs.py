@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from contactlab.budget.measuring import reference_of
-from contactlab.budget.motion import INTEGRATION, Motion, without_delays
+from contactlab.budget.motion import INTEGRATION, Motion
+from contactlab.budget.restarts import reference_motion
 from contactlab.scene.drive.signals import control_ranges
 from contactlab.tasks.stress_motions import TILT_DEGREES, double_inputs, tilt_gravity
 
@@ -70,17 +70,10 @@ def pair_motions(
         name=name,
         original=original,
         changed=changed,
-        reference=refine_motion(original, REFERENCE_RATE),
+        reference=reference_motion(original, REFERENCE_RATE),
         twin=nudge_start(original),
         at_rest=at_rest,
     )
-
-
-def refine_motion(motion: Motion, rate: int) -> Motion:
-    """Return a motion at a step that is `rate` times finer; inputs are held at the original's."""
-    own = without_delays(motion)
-    inputs = own.inputs.repeat(rate, axis=1)
-    return replace(own, model=reference_of(own.model, rate), inputs=inputs)
 
 
 def nudge_start(motion: Motion) -> Motion:
