@@ -21,11 +21,14 @@ from contactlab.modifications.catalogue import (
     list_rows,
 )
 from contactlab.modifications.catalogue_page import modifications_page
-from contactlab.modifications.modification import ANY_LABEL, Candidate, Modification, Row
+from contactlab.modifications.modification import ANY_LABEL, Candidate, Lever, Modification, Row
 from contactlab.scene.model_edits import FLAG_NAMES, is_writable
+from contactlab.studies.search.search_space import propose_parameters
 
-ELEMENTS = {"keyframe", "exclude", "freejoint", "geom type"}
+ELEMENTS = {"keyframe", "exclude", "freejoint", "geom type", "ctrl"}
 """Elements and attributes of a file that entries edit, besides settings and fields."""
+UNWRITTEN = {"flex_solref", "geom_contype", "geom_conaffinity"}
+"""Fields that entries edit and no setting can name."""
 MODEL = mujoco.MjModel.from_xml_string("<mujoco/>")
 
 
@@ -40,6 +43,7 @@ PLANTED = Modification(
     "computation",
     rows=(Row("planted row", "half the step, planted", "numerics", (halve_noise,), base="step"),),
     fixes=(Candidate("planted fix", "inaccurate", rate=2, labels=("divergence",)),),
+    levers=(Lever("noslip_tolerance", (0.1,), "above"),),
 )
 
 
@@ -55,8 +59,8 @@ def test_each_entry_names_things_that_exist(entry: Modification) -> None:
     rows = {row.name for row in list_rows()}
     known = {*OPTIONS, *FLAG_NAMES, *ELEMENTS}
     for name in entry.edits:
-        is_field = hasattr(MODEL, name) and (is_writable(name) or name.startswith("flex_"))
-        assert name in known or is_field, name
+        is_field = hasattr(MODEL, name) and (is_writable(name) or name in UNWRITTEN)
+        assert name in known or is_field or hasattr(MODEL.opt, name), name
     assert {*entry.answered_rows} <= rows
     assert {*entry.labels} <= {*LABELS, ANY_LABEL}
     assert entry.summary.endswith(".")
@@ -91,16 +95,43 @@ def test_labels_of_softness_have_rows_and_are_not_numerical() -> None:
     assert is_numerical_label("a label of a plug-in")
 
 
-def test_a_planted_entry_is_a_row_a_fix_and_a_line_of_the_page(plant_entry: Modification) -> None:
+def test_a_planted_entry_comes_out_in_each_consumer(
+    plant_entry: Modification,
+) -> None:
     motion = walker(0.01)
     budget = error_budget([motion], rows=["planted row"])
     assert [row.name for row in budget.phases[0].rows] == ["planted row"]
     verdict = replace(judge(budget, 1e-9), word="inaccurate")
     assert "planted fix" in {one.name for one in candidates_against([motion], verdict)}
-    fixes = [one for one in list_candidates() if one.name in ("planted fix", "half the step")]
-    assert "planted fix" in {fix.name for fix in fixes}
+    levers = {one.name: one.values for one in propose_parameters(motion.model)}
+    assert levers["noslip_tolerance"] == [{"noslip_tolerance": 0.1}]
     assert f"**{plant_entry.name}**: {plant_entry.summary}" in modifications_page()
 
 
 def test_the_page_is_made_of_the_catalogue() -> None:
     assert PAGE.read_text(encoding="utf-8") == modifications_page()
+
+
+BOXES = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1" condim="6"/>
+    <body><freejoint/><geom name="box" type="box" size=".1 .1 .1"/></body></worldbody></mujoco>"""
+
+
+def test_levers_propose_only_values_on_their_side() -> None:
+    model = mujoco.MjModel.from_xml_string(BOXES)
+    model.opt.iterations, model.opt.tolerance = 20, 1e-7
+    found = {one.name: one for one in propose_parameters(model)}
+    late = [values["iterations"] for values in found["iterations"].step_sensitive]
+    assert (found["iterations"].values, late) == ([], [10, 5, 3])
+    assert [values["tolerance"] for values in found["tolerance"].values] == [1e-6, 1e-4]
+    assert found["condim"].values == [{"geom_condim[floor]": 4}, {"geom_condim[floor]": 3}]
+    assert "impratio" not in found
+
+
+def test_levers_and_removals_name_things_that_exist() -> None:
+    rows = {row.name for row in list_rows()}
+    for entry in CATALOGUE.values():
+        for lever in entry.levers:
+            assert {*lever.rows} <= rows
+            assert lever.setting in {*OPTIONS, *FLAG_NAMES, "condim"}
+        for removal in entry.removals:
+            assert any(hasattr(MODEL, field) for field in removal.fields)

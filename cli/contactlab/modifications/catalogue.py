@@ -10,6 +10,7 @@ from typing import get_args
 from contactlab.modifications import contacts, mechanics, numerics, structure
 from contactlab.modifications.modification import (
     Candidate,
+    Lever,
     Modification,
     PartFix,
     Row,
@@ -52,6 +53,12 @@ def find_part_fix(apply: str) -> PartFix:
     """Return the only fix of parts of a model that goes by a name for `--apply`."""
     (fix,) = list_part_fixes(apply)
     return fix
+
+
+def list_levers(search: str) -> tuple[Lever, ...]:
+    """Return the levers of the search of `tune` that are tried in one way."""
+    levers = [lever for entry in CATALOGUE.values() for lever in entry.levers]
+    return tuple(sorted((one for one in levers if one.search == search), key=lambda one: one.order))
 
 
 def find_softness_rows(label: str) -> tuple[str, ...]:

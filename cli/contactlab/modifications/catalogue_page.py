@@ -11,10 +11,11 @@ _PAGE_HEAD = """\
 Made from `cli/contactlab/modifications` by `make schemas`: edit an entry there, or add one.
 
 A modification is something that a command may change in a model. Rows of the error budget, fixes
-of an examination, features that `effects` removes and switches of the live page are read from this
-list. *kind* says whether it computes the same model in another way (computation), or makes another
-model (model). *rows* are the rows of the error budget that it answers. *labels* are those that it
-may remove. A *safeguard* protects runs that a task does not show, so that nothing removes it.
+of an examination, levers of `tune`, features and parts that `effects` removes, fixes of a grip and
+switches of the live page are read from this list. *kind* says whether it computes the same model in
+another way (computation), or makes another model (model). *rows* are the rows of the error budget
+that it answers. *labels* are those that it may remove. A *safeguard* protects runs that a task does
+not show, so that nothing removes it. An entry without a use is not tried yet.
 """
 _HEADER = ("modification", "edits", "kind", "rows", "labels", "used as")
 
@@ -43,6 +44,13 @@ def _list_cells(entry: Modification) -> Iterator[str]:
 def _list_uses(entry: Modification) -> Iterator[str]:
     if entry.rows:
         yield f"row {', '.join(row.name for row in entry.rows)}"
+    if entry.levers:
+        yield f"lever {', '.join(f'`{lever.setting}`' for lever in entry.levers)}"
+    if entry.removals:
+        yield f"part {', '.join(removal.kind for removal in entry.removals)}"
+    if entry.grip_fixes:
+        causes = dict.fromkeys(fix.against for fix in entry.grip_fixes)
+        yield f"fix of a grip against {', '.join(causes)}"
     if fixes := [fix.name for fix in entry.fixes]:
         yield f"fix {', '.join(fixes)}"
     if entry.part_fixes:

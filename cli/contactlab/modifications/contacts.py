@@ -3,15 +3,24 @@
 import mujoco
 
 from contactlab.modifications.model_changes import (
+    GRIP_NOSLIP,
+    add_grip_noslip,
     add_noslip,
     add_noslip_iterations,
+    add_torsional_friction,
     clear_fields,
+    double_friction,
+    find_stiff_impratio,
     limit_condim,
+    reduce_condim,
     scale_friction,
     set_option,
     stiffen_fields,
     stiffen_friction,
     stiffen_friction_with_noslip,
+    stiffen_geoms,
+    stiffen_grip,
+    stiffen_grip_with_noslip,
 )
 from contactlab.modifications.model_predicates import (
     CONTACT_SOLREF_FIELDS,
@@ -20,12 +29,21 @@ from contactlab.modifications.model_predicates import (
     PYRAMIDAL,
     SLIDING,
     has_condim_above,
+    has_flag,
     has_no_flex,
     has_nonzero,
+    has_possible_contacts,
     may_collide,
     may_slip,
 )
-from contactlab.modifications.modification import Candidate, Modification, PartFix, Row
+from contactlab.modifications.modification import (
+    Candidate,
+    GripFix,
+    Lever,
+    Modification,
+    PartFix,
+    Row,
+)
 from contactlab.modifications.numerics import ENERGY_LABELS
 from contactlab.modifications.state_predicates import (
     has_any_friction,
@@ -34,10 +52,19 @@ from contactlab.modifications.state_predicates import (
     has_torsional_friction,
     pushes_at_distance,
 )
+from contactlab.scene.model_edits import read_flag
 
 _MARGIN_FIELDS = ("geom_margin", "geom_gap", "pair_margin", "pair_gap", "flex_margin", "flex_gap")
 MARGIN = "margin"
 """Name for `--apply` of the fix that removes all contact margins."""
+
+
+def _name_stiff_grip(model: mujoco.MjModel) -> str:
+    return f"elliptic cones with impratio {find_stiff_impratio(model):g}"
+
+
+def _has_useless_collision(model: mujoco.MjModel) -> bool:
+    return read_flag(model, "contact") and not has_possible_contacts(model)
 
 
 def _has_pyramids(model: mujoco.MjModel) -> bool:
@@ -70,6 +97,15 @@ MODIFICATIONS = (
                 has_friction,
             ),
         ),
+        levers=(
+            Lever(
+                "cone",
+                ("pyramidal", "elliptic"),
+                rows=("cone", "pyramids"),
+                load="friction",
+                cost_falls=False,
+            ),
+        ),
     ),
     Modification(
         "impratio",
@@ -98,6 +134,17 @@ MODIFICATIONS = (
                 label_applies=_has_pyramids,
             ),
         ),
+        levers=(
+            Lever(
+                "impratio",
+                (1.0,),
+                applies=lambda model: model.opt.impratio != 1,
+                rows=("impratio",),
+                load="friction",
+                order=2,
+            ),
+        ),
+        grip_fixes=(GripFix(_name_stiff_grip, "regularized", stiffen_grip),),
     ),
     Modification(
         "noslip",
@@ -132,6 +179,75 @@ MODIFICATIONS = (
                 applies=has_no_flex,
             ),
         ),
+        levers=(
+            Lever(
+                "noslip_iterations",
+                (3, 0),
+                "below",
+                rows=("noslip",),
+                load="friction",
+                order=1,
+            ),
+        ),
+        grip_fixes=(
+            GripFix(lambda _: f"noslip {GRIP_NOSLIP}", "regularized", add_grip_noslip),
+            GripFix(
+                lambda model: f"{_name_stiff_grip(model)}, and noslip {GRIP_NOSLIP}",
+                "regularized",
+                stiffen_grip_with_noslip,
+                is_both=True,
+            ),
+        ),
+    ),
+    Modification(
+        "collision iterations",
+        "Bounds the iterations of convex collision.",
+        ("ccd_iterations",),
+        "computation",
+        levers=(Lever("ccd_iterations", (12,), "below", order=1),),
+    ),
+    Modification(
+        "distance field samples",
+        "Sets the iterations and start points of collisions of signed distance fields.",
+        ("sdf_iterations", "sdf_initpoints"),
+        "computation",
+    ),
+    Modification(
+        "several contacts",
+        "Finds several contacts between two convex shapes that meet in a face.",
+        ("multiccd",),
+        "computation",
+        levers=(
+            Lever(
+                "multiccd",
+                (False,),
+                applies=has_flag("multiccd"),
+                rows=("contact softness",),
+                load="contacts",
+                order=3,
+            ),
+        ),
+    ),
+    Modification(
+        "exact diagonal",
+        "Computes the exact inertia of each contact instead of an estimate.",
+        ("diagexact",),
+        "computation",
+        levers=(Lever("diagexact", (False,), applies=has_flag("diagexact"), order=3),),
+    ),
+    Modification(
+        "speculative contacts",
+        "Finds contacts with bodies that a body would pass in a step.",
+        ("speculative",),
+        "computation",
+        levers=(Lever("speculative", (False,), applies=has_flag("speculative"), order=3),),
+    ),
+    Modification(
+        "collision detection",
+        "Leaves out collision detection if no contact is possible.",
+        ("contact",),
+        "computation",
+        levers=(Lever("contact", (False,), applies=_has_useless_collision, order=4),),
     ),
     Modification(
         "contact softness",
@@ -162,6 +278,14 @@ MODIFICATIONS = (
                 ("geom_solimp", "pair_solimp"),
                 labels=("deep_penetration", "tunneling", "broken"),
                 rows=("contact softness",),
+            ),
+        ),
+        grip_fixes=(
+            GripFix(
+                lambda _: "stiffer pads (half of solref)",
+                "solref",
+                stiffen_geoms,
+                ("geom_solref",),
             ),
         ),
     ),
@@ -215,6 +339,25 @@ MODIFICATIONS = (
                 has_torsional_friction,
             ),
         ),
+        levers=(
+            # Fewer than three dimensions have no friction, which this task may not show.
+            Lever(
+                "condim",
+                (4, 3),
+                rows=("condim 3",),
+                load="torsional friction",
+                write=reduce_condim,
+                order=5,
+            ),
+        ),
+        grip_fixes=(
+            GripFix(
+                lambda _: "pads that resist spin (condim 4)",
+                "condim",
+                add_torsional_friction,
+                ("geom_condim",),
+            ),
+        ),
     ),
     Modification(
         "friction",
@@ -230,6 +373,14 @@ MODIFICATIONS = (
                 has_condim_above(NO_FRICTION),
                 has_friction,
                 timed=False,
+            ),
+        ),
+        grip_fixes=(
+            GripFix(
+                lambda _: "twice the pads' friction",
+                "friction",
+                double_friction,
+                ("geom_friction",),
             ),
         ),
     ),

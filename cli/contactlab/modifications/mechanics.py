@@ -11,6 +11,7 @@ from contactlab.modifications.model_changes import (
     stiffen_fields,
 )
 from contactlab.modifications.model_predicates import (
+    find_limited_joints,
     has_clamps,
     has_equalities,
     has_fluid,
@@ -20,7 +21,14 @@ from contactlab.modifications.model_predicates import (
     has_limits,
     has_nonzero,
 )
-from contactlab.modifications.modification import ANY_LABEL, Modification, PartFix, Row
+from contactlab.modifications.modification import (
+    ANY_LABEL,
+    GripFix,
+    Modification,
+    PartFix,
+    PartRemoval,
+    Row,
+)
 from contactlab.modifications.state_predicates import (
     has_equality_force,
     has_force,
@@ -31,14 +39,15 @@ from contactlab.modifications.state_predicates import (
     joins_bodies,
 )
 
-_TENDON_FIELDS = (
+TENDON_FORCE_FIELDS = (
     "tendon_stiffness",
     "tendon_stiffnesspoly",
     "tendon_damping",
     "tendon_dampingpoly",
     "tendon_frictionloss",
-    "tendon_limited",
 )
+"""Fields of forces that a tendon has within its limits."""
+_TENDON_FIELDS = (*TENDON_FORCE_FIELDS, "tendon_limited")
 _DAMPING_FIELDS = (
     "dof_damping",
     "dof_dampingpoly",
@@ -170,6 +179,26 @@ MODIFICATIONS = (
         ),
     ),
     Modification(
+        "actuators",
+        "Removes the force of actuators.",
+        ("actuator_gainprm", "actuator_biasprm"),
+        "model",
+        removals=(
+            PartRemoval(
+                "actuator",
+                ("actuator_gainprm", "actuator_biasprm"),
+                lambda model: range(model.nu),
+            ),
+        ),
+    ),
+    Modification(
+        "squeeze",
+        "Closes a hand with more or less force.",
+        ("ctrl",),
+        "model",
+        grip_fixes=(GripFix(lambda _: "the squeeze", "squeeze", None),),
+    ),
+    Modification(
         "armature",
         "Adds rotor inertia to joints, so that the time step can hold their servos.",
         ("dof_armature",),
@@ -234,6 +263,7 @@ MODIFICATIONS = (
                 has_limit_force,
             ),
         ),
+        removals=(PartRemoval("limit", ("jnt_limited",), find_limited_joints),),
     ),
     Modification(
         "tendons",
@@ -250,6 +280,7 @@ MODIFICATIONS = (
                 has_tendon_force,
             ),
         ),
+        removals=(PartRemoval("tendon", _TENDON_FIELDS, lambda model: range(model.ntendon)),),
     ),
     Modification(
         "equalities",

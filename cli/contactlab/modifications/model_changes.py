@@ -1,6 +1,6 @@
 """Changes of a compiled model in place, for rows of the error budget and for fixes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
@@ -14,6 +14,7 @@ from contactlab.modifications.model_predicates import (
     find_disable_bit,
 )
 from contactlab.modifications.modification import ModelChange
+from contactlab.scene.model_names import name_of
 from contactlab.scene.part_bodies import is_mocap_driven
 
 # A converged solver: few problems need more iterations, and a tolerance of rounding ends others.
@@ -204,3 +205,56 @@ def stiffen_friction_with_noslip(model: mujoco.MjModel) -> None:
     """Set elliptic cones with impratio 10, and noslip."""
     stiffen_friction(model)
     add_noslip(model)
+
+
+_GRIP_IMPRATIO, GRIP_NOSLIP = 10.0, 3
+"""Impratio and iterations of noslip that hold an object against regularized friction."""
+
+
+def find_stiff_impratio(model: mujoco.MjModel) -> float:
+    """Return ten times the impratio under elliptic cones, or at least ten."""
+    own = model.opt.impratio if model.opt.cone == ELLIPTIC else 1.0
+    return max(_GRIP_IMPRATIO, _GRIP_IMPRATIO * float(own))
+
+
+def stiffen_grip(model: mujoco.MjModel, _geoms: Sequence[int]) -> None:
+    """Set elliptic cones with ten times the impratio."""
+    model.opt.impratio = find_stiff_impratio(model)
+    model.opt.cone = ELLIPTIC
+
+
+def add_grip_noslip(model: mujoco.MjModel, _geoms: Sequence[int]) -> None:
+    """Set iterations of noslip."""
+    model.opt.noslip_iterations = GRIP_NOSLIP
+
+
+def stiffen_grip_with_noslip(model: mujoco.MjModel, geoms: Sequence[int]) -> None:
+    """Set elliptic cones with ten times the impratio, and noslip."""
+    stiffen_grip(model, geoms)
+    add_grip_noslip(model, geoms)
+
+
+def double_friction(model: mujoco.MjModel, geoms: Sequence[int]) -> None:
+    """Double the sliding friction of geoms."""
+    model.geom_friction[list(geoms), 0] *= 2
+
+
+def add_torsional_friction(model: mujoco.MjModel, geoms: Sequence[int]) -> None:
+    """Give contacts of geoms at least four dimensions."""
+    model.geom_condim[list(geoms)] = np.maximum(model.geom_condim[list(geoms)], 4)
+
+
+def stiffen_geoms(model: mujoco.MjModel, geoms: Sequence[int]) -> None:
+    """Halve the time constants of geoms, to at least two steps."""
+    least = 2 * model.opt.timestep
+    for geom in geoms:
+        if model.geom_solref[geom, 0] > 0:
+            model.geom_solref[geom, 0] = max(least, 0.5 * model.geom_solref[geom, 0])
+
+
+def reduce_condim(model: mujoco.MjModel, least: object) -> dict[str, object]:
+    """Return settings that reduce the contact dimensions of geoms."""
+    return {
+        f"geom_condim[{name_of(model, 'geom', int(geom))}]": least
+        for geom in np.flatnonzero(model.geom_condim > least)
+    }

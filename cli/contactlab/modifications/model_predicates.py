@@ -5,7 +5,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.modifications.modification import ModelPredicate
+from contactlab.scene.model_edits import FLAG_NAMES, read_flag
 from contactlab.scene.part_bodies import is_mocap_driven
+from contactlab.scene.unreachable import filtered_pairs
 
 CLAMP_FLAG = "clampctrl"
 
@@ -156,3 +158,34 @@ def find_used_rows(model: mujoco.MjModel, field: str) -> NDArray[np.bool_]:
         "tendon_solref_fri": model.tendon_frictionloss,
     }
     return np.asarray(used.get(field, np.ones(len(getattr(model, field))))) != 0
+
+
+def may_sleep(model: mujoco.MjModel) -> bool:
+    """Return whether some bodies could sleep, but may not in the model as written.
+
+    Driven trees stay awake, and sleep of a single other tree saves little.
+    """
+    if "sleep" not in FLAG_NAMES or read_flag(model, "sleep"):
+        return False
+    allowed = (mujoco.mjtSleepPolicy.mjSLEEP_AUTO_ALLOWED, mujoco.mjtSleepPolicy.mjSLEEP_ALLOWED)
+    return bool(np.isin(model.tree_sleep_policy, [int(each) for each in allowed]).any())
+
+
+def has_possible_contacts(model: mujoco.MjModel) -> bool:
+    """Return whether any contact is possible: of geoms, listed pairs or flexes."""
+    return bool(filtered_pairs(model) or model.npair or model.nflex)
+
+
+def has_flag(name: str) -> ModelPredicate:
+    """Return whether a flag of this MuJoCo is on in a model."""
+    return lambda model: name in FLAG_NAMES and read_flag(model, name)
+
+
+def find_limited_joints(model: mujoco.MjModel) -> list[int]:
+    """Return the ids of joints with limits."""
+    return np.flatnonzero(model.jnt_limited).tolist()
+
+
+def find_colliding_geoms(model: mujoco.MjModel) -> list[int]:
+    """Return the ids of geoms with collision bits."""
+    return np.flatnonzero(model.geom_contype | model.geom_conaffinity).tolist()

@@ -4,13 +4,15 @@ An entry names a thing that can be changed in a model. Rows of the error budget,
 the search, parts that are removed, and fixes of a grip are uses of it.
 """
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import mujoco
 
 from contactlab.scene.model_draft import ModelEdits
+from contactlab.schema.parts_report import PartKind
 from contactlab.schema.verdict import VerdictWord
 
 ModelChange = Callable[[mujoco.MjModel, mujoco.MjModel], None]
@@ -165,6 +167,77 @@ class PartFix:
     rows: Sequence[str] = ()
 
 
+Settings = Mapping[str, object]
+"""Values by the names of settings, as in a sweep."""
+
+
+@dataclass(frozen=True)
+class Lever:
+    """A setting that the search of `tune` may change to save time.
+
+    Attributes:
+        setting: its name, also in reports.
+        domain: values to try, in this order.
+        direction: whether only values below, or above, that of the model are tried.
+        applies: whether it is tried for a model.
+        rows: rows of the error budget; the task must load one of them.
+        load: their load, in words.
+        step_sensitive_below: values below it depend on the step, and are tried once that is found.
+        cost_falls: whether each value costs no more than those before it, so that no value saves
+            time if the last one does not.
+        search: whether its values are tried alone, with each step, or in whole runs.
+        write: returns the settings that write a value into a model; by default the setting itself.
+        order: levers go by it, then in the order of the catalogue.
+    """
+
+    setting: str
+    domain: Sequence[object]
+    direction: Literal["other", "below", "above"] = "other"
+    applies: ModelPredicate = applies_to_all
+    rows: Sequence[str] = ()
+    load: str = ""
+    step_sensitive_below: float = -math.inf
+    cost_falls: bool = True
+    search: Literal["values", "step", "runs"] = "values"
+    write: Callable[[mujoco.MjModel, object], Settings] | None = None
+    order: int = 0
+
+
+@dataclass(frozen=True)
+class PartRemoval:
+    """How single parts of a model are removed: by fields that become 0.
+
+    Attributes:
+        kind: of the part, in reports.
+        fields: of the compiled model; those that this MuJoCo lacks are left out.
+        find_parts: returns the ids of the parts in a model.
+    """
+
+    kind: PartKind
+    fields: Sequence[str]
+    find_parts: Callable[[mujoco.MjModel], Sequence[int]]
+
+
+@dataclass(frozen=True)
+class GripFix:
+    """A fix of a grip.
+
+    Attributes:
+        find_name: returns its name for a model.
+        against: the cause that it tests.
+        change: changes a copy of the model; the geoms are those of the hand that touch the object.
+            None for a control of the hand.
+        fields: fields of geoms that it changes.
+        is_both: whether it combines two others.
+    """
+
+    find_name: Callable[[mujoco.MjModel], str]
+    against: str
+    change: Callable[[mujoco.MjModel, Sequence[int]], None] | None
+    fields: tuple[str, ...] = ()
+    is_both: bool = False
+
+
 @dataclass(frozen=True)
 class Modification:
     """An entry of the catalogue.
@@ -178,6 +251,9 @@ class Modification:
         rows: its rows of the error budget.
         fixes: its fixes that are the same for every model.
         part_fixes: its fixes of some parts of a model.
+        levers: its settings in the search of `tune`.
+        removals: its parts that `effects` removes one by one.
+        grip_fixes: its fixes of a grip.
     """
 
     name: str
@@ -188,12 +264,16 @@ class Modification:
     rows: Sequence[Row] = ()
     fixes: Sequence[Candidate] = ()
     part_fixes: Sequence[PartFix] = ()
+    levers: Sequence[Lever] = ()
+    removals: Sequence[PartRemoval] = ()
+    grip_fixes: Sequence[GripFix] = ()
 
     @property
     def answered_rows(self) -> tuple[str, ...]:
         """Names of the rows of the error budget that it answers."""
         own = [row.name for row in self.rows]
-        others = [row for use in (*self.fixes, *self.part_fixes) for row in use.rows]
+        uses = (*self.fixes, *self.part_fixes, *self.levers)
+        others = [row for use in uses for row in use.rows]
         return tuple(dict.fromkeys([*own, *others]))
 
     @property

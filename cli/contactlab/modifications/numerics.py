@@ -1,5 +1,7 @@
 """Modifications that compute the same model in another way."""
 
+import math
+
 import mujoco
 
 from contactlab.modifications.model_changes import (
@@ -15,22 +17,28 @@ from contactlab.modifications.model_predicates import (
     SLEEP_BIT,
     SOLREF_FIELDS,
     has_constraints,
+    has_flag,
     has_no_flex,
+    may_sleep,
     raises_time_constants,
 )
 from contactlab.modifications.modification import (
     ANY_LABEL,
     Candidate,
+    Lever,
     ModelPredicate,
     Modification,
     PartFix,
     Row,
+    Settings,
 )
 from contactlab.modifications.state_predicates import (
     has_constraint,
     has_sleeping_tree,
     loads_raised_constant,
 )
+from contactlab.scene.model_edits import FLAG_NAMES
+from contactlab.scene.parameters import WORDS
 
 _EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
@@ -50,6 +58,18 @@ def _may_sleep(model: mujoco.MjModel) -> bool:
     return bool(model.opt.enableflags & SLEEP_BIT)
 
 
+def _words_of(name: str) -> tuple[str, ...]:
+    return tuple(word for word in WORDS[name] if word != "auto")
+
+
+def _has_islands(_model: mujoco.MjModel) -> bool:
+    return "island" in FLAG_NAMES
+
+
+_FEW_ITERATIONS = 20
+"""Solver and line search iterations below this may be too few at longer steps."""
+SLEEP_SETTINGS: Settings = {"sleep": True, "island": True}
+"""Sleep needs islands."""
 RUN = Row(
     "numerical error", "the run as written", "numerics", (keep_model,), base="run", timed=False
 )
@@ -98,7 +118,7 @@ MODIFICATIONS = (
     Modification(
         "solver",
         "Uses another constraint solver, or lets it run to convergence.",
-        ("solver", "iterations", "ls_iterations", "tolerance", "jacobian"),
+        ("solver", "iterations", "ls_iterations", "tolerance"),
         "computation",
         rows=(
             Row(
@@ -114,6 +134,75 @@ MODIFICATIONS = (
             ),
         ),
         fixes=(CONVERGED_SOLVER,),
+        levers=(Lever("solver", _words_of("solver"), cost_falls=False),),
+    ),
+    Modification(
+        "jacobian",
+        "Stores the constraint Jacobian as a dense or a sparse matrix.",
+        ("jacobian",),
+        "computation",
+        levers=(Lever("jacobian", _words_of("jacobian"), cost_falls=False),),
+    ),
+    Modification(
+        "solver iterations",
+        "Bounds the iterations of the constraint solver.",
+        ("iterations",),
+        "computation",
+        levers=(
+            Lever(
+                "iterations",
+                (50, 20, 10, 5, 3),
+                "below",
+                rows=("solver",),
+                step_sensitive_below=_FEW_ITERATIONS,
+                order=1,
+            ),
+        ),
+    ),
+    Modification(
+        "line search iterations",
+        "Bounds the iterations of the line search.",
+        ("ls_iterations",),
+        "computation",
+        levers=(
+            Lever(
+                "ls_iterations",
+                (20, 10, 5),
+                "below",
+                step_sensitive_below=_FEW_ITERATIONS,
+                order=1,
+            ),
+        ),
+    ),
+    Modification(
+        "solver tolerance",
+        "Ends the solver at a larger improvement.",
+        ("tolerance",),
+        "computation",
+        levers=(Lever("tolerance", (1e-8, 1e-6, 1e-4), "above", order=2),),
+    ),
+    Modification(
+        "islands",
+        "Solves groups of bodies that touch alone, or all together.",
+        ("island",),
+        "computation",
+        levers=(Lever("island", (True, False), applies=_has_islands, order=3),),
+    ),
+    Modification(
+        "eulerdamp",
+        "Integrates joint damping implicitly in the Euler integrator.",
+        ("eulerdamp",),
+        "computation",
+        # Damping costs accuracy in proportion to the step.
+        levers=(
+            Lever(
+                "eulerdamp",
+                (False,),
+                applies=has_flag("eulerdamp"),
+                step_sensitive_below=math.inf,
+                order=4,
+            ),
+        ),
     ),
     Modification(
         "sleep",
@@ -144,6 +233,21 @@ MODIFICATIONS = (
                 order=-1,  # it takes no more time than bodies that should move
             ),
         ),
+        levers=(
+            Lever(
+                "sleep",
+                (True,),
+                applies=may_sleep,
+                search="runs",
+                write=lambda _model, _value: SLEEP_SETTINGS,
+            ),
+        ),
+    ),
+    Modification(
+        "sleep tolerance",
+        "Lets faster bodies fall asleep.",
+        ("sleep_tolerance",),
+        "computation",
     ),
     Modification(
         "integrator",
@@ -185,6 +289,14 @@ MODIFICATIONS = (
                 set_integrator(_IMPLICIT),
                 applies=_is_not(_IMPLICIT),
                 stage="further",
+            ),
+        ),
+        levers=(
+            Lever(
+                "integrator",
+                ("Euler", "implicitfast", "implicit", "RK4"),
+                applies=has_no_flex,
+                search="step",
             ),
         ),
     ),

@@ -1,8 +1,16 @@
 """Modifications of the structure of a model: its start, its collision shapes, its parts."""
 
-from contactlab.modifications.modification import Modification, PartFix
+from contactlab.modifications.model_predicates import find_colliding_geoms
+from contactlab.modifications.modification import Modification, PartFix, PartRemoval
 
 MODIFICATIONS = (
+    Modification(
+        "geom collisions",
+        "Removes all collisions of a geom.",
+        ("geom_contype", "geom_conaffinity"),
+        "model",
+        removals=(PartRemoval("geom", ("geom_contype", "geom_conaffinity"), find_colliding_geoms),),
+    ),
     Modification(
         "start state",
         "Begins where limits, contacts and equalities allow it.",

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from contactlab.modifications.model_predicates import has_possible_contacts
 from contactlab.studies.search.configuration import (
     AS_WRITTEN,
     Configuration,
@@ -18,7 +19,7 @@ from contactlab.studies.search.configuration import (
     changed_settings,
     format_settings,
 )
-from contactlab.studies.search.search_space import Parameter, has_contacts
+from contactlab.studies.search.search_space import Parameter
 from contactlab.studies.search.settings_search import (
     EQUAL_ERROR_RATIO,
     STEP_MARGIN,
@@ -317,9 +318,9 @@ def test_what_keeps_its_aim_may_stay_as_accurate_as_it_is() -> None:
 def test_contacts_go_only_where_there_can_be_none(other: str, *, may_touch: bool) -> None:
     ball = '<body><freejoint/><geom name="ball" size=".1"/></body>'
     text = f"<mujoco><worldbody>{other}{ball}</worldbody></mujoco>"
-    assert has_contacts(mujoco.MjModel.from_xml_string(text)) is may_touch
+    assert has_possible_contacts(mujoco.MjModel.from_xml_string(text)) is may_touch
     if not may_touch and other:
         pair = '<contact><pair geom1="ball" geom2="floor"/></contact>'
         listed = text.replace("<geom type", '<geom name="floor" type')
         listed = listed.replace("</worldbody>", f"</worldbody>{pair}")
-        assert has_contacts(mujoco.MjModel.from_xml_string(listed))
+        assert has_possible_contacts(mujoco.MjModel.from_xml_string(listed))

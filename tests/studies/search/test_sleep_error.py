@@ -9,9 +9,9 @@ import pytest
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
+from contactlab.modifications.model_predicates import may_sleep
 from contactlab.scene.mujoco_versions import has_batch
 from contactlab.studies.search.clock import Clock
-from contactlab.studies.search.search_space import may_sleep
 from contactlab.studies.search.sleep_error import SleepAwareError
 from contactlab.tasks.reference_error import TaskReference
 

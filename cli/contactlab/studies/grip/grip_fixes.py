@@ -1,6 +1,6 @@
 """Tests fixes of a grip: changes of the solver, of the pads and of the squeeze."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -11,6 +11,7 @@ from contactlab.budget.time_ratios import measure_time_ratios
 from contactlab.budget.windows import replay
 from contactlab.contact.trace_arrays import Floats
 from contactlab.mjcf import OPTIONS
+from contactlab.modifications.catalogue import CATALOGUE
 from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.model_edits import read_option
 from contactlab.schema.time_ratio import TimeRatio
@@ -22,13 +23,11 @@ from contactlab.studies.grip.holding import Drift, Load, directions, measure_dri
 from contactlab.studies.grip.rollouts import repeat_input, roll_out
 
 _INPUTS = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_XFRC_APPLIED)
-_ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
 SECONDS = 2.0  # s of a run in each direction
 _ADAPTS = 0.5  # s for a held object to adapt to a change
 _TIMED = 0.4  # s of a timed run
 _WINDOW = 0.04  # s of a window
-_STIFFER, _MORE = 0.5, 2.0
-_IMPRATIO, _NOSLIP = 10.0, 3
+_MORE = 2.0  # times the squeeze
 # A control squeezes if its full range adds this share of the force.
 _SQUEEZES = 0.02
 _SHARES = (0.125, 0.25, 0.5, 1.0)
@@ -88,25 +87,6 @@ class Grip:
 
 
 @dataclass(frozen=True)
-class FixCandidate:
-    """A possible fix of a grip.
-
-    Attributes:
-        name: name in sentences.
-        against: the cause that it tests.
-        change: changes a copy of the model; the geoms are those of the hand that touch the object.
-        fields: fields of geoms that it changes.
-        is_both: whether it combines two others.
-    """
-
-    name: str
-    against: str
-    change: Callable[[mujoco.MjModel, Sequence[int]], None]
-    fields: tuple[str, ...] = ()
-    is_both: bool = False
-
-
-@dataclass(frozen=True)
 class TestedFix:
     """A tested fix.
 
@@ -124,69 +104,21 @@ class TestedFix:
     time_ratio: TimeRatio | None
 
 
-def _elliptic(model: mujoco.MjModel, geoms: Sequence[int]) -> None:
-    del geoms
-    model.opt.impratio = _impratio(model)
-    model.opt.cone = _ELLIPTIC
-
-
-def _impratio(model: mujoco.MjModel) -> float:
-    """Return ten times the impratio under elliptic cones, or at least ten."""
-    own = model.opt.impratio if model.opt.cone == _ELLIPTIC else 1.0
-    return max(_IMPRATIO, _IMPRATIO * float(own))
-
-
-def _noslip(model: mujoco.MjModel, geoms: Sequence[int]) -> None:
-    del geoms
-    model.opt.noslip_iterations = _NOSLIP
-
-
-def _both(model: mujoco.MjModel, geoms: Sequence[int]) -> None:
-    _elliptic(model, geoms)
-    _noslip(model, geoms)
-
-
-def _friction(model: mujoco.MjModel, geoms: Sequence[int]) -> None:
-    model.geom_friction[list(geoms), 0] *= _MORE
-
-
-def _condim(model: mujoco.MjModel, geoms: Sequence[int]) -> None:
-    model.geom_condim[list(geoms)] = np.maximum(model.geom_condim[list(geoms)], 4)
-
-
-def _solref(model: mujoco.MjModel, geoms: Sequence[int]) -> None:
-    least = 2 * model.opt.timestep
-    for geom in geoms:
-        if model.geom_solref[geom, 0] > 0:
-            model.geom_solref[geom, 0] = max(least, _STIFFER * model.geom_solref[geom, 0])
-
-
-def fix_candidates(model: mujoco.MjModel) -> tuple[FixCandidate, ...]:
-    """Return the fixes to test on a model, the simplest first."""
-    elliptic = f"elliptic cones with impratio {_impratio(model):g}"
-    return (
-        FixCandidate(elliptic, "regularized", _elliptic),
-        FixCandidate(f"noslip {_NOSLIP}", "regularized", _noslip),
-        FixCandidate(f"{elliptic}, and noslip {_NOSLIP}", "regularized", _both, is_both=True),
-        FixCandidate("stiffer pads (half of solref)", "solref", _solref, ("geom_solref",)),
-        FixCandidate("pads that resist spin (condim 4)", "condim", _condim, ("geom_condim",)),
-        FixCandidate("twice the pads' friction", "friction", _friction, ("geom_friction",)),
-    )
-
-
 def run_fixes(grip: Grip, within: float) -> list[TestedFix]:
     """Test and time each fix; combine two only if neither of them holds."""
     model, geoms = grip.fixture.model, grip.held.geoms
     changed, found = dict[str, mujoco.MjModel](), list[TestedFix]()
-    for candidate in fix_candidates(model):
-        other = model.__copy__()
+    for candidate in (fix for entry in CATALOGUE.values() for fix in entry.grip_fixes):
+        if candidate.change is None:
+            continue
+        name, other = candidate.find_name(model), model.__copy__()
         candidate.change(other, geoms)
         settings = changed_settings(model, other, geoms, candidate.fields)
         held = any(verdict_of(each.drifts, within) == "holds" for each in found)
         if settings and not (candidate.is_both and held):
-            changed[candidate.name] = other
+            changed[name] = other
             drifts = grip.with_model(other).measure_drifts()
-            found.append(TestedFix(candidate.name, candidate.against, settings, drifts, None))
+            found.append(TestedFix(name, candidate.against, settings, drifts, None))
     costs = _prices(grip, changed)
     found = [replace(each, time_ratio=costs.get(each.name)) for each in found]
     if (more := double_squeeze(grip)) is not None:

@@ -20,7 +20,8 @@ from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.restarts import reference_of
 from contactlab.budget.windows import without_sensors
 from contactlab.modifications.catalogue import CATALOGUE, list_rows
-from contactlab.modifications.modification import ModelChange
+from contactlab.modifications.mechanics import TENDON_FORCE_FIELDS
+from contactlab.modifications.modification import ModelChange, Modification, PartRemoval
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.scene.model_names import geom_names_by_address, name_of
 from contactlab.scene.mujoco_versions import VERSION
@@ -40,18 +41,6 @@ from contactlab.tasks.stress_motions import (
 )
 
 _MEASURING_SHARE = 0.85  # of the time limit, after which no measurement starts
-_TENDON_FIELDS = tuple(
-    field
-    for field in (
-        "tendon_stiffness",
-        "tendon_stiffnesspoly",
-        "tendon_damping",
-        "tendon_dampingpoly",
-        "tendon_frictionloss",
-    )
-    if hasattr(mujoco.MjModel, field)
-)
-"""Fields by which a tendon pulls within its limits, if this MuJoCo has them."""
 _CANNOT_TOUCH = "cannot touch, whatever their joints do within their ranges"
 
 Removal = Callable[[mujoco.MjModel], None]
@@ -242,10 +231,11 @@ def find_active(motions: Sequence[Motion]) -> ActiveFeatures:
                 tendons.update(np.asarray(data.efc_id)[: data.nefc][kinds == limited[1]].tolist())
                 actuators.update(np.flatnonzero(data.actuator_force).tolist())
     model = motions[0].model
+    pull_fields = [field for field in TENDON_FORCE_FIELDS if hasattr(model, field)]
     pulling = (
         tendon
         for tendon in range(model.ntendon)
-        if any(np.any(getattr(model, field)[tendon]) for field in _TENDON_FIELDS)
+        if any(np.any(getattr(model, field)[tendon]) for field in pull_fields)
     )
     return ActiveFeatures(
         frozenset(geoms), frozenset(limits), frozenset({*tendons, *pulling}), frozenset(actuators)
@@ -256,27 +246,30 @@ def _model_parts(
     model: mujoco.MjModel, used: ActiveFeatures, positions: Sequence[np.ndarray]
 ) -> Iterator[Feature]:
     yield from _collision_parts(model, used, positions)
-    for joint in _nonzero_ids(model.jnt_limited):
-        without, name = _zero_fields(joint, "jnt_limited"), name_of(model, "joint", joint)
-        yield Feature("limit", name, without, joint in used.limits, safeguard=True)
-    for tendon in range(model.ntendon):
-        without = _zero_fields(tendon, *_TENDON_FIELDS, "tendon_limited")
-        yield Feature("tendon", name_of(model, "tendon", tendon), without, tendon in used.tendons)
-    for actuator in range(model.nu):
-        without = _zero_fields(actuator, "actuator_gainprm", "actuator_biasprm")
-        name = name_of(model, "actuator", actuator)
-        yield Feature("actuator", name, without, actuator in used.actuators)
+    active = {"limit": used.limits, "tendon": used.tendons, "actuator": used.actuators}
+    objects = {"limit": "joint"}
+    for entry, removal in _list_removals():
+        for part in removal.find_parts(model) if removal.kind in active else ():
+            yield Feature(
+                removal.kind,
+                name_of(model, objects.get(removal.kind, removal.kind), part),
+                _zero_fields(part, removal.fields),
+                part in active[removal.kind],
+                safeguard=entry.safeguard,
+            )
+
+
+def _list_removals() -> list[tuple[Modification, PartRemoval]]:
+    return [(entry, removal) for entry in CATALOGUE.values() for removal in entry.removals]
 
 
 def _collision_parts(
     model: mujoco.MjModel, used: ActiveFeatures, positions: Sequence[np.ndarray]
 ) -> Iterator[Feature]:
     unused, words = unreachable_edits(model, positions), geom_names_by_address(model)
-    for geom in _nonzero_ids(model.geom_contype | model.geom_conaffinity):
-        without, name = (
-            _zero_fields(geom, "geom_contype", "geom_conaffinity"),
-            name_of(model, "geom", geom),
-        )
+    removal = next(removal for _, removal in _list_removals() if removal.kind == "geom")
+    for geom in removal.find_parts(model):
+        without, name = _zero_fields(geom, removal.fields), name_of(model, "geom", geom)
         proof = f"they {_CANNOT_TOUCH}" if name in unused.masked else ""
         yield Feature("geom", words.get(name, name), without, geom in used.geoms, proof)
     for one, other in unused.excluded:
@@ -284,13 +277,10 @@ def _collision_parts(
         yield Feature("pair", f"{one} - {other}", lambda _: None, exercised=False, proof=proof)
 
 
-def _nonzero_ids(field: np.ndarray) -> list[int]:
-    return np.flatnonzero(field).tolist()
-
-
-def _zero_fields(index: int, *fields: str) -> Removal:
+def _zero_fields(index: int, fields: Sequence[str]) -> Removal:
     def change(model: mujoco.MjModel) -> None:
         for field in fields:
-            getattr(model, field)[index] = 0
+            if hasattr(model, field):
+                getattr(model, field)[index] = 0
 
     return change

@@ -18,6 +18,8 @@ from typing import Literal, Protocol
 
 import mujoco
 
+from contactlab.modifications.modification import Settings
+from contactlab.modifications.numerics import SLEEP_SETTINGS
 from contactlab.schema.time_ratio import LEAST_SAVING, TimeRatio
 from contactlab.studies.search.configuration import (
     AS_WRITTEN,
@@ -27,7 +29,7 @@ from contactlab.studies.search.configuration import (
     Reductions,
     changed_settings,
 )
-from contactlab.studies.search.search_space import SLEEP_SETTINGS, Parameter, Settings, split_condim
+from contactlab.studies.search.search_space import Parameter, split_condim
 from contactlab.tasks.reference_error import ErrorEstimate
 
 SAVING = 1 - LEAST_SAVING

@@ -11,6 +11,7 @@ import mujoco
 
 from contactlab.budget import Motion
 from contactlab.errors import ExpectationError
+from contactlab.modifications.model_predicates import may_sleep
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_edits import FLAG_NAMES, read_flag, read_option
 from contactlab.scene.mujoco_versions import VERSION
@@ -35,7 +36,7 @@ from contactlab.studies.search.clock import Clock
 from contactlab.studies.search.configuration import changed_settings
 from contactlab.studies.search.forward_error import Divergence, join_phases, measure_divergence
 from contactlab.studies.search.report_text import sentence_of
-from contactlab.studies.search.search_space import find_integrators, find_parameters, may_sleep
+from contactlab.studies.search.search_space import find_integrators, find_parameters
 from contactlab.studies.search.settings_search import (
     SAVING,
     Bound,
