@@ -181,6 +181,10 @@ HARMFUL = (
         "half the servo gain", ARM, 'kp="300"', 'kp="150"', ("tracking error",), same_model=False
     ),
     PlantedChange(
+        "a servo that no step holds", ARM, 'kp="300" kv="20"', 'kp="1e8"',
+        ("runs that the engine gave up",), same_model=False,
+    ),
+    PlantedChange(
         "armature tenfold", ARM, 'armature="0.05"', 'armature="0.5"', ("tracking error",),
         same_model=False,
     ),

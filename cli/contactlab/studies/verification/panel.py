@@ -248,8 +248,9 @@ class _Panel:
                     run = pair_motions(f"{name}, {before.name}", before, after)
                     for measure in self._compare_states(run):
                         yield self._allow_earlier(measure, largest)
-            if first[0][-1].inputs.any():
-                for measure in self._compare_states(build_doubled_run(first[0][-1], first[1][-1])):
+            last, changed = first[0][-1], first[1][-1]
+            if last.inputs.any() and last.name == changed.name:
+                for measure in self._compare_states(build_doubled_run(last, changed)):
                     yield self._allow_earlier(measure, largest)
 
     def _allow_earlier(
@@ -309,11 +310,32 @@ class _Panel:
     def _compare_states(self, run: PairedRun) -> Iterator[VerifiedMeasure]:
         if not self._begin_run(run.name):
             return
+        sizes = {motion.seeds for motion in (run.original, run.reference, run.twin, run.changed)}
+        if len(sizes) > 1:
+            yield self._count_lost_seeds(run)
+            return
         tables = tabulate_run(run, self._original.threads, self._request.runs.tables)
         self._equal_runs.append(tables.original.bits == tables.changed.bits)
         request = self._request
         yield from compare_run(
             run, tables, request.allowed_error, keeps_motion=request.keeps_motion
+        )
+
+    def _count_lost_seeds(self, run: PairedRun) -> VerifiedMeasure:
+        # A seed that the engine gave up in an earlier phase does not reach this one.
+        seeds = len(self._original.task.seeds)
+        before, after = (float(seeds - motion.seeds) for motion in (run.original, run.changed))
+        self._skip_run(run.name, "not all seeds reach it in both models")
+        return VerifiedMeasure(
+            name="runs that the engine gave up",
+            run=run.name,
+            unit="1",
+            before=before,
+            after=after,
+            spread=0.0,
+            tolerance=0.0,
+            place="",
+            worse=after > before,
         )
 
     def _compare_tracking(
