@@ -19,7 +19,7 @@ from contactlab.engines import Watch
 from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
-from contactlab.schema.evidence import Accuracy, ErrorKind, SolrefRule
+from contactlab.schema.evidence import Accuracy, SolrefRule
 from contactlab.schema.sweep_schema import AccuracyRequest
 
 Note = Mapping[str, Any]
@@ -113,7 +113,16 @@ def discretization_errors(
     found: dict[str, object] = {"integrator": reference.integrator, "timestep": reference.timestep}
     if not local:
         found["divergence"] = divergence = reference.divergence()
-        found["chaotic"] = _is_chaotic(reference, divergence, notes)
+        errors = [note["trajectory"] for note in notes if note]
+        if divergence is None or not errors:
+            found["chaotic"] = None
+        else:
+            hides_errors = divergence >= _ERROR_SHARE * float(
+                np.median([error["peak"] for error in errors])
+            )
+            above_estimate = divergence >= _ESTIMATE_MULTIPLE * errors[0]["estimate"]
+            visible = divergence >= _EXTENT_SHARE * float(reference.fine.prepared.model.stat.extent)
+            found["chaotic"] = visible and (hides_errors or above_estimate)
     return [{**note, **found} for note in notes]
 
 
@@ -181,20 +190,6 @@ def _error_summary(error: Discrepancy, own: Discrepancy) -> dict[str, float]:
     return error._asdict() | own_errors
 
 
-def _is_chaotic(
-    reference: ReferenceSolution, divergence: float | None, notes: Sequence[Note]
-) -> bool | None:
-    errors = [note["trajectory"] for note in notes if note]
-    if divergence is None or not errors:
-        return None
-    hides_errors = divergence >= _ERROR_SHARE * float(
-        np.median([error["peak"] for error in errors])
-    )
-    above_estimate = divergence >= _ESTIMATE_MULTIPLE * errors[0]["estimate"]
-    visible = divergence >= _EXTENT_SHARE * float(reference.fine.prepared.model.stat.extent)
-    return visible and (hides_errors or above_estimate)
-
-
 def run_accuracies(
     request: AccuracyRequest,
     scene: Scene,
@@ -202,7 +197,12 @@ def run_accuracies(
     notes: Mapping[str, Note],
 ) -> dict[str, Accuracy]:
     """Return the accuracy of every run, by run id, from the notes of the pass."""
-    kind = _error_kind(request, notes)
+    # One kind of error for all runs, because different kinds cannot be compared.
+    if request.error != "auto":
+        kind = request.error
+    else:
+        known = [note["chaotic"] for note in notes.values() if note.get("chaotic") is not None]
+        kind = "invariants" if sum(known) > len(known) / 2 else "trajectory"
     rules = solref_rules(runs)
     found: dict[str, Accuracy] = {}
     for run_id, resolved in runs.items():
@@ -225,14 +225,6 @@ def run_accuracies(
             and any(refsafe_solref(solref, resolved.timestep) != solref for solref in solrefs),
         )
     return found
-
-
-def _error_kind(request: AccuracyRequest, notes: Mapping[str, Note]) -> ErrorKind:
-    """Return one kind of error for all runs, because different kinds cannot be compared."""
-    if request.error != "auto":
-        return request.error
-    known = [note["chaotic"] for note in notes.values() if note.get("chaotic") is not None]
-    return "invariants" if sum(known) > len(known) / 2 else "trajectory"
 
 
 def solref_rules(runs: Mapping[str, RunSpec]) -> dict[str, SolrefRule | None]:

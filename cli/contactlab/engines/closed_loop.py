@@ -23,7 +23,6 @@ from contactlab.code_limit import code_limit
 from contactlab.contact.trace_arrays import Floats, RecordedControls
 from contactlab.engines.engine import (
     Buffers,
-    Policy,
     PolicyClass,
     PreparedRuns,
     Proceed,
@@ -147,10 +146,27 @@ class _Flight:
         self._controls = self._batch.bind("ctrl")
         self._pushed = bool((runs.starts.driven_inputs >= self._controls.shape[1]).any())
         self._timestep = runs.resolved[0].timestep
-        self._calls = self._call_steps()
+        # Steps before which the policy is called.
+        rate, timestep = _policy_drive(runs.resolved[0]).rate, self._timestep
+        period = 1 / (rate * timestep)
+        if period < 1 - COARSE_ROUNDING:
+            raise _PolicyFailureError(
+                f"the policy should act at {rate:g} Hz, but steps of {timestep:g} s have a rate of "
+                f"{1 / timestep:g} Hz; lower its rate, or the timestep"
+            )
+        most = int(runs.steps / period) + 1
+        steps = (_first_step(call * period) for call in range(most + 1))
+        self._calls = [step for step in steps if step < runs.steps]
         self._delay = _first_step(_policy_drive(runs.resolved[0]).latency_seconds / self._timestep)
         self._noise = [self._draw_noise(run) for run in runs.resolved]
-        self._sensors = _own_sensor_width(runs.base.model)
+        # The model's own sensors precede recording sensors.
+        model = runs.base.model
+        own = [
+            sensor
+            for sensor in range(model.nsensor)
+            if not model.sensor(sensor).name.startswith(SENSOR_PREFIX)
+        ]
+        self._sensors = int((model.sensor_adr + model.sensor_dim)[own].max(initial=0))
         self._active = list(range(len(self._models)))
         self._errors: list[str | None] = [None] * len(self._models)
         self._applied_controls: dict[int, Floats] = {0: self._controls.copy()}
@@ -158,7 +174,17 @@ class _Flight:
         self._cpu_seconds, self._sampled = 0.0, [list[float]() for _ in self._models]
         assert runs.policy is not None
         self._name = getattr(runs.policy, "__name__", "policy")
-        self._policy = self._make_policy(runs.policy, runs.base.model)
+        try:
+            with code_limit():
+                made = runs.policy(copy.copy(runs.base.model))
+        except _POLICY_ERRORS as error:
+            raise self._policy_failure("", error) from error
+        if not callable(made):
+            raise _PolicyFailureError(
+                f"policy {self._name} cannot be called; give it a method "
+                "__call__(self, time, qpos, qvel, sensordata)"
+            )
+        self._policy = made
 
     def fly(self, watch: Watch, proceed: Proceed) -> list[_RunResult]:
         """Simulate all runs; return only the first if the sweep should stop meanwhile."""
@@ -183,20 +209,35 @@ class _Flight:
                 self._controls[self._active] = self._applied_controls[begin][self._active]
             if not self._active:
                 break
-            self._step_active(begin, end, one_by_one=begin in samples)
-        return self._results(count)
-
-    def _call_steps(self) -> list[int]:
-        rate, timestep = _policy_drive(self._runs.resolved[0]).rate, self._timestep
-        period = 1 / (rate * timestep)
-        if period < 1 - COARSE_ROUNDING:
-            raise _PolicyFailureError(
-                f"the policy should act at {rate:g} Hz, but steps of {timestep:g} s have a rate of "
-                f"{1 / timestep:g} Hz; lower its rate, or the timestep"
-            )
-        most = int(self._runs.steps / period) + 1
-        steps = (_first_step(call * period) for call in range(most + 1))
-        return [step for step in steps if step < self._runs.steps]
+            # Runs whose time is sampled are stepped one by one.
+            one_by_one = begin in samples
+            for runs in [[run] for run in self._active] if one_by_one else [self._active]:
+                taken = self._step_runs(runs, begin, end)
+                self._cpu_seconds += taken
+                if one_by_one:
+                    self._sampled[runs[0]].append(taken)
+            warned = self._batch.warning[:, :, _COUNT_INDEX]
+            if warned[self._active].any() or any(self._errors):
+                self._end_runs(
+                    [run for run in self._active if warned[run].any() or self._errors[run]], end
+                )
+        # The cost of each run, and the controls that were applied to it.
+        warnings, every = self._batch.warning[:, :, _COUNT_INDEX], [*chain(*self._sampled)] or [1.0]
+        weights = np.array(self._ends) * [mean(samples or every) for samples in self._sampled]
+        cost = self._cpu_seconds * weights / max(weights.sum(), np.finfo(float).tiny)
+        steps = np.array(list(self._applied_controls))
+        levels = np.array(list(self._applied_controls.values()))
+        duration = max(self._runs.resolved[0].duration, self._runs.steps * self._timestep)
+        flown: list[_RunResult] = []
+        for run in range(count):
+            controls, acted = None, int(np.searchsorted(steps, max(self._ends[run], 1)))
+            if not self._errors[run]:
+                # Add a last row at the end, so that the table lasts as long as the run.
+                rows = [*range(acted), acted - 1]
+                times = np.append(steps[:acted] * self._timestep, duration)
+                controls = RecordedControls(times, levels[rows, run])
+            flown.append((float(cost[run]), warnings[run], self._errors[run], controls))
+        return flown
 
     def _draw_noise(self, run: RunSpec) -> Floats:
         """Return (calls, 2, nv) noise of positions and velocities; the same at any timestep."""
@@ -205,19 +246,6 @@ class _Flight:
             return np.empty(0)
         scale = np.array([noise.qpos, noise.qvel])[:, None]
         return scale * np.random.default_rng([run.seed, _NOISE_STREAM]).standard_normal(shape)
-
-    def _make_policy(self, policy: PolicyClass, model: mujoco.MjModel) -> Policy:
-        try:
-            with code_limit():
-                made = policy(copy.copy(model))
-        except _POLICY_ERRORS as error:
-            raise self._policy_failure("", error) from error
-        if not callable(made):
-            raise _PolicyFailureError(
-                f"policy {self._name} cannot be called; give it a method "
-                "__call__(self, time, qpos, qvel, sensordata)"
-            )
-        return made
 
     def _policy_failure(self, when: str, error: BaseException) -> BaseException:
         """Return the failure for an error of the policy, or the error itself if memory is short."""
@@ -243,19 +271,15 @@ class _Flight:
         # Adding 0 turns -0.0 into 0.0; no replay could distinguish them.
         wanted = returned.astype(np.float64) + 0.0
         if not np.isfinite(wanted).all():
-            self._end_non_finite(wanted, step)
+            # Runs end for which the policy returned NaN or infinity.
+            when = f"at {step * self._timestep:g} s"
+            for run in [run for run in self._active if not np.isfinite(wanted[run]).all()]:
+                actuator = int(np.flatnonzero(~np.isfinite(wanted[run]))[0])
+                name = self._models[run].actuator(actuator).name
+                value = f"{wanted[run, actuator]:g}"
+                self._errors[run] = f"policy {self._name} returned {value} for {name} {when}"
+                self._end_runs([run], step)
         return wanted
-
-    def _end_non_finite(self, wanted: Floats, step: int) -> None:
-        """End the runs for which the policy returned NaN or infinity."""
-        time = step * self._timestep
-        for run in [run for run in self._active if not np.isfinite(wanted[run]).all()]:
-            actuator = int(np.flatnonzero(~np.isfinite(wanted[run]))[0])
-            name = self._models[run].actuator(actuator).name
-            self._errors[run] = (
-                f"policy {self._name} returned {wanted[run, actuator]:g} for {name} at {time:g} s"
-            )
-            self._end_runs([run], step)
 
     def _observe_states(self, call: int, step: int) -> tuple[Floats, Floats, Floats, Floats]:
         """Return copies of (n,) times, (n, nq) and (n, nv) noisy states, and sensor data."""
@@ -268,32 +292,16 @@ class _Flight:
                 offset, speed = self._noise[run][call]
                 mujoco.mj_integratePos(self._models[run], qpos[run], offset, 1.0)
                 qvel[run] += speed
-        return time, qpos, qvel, self._sensor_data(step)
-
-    def _sensor_data(self, step: int) -> Floats:
-        """Return (n, ...) the model's own sensor data of the last step, or at the start."""
         if step or not self._sensors:
-            return self._arrays.sensors[:, step - 1, : self._sensors].copy()
-        measured = np.empty((len(self._models), self._sensors))
-        for run, model in enumerate(self._models):
-            data = mujoco.MjData(model)
-            mujoco.mj_setState(model, data, self._batch.state[run], _INTEGRATION)
-            mujoco.mj_forward(model, data)
-            measured[run] = data.sensordata[: self._sensors]
-        return measured
-
-    def _step_active(self, begin: int, end: int, *, one_by_one: bool) -> None:
-        """Step the active runs; one by one to sample the time of each."""
-        for runs in [[run] for run in self._active] if one_by_one else [self._active]:
-            taken = self._step_runs(runs, begin, end)
-            self._cpu_seconds += taken
-            if one_by_one:
-                self._sampled[runs[0]].append(taken)
-        warned = self._batch.warning[:, :, _COUNT_INDEX]
-        if warned[self._active].any() or any(self._errors):
-            self._end_runs(
-                [run for run in self._active if warned[run].any() or self._errors[run]], end
-            )
+            measured = self._arrays.sensors[:, step - 1, : self._sensors].copy()
+        else:
+            measured = np.empty((len(self._models), self._sensors))
+            for run, model in enumerate(self._models):
+                data = mujoco.MjData(model)
+                mujoco.mj_setState(model, data, self._batch.state[run], _INTEGRATION)
+                mujoco.mj_forward(model, data)
+                measured[run] = data.sensordata[: self._sensors]
+        return time, qpos, qvel, measured
 
     def _step_runs(self, runs: list[int], begin: int, end: int) -> float:
         """Step runs, record them, and return the CPU time of the steps [s]."""
@@ -305,9 +313,19 @@ class _Flight:
         # Use a slice if all runs are active, because it copies faster than a list.
         ids = runs if len(runs) < len(self._models) else None
         rows = slice(None) if ids is None else ids
-        inputs, start = self._driven_inputs(runs, begin, end), thread_time()
+        # A scene may drive forces besides the policy.
+        driven: dict[str, Any] = {}
+        if self._pushed:
+            starts = self._runs.starts
+            each = [
+                driven_inputs(self._models[run], starts, run, end - begin, begin) for run in runs
+            ]
+            control = np.concatenate([one["control"] for one in each])
+            control[:, :, : self._controls.shape[1]] = self._controls[runs][:, None]
+            driven = {**each[0], "control": control}
+        start = thread_time()
         try:
-            self._batch.rollout(end - begin, record=list(out), ids=ids, out=out, **inputs)
+            self._batch.rollout(end - begin, record=list(out), ids=ids, out=out, **driven)
         except SimulationError:
             for run in runs:
                 self._errors[run] = self._batch.error(run) or None
@@ -315,16 +333,6 @@ class _Flight:
         for name, array in self._out.items():
             array[rows, begin:end] = out[name]
         return taken
-
-    def _driven_inputs(self, runs: list[int], begin: int, end: int) -> dict[str, Any]:
-        """Return a batch's arguments if a scene drives forces besides the policy."""
-        if not self._pushed:
-            return {}
-        starts = self._runs.starts
-        each = [driven_inputs(self._models[run], starts, run, end - begin, begin) for run in runs]
-        control = np.concatenate([one["control"] for one in each])
-        control[:, :, : self._controls.shape[1]] = self._controls[runs][:, None]
-        return {**each[0], "control": control}
 
     def _end_runs(self, runs: Sequence[int], step: int) -> None:
         """End runs at the state before a step: they stopped or failed."""
@@ -335,40 +343,10 @@ class _Flight:
             self._arrays.state[run, step + 1 :] = self._arrays.state[run, step]
         self._active = [run for run in self._active if run not in runs]
 
-    def _results(self, count: int) -> list[_RunResult]:
-        warnings, every = self._batch.warning[:, :, _COUNT_INDEX], [*chain(*self._sampled)] or [1.0]
-        weights = np.array(self._ends) * [mean(samples or every) for samples in self._sampled]
-        cost = self._cpu_seconds * weights / max(weights.sum(), np.finfo(float).tiny)
-        steps, levels = (
-            np.array(list(self._applied_controls)),
-            np.array(list(self._applied_controls.values())),
-        )
-        duration = max(self._runs.resolved[0].duration, self._runs.steps * self._timestep)
-        flown: list[_RunResult] = []
-        for run in range(count):
-            controls, acted = None, int(np.searchsorted(steps, max(self._ends[run], 1)))
-            if not self._errors[run]:
-                # Add a last row at the end, so that the table lasts as long as the run.
-                rows = [*range(acted), acted - 1]
-                times = np.append(steps[:acted] * self._timestep, duration)
-                controls = RecordedControls(times, levels[rows, run])
-            flown.append((float(cost[run]), warnings[run], self._errors[run], controls))
-        return flown
-
 
 def _first_step(time: float) -> int:
     """Return the first step that starts at or after a time, in steps."""
     return int(np.ceil(time - COARSE_ROUNDING))
-
-
-def _own_sensor_width(model: mujoco.MjModel) -> int:
-    """Return the number of values of a model's own sensors, which precede recording sensors."""
-    own = [
-        sensor
-        for sensor in range(model.nsensor)
-        if not model.sensor(sensor).name.startswith(SENSOR_PREFIX)
-    ]
-    return int((model.sensor_adr + model.sensor_dim)[own].max(initial=0))
 
 
 def allowed_policy(drive: LocatedDrive, *, allowed: bool) -> LocatedDrive | None:

@@ -141,44 +141,36 @@ def _simulate_run(
         state[step, 1 : 1 + count] = ball.axes.T @ now.position
         state[step, first : first + count] = ball.axes.T @ now.velocity
         if step < len(sensors):
-            then = _make_step(ball, now)
-            _record_sensors(base, ball, sensors[step], now, then)
+            # If the gap closes within the step, the impulse acts at that moment.
+            timestep, position, normal = ball.timestep, now.position, ball.frame[0]
+            velocity = now.velocity + timestep * ball.gravity
+            gap = (ball.origin + position - ball.point) @ normal - ball.radius
+            approach = velocity @ normal
+            if approach >= 0 or gap + timestep * approach >= 0:
+                then = _StepState(position + timestep * velocity, velocity, np.zeros(3))
+            else:
+                before = min(max(-gap / approach, 0.0), timestep)
+                impulse = resolve_impact(
+                    ball.mass, velocity, normal, ball.restitution, ball.friction
+                )
+                after = velocity + impulse / ball.mass
+                position = position + before * velocity + (timestep - before) * after
+                then = _StepState(position, after, impulse)
+            # The sensors have the state before the step, and the impulse within it.
+            row, layout = sensors[step], base.layout
+            if layout.kinetic is not None:
+                row[layout.kinetic] = 0.5 * ball.mass * now.velocity @ now.velocity
+            if layout.potential is not None:
+                row[layout.potential] = -ball.mass * ball.gravity @ (ball.origin + now.position)
+            if then.impulse.any():
+                slot = row[layout.pairs[0] : layout.pairs[0] + SLOT_WIDTH]
+                slot[FOUND] = row[layout.contacts] = 1
+                slot[FORCE] = ball.frame @ then.impulse / ball.timestep
+                slot[DISTANCE] = 0.0
+                slot[POSITION] = ball.origin + now.position - ball.radius * ball.frame[0]
+                slot[NORMAL], slot[TANGENT] = ball.frame[:2]
+                slot[LINEAR_VELOCITY] = ball.frame @ now.velocity
             now = then
-
-
-def _make_step(ball: _PointMass, now: _StepState) -> _StepState:
-    """Make one step; if the gap closes within it, the impulse acts at that moment."""
-    timestep, position, normal = ball.timestep, now.position, ball.frame[0]
-    velocity = now.velocity + timestep * ball.gravity
-    gap = (ball.origin + position - ball.point) @ normal - ball.radius
-    approach = velocity @ normal
-    if approach >= 0 or gap + timestep * approach >= 0:
-        return _StepState(position + timestep * velocity, velocity, np.zeros(3))
-    before = min(max(-gap / approach, 0.0), timestep)
-    impulse = resolve_impact(ball.mass, velocity, normal, ball.restitution, ball.friction)
-    after = velocity + impulse / ball.mass
-    position = position + before * velocity + (timestep - before) * after
-    return _StepState(position, after, impulse)
-
-
-def _record_sensors(
-    base: CompiledScene, ball: _PointMass, row: Floats, now: _StepState, step: _StepState
-) -> None:
-    """Fill a sensor row: the state before a step, and the impulse within it."""
-    layout = base.layout
-    if layout.kinetic is not None:
-        row[layout.kinetic] = 0.5 * ball.mass * now.velocity @ now.velocity
-    if layout.potential is not None:
-        row[layout.potential] = -ball.mass * ball.gravity @ (ball.origin + now.position)
-    if not step.impulse.any():
-        return
-    slot = row[layout.pairs[0] : layout.pairs[0] + SLOT_WIDTH]
-    slot[FOUND] = row[layout.contacts] = 1
-    slot[FORCE] = ball.frame @ step.impulse / ball.timestep
-    slot[DISTANCE] = 0.0
-    slot[POSITION] = ball.origin + now.position - ball.radius * ball.frame[0]
-    slot[NORMAL], slot[TANGENT] = ball.frame[:2]
-    slot[LINEAR_VELOCITY] = ball.frame @ now.velocity
 
 
 def _find_point_mass(base: CompiledScene, prepared: PreparedModel) -> _PointMass:
@@ -190,7 +182,17 @@ def _find_point_mass(base: CompiledScene, prepared: PreparedModel) -> _PointMass
     plane, sphere = found[_PLANE_TYPE], found[_SPHERE_TYPE]
     data = mujoco.MjData(model)
     data.qpos[:] = 0
-    axes = _velocity_axes(model, int(model.geom_bodyid[sphere]))
+    # The body's velocity for each unit joint velocity; the model has no other joints.
+    body = int(model.geom_bodyid[sphere])
+    if model.body_parentid[body] != 0 or (model.jnt_bodyid != body).any():
+        raise SceneError(_REQUIREMENTS_TEXT)
+    kinds, axes = set(model.jnt_type.tolist()), np.array(model.jnt_axis.T)
+    if kinds == {_FREE_JOINT}:
+        axes = np.eye(3)
+    elif kinds != {_SLIDE_JOINT} or not np.allclose(
+        axes.T @ axes, np.eye(model.njnt), atol=SUM_ROUNDING
+    ):
+        raise SceneError(_REQUIREMENTS_TEXT)
     if model.jnt_type[0] == _FREE_JOINT:
         data.qpos[3] = 1
     mujoco.mj_kinematics(model, data)
@@ -210,17 +212,3 @@ def _find_point_mass(base: CompiledScene, prepared: PreparedModel) -> _PointMass
         restitution=float(restitution_from_damping(damping_ratio(record.solref))),
         friction=record.friction[0],
     )
-
-
-def _velocity_axes(model: mujoco.MjModel, body: int) -> Floats:
-    """Return the body's velocity for each unit joint velocity; the model has no other joints."""
-    if model.body_parentid[body] != 0 or (model.jnt_bodyid != body).any():
-        raise SceneError(_REQUIREMENTS_TEXT)
-    kinds, axes = set(model.jnt_type.tolist()), np.array(model.jnt_axis.T)
-    if kinds == {_FREE_JOINT}:
-        return np.eye(3)
-    if kinds != {_SLIDE_JOINT} or not np.allclose(
-        axes.T @ axes, np.eye(model.njnt), atol=SUM_ROUNDING
-    ):
-        raise SceneError(_REQUIREMENTS_TEXT)
-    return axes

@@ -223,19 +223,17 @@ def completed_rollout(
             arrays.state[run, 1:] = arrays.state[run, 0]
             arrays.sensors[run] = 0.0
             arrays.iterations[run] = 0
+    # A stopped run repeats its last time.
     return Rollout(
         *arrays.rows(slice(count)),
-        steps=_valid_steps(arrays.state[:count, :, 0]),
+        steps=tuple(
+            (np.diff(arrays.state[:count, :, 0], append=-np.inf) <= 0).argmax(axis=1).tolist()
+        ),
         cost=cost,
         warnings=tuple(map(_warnings_by_name, warnings)) if warnings.any() else ({},) * count,
         errors=tuple(errors[:count]),
         controls=tuple(controls),
     )
-
-
-def _valid_steps(clocks: Floats) -> tuple[int, ...]:
-    """Return (n) how often the clocks (n, N + 1) grew; a stopped run repeats its last value."""
-    return tuple((np.diff(clocks, append=-np.inf) <= 0).argmax(axis=1).tolist())
 
 
 def _warnings_by_name(counts: np.ndarray) -> dict[str, int]:

@@ -116,33 +116,29 @@ class StepLoop:
             )
             self._errors[run] = ""
             try:
-                self._run_steps(run, nstep, inputs, rows)
+                model = self._models[run]
+                data = self._data.get(run) or mujoco.MjData(model)
+                if self._persistent:
+                    self._data[run] = data
+                mujoco.mj_setState(model, data, self.state[run], _INTEGRATION)
+                counts = data.warning.number
+                before = counts.copy()
+                mujoco.set_mjcb_sensor(ContactSlots.of(model) if rows else None)
+                try:
+                    if rows or inputs is not None:
+                        _step_and_record(model, data, nstep, inputs, rows)
+                    else:
+                        mujoco.mj_step(model, data, nstep=nstep)
+                finally:
+                    mujoco.set_mjcb_sensor(None)
+                self.warning[run, :, _COUNT_INDEX] += data.warning.number - before
+                mujoco.mj_getState(model, data, self.state[run], _INTEGRATION)
             except mujoco.FatalError as error:
                 self._errors[run] = str(error)
         failed = [run for run in runs if self._errors[run]]
         if failed:
             raise SimulationError(np.array(failed), self._errors[failed[0]])
         return arrays
-
-    def _run_steps(
-        self, run: int, steps: int, inputs: tuple[int, Floats] | None, rows: dict[Any, np.ndarray]
-    ) -> None:
-        model, data = self._models[run], self._data.get(run) or mujoco.MjData(self._models[run])
-        if self._persistent:
-            self._data[run] = data
-        mujoco.mj_setState(model, data, self.state[run], _INTEGRATION)
-        counts = data.warning.number
-        before = counts.copy()
-        mujoco.set_mjcb_sensor(ContactSlots.of(model) if rows else None)
-        try:
-            if rows or inputs is not None:
-                _step_and_record(model, data, steps, inputs, rows)
-            else:
-                mujoco.mj_step(model, data, nstep=steps)
-        finally:
-            mujoco.set_mjcb_sensor(None)
-        self.warning[run, :, _COUNT_INDEX] += data.warning.number - before
-        mujoco.mj_getState(model, data, self.state[run], _INTEGRATION)
 
     def _empty_array(self, item: int | str, runs: int, steps: int) -> np.ndarray:
         model = self._models[0]

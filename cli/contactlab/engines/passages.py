@@ -11,7 +11,6 @@ from functools import lru_cache
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from contactlab.contact.rotations import rotate_vectors, rotate_vectors_back
 from contactlab.contact.trace_arrays import Floats, Passage, squared_lengths
@@ -66,10 +65,14 @@ class Passages:
         ):
             acting = starts.input_rows(run, model.opt.timestep, np.arange(len(states) - 1))
             position, rotation, vertices = _body_poses(model, states[:-1, 1:positions], acting)
-            turned = _step_angles(rotation)
+            # The largest angle by which each step turns each body [rad].
+            cosine = np.abs((rotation[1:] * rotation[:-1]).sum(axis=2))
+            turned = 2 * np.arccos(np.minimum(cosine, 1))
             shift = np.sqrt(squared_lengths(np.diff(position, axis=0)))
             moved = (shift + turned * self._reach)[:, model.geom_bodyid]
-            pairs = self._fast_pairs(moved)
+            # Pairs that can touch, and that a step may carry through each other.
+            most = moved.max(axis=0, initial=0)
+            pairs = geom_pairs(most[:, None] + most > self._least)[:_MAX_PAIRS]
             found = [*self._fast_passages(model, pairs, position, rotation, turned)]
             within = _StepSearch(model, states[:, 1 : positions + model.nv], acting)
             for pair in pairs:
@@ -104,7 +107,13 @@ class Passages:
                     continue
                 shape = _PassableGeom(model, wall, float(model.geom_rbound[mover]))
                 steps, least = list[int](), float(self._least[first, second])
-                for point in _axis_points(model, mover):
+                # The center of a geom, and the ends of its axis of symmetry.
+                half = model.geom_aabb[mover, 3:]
+                end = (half.max() - half.min()) * (np.arange(3) == half.argmax())
+                primitive = int(model.geom_type[mover]) != _MESH_TYPE
+                for point in np.array(
+                    [_ORIGIN, end, -end] if primitive and end.any() else [_ORIGIN]
+                ):
                     place = _point_positions(model, position, rotation, mover, point)
                     path = _in_geom_frame(model, position, rotation, wall, place)
                     own = turned[model.geom_bodyid[mover]] * point.any()
@@ -113,11 +122,6 @@ class Passages:
                 if steps:
                     yield _make_passage(model, mover, wall, min(steps))
                     break
-
-    def _fast_pairs(self, moved: Floats) -> list[tuple[int, int]]:
-        """Return pairs of geoms that can touch, and that a step may carry through each other."""
-        most = moved.max(axis=0, initial=0)
-        return geom_pairs(most[:, None] + most > self._least)[:_MAX_PAIRS]
 
 
 class _StepSearch:
@@ -185,18 +189,15 @@ def _reach_of_steps(model: mujoco.MjModel) -> tuple[float, Floats, Floats, Float
     """
     meeting = np.triu(touch_mask(model), 1)
     on = read_flag(model, "contact") and (meeting.any() or model.nflex)
-    half = _colliding_half_extents(model)
+    # Half the smallest extents [m]; infinite for geoms that cannot collide.
+    meets = (np.asarray(model.geom_contype) | np.asarray(model.geom_conaffinity)) != 0
+    meets[[*model.pair_geom1, *model.pair_geom2]] = True
+    half = np.where(meets, half_extents(model), np.inf)
     thinnest = float(half.min(initial=np.inf)) if on else np.inf
     half[np.isin(model.geom_type, (_PLANE_TYPE, _HFIELD_TYPE))] = 0
     least = _MIN_MOTION_SHARE * (half[:, None] + half)
     least[~meeting] = np.inf
     return thinnest, _motion_lengths(model), body_reaches(model), least
-
-
-def _step_angles(rotation: Floats) -> Floats:
-    """Return (N - 1, nbody) the largest angle by which each step turns each body [rad]."""
-    cosine = np.abs((rotation[1:] * rotation[:-1]).sum(axis=2))
-    return 2 * np.arccos(np.minimum(cosine, 1))
 
 
 def _body_poses(
@@ -227,7 +228,14 @@ def _passages_through_flexes(
     for flex, geom in np.argwhere((meets != 0) & ~endless).tolist():
         first = model.flex_vertadr[flex]
         own = model.flex_vertbodyid[first : first + model.flex_vertnum[flex]]
-        faces = _flex_faces(model, flex)
+        # The vertices of a cloth's elements, or of a body's shell; none for ropes.
+        kind = int(model.flex_dim[flex])
+        if kind == 3:
+            numbers, starts, data = model.flex_shellnum, model.flex_shelldataadr, model.flex_shell
+        else:
+            numbers, starts, data = model.flex_elemnum, model.flex_elemdataadr, model.flex_elem
+        count = 3 * int(numbers[flex]) if kind > 1 else 0
+        faces = data[starts[flex] : starts[flex] + count].reshape(-1, 3)
         if model.geom_bodyid[geom] in own:
             continue
         name = mujoco.mj_id2name(model, int(mujoco.mjtObj.mjOBJ_FLEX), flex) or f"flex[{flex}]"
@@ -261,17 +269,6 @@ def _rope_points(model: mujoco.MjModel, flex: int, vertices: Floats) -> Iterator
         yield vertices[:, first + ends].mean(axis=1)
 
 
-def _flex_faces(model: mujoco.MjModel, flex: int) -> NDArray[np.int32]:
-    """Return (F, 3) the vertices of a cloth's elements, or of a body's shell; empty for ropes."""
-    kind = int(model.flex_dim[flex])
-    if kind == 3:
-        numbers, starts, data = model.flex_shellnum, model.flex_shelldataadr, model.flex_shell
-    else:
-        numbers, starts, data = model.flex_elemnum, model.flex_elemdataadr, model.flex_elem
-    count = 3 * int(numbers[flex]) if kind > 1 else 0
-    return data[starts[flex] : starts[flex] + count].reshape(-1, 3)
-
-
 def _first_crossing(seen: Floats, corners: Floats) -> int | None:
     """Return the first step in which a point crosses a triangle; None if it never does.
 
@@ -292,13 +289,6 @@ def _first_crossing(seen: Floats, corners: Floats) -> int | None:
     return None
 
 
-def _colliding_half_extents(model: mujoco.MjModel) -> Floats:
-    """Return (ngeom,) half the smallest extents [m]; infinite for geoms that cannot collide."""
-    meets = (np.asarray(model.geom_contype) | np.asarray(model.geom_conaffinity)) != 0
-    meets[[*model.pair_geom1, *model.pair_geom2]] = True
-    return np.where(meets, half_extents(model), np.inf)
-
-
 def _motion_lengths(model: mujoco.MjModel) -> Floats:
     """Return (nv,) the distance that each coordinate at unit speed moves a point in 1 s [m]."""
     reach = body_reaches(model)
@@ -312,14 +302,6 @@ def _motion_lengths(model: mujoco.MjModel) -> Floats:
     for kind, dof in zip(model.jnt_type, model.jnt_dofadr, strict=True):
         lengths[dof : dof + _TRANSLATIONS.get(int(kind), 0)] = 1
     return lengths
-
-
-def _axis_points(model: mujoco.MjModel, geom: int) -> Floats:
-    """Return (K, 3) the center of a geom, and the ends of its axis of symmetry."""
-    half = model.geom_aabb[geom, 3:]
-    end = (half.max() - half.min()) * (np.arange(3) == half.argmax())
-    primitive = int(model.geom_type[geom]) != _MESH_TYPE
-    return np.array([_ORIGIN, end, -end] if primitive and end.any() else [_ORIGIN])
 
 
 def _point_positions(

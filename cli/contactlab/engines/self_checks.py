@@ -70,8 +70,23 @@ def run_checks(
         jacobian = _jacobian_difference(model, trace, runs.starts, run, jacobian_steps)
         geometry = _distance_errors(runs.base, model, trace, run, geometry_steps)
         squeeze = _squeeze_forces(runs.base, model, trace.qpos[run, -1])
-        repeats = _is_repeated(trace, run, states)
-        found.append((_dynamics_residual(model, again), jacobian, *geometry, squeeze, repeats))
+        parts = trace.time[run][:, None], trace.qpos[run], trace.qvel[run]
+        first = np.concatenate(parts, axis=1)[1:]
+        repeats = bool((first == states[1:, : first.shape[1]]).all())
+        # Noslip intentionally changes forces after the solver.
+        gap = again["solver_fwdinv"][:, 1]
+        if model.opt.noslip_iterations:
+            residual = np.full(len(gap), np.nan)
+        else:
+            force = np.linalg.norm(again["qfrc_constraint"], axis=1)
+            least = max(
+                _MIN_SHARE_OF_LARGEST * force.max(initial=0),
+                _MIN_SHARE_OF_LARGEST
+                * np.linalg.norm(model.opt.gravity)
+                * np.linalg.norm(model.dof_M0),
+            )
+            residual = gap / np.maximum(force, max(least, np.finfo(float).tiny))
+        found.append((residual, jacobian, *geometry, squeeze, repeats))
         if judge is not None:
             backward.append(judge(runs, run, states))
     return SelfChecks(
@@ -95,7 +110,9 @@ def _roll_out_again(
         (N + 1, nstate) states of mjSTATE_INTEGRATION, before each step and after the last.
         fwdinv residuals and constraint forces of each step, by field.
     """
-    checked = _without_sensors(model)
+    # The second run measures nothing as it steps.
+    checked = copy.copy(model)
+    checked.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
     checked.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_FWDINV)
     batch = start_batch([checked], start)
     states = np.empty((steps + 1, batch.state.shape[1]))
@@ -107,29 +124,6 @@ def _roll_out_again(
     }
     batch.rollout(steps, record=list(found), out=found, **driven_inputs(checked, start, 0, steps))
     return states, {field: array[0] for field, array in found.items()}
-
-
-def _without_sensors(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Return a copy of a model that measures nothing as it steps."""
-    alone = copy.copy(model)
-    alone.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
-    return alone
-
-
-def _dynamics_residual(model: mujoco.MjModel, again: dict[Any, Floats]) -> Floats:
-    """Return (N,) the difference of forward and inverse dynamics, as a share of the forces.
-
-    NaN with noslip, which intentionally changes forces after the solver.
-    """
-    gap = again["solver_fwdinv"][:, 1]
-    if model.opt.noslip_iterations:
-        return np.full(len(gap), np.nan)
-    force = np.linalg.norm(again["qfrc_constraint"], axis=1)
-    least = max(
-        _MIN_SHARE_OF_LARGEST * force.max(initial=0),
-        _MIN_SHARE_OF_LARGEST * np.linalg.norm(model.opt.gravity) * np.linalg.norm(model.dof_M0),
-    )
-    return gap / np.maximum(force, max(least, np.finfo(float).tiny))
 
 
 def _jacobian_difference(
@@ -217,9 +211,3 @@ def _squeeze_forces(base: CompiledScene, model: mujoco.MjModel, qpos: Floats) ->
         if mass * float(moved[0] @ generalized) < _MIN_MASS_RATIO * carried[index] ** 2:
             carried[index] = np.nan
     return carried
-
-
-def _is_repeated(trace: Trace, run: int, states: Floats) -> bool:
-    parts = trace.time[run][:, None], trace.qpos[run], trace.qvel[run]
-    first = np.concatenate(parts, axis=1)[1:]
-    return bool((first == states[1:, : first.shape[1]]).all())

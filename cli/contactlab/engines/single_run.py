@@ -66,25 +66,20 @@ def integrate_to(
         states[wanted], last = rows[steps[wanted] - done - 1], rows[-1]
         found = np.concatenate([contacts, out["ncon"][0].ravel()])
         impacts, contacts = impacts + int(np.count_nonzero(np.diff(found))), found[-1:]
-    _step_remainders(model, start, states, first + steps, rest)
-    if not np.isfinite(states).all():
-        return None
-    return SampledStates(states, states[:, 1:speed], states[:, speed:activation], impacts)
-
-
-def _step_remainders(
-    model: mujoco.MjModel, start: InitialStates, states: Floats, steps: np.ndarray, rest: Floats
-) -> None:
-    """Continue (T, nstate) states after (T,) steps, in place, for the rest of another step [s]."""
+    # Continue after whole steps, for the rest of another one.
+    steps = first + steps
     short, data = copy.copy(model), mujoco.MjData(model)
     for place in np.flatnonzero(rest):
         short.opt.timestep = rest[place]
         mujoco.mj_resetData(short, data)
         mujoco.mj_setState(short, data, states[place], int(STATE))
-        inputs = start.input_rows(0, model.opt.timestep, steps[[place]])
-        apply_inputs(short, data, inputs[0])
+        acting = start.input_rows(0, model.opt.timestep, steps[[place]])
+        apply_inputs(short, data, acting[0])
         mujoco.mj_step(short, data)
         mujoco.mj_getState(short, data, states[place], int(STATE))
+    if not np.isfinite(states).all():
+        return None
+    return SampledStates(states, states[:, 1:speed], states[:, speed:activation], impacts)
 
 
 def count_work(

@@ -125,19 +125,6 @@ def constraint_violation_rest(context: Context) -> Floats:
     )
 
 
-def _limit_overshoots(runs: MeasuredRuns) -> OnsetIterator:
-    """Yield runs in which a limit yields, and which are not the motion of their model."""
-    context, limit = runs.context, runs.limits[TOLERANCE.name]
-    for run in () if context.setup.steered else unresolved_runs(context):
-        for violation in _find_violations(context):
-            most = violation.peak[run]
-            if violation.course is not None and most > limit * violation.scale:
-                off = f"{violation.name} is off by {most:.3g} {violation.unit}"
-                step = first_step(violation.course[run] >= most)
-                reason = f"{off}; {numerical_error_text(context, run)}"
-                yield run, Onset(reason, step, violation.bodies)
-
-
 @label(
     "bad",
     rank=5,
@@ -164,4 +151,13 @@ def constraint_violated(runs: MeasuredRuns) -> OnsetIterator:
             beyond = None if each.course is None else each.course[run, begin:] > most
             step = begin + (0 if beyond is None else first_step(beyond))
             yield run, Onset(f"{reason} (limit {most:.3g} {each.unit})", step, tuple(bodies))
-    yield from _limit_overshoots(runs)
+    # A limit yields in a run that is not the motion of its model.
+    context, limit = runs.context, runs.limits[TOLERANCE.name]
+    for run in () if context.setup.steered else unresolved_runs(context):
+        for violation in _find_violations(context):
+            most = violation.peak[run]
+            if violation.course is not None and most > limit * violation.scale:
+                off = f"{violation.name} is off by {most:.3g} {violation.unit}"
+                step = first_step(violation.course[run] >= most)
+                reason = f"{off}; {numerical_error_text(context, run)}"
+                yield run, Onset(reason, step, violation.bodies)

@@ -46,10 +46,32 @@ def run_coverages(context: Context) -> tuple[Coverage, ...] | None:
         return tuple(Coverage() for _ in range(n))
     with np.errstate(all="ignore"):
         joints = _rows_by_part(mechanism.joints, _joint_fields(mechanism.joints, trace.qpos), n)
-        tendons = _rows_by_part(mechanism.tendons, _tendon_fields(mechanism, trace.lengths), n)
+        tendon_fields: Fields = {}
+        if trace.lengths is not None and mechanism.tendons:
+            least, greatest = trace.lengths.min(axis=1), trace.lengths.max(axis=1)
+            short, long = mechanism.slack.T
+            stretched = np.maximum(np.maximum(short - least, greatest - long), 0)
+            travel = _travel_fields(mechanism.tendons, least, greatest, greatest - least)
+            tendon_fields = {**travel, "stretched": stretched}
+        tendons = _rows_by_part(mechanism.tendons, tendon_fields, n)
         actuators = _rows_by_part(mechanism.actuators, _actuator_fields(mechanism, trace), n)
         touched = [trace.pairs[place] for place in context.pairs.places]
-        pairs = _rows_by_part(touched, _pair_fields(context), n)
+        # All contacts of a pair turn like its first one.
+        net, series, bears = context.net, context.net.series, bearing(context)
+        sticks, largest = series.mode == STICK, series.normal.max(axis=-1)
+        shares = {
+            "touched": bears,
+            "stuck": sticks,
+            "slid": series.mode == SLIDE,
+            "rolled": bears & sticks & (net.rolling > TURNING),
+            "spun": bears & (net.spinning > TURNING),
+        }
+        friction = series.tangential.max(axis=-1) / np.where(largest > 0, largest, np.inf)
+        pairs = _rows_by_part(
+            touched,
+            {**{name: share(values).T for name, values in shares.items()}, "friction": friction.T},
+            n,
+        )
     loads = np.zeros((n, 0)) if trace.equality_loads is None else trace.equality_loads
     weight = context.setup.moving_mass * context.setup.pull
     loads = np.where(loads < _LEAST_LOAD_SHARE * weight[:, None], 0, loads)
@@ -132,16 +154,6 @@ def _travel_fields(parts: Sequence[Part], least: Floats, greatest: Floats, moved
     }
 
 
-def _tendon_fields(mechanism: Mechanism, lengths: Floats | None) -> Fields:
-    if lengths is None or not mechanism.tendons:
-        return {}
-    least, greatest = lengths.min(axis=1), lengths.max(axis=1)
-    short, long = mechanism.slack.T
-    stretched = np.maximum(np.maximum(short - least, greatest - long), 0)
-    travel = _travel_fields(mechanism.tendons, least, greatest, greatest - least)
-    return {**travel, "stretched": stretched}
-
-
 def _actuator_fields(mechanism: Mechanism, trace: Trace) -> Fields:
     shape = (trace.runs, trace.steps, len(mechanism.actuators))
     forces = np.zeros(shape) if trace.forces is None else trace.forces
@@ -159,18 +171,3 @@ def _actuator_fields(mechanism: Mechanism, trace: Trace) -> Fields:
         "force": np.abs(forces).max(axis=1),
         "saturated": at_limit.mean(axis=1),
     }
-
-
-def _pair_fields(context: Context) -> Fields:
-    """Return the coverage of pairs in each run; all contacts of a pair turn like its first one."""
-    net, series, bears = context.net, context.net.series, bearing(context)
-    sticks, largest = series.mode == STICK, series.normal.max(axis=-1)
-    shares = {
-        "touched": bears,
-        "stuck": sticks,
-        "slid": series.mode == SLIDE,
-        "rolled": bears & sticks & (net.rolling > TURNING),
-        "spun": bears & (net.spinning > TURNING),
-    }
-    friction = series.tangential.max(axis=-1) / np.where(largest > 0, largest, np.inf)
-    return {**{name: share(values).T for name, values in shares.items()}, "friction": friction.T}

@@ -93,11 +93,7 @@ def slip_distance(context: Context) -> Floats:
 
     On hops of up to 100 ms between contacts it is interpolated between the neighboring speeds.
     """
-    return worst_pair(context, _slip_with_hops(context).sum(axis=-1)) * context.trace.timestep
-
-
-def _slip_with_hops(context: Context) -> Floats:
-    """Return (R, n, N) the slip speeds of pairs, interpolated on their hops."""
+    # Slip speeds of pairs, interpolated on their hops.
     slip = context.net.series.slip
     hops = (context.net.series.mode != NO_CONTACT) & ~bearing(context)
     if hops.any():
@@ -105,7 +101,7 @@ def _slip_with_hops(context: Context) -> Floats:
         for place in map(tuple, np.argwhere(hops.any(axis=-1))):
             known, gaps = np.flatnonzero(bearing(context)[place]), np.flatnonzero(hops[place])
             slip[place][gaps] = np.interp(gaps, known, slip[place][known])
-    return slip
+    return worst_pair(context, slip.sum(axis=-1)) * context.trace.timestep
 
 
 @metric("m/s", "lower", 1e-9, tolerance=1e-4)
@@ -263,7 +259,23 @@ def chatter(runs: MeasuredRuns) -> OnsetIterator:
         event = f"{event} while it stuck"
         kept = ~driven[gaps.run]
         yield from _find_frequent(runs, row, (gaps.run[kept], gaps.start[kept]), event)
-    yield from _find_hunting(runs)
+    # Actuators that go from one end of their force to the other under constant controls.
+    context, limit = runs.context, runs.limits[_MIN_EVENTS.name]
+    trace, mechanism = context.trace, context.setup.mechanism
+    if not (
+        trace.forces is None or not trace.forces.size or mechanism is None or context.setup.steered
+    ):
+        (low, high), half = mechanism.forces.T, slice(trace.steps // 2, None)
+        share = (trace.forces[:, half] - low) / (high - low)
+        ends = np.where(share > 1 - _FORCE_END_SHARE, 1, 0) - (share < _FORCE_END_SHARE)
+        ranges = trace.control_ranges
+        still = True if ranges is None else np.ptp(ranges, axis=2) == 0
+        for run, place in np.argwhere(still & (ends != 0).any(axis=1)).tolist():
+            turns = np.count_nonzero(np.diff(ends[run, ends[run, :, place] != 0, place]))
+            if turns >= limit:
+                reason = f"{mechanism.actuators[place].name} went {turns} times from one end of its"
+                reason = f"{reason} force to the other under constant controls (limit {limit:g})"
+                yield run, Onset(reason, half.start, mechanism.actuators[place].bodies)
 
 
 @cached
@@ -292,11 +304,24 @@ def lost_contacts(context: Context, row: int) -> Spans:
     found = Spans(gap.run[inner], gap.start[inner], gap.stop[inner])
     if not inner.any():
         return found
-    before = _contacts_before(touch, found)
+    # The contacts that end where the gaps start; the next ones follow.
+    width = int(max(touch.stop.max(initial=0), found.stop.max(initial=0))) + 1
+    before = np.searchsorted(touch.run * width + touch.stop, found.run * width + found.start)
     kept = found.stop - found.start <= touch.stop[before] - touch.start[before]
     kept &= series.mode[row, found.run, found.start] == STICK
     for step in (found.start - 1, found.stop):
-        kept[kept] &= _sticks_inside_cone(context, row, found.run[kept], step[kept])
+        # The pair sticks, and each of its contacts is well inside its whole cone.
+        of_run = found.run[kept]
+        start = step[kept]
+        pair = context.trace.pairs[context.pairs.places[row]]
+        slots = pair.slots[of_run, start]
+        acting = np.abs(slots[..., _FRICTION_FIELDS])
+        bound = slots[..., FORCE.start, None] * pair.friction[of_run][:, None]
+        share = np.divide(acting, bound, out=np.zeros_like(acting), where=acting > 0)
+        elliptic = context.setup.elliptic[of_run][:, None]
+        used = np.where(elliptic, np.sqrt((share * share).sum(axis=2)), share.sum(axis=2))
+        sticks = context.net.series.mode[row, of_run, start] == STICK
+        kept[kept] &= sticks & (used < HELD_USAGE).all(axis=1)
     pair = context.trace.pairs[context.pairs.places[row]]
     meeting = pair.slots[found.run[kept], found.stop[kept]]
     speed = np.abs(meeting[..., LINEAR_VELOCITY.start]).max(axis=1, initial=0)
@@ -315,49 +340,9 @@ def _all_lost_contacts(context: Context) -> dict[int, Spans]:
     return {row: lost_contacts(context, row) for row in runs_where(np.asarray(parts))}
 
 
-def _sticks_inside_cone(
-    context: Context, row: int, run: NDArray[np.intp], step: NDArray[np.intp]
-) -> NDArray[np.bool_]:
-    """Return whether a pair sticks and each of its contacts is well inside its whole cone."""
-    pair = context.trace.pairs[context.pairs.places[row]]
-    slots = pair.slots[run, step]
-    acting = np.abs(slots[..., _FRICTION_FIELDS])
-    bound = slots[..., FORCE.start, None] * pair.friction[run][:, None]
-    share = np.divide(acting, bound, out=np.zeros_like(acting), where=acting > 0)
-    elliptic = context.setup.elliptic[run][:, None]
-    used = np.where(elliptic, np.sqrt((share * share).sum(axis=2)), share.sum(axis=2))
-    sticks = context.net.series.mode[row, run, step] == STICK
-    return sticks & (used < HELD_USAGE).all(axis=1)
-
-
-def _contacts_before(touch: Spans, gap: Spans) -> NDArray[np.intp]:
-    """Return the indices of the contacts that end where the gaps start; the next ones follow."""
-    width = int(max(touch.stop.max(initial=0), gap.stop.max(initial=0))) + 1
-    return np.searchsorted(touch.run * width + touch.stop, gap.run * width + gap.start)
-
-
 def _peak_forces(forces: Floats, touch: Spans, places: NDArray[np.intp]) -> Floats:
     stretches = zip(touch.run[places], touch.start[places], touch.stop[places], strict=True)
     return np.array([forces[run, start:stop].max() for run, start, stop in stretches])
-
-
-def _find_hunting(runs: MeasuredRuns) -> OnsetIterator:
-    """Find actuators that go from one end of their force to the other under constant controls."""
-    context, limit = runs.context, runs.limits[_MIN_EVENTS.name]
-    trace, mechanism = context.trace, context.setup.mechanism
-    if trace.forces is None or not trace.forces.size or mechanism is None or context.setup.steered:
-        return
-    (low, high), half = mechanism.forces.T, slice(trace.steps // 2, None)
-    share = (trace.forces[:, half] - low) / (high - low)
-    ends = np.where(share > 1 - _FORCE_END_SHARE, 1, 0) - (share < _FORCE_END_SHARE)
-    ranges = trace.control_ranges
-    still = True if ranges is None else np.ptp(ranges, axis=2) == 0
-    for run, place in np.argwhere(still & (ends != 0).any(axis=1)).tolist():
-        turns = np.count_nonzero(np.diff(ends[run, ends[run, :, place] != 0, place]))
-        if turns >= limit:
-            reason = f"{mechanism.actuators[place].name} went {turns} times from one end of its"
-            reason = f"{reason} force to the other under constant controls (limit {limit:g})"
-            yield run, Onset(reason, half.start, mechanism.actuators[place].bodies)
 
 
 def _find_frequent(

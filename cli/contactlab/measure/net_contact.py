@@ -123,12 +123,20 @@ def _reduce_run(
     normal, tangential, used, slip, each = _sum_slots(columns, cone)
     bound = cone.friction * normal
     spin, along, across = columns.turning
+    # The filled slots come first.
+    if not (columns.distance > 0).any():
+        least_distance = columns.distance.min(axis=0)
+    else:
+        filled = np.arange(len(columns.distance))[:, None] < contacts
+        least_distance = np.where(
+            contacts > 0, np.where(filled, columns.distance, np.inf).min(axis=0), 0
+        )
     series = (
         normal,
         tangential,
         _safe_ratio(used, bound),
         slip,
-        _least_distance(columns.distance, contacts),
+        least_distance,
         columns.normal.max(axis=0),
         _safe_ratio(each, bound),
         np.sqrt(along * along + across * across),
@@ -137,7 +145,15 @@ def _reduce_run(
     apart = columns.normal * np.maximum(columns.distance, 0)
     standoff = apart.sum() / max(columns.normal.sum(), np.finfo(float).tiny)
     farthest = columns.distance.max(initial=0)
-    return series, (_cone_excess(columns, cone), apart.max(initial=0), farthest, standoff)
+    used, bound = cone.norm(columns.force), cone.friction * columns.normal
+    over = used > bound
+    over &= columns.normal > SUM_ROUNDING * columns.normal.max(initial=0)
+    return series, (
+        (used[over] / bound[over]).max(initial=1) - 1,
+        apart.max(initial=0),
+        farthest,
+        standoff,
+    )
 
 
 def _gather_columns(slots: Floats) -> _SlotColumns:
@@ -208,18 +224,3 @@ def _complex_modulus(pair: Complexes) -> Floats:
 def _safe_ratio(part: Floats, whole: Floats) -> Floats:
     """Return part / whole, or 0 if the whole is not positive."""
     return part / np.where(whole > 0, whole, np.inf)
-
-
-def _least_distance(distance: Floats, contacts: NDArray[np.int32]) -> Floats:
-    """Return the least distance over the filled slots, which come first; 0 without any."""
-    if not (distance > 0).any():
-        return distance.min(axis=0)
-    filled = np.arange(len(distance))[:, None] < contacts
-    return np.where(contacts > 0, np.where(filled, distance, np.inf).min(axis=0), 0)
-
-
-def _cone_excess(columns: _SlotColumns, cone: _Cone) -> Floats:
-    used, bound = cone.norm(columns.force), cone.friction * columns.normal
-    over = used > bound
-    over &= columns.normal > SUM_ROUNDING * columns.normal.max(initial=0)
-    return (used[over] / bound[over]).max(initial=1) - 1

@@ -169,7 +169,14 @@ def flip_time(context: Context) -> tuple[Floats, Floats]:
     attitude = context.trace.qpos[:, 0, body.qpos + 3 : body.qpos + 7]
     momentum = rotate_vectors_back(attitude, context.trace.angular_momentum[:, 0])
     start = turning[:, 0]
-    return middle_axis_flip(momentum / start, start), _first_zero(context, turning[:, :, 1])
+    # The first sign change, interpolated.
+    values = turning[:, :, 1]
+    crossed = values[:, 1:] * values[:, :-1] < 0
+    step = crossed.argmax(axis=1)
+    rows = np.arange(len(values))
+    before, after = values[rows, step], values[rows, step + 1]
+    time = context.trace.timestep * (step + before / (before - after))
+    return middle_axis_flip(momentum / start, start), np.where(crossed.any(axis=1), time, np.nan)
 
 
 def middle_axis_flip(inertia: Floats, turning: Floats) -> Floats:
@@ -210,13 +217,3 @@ def carlson_rf(x: Floats, y: Floats, z: Floats) -> Floats:
         shift = roots[0] * roots[1] + roots[1] * roots[2] + roots[2] * roots[0]
         x, y, z = (x + shift) / 4, (y + shift) / 4, (z + shift) / 4
     return 1 / np.sqrt((x + y + z) / 3)
-
-
-def _first_zero(context: Context, values: Floats) -> Floats:
-    """Return (n,) the time [s] of the first sign change of values (n, N + 1), interpolated."""
-    crossed = values[:, 1:] * values[:, :-1] < 0
-    step = crossed.argmax(axis=1)
-    rows = np.arange(len(values))
-    before, after = values[rows, step], values[rows, step + 1]
-    time = context.trace.timestep * (step + before / (before - after))
-    return np.where(crossed.any(axis=1), time, np.nan)

@@ -4,8 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.rotations import rotate_vectors
-from contactlab.contact.trace_arrays import NORMAL, Floats, Passage, fast_median
-from contactlab.contact.trace_setup import Barrier
+from contactlab.contact.trace_arrays import NORMAL, Floats, fast_median
 from contactlab.measure.backward_error import TOLERANCE, resolved_runs
 from contactlab.measure.context import (
     Context,
@@ -186,16 +185,12 @@ def distance_min(context: Context) -> Floats:
 def tunneling(runs: MeasuredRuns) -> OnsetIterator:
     """A body's center crossed a surface or a geom, or it overlaps beyond the thinner's middle."""
     passed = [
-        (run, Onset(_passage_reason(passage), passage.step, passage.bodies))
+        (run, Onset(f"{passage.mover} passed through {passage.wall}", passage.step, passage.bodies))
         for run, passages in enumerate(runs.context.trace.passages)
         for passage in passages
     ]
     found = [*_find_crossings(runs.context), *_find_pierced(runs), *passed]
     yield from sorted(found, key=lambda placed: placed[1].step)
-
-
-def _passage_reason(passage: Passage) -> str:
-    return f"{passage.mover} passed through {passage.wall}"
 
 
 @label(
@@ -335,19 +330,15 @@ def _find_crossings(context: Context) -> OnsetIterator:
         )
         for run in runs_where(np.asarray(changed.any(axis=1))):
             steps = np.flatnonzero(changed[run])
-            inside = steps[_within_reach(barrier, place[run], steps, height[run])]
+            position = place[run]
+            over = height[run]
+            share = (over[steps] / (over[steps] - over[steps + 1]))[:, None]
+            met = position[steps] + share * (position[steps + 1] - position[steps])
+            offset = met - barrier.point
+            offset -= (offset @ barrier.normal)[:, None] * barrier.normal
+            inside = steps[np.linalg.norm(offset, axis=1) < barrier.reach]
             if len(inside):
                 yield run, Onset(reason, int(inside[0]), (barrier.body.name,))
-
-
-def _within_reach(
-    barrier: Barrier, position: Floats, steps: NDArray[np.intp], height: Floats
-) -> NDArray[np.bool_]:
-    share = (height[steps] / (height[steps] - height[steps + 1]))[:, None]
-    met = position[steps] + share * (position[steps + 1] - position[steps])
-    offset = met - barrier.point
-    offset -= (offset @ barrier.normal)[:, None] * barrier.normal
-    return np.linalg.norm(offset, axis=1) < barrier.reach
 
 
 PRESSED = Threshold(

@@ -31,15 +31,6 @@ _IS_TRANSLATION = {
 }
 
 
-def _late_speeds(context: Context) -> Floats:
-    """Return (n, T, nv) speeds of the last quarter [rad/s, or mean body sizes a second]."""
-    late, mechanism = context.trace.qvel[:, 3 * context.trace.steps // 4 :], context.setup.mechanism
-    if mechanism is None:
-        return late
-    along = [moves for joint in mechanism.joints for moves in _IS_TRANSLATION[joint.kind]]
-    return late / np.where(along, context.setup.size, 1.0)
-
-
 def _oscillates(context: Context, late: Floats) -> NDArray[np.bool_]:
     """Return (n,) whether speeds oscillate from step to step, by a share of gravity.
 
@@ -74,7 +65,11 @@ def needs_second_pass(context: Context) -> NDArray[np.bool_]:
     """
     trace, ranges = context.trace, context.trace.control_ranges
     most = threshold_values(context.setup.thresholds)
-    late = _late_speeds(context)
+    # Speeds of the last quarter [rad/s, or mean body sizes a second].
+    late, mechanism = trace.qvel[:, 3 * trace.steps // 4 :], context.setup.mechanism
+    if mechanism is not None:
+        along = [moves for joint in mechanism.joints for moves in _IS_TRANSLATION[joint.kind]]
+        late = late / np.where(along, context.setup.size, 1.0)
     found = _oscillates(context, late)
     found |= weights_borne(context) > most[PRESSED.name]
     found |= stuck_share(context) >= _MIN_SATURATED_SHARE

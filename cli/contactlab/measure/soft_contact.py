@@ -1,7 +1,6 @@
 """Soft contact: the metric of restitution, and closed forms of impacts and of rest."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contactlab.contact.contact_laws import (
     damping_ratio,
@@ -56,7 +55,14 @@ def restitution_measured(context: Context) -> Floats:
 
 def _find_bounces(context: Context, barrier: Barrier) -> tuple[Rows, Floats]:
     """Return run and restitution of the impacts that count, in order of run and time."""
-    touches, rank = _first_touches(context, barrier)
+    # Each run's first contacts with a flight before and after, and their number.
+    found = find_spans(context.net.series.contacts[context.pairs.rows[barrier.pair]] > 0)
+    whole = (found.start > 0) & (found.stop < context.trace.steps)
+    run = found.run[whole]
+    rank = np.arange(len(run)) - np.searchsorted(run, run)
+    few = rank < _MAX_IMPACTS
+    starts, stops = found.start[whole][few], found.stop[whole][few]
+    touches, rank = Spans(run[few], starts, stops), rank[few]
     if not rank.size:
         return rank, np.empty(0)
     approach, rebound = _touch_speeds(context, barrier, touches)
@@ -65,19 +71,20 @@ def _find_bounces(context: Context, barrier: Barrier) -> tuple[Rows, Floats]:
     counts = (approach >= IMPACT * context.setup.pull[touches.run]) & (
         approach >= _MIN_SPEED_RATIO * first[touches.run]
     )
-    counts &= np.isfinite(rebound) & _is_central(context, barrier, touches)
+    # The line of the first force of each contact passes near the body's origin.
+    slots = context.trace.pairs[barrier.pair].slots[touches.run, touches.start]
+    start = barrier.body.qpos
+    arms = (
+        slots[..., POSITION]
+        - context.trace.qpos[touches.run, touches.start][:, None, start : start + 3]
+    )
+    weights = slots[..., FORCE.start, None] + np.finfo(float).tiny * (slots[..., FOUND, None] > 0)
+    arm = sum_of_slots(arms * weights, axis=1)
+    across = arm - (arm @ barrier.normal)[:, None] * barrier.normal
+    counts &= np.isfinite(rebound) & (
+        np.linalg.norm(across, axis=1) <= _MAX_OFF_CENTER * np.linalg.norm(arm, axis=1)
+    )
     return touches.run[counts], rebound[counts] / approach[counts]
-
-
-def _first_touches(context: Context, barrier: Barrier) -> tuple[Spans, Rows]:
-    """Return each run's first contacts with a flight before and after, and their number."""
-    found = find_spans(context.net.series.contacts[context.pairs.rows[barrier.pair]] > 0)
-    whole = (found.start > 0) & (found.stop < context.trace.steps)
-    run = found.run[whole]
-    rank = np.arange(len(run)) - np.searchsorted(run, run)
-    few = rank < _MAX_IMPACTS
-    starts, stops = found.start[whole][few], found.stop[whole][few]
-    return Spans(run[few], starts, stops), rank[few]
 
 
 def _touch_speeds(context: Context, barrier: Barrier, touches: Spans) -> tuple[Floats, Floats]:
@@ -105,20 +112,6 @@ def _touch_speeds(context: Context, barrier: Barrier, touches: Spans) -> tuple[F
 
     before = speed(touches.start - 1, touches.start, -1)
     return before, speed(touches.stop, touches.stop - 1, 1)
-
-
-def _is_central(context: Context, barrier: Barrier, touches: Spans) -> NDArray[np.bool_]:
-    """Return whether the line of the first force of each contact passes near the body's origin."""
-    slots = context.trace.pairs[barrier.pair].slots[touches.run, touches.start]
-    start = barrier.body.qpos
-    arms = (
-        slots[..., POSITION]
-        - context.trace.qpos[touches.run, touches.start][:, None, start : start + 3]
-    )
-    weights = slots[..., FORCE.start, None] + np.finfo(float).tiny * (slots[..., FOUND, None] > 0)
-    arm = sum_of_slots(arms * weights, axis=1)
-    across = arm - (arm @ barrier.normal)[:, None] * barrier.normal
-    return np.linalg.norm(across, axis=1) <= _MAX_OFF_CENTER * np.linalg.norm(arm, axis=1)
 
 
 def _height_above(context: Context, barrier: Barrier, run: Rows, step: Rows | int) -> Floats:
@@ -300,7 +293,11 @@ def stack_sag(context: Context) -> tuple[Floats, Floats]:
     inverse[:, 1:] += 1 / mass[:, :-1]
     solref, solimp = context.setting("solref"), context.setting("solimp")
     depths = resting_depth(carried / _CORNER_CONTACTS, inverse, solref[:, None], solimp[:, None])
-    layers = [_mean_depth(pair, context.last_fifth) for pair in context.trace.pairs]
+    tail = context.last_fifth
+    layers = [
+        _mean_of_contacts(pair, tail, np.maximum(-pair.slots[:, tail, :, DISTANCE], 0))
+        for pair in context.trace.pairs
+    ]
     # Add one by one: for a single run NumPy would add them in another order.
     return depths.sum(axis=1), sum(layers, np.zeros(context.trace.runs))
 
@@ -320,11 +317,6 @@ def foot_depth(context: Context) -> tuple[Floats, Floats]:
     solref, solimp = context.setting("solref"), context.setting("solimp")
     expected = resting_depth(robot * gravity(context) / _CORNER_CONTACTS, inverse, solref, solimp)
     return expected, steady_depths(context)[0]
-
-
-def _mean_depth(pair: PairTrace, tail: slice) -> Floats:
-    """Return (n,) depth [m] of a pair, averaged over its contacts and then over time."""
-    return _mean_of_contacts(pair, tail, np.maximum(-pair.slots[:, tail, :, DISTANCE], 0))
 
 
 def _mean_of_contacts(pair: PairTrace, tail: slice, values: Floats) -> Floats:

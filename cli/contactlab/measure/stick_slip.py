@@ -70,7 +70,12 @@ def contact_modes(
     leave = ((grip < LEAVE_USAGE) | (slip < LEAVE_SLIP)) & bearing
     events = (enter * np.int8(SLIDE) + leave * np.int8(STICK)).reshape(len(longest), steps)
     _mark_long_gaps(events, bearing.reshape(events.shape), longest)
-    return _hold_last_event(events).reshape(bearing.shape)
+    # At each sample, the last event at or before it.
+    step = np.arange(1, events.shape[1] + 1, dtype=np.int32) * 4
+    dated = np.where(events == _NO_EVENT, 0, step + events)
+    held = (np.maximum.accumulate(dated, axis=1) & 3).astype(np.int8)
+    held[held == _SEPARATED] = NO_CONTACT
+    return held.reshape(bearing.shape)
 
 
 def _mark_long_gaps(events: Modes, bearing: NDArray[np.bool_], longest: Floats) -> None:
@@ -88,15 +93,6 @@ def _mark_long_gaps(events: Modes, bearing: NDArray[np.bool_], longest: Floats) 
 
 def _begin_contact(events: Modes, run: Rows, step: Rows) -> None:
     events[run, step] = np.where(events[run, step] == SLIDE, SLIDE, STICK)
-
-
-def _hold_last_event(events: Modes) -> Modes:
-    """Return at each sample the last event at or before it."""
-    step = np.arange(1, events.shape[1] + 1, dtype=np.int32) * 4
-    dated = np.where(events == _NO_EVENT, 0, step + events)
-    held = (np.maximum.accumulate(dated, axis=1) & 3).astype(np.int8)
-    held[held == _SEPARATED] = NO_CONTACT
-    return held
 
 
 def mode_changes(mode: Modes, normal: Floats, usage: Floats) -> NDArray[np.bool_]:

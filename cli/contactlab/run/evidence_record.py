@@ -28,7 +28,6 @@ from contactlab.run.git_commit import commit_of
 from contactlab.run.run_verdicts import judge_expectations, missing_effects, within_tolerances
 from contactlab.run.tasks import Finished, Task
 from contactlab.scene.effects.effect import NOT_IN_MODEL, EffectState
-from contactlab.scene.initial_states import InitialStates
 from contactlab.schema.evidence import (
     Cost,
     Engine,
@@ -226,7 +225,13 @@ def own_fields(task: Task, outcome: RunOutcome) -> Fields:
     bodies = group.assessment.backward_error_body
     twin, error = outcome.twin_label, outcome.rollout.errors[place]
     invalid = () if error is None else (AppliedLabel("invalid", error, 0),)
-    status, reason = _run_status(outcome)
+    if (error := outcome.rollout.errors[outcome.place]) is not None:
+        status, reason = "error", error
+    elif outcome.steps == outcome.plan.run.steps:
+        status, reason = "ok", None
+    else:
+        warnings = ", ".join(outcome.rollout.warnings[outcome.place]) or "no warning"
+        status, reason = "stopped", f"the engine stopped after {outcome.steps} steps: {warnings}"
     model = outcome.plan.prepared.model
     return {
         **_common_outcome_fields(
@@ -261,11 +266,20 @@ def _common_outcome_fields(
 ) -> Fields:
     names, run = [entry.label for entry in labels], plan.run
     expected, met, missed = judge_expectations(common.expectations, names, metrics)
+    applied = plan.start.applied if plan.start.applied.any() else plan.start.applied[:, :0]
+    parts = {
+        "qpos": plan.start.qpos,
+        "qvel": plan.start.qvel,
+        "ctrl": plan.start.ctrl,
+        "applied": applied,
+    }
     return {
         "run_id": run.run_id,
         "index": run.index,
         "seed": run.seed,
-        "initial": _initial_state(plan.start),
+        "initial": SimpleNamespace(
+            **{name: tuple(part[0].tolist()) for name, part in parts.items()}
+        ),
         "metrics": metrics,
         "label": names[0],
         "labels": labels,
@@ -301,22 +315,6 @@ def cost_and_times(task: Task, outcome: RunOutcome) -> Fields:
     return {"started": outcome.started, "finished": time_now(), "cost": known and Cost.of(*known)}
 
 
-def _initial_state(start: InitialStates) -> SimpleNamespace:
-    applied = start.applied if start.applied.any() else start.applied[:, :0]
-    parts = {"qpos": start.qpos, "qvel": start.qvel, "ctrl": start.ctrl, "applied": applied}
-    return SimpleNamespace(**{name: tuple(part[0].tolist()) for name, part in parts.items()})
-
-
-def _run_status(outcome: RunOutcome) -> tuple[str, str | None]:
-    """Return how a run ended, and the reason if it ended early."""
-    if (error := outcome.rollout.errors[outcome.place]) is not None:
-        return "error", error
-    if outcome.steps == outcome.plan.run.steps:
-        return "ok", None
-    warnings = ", ".join(outcome.rollout.warnings[outcome.place]) or "no warning"
-    return "stopped", f"the engine stopped after {outcome.steps} steps: {warnings}"
-
-
 @cache
 def engine() -> Engine:
     """Return the engine and its version, without loading it."""
@@ -325,9 +323,13 @@ def engine() -> Engine:
 
 def provenance() -> Provenance:
     """Return versions and machine, with the commit of the current folder."""
+    try:
+        revision = commit_of(Path.cwd())
+    except OSError:
+        revision = None
     return Provenance(
         contactlab=version("contactlab"),
-        git_revision=_revision(),
+        git_revision=revision,
         python=platform.python_version(),
         numpy=np.__version__,
         host=_host(),
@@ -335,7 +337,11 @@ def provenance() -> Provenance:
 
 
 def _host() -> Host:
-    info = _cpu_info()
+    # Entries of the first processor in /proc/cpuinfo; none without such a file.
+    file = Path("/proc/cpuinfo")
+    first = file.read_text(encoding="utf-8").split("\n\n")[0] if file.is_file() else ""
+    pairs = (line.partition(":") for line in first.splitlines())
+    info = {name.strip(): value.strip() for name, _, value in pairs}
     flags = " ".join(sorted(info.get("flags", "").split()))
     return Host(
         # The first of the others starts a process to find out.
@@ -344,19 +350,3 @@ def _host() -> Host:
         cores=os.cpu_count() or 1,
         os=f"{platform.system()} {platform.release()}",
     )
-
-
-def _cpu_info() -> dict[str, str]:
-    """Return the first processor's entries in /proc/cpuinfo; none without such a file."""
-    file = Path("/proc/cpuinfo")
-    first = file.read_text(encoding="utf-8").split("\n\n")[0] if file.is_file() else ""
-    pairs = (line.partition(":") for line in first.splitlines())
-    return {name.strip(): value.strip() for name, _, value in pairs}
-
-
-def _revision() -> str | None:
-    """Return the commit of the current folder; None if it has none, or was removed."""
-    try:
-        return commit_of(Path.cwd())
-    except OSError:
-        return None

@@ -31,7 +31,14 @@ _START_ATTEMPTS, _START_PAUSE = 20, 0.1
 
 def start_server() -> None:
     """Start the server, if it does not run, and go on while it loads."""
-    _place_socket()
+    # The system wants the socket's path to be short; the temporary folder of a batch system is not.
+    chosen = tempfile.gettempdir()
+    if len(chosen) > _MOST_CHARACTERS_OF_A_FOLDER:
+        tempfile.tempdir = "/tmp"  # noqa: S108 - a private folder is made in it
+        try:
+            util.get_temp_dir()
+        finally:
+            tempfile.tempdir = chosen
     # Workers call the functions that fill the registry: their modules are loaded for them, too.
     preloaded = own_parts("fork server")["preloaded"].load()
     fillers = [filler.__module__ for filler in registry_fillers()]
@@ -92,17 +99,3 @@ def _replaced(entries: MutableMapping[str, Value], **others: Value) -> Generator
         for name in others:
             del entries[name]
         entries.update(before)
-
-
-def _place_socket() -> None:
-    """Choose a folder for the fork server's socket, whose path the system wants to be short.
-
-    It would be in the temporary folder, whose name a batch system may make long.
-    """
-    chosen = tempfile.gettempdir()
-    if len(chosen) > _MOST_CHARACTERS_OF_A_FOLDER:
-        tempfile.tempdir = "/tmp"  # noqa: S108 - a private folder is made in it
-        try:
-            util.get_temp_dir()
-        finally:
-            tempfile.tempdir = chosen

@@ -17,7 +17,6 @@ from contactlab.run.recomputed_runs import plan_again
 from contactlab.run.run_verdicts import conclude_runs
 from contactlab.schema.evidence import Host, Provenance, StoreManifest, SweepIdentity
 from contactlab.store.atomic_files import hashes_below, sha256_of
-from contactlab.store.backend import Backend
 from contactlab.store.controls_file import controls_name
 from contactlab.store.finished_store import Store
 from contactlab.store.folder_backend import backend_at
@@ -31,7 +30,7 @@ from contactlab.store.store_files import (
     parse_manifest,
     shard_of,
 )
-from contactlab.store.store_writer import Conclusion, StoreWriter, open_writer
+from contactlab.store.store_writer import Conclusion, open_writer
 
 _MAX_LISTED = 8
 
@@ -51,7 +50,13 @@ def merge_stores(
     stores, lacking = _open_stores(places, may_lack=may_lack)
     _check_same_sweep(stores)
     runs = _count_runs(stores)
-    identity = _joined_identity(stores, runs)
+    # All runs together are the whole sweep, or a part of it.
+    sweep = stores[0].manifest.sweep
+    if (whole := sweep.whole) is None:
+        identity = sweep
+    else:
+        grid = None if whole.runs == runs else whole.model_copy(update={"shard": None})
+        identity = sweep.model_copy(update={"runs_asked": runs, "whole": grid})
     gaps = _gaps_text(stores, runs, lacking) if identity.whole else ""
     if gaps and not may_lack:
         raise StoreError(f"{gaps}; run the missing ones, or add --partial to merge without them")
@@ -73,8 +78,27 @@ def merge_stores(
             raise OutputError(f"{target} holds runs of a sweep; name another place, or add --fresh")
         to = backend_at(target, OutputError)
         for source in stores:
-            _copy_files(source, to)
-        _publish_store(store, stores, identity)
+            # Traces and recorded controls are checked against their hashes.
+            for sha256 in filter(
+                None, source.columns.arrow(["controls"])["controls"].unique().to_pylist()
+            ):
+                name = controls_name(sha256)
+                to.put(name, source.backend.read(name) or b"")
+            traces = source.columns.arrow(["trace_file", "trace_sha256"])
+            wanted = traces.filter(traces["trace_file"].is_valid())
+            names = [name.as_py() for name in wanted["trace_file"]]
+            with closing(source.backend.local_files(names)) as files:
+                for name, sha256, path in zip(names, wanted["trace_sha256"], files, strict=True):
+                    if path is None:
+                        raise StoreError(f"{source.address / name} is missing")
+                    if sha256_of(path) != sha256.as_py():
+                        raise StoreError(f"{source.address / name}: changed since it was written")
+                    to.put(name, path.read_bytes())
+        manifests = [store.manifest for store in stores]
+        times = min(each.started for each in manifests), max(each.finished for each in manifests)
+        tables = {store.address: store.path / TABLE for store in stores}
+        written = joined_provenance([each.provenance for each in manifests])
+        store.join(tables, written, times, _merge_conclusion(stores[0], identity))
     return gaps
 
 
@@ -150,15 +174,6 @@ def _count_runs(stores: Sequence[Store]) -> int:
     return len(joined)
 
 
-def _joined_identity(stores: Sequence[Store], runs: int) -> SweepIdentity:
-    """Return the identity of all runs together: of the whole sweep, or of a part of it."""
-    sweep = stores[0].manifest.sweep
-    if (whole := sweep.whole) is None:
-        return sweep
-    grid = None if whole.runs == runs else whole.model_copy(update={"shard": None})
-    return sweep.model_copy(update={"runs_asked": runs, "whole": grid})
-
-
 def _gaps_text(stores: Sequence[Store], runs: int, lacking: Sequence[str]) -> str:
     """Return text about the runs of the grid that no store has, by missing shards if known."""
     whole = stores[0].manifest.sweep.whole
@@ -190,31 +205,6 @@ def _is_merged(target: Address, identity: SweepIdentity) -> bool:
         session.remove_temporaries()
         session.remove_journal()
     return True
-
-
-def _copy_files(source: Store, target: Backend) -> None:
-    """Copy the traces and the recorded controls of a store, checked against their hashes."""
-    for sha256 in filter(None, source.columns.arrow(["controls"])["controls"].unique().to_pylist()):
-        name = controls_name(sha256)
-        target.put(name, source.backend.read(name) or b"")
-    traces = source.columns.arrow(["trace_file", "trace_sha256"])
-    wanted = traces.filter(traces["trace_file"].is_valid())
-    names = [name.as_py() for name in wanted["trace_file"]]
-    with closing(source.backend.local_files(names)) as files:
-        for name, sha256, path in zip(names, wanted["trace_sha256"], files, strict=True):
-            if path is None:
-                raise StoreError(f"{source.address / name} is missing")
-            if sha256_of(path) != sha256.as_py():
-                raise StoreError(f"{source.address / name}: changed since it was written")
-            target.put(name, path.read_bytes())
-
-
-def _publish_store(store: StoreWriter, stores: Sequence[Store], identity: SweepIdentity) -> None:
-    manifests = [store.manifest for store in stores]
-    times = min(each.started for each in manifests), max(each.finished for each in manifests)
-    tables = {store.address: store.path / TABLE for store in stores}
-    written = joined_provenance([each.provenance for each in manifests])
-    store.join(tables, written, times, _merge_conclusion(stores[0], identity))
 
 
 def _merge_conclusion(store: Store, identity: SweepIdentity) -> Conclusion:

@@ -54,7 +54,14 @@ def find_interpreter(request: str, notify: Callable[[str], None]) -> Interpreter
     if request == engine().version:
         return None
     if not _VERSION.fullmatch(request):
-        return _existing(request)
+        # An interpreter that the user names is tried.
+        path = Path(request).expanduser().absolute()
+        if not (path.is_file() and os.access(path, os.X_OK)):
+            raise EngineError(
+                f"'{request}' is neither a version of MuJoCo, such as 3.17.0, nor the path of a "
+                "Python"
+            )
+        return Interpreter(path, _probe(path, request))
     if not numbers_of(OLDEST) <= numbers_of(request) < _TOO_NEW:
         raise EngineError(
             f"contactlab runs on MuJoCo {OLDEST} and newer, below 5; not on {request}"
@@ -118,34 +125,21 @@ def run_installer(command: Sequence[str], folder: Path) -> "subprocess.Completed
     The current folder may be a stranger's. A `uv.toml` or `pyproject.toml` in it or above it could
     name the package index, from which code is installed.
     """
+    # uv reads the user's configuration, and none of a folder.
+    named = os.environ.get("UV_CONFIG_FILE")
+    home = os.environ.get("XDG_CONFIG_HOME") or str(Path.home() / ".config")
+    found = [Path(named).absolute()] if named else [Path(home, "uv", "uv.toml"), *_UV_OF_MACHINE]
+    own = next((file for file in found if file.is_file()), None)
+    # A file that is named is read alone; uv itself reports a missing one.
+    chosen = {"UV_CONFIG_FILE": str(own or found[0])} if own or named else {"UV_NO_CONFIG": "1"}
     return subprocess.run(  # noqa: S603
         command,
         capture_output=True,
         text=True,
         check=False,
         cwd=folder,
-        env={**os.environ, **_uv_configuration()},
+        env={**os.environ, **chosen},
     )
-
-
-def _uv_configuration() -> dict[str, str]:
-    """Return the variables by which uv reads the user's configuration, and none of a folder."""
-    named = os.environ.get("UV_CONFIG_FILE")
-    home = os.environ.get("XDG_CONFIG_HOME") or str(Path.home() / ".config")
-    found = [Path(named).absolute()] if named else [Path(home, "uv", "uv.toml"), *_UV_OF_MACHINE]
-    own = next((file for file in found if file.is_file()), None)
-    # A file that is named is read alone; uv itself says so if there is none.
-    return {"UV_CONFIG_FILE": str(own or found[0])} if own or named else {"UV_NO_CONFIG": "1"}
-
-
-def _existing(request: str) -> Interpreter:
-    """Return an interpreter that the user names, after trying it."""
-    python = Path(request).expanduser().absolute()
-    if not (python.is_file() and os.access(python, os.X_OK)):
-        raise EngineError(
-            f"'{request}' is neither a version of MuJoCo, such as 3.17.0, nor the path of a Python"
-        )
-    return Interpreter(python, _probe(python, request))
 
 
 def make_environment(

@@ -34,7 +34,7 @@ from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import ERRORS, Accuracy, Timing
-from contactlab.schema.sweep_schema import AccuracyRequest, TimingRequest
+from contactlab.schema.sweep_schema import TimingRequest
 from contactlab.store.controls_file import read_controls
 from contactlab.store.folder_backend import backend_at
 from contactlab.store.store_writer import StoreWriter
@@ -42,11 +42,6 @@ from contactlab.store.table_layout import Column, as_ratios
 
 Row = Mapping[str, Any]
 _CLEAR_TIME_RATIO = 1.25  # ratio of times beyond which further rounds do not change the order
-
-
-def _has_policy(run: RunSpec) -> bool:
-    """Return whether a policy acts in a run, so that its actions are only known from the record."""
-    return isinstance(run.drive, PolicyDrive)
 
 
 @dataclass(frozen=True)
@@ -77,7 +72,7 @@ class SweepSession:
     def repeatable_runs(self, able: Callable[[SimulationEngine], bool]) -> list[RunSpec]:
         """Return the completed runs with an engine that is able; only these are repeated."""
         return [
-            replace(run, controls=row["controls"]) if _has_policy(run) else run
+            replace(run, controls=row["controls"]) if isinstance(run.drive, PolicyDrive) else run
             for run in self.planned
             if (row := self.outcomes[run.run_id])["status"] == "ok" and able(engine_of(run))
         ]
@@ -93,7 +88,15 @@ def run_passes(session: SweepSession) -> tuple[dict[str, dict[str, Any]], Sequen
     columns: Sequence[Column] = ()
     sweep = session.task.sweep
     if sweep.accuracy is not None:
-        errors = _measure_errors(session, sweep.accuracy)
+        repeatable = session.repeatable_runs(lambda engine: isinstance(engine, SolvesReferences))
+        runs = {run.run_id: run for run in repeatable}
+        controls = {run_id: run.controls for run_id, run in runs.items()}
+        models = reference_models(session.scene, session.task.sweep, repeatable)
+        grouped = reference_families(models, session.scene, controls)
+        notes = _pass_results(
+            session, "errors", [tuple(map(runs.__getitem__, rows)) for rows in grouped]
+        )
+        errors = run_accuracies(sweep.accuracy, session.scene, _by_id(session.planned), notes)
         values = {run_id: _accuracy_row(session, run_id, error) for run_id, error in errors.items()}
         if any(error.error_kind == "invariants" for error in errors.values()):
             columns = as_ratios(name for name in Accuracy.model_fields if name.startswith("error_"))
@@ -101,18 +104,6 @@ def run_passes(session: SweepSession) -> tuple[dict[str, dict[str, Any]], Sequen
         for run_id, timing in _measure_times(session, sweep.timing, values).items():
             values[run_id] = values.get(run_id, {}) | timing.model_dump()
     return values, columns
-
-
-def _measure_errors(session: SweepSession, request: AccuracyRequest) -> dict[str, Accuracy]:
-    repeatable = session.repeatable_runs(lambda engine: isinstance(engine, SolvesReferences))
-    runs = {run.run_id: run for run in repeatable}
-    controls = {run_id: run.controls for run_id, run in runs.items()}
-    models = reference_models(session.scene, session.task.sweep, repeatable)
-    grouped = reference_families(models, session.scene, controls)
-    notes = _pass_results(
-        session, "errors", [tuple(map(runs.__getitem__, rows)) for rows in grouped]
-    )
-    return run_accuracies(request, session.scene, _by_id(session.planned), notes)
 
 
 def _by_id(runs: Iterable[RunSpec]) -> dict[str, RunSpec]:

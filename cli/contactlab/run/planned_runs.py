@@ -177,7 +177,9 @@ class RunIndex:
         check = _RunCheck(self._scene)
         for row, resolved, ids in self._identified_rows():
             run = resolved.with_seed(row.values, row.seeds[0], next(ids), row.first)
-            shape = _run_shape(run)
+            # Runs of one shape differ only in the values of settings and initial values.
+            parts = tuple(run.axes), tuple(run.structure.values()), tuple(run.flags.values())
+            shape = *parts, run.engine, run.drive, run.duration, run.changed, run.without
             check(run, shape)
             self.firsts.setdefault(shape, run)
             if self._kept is not None:
@@ -194,12 +196,6 @@ def _first_occurrences(values: NDArray[Any]) -> NDArray[np.bool_]:
     return first
 
 
-def _run_shape(run: RunSpec) -> Hashable:
-    """Return the key of runs that differ only in the values of settings and initial values."""
-    parts = tuple(run.axes), tuple(run.structure.values()), tuple(run.flags.values())
-    return *parts, run.engine, run.drive, run.duration, run.changed, run.without
-
-
 class _RunCheck:
     """Checks the settings of runs before anything runs, once for runs that differ only in seed."""
 
@@ -210,7 +206,23 @@ class _RunCheck:
 
     def __call__(self, run: RunSpec, shape: Hashable) -> None:
         if not run.timestep >= self._least.get(shape, math.inf):
-            self._check_steps(run)
+            # A run has steps, and its recording fits into memory.
+            if not 0 < run.timestep < math.inf:
+                raise SceneError(
+                    f"{self._scene.source.model}: its timestep is {run.timestep:g} s; write a "
+                    "positive one there, or sweep `timestep`"
+                )
+            if run.duration / run.timestep > _MOST_STEPS_OF_A_RUN:
+                raise SweepFileError(
+                    f"{run.duration:g} s in steps of {run.timestep:g} s are too many; lengthen "
+                    "`timestep`"
+                )
+            size = bytes_of_run(self._scene.base_of(run).model, run.steps)
+            if size > RUN_BYTES:
+                raise SweepFileError(
+                    f"a run of {run.steps:,} steps would record {size / 2**30:.1f} GiB in memory; "
+                    "the limit is 1 GiB. Shorten `duration` or monitor fewer pairs"
+                )
             self._least[shape] = run.timestep
         engine = engine_of(run)
         if isinstance(run.drive, PolicyDrive) and not engine.runs_policies:
@@ -231,25 +243,6 @@ class _RunCheck:
             self._scene.check_start(run)
             if len(self._checked) < _MOST_STARTS_CHECKED:
                 self._checked.add(key)
-
-    def _check_steps(self, run: RunSpec) -> None:
-        """Check that a run has steps, and that its recording fits into memory."""
-        if not 0 < run.timestep < math.inf:
-            raise SceneError(
-                f"{self._scene.source.model}: its timestep is {run.timestep:g} s; write a "
-                "positive one there, or sweep `timestep`"
-            )
-        if run.duration / run.timestep > _MOST_STEPS_OF_A_RUN:
-            raise SweepFileError(
-                f"{run.duration:g} s in steps of {run.timestep:g} s are too many; lengthen "
-                "`timestep`"
-            )
-        size = bytes_of_run(self._scene.base_of(run).model, run.steps)
-        if size > RUN_BYTES:
-            raise SweepFileError(
-                f"a run of {run.steps:,} steps would record {size / 2**30:.1f} GiB in memory; "
-                "the limit is 1 GiB. Shorten `duration` or monitor fewer pairs"
-            )
 
 
 def pack_jobs(runs: Iterable[RunSpec], count: int, scene: Scene, workers: int) -> Iterator[Job]:

@@ -64,16 +64,10 @@ def _differing_runs(alike: RowGroups, scene: Scene) -> Iterator[str]:
                 yield differing_id_text(alike.ids[row], run.run_id)
             else:
                 of_row = _stored_settings(alike.value("settings", row)) if differs[row] else stored
-                yield from _differing_settings(alike.ids[row], of_row, again)
-
-
-def _differing_settings(
-    run: str, stored: Mapping[str, object], again: Mapping[str, object]
-) -> Iterator[str]:
-    if stored != again:
-        for name in sorted({*stored, *again}):
-            if again.get(name) != stored.get(name):
-                yield f"run {run}: {name} is {stored.get(name)}, not {again.get(name)}"
+                for name in sorted({*of_row, *again}):
+                    old, new = of_row.get(name), again.get(name)
+                    if old != new:
+                        yield f"run {run.run_id}: {name} is {old}, not {new}"
 
 
 def _stored_settings(settings: Mapping[str, Any]) -> dict[str, object]:

@@ -36,7 +36,6 @@ from contactlab.schema.vocabulary import Vocabulary
 from contactlab.store.arrow_values import numpy_array
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredTrace, read_trace
-from contactlab.store.run_columns import RunColumns
 from contactlab.store.store_files import IDENTITY, MANIFEST, SCENES, TABLE, is_slice, shard_of
 
 _OUTCOME_COLUMNS = (
@@ -87,9 +86,28 @@ def recomputed_problems(store: Store, chosen: NDArray[np.bool_] | None = None) -
         if scene.hash != identity.scene_hash:
             yield f"{SCENES}/{identity.scene_hash}: its files have the hash {scene.hash}"
             return
-        yield from _foreign_scene_files(store, scene)
+        # Each file in the manifest belongs to the scene or to its drive.
+        content, drive = scene.source.content, scene.drive
+        ours = {f"{scene.hash}/{file.as_posix()}" for file in (*content.files, *content.licences)}
+        folders = {scene.hash} if drive.hash is None else {scene.hash, drive.hash}
+        for path in store.manifest.files:
+            top, _, file = path.partition("/")
+            folder = file.partition("/")[0]
+            if top == SCENES and (
+                folder not in folders or (folder == scene.hash and file not in ours)
+            ):
+                yield f"{path}: is not a file of the scene"
         if why_plan_unverifiable(store) is None:
-            yield from _differing_units(store, scene)
+            # Axes and metrics have the units in which they are measured.
+            described = store.columns.described
+            units = {name: metric.unit for name, metric in METRICS.items()}
+            for name in store.columns.axis_names:
+                if (spec := scene.catalogue.find(name)) is not None:
+                    units[name] = spec.unit
+            for name in units.keys() & described.keys():
+                if described[name].unit != units[name]:
+                    found = described[name].unit
+                    yield f"{TABLE}: column {name} is in '{found}', not in '{units[name]}'"
             plan = plan_again(identity, scene)
             yield from _differing_plan(store, scene, plan)
             of_all = None if is_slice(identity) else plan
@@ -100,31 +118,6 @@ def recomputed_problems(store: Store, chosen: NDArray[np.bool_] | None = None) -
         yield str(error).partition("\n")[0]
 
 
-def _foreign_scene_files(store: Store, scene: Scene) -> Iterator[str]:
-    """Yield the files in the manifest that belong neither to the scene nor to its drive."""
-    content, drive = scene.source.content, scene.drive
-    ours = {f"{scene.hash}/{file.as_posix()}" for file in (*content.files, *content.licences)}
-    folders = {scene.hash} if drive.hash is None else {scene.hash, drive.hash}
-    for name in store.manifest.files:
-        top, _, file = name.partition("/")
-        folder = file.partition("/")[0]
-        if top == SCENES and (folder not in folders or (folder == scene.hash and file not in ours)):
-            yield f"{name}: is not a file of the scene"
-
-
-def _differing_units(store: Store, scene: Scene) -> Iterator[str]:
-    """Yield the columns of axes and metrics with units other than the measured ones."""
-    described = store.columns.described
-    units = {name: metric.unit for name, metric in METRICS.items()}
-    for name in store.columns.axis_names:
-        if (spec := scene.catalogue.find(name)) is not None:
-            units[name] = spec.unit
-    for name in units.keys() & described.keys():
-        if described[name].unit != units[name]:
-            found = described[name].unit
-            yield f"{TABLE}: column {name} is in '{found}', not in '{units[name]}'"
-
-
 def _differing_plan(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
     """Yield differences of the sweep or plan read again from the sweep's text and options."""
     identity, columns = store.manifest.sweep, store.columns
@@ -133,7 +126,11 @@ def _differing_plan(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
     request = SweepRequest(plan, scene, name, source, options, store.address, workers=0)
     planned = identity_of(request, index)
     if is_slice(identity):
-        index, planned = _runs_of_slice(store, plan, index, planned)
+        if shard := shard_of(store.manifest.sweep):
+            index, planned = shard_of_sweep(parse_shard(shard), plan.sweep, index, planned)
+        else:
+            part = index.select_ids(np.isin(index.ids, store.columns.ids()))
+            index, planned = part, part_of(index, part, planned)
     elif chosen := chosen_runs(plan, index):
         read = columns.batches(["run_id", *chosen.read_by])
         chosen.add_rows(row for rows in read for row in rows.to_pylist())
@@ -147,22 +144,11 @@ def _differing_plan(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
         yield f"{TABLE}: its severity is not the order of the labels"
     if columns.shared.get("labels", {}) != added_labels():
         yield f"{TABLE}: its labels are not as the plug-ins declare them"
-    if not index.has_all(columns.ids(), _plan_indices(columns)).all():
+    if not index.has_all(
+        columns.ids(),
+        np.concatenate([numpy_array(rows["index"]) for rows in columns.batches(["index"])]),
+    ).all():
         yield f"{TABLE}: its runs are not at their places in the plan"
-
-
-def _plan_indices(columns: RunColumns) -> NDArray[np.int64]:
-    return np.concatenate([numpy_array(rows["index"]) for rows in columns.batches(["index"])])
-
-
-def _runs_of_slice(
-    store: Store, plan: Plan, whole: RunIndex, planned: SweepIdentity
-) -> tuple[RunIndex, SweepIdentity]:
-    """Return the runs of a shard, or of several merged ones, and their identity."""
-    if shard := shard_of(store.manifest.sweep):
-        return shard_of_sweep(parse_shard(shard), plan.sweep, whole, planned)
-    part = whole.select_ids(np.isin(whole.ids, store.columns.ids()))
-    return part, part_of(whole, part, planned)
 
 
 def plan_again(identity: SweepIdentity, scene: Scene) -> Plan:
@@ -196,7 +182,20 @@ def simulated_problems(store: Store, count: int, *, allow_code: bool = False) ->
         *(name for name in identity.metric_versions if name in columns.measured),
     ]
     with TemporaryDirectory() as folder:
-        worker = Worker(_simulation_task(store, Path(folder)), None)
+        identity = store.manifest.sweep
+        sweep = Sweep.model_validate(identity.resolved).model_copy(update={"trace": "all"})
+        worker = Worker(
+            Task(
+                sweep,
+                (),
+                identity,
+                Path(folder),
+                store.scene_folder,
+                provenance(),
+                loaded_plugins(),
+            ),
+            None,
+        )
         for row in sorted(random.sample(range(columns.runs), min(count, columns.runs))):
             stored = columns.row(row)
             # The code of a loop is not available, but that of an environment is.
@@ -225,9 +224,3 @@ def simulated_problems(store: Store, count: int, *, allow_code: bool = False) ->
 def _trace_bytes(trace: StoredTrace) -> list[bytes]:
     each = (value for part in (trace, *trace.pairs) for value in vars(part).values())
     return [value.tobytes() for value in each if isinstance(value, np.ndarray)]
-
-
-def _simulation_task(store: Store, folder: Path) -> Task:
-    identity = store.manifest.sweep
-    sweep = Sweep.model_validate(identity.resolved).model_copy(update={"trace": "all"})
-    return Task(sweep, (), identity, folder, store.scene_folder, provenance(), loaded_plugins())

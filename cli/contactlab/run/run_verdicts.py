@@ -11,7 +11,6 @@ from contactlab.contact.trace_arrays import (
     ANGULAR_VELOCITY,
     FORCE,
     LINEAR_VELOCITY,
-    Floats,
     Trace,
     squared_lengths,
 )
@@ -124,7 +123,19 @@ def missing_effects(
         name: _first_opposed_motion(trace, run, name, pull) for name in _MOTIONS if name in effects
     }
     if "limit" in effects:
-        seen["limit"] = _first_exceeded_limit(trace, run, model)
+        beyond: list[tuple[int, str]] = []
+        for joint in np.flatnonzero(np.asarray(model.jnt_limited)).tolist():
+            low, high = model.jnt_range[joint]
+            # Only joints with one coordinate: a ball joint's limit is on its angle.
+            if model.jnt_type[joint] >= _SLIDE_JOINT:
+                place = trace.qpos[run, :, int(model.jnt_qposadr[joint])]
+                steps = np.flatnonzero((place < low) | (place > high))
+                beyond += [(step, name_of(model, "joint", joint)) for step in steps[:1].tolist()]
+        if not beyond:
+            seen["limit"] = None
+        else:
+            step, name = min(beyond, key=itemgetter(0))
+            seen["limit"] = f"{name} passes its limit from step {step}"
     return {name: text for name, text in seen.items() if text is not None}
 
 
@@ -137,20 +148,17 @@ def _first_opposed_motion(trace: Trace, run: int, name: str, pull: float) -> str
     least *= pull if unit == "m/s" else 1
     motions: list[tuple[int, str, float]] = []
     for pair in (monitored for monitored in trace.pairs if monitored.touched[run]):
-        speed = _opposed_speeds(pair.slots[run], name)
+        # The fastest motion that the effect would oppose, in contacts that carry force.
+        slots = pair.slots[run]
+        *_, velocity, parts = _MOTIONS[name]
+        speeds = np.sqrt(squared_lengths(slots[..., velocity][..., parts]))
+        speed = np.where(slots[..., FORCE.start] > 0, speeds, 0.0).max(axis=-1, initial=0.0)
         steps = np.flatnonzero(speed > least)
         motions += [(step, pair.name, float(speed.max())) for step in steps[:1].tolist()]
     if not motions:
         return None
     step, pair_name, fastest = min(motions, key=itemgetter(0))
     return f"{pair_name} {word} from step {step}, at up to {fastest:.3g} {unit}"
-
-
-def _opposed_speeds(slots: Floats, name: str) -> Floats:
-    """Return (N,) the fastest motion that an effect would oppose, in contacts that carry force."""
-    *_, velocity, parts = _MOTIONS[name]
-    speeds = np.sqrt(squared_lengths(slots[..., velocity][..., parts]))
-    return np.where(slots[..., FORCE.start] > 0, speeds, 0.0).max(axis=-1, initial=0.0)
 
 
 # By effect: the verb, the unit, the smallest speed [rad/s, or s of a fall], and the velocities with
@@ -160,18 +168,3 @@ _MOTIONS = {
     "torsional_friction": ("spins", "rad/s", _MIN_ROTATION_SPEED, ANGULAR_VELOCITY, slice(0, 1)),
     "rolling_friction": ("rolls", "rad/s", _MIN_ROTATION_SPEED, ANGULAR_VELOCITY, slice(1, 3)),
 }
-
-
-def _first_exceeded_limit(trace: Trace, run: int, model: mujoco.MjModel) -> str | None:
-    beyond: list[tuple[int, str]] = []
-    for joint in np.flatnonzero(np.asarray(model.jnt_limited)).tolist():
-        low, high = model.jnt_range[joint]
-        # Only joints with one coordinate: a ball joint's limit is on its angle.
-        if model.jnt_type[joint] >= _SLIDE_JOINT:
-            place = trace.qpos[run, :, int(model.jnt_qposadr[joint])]
-            steps = np.flatnonzero((place < low) | (place > high))
-            beyond += [(step, name_of(model, "joint", joint)) for step in steps[:1].tolist()]
-    if not beyond:
-        return None
-    step, name = min(beyond, key=itemgetter(0))
-    return f"{name} passes its limit from step {step}"

@@ -2,7 +2,7 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,13 +45,10 @@ class SearchedRuns(ChosenRuns):
         """Yield the plan indices of the next runs."""
         yield from (place for place in self._apart if not self.is_known(place))
         for places, trials in self._searches:
-            for trial in trials.next_points(self._measured_values(places)):
+            found = dict[int, float | None]()
+            for point, place in enumerate(places):
+                if self.is_known(place):
+                    value = self.side_at(place)
+                    found[point] = float(value) if isinstance(value, float | int) else None
+            for trial in trials.next_points(found):
                 yield places[trial]
-
-    def _measured_values(self, places: list[int]) -> Mapping[int, float | None]:
-        found = dict[int, float | None]()
-        for point, place in enumerate(places):
-            if self.is_known(place):
-                value = self.side_at(place)
-                found[point] = float(value) if isinstance(value, float | int) else None
-        return found

@@ -136,7 +136,20 @@ class SceneLoader:
         if reference not in self._opened:
             tables, allowed = read_control_table, self.allow_code
             scene = Scene.open(reference, self.folder, ENGINES, tables, allow_code=allowed)
-            _check_names(scene)
+            # A scene's own names differ from those of columns; it names known metrics and oracles.
+            clashes = set(scene.catalogue.names) & (RESERVED_COLUMNS | set(METRICS))
+            if clashes:
+                raise SceneError(
+                    f"scene '{scene.name}' offers axes named {', '.join(sorted(clashes))}, "
+                    "which are already columns of the table; rename them in its manifest"
+                )
+            manifest = scene.source.manifest
+            if manifest is not None:
+                threshold_values(manifest.thresholds)
+                for name in manifest.tolerances:
+                    SceneError.unless_known(name, METRICS, f"no metric '{name}'")
+                if oracle := manifest.oracle:
+                    SceneError.unless_known(oracle.name, ORACLES, f"no oracle '{oracle.name}'")
             with scene.source.named_in_errors():
                 check_motion(scene.base({}).model)
             self._opened[reference] = scene
@@ -182,24 +195,6 @@ class SceneLoader:
             asks=bool(manifest and manifest.must),
             mistake_in_requirement=broken,
         )
-
-
-def _check_names(scene: Scene) -> None:
-    """Check the scene's own names against those of columns and of the tables of metrics."""
-    clashes = set(scene.catalogue.names) & (RESERVED_COLUMNS | set(METRICS))
-    if clashes:
-        raise SceneError(
-            f"scene '{scene.name}' offers axes named {', '.join(sorted(clashes))}, "
-            "which are already columns of the table; rename them in its manifest"
-        )
-    manifest = scene.source.manifest
-    if manifest is None:
-        return
-    threshold_values(manifest.thresholds)
-    for name in manifest.tolerances:
-        SceneError.unless_known(name, METRICS, f"no metric '{name}'")
-    if oracle := manifest.oracle:
-        SceneError.unless_known(oracle.name, ORACLES, f"no oracle '{oracle.name}'")
 
 
 def starter_sweep(reference: str, loader: SceneLoader) -> str:

@@ -17,7 +17,14 @@ def pack_bundle(task: Task) -> bytes:
     Plug-in files are in the bundle. So are the files of the scene and of its drive if the store is
     not a folder, and has no copy of them that nodes could read.
     """
-    scenes = {} if isinstance(task.store, Path) else _read_files(task.scene_folder.parent)
+    scenes = dict[str, bytes]()
+    if not isinstance(task.store, Path):
+        folder = task.scene_folder.parent
+        scenes = {
+            path.relative_to(folder).as_posix(): path.read_bytes()
+            for path in folder.rglob("*")
+            if path.is_file()
+        }
     files = {f"{_SCENES}/{name}": data for name, data in scenes.items()}
     files |= {f"{_PLUGINS}/{p.file.name}": p.file.read_bytes() for p in task.plugins if p.file}
     return pickle.dumps((task, files))
@@ -42,11 +49,3 @@ def unpack_bundle(bundle: bytes, folder: Path) -> Task:
     ours = task.scene_folder
     scene = ours if isinstance(task.store, Path) else folder / _SCENES / ours.name
     return replace(task, scene_folder=scene, plugins=plugins)
-
-
-def _read_files(folder: Path) -> dict[str, bytes]:
-    return {
-        path.relative_to(folder).as_posix(): path.read_bytes()
-        for path in folder.rglob("*")
-        if path.is_file()
-    }

@@ -7,14 +7,13 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-import mujoco
 import numpy as np
 
 from contactlab.accuracy.discretization import discretization_errors
 from contactlab.accuracy.reference import PlannedModel
 from contactlab.accuracy.timing import work_of_runs
 from contactlab.budget import backward_error
-from contactlab.contact.trace_arrays import RecordedControls, Trace
+from contactlab.contact.trace_arrays import Trace
 from contactlab.contact.trace_setup import Setup
 from contactlab.engines import engine_of
 from contactlab.engines.closed_loop import load_policy
@@ -36,7 +35,6 @@ from contactlab.plugins import require_plugins
 from contactlab.registry import fill_registry
 from contactlab.run.evidence_record import (
     CommonFields,
-    Fields,
     MeasuredGroup,
     RunOutcome,
     RunRow,
@@ -317,50 +315,37 @@ class Worker:
         for name, value in (said or {}).items():
             (common.fields if name in common.fields else own)[name] = value
         if outcome.controls is not None:
-            own["controls"] = self._write_controls(outcome.controls, plan.prepared.model)
-        if self._keeps_trace(plan.run, own["label"]):
-            own["trace"] = self._write_trace(own, common, outcome)
-        return own | cost_and_times(self._task, outcome), common
-
-    def _keeps_trace(self, run: RunSpec, label: str) -> bool:
+            # Controls that are stored already are not stored again.
+            sha256 = outcome.controls.sha256
+            if sha256 not in self._controls:
+                names = input_names(plan.prepared.model, outcome.controls.places)
+                self._store.put(controls_name(sha256), encode_controls(outcome.controls, names))
+                self._controls.add(sha256)
+            own["controls"] = sha256
         identity = self._task.identity
         # Indices are those in the whole grid, even for a shard.
         runs = identity.whole.runs if identity.whole else identity.runs_asked
-        return self._traces.keeps_trace(run.index, label, runs)
-
-    def _write_controls(self, controls: RecordedControls, model: mujoco.MjModel) -> str:
-        """Store the controls applied to a run, unless they are stored already.
-
-        Return their hash.
-        """
-        sha256 = controls.sha256
-        if sha256 not in self._controls:
-            names = input_names(model, controls.places)
-            self._store.put(controls_name(sha256), encode_controls(controls, names))
-            self._controls.add(sha256)
-        return sha256
-
-    def _write_trace(self, own: Fields, common: CommonFields, outcome: RunOutcome) -> TraceFile:
-        """Store a run's trace; its record omits cost and times of day, so it is reproducible."""
-        group, name = outcome.group, _trace_name(own["run_id"])
-        metadata = self._trace_metadata(own, outcome.plan)
-        said = common.record_json(own), metadata, self._model_xml
-        form = self._task.sweep.trace_format
-        content, messages = group.encoder.encode(outcome.row, *said, form=form)
-        self._store.put(name, content)
-        sha256 = hashlib.sha256(content).hexdigest()
-        return TraceFile(file=name, sha256=sha256, bytes=len(content), messages=dict(messages))
-
-    def _trace_metadata(self, own: Fields, plan: PlannedModel) -> dict[str, str]:
-        identity, engine = self._task.identity, engine_of(plan.run)
-        return {
-            "run_id": plan.run.run_id,
-            "sweep": identity.name,
-            "scene": identity.scene,
-            "scene_hash": identity.scene_hash,
-            "seed": str(plan.run.seed),
-            "label": own["label"],
-            "engine": f"{engine.name} {engine.version}",
-            "contactlab": self._task.provenance.contactlab,
-            ACTIVATIONS: str(plan.prepared.model.na),
-        }
+        if self._traces.keeps_trace(plan.run.index, own["label"], runs):
+            # The trace's record omits cost and times of day, so it is reproducible.
+            name, engine = _trace_name(own["run_id"]), engine_of(plan.run)
+            metadata = {
+                "run_id": plan.run.run_id,
+                "sweep": identity.name,
+                "scene": identity.scene,
+                "scene_hash": identity.scene_hash,
+                "seed": str(plan.run.seed),
+                "label": own["label"],
+                "engine": f"{engine.name} {engine.version}",
+                "contactlab": self._task.provenance.contactlab,
+                ACTIVATIONS: str(plan.prepared.model.na),
+            }
+            record, form = common.record_json(own), self._task.sweep.trace_format
+            content, messages = outcome.group.encoder.encode(
+                outcome.row, record, metadata, self._model_xml, form=form
+            )
+            self._store.put(name, content)
+            sha256 = hashlib.sha256(content).hexdigest()
+            own["trace"] = TraceFile(
+                file=name, sha256=sha256, bytes=len(content), messages=dict(messages)
+            )
+        return own | cost_and_times(self._task, outcome), common

@@ -211,7 +211,16 @@ def _serve_jobs(task: Task, pipe: Connection, marker: Path, environment: dict[st
     """
     os.environ.update(environment)
     signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
-    _exit_with_parent()
+    # This process ends as soon as its parent (not the fork server) has ended.
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    sentinel = parent.sentinel
+    if hasattr(fcntl, "F_SETSIG"):
+        # The kernel ends it, because Python code cannot run while C code holds its lock.
+        fcntl.fcntl(sentinel, fcntl.F_SETOWN, os.getpid())
+        fcntl.fcntl(sentinel, fcntl.F_SETSIG, signal.SIGKILL)
+        fcntl.fcntl(sentinel, fcntl.F_SETFL, fcntl.fcntl(sentinel, fcntl.F_GETFL) | os.O_ASYNC)
+    threading.Thread(target=_wait_and_exit, args=(parent,), daemon=True).start()
     with contextlib.suppress(OSError):
         # If memory runs out, Linux should kill a worker, not the command.
         Path("/proc/self/oom_score_adj").write_text("1000", encoding="utf-8")
@@ -241,19 +250,6 @@ def _run_job(worker: Worker, job: Job) -> Result | Exception:
             text = " / ".join(str(error).split("\n")) or "the worker cannot get more"
             return Crashed(job, f"out of memory: {text}", timed_out=False)
         return error
-
-
-def _exit_with_parent() -> None:
-    """Make this process end as soon as its parent (not the fork server) has ended."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    pipe = parent.sentinel
-    if hasattr(fcntl, "F_SETSIG"):
-        # The kernel ends it, because Python code cannot run while C code holds its lock.
-        fcntl.fcntl(pipe, fcntl.F_SETOWN, os.getpid())
-        fcntl.fcntl(pipe, fcntl.F_SETSIG, signal.SIGKILL)
-        fcntl.fcntl(pipe, fcntl.F_SETFL, fcntl.fcntl(pipe, fcntl.F_GETFL) | os.O_ASYNC)
-    threading.Thread(target=_wait_and_exit, args=(parent,), daemon=True).start()
 
 
 def _wait_and_exit(parent: BaseProcess) -> None:

@@ -34,10 +34,15 @@ def closed_start(model: mujoco.MjModel, start: Floats, spec: int) -> Floats | No
     `spec` lists the state elements in `start`. The result is None if nothing is open in `start`, or
     if no nearby start closes everything.
     """
-    frictionless = _without_friction(model)
+    # Rows only for equalities and limits, and one for each contact.
+    frictionless = copy.copy(model)
+    frictionless.opt.jacobian = _DENSE_JACOBIAN
+    frictionless.geom_condim[:] = frictionless.pair_dim[:] = 1
+    frictionless.dof_frictionloss[:] = frictionless.tendon_frictionloss[:] = 0
     data = mujoco.MjData(frictionless)
     mujoco.mj_setState(frictionless, data, start, spec)
-    if _largest_violation(frictionless, data) <= OPEN_TOLERANCE:
+    apart, sizes = _row_violations(frictionless, data)
+    if float(np.abs(apart / sizes).max(initial=0)) <= OPEN_TOLERANCE:
         return None
     for _ in range(_MAX_ITERATIONS):
         apart, sizes = _row_violations(frictionless, data)
@@ -54,20 +59,6 @@ def closed_start(model: mujoco.MjModel, start: Floats, spec: int) -> Floats | No
             return None  # too large a step, or NaN
         mujoco.mj_integratePos(frictionless, data.qpos, step, 1)
     return None
-
-
-def _without_friction(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Return a copy with rows only for equalities, limits, and one row per contact."""
-    frictionless = copy.copy(model)
-    frictionless.opt.jacobian = _DENSE_JACOBIAN
-    frictionless.geom_condim[:] = frictionless.pair_dim[:] = 1
-    frictionless.dof_frictionloss[:] = frictionless.tendon_frictionloss[:] = 0
-    return frictionless
-
-
-def _largest_violation(model: mujoco.MjModel, data: mujoco.MjData) -> float:
-    apart, sizes = _row_violations(model, data)
-    return float(np.abs(apart / sizes).max(initial=0))
 
 
 def _row_violations(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Floats, Floats]:

@@ -350,21 +350,18 @@ class Draft:
             self.added.append(f"<contact><exclude{pair}/></contact>")
         for name in edits.freed:
             self.inserted[self._find_origin("body", name)] = "<freejoint/>"
-        self._set_keyframes(edits.posed)
-        if edits.unflagged:
-            self._set_last_element("flag", dict.fromkeys(edits.unflagged, "disable"))
-        for kind, lines in self.lines.items():
-            for name in lines.keys() - meant.lines[kind].keys():
-                self.removed.add(self._find_origin(kind, name))
-
-    def _set_keyframes(self, posed: Sequence[tuple[str, Sequence[float]]]) -> None:
-        for name, qpos in posed:
+        for name, qpos in edits.posed:
             text = mjcf_text(list(qpos))
             if name in self.lines["key"]:
                 self._set_attribute("key", name, "qpos", text)
             else:
                 key = attribute_text({"name": name, "qpos": text})
                 self.added.append(f"<keyframe><key{key}/></keyframe>")
+        if edits.unflagged:
+            self._set_last_element("flag", dict.fromkeys(edits.unflagged, "disable"))
+        for kind, lines in self.lines.items():
+            for name in lines.keys() - meant.lines[kind].keys():
+                self.removed.add(self._find_origin(kind, name))
 
     def _text_replacements(self) -> Iterator[tuple[Path, list[Replacement]]]:
         for path, data in self.before.items():

@@ -195,7 +195,13 @@ def write_settings(
                 getattr(model, field)[targets.rows(field)] = row
             derived |= name in ("margin", "gap")
         elif name == "mass":
-            _write_mass(model, as_number(value), targets.subject)
+            # Mass and inertia scale equally, as with another density.
+            mass = as_number(value)
+            if targets.subject is None:
+                raise SceneError("`mass` needs a subject; name a body in the scene's `subject`")
+            ratio = mass / float(model.body_mass[targets.subject])
+            model.body_mass[targets.subject] = mass
+            model.body_inertia[targets.subject] *= ratio
             derived = True
         elif found := find_field(model, name):
             array, index = found
@@ -219,15 +225,6 @@ def derive_fields(model: mujoco.MjModel) -> None:
 def _mean_inertia(model: mujoco.MjModel) -> float:
     """Return the mean inertia of degrees of freedom, summed as in MuJoCo's compiler."""
     return sum(model.dof_M0.tolist()) / max(1, model.nv)
-
-
-def _write_mass(model: mujoco.MjModel, mass: float, subject: int | None) -> None:
-    """Scale the subject's mass and inertia equally, like another density would."""
-    if subject is None:
-        raise SceneError("`mass` needs a subject; name a body in the scene's `subject`")
-    ratio = mass / float(model.body_mass[subject])
-    model.body_mass[subject] = mass
-    model.body_inertia[subject] *= ratio
 
 
 # Recording needs these values: sensors provide the evidence, an automatic reset would hide a

@@ -145,16 +145,7 @@ class Origins:
     ) -> Iterator[tuple[ET.Element, Path, Mapping[ET.Element, Origin]]]:
         origins: dict[ET.Element, Origin] = {}
         root = self._inline_includes(path, path.parent, origins)
-        self._name_assets(root, path, origins)
-        yield root, path, origins
-        for model in root.iter("model"):
-            if name := model.get("file"):
-                yield from self._laid_out_documents(self.search.named(path.parent, name).path)
-
-    def _name_assets(
-        self, root: ET.Element, path: Path, origins: Mapping[ET.Element, Origin]
-    ) -> None:
-        """Write full paths of assets that included files read from their own folder."""
+        # Included files read assets from their own folder.
         compiler: dict[str, str] = {}
         for element in root.iter("compiler"):
             compiler |= element.attrib
@@ -166,6 +157,10 @@ class Origins:
                 for key, found in self.search.assets(element, file, path.parent, compiler).items():
                     if found != here[key]:
                         element.set(key, str(found.path))
+        yield root, path, origins
+        for model in root.iter("model"):
+            if name := model.get("file"):
+                yield from self._laid_out_documents(self.search.named(path.parent, name).path)
 
     def _inline_includes(
         self, path: Path, base: Path, origins: dict[ET.Element, Origin]

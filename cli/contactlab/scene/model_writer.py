@@ -6,7 +6,6 @@ A result that differs from the intended model is refused.
 import difflib
 import re
 import shutil
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -154,26 +153,23 @@ def _copy_scene(source: SceneSource, folder: Path, name: str, *, fused: bool) ->
     }
     if model.suffix == ".urdf":
         model = model.with_name(name or f"{model.stem}.xml")
-        _convert_urdf(folder / content.model, folder / model, resources, fused=fused)
+        # A URDF becomes MJCF, with every number exact.
+        urdf = folder / content.model
+        spec = mujoco.MjSpec.from_file(str(urdf))
+        spec.compiler.fusestatic = spec.compiler.fusestatic and fused
+        for mesh in spec.meshes:
+            if found := resources.get(plain_name(mesh.file)):
+                mesh.file = relative_path(found, urdf.parent / spec.meshdir).as_posix()
+        # Versions before 4.0 round numbers; the comparison refuses results that differ.
+        if hasattr(spec.compiler, "savecompiled"):
+            spec.compiler.savecompiled = False
+        (folder / model).write_text(spec.to_xml(), encoding="utf-8")
+        urdf.unlink()
         files = (model, *(file for file in files if file != content.model))
     moved = replace(
         content, root=folder, model=model, files=files, resources=resources, copied=True
     )
     return replace(source, path=folder / relative_path(source.path, content.root), content=moved)
-
-
-def _convert_urdf(urdf: Path, mjcf: Path, resources: Mapping[str, Path], *, fused: bool) -> None:
-    """Replace a URDF by MJCF, with every number exact."""
-    spec = mujoco.MjSpec.from_file(str(urdf))
-    spec.compiler.fusestatic = spec.compiler.fusestatic and fused
-    for mesh in spec.meshes:
-        if found := resources.get(plain_name(mesh.file)):
-            mesh.file = relative_path(found, urdf.parent / spec.meshdir).as_posix()
-    # Versions before 4.0 round numbers; the comparison refuses results that differ.
-    if hasattr(spec.compiler, "savecompiled"):
-        spec.compiler.savecompiled = False
-    mjcf.write_text(spec.to_xml(), encoding="utf-8")
-    urdf.unlink()
 
 
 def _place_scene(source: SceneSource, folder: Path, name: str) -> SceneSource:

@@ -84,7 +84,14 @@ class _Reading:
             place = f"{self._path}:{error.lineno}:{error.offset + 1}"
             raise SceneError(f"{place}: not XML: {_NOT_XML.get(what, what)}{_WHOLE}") from error
         root = self._tree.close()
-        if _has_macros(root):
+        # Elements of xacro may have any prefix.
+        prefixes = {_XACRO} | {
+            key.removeprefix("xmlns:")
+            for element in root.iter()
+            for key, value in element.items()
+            if key.startswith("xmlns:") and value.rstrip("/").endswith(_XACRO)
+        }
+        if any(":" in each.tag and each.tag.partition(":")[0] in prefixes for each in root.iter()):
             name = self._path.name
             raise SceneError(
                 f"{self._path}: has macros; expand it first: `xacro {name} > robot.urdf`"
@@ -112,14 +119,3 @@ class _Reading:
 
     def _refuse(self, why: str) -> NoReturn:
         raise SceneError(f"{self._path}:{self._parser.CurrentLineNumber}: {why}")
-
-
-def _has_macros(root: ET.Element) -> bool:
-    """Return whether any element is one of xacro, by whatever prefix."""
-    prefixes = {_XACRO} | {
-        key.removeprefix("xmlns:")
-        for element in root.iter()
-        for key, value in element.items()
-        if key.startswith("xmlns:") and value.rstrip("/").endswith(_XACRO)
-    }
-    return any(":" in each.tag and each.tag.partition(":")[0] in prefixes for each in root.iter())

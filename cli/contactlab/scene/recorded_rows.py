@@ -63,8 +63,43 @@ class RecordedRows:
             self.add_mistake(f"no finite number in column `{column}`", np.flatnonzero(unknown))
             values[unknown] = np.nan
         self._assign_columns(columns)
-        self._convert_units()
-        self._check_times()
+        # Rows in meters and radians, and in the frames of the model.
+        length, angle = UNITS[self._entry.units.length], UNITS[self._entry.units.angle]
+        frame, turn = self._entry.frame, np.array([1.0, 0, 0, 0])
+        if frame != "world":
+            turn = np.array(frame.quaternion) / np.linalg.norm(frame.quaternion)
+        for part in self.parts:
+            place, speed = self.qpos[:, part.qpos], self.qvel[:, part.qvel]
+            speed *= length if part.kind in ("point", "slide") else angle
+            if part.kind == "turn":
+                norm = np.linalg.norm(place, axis=1)
+                what = f"the quaternion of {part.joint} does not have the norm 1"
+                self.add_mistake(what, np.flatnonzero(np.abs(norm - 1) > _MAX_NORM_ERROR))
+                place[:] = multiply_rotations(
+                    turn, place / np.maximum(norm, _MAX_NORM_ERROR)[:, None]
+                )
+                if self._entry.turning == "world":
+                    speed[:] = rotate_vectors_back(place, rotate_vectors(turn, speed))
+                continue
+            place *= angle if part.kind == "hinge" else length
+            if part.kind == "point" and frame != "world":
+                place[:] = rotate_vectors(turn, place) + np.array(frame.position)
+                speed[:] = rotate_vectors(turn, speed)
+        # Runs with one row, late or missing rows, and joints beyond their ranges.
+        single = [rows.start for rows in self.runs.values() if rows.stop - rows.start < 2]
+        self.add_mistake("the only row of a run", np.array(single, np.intp))
+        steps = np.diff(self.times)[self.within]
+        self.add_mistake("time does not increase after", self.within[steps <= 0])
+        usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+        what = f"rows are missing (others are {usual * 1e3:.3g} ms apart) after"
+        self.add_mistake(what, self.within[steps > _MAX_GAP_RATIO * usual])
+        for part in self.parts:
+            joint = self._model.joint(part.joint)
+            if part.kind in ("slide", "hinge") and self._model.jnt_limited[joint.id]:
+                low, high = joint.range
+                out = np.abs(self.qpos[:, part.qpos.start] - (low + high) / 2) / part.size
+                what = f"{part.joint} is beyond its range of {low:.3g} to {high:.3g}"
+                self.add_mistake(what, np.flatnonzero(out > 0.5 + _MAX_RANGE_EXCESS))
         self._check_velocities()
 
     @property
@@ -132,47 +167,6 @@ class RecordedRows:
                 self._mistakes.append(f"{part.joint} needs all of {names}")
         if not self.parts:
             self._mistakes.append("no columns are a joint or a free body; name one")
-
-    def _convert_units(self) -> None:
-        """Convert the rows to meters and radians, and to the frames of the model."""
-        length, angle = UNITS[self._entry.units.length], UNITS[self._entry.units.angle]
-        frame, turn = self._entry.frame, np.array([1.0, 0, 0, 0])
-        if frame != "world":
-            turn = np.array(frame.quaternion) / np.linalg.norm(frame.quaternion)
-        for part in self.parts:
-            place, speed = self.qpos[:, part.qpos], self.qvel[:, part.qvel]
-            speed *= length if part.kind in ("point", "slide") else angle
-            if part.kind == "turn":
-                norm = np.linalg.norm(place, axis=1)
-                what = f"the quaternion of {part.joint} does not have the norm 1"
-                self.add_mistake(what, np.flatnonzero(np.abs(norm - 1) > _MAX_NORM_ERROR))
-                place[:] = multiply_rotations(
-                    turn, place / np.maximum(norm, _MAX_NORM_ERROR)[:, None]
-                )
-                if self._entry.turning == "world":
-                    speed[:] = rotate_vectors_back(place, rotate_vectors(turn, speed))
-                continue
-            place *= angle if part.kind == "hinge" else length
-            if part.kind == "point" and frame != "world":
-                place[:] = rotate_vectors(turn, place) + np.array(frame.position)
-                speed[:] = rotate_vectors(turn, speed)
-
-    def _check_times(self) -> None:
-        """Find runs with one row, late or missing rows, and joints beyond their ranges."""
-        single = [rows.start for rows in self.runs.values() if rows.stop - rows.start < 2]
-        self.add_mistake("the only row of a run", np.array(single, np.intp))
-        steps = np.diff(self.times)[self.within]
-        self.add_mistake("time does not increase after", self.within[steps <= 0])
-        usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-        what = f"rows are missing (others are {usual * 1e3:.3g} ms apart) after"
-        self.add_mistake(what, self.within[steps > _MAX_GAP_RATIO * usual])
-        for part in self.parts:
-            joint = self._model.joint(part.joint)
-            if part.kind in ("slide", "hinge") and self._model.jnt_limited[joint.id]:
-                low, high = joint.range
-                out = np.abs(self.qpos[:, part.qpos.start] - (low + high) / 2) / part.size
-                what = f"{part.joint} is beyond its range of {low:.3g} to {high:.3g}"
-                self.add_mistake(what, np.flatnonzero(out > 0.5 + _MAX_RANGE_EXCESS))
 
     def _check_velocities(self) -> None:
         """Find jumps, and velocities that contradict the poses; fill in missing velocities."""

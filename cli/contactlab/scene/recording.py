@@ -203,26 +203,21 @@ class RecordedRuns:
             ).reshape(-1, 3)
             falls = (falls @ gravity / (gravity @ gravity))[np.isfinite(falls).all(axis=1)]
             fall = float(np.median(falls)) if len(falls) else 1.0
-            if abs(fall - 1) > self._allowed_gravity_difference(falls):
+            allowed = _MAX_GRAVITY_DIFFERENCE
+            if not (
+                len(falls) < _MIN_FLIGHTS or self._model.opt.density or self._model.opt.viscosity
+            ):
+                # The standard error of a median is 1.25 times that of a mean. A normal scatter is
+                # 1.48 times the median distance from the median. Three errors allow for chance.
+                scatter = 1.48 * float(np.median(abs(falls - np.median(falls))))
+                allowed = min(allowed, _MAX_AIR_EFFECT + 3 * 1.25 * scatter / np.sqrt(len(falls)))
+            if abs(fall - 1) > allowed:
                 mistake = f"{part.joint} falls {fall:.3g} times as fast as in the model's gravity"
                 rows.add_mistake(
                     f"{mistake}; check the units of length and time, or set the model's `density` "
                     "if air matters",
                     ends[:1],
                 )
-
-    def _allowed_gravity_difference(self, falls: Floats) -> float:
-        """Return the allowed difference of the median flight (n,) from gravity, as a share of it.
-
-        The standard error of a median is 1.25 times that of a mean, and a normal scatter 1.48 times
-        the median distance from the median. Three of these errors allow for chance.
-        """
-        if len(falls) < _MIN_FLIGHTS or self._model.opt.density or self._model.opt.viscosity:
-            return _MAX_GRAVITY_DIFFERENCE
-        scatter = 1.48 * float(np.median(abs(falls - np.median(falls))))
-        return min(
-            _MAX_GRAVITY_DIFFERENCE, _MAX_AIR_EFFECT + 3 * 1.25 * scatter / np.sqrt(len(falls))
-        )
 
     def _fall_acceleration(self, part: RecordedPart, number: float) -> Floats:
         """Return (3,) the acceleration before a run's start [m/s^2]; NaN if that is too short."""

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from contactlab.contact.expected_motion import ExpectedMotion
-from contactlab.contact.required_words import CONTACT_WORDS, ContactWord, MotionWord
+from contactlab.contact.required_words import CONTACT_WORDS, MotionWord
 from contactlab.contact.rotations import multiply_rotations, rotate_vectors_back
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import ExpectedContact
@@ -52,7 +52,21 @@ def expected_of_runs(
             ]
         )
         if requirement.word in CONTACT_WORDS:
-            found.append(_expected_contact(base, requirement, windows))
+            (name,) = requirement.names
+            found.append(
+                ExpectedContact(
+                    name="every monitored pair" if name == "*" else name,
+                    pairs=_find_pairs(base, name),
+                    window=windows,
+                    word=requirement.word,
+                    end=requirement.end,
+                    timed=(requirement.start, requirement.stop) != (None, None),
+                    force=(requirement.least, requirement.limit)
+                    if requirement.unit == "N"
+                    else (-np.inf, np.inf),
+                    depth=requirement.limit if requirement.word == "shallow" else np.inf,
+                )
+            )
         else:
             found.append(_expected_motion(base, models, requirement, windows))
     return tuple(found)
@@ -85,18 +99,13 @@ def mistake_in_requirement(
         except SceneError as error:
             mistake = str(error)
         else:
-            mistake = _window_mistake(start, stop, duration)
+            if not 0 <= start < duration:
+                mistake = f"{start:g} s is outside the run, which takes {duration:g} s"
+            elif not start < stop:
+                mistake = f"{stop:g} s is not after {start:g} s"
+            elif np.isfinite(stop) and stop > duration * (1 + SUM_ROUNDING):
+                mistake = f"{stop:g} s is after the end of the run, which takes {duration:g} s"
     return mistake and f"'{text}': {mistake}"
-
-
-def _window_mistake(start: float, stop: float, duration: float) -> str | None:
-    if not 0 <= start < duration:
-        return f"{start:g} s is outside the run, which takes {duration:g} s"
-    if not start < stop:
-        return f"{stop:g} s is not after {start:g} s"
-    if np.isfinite(stop) and stop > duration * (1 + SUM_ROUNDING):
-        return f"{stop:g} s is after the end of the run, which takes {duration:g} s"
-    return None
 
 
 def _requirement_window(
@@ -144,25 +153,6 @@ def _index_pairs(base: CompiledScene) -> tuple[dict[str, list[int]], dict[str, l
         for name in dict.fromkeys(map("-".join, (pair.sides, own, pair.sides[::-1], own[::-1]))):
             both.setdefault(name, []).append(index)
     return bodies, both
-
-
-def _expected_contact(
-    base: CompiledScene, requirement: Requirement, windows: Floats
-) -> ExpectedContact:
-    """Return the contact that pairs must have in windows (n, 2) of n runs [s]."""
-    (name,) = requirement.names
-    return ExpectedContact(
-        name="every monitored pair" if name == "*" else name,
-        pairs=_find_pairs(base, name),
-        window=windows,
-        word=cast("ContactWord", requirement.word),
-        end=requirement.end,
-        timed=(requirement.start, requirement.stop) != (None, None),
-        force=(requirement.least, requirement.limit)
-        if requirement.unit == "N"
-        else (-np.inf, np.inf),
-        depth=requirement.limit if requirement.word == "shallow" else np.inf,
-    )
 
 
 def _unknown_name(requirement: Requirement, model: mujoco.MjModel) -> str | None:

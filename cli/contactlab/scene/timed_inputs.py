@@ -141,9 +141,22 @@ def read_control(
     if manifest is None:
         return ()
     profiles: list[ControlProfile] = []
-    taken, values = _inputs_set_at_start(model, manifest), manifest.initial
+    # Inputs that initial values set; indices of states are negative.
+    first = part_starts(model)["ctrl"]
+    values = manifest.initial
+    taken = {
+        place - first: f"initial value '{name}'"
+        for name, entry in values.items()
+        for pattern in entry.sets
+        for place in match_coordinates(model, pattern)
+    }
     for name, entry in manifest.control.items():
-        inputs = _find_inputs(model, name)
+        places, first = match_coordinates(model, name, mocap=True), part_starts(model)["ctrl"]
+        if min(places) < first:
+            raise SceneError(
+                f"control '{name}' is part of the state, not an input; write {_INPUT_FORMS}"
+            )
+        inputs = tuple(place - first for place in places)
         if clash := next((taken[taking] for taking in inputs if taking in taken), None):
             raise SceneError(f"control {name}: {clash} sets the same input; keep one of them")
         taken |= dict.fromkeys(inputs, f"control {name}")
@@ -164,26 +177,6 @@ def control_signals(profiles: Sequence[ControlProfile], initial: Mapping[str, fl
     rows = [_padded_knots(profile, initial, most) for profile in profiles for _ in profile.inputs]
     times, levels = (np.array(part, np.float64) for part in zip(*rows, strict=True))
     return Signals(np.array(places, np.intp), times, levels)
-
-
-def _find_inputs(model: mujoco.MjModel, pattern: str) -> tuple[int, ...]:
-    places, first = match_coordinates(model, pattern, mocap=True), part_starts(model)["ctrl"]
-    if min(places) < first:
-        raise SceneError(
-            f"control '{pattern}' is part of the state, not an input; write {_INPUT_FORMS}"
-        )
-    return tuple(place - first for place in places)
-
-
-def _inputs_set_at_start(model: mujoco.MjModel, manifest: SceneManifest) -> dict[int, str]:
-    """Return inputs set by initial values, with their setter; state indices are negative."""
-    first = part_starts(model)["ctrl"]
-    return {
-        place - first: f"initial value '{name}'"
-        for name, entry in manifest.initial.items()
-        for pattern in entry.sets
-        for place in match_coordinates(model, pattern)
-    }
 
 
 def _padded_knots(

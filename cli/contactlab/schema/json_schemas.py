@@ -94,7 +94,16 @@ def _rewritten(schema: Mapping[str, object]) -> Node:
             node[_RENAMED.get(key, key)] = _part(value)
         else:
             node[key] = value
-    return _referenced(_without_null(node))
+    branches = node.get("anyOf")
+    if isinstance(branches, list) and _NULL in branches:
+        kept = [cast("Node", branch) for branch in branches if branch != _NULL]
+        rest = {key: value for key, value in node.items() if key != "anyOf"}
+        node = {**kept[0], **rest} if len(kept) == 1 else {**rest, "anyOf": kept}
+    # Draft-07 ignores siblings of a reference, so they move into `allOf`.
+    if "$ref" not in node or len(node) == 1:
+        return node
+    rest = {key: value for key, value in node.items() if key != "$ref"}
+    return {"allOf": [{"$ref": node["$ref"]}], **rest}
 
 
 def _part(value: object) -> object:
@@ -105,20 +114,3 @@ def _part(value: object) -> object:
     if isinstance(value, str):
         return value.replace("#/$defs/", "#/definitions/")
     return value
-
-
-def _without_null(node: Node) -> Node:
-    branches = node.get("anyOf")
-    if not isinstance(branches, list) or _NULL not in branches:
-        return node
-    kept = [cast("Node", branch) for branch in branches if branch != _NULL]
-    rest = {key: value for key, value in node.items() if key != "anyOf"}
-    return {**kept[0], **rest} if len(kept) == 1 else {**rest, "anyOf": kept}
-
-
-def _referenced(node: Node) -> Node:
-    """Move a reference with siblings into `allOf`, since draft-07 ignores its siblings."""
-    if "$ref" not in node or len(node) == 1:
-        return node
-    rest = {key: value for key, value in node.items() if key != "$ref"}
-    return {"allOf": [{"$ref": node["$ref"]}], **rest}

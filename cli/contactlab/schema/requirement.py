@@ -93,7 +93,11 @@ def read_requirement(text: str) -> Requirement:
     if form.is_range:
         least, limit = _range(text, amounts[0], form)
     elif form.unit and amounts:
-        limit, unit = _tolerance(text, amounts[0], form)
+        amount = amounts[0]
+        number, unit = read_quantity(amount)
+        if not 0 < number < math.inf or unit not in (form.unit, *form.others):
+            raise ValueError(f"'{text}': '{amount}' is not a tolerance here; write {form.example}")
+        limit = number
     start, stop = _time(text, keyed, "from"), _time(text, keyed, "until")
     if isinstance(start, float) and isinstance(stop, float) and not start < stop:
         raise ValueError(f"'{text}': `until` is not after `from`")
@@ -121,13 +125,6 @@ def _parts(text: str) -> tuple[RequirementWord, _Form, list[str], dict[str, str]
         else:
             plain.append(argument)
     return cast("RequirementWord", word), form, plain, keyed
-
-
-def _tolerance(text: str, amount: str, form: _Form) -> tuple[float, str]:
-    number, unit = read_quantity(amount)
-    if not 0 < number < math.inf or unit not in (form.unit, *form.others):
-        raise ValueError(f"'{text}': '{amount}' is not a tolerance here; write {form.example}")
-    return number, unit
 
 
 def _range(text: str, amount: str, form: _Form) -> tuple[float, float]:

@@ -126,7 +126,18 @@ class Store:
         backend = backend_at(address, StoreError)
         data = backend.read(MANIFEST)
         if data is None:
-            raise _missing_manifest_error(backend)
+            names = backend.top_names()
+            if not names:
+                raise StoreError(
+                    f"no store at {backend.address}{_address_suggestion(backend.address)}"
+                )
+            if IDENTITY in names:
+                raise StoreError(
+                    f"{backend.address} is unfinished; run its sweep again to resume it"
+                )
+            raise StoreError(
+                f"{backend.address} is not a store: it has no {MANIFEST}; {_WRITER_HINT}"
+            )
         manifest = parse_manifest(data, address)
         store = cls(backend.local_copy(data, manifest.files), manifest, address)
         if table := stored_file(store.path, TABLE):
@@ -340,15 +351,6 @@ def _address_suggestion(address: Address) -> str:
         return f", which is a file; a store is a folder: {_WRITER_HINT}"
     stores = [folder.parent.name for folder in address.parent.glob(f"*/{MANIFEST}")]
     return did_you_mean(address.name, stores) or f"; {_WRITER_HINT}"
-
-
-def _missing_manifest_error(backend: Backend) -> StoreError:
-    names = backend.top_names()
-    if not names:
-        return StoreError(f"no store at {backend.address}{_address_suggestion(backend.address)}")
-    if IDENTITY in names:
-        return StoreError(f"{backend.address} is unfinished; run its sweep again to resume it")
-    return StoreError(f"{backend.address} is not a store: it has no {MANIFEST}; {_WRITER_HINT}")
 
 
 def _html_table(header: Iterable[object], rows: Iterable[Iterable[object]]) -> str:

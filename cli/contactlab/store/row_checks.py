@@ -75,8 +75,19 @@ class RowChecks:
         """Yield (n,) a mask of rows that may violate each rule."""
         yield from (check(columns) for check in self._fields if check.name in columns)
         for part, checks in self._parts.items():
-            yield _wrong_part(columns, part, checks)
-        yield _wrong_axes(columns)
+            has = _has_part(columns, checks)
+            wrong = ~has & EvidenceRecord.model_fields[part].is_required()
+            for check in checks:
+                if check.name in columns:
+                    wrong |= has & check(columns)
+                elif check.required:
+                    wrong |= has
+            yield wrong
+        names = columns[AXES_COLUMN.name]
+        wrong = is_null(names) | _wrong_values(names, {AXES_COLUMN.type})
+        for axis in compute_digests("list_flatten", names).unique().to_pylist():
+            wrong |= _wrong_values(columns[axis], _SCALAR_TYPES) if axis is not None else True
+        yield wrong
         for name in self._shared["units"]:
             yield _wrong_values(columns[name], {_REAL_TYPE, _WHOLE_TYPE})
         yield _wrong_labels(columns)
@@ -110,7 +121,9 @@ class _FieldCheck:
         if stored.is_struct:
             (_, entry) = get_args(stored.info.annotation)
             kind = type_of_field(entry)
-            return wrong | _wrong_struct(column, _SETTING_TYPES if kind is None else {kind})
+            kinds = _SETTING_TYPES if kind is None else {kind}
+            entries = (_wrong_values(entry, kinds) for entry in column.flatten())
+            return wrong | reduce(np.logical_or, entries, np.zeros(len(column), bool))
         if original_type(column.type) != stored.column.type:
             return np.ones(len(column), bool)
         if self._is_plain:
@@ -184,35 +197,10 @@ def _any_of_lists(column: pa.Array, entries: Truths) -> Truths:
     return found
 
 
-def _wrong_struct(column: pa.Array, kinds: Collection[pa.DataType]) -> Truths:
-    entries = (_wrong_values(entry, kinds) for entry in column.flatten())
-    return reduce(np.logical_or, entries, np.zeros(len(column), bool))
-
-
 def _has_part(columns: Columns, checks: Sequence[_FieldCheck]) -> Truths:
     """Return (n,) a mask of rows that have any field of a part of the record."""
     there = (~is_null(columns[check.name]) for check in checks if check.name in columns)
     return reduce(np.logical_or, there, np.zeros(len(columns["run_id"]), bool))
-
-
-def _wrong_part(columns: Columns, part: str, checks: Sequence[_FieldCheck]) -> Truths:
-    """Return (n,) a mask of rows in which a part of the record has a missing or wrong field."""
-    has = _has_part(columns, checks)
-    wrong = ~has & EvidenceRecord.model_fields[part].is_required()
-    for check in checks:
-        if check.name in columns:
-            wrong |= has & check(columns)
-        elif check.required:
-            wrong |= has
-    return wrong
-
-
-def _wrong_axes(columns: Columns) -> Truths:
-    names = columns[AXES_COLUMN.name]
-    wrong = is_null(names) | _wrong_values(names, {AXES_COLUMN.type})
-    for name in compute_digests("list_flatten", names).unique().to_pylist():
-        wrong |= _wrong_values(columns[name], _SCALAR_TYPES) if name is not None else True
-    return wrong
 
 
 def _wrong_labels(columns: Columns) -> Truths:

@@ -130,17 +130,13 @@ def repair_journal(
             if row and good[-1]:
                 kept.add(row["run_id"])
     if not all(good):
-        _keep_lines(path, good)
+        with (
+            path.open("rb") as stored,
+            atomic_write(path, durable=True) as temporary,
+            temporary.open("wb") as repaired,
+        ):
+            repaired.writelines(itertools.compress(stored, good))
     return frozenset(kept)
-
-
-def _keep_lines(path: Path, good: Iterable[int]) -> None:
-    with (
-        path.open("rb") as lines,
-        atomic_write(path, durable=True) as temporary,
-        temporary.open("wb") as repaired,
-    ):
-        repaired.writelines(itertools.compress(lines, good))
 
 
 def end_torn_line(path: Path) -> None:

@@ -134,7 +134,9 @@ class RunColumns:
         )
 
     def _id_numbers(self, ids: pa.Array) -> NDArray[np.uint64]:
-        places, letters = _text_bounds(ids), ids.buffers()[2]
+        # Start and end of each text in the letters.
+        bounds = np.frombuffer(ids.buffers()[1] or bytes(4), np.int32)
+        places, letters = bounds[ids.offset : ids.offset + len(ids) + 1], ids.buffers()[2]
         if ids.null_count or (np.diff(places) != _ID_DIGITS).any():
             raise StoreError(f"{self.path} is damaged: ids of runs have {_ID_DIGITS} digits")
         digits = np.frombuffer(letters or b"", np.uint8)[slice(*places[[0, -1]])]
@@ -398,9 +400,3 @@ def hash_of_ids(parts: Iterable[NDArray[np.uint64]]) -> str:
         for first in range(0, len(ids), _HASH_BLOCK):
             found.update(ids[first : first + _HASH_BLOCK].astype(">u8").tobytes().hex().encode())
     return found.hexdigest()[:32]
-
-
-def _text_bounds(texts: pa.Array) -> NDArray[np.int32]:
-    """Return (n + 1,) the start and end indices of texts in their letters."""
-    places = np.frombuffer(texts.buffers()[1] or bytes(4), np.int32)
-    return places[texts.offset : texts.offset + len(texts) + 1]

@@ -507,7 +507,8 @@ class _StreamDigest:
     def add(self, values: NDArray[Any]) -> None:
         """Add the bytes of values (n,)."""
         data, width = values.view(np.uint8), values.itemsize
-        if _is_repetition(data, width):
+        alike = len(data) > width and data[:width].tobytes() == data[-width:].tobytes()
+        if alike and np.array_equal(data[width:], data[:-width]):
             self.repeat(data[:width].tobytes(), len(values))
         elif len(data):
             self._new_hasher().update(data)
@@ -528,12 +529,6 @@ class _StreamDigest:
         if self._digest is None:
             self._digest = _repetition_hash(self._item, self._times).copy()
         return self._digest
-
-
-def _is_repetition(data: NDArray[np.uint8], width: int) -> bool:
-    """Return whether bytes repeat the first `width` ones."""
-    alike = len(data) > width and data[:width].tobytes() == data[-width:].tobytes()
-    return alike and np.array_equal(data[width:], data[:-width])
 
 
 @lru_cache(_MAX_CACHED_HASHES)

@@ -230,7 +230,13 @@ def check_same_sweep(store: Address, stored: SweepIdentity, requested: SweepIden
                 f"{store} holds {part} of this sweep, not shard {wanted}; write elsewhere with -o"
             )
         return
-    held = f"another sweep (other {', '.join(differing)}{_other_plugins(stored, requested)})"
+    plugins = ""
+    if stored.plugins != requested.plugins:
+        old, new = (
+            ", ".join(map(str, identity.plugins)) or "none" for identity in (stored, requested)
+        )
+        plugins = f": it was begun with {old}; loaded now: {new}"
+    held = f"another sweep (other {', '.join(differing)}{plugins})"
     if differing == ["definitions"]:
         held = "runs of another contactlab, which prepares, measures or labels them differently"
     raise OtherSweepError(
@@ -273,14 +279,6 @@ def chooses_alike(stored: SweepIdentity, requested: SweepIdentity) -> bool:
     """Return whether both choose the same part of a grid."""
     alike = all(stored.resolved.get(key) == requested.resolved.get(key) for key in _CHOICE_KEYS)
     return alike and shard_of(stored) == shard_of(requested)
-
-
-def _other_plugins(stored: SweepIdentity, requested: SweepIdentity) -> str:
-    """Return text about differing plug-ins; empty if there are none."""
-    if stored.plugins == requested.plugins:
-        return ""
-    old, new = (", ".join(map(str, identity.plugins)) or "none" for identity in (stored, requested))
-    return f": it was begun with {old}; loaded now: {new}"
 
 
 class _VersionedDocument(BaseModel):

@@ -231,7 +231,13 @@ def open_writer(
             if rows_to_keep is None:
                 yield manifest
                 return
-            _reopen_store(session, manifest, rows_to_keep)
+            # The rows are in the journal before the manifest goes: a kill leaves one of both.
+            if manifest.traces_left_out:
+                raise StoreError(
+                    f"{session.folder} is a baseline without traces; sweep again elsewhere with -o"
+                )
+            write_journal(session.folder / JOURNAL, rows_to_keep)
+            session.unpublish()
         run_ids = _prepare_store(rows, session, {identity.scene_hash: scene, **beside})
         writer = StoreWriter(session, identity, run_ids)
         try:
@@ -340,20 +346,6 @@ def _rows_to_keep(
     if rows.retry_failed and not FAILED_STATUSES.isdisjoint(manifest.statuses):
         return iterate_rows(session.table())
     return None
-
-
-def _reopen_store(session: WriteSession, manifest: StoreManifest, rows: Iterable[Row]) -> None:
-    """Make a finished store unfinished, with these rows.
-
-    They are in the journal before the manifest is removed, so that the store is in one of both
-    states at any time.
-    """
-    if manifest.traces_left_out:
-        raise StoreError(
-            f"{session.folder} is a baseline without traces; sweep again elsewhere with -o"
-        )
-    write_journal(session.folder / JOURNAL, rows)
-    session.unpublish()
 
 
 def _refuse_foreign(backend: Backend, remedy: str) -> None:

@@ -69,7 +69,9 @@ class StoredField:
         if value is None or not self.is_json:
             return value
         return (
-            value.model_dump_json(exclude_defaults=True) if self.is_sparse else _encode_json(value)
+            value.model_dump_json(exclude_defaults=True)
+            if self.is_sparse
+            else to_json(value).decode()
         )
 
     def restored(self, value: Any) -> Any:  # noqa: ANN401 - of the column's type
@@ -310,7 +312,16 @@ def to_row(fields: Mapping[str, Any]) -> Row:
                 for name, field in inner.items()
             }
     if "labels" in fields:
-        row |= _columns_of_labels(fields["labels"])
+        labels = fields["labels"]
+        columns: Row = {
+            column: tuple(getattr(label, field) for label in labels)
+            for column, field in OF_LABELS.items()
+        }
+        worst = labels[0] if labels else None
+        row |= columns | {
+            "label_reason": worst and worst.reason,
+            "label_step": worst and worst.step,
+        }
     if "axes" in fields:
         row[AXES_COLUMN.name] = tuple(fields["axes"])
     return row | fields.get("axes", {}) | fields.get("metrics", {})
@@ -319,15 +330,6 @@ def to_row(fields: Mapping[str, Any]) -> Row:
 def axes_as_written(axes: Mapping[str, object]) -> dict[str, bool | int | float | str]:
     """Return the values of axes as in their columns."""
     return dict(zip(axes, map(axis_cell, axes.values()), strict=True))
-
-
-def _columns_of_labels(labels: Sequence[Any]) -> Row:
-    row: Row = {
-        column: tuple(getattr(label, field) for label in labels)
-        for column, field in OF_LABELS.items()
-    }
-    worst = labels[0] if labels else None
-    return row | {"label_reason": worst and worst.reason, "label_step": worst and worst.step}
 
 
 def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> EvidenceRecord:
@@ -355,7 +357,3 @@ def _restore_fields(row: Mapping[str, Any], fields: Mapping[str, StoredField]) -
         if row.get(field.column.name) is not None
         or (field.column.name in row and not field.is_json)
     }
-
-
-def _encode_json(value: object) -> str:
-    return to_json(value).decode()

@@ -94,7 +94,13 @@ def _find_problems(
             yield from damaged_traces(store)
     except (StoreError, LookupError, ValueError, OSError) as error:
         yield f"{TABLE}: {error}"
-    yield from _foreign_files(store)
+    # Files, and empty folders, that no part of the store names.
+    files = store.manifest.files
+    bound = {*files, *store.backend.leftovers(), IDENTITY, TABLE, MANIFEST, LOCK}
+    for name in store.backend.file_names():
+        was_left = name.endswith("/") and any(file.startswith(name) for file in files)
+        if name not in bound and not was_left and not _RECORD_FILES.fullmatch(name):
+            yield f"{name}: {MANIFEST} does not name it"
 
 
 def contradictory_records(store: Store) -> list[str]:
@@ -183,16 +189,6 @@ def _check_files(store: Store) -> Iterator[str]:
             yield f"{name}: {MANIFEST} does not name it"
     for name in store.backend.leftovers():
         yield f"{name}: left over from an interrupted write"
-
-
-def _foreign_files(store: Store) -> Iterator[str]:
-    """Yield files, and empty folders, that no part of the store names."""
-    files = store.manifest.files
-    bound = {*files, *store.backend.leftovers(), IDENTITY, TABLE, MANIFEST, LOCK}
-    for name in store.backend.file_names():
-        was_left = name.endswith("/") and any(file.startswith(name) for file in files)
-        if name not in bound and not was_left and not _RECORD_FILES.fullmatch(name):
-            yield f"{name}: {MANIFEST} does not name it"
 
 
 def _check_identity(store: Store) -> Iterator[str]:

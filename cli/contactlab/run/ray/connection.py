@@ -99,7 +99,15 @@ def _check_address(address: str) -> None:
             "of its head node"
         )
     if address != "auto":
-        _check_port(address)
+        host, _, port = address.rpartition(":")
+        if not host or not port.isdecimal():
+            raise ClusterError(f"{address}: write HOST:PORT of the cluster's head, or auto")
+        try:
+            socket.create_connection(
+                (host.strip("[]"), int(port)), timeout=_CONNECT_TIMEOUT
+            ).close()
+        except (OSError, OverflowError) as error:
+            raise ClusterError(f"no Ray cluster at {address}: {error}") from error
     options = [] if address == "auto" else ["--address", address]
     command = [sys.executable, "-P", "-m", "ray.scripts.scripts", "health-check", *options]
     try:
@@ -112,21 +120,11 @@ def _check_address(address: str) -> None:
             "its head, and is it up?"
         ) from error
     if done.returncode:
-        raise ClusterError(f"no Ray cluster at {address}: {_failure_reason(done.stderr)}")
-
-
-def _check_port(address: str) -> None:
-    host, _, port = address.rpartition(":")
-    if not host or not port.isdecimal():
-        raise ClusterError(f"{address}: write HOST:PORT of the cluster's head, or auto")
-    try:
-        socket.create_connection((host.strip("[]"), int(port)), timeout=_CONNECT_TIMEOUT).close()
-    except (OSError, OverflowError) as error:
-        raise ClusterError(f"no Ray cluster at {address}: {error}") from error
-
-
-def _failure_reason(printed: str) -> str:
-    if "InvalidAuthToken" in printed:
-        return "it requires a token; set RAY_AUTH_MODE=token, with the cluster's RAY_AUTH_TOKEN"
-    lines = printed.strip().splitlines()
-    return lines[-1] if lines else "its health check failed"
+        if "InvalidAuthToken" in done.stderr:
+            reason = (
+                "it requires a token; set RAY_AUTH_MODE=token, with the cluster's RAY_AUTH_TOKEN"
+            )
+        else:
+            lines = done.stderr.strip().splitlines()
+            reason = lines[-1] if lines else "its health check failed"
+        raise ClusterError(f"no Ray cluster at {address}: {reason}")

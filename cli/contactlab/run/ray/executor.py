@@ -97,7 +97,10 @@ class InFlight:
                     if (result := self._read_result(reference)) is not None:
                         yield result
         finally:
-            self._cancel_jobs()
+            for reference in self._sent:
+                ray.cancel(reference, force=True)
+            if self._sent:
+                ray.wait(list(self._sent), num_returns=len(self._sent), timeout=_END_TIMEOUT)
 
     def _send_jobs(self) -> bool:
         """Send as many jobs as fit, or cancel all; return whether any are in flight."""
@@ -135,12 +138,6 @@ class InFlight:
         if not self.stop.is_set:
             self._sent[self.send(job)] = job, losses
         return None
-
-    def _cancel_jobs(self) -> None:
-        for reference in self._sent:
-            ray.cancel(reference, force=True)
-        if self._sent:
-            ray.wait(list(self._sent), num_returns=len(self._sent), timeout=_END_TIMEOUT)
 
 
 @contextmanager

@@ -32,7 +32,14 @@ def run_on_worker(token: str, bundle: Callable[[], bytes], job: bytes) -> Result
     with _stop_on_cancel() as stop:
         try:
             jobs = [pickle.loads(job)]  # noqa: S301 - our own
-            return next(_worker_of(token, bundle).run(jobs, stop), [])
+            # A cluster's worker keeps one pool, for the sweep that last sent it jobs.
+            if token not in _workers_by_token:
+                for other in _workers_by_token.values():
+                    other.close()
+                _workers_by_token.clear()
+                folder = own_folder()
+                _workers_by_token[token] = WorkerPool(unpack_bundle(bundle(), folder), folder, 1)
+            return next(_workers_by_token[token].run(jobs, stop), [])
         except Exception as error:  # noqa: BLE001 - raised again where the sweep runs
             return error
 
@@ -47,16 +54,6 @@ def own_folder() -> Path:
         if own and not Path("/proc", own[1]).exists():
             shutil.rmtree(other, ignore_errors=True)
     return Path(mkdtemp(prefix=f"{name}{os.getpid()}-"))
-
-
-def _worker_of(token: str, bundle: Callable[[], bytes]) -> WorkerPool:
-    if token not in _workers_by_token:
-        for other in _workers_by_token.values():
-            other.close()
-        _workers_by_token.clear()
-        folder = own_folder()
-        _workers_by_token[token] = WorkerPool(unpack_bundle(bundle(), folder), folder, 1)
-    return _workers_by_token[token]
 
 
 @contextmanager

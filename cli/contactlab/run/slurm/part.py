@@ -40,8 +40,18 @@ class Part:
     def __call__(self) -> ContactlabError | None:
         """Run the jobs without a result; return the error that should end the sweep."""
         try:
-            self._check_versions()
-            self._run_jobs()
+            for name, ours in self.versions.items():
+                if (theirs := version(name)) != ours:
+                    raise ClusterError(
+                        f"a node has {name} {theirs}, but the sweep was started with {ours}; "
+                        "install the same versions on every node"
+                    )
+            with TemporaryDirectory(prefix="contactlab-") as own, self._watch_stop_file() as stop:
+                task = unpack_bundle((self.folder / BUNDLE).read_bytes(), Path(own))
+                left = unfinished_jobs(self.jobs, stored_runs(self.folder))
+                for result in LocalPool(self.workers).run(task, left, stop):
+                    name = f"{self.folder}/{uuid.uuid4().hex}{RESULT}"
+                    write_file(name, pickle.dumps(result))
         except ContactlabError as error:
             return error
         return None
@@ -49,22 +59,6 @@ class Part:
     def checkpoint(self) -> DelayedSubmission:
         """Return the continuation of this task after a preemption or its time limit."""
         return DelayedSubmission(self)
-
-    def _check_versions(self) -> None:
-        for name, ours in self.versions.items():
-            if (theirs := version(name)) != ours:
-                raise ClusterError(
-                    f"a node has {name} {theirs}, but the sweep was started with {ours}; install "
-                    "the same versions on every node"
-                )
-
-    def _run_jobs(self) -> None:
-        with TemporaryDirectory(prefix="contactlab-") as own, self._watch_stop_file() as stop:
-            task = unpack_bundle((self.folder / BUNDLE).read_bytes(), Path(own))
-            left = unfinished_jobs(self.jobs, stored_runs(self.folder))
-            for result in LocalPool(self.workers).run(task, left, stop):
-                name = f"{self.folder}/{uuid.uuid4().hex}{RESULT}"
-                write_file(name, pickle.dumps(result))
 
     @contextmanager
     def _watch_stop_file(self) -> Generator[Stop]:

@@ -66,7 +66,9 @@ def find_load(model: mujoco.MjModel, qpos: Floats, ctrl: Floats, act: Floats) ->
     Controls (nu,) and activations (na,) are those at the start. Joints with polynomial springs are
     excluded, because a load cannot be added to them.
     """
-    data = _forward_data(model, qpos, ctrl, act)
+    data = mujoco.MjData(model)
+    data.qpos[:], data.ctrl[:], data.act[:] = qpos, ctrl, act
+    mujoco.mj_forward(model, data)
     moment = actuator_moments(model, data)
     moved = np.abs(moment).max(axis=0, initial=0) > 0
     scalar = np.isin(model.jnt_type, _SCALAR_JOINTS)
@@ -78,8 +80,13 @@ def find_load(model: mujoco.MjModel, qpos: Floats, ctrl: Floats, act: Floats) ->
         mujoco.mj_mulM(model, data, column, unit)
     frequency = _LEG_SPRING_RATE if _carried_bodies(model, moment).size else _SPRING_RATE
     compliance = np.abs(np.linalg.inv(inertia)[np.ix_(dofs, dofs)])
-    stiffness = frequency**2 * _stable_coefficients(compliance)
-    # In the units of `_stable_coefficients`, a joint moves the inertia on the diagonal of M.
+    # Coefficients c such that no rate of M^-1 c exceeds 1. By Gershgorin's theorem a rate is at
+    # most the largest row sum of |M^-1 c|, in any units; here M^-1 has ones on its diagonal.
+    units = np.sqrt(np.diagonal(compliance))
+    stiffness = frequency**2 * (
+        1 / np.maximum((compliance / units).sum(axis=1) * units, np.finfo(float).tiny)
+    )
+    # In these units, a joint moves the inertia on the diagonal of M.
     damping = 2 * np.sqrt(stiffness * np.diagonal(inertia)[dofs])
     wanted = np.array(qpos[places])
     limited = np.asarray(model.jnt_limited)[joints].astype(bool)
@@ -137,9 +144,21 @@ def unheld_text(model: mujoco.MjModel, qpos: Floats, load: Load) -> str:
     """
     jointed = np.flatnonzero(np.asarray(model.jnt_type) != _FREE_JOINT)
     beyond = np.abs(load.places - qpos[model.jnt_qposadr[load.joints]])
+    # Bodies that a weld or a connect fixes to a mocap body.
+    kinds = int(mujoco.mjtEq.mjEQ_WELD), int(mujoco.mjtEq.mjEQ_CONNECT)
+    chosen = np.isin(model.eq_type, kinds) & np.asarray(model.eq_active0).astype(bool)
+    sides = np.stack([model.eq_obj1id, model.eq_obj2id], axis=1)[chosen]
+    sites = np.asarray(model.eq_objtype)[chosen] == int(mujoco.mjtObj.mjOBJ_SITE)
+    if sites.any():
+        sides[sites] = np.asarray(model.site_bodyid)[sides[sites]]
+    moved = np.asarray(model.body_mocapid)[sides] >= 0
     parts = (
         ("no actuator moves", model.joint, np.setdiff1d(jointed, load.joints)),
-        ("fixed to a mocap body:", model.body, _bodies_fixed_to_mocap(model)),
+        (
+            "fixed to a mocap body:",
+            model.body,
+            np.unique(sides[~moved & moved.any(axis=1, keepdims=True)]),
+        ),
         (
             f"up to {beyond.max(initial=0):.2g} beyond their limits at the start:",
             model.joint,
@@ -154,17 +173,6 @@ def unheld_text(model: mujoco.MjModel, qpos: Floats, load: Load) -> str:
     return "; ".join(problems)
 
 
-def _bodies_fixed_to_mocap(model: mujoco.MjModel) -> NDArray[np.int32]:
-    kinds = int(mujoco.mjtEq.mjEQ_WELD), int(mujoco.mjtEq.mjEQ_CONNECT)
-    chosen = np.isin(model.eq_type, kinds) & np.asarray(model.eq_active0).astype(bool)
-    sides = np.stack([model.eq_obj1id, model.eq_obj2id], axis=1)[chosen]
-    sites = np.asarray(model.eq_objtype)[chosen] == int(mujoco.mjtObj.mjOBJ_SITE)
-    if sites.any():
-        sides[sites] = np.asarray(model.site_bodyid)[sides[sites]]
-    moved = np.asarray(model.body_mocapid)[sides] >= 0
-    return np.unique(sides[~moved & moved.any(axis=1, keepdims=True)])
-
-
 def actuator_moments(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
     """Return (nu, nv) the derivatives of actuator lengths with respect to joints."""
     moment = np.zeros((model.nu, model.nv))
@@ -174,26 +182,9 @@ def actuator_moments(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
     return moment
 
 
-def _forward_data(model: mujoco.MjModel, qpos: Floats, ctrl: Floats, act: Floats) -> mujoco.MjData:
-    data = mujoco.MjData(model)
-    data.qpos[:], data.ctrl[:], data.act[:] = qpos, ctrl, act
-    mujoco.mj_forward(model, data)
-    return data
-
-
 def _carried_bodies(model: mujoco.MjModel, moment: Floats) -> NDArray[np.int32]:
     """Return the bodies of unactuated joints that carry actuated ones."""
     moved = np.abs(moment).max(axis=0, initial=0) > 0
     above = np.asarray(model.dof_parentid)[moved]
     above = above[above >= 0]
     return np.asarray(model.dof_bodyid)[above[~moved[above]]]
-
-
-def _stable_coefficients(compliance: Floats) -> Floats:
-    """Return (J,) coefficients c such that no rate of M^-1 c exceeds 1, for |M^-1| (J, J).
-
-    By Gershgorin's theorem a rate is at most the largest row sum of |M^-1 c|, in any units; here in
-    those in which M^-1 has ones on its diagonal.
-    """
-    units = np.sqrt(np.diagonal(compliance))
-    return 1 / np.maximum((compliance / units).sum(axis=1) * units, np.finfo(float).tiny)

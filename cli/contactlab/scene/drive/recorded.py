@@ -124,7 +124,13 @@ def _find_place(model: mujoco.MjModel, column: str, columns: Collection[str]) ->
     if element and int(element[2]) < sizes[element[1]]:
         return part_starts(model)[element[1]] + int(element[2])
     known = coordinate_indices(model) | mocap_coordinates(model)
-    joints = _actuators_of_joints(model)
+    # Joints that exactly one actuator moves.
+    movers: dict[str, list[str]] = {}
+    for actuator in range(model.nu):
+        if model.actuator_trntype[actuator] in AT_JOINT:
+            joint = model.joint(int(model.actuator_trnid[actuator, 0])).name
+            movers.setdefault(joint, []).append(model.actuator(actuator).name)
+    joints = {joint: names[0] for joint, names in movers.items() if len(names) == 1}
     if f"{column}.ctrl" in known:
         return known[f"{column}.ctrl"]
     if column in joints and f"{joints[column]}.ctrl" not in known:
@@ -138,16 +144,6 @@ def _find_place(model: mujoco.MjModel, column: str, columns: Collection[str]) ->
     such = f"; name them such as {', '.join(some[:4])}" if some else ""
     close = did_you_mean(column, names) or such
     return f"column `{column}` is not an actuator, joint or body of the model{close}"
-
-
-def _actuators_of_joints(model: mujoco.MjModel) -> dict[str, str]:
-    """Return the joints that exactly one actuator moves, with that actuator's name."""
-    joints: dict[str, list[str]] = {}
-    for actuator in range(model.nu):
-        if model.actuator_trntype[actuator] in AT_JOINT:
-            joint = model.joint(int(model.actuator_trnid[actuator, 0])).name
-            joints.setdefault(joint, []).append(model.actuator(actuator).name)
-    return {joint: names[0] for joint, names in joints.items() if len(names) == 1}
 
 
 def _hold_levels(signals: Signals) -> Signals:

@@ -160,19 +160,7 @@ def excitation_signals(
     growth = np.minimum(since / _GROWTH_SECONDS, 1.0)
     aims = middle[:, None] + reach[:, None] * waves
     controls = rest[:, None] + growth * (aims - rest[:, None])
-    forces = _push_forces(model, bodies, random)
-    active = (times >= moments[own][:, None]) & (times < moments[own][:, None] + PUSH_TIME)
-    pushes = (forces[:, :, None] * active[:, None, :]).reshape(-1, len(times))
-    places = [np.arange(model.nu), (model.nu + 6 * bodies[:, None] + np.arange(3)).ravel()]
-    levels = np.concatenate([controls, pushes])
-    before = np.concatenate([rest, np.zeros(len(pushes))])
-    return _step_signals(np.concatenate(places).astype(np.intp), begin + times, levels, before)
-
-
-def _push_forces(
-    model: mujoco.MjModel, bodies: NDArray[np.intp], random: np.random.Generator
-) -> Floats:
-    """Return (n, 3) forces on bodies, as large as their weights, across gravity [N]."""
+    # Forces as large as the bodies' weights, across gravity [N].
     gravity = np.array(model.opt.gravity)
     size = float(np.linalg.norm(gravity))
     down = gravity / size if size else np.zeros(3)
@@ -180,16 +168,17 @@ def _push_forces(
     ways -= (ways @ down)[:, None] * down
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     weights = np.asarray(model.body_subtreemass)[bodies] * (size or _STANDARD_GRAVITY)
-    return weights[:, None] * ways
-
-
-def _step_signals(
-    places: NDArray[np.intp], times: Floats, levels: Floats, before: Floats
-) -> Signals:
-    """Return signals with levels (P, K) from times (K,) on, and levels `before` (P,) earlier."""
-    knots = np.repeat(times, 2)
+    forces = weights[:, None] * ways
+    active = (times >= moments[own][:, None]) & (times < moments[own][:, None] + PUSH_TIME)
+    pushes = (forces[:, :, None] * active[:, None, :]).reshape(-1, len(times))
+    places = [np.arange(model.nu), (model.nu + 6 * bodies[:, None] + np.arange(3)).ravel()]
+    levels = np.concatenate([controls, pushes])
+    before = np.concatenate([rest, np.zeros(len(pushes))])
+    knots = np.repeat(begin + times, 2)
     known = np.concatenate([before[:, None], levels], axis=1)
-    return Signals(places, knots[None], np.repeat(known, 2, axis=1)[:, 1:-1])
+    return Signals(
+        np.concatenate(places).astype(np.intp), knots[None], np.repeat(known, 2, axis=1)[:, 1:-1]
+    )
 
 
 def noise_signals(

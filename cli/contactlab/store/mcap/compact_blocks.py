@@ -15,7 +15,6 @@ from itertools import pairwise
 
 import numpy as np
 from mcap.records import Channel
-from numpy.typing import NDArray
 
 from contactlab.store.mcap.encode_buffers import SCRATCH
 from contactlab.store.mcap.file_parts import encode_file, interleave_groups
@@ -30,7 +29,6 @@ from contactlab.store.mcap.record_encoder import (
     Integers,
     Items,
     Records,
-    Unsigned,
     overlapping_numbers,
     overlapping_view,
     pack_values,
@@ -176,12 +174,24 @@ def _read_block(channel: Channel, content: bytes) -> Iterator[tuple[MessageLayou
         start += _GROUP_HEAD.size
         if not count or count * size > _MAX_EXPANSION * (len(content) - start):
             raise ValueError(f"a block of {channel.topic} claims more messages than it holds")
-        layout = _message_layout(channel, size)
+        # The size of a message tells its layout.
+        if channel.topic != STATE_TOPIC:
+            layout = contacts_record(int(point_counts(np.array(size))))
+        else:
+            sizes = int(channel.metadata["nq"]), int(channel.metadata["nv"])
+            known = last_state_record(*sizes), state_record(*sizes, 0), state_record(*sizes, 3)
+            layout = {each.size: each for each in known}[size]
         items = layout.fill(np.empty(count * size, np.uint8))
         for width, places in layout.values:
             length = width * len(places) * count
             planes = np.frombuffer(content, np.uint8, length, start)
-            overlapping_numbers(items, width)[:, places] = _unpack_values(planes, width, count)
+            # Undo `pack_values`: bytes, signs folded in, second differences.
+            folded = np.ascontiguousarray(planes.reshape(width, -1).T).view(f"<u{width}")
+            numbers = np.bitwise_xor(folded >> 1, np.negative(folded & 1))
+            numbers = numbers.reshape(-1, count).T
+            for _ in range(2):
+                numbers = np.cumsum(numbers, axis=0, dtype=numbers.dtype)
+            overlapping_numbers(items, width)[:, places] = numbers
             start += length
         items["channel"] = channel.id
         items["publish_time"] = items["log_time"]
@@ -190,21 +200,3 @@ def _read_block(channel: Channel, content: bytes) -> Iterator[tuple[MessageLayou
             for name, values in derived_fields(*net, timestep).items():
                 items[name] = values
         yield layout, items
-
-
-def _message_layout(channel: Channel, size: int) -> MessageLayout:
-    if channel.topic != STATE_TOPIC:
-        return contacts_record(int(point_counts(np.array(size))))
-    sizes = int(channel.metadata["nq"]), int(channel.metadata["nv"])
-    known = last_state_record(*sizes), state_record(*sizes, 0), state_record(*sizes, 3)
-    return {layout.size: layout for layout in known}[size]
-
-
-def _unpack_values(planes: NDArray[np.uint8], width: int, count: int) -> Unsigned:
-    """Return the (count, k) values that `pack_values` packed into bytes."""
-    folded = np.ascontiguousarray(planes.reshape(width, -1).T).view(f"<u{width}")
-    values = np.bitwise_xor(folded >> 1, np.negative(folded & 1))
-    values = values.reshape(-1, count).T
-    for _ in range(2):
-        values = np.cumsum(values, axis=0, dtype=values.dtype)
-    return values

@@ -144,7 +144,25 @@ def encode_file(
     for part in parts[1:]:
         crc = zlib.crc32(part, crc)
     counts = np.count_nonzero(stream.sizes, axis=0).tolist()
-    parts.append(_file_tail(start, chunks, counts, position, crc))
+    # The end of the data section, the summary and the footer.
+    ends = chunks[0].first, chunks[-1].last
+    totals = sum(counts), start.schemas, len(counts), 1, 1, len(chunks)
+    by_channel = _encode_by_channel(dict(enumerate(counts, start=1)))
+    statistics = _encode_record(Opcode.STATISTICS, _STATISTICS.pack(*totals, *ends), by_channel)
+    indexes = b"".join(chunk.entry for chunk in chunks)
+    groups = {**start.summary, Opcode.STATISTICS: statistics, Opcode.CHUNK_INDEX: indexes}
+    summary_start = position + DATA_END.size
+    summary = offsets = b""
+    for kind, records in groups.items():
+        group = summary_start + len(summary), len(records)
+        offsets += _SUMMARY_OFFSET.pack(Opcode.SUMMARY_OFFSET, 17, kind, *group)
+        summary += records
+    sections = summary_start, summary_start + len(summary)
+    footer = FOOTER.pack(Opcode.FOOTER, FOOTER.size - FRAME.size, *sections, 0)
+    # The summary's CRC covers the footer's own first fields too.
+    end = summary + offsets + footer[: -SIZE.size]
+    data_end = DATA_END.pack(Opcode.DATA_END, SIZE.size, crc)
+    parts.append(data_end + end + SIZE.pack(zlib.crc32(end)) + MCAP0_MAGIC)
     return b"".join(parts)
 
 
@@ -170,33 +188,6 @@ def _encode_chunk(
         _SIZES.pack(len(compressed), len(content)),
     )
     return _Chunk([head, compressed, indexes], index, *times)
-
-
-def _file_tail(
-    start: FileStart, chunks: Sequence[_Chunk], counts: Sequence[int], position: int, crc: int
-) -> bytes:
-    """Return the end of a file, at a position, for the CRC-32 of all bytes before it.
-
-    It is the end of the data section, the summary and the footer; there is at least one chunk.
-    """
-    times = chunks[0].first, chunks[-1].last
-    numbers = sum(counts), start.schemas, len(counts), 1, 1, len(chunks)
-    by_channel = _encode_by_channel(dict(enumerate(counts, start=1)))
-    statistics = _encode_record(Opcode.STATISTICS, _STATISTICS.pack(*numbers, *times), by_channel)
-    indexes = b"".join(chunk.entry for chunk in chunks)
-    groups = {**start.summary, Opcode.STATISTICS: statistics, Opcode.CHUNK_INDEX: indexes}
-    summary_start = position + DATA_END.size
-    summary = offsets = b""
-    for kind, records in groups.items():
-        group = summary_start + len(summary), len(records)
-        offsets += _SUMMARY_OFFSET.pack(Opcode.SUMMARY_OFFSET, 17, kind, *group)
-        summary += records
-    sections = summary_start, summary_start + len(summary)
-    footer = FOOTER.pack(Opcode.FOOTER, FOOTER.size - FRAME.size, *sections, 0)
-    # The summary's CRC covers the footer's own first fields too.
-    end = summary + offsets + footer[: -SIZE.size]
-    data_end = DATA_END.pack(Opcode.DATA_END, SIZE.size, crc)
-    return data_end + end + SIZE.pack(zlib.crc32(end)) + MCAP0_MAGIC
 
 
 def _encode_record(kind: Opcode, *parts: bytes) -> bytes:

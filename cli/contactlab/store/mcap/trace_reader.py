@@ -20,7 +20,7 @@ from contactlab.contact.trace_arrays import (
     hash_of_states,
 )
 from contactlab.errors import StoreError
-from contactlab.schema.evidence import EvidenceRecord, TraceFile
+from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.mcap.compact_blocks import expand_blocks, expand_file
 from contactlab.store.mcap.message_encoder import MOMENTUM_ARRAYS, PAIR_ARRAYS, STEP_ARRAYS
 from contactlab.store.mcap.stored_messages import (
@@ -264,8 +264,27 @@ def trace_problems(
         return
     try:
         trace = _decode_trace(data)
-        yield from _find_contradictions(trace, record, but)
-        yield from _check_counts(trace, record, record.trace)
+        # The record inside states what the table states.
+        inside = _plain_content(EvidenceRecord.model_validate_json(trace.record_json))
+        for name, value in _plain_content(record).items():
+            # Errors have tolerances, too, which are judged after the trace is written.
+            is_later = name == "tolerances_met" and record.accuracy is not None
+            if inside[name] != value and name not in but and not is_later:
+                yield f"its record and the table differ in {name}"
+        states = np.column_stack((trace.time, trace.qpos, trace.qvel))
+        # The hash includes the activations, which are not in the trace.
+        if (
+            trace.metadata.get(ACTIVATIONS) == "0"
+            and hash_of_states(states) != record.trajectory_hash
+        ):
+            yield "its states do not match the trajectory's hash"
+        # As many messages by topic as the table names.
+        counts = {contacts_topic(pair.name): len(pair.steps) for pair in trace.pairs}
+        counts |= {STATE_TOPIC: len(trace.time), EVIDENCE_TOPIC: 1}
+        if counts[STATE_TOPIC] != record.steps + 1 or Counter(counts) != Counter(
+            record.trace.messages
+        ):
+            yield f"its messages by topic do not match the table, or {record.steps} steps"
     except UNREADABLE as error:
         yield f"this version of contactlab cannot read it: {error}"
         return
@@ -273,30 +292,8 @@ def trace_problems(
         yield "its model is not the scene's"
 
 
-def _find_contradictions(
-    trace: StoredTrace, record: EvidenceRecord, but: Collection[str]
-) -> Iterator[str]:
-    inside = _plain_content(EvidenceRecord.model_validate_json(trace.record_json))
-    for name, value in _plain_content(record).items():
-        # Errors have tolerances, too, which are judged after the trace is written.
-        is_later = name == "tolerances_met" and record.accuracy is not None
-        if inside[name] != value and name not in but and not is_later:
-            yield f"its record and the table differ in {name}"
-    states = np.column_stack((trace.time, trace.qpos, trace.qvel))
-    # The hash includes the activations, which are not in the trace.
-    if trace.metadata.get(ACTIVATIONS) == "0" and hash_of_states(states) != record.trajectory_hash:
-        yield "its states do not match the trajectory's hash"
-
-
 def _plain_content(record: EvidenceRecord) -> dict[str, Any]:
     content = json.loads(record.model_dump_json(exclude=set(_LATER_FIELDS)))
     # The table has one column of settings for all runs, with nulls for settings of other runs.
     content["settings"] = {name: v for name, v in content["settings"].items() if v is not None}
     return content
-
-
-def _check_counts(trace: StoredTrace, record: EvidenceRecord, file: TraceFile) -> Iterator[str]:
-    counts = {contacts_topic(pair.name): len(pair.steps) for pair in trace.pairs}
-    counts |= {STATE_TOPIC: len(trace.time), EVIDENCE_TOPIC: 1}
-    if counts[STATE_TOPIC] != record.steps + 1 or Counter(counts) != Counter(file.messages):
-        yield f"its messages by topic do not match the table, or {record.steps} steps"

@@ -83,8 +83,29 @@ class ObjectClient:
         self.address = address
         self._error = error
         self._bucket_exists = False
-        _check_environment(address, error)
+        # The library would report these late, or unclearly.
+        # Without the machine's credential service, only these variables can provide S3 credentials.
+        disabled = _is_set("AWS_EC2_METADATA_DISABLED")
+        if address.scheme == "s3" and disabled and not any(map(os.environ.get, _S3_CREDENTIALS)):
+            raise error(_no_credentials(address))
+        endpoint = _ENDPOINT_VARIABLES[address.scheme]
+        allow = f"{_VARIABLE_PREFIXES[address.scheme]}_ALLOW_HTTP"
+        if os.environ.get(endpoint, "").startswith("http://") and not _is_set(allow):
+            raise error(
+                f"cannot use {address}: {endpoint} is an http:// address; write https://, or set "
+                f"{allow}=true if the network can be trusted"
+            )
         with self._plain_errors(address):
+            prefix = _VARIABLE_PREFIXES[address.scheme]
+            options: ClientConfig = {
+                "connect_timeout": _CONNECT_TIMEOUT,
+                "read_timeout": _READ_TIMEOUT,
+                "timeout": _REQUEST_TIMEOUT,
+            }
+            if _is_set(f"{prefix}_ALLOW_HTTP"):
+                options["allow_http"] = True
+            if proxy := os.environ.get(f"{prefix}_PROXY_URL"):
+                options["proxy_url"] = proxy
             self.store: ObjectStore = _STORE_CLASSES[address.scheme](
                 address.bucket,
                 prefix=address.prefix,
@@ -93,7 +114,7 @@ class ObjectClient:
                     "retry_timeout": _READ_TIMEOUT,
                     "backoff": {"max_backoff": timedelta(seconds=2)},
                 },
-                client_options=_client_options(_VARIABLE_PREFIXES[address.scheme]),
+                client_options=options,
             )
 
     def put(self, name: str, data: bytes | memoryview | Path) -> None:
@@ -209,34 +230,6 @@ def _error_message(address: ObjectAddress, error: Exception) -> str:
 
 def _no_credentials(address: ObjectAddress) -> str:
     return f"cannot use {address}: no credentials; set {_KEY_VARIABLES[address.scheme]}"
-
-
-def _check_environment(address: ObjectAddress, error: type[ContactlabError]) -> None:
-    """Detect problems early that the library would report late, or unclearly."""
-    # Without the machine's credential service, only these variables can provide S3 credentials.
-    disabled = _is_set("AWS_EC2_METADATA_DISABLED")
-    if address.scheme == "s3" and disabled and not any(map(os.environ.get, _S3_CREDENTIALS)):
-        raise error(_no_credentials(address))
-    endpoint = _ENDPOINT_VARIABLES[address.scheme]
-    allow = f"{_VARIABLE_PREFIXES[address.scheme]}_ALLOW_HTTP"
-    if os.environ.get(endpoint, "").startswith("http://") and not _is_set(allow):
-        raise error(
-            f"cannot use {address}: {endpoint} is an http:// address; write https://, or set "
-            f"{allow}=true if the network can be trusted"
-        )
-
-
-def _client_options(prefix: str) -> "ClientConfig":
-    options: ClientConfig = {
-        "connect_timeout": _CONNECT_TIMEOUT,
-        "read_timeout": _READ_TIMEOUT,
-        "timeout": _REQUEST_TIMEOUT,
-    }
-    if _is_set(f"{prefix}_ALLOW_HTTP"):
-        options["allow_http"] = True
-    if proxy := os.environ.get(f"{prefix}_PROXY_URL"):
-        options["proxy_url"] = proxy
-    return options
 
 
 def _is_set(variable: str) -> bool:

@@ -152,21 +152,17 @@ def hold_lease(client: "ObjectClient", seconds: float | None = None) -> Generato
     """Hold the lock of a store, after one of another machine was unchanged for some seconds."""
     seconds = LEASE if seconds is None else seconds
     holder = LockHolder.current_process()
-    lease = StoreLease(client, holder, _take_lock(client, holder, seconds), seconds)
-    try:
-        yield lease
-    finally:
-        lease.release()
-
-
-def _take_lock(client: "ObjectClient", holder: LockHolder, seconds: float) -> "UpdateVersion":
     version = None
     while version is None:
         version = client.create(LOCK, holder.to_json_bytes())
         if version is None and (other := client.find(LOCK)) is not None:
             _wait_until_gone(client, other, seconds)
             version = client.create(LOCK, holder.to_json_bytes(), other.version)
-    return version
+    lease = StoreLease(client, holder, version, seconds)
+    try:
+        yield lease
+    finally:
+        lease.release()
 
 
 def _wait_until_gone(client: "ObjectClient", lock: "StoredObject", seconds: float) -> None:
