@@ -110,7 +110,7 @@ def impedance_at(penetration: ArrayLike, solimp: ArrayLike) -> Floats:
 def rest_penetration(
     load: ArrayLike, inverse_mass: ArrayLike, solref: ArrayLike, solimp: ArrayLike
 ) -> Floats:
-    """Return the penetration [m] at which one contact carries `load` [N] at rest.
+    """Return the penetration [m] of one contact that carries `load` [N] at rest.
 
     It solves ``r = F A (1 - d(r)) dwidth^2 / (K d(r)^2)`` with A = 1/m1 + 1/m2 [1/kg] of the two
     bodies. Exact for elliptic cones and frictionless contacts; pyramids soften it. Results are

@@ -146,7 +146,7 @@ class EngineOutputs:
     """(n, N, 3) work in each step [J] of actuators, of constraints, and of all other forces except
     gravity and springs; NaN if unknown."""
     given: Floats | None = None
-    """(n, 4) the stretch of steps in which constraints gave most energy: the first, the last, their
+    """(n, 4) the stretch of steps when constraints gave most energy: the first, the last, their
     stored energy before it [J], and that of all except contacts at the start [J]."""
     sleeper: Floats | None = None
     """(n, 4) the sleeping body that would have moved farthest if it had been awake: the distance

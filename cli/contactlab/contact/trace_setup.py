@@ -109,7 +109,7 @@ class Mechanism:
     tendons: tuple[Part, ...]
     actuators: tuple[Part, ...]
     slack: Floats
-    """(tendons, 2) range of lengths in which a tendon's spring is slack; NaN without a spring."""
+    """(tendons, 2) range of lengths with a slack spring; NaN without a spring."""
     forces: Floats  # (actuators, 2) least and greatest force of each; infinite without limits
     equalities: tuple[Equality, ...]
 
@@ -123,8 +123,8 @@ class RecordedPart:
     kind: Literal["point", "turn", "slide", "hinge"]
     qpos: slice
     qvel: slice
-    # Reference size of its error: the smallest side of the box around a free body, whose rotation
-    # does not count, or the range of a joint [m or rad].
+    # Reference size of its error: the smallest side of the box around a free body, without its
+    # rotation, or the range of a joint [m or rad].
     size: float
 
 

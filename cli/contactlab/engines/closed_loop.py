@@ -51,7 +51,7 @@ _INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _WARNING_KINDS = int(mujoco.mjtWarning.mjNWARNING)
 _COUNT_INDEX = 1
 _POLICY_ERRORS = (Exception, SystemExit)
-# Segments of a flight in which runs step one by one, and smallest number of segments.
+# Number of segments of a flight with runs that step one by one, and of all at least.
 _SAMPLED_SEGMENTS, _MIN_SEGMENTS = 2, 16
 _NOISE_STREAM = 3  # random stream of a run's seed for noise; other streams perturb its start
 
@@ -132,7 +132,7 @@ def _fly_together(
 
 
 class _Flight:
-    """n runs in which one instance of a policy acts."""
+    """n runs with one instance of a policy."""
 
     def __init__(self, runs: PreparedRuns, arrays: RolloutArrays, fields: Fields) -> None:
         self._runs, self._models, self._arrays = runs, runs.models, arrays
@@ -146,7 +146,7 @@ class _Flight:
         self._controls = self._batch.bind("ctrl")
         self._pushed = bool((runs.starts.driven_inputs >= self._controls.shape[1]).any())
         self._timestep = runs.resolved[0].timestep
-        # Steps before which the policy is called.
+        # Each of these steps follows a call of the policy.
         rate, timestep = _policy_drive(runs.resolved[0]).rate, self._timestep
         period = 1 / (rate * timestep)
         if period < 1 - COARSE_ROUNDING:
@@ -209,7 +209,7 @@ class _Flight:
                 self._controls[self._active] = self._applied_controls[begin][self._active]
             if not self._active:
                 break
-            # Runs whose time is sampled are stepped one by one.
+            # Runs step one by one to sample the time of each.
             one_by_one = begin in samples
             for runs in [[run] for run in self._active] if one_by_one else [self._active]:
                 taken = self._step_runs(runs, begin, end)
@@ -271,7 +271,7 @@ class _Flight:
         # Adding 0 turns -0.0 into 0.0; no replay could distinguish them.
         wanted = returned.astype(np.float64) + 0.0
         if not np.isfinite(wanted).all():
-            # Runs end for which the policy returned NaN or infinity.
+            # A run ends if the policy returned NaN or infinity for it.
             when = f"at {step * self._timestep:g} s"
             for run in [run for run in self._active if not np.isfinite(wanted[run]).all()]:
                 actuator = int(np.flatnonzero(~np.isfinite(wanted[run]))[0])

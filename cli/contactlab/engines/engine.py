@@ -1,4 +1,4 @@
-"""Engines: the interface through which they receive runs and return arrays.
+"""Engines: the interface that gives them runs and takes their arrays.
 
 An engine is one class in one file, derived from `SimulationEngine` and added to `ENGINES`. It must
 provide its version and roll out runs. Further abilities are shown by the methods of `ChecksRuns`,
@@ -148,7 +148,7 @@ PolicyClass = Callable[[mujoco.MjModel], Policy]
 
 
 def bytes_of_run(model: mujoco.MjModel, steps: int, measured: int | None = None) -> int:
-    """Return the memory [bytes] into which one run of N steps is recorded; see `Buffers.arrays`."""
+    """Return the memory [bytes] for the record of a run of N steps; see `Buffers.arrays`."""
     measured = model.nsensordata if measured is None else measured
     width = 1 + model.nq + model.nv + model.na + measured
     return 8 * width * (steps + 1) + 4 * _ISLAND_COUNT * steps
@@ -259,7 +259,7 @@ class SimulationEngine(ABC):
         """
 
     def least_bytes(self, base: CompiledScene, run: RunSpec) -> int:
-        """Return the memory [bytes] into which a run is recorded, at least.
+        """Return the least memory [bytes] for the record of a run.
 
         By default it is all of it, because engines record everything into their buffers.
         """
@@ -323,7 +323,7 @@ class SampledStates(NamedTuple):
     states: Floats  # (T, nstate) time, qpos, qvel, act
     qpos: Floats  # (T, nq)
     qvel: Floats  # (T, nv)
-    impacts: int  # number of steps after which the number of contacts changed
+    impacts: int  # number of steps with a change of the number of contacts
 
 
 @runtime_checkable
@@ -359,7 +359,7 @@ class Work(NamedTuple):
     iterations: int  # of the solver, summed over contact islands
     contacts: int  # in the whole model
     rows: int  # of constraints
-    places: tuple[int, ...]  # (P,) steps before which states were kept
+    places: tuple[int, ...]  # (P,) steps that follow a kept state
     states: Floats  # (P, nstate) these states, complete enough to continue
 
 
@@ -369,7 +369,7 @@ class Segments:
 
     model: mujoco.MjModel  # without the sensors that record
     start: InitialStates  # start and inputs of the run (n is 1)
-    work: Work  # work of the run, with the steps and states at which segments begin
+    work: Work  # work of the run, with the steps and states at the start of segments
 
     def lengths(self, most: int) -> list[int]:
         """Return the steps of each segment: up to the next one, at most `most`."""

@@ -2,7 +2,7 @@
 
 Seen from one geom, the center of another moves along a line from step to step. If a ray along it
 enters the geom and leaves it again, or gets under a surface, the other geom has passed through. The
-same holds for vertices and edges of a rope, and for a flex whose mid-surface the center crosses. A
+same holds for vertices and edges of a rope, and for a center that crosses a flex's mid-surface. A
 geom that turns far in a step is followed within it.
 """
 
@@ -35,7 +35,7 @@ _MAX_PAIRS, _MAX_RAYS = 200, 500
 _PLANE_TYPE, _HFIELD_TYPE = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD)
 _MESH_TYPE, _SPHERE_TYPE = int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_SPHERE)
 _TRANSLATIONS = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_SLIDE): 1}
-_MAX_LINE_ANGLE_RAD = 1.0  # angle [rad] beyond which the path of a point is not nearly a line
+_MAX_LINE_ANGLE_RAD = 1.0  # largest angle [rad] for a path of a point that is nearly a line
 _UP_AXIS, _ORIGIN, _AXES = np.array([0.0, 0.0, 1.0]), np.zeros(3), np.eye(3).ravel()
 
 
@@ -65,7 +65,7 @@ class Passages:
         ):
             acting = starts.input_rows(run, model.opt.timestep, np.arange(len(states) - 1))
             position, rotation, vertices = _body_poses(model, states[:-1, 1:positions], acting)
-            # The largest angle by which each step turns each body [rad].
+            # The largest rotation of each body in each step [rad].
             cosine = np.abs((rotation[1:] * rotation[:-1]).sum(axis=2))
             turned = 2 * np.arccos(np.minimum(cosine, 1))
             shift = np.sqrt(squared_lengths(np.diff(position, axis=0)))
@@ -270,7 +270,7 @@ def _rope_points(model: mujoco.MjModel, flex: int, vertices: Floats) -> Iterator
 
 
 def _first_crossing(seen: Floats, corners: Floats) -> int | None:
-    """Return the first step in which a point crosses a triangle; None if it never does.
+    """Return the first step where a point crosses a triangle; None if it never does.
 
     The point `seen` (N, F, 3) and `corners` (N, F, 3, 3) are relative to the triangles' centers
     [m].
@@ -326,7 +326,7 @@ def _in_geom_frame(
 def _first_passage(
     path: Floats, least: float, wall: "_PassableGeom", turned: Floats | None = None
 ) -> list[int]:
-    """Return the first step after which a point has passed through a geom, if it ever does.
+    """Return the step that ends a point's first passage through a geom, if it ever does.
 
     The path (N, 3) [m] is in the frame of the geom. Steps shorter than `least` [m] do not count,
     nor those that turn by more than a radian: `turned` (N,) is the angle since the start.

@@ -18,12 +18,12 @@ from contactlab.scene.run_setup import equality_reach
 
 _STEPS_PER_SAMPLE = 250  # steps per sample; a sample takes as long as three or four steps
 _MIN_SAMPLES, _MAX_SAMPLES = 2, 16
-_WAKING_STEPS = 100  # steps after which it shows whether a sleeping body would have stayed
-_REST_SHARE = 1e-3  # motion in that time within which it rests, as a share of a body's mean size
-_MAX_SLEEPS = 4  # number of sleeps that are checked: the fastest and longest ones
-_MOTION_CHECKS = 16  # number of instants at which the motion of the awake body is checked
-_NOSLIP_ITERATIONS = 10  # noslip iterations with which bodies held by friction do not creep
-_HELD_SHARE = 0.9  # share of its friction loss below which a brake should hold
+_WAKING_STEPS = 100  # steps that show whether a sleeping body would have stayed
+_REST_SHARE = 1e-3  # largest motion of a resting body in that time, as a share of its mean size
+_MAX_SLEEPS = 4  # number of checked sleeps: the fastest and longest ones
+_MOTION_CHECKS = 16  # number of checks of the awake body's motion
+_NOSLIP_ITERATIONS = 10  # enough noslip iterations to keep bodies held by friction from creeping
+_HELD_SHARE = 0.9  # a brake should hold below this share of its friction loss
 _CONSTRAINT_TYPES, _EQUALITY_TYPES = mujoco.mjtConstraint, mujoco.mjtEq
 _BRAKE_TYPES = _CONSTRAINT_TYPES.mjCNSTR_FRICTION_DOF, _CONSTRAINT_TYPES.mjCNSTR_FRICTION_TENDON
 _SLEEP_FLAG = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
@@ -196,6 +196,6 @@ class _Sampler:
 
 
 def sampled_steps(steps: int) -> np.ndarray:
-    """Return the steps of a run before which loads are sampled: in the middle of equal parts."""
+    """Return the steps of a run that follow a sample of loads: in the middle of equal parts."""
     samples = max(_MIN_SAMPLES, min(_MAX_SAMPLES, steps // _STEPS_PER_SAMPLE))
     return ((np.arange(samples) + 0.5) / samples * steps).astype(np.intp)

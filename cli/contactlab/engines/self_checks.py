@@ -44,7 +44,7 @@ _ALL_EXCEPT_CONTACTS = sum(
     int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}"))
     for flag in ("ACTUATION", "EQUALITY", "FRICTIONLOSS", "GRAVITY", "LIMIT", _SPRING_FLAG)
 )
-_RELAXING_STEPS = 200  # steps after which bodies pressed only by loads have separated
+_RELAXING_STEPS = 200  # enough steps to separate bodies that only loads press together
 _MIN_MASS_RATIO = (
     0.01  # smallest ratio of the lighter mass to the effective mass of a contact; 3 at a rod's end
 )

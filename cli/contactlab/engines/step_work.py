@@ -36,9 +36,9 @@ FORCES = ("qfrc_constraint", "qfrc_actuator", *_ACTUATOR_FIELDS, *_OTHER_FORCE_F
 class EnergyLedger:
     """The work in n runs of N steps, entered run by run: `work` and `given`, see `Trace`.
 
-    Both are None if only gravity, springs and contacts act, because energy alone is sufficient
-    then, and with RK4, which keeps only the forces of its last stage. A batch records `forces`:
-    arrays (rows, N, ...) by field of MjData.
+    They are left out if only gravity, springs and contacts act, because energy alone is sufficient
+    then. They are left out with RK4, too: it keeps only the forces of its last stage. A batch
+    records `forces`: arrays (rows, N, ...) by field of MjData.
     """
 
     def __init__(self, models: Sequence[mujoco.MjModel], steps: int, rows: int) -> None:

@@ -303,8 +303,8 @@ def unsettled(runs: MeasuredRuns) -> OnsetIterator:
 def _level_energy(context: Context) -> Floats:
     """Return (n, N) mechanical energy [J] without the oscillation that a step gives it at a spring.
 
-    Semi-implicit velocities lag behind positions by half a step. In a mean over two states in which
-    later kinetic and earlier potential energy count three times, the second-order oscillation
+    Semi-implicit velocities lag behind positions by half a step. In a mean over two states, later
+    kinetic and earlier potential energy count three times, so that the second-order oscillation
     cancels.
     """
     values = energy(context)

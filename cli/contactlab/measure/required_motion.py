@@ -82,8 +82,8 @@ def _required_paths(context: Context) -> list[_RequiredPath]:
 def motion_margins(context: Context, hold: float) -> Floats:
     """Return (n,) the least margin of the requirements of bodies, as a share of the limit.
 
-    For the holder of a body, 1 less the longest time [s] in which it does not touch the body over
-    the shortest that counts, `hold`. Infinite without requirements; NaN if a state is NaN.
+    For the holder of a body, 1 less the longest time [s] without contact over the shortest that
+    counts, `hold`. Infinite without requirements; NaN if a state is NaN.
     """
     least = np.full(context.trace.runs, np.inf)
     for path in _required_paths(context):

@@ -17,8 +17,8 @@ from contactlab.schema.evidence import SweepIdentity, WholeGrid
 class ChosenRuns(ABC):
     """Chooses the next runs of a plan from the results of earlier ones.
 
-    The choice depends on nothing else, so neither the order in which runs finish nor an
-    interruption changes it.
+    The choice depends on nothing else, so neither the order of finished runs nor an interruption
+    changes it.
     """
 
     def __init__(self, ids: NDArray[np.uint64], side: Side, read_by: tuple[str, ...]) -> None:

@@ -1,4 +1,4 @@
-"""The server that worker processes are forked from, once it has loaded what they need."""
+"""The server that worker processes are forked from, once it has loaded their modules."""
 
 import contextlib
 import multiprocessing
@@ -23,9 +23,9 @@ IN_FORK_SERVER = "CONTACTLAB_IN_FORK_SERVER"
 """An environment variable that the fork server has when it starts, and removes."""
 # A worker has a core: BLAS's threads would share it, and wait for ever where none can be started.
 _ENVIRONMENT = {"PYTHONSAFEPATH": "1", "OPENBLAS_NUM_THREADS": "1", IN_FORK_SERVER: "1"}
-# Of a folder's path, where 32 characters more and an end must fit into the 108 of an address.
+# Longest path of a folder: 32 more characters and an end must fit into the 108 of an address.
 _MOST_CHARACTERS_OF_A_FOLDER = 75
-# How often, and how far apart [s], a process is started while the fork server is being replaced.
+# Number of attempts to start a process while the fork server is being replaced, and pause [s].
 _START_ATTEMPTS, _START_PAUSE = 20, 0.1
 
 
@@ -79,7 +79,7 @@ def signals_blocked() -> Generator[None]:
 def _own_imports() -> Generator[None]:
     """Let processes that start meanwhile import nothing of the command's folder, nor `__main__`.
 
-    The current folder may be a stranger's, with a `selectors.py` that is none. `__main__` has all
+    The current folder may be a stranger's, with its own `selectors.py`. `__main__` has all
     that a command line needs; a script without `if __name__ == "__main__"` would start its sweep
     again in each worker.
     """

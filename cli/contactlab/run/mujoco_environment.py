@@ -25,22 +25,22 @@ _NAME = re.compile(r"[\w.-]+")
 PACKAGES = "CONTACTLAB_PACKAGES"
 """The environment variable that names the packages of the Python that ran another one instead."""
 OLDEST = "3.3.4"
-"""The first release of MuJoCo whose specs can drop a part; every command runs on it."""
+"""The first release of MuJoCo with specs that can drop a part; every command runs on it."""
 _TOO_NEW = (5,)
 _ROBOTS = "mujoco-menagerie"  # robots that sweeps may name; no other optional package steps a model
 _UV_OF_MACHINE = (Path("/etc/uv/uv.toml"),)
-_MOST_LINES_OF_THE_INSTALLER = 6  # of what a failing installer prints
+_MOST_LINES_OF_THE_INSTALLER = 6  # number of reported lines of a failing installer
 
 
 class Interpreter(NamedTuple):
-    """The path of a Python with all that contactlab needs, and its version of MuJoCo."""
+    """The path of a Python with the packages of contactlab, and its version of MuJoCo."""
 
     python: Path
     mujoco: str
 
 
 def numbers_of(version: str) -> tuple[int, ...]:
-    """Return the numbers of a version, without what is no number."""
+    """Return the numbers of a version, without its other parts."""
     return tuple(int(part) for part in version.split(".") if part.isdigit())
 
 
@@ -103,9 +103,9 @@ def without_option(arguments: Sequence[str], option: str) -> list[str]:
 
 
 def install_commands(folder: Path, wanted: Sequence[str]) -> list[list[str]]:
-    """Return the commands that make an environment: by uv if there is one, else by venv and pip.
+    """Return the commands that make an environment: by uv if it exists, otherwise by venv and pip.
 
-    It gets what is wanted, as pip takes it.
+    It gets the wanted packages, named as for pip.
     """
     python = str(folder / "bin" / "python")
     if uv := _uv():
@@ -123,7 +123,7 @@ def run_installer(command: Sequence[str], folder: Path) -> "subprocess.Completed
     """Run uv or pip in a folder of ours, so that only the user configures them.
 
     The current folder may be a stranger's. A `uv.toml` or `pyproject.toml` in it or above it could
-    name the package index, from which code is installed.
+    name the package index, so that foreign code is installed.
     """
     # uv reads the user's configuration, and none of a folder.
     named = os.environ.get("UV_CONFIG_FILE")
@@ -145,11 +145,10 @@ def run_installer(command: Sequence[str], folder: Path) -> "subprocess.Completed
 def make_environment(
     folder: Path, wanted: Sequence[str], name: str, advice: str, check: Callable[[Path], object]
 ) -> None:
-    """Make an environment beside its folder, and move it there when it is complete.
+    """Make an environment next to its folder, and move it there when it is complete.
 
-    It replaces one whose Python is gone, as after that of the system was upgraded.
-    Raises an EngineError, with this advice, if what is wanted cannot be installed, and what the
-    check of its Python raises.
+    It replaces one without its Python, as after an upgrade of the system's Python. Raises an
+    EngineError, with this advice, if a package cannot be installed, and the error of the check.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix="new-") as beside:
@@ -189,7 +188,7 @@ def _probe(python: Path, name: str) -> str:
 
 
 def _requirements() -> list[str]:
-    """Return what contactlab needs beside MuJoCo, each at the version that is installed here."""
+    """Return the packages that contactlab needs besides MuJoCo, at their installed versions."""
     needed = [
         requirement for requirement in requires("contactlab") or () if "extra ==" not in requirement
     ]
@@ -216,7 +215,7 @@ def _environment_variables() -> dict[str, str]:
 def _isolated_contactlab() -> Path:
     """Return a folder that has this contactlab, and nothing else that could be imported.
 
-    Another environment must not see what is installed here beside it, least of all MuJoCo.
+    Another environment must not see the other packages installed here, least of all MuJoCo.
     """
     packages = Path(resources.__file__).resolve().parent.parent
     own = distribution("contactlab")

@@ -41,7 +41,7 @@ from contactlab.store.store_writer import StoreWriter
 from contactlab.store.table_layout import Column, as_ratios
 
 Row = Mapping[str, Any]
-_CLEAR_TIME_RATIO = 1.25  # ratio of times beyond which further rounds do not change the order
+_CLEAR_TIME_RATIO = 1.25  # further rounds do not change the order of times with a larger ratio
 
 
 @dataclass(frozen=True)

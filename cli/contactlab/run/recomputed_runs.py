@@ -98,7 +98,7 @@ def recomputed_problems(store: Store, chosen: NDArray[np.bool_] | None = None) -
             ):
                 yield f"{path}: is not a file of the scene"
         if why_plan_unverifiable(store) is None:
-            # Axes and metrics have the units in which they are measured.
+            # Axes and metrics have the units of their definitions.
             described = store.columns.described
             units = {name: metric.unit for name, metric in METRICS.items()}
             for name in store.columns.axis_names:

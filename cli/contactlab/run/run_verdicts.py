@@ -29,9 +29,10 @@ if TYPE_CHECKING:
 def judge_expectations(
     expectations: Sequence[Expectation], labels: Sequence[str], metrics: Mapping[str, float | None]
 ) -> tuple[tuple[str, ...] | None, bool | None, str | None]:
-    """Return the expected labels (any of which may occur), whether a run meets them, and why not.
+    """Return the expected labels (any may occur), whether a run meets them, and why not.
 
-    They are None without expectations. A run's labels are worst first; without labels it is stable.
+    The result is empty without expectations. A run's labels are worst first; a run without labels
+    is stable.
     """
     unmet = [
         reason

@@ -44,7 +44,7 @@ class ReplayResult:
     equal: bool
     stored_hash: str | None
     hash: str
-    # First step after which the states differ; None if they are equal, if there is no trace, or if
+    # The first step that ends in different states; None if they are equal, without a trace, or if
     # the trace is equal although its hash is not.
     step: int | None
     difference: float | None  # largest difference of a coordinate there [m, rad, m/s or rad/s]

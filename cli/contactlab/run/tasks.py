@@ -36,7 +36,7 @@ class Stop:
 
     @contextmanager
     def watched(self) -> Generator[None]:
-        """Mark the time in which runs are in flight."""
+        """Mark the time while runs are in flight."""
         self.is_watched = True
         try:
             yield
@@ -73,7 +73,7 @@ Job = tuple[RunSpec, ...]
 
 
 class Finished(NamedTuple):
-    """The row of a finished run, whose trace is stored; its worst label; and its status.
+    """The row of a finished run with a stored trace; its worst label; and its status.
 
     The row is JSON without the fields shared with others of its job, which are separate JSON.
     """

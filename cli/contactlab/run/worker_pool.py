@@ -113,7 +113,7 @@ class WorkerHandle:
     marker: Path  # the file where the worker writes a traceback when a run times out
     job: Job | None = None  # its current job; None while it waits for one
     stop_requested: bool = False
-    halted: int = 0  # number of checks in a row at which it was halted, as by SIGSTOP
+    halted: int = 0  # number of checks in a row that found it halted, as by SIGSTOP
 
 
 def start_worker(workers: dict[Path, WorkerHandle], task: Task, marker: Path, job: Job) -> None:

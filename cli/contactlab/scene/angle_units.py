@@ -9,7 +9,7 @@ import numpy as np
 from contactlab.scene.model_names import name_of
 
 MIN_LIMITED_HINGES = 2
-"""Smallest number of limited hinges from which a majority is meaningful."""
+"""Smallest number of limited hinges with a meaningful majority."""
 _NARROW_RANGE_RAD = math.radians(15)  # joints of robots rarely have a smaller range
 _FULL_TURN_RAD = 2 * math.pi * (1 + 1e-3)  # a full turn, with room for rounding by hand
 

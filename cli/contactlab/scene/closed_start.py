@@ -29,7 +29,7 @@ _ROTATIONAL_JOINTS = [int(mujoco.mjtJoint.mjJNT_BALL), int(mujoco.mjtJoint.mjJNT
 
 
 def closed_start(model: mujoco.MjModel, start: Floats, spec: int) -> Floats | None:
-    """Return the (nq,) positions of the nearest start at which nothing is open.
+    """Return the (nq,) positions of the nearest start without an open constraint.
 
     `spec` lists the state elements in `start`. The result is None if nothing is open in `start`, or
     if no nearby start closes everything.

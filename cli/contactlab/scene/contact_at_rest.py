@@ -51,7 +51,7 @@ class ContactAtRest:
     radius: float  # radius of the smaller geom [m]
 
     def solref_for_depth(self, depth: float, load: float, zeta: float) -> tuple[float, float]:
-        """Return the solref with which a load [N] reaches a depth [m] at a damping ratio.
+        """Return the solref that lets a load [N] reach a depth [m] at a damping ratio.
 
         It is in standard form. A SceneError says that the depth exceeds the geom, or that there is
         no damping.
@@ -92,7 +92,7 @@ def write_at_rest(
     are linear springs. For a depth, loads are computed with the model held still at a keyframe or
     at qpos0, and pairs without a load there are left unchanged.
 
-    A SceneError names the pair for which the value has no meaning or the timestep is too long.
+    A SceneError names the pair if the value has no meaning for it or the timestep is too long.
     """
     touch, deep = touch_mask(model), name == "depth_at_rest"
     loads = _loads_at_rest(model, keyframe) if deep else {}

@@ -151,7 +151,7 @@ def find_targets(
 def nonuniform_settings(
     model: mujoco.MjModel, settings: Settings, targets: EditTargets
 ) -> frozenset[str]:
-    """Return the contact settings in which some target differs from `settings`."""
+    """Return the contact settings that differ from `settings` at some target."""
     return frozenset(
         name
         for name in CONTACT

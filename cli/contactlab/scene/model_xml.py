@@ -1,9 +1,9 @@
-"""Read the XML of a model as MuJoCo reads it, and refuse what MuJoCo could read differently.
+"""Read the XML of a model as MuJoCo reads it, and refuse files that MuJoCo could read differently.
 
 MuJoCo's parser, tinyxml2, knows neither namespaces nor document types nor encodings, and is lenient
-where XML is strict. What the guards check must be what MuJoCo then opens. So a file has to be
-well-formed XML in UTF-8 without definitions in its document type. Of such a file both parsers see
-the same elements and attributes, except for two things. Namespaces are left unread here, too:
+where XML is strict. The guards must check the same content that MuJoCo then opens. So a file has
+to be well-formed XML in UTF-8 without definitions in its document type. Both parsers see the same
+elements and attributes in such a file, except for two things. Namespaces are left unread here, too:
 `xmlns` is an attribute like any other, and a prefix is a part of a name. Line breaks and tabs in
 attributes become spaces in XML, but not in MuJoCo, so they are refused in the names of files.
 """
@@ -45,7 +45,7 @@ def check_regular(path: Path) -> None:
 
 
 def parse(path: Path) -> ET.Element:
-    """Return the root element of a model's file; a SceneError says what is wrong, and where.
+    """Return the root element of a model's file; a SceneError names the mistake and its place.
 
     Names are as written, with their prefixes.
     """
@@ -113,7 +113,7 @@ class _Reading:
                 self._refuse(f"{key.decode()} has a line break or a tab; write it without")
 
     def _check_doctype(self, name: str, *definitions: object) -> None:
-        """Refuse a document type with definitions, of which MuJoCo's parser reads parts as text."""
+        """Refuse a document type with definitions, because MuJoCo's parser reads parts as text."""
         if any(definitions):
             self._refuse(f"its document type defines something; write <!DOCTYPE {name}>, or none")
 

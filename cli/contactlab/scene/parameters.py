@@ -54,7 +54,7 @@ class Parameter(AxisSpec):
 
 
 PARAMETERS: Registry[Parameter] = Registry("parameter")
-"""Every parameter, in the order in which values are applied."""
+"""Every parameter, in the order of application."""
 
 _MJCF_SPELLING = {"EULER": "Euler", "RK4": "RK4", "PGS": "PGS", "CG": "CG", "NEWTON": "Newton"}
 
@@ -315,5 +315,5 @@ _APPLICATION_RANK = {name: rank for rank, name in enumerate(PARAMETERS)}
 
 
 def application_order(names: Iterable[str]) -> list[str]:
-    """Return axes in the order in which their values are applied; parameters come first."""
+    """Return axes in the order of application of their values; parameters come first."""
     return sorted(names, key=lambda name: _APPLICATION_RANK.get(name, len(_APPLICATION_RANK)))

@@ -28,7 +28,7 @@ _MAX_VELOCITY_DIFFERENCE = (
 _SINGLE_JUMP_RATIO = (
     5  # a jump of a single row exceeds the motion before and after it by this factor
 )
-WINDOW = 10  # number of rows over which the noise of single rows averages out
+WINDOW = 10  # number of rows that average out the noise of single ones
 _MAX_LISTED_ROWS = 3  # number of rows listed for one kind of mistake
 
 

@@ -19,10 +19,10 @@ from contactlab.scene.model_edits import read_flag
 GeomPair = tuple[int, int]
 _JOINT_TYPES, _GEOM_TYPES, _DISABLE_FLAGS = mujoco.mjtJoint, mujoco.mjtGeom, mujoco.mjtDisableBit
 _UNMEASURED_SHAPES = {int(_GEOM_TYPES.mjGEOM_HFIELD), int(_GEOM_TYPES.mjGEOM_SDF)}
-"""Shapes for which MuJoCo computes no distances."""
+"""Shapes without distances in MuJoCo."""
 _MAX_RANGE_EXCESS = 0.1
 """Allowed excess of a joint over a limit, because limits are soft; as a share of its range."""
-_TOUCH_DISTANCE_M = 1e-6  # distance [m] up to which geoms count as touching, beyond their margins
+_TOUCH_DISTANCE_M = 1e-6  # geoms count as touching up to this distance [m] beyond their margins
 _RANDOM_SAMPLES, _MAX_BOXES = 64, 4096
 _FIRST_BOXES, _ALL_FIRST_BOXES = 128, 1 << 16
 

@@ -1,6 +1,6 @@
 """Coverage of a run: the joints, actuators, tendons, equalities and pairs that it exercised.
 
-Nothing is concluded from what no run did.
+Parts that no run exercised lead to no conclusion.
 """
 
 import json
@@ -76,7 +76,7 @@ class Travel(Model):
         "Largest angle of a free joint from its start [rad].", default=None
     )
     stretched: Short | None = about(
-        "How far a tendon's spring left the lengths at which it is slack.", default=None
+        "Largest distance of a tendon's length from the slack range of its spring.", default=None
     )
 
     @property
@@ -122,7 +122,7 @@ class Coverage(Model):
 
     @property
     def present(self) -> frozenset[Feature]:
-        """The features of which the model has parts, contacts apart."""
+        """The features with parts in the model, except contacts."""
         parts = {**self.joints, **self.tendons}.values()
         holds: dict[Feature, bool] = {
             "motion": bool(self.joints),
@@ -139,7 +139,7 @@ class Coverage(Model):
         parts = [*self.joints.values(), *self.tendons.values()]
         limited = [part for part in parts if part.share is not None]
         uses = self.pairs.values()
-        # Of pairs that are not monitored, nothing more is known than that they touched.
+        # Pairs that are not monitored are only known to have touched.
         unknown = self.touched > 0 and not uses
         holds: dict[Feature, bool] = {
             "contact": self.touched > 0,
@@ -148,7 +148,7 @@ class Coverage(Model):
             "rolling": unknown or any(use.rolled for use in uses),
             "motion": any(joint.counts for joint in self.joints.values()),
             # One effect is about all parts of a kind, so that each of them must have its turn. A
-            # limit at which a joint only starts, or rests, stops nothing.
+            # limit stops nothing if a joint only starts or rests there.
             "limit": all(part.ends and part.counts for part in limited),
             "tendon": all(tendon.counts or tendon.stretched for tendon in self.tendons.values()),
             "equality": all(self.equalities.values()),
@@ -173,7 +173,7 @@ def _named(pairs: Any) -> dict[str, object]:  # noqa: ANN401 - JSON
 
 
 def feature_of(setting: str) -> Feature | None:
-    """Return the feature that runs must exercise to show what a setting does, if it is known."""
+    """Return the feature that runs must exercise to show the effect of a setting, if known."""
     return next(
         (feature for start, feature in _FEATURES.items() if setting.startswith(start)), None
     )
@@ -181,9 +181,9 @@ def feature_of(setting: str) -> Feature | None:
 
 @dataclass(frozen=True)
 class Exercised:
-    """Features that some runs exercised, and the drives of these; all features where unknown.
+    """Features that some runs exercised, and their drives; all features if unknown.
 
-    The present ones are those of which the model has parts.
+    The present ones have parts in the model.
     """
 
     features: frozenset[Feature]
@@ -196,7 +196,7 @@ class Exercised:
     def of(
         cls, rows: Iterable[Mapping[str, Any]], enough: Collection[Feature] | None = None
     ) -> "Exercised":
-        """Return what the runs of some rows of a table exercised, each part in any of them.
+        """Return the features that the runs of a table's rows exercised, each part in any of them.
 
         Once these are features enough, no more rows are read.
         """
@@ -221,7 +221,7 @@ class Exercised:
         return cls(whole.exercised | features, whole.present, tuple(drives), found, tuple(pairs))
 
     def idle(self) -> tuple[str, ...]:
-        """Return what no run exercised, one line by kind with all names; none where not known."""
+        """Return the parts that no run exercised, a line for each kind; empty if not known."""
         if self.coverage is None:
             return ()
         whole, pairs = self.coverage, self.coverage.pairs

@@ -1,7 +1,6 @@
 """Drives of a run: a keyframe's controls, a hold, noise, an exercise, a file, or a policy.
 
-`auto` is the first of these that the model calls for: its keyframe's own controls where it has any
-(`none` beside them), else an exercise.
+`auto` is the controls of the model's keyframe if it has any (with `none`), otherwise an exercise.
 """
 
 import re
@@ -26,7 +25,7 @@ DRIVE_WORDS = ("auto", "none", "hold", "exercise")
 DRIVE_TAKES = (
     "auto, none, hold, exercise, {noise: SHARE, rate: HZ}, {file: FILE} or {policy: FILE.py:CLASS}"
 )
-"""What a drive is, in words."""
+"""The forms of a drive, in words."""
 _CLASS = r"^.+\.py:[A-Za-z_]\w*$"
 Share = Annotated[str, Field(pattern=r"^[0-9]*\.?[0-9]+%$")]
 FileHash = Annotated[
@@ -53,7 +52,7 @@ class FileDrive(Model):
     """Controls, forces and poses over time, from a table."""
 
     file: Word = about(
-        "a .csv, .parquet, .npz or .mcap file, beside the file that names it; columns "
+        "a .csv, .parquet, .npz or .mcap file, next to the file that names it; columns "
         "`time` [s] and actuators, joints or bodies"
     )
     interpolation: Literal["linear", "hold"] = about(
@@ -63,7 +62,7 @@ class FileDrive(Model):
 
 
 class ObservationNoise(Model):
-    """Standard deviations of the noise of what a policy observes."""
+    """Standard deviations of the noise of a policy's observations."""
 
     qpos: Annotated[Number, Field(ge=0)] = about("m or rad", default=0.0)
     qvel: Annotated[Number, Field(ge=0)] = about("m/s or rad/s", default=0.0)
@@ -73,25 +72,25 @@ class PolicyDrive(Model):
     """Controls in closed loop, by a class of Python."""
 
     policy: Annotated[Word, AfterValidator(_checked_class)] = about(
-        "FILE.py:CLASS, the file beside the one that names it",
+        "FILE.py:CLASS, the file next to the one that names it",
         json_schema_extra={"pattern": _CLASS},
     )
     rate: Positive = about("how often it acts [Hz]", default=50.0)
     latency: Annotated[
         Annotated[Number, Field(ge=0), Tag("@seconds")] | Annotated[Share, Tag("@share")],
         Discriminator(lambda data: "@share" if isinstance(data, str) else "@seconds"),
-    ] = about("from what it observes to its action: s, or 50% of a period", default=0.0)
+    ] = about("from observation to action: s, or 50% of a period", default=0.0)
     noise: ObservationNoise = about(
-        "of what it observes; by the run's seed", default=ObservationNoise()
+        "of its observations; by the run's seed", default=ObservationNoise()
     )
     files: Annotated[tuple[Word, ...], BeforeValidator(listed)] = about(
-        "files that it reads, such as its weights, beside it", default=()
+        "files that it reads, such as its weights, next to it", default=()
     )
     sha256: FileHash = None
 
     @property
     def latency_seconds(self) -> float:
-        """Time from what it observes to its action [s]."""
+        """Time from observation to action [s]."""
         if isinstance(self.latency, str):
             return float(self.latency.removesuffix("%")) / 100 / self.rate
         return self.latency
@@ -128,7 +127,7 @@ _ADAPTER: TypeAdapter[Drive] = TypeAdapter(Drive, config=ConfigDict(defer_build=
 
 
 def read_drive(text: str) -> Drive:
-    """Return the drive of a short form: a word, `noise=0.3,rate=10`, or what it names as a path.
+    """Return the drive of a short form: a word, `noise=0.3,rate=10`, or a path.
 
     Other text is a ValidationError.
     """
@@ -184,7 +183,7 @@ def drive_files(drive: Drive) -> tuple[str, ...]:
 
 
 def drive_identity(drive: Drive) -> object:
-    """Return what of a drive belongs to the identity of a run; None without a drive.
+    """Return the part of a drive that belongs to the identity of a run; None without a drive.
 
     The file is known by its hash: where it lies does not matter.
     """

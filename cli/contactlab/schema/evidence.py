@@ -33,7 +33,7 @@ class InTable(Enum):
 
 @dataclass(frozen=True)
 class InColumns:
-    """A field whose own fields are columns, whose names begin with a prefix."""
+    """A field with its own fields as columns; their names begin with a prefix."""
 
     prefix: str
 
@@ -244,19 +244,19 @@ def _unsaid(description: str) -> Any:  # noqa: ANN401 - as `about`
 class Loop(Model):
     """Observations of an episode of a recorded loop."""
 
-    unchecked: str = about("What was not checked, and why.")
+    unchecked: str = about("The checks that were not made, and why.")
     changed: tuple[str, ...] = about(
         "Fields of the model that differed from the store's when the episode began.", default=()
     )
     changed_under_way: tuple[str, ...] = about("Fields that changed during it.", default=())
-    state_set: tuple[int, ...] = about("Steps before which code set the state.", default=())
+    state_set: tuple[int, ...] = about("Steps after a state that code set.", default=())
 
 
 class EvidenceRecord(Model):
     """Everything known about one run, except its trace. Units are SI; `units` names them.
 
     The trajectory's hash is of time, qpos, qvel and act of every state row, as float64 bytes; the
-    controls are in controls/SHA256.arrow. What does not apply is null.
+    controls are in controls/SHA256.arrow. A field that does not apply is null.
     """
 
     schema_version: Annotated[Literal[2], InTable.SHARED] = RECORD_VERSION
@@ -328,7 +328,7 @@ Shard = Annotated[str, Field(pattern="^[1-9][0-9]*/[1-9][0-9]*$")]
 
 
 class WholeGrid(Model):
-    """The grid of a sweep that ran a part of it: a shard, or what came of its runs asked for."""
+    """The grid of a sweep that ran a part of it: a shard, or the runs that others called for."""
 
     shard: Shard | None = about(
         "Which slice of the full grid ran, such as 3/64; null where another part did.",
@@ -393,20 +393,20 @@ class ParameterRow(Model):
     low: float
     high: float
     share: float | None = about(
-        "Phantom forces under which the run would be that of the model at the worse end, over the "
-        "real ones, of the worst body; null where the engine gave up."
+        "Extra forces that would make the run the motion of the model at the worse end, as a share "
+        "of the real forces on the worst body; null if the engine gave up."
     )
     body: str = about("That body.")
 
 
 class ParameterBudget(Model):
-    """What sampled axes are worth in the windows of one run, in the middle of their ranges."""
+    """Effect of sampled axes in the windows of one run, in the middle of their ranges."""
 
     shared: dict[str, Setting] = about("Its other axes, and its seed.")
     middle: dict[str, Setting] = about("Its sampled axes.")
     run: float | None = about("The run itself against the reference; null where it gave up.")
     rows: tuple[ParameterRow, ...] = about(
-        "Of the axes that change a number of the model, not its start or drive."
+        "Axes that change a number of the model, not its start or drive."
     )
 
 
@@ -428,7 +428,7 @@ class StoreManifest(Model):
         "Which means over runs are not as the sweep expects.", default=()
     )
     parameter_budgets: tuple[ParameterBudget, ...] = about(
-        "Of a sweep whose sample tells sensitivities.",
+        "Only of a sweep with a sample for sensitivities.",
         default=(),
         exclude_if=lambda budgets: not budgets,
     )

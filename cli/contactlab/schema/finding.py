@@ -43,7 +43,7 @@ class Finding(Model):
     failing: int = about("Number of these that fail.")
     counts: dict[Verdict, int] = about("Number of these with each verdict.", default={})
     message: str = about("The result, in words.")
-    value: float | None = about("The worst value that has a limit; else null.", default=None)
+    value: float | None = about("The worst value that has a limit; otherwise null.", default=None)
     limit: float | None = about("The limit of this value.", default=None)
     unit: str = ""
     waived: str | None = about("Reason of its waiver; null without one.", default=None)

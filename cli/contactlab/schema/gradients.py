@@ -63,19 +63,19 @@ class GradientPlace(Model):
 
 
 class Band(Model):
-    """Places of a map at which a derivative cannot be used."""
+    """Places of a map without a usable derivative."""
 
     parameter: str
     method: str = about("`run`, or another method.")
     counts: dict[str, int] = about("Places by verdict.")
-    share: float = about("Share of places at which it does not agree.", unit="1")
+    share: float = about("Share of places where it does not agree.", unit="1")
     widths: dict[str, float] = about(
-        "By axis, in its unit: mean length along that axis over which it does not agree."
+        "By axis, in its unit: mean length of disagreement along that axis."
     )
 
 
 class GradientsReport(ReportModel):
-    """Where derivatives of a scene's end state can be trusted."""
+    """Trust in derivatives of a scene's end state, place by place."""
 
     gradients_version: Literal[2] = 2
     source: str = about("The scene or sweep, as given.")
@@ -83,11 +83,13 @@ class GradientsReport(ReportModel):
     scene_hash: str
     mujoco: str = about("Version of MuJoCo.")
     engines: dict[str, str] = about("Versions of the other engines.")
-    output_coordinate: str = about("The coordinate whose end value is differentiated.")
+    output_coordinate: str = about("The differentiated coordinate, at the end of a run.")
     duration: float = about("Duration of a run.", unit="s")
     steps: tuple[float, ...] = about("Timesteps: the scene's own, and the finest.", unit="s")
     tolerance: float = about("Largest missing share of the model's derivative.", unit="1")
-    axes: dict[str, tuple[float, ...]] = about("Of the map, the slowest first; none for one place.")
+    axes: dict[str, tuple[float, ...]] = about(
+        "Axes of the map, the slowest first; empty for one place."
+    )
     places: tuple[GradientPlace, ...] = about("In the order of the axes.")
     bands: tuple[Band, ...] = about("Empty for one place.")
     mode_switches: int = about("Neighbors on the map with different modes.")

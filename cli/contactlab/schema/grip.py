@@ -25,7 +25,7 @@ class GripControl(Model):
 
     name: str = about("The actuator.")
     open_control: FiniteOrNull = about("Control that opens; null for a keyframe.")
-    closed_control: float = about("Control that closes, as it is held.")
+    closed_control: float = about("Control that closes, during the hold.")
     force: float = about("Force of the actuator, in its own unit.")
     limit: FiniteOrNull = about("Largest force of the actuator; null if none is set.")
 
@@ -60,7 +60,7 @@ class GripTrial(Model):
 
 
 class GripPull(Model):
-    """Largest pull that the fingers hold, in the direction in which they hold least."""
+    """Largest pull that the fingers hold, in their weakest direction."""
 
     direction: str
     force: float = about("Largest force of the contacts against it.", unit="N")
@@ -109,7 +109,7 @@ class GripReport(ReportModel):
     keyframe: str | None = about("The judged keyframe; null if the hand was mounted and closed.")
     verdict: GripVerdict
     sentence: str = about("The verdict with speed, direction, time of loss, cause and fix.")
-    tolerance: float = about("Speed above which the object creeps.", unit="m/s")
+    tolerance: float = about("Largest speed of an object that does not creep.", unit="m/s")
     object: str = about("The object.")
     base: str = about("The body that carries the fingers. Motion is measured in its frame.")
     opening: FiniteOrNull = about("Largest clearance of the fingers.", unit="m")

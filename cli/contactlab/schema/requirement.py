@@ -1,7 +1,7 @@
 """Requirements of a run, in words: `still(box, 1 mm)`, `slides(floor-box, until: 0.5 s)`.
 
-A requirement is a word with arguments in parentheses: the names that it is about, then an amount,
-then `from:` and `until:`, the time in which it has to hold.
+A requirement is a word with arguments in parentheses: its names, then an amount, then `from:` and
+`until:`, the limits of its time.
 """
 
 import math
@@ -37,7 +37,7 @@ class _Form:
     default: float = math.nan  # tolerance [m or rad]
     others: tuple[str, ...] = ()  # further units that the tolerance may have
     has_holder: bool = False
-    is_range: bool = False  # whether the amount has two ends, of which it needs one
+    is_range: bool = False  # whether the amount has two ends; one is enough
     may_end: bool = False  # whether `first` or `last` may stand for the amount
 
 
@@ -66,8 +66,8 @@ class Requirement:
     text: str  # as written
     word: RequirementWord
     names: tuple[str, ...]
-    """What it is about: a body, of `passes` also where that has to pass; of contact a body or a
-    pair, GEOM-GEOM or BODY-BODY, or a pattern of such names."""
+    """Its subject: a body, and for `passes` also the hole. For contact a body or a pair, GEOM-GEOM
+    or BODY-BODY, or a pattern of such names."""
     holder: str | None  # the body that holds it
     least: float  # least force [N]; -inf without one
     limit: float  # tolerance [m or rad], or greatest force [N]; not a number where there is none
@@ -79,7 +79,7 @@ class Requirement:
 
 @lru_cache(maxsize=256)
 def read_requirement(text: str) -> Requirement:
-    """Read a requirement; a ValueError says what is wrong, and how it is written."""
+    """Read a requirement; a ValueError describes the mistake and the form to write."""
     word, form, plain, keyed = _parts(text)
     names, amounts = tuple(plain[: form.names]), plain[form.names :]
     end = _ENDS.get(amounts[0]) if amounts and form.may_end else None
@@ -181,7 +181,7 @@ _MODES = {"stick": "sticks", "slide": "slides", "rolls": "rolls", "apart": "apar
 
 
 def said_now(path: Sequence[str | int], value: object) -> str | None:
-    """Return how `must` says what a key once said; None of any other key."""
+    """Return the requirement in `must` that replaces an old key; None for other keys."""
     key, fields = path[-1], cast("dict[str, object]", value) if isinstance(value, dict) else {}
     if path == ("pairs",):
         words = [form.example for form in _CONTACTS.values()]
@@ -210,6 +210,6 @@ def said_now(path: Sequence[str | int], value: object) -> str | None:
 
 
 def explained(detail: ErrorDetails) -> str:
-    """Return the message of a validation error, or how `must` says what its key said."""
+    """Return the message of a validation error, or the requirement that replaces its key."""
     now = said_now(detail["loc"], detail["input"]) if detail["type"] == "extra_forbidden" else None
     return now or detail["msg"]

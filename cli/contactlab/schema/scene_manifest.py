@@ -47,8 +47,8 @@ class StructureValue(Model):
 class ControlEntry(Model):
     """A control, or a force on a body, over time: linear between knots.
 
-    It is constant before the first knot and after the last. Two knots at one time are a jump,
-    at which the later value holds.
+    It is constant before the first knot and after the last. Two knots at one time are a jump to
+    the later value.
     """
 
     at: tuple[Term, ...] = about(
@@ -67,7 +67,7 @@ class ControlEntry(Model):
 
 
 class HoldEntry(Model):
-    """When the scene's subject is held, and by what."""
+    """The hold of the scene's subject: its times and its holder."""
 
     start: Term = about("Start of the hold [s].", alias="from")
     stop: Term = about("End of the hold [s].", alias="to")
@@ -104,7 +104,7 @@ class OracleEntry(Model):
 
     name: str
     tolerance: float = Field(gt=0)
-    derivation: str = about("Where the tolerance comes from.")
+    derivation: str = about("Source of the tolerance.")
 
 
 _TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -121,7 +121,7 @@ class RecordingUnits(Model):
 
 
 class RecordingFrame(Model):
-    """Where the frame of a recording is in the world."""
+    """Pose of a recording's frame in the world."""
 
     position: tuple[Number, Number, Number] = about("its origin [m]")
     quaternion: tuple[Number, Number, Number, Number] = about("its orientation: w, x, y, z")
@@ -137,14 +137,14 @@ class RecordedStart(Model):
         default=None,
     )
     lag: Annotated[Whole, Field(ge=0)] = about(
-        "rows by which the velocity of the flight is earlier than the pose", default=0
+        "number of rows from the velocity of the flight to the pose", default=0
     )
 
 
 class Recording(Model):
     """Recorded motion that runs start from and are compared with."""
 
-    file: Word = about("a .csv, .parquet, .arrow, .npz or .mcap file beside the manifest")
+    file: Word = about("a .csv, .parquet, .arrow, .npz or .mcap file next to the manifest")
     run: Word | None = about("column of the number of the recorded run", default=None)
     time: Word = about("column of the time", default="time")
     columns: dict[str, Word] = about(
@@ -158,14 +158,14 @@ class Recording(Model):
 
 
 class SceneManifest(Model):
-    """Simulation and judgement of a scene's model (`scene.yaml` beside the MJCF)."""
+    """Simulation and judgement of a scene's model (`scene.yaml` next to the MJCF)."""
 
     version: Literal[1]
     title: str
     description: str
     model: str = about("The MJCF or URDF file, relative to here.", default="scene.xml")
     environment: Word | None = about(
-        "What has the model instead: FILE.py:FACTORY, or an id of Gymnasium.", default=None
+        "Source of the model instead: FILE.py:FACTORY, or an id of Gymnasium.", default=None
     )
     duration: float = about("Simulated time of a run [s].", gt=0)
     subject: str | None = about("The body that the mass axis sets.", default=None)
@@ -179,7 +179,7 @@ class SceneManifest(Model):
         default_factory=dict,
     )
     drive: Drive = about(
-        "What drives a run besides `control`, unless the sweep says otherwise.", default="none"
+        "Drive of a run besides `control`, unless the sweep sets another.", default="none"
     )
     recording: Recording | None = about(
         "Recorded motion: each of its runs is a value of the axis `recorded_run`.", default=None
@@ -187,7 +187,7 @@ class SceneManifest(Model):
     hold: HoldEntry | None = None
     perturb: Perturbation | None = None
     must: Requirements = about(
-        "What has to hold in every run, in words: `held(mug, by: hand)`, `still(box, 1 mm)`, "
+        "Requirements of every run, in words: `held(mug, by: hand)`, `still(box, 1 mm)`, "
         "`upright(torso)`, `passes(peg, hole)`, `stays(box, 10 mm)`; of contact, `sticks(box)`, "
         "`slides(floor-box, first)`, `rolls(ball)`, `apart(finger-palm)`, "
         "`presses(pad-box, 1..5 N)`, `shallow(floor-*, 1 mm)`.",
@@ -196,7 +196,7 @@ class SceneManifest(Model):
     )
     oracle: OracleEntry | None = None
     effects: Effects = about(
-        "`auto` (the default) leaves out what provably changes nothing, `all` leaves "
+        "`auto` (the default) leaves out parts that provably change nothing, `all` leaves "
         "out nothing; or effect name to true or false, with `base` for the others.",
         default_factory=dict,
     )

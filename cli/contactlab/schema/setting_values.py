@@ -1,4 +1,4 @@
-"""Values of settings and amounts: read from what a sweep file or an option says, with their units.
+"""Values of settings and amounts in sweep files and options, with their units.
 
 Each parser says what to write instead. A text such as `2ms`, `1 mm`, `5deg` or `10%` has a unit.
 """
@@ -80,7 +80,7 @@ def integer(least: int, most: int = _INT_MAX) -> Callable[[object], int]:
 def numbers(count: int, names: str, check: Callable[[tuple[float, ...]], str | None]) -> Parser:
     """Return a parser of a fixed count of numbers, as a list or as in MJCF: "0.02 1".
 
-    Messages give their names; the check returns what is wrong with them, or None.
+    Messages give their names; the check returns the mistake in them, or None.
     """
     one = number()
 
@@ -142,9 +142,9 @@ MEASURED_TEXT = re.compile(rf"([-+]?\d*\.?\d+(?:e[-+]?\d+)?)\s*({'|'.join(SI_UNI
 
 
 def without_unit(value: object, unit: str = "") -> float | None:
-    """Return the number, in a unit or else in SI, that a text such as `2ms` means.
+    """Return the number that a text such as `2ms` means, in a unit or in SI.
 
-    None if it is no such text, or measures something else.
+    It is None for other texts, and for other quantities.
     """
     number, own = split_unit(value)
     kind, size = SI_UNITS.get(own, ("", 1.0))
@@ -159,9 +159,9 @@ def split_unit(value: object) -> tuple[float, str]:
 
 
 def read_quantity(text: str) -> tuple[float, str]:
-    """Return a number in SI, and its unit there: `2ms` is 0.002 and s; a share of 1 has none.
+    """Return a number in SI, and its unit there: `2ms` is 0.002 and s; a share has no unit.
 
-    Not a number where the text is none.
+    It is NaN for other texts.
     """
     value = text.strip()
     try:

@@ -106,7 +106,7 @@ class Model(BaseModel, metaclass=_Described):
 def _checked_number(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise PydanticCustomError("number", "takes numbers only in a list")
-    # Of a whole number that no float can hold, isfinite would raise an error.
+    # isfinite would raise an error for a whole number that no float can hold.
     if not abs(value) <= sys.float_info.max:
         raise PydanticCustomError("finite_number", "must be finite")
     return value

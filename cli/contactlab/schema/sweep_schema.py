@@ -1,4 +1,4 @@
-"""The sweep file: what to run, and what is expected of it."""
+"""The sweep file: the runs to make, and their expected outcomes."""
 
 from collections.abc import Mapping
 from typing import Annotated, Literal, Self, cast
@@ -57,7 +57,7 @@ def _checked(value: dict[str, bool | EffectsBase]) -> dict[str, bool | EffectsBa
 _BASE_SCHEMA = {
     "type": "string",
     "enum": ["auto", "all"],
-    "description": "auto: leave out what provably changes nothing; all: leave out nothing",
+    "description": "auto: leave out parts that provably change nothing; all: leave out nothing",
 }
 # `auto` and `all` alone are short for {base: auto} and {base: all}.
 Effects = Annotated[
@@ -88,7 +88,7 @@ def switches(effects: Mapping[str, bool | EffectsBase]) -> dict[str, bool]:
 
 
 def effects_base(effects: Mapping[str, bool | EffectsBase]) -> EffectsBase | None:
-    """Return what holds for all other effects; None where nothing is said."""
+    """Return the base for all effects without an entry; None if it is not set."""
     return cast("EffectsBase | None", effects.get(_BASE))
 
 
@@ -156,7 +156,7 @@ class Expectation(Model):
         exclude_if=lambda mean: not mean,
     )
     must: Requirements = about(
-        "what has to hold in each of these runs, in words",
+        "requirements of each of these runs, in words",
         default=(),
         exclude_if=lambda must: not must,
     )
@@ -170,7 +170,7 @@ class Expectation(Model):
 
 
 MOST_SENSITIVITIES = 3
-"""Configurations and seeds of a sampled sweep of which sensitivities are told."""
+"""The number of configurations and seeds of a sampled sweep with reported sensitivities."""
 
 
 class Sample(Model):
@@ -178,7 +178,7 @@ class Sample(Model):
 
     method: Literal["sobol", "lhs", "random", "saltelli"] = about(
         "sobol: low discrepancy; lhs: Latin hypercube; random; saltelli: n (d + 2) points over d "
-        "axes, from which shares of variance are told",
+        "axes, for shares of variance",
         default="sobol",
     )
     n: Annotated[Whole, Field(ge=1, le=1_000_000)] = about(
@@ -190,7 +190,7 @@ class Sample(Model):
 class IncludeFile(Model):
     """Further rows, from a table."""
 
-    file: Word = about("CSV file beside the sweep file; its first line names the axes")
+    file: Word = about("CSV file next to the sweep file; its first line names the axes")
 
 
 IncludedRow = dict[str, Value]
@@ -208,22 +208,22 @@ Seeds = Annotated[
 
 
 OUTCOMES = ("label", "outcome", "must")
-"""Boundaries of runs that have a name; others are limits of metrics."""
+"""Boundaries with a name; others are limits of metrics."""
 COARSE = 5
 """Values of each axis that refining begins with, where its axes are written out in full."""
 
 
 class Refine(Model):
-    """Search of boundaries: cells of the grid whose corners differ are halved, others inferred."""
+    """Search of boundaries: cells of the grid with unequal corners are halved, others inferred."""
 
     axes: Annotated[tuple[Word, ...], Field(min_length=1, max_length=3)] = about(
         "one to three axes, each a linspace, a logspace or as many values as `to`"
     )
     to: Annotated[Whole, Field(ge=3, le=4097)] = about(
-        "values of each of these axes in the full grid, whose runs they are"
+        "values of each of these axes in the full grid; only its runs are made"
     )
     where: Word = about(
-        "what must differ: label, outcome (stable or not), must, or a limit of a metric, such as "
+        "the difference: label, outcome (stable or not), must, or a limit of a metric, such as "
         '"slip_distance > 1mm"',
         default="label",
     )
@@ -237,13 +237,13 @@ class Refine(Model):
 
 
 class Limit(Model):
-    """Search of the last value of an axis up to which runs are sound, in each scenario."""
+    """Search of the last value of an axis before runs become unsound, in each scenario."""
 
-    largest: Word | None = about("an axis, whose largest sound value is sought", default=None)
-    smallest: Word | None = about("an axis, whose smallest sound value is sought", default=None)
+    largest: Word | None = about("the axis of a search for its largest sound value", default=None)
+    smallest: Word | None = about("the axis of a search for its smallest sound value", default=None)
     to: Annotated[Whole, Field(ge=3, le=4097)] = about("values of the axis in the full grid")
     where: Word = about(
-        "what sound is: outcome (stable), must (as the sweep asks), or not to be beyond the limit "
+        "when a run is sound: outcome (stable), must (of the sweep), or not beyond the limit "
         'of a metric, such as "slip_distance > 1mm"',
         default="outcome",
     )
@@ -256,7 +256,7 @@ class Limit(Model):
 
     @property
     def axis(self) -> str:
-        """The axis whose limit is sought."""
+        """The axis of the search."""
         return str(self.largest or self.smallest)
 
 
@@ -264,33 +264,33 @@ class Until(Model):
     """When to stop: once a share of the draws of each configuration is known well enough."""
 
     share: Word = about(
-        "what is counted: failed, must (of runs that do not do what it says), a label, or a limit "
+        "the counted runs: failed, must (runs that break a requirement), a label, or a limit "
         'of a metric, such as "slip_distance > 1mm"'
     )
     half_width: Annotated[
         Tolerance, Field(gt=0, lt=0.5), _share(exclusiveMinimum=0, exclusiveMaximum=0.5)
-    ] = about("half of the width of the interval in which the share lies: a number, or 2%")
+    ] = about("half of the width of the share's interval: a number, or 2%")
     sure: Annotated[Tolerance, Field(ge=0.5, lt=1), _share(minimum=0.5, exclusiveMaximum=1)] = (
-        about("with which probability it does, however often one looks", default=0.95)
+        about("probability of that interval, however often one looks", default=0.95)
     )
 
 
 MARGIN_OF_MUST = "margin of must"
-"""As a search calls the metric of how far a run is from breaking what `must` says."""
+"""The metric of the margin to `must`, as a search names it."""
 _MARGIN = "requirement_margin"
 
 
 class Search(Model):
-    """Search of the run in which a metric is worst, among those of the sweep."""
+    """Search of the run with the worst value of a metric, among those of the sweep."""
 
-    maximise: Word | None = about("a metric, whose largest value is sought", default=None)
+    maximise: Word | None = about("the metric of a search for its largest value", default=None)
     minimise: Word | None = about(
-        "a metric, whose least value is sought, or `margin of must`: how far what must hold is "
-        "from being broken, as a share of its limit",
+        "the metric of a search for its least value, or `margin of must`: the distance from "
+        "breaking a requirement, as a share of its limit",
         default=None,
     )
     axes: tuple[Word, ...] = about(
-        "axes to search; left out: all that are drawn, or else all linspaces, logspaces and ranges",
+        "axes to search; left out: all drawn ones; without any, linspaces, logspaces and ranges",
         default=(),
     )
     runs: Annotated[Whole, Field(ge=1, le=100_000)] = about(
@@ -305,7 +305,7 @@ class Search(Model):
 
     @property
     def metric(self) -> str:
-        """The name of the metric that is sought."""
+        """The name of the metric of the search."""
         written = str(self.maximise or self.minimise)
         return _MARGIN if written == MARGIN_OF_MUST else written
 
@@ -315,7 +315,7 @@ class AccuracyRequest(Model):
 
     against: Literal["own", "written"] = about(
         "own: each run's own model; written: the scene as written, in the run's scenario and from "
-        "its start, so that what a setting changes counts too",
+        "its start, so that the effect of a setting counts too",
         default="own",
         exclude_if=lambda against: against == "own",
     )
@@ -349,7 +349,7 @@ class TimingRequest(Model):
 
 
 def scene_reference(scene: object) -> object:
-    """Return what names a scene as one word: `environment:NAME` for {environment: NAME}."""
+    """Return the name of a scene as one word: `environment:NAME` for {environment: NAME}."""
     match scene:
         case {"environment": str(named), **others} if named and not others:
             return f"environment:{named}"
@@ -378,7 +378,7 @@ class Sweep(Model):
     scene: Annotated[Word, _Named] = about(
         "shipped scene, folder, .xml, .urdf, menagerie:ROBOT[/ENTRY], or {environment: ...}"
     )
-    description: str | None = about("what the sweep is for", default=None)
+    description: str | None = about("the purpose of the sweep", default=None)
     duration: Seconds | None = about(
         "simulated time of a run [s], or 2s; the scene's own if left out", default=None
     )
@@ -423,12 +423,12 @@ class Sweep(Model):
         exclude_if=lambda asked: not asked,
     )
     effects: Effects = about(
-        "auto: leave out what provably changes nothing; all: leave out nothing; or "
+        "auto: leave out parts that provably change nothing; all: leave out nothing; or "
         "effect name to true or false, with `base: auto` or `base: all` for the others",
         default={},
     )
     must: Requirements = about(
-        "what has to hold in every run, in words: held(mug, by: hand), still(box, 1 mm), "
+        "requirements of every run, in words: held(mug, by: hand), still(box, 1 mm), "
         "upright(torso), passes(peg, hole), stays(box, 10 mm); of contact, sticks(box), "
         "slides(floor-box, first), rolls(ball), apart(finger-palm), presses(pad-box, 1..5 N), "
         "shallow(floor-*, 1 mm)",
@@ -443,13 +443,13 @@ class Sweep(Model):
     )
     expect: tuple[Expectation, ...] = about("expected outcomes; makes the sweep a test", default=())
     trace: _Traces = about(
-        "runs whose trace is kept: all, flagged, none, sample:N or flagged+sample:N; left out, "
+        "runs that keep their trace: all, flagged, none, sample:N or flagged+sample:N; left out, "
         "those of more than 100,000 runs by flagged+sample:1000",
         default="all",
     )
     trace_format: TraceFormat = about(
-        "messages: files that viewers open as they are; compact: 1.5 to 8 times smaller, "
-        "which every command reads and `contactlab traces expand` turns into messages",
+        "messages: files that viewers open directly; compact: 1.5 to 8 times smaller, read by "
+        "every command; `contactlab traces expand` turns them into messages",
         default="messages",
         exclude_if=lambda form: form == "messages",
     )
@@ -471,7 +471,7 @@ class Sweep(Model):
 
     @property
     def refining(self) -> Refine | None:
-        """How the grid is refined: as it says, or along the axis whose limit it seeks."""
+        """How the grid is refined: by `refine`, or along the axis of `limit`."""
         if self.limit is None:
             return self.refine
         return Refine(axes=(self.limit.axis,), to=self.limit.to, where=self.limit.where)
@@ -494,7 +494,7 @@ class Sweep(Model):
 
     @property
     def drawn_axes(self) -> frozenset[str]:
-        """The axes whose values are drawn at random."""
+        """The axes with random values."""
         drawn = (name for name, axis in self.axes.items() if isinstance(axis, Uniform | Loguniform))
         return frozenset(drawn)
 

@@ -27,7 +27,7 @@ class Task(Model):
     """Task that a model is judged on."""
 
     start: str = about("keyframe, or qpos0")
-    drive: Drive = about("what moves it; none: constant controls, those of the start")
+    drive: Drive = about("its drive; none: constant controls, those of the start")
     own_controls: bool = about("whether the start is a keyframe with controls, which are kept")
     programmed: bool = about("whether the scene has controls over time", default=False)
     duration: Number = about("simulated time [s]")

@@ -20,7 +20,7 @@ class TaskVerdict(Model):
     """The verdict of a task: of its observed bodies, in its worst phase."""
 
     verdict: VerdictWord | None = about(
-        "Of the numerics; null if nothing moves, or MuJoCo does not simulate it."
+        "Verdict of the numerics; null if nothing moves, or MuJoCo does not simulate it."
     )
     sentence: str = about("The verdict in a sentence.")
     phases: tuple[PhaseVerdict, ...]
@@ -32,7 +32,7 @@ class TaskVerdict(Model):
 
     @property
     def labels(self) -> dict[str, list[str]]:
-        """The phases in which each label begins."""
+        """The phases where each label begins."""
         phases_by_label: dict[str, list[str]] = {}
         for phase in self.phases:
             for label in phase.labels:

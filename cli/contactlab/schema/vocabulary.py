@@ -1,4 +1,4 @@
-"""The names that a sweep file may use, and the forms in which it gives the values of an axis."""
+"""The names that a sweep file may use, and the forms of an axis's values."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from contactlab.schema.strict_model import MEASURED, Model, Number, Positive, Va
 Role = Literal["knob", "scenario"]
 TraceFormat = Literal["messages", "compact"]
 RECORDED_RUN = "recorded_run"
-"""The axis of recorded runs, each of which is a scenario."""
+"""The axis of recorded runs; each is a scenario."""
 MOST_VALUES = 1_000_000
 Count = Annotated[Whole, Field(ge=2, le=MOST_VALUES)]
 # Numbers, or texts with a unit, which are written out before.
@@ -26,13 +26,13 @@ class AxisSpec:
 
     name: str
     unit: str  # its unit, `1` for a ratio, empty for a word
-    description: str  # one line on what it sets
+    description: str  # its meaning in one line
     parse: Callable[[object], object]
     """Turns a value of the sweep file into its canonical form: a number, a word, a boolean, or a
     tuple of numbers; raises ValueError saying what to write instead."""
     choices: tuple[str, ...] = ()  # the words it accepts, if it is one of few
     conflicts: tuple[str, ...] = ()
-    """Names of axes that set the same thing and so cannot be swept beside it."""
+    """Names of axes that set the same thing and so cannot be swept with it."""
     parts: tuple[str, ...] = ()
     """Names of the numbers that a value consists of, for expressions: `solref.timeconst`."""
     split: Callable[[object], Mapping[str, float]] | None = None
@@ -63,7 +63,7 @@ class Vocabulary:
     lacking: Mapping[str, str] = field(default_factory=dict[str, str])
     """Metrics that no run of the scene has, and why."""
     asks: bool = False
-    """Whether the scene itself says what its runs must do."""
+    """Whether the scene itself has requirements."""
     mistake_in_requirement: Callable[[str, float | None], str | None] | None = None
     """Fault of a requirement in runs of that duration; None if there is none."""
 
@@ -186,4 +186,4 @@ Axis = Annotated[
 ]
 
 Sampled = Uniform | Loguniform
-"""Axes whose values are sampled, not listed."""
+"""Axes with sampled values, not listed ones."""

@@ -48,7 +48,7 @@ _MAX_KNOWN_TEXTS = 1 << 12  # number of texts of a column that are cached as val
 
 
 class RowChecks:
-    """Finds the rows of a store's table for which records must be built and checked.
+    """Finds the rows of a store's table with records that must be built and checked.
 
     The rows are of a sweep, with the fields that all of them share.
     """

@@ -188,7 +188,7 @@ def document_json(document: BaseModel) -> str:
 
 
 def other_parts(stored: SweepIdentity, requested: SweepIdentity) -> list[str]:
-    """Return the parts in which two sweeps differ, as text, whatever runs of their grids they make.
+    """Return the different parts of two sweeps, as text, whatever runs of their grids they make.
 
     Differences of their files are given by key; the resulting differences of runs are omitted.
     """

@@ -30,7 +30,7 @@ class Column:
     unit: str  # its unit, `1` for counts and ratios, empty for text
     description: str
     better: str = ""  # lower, higher or none for a measured value; empty otherwise
-    resolution: float = 0.0  # magnitude below which a measured value counts as 0, in its unit
+    resolution: float = 0.0  # a smaller measured value counts as 0, in its unit
     # Whether it is measured in the second pass, which a sweep may omit.
     second_pass: bool = False
 
@@ -350,7 +350,7 @@ def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> Evidence
 
 
 def _restore_fields(row: Mapping[str, Any], fields: Mapping[str, StoredField]) -> Row:
-    """Return the fields for which a row has columns; JSON that is null counts as missing."""
+    """Return the fields with columns in a row; JSON that is null counts as missing."""
     return {
         name: field.restored(row[field.column.name])
         for name, field in fields.items()

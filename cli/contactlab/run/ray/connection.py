@@ -20,7 +20,7 @@ from contactlab.run.tasks import Executor
 _RAY_ENVIRONMENT = {
     "RAY_USAGE_STATS_ENABLED": "0",
     "RAY_USAGE_STATS_REPORT_URL": "http://127.0.0.1:9/",
-    # Nodes run what is installed there; no environment is packed and sent by `uv run`.
+    # Nodes run the packages installed there; no environment is packed and sent by `uv run`.
     "RAY_ENABLE_UV_RUN_RUNTIME_ENV": "0",
     # Like in other executors. Ray's workers would yield to all other processes, on a busy machine
     # almost forever.

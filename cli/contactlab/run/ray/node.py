@@ -14,7 +14,7 @@ from typing import Any
 
 import ray
 
-_accepted_tokens: set[str] = set()  # tokens of the sweeps whose requirements this process meets
+_accepted_tokens: set[str] = set()  # tokens of sweeps that this process can serve
 
 
 @dataclass(frozen=True)

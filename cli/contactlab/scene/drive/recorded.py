@@ -118,7 +118,7 @@ def read_recorded(model: mujoco.MjModel, table: RecordedTable, *, held: bool) ->
 
 
 def _find_place(model: mujoco.MjModel, column: str, columns: Collection[str]) -> int | str:
-    """Return the index of the input or coordinate with a name, or the reason why there is none."""
+    """Return the index of the input or coordinate with a name, or the reason for its absence."""
     element = _INDEXED_NAME.fullmatch(column)
     sizes = {"ctrl": model.nu, "qpos": model.nq, "qvel": model.nv}
     if element and int(element[2]) < sizes[element[1]]:

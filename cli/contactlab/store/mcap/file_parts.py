@@ -104,7 +104,7 @@ class MessageStream:
     times: Times  # (rows,) log time [ns]
 
     def cuts(self) -> list[int]:
-        """Return the rows at which chunks start, and the number of rows.
+        """Return the first row of each chunk, and the number of rows.
 
         Records of one row stay together; a row that crosses a multiple of CHUNK_SIZE ends its
         chunk.

@@ -111,7 +111,7 @@ def state_records(trace: Trace, times: Times, run: int) -> Iterator[Records]:
 def contact_records(
     pairs: Mapping[int, tuple[PairTrace, PairSeries]], times: Times, timestep: float, run: int
 ) -> Iterator[Records]:
-    """Yield the steps in which pairs touch, grouped over all pairs by number of contact points.
+    """Yield the steps with contact, grouped over all pairs by number of contact points.
 
     Pairs, with their net quantities, are given by the ids of their channels, in order.
     """

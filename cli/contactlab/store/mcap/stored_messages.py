@@ -104,7 +104,7 @@ class ChannelMessages:
         return lengths.astype(np.int64) + FRAME.size
 
     def pick(self, chosen: slice | NDArray[np.bool_], layout: MessageLayout) -> NDArray[np.void]:
-        """Return the chosen records, all of which must have this layout."""
+        """Return the chosen records; all must have this layout."""
         items = overlapping_view(self.data, layout.size)[self.offsets[chosen]]
         bytes_of = items.view(np.uint8).reshape(len(items), layout.size)
         template = np.frombuffer(layout.template, np.uint8)

@@ -50,7 +50,7 @@ _Number = TypeVar("_Number", bound=np.generic)
 
 @dataclass(frozen=True)
 class StoredPair:
-    """One pair's contacts, in the M steps in which it touched."""
+    """One pair's contacts, in the M steps with contact."""
 
     name: str
     steps: Integers  # (M,) index of each such step, ascending
@@ -264,7 +264,7 @@ def trace_problems(
         return
     try:
         trace = _decode_trace(data)
-        # The record inside states what the table states.
+        # The record inside and the table agree.
         inside = _plain_content(EvidenceRecord.model_validate_json(trace.record_json))
         for name, value in _plain_content(record).items():
             # Errors have tolerances, too, which are judged after the trace is written.
