@@ -152,16 +152,16 @@ def compare(name: str, case: Case, repeats: int, folder: Path) -> None:
     """Print what one run costs each way."""
     trace, series = case
     ours, theirs, small = (folder / f"{name}{kind}" for kind in (".mcap", ".json.mcap", ".blocks"))
-    content, counts = TraceEncoder(trace, series).encode(0, *EXTRAS)
-    blocks, _ = TraceEncoder(trace, series).encode(0, *EXTRAS, form="compact")
+    content, counts = TraceEncoder(trace, series).encode_run(0, *EXTRAS)
+    blocks, _ = TraceEncoder(trace, series).encode_run(0, *EXTRAS, form="compact")
     rounds = [
         (
-            cpu(lambda: ours.write_bytes(TraceEncoder(trace, series).encode(0, *EXTRAS)[0])),
+            cpu(lambda: ours.write_bytes(TraceEncoder(trace, series).encode_run(0, *EXTRAS)[0])),
             cpu(lambda: write_json(theirs, trace, series)),
             cpu(lambda: read_trace(ours)),
             cpu(
                 lambda: small.write_bytes(
-                    TraceEncoder(trace, series).encode(0, *EXTRAS, form="compact")[0]
+                    TraceEncoder(trace, series).encode_run(0, *EXTRAS, form="compact")[0]
                 )
             ),
             cpu(lambda: read_trace(small)),

@@ -62,7 +62,7 @@ def make_journal(file: Path) -> None:
     journal = _store_of(file) / "journal.jsonl"
     lines = journal.read_bytes().splitlines(keepends=True)
     rows = [line for line in lines if row_extent(line)[1] != SHARED]
-    ids = [run.run_id for run in RunIndex(ask.plan, ask.scene).runs()]
+    ids = [run.run_id for run in RunIndex(ask.plan, ask.scene).iterate_runs()]
     late = np.random.default_rng(0).uniform(0, _LATE, len(ids))
     with journal.open("wb") as made_up:
         made_up.writelines(line for line in lines if row_extent(line)[1] == SHARED)

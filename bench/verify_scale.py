@@ -63,7 +63,7 @@ def make_store(file: Path) -> None:
     journal = store / "journal.jsonl"
     template = next(read_lines(journal))
     with journal.open("wb") as made_up:
-        for run in RunIndex(ask.plan, ask.scene).runs():
+        for run in RunIndex(ask.plan, ask.scene).iterate_runs():
             own = {"run_id": run.run_id, "index": run.index, "seed": run.seed}
             axes = {name: axis_cell(value) for name, value in run.axes.items()}
             simulated = template["steps"] * run.timestep

@@ -74,7 +74,7 @@ def worked(worker: Worker, jobs: Iterable[Job]) -> float:
     """Return what a worker takes for jobs [s]."""
     begin = time.thread_time()
     for job in jobs:
-        worker.run(job)
+        worker.run_job(job)
     return time.thread_time() - begin
 
 
@@ -87,7 +87,7 @@ def measure(name: str, folder: Path, rounds: int) -> None:
     ways = {way: (Worker(task, None), jobs) for way, (task, jobs) in asked.items()}
     task, jobs = asked["none"]
     preparer = Preparer(task, None)
-    plans = [plan for job in jobs for plan in preparer.plans(job)]
+    plans = [plan for job in jobs for plan in preparer.plan_job(job)]
     found: dict[str, list[float]] = {way: [] for way in ways}
     bare: list[float] = []
     for number in range(rounds + 1):

@@ -44,7 +44,7 @@ def write_trace(
     form: TraceFormat = "messages",
 ) -> Written:
     """Write one run of a trace."""
-    content, messages = TraceEncoder(trace, series).encode(run, *extras, form=form)
+    content, messages = TraceEncoder(trace, series).encode_run(run, *extras, form=form)
     with atomic_write(path) as temporary:
         temporary.write_bytes(content)
     return Written(hashlib.sha256(content).hexdigest(), len(content), messages)

@@ -85,7 +85,7 @@ def test_it_is_a_metric(
 
 
 def test_final_mean_and_peak() -> None:
-    assert Discrepancy.of(np.array([0.0, 3.0, 1.5])) == (1.5, 1.5, 3.0)
+    assert Discrepancy.of_distances(np.array([0.0, 3.0, 1.5])) == (1.5, 1.5, 3.0)
 
 
 def conserved(energy: list[float], kinetic: list[float], lift: float) -> Invariants:

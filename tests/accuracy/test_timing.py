@@ -9,7 +9,7 @@ import pytest
 from contactlab.accuracy import timing
 from contactlab.engines.engine import Segments
 from contactlab.engines.mujoco_engine import MujocoEngine
-from contactlab.run.forecast import forecast
+from contactlab.run.forecast import forecast_sweep
 from contactlab.schema.evidence import Timing
 
 TIMED = """
@@ -163,7 +163,7 @@ def test_the_plan_counts_what_passes_take(sweeper: Any) -> None:
         "finer": TIMED.replace("timing: {rounds: 4}", "accuracy: {refine: 32}"),
     }
     forecasts = {
-        name: forecast(ask.plan, ask.scene, 1) for name, ask in _asks(sweeper, asks).items()
+        name: forecast_sweep(ask.plan, ask.scene, 1) for name, ask in _asks(sweeper, asks).items()
     }
     assert forecasts["plain"].accuracy_seconds == forecasts["plain"].timing_seconds == 0
     # At least 20 ms for each of 8 runs in each of 4 rounds.

@@ -130,7 +130,7 @@ def readers(folder: Path) -> dict[str, Reader]:
 def _compact_trace() -> bytes:
     trace, series = random_trace(pairs=("a-b", "c-d"), steps=40)
     said = b"{}", {"seed": "0"}, b"<mujoco/>"
-    return TraceEncoder(trace, series).encode(0, *said, form="compact")[0]
+    return TraceEncoder(trace, series).encode_run(0, *said, form="compact")[0]
 
 
 def _drives(folder: Path) -> dict[str, bytes]:

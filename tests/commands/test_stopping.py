@@ -21,7 +21,7 @@ def test_the_first_is_a_wish_and_the_second_an_order(
 ) -> None:
     stop = Stop()
     with stop_on_signals(stop):
-        with stop.watched():
+        with stop.watch_runs():
             signal.raise_signal(first)
             assert stop.is_set
             assert capfd.readouterr().err == SAID
@@ -35,7 +35,7 @@ def test_it_is_an_order_where_no_runs_are_under_way(number: signal.Signals) -> N
     stop = Stop()
     with stop_on_signals(stop), pytest.raises(KeyboardInterrupt):
         signal.raise_signal(number)
-    with stop.watched():
+    with stop.watch_runs():
         pass
     with stop_on_signals(stop), pytest.raises(KeyboardInterrupt):
         signal.raise_signal(number)

@@ -80,7 +80,7 @@ class Given:
         run = self.runs[index]
         timestep = run.settings["timestep"]
         assert isinstance(timestep, float)
-        self.change(index, cost=Cost.of(cpu_s, run.steps, timestep, None))
+        self.change(index, cost=Cost.of_steps(cpu_s, run.steps, timestep, None))
 
     def measure(self, index: int, **metrics: float | None) -> None:
         """Change metrics of one record."""
@@ -126,7 +126,7 @@ def record(index: int, cone: str, timestep: float) -> EvidenceRecord:
         tolerances_met=None,
         trajectory_hash=f"{index:032x}",
         provenance=PROVENANCE,
-        cost=Cost.of(1.0, 10, timestep, None),
+        cost=Cost.of_steps(1.0, 10, timestep, None),
     )
 
 
@@ -158,8 +158,8 @@ def write(path: Path, given: Given) -> Path:
     shared |= {"metric_versions": given.versions, "severity": list(SEVERITY)}
     with open_writer(path, identity, SceneFile(), fresh=False) as store:
         assert isinstance(store, StoreWriter)
-        store.append([json.dumps(record_to_row(run)).encode() for run in runs])
-        store.finish(_columns(runs), shared, given.provenance)
+        store.append_rows([json.dumps(record_to_row(run)).encode() for run in runs])
+        store.finish_store(_columns(runs), shared, given.provenance)
     return path
 
 

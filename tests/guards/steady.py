@@ -37,7 +37,7 @@ def made_up_machine() -> Generator[None]:
     from contactlab.schema.evidence import Cost, Provenance
     from contactlab.store import store_files
 
-    costs = Cost.of
+    costs = Cost.of_steps
 
     def made_up(cpu: float, steps: int, timestep: float, budget: float | None) -> Cost:
         del cpu

@@ -65,7 +65,9 @@ def planned(name: str) -> Items:
     path = find_sweep(name)
     request = read_request(path, name, Path("store"), folder=path.parent, workers=0)
     index = RunIndex(request.plan, request.scene)
-    runs = {run_name(name, run.axes, run.seed): {"run id": run.run_id} for run in index.runs()}
+    runs = {
+        run_name(name, run.axes, run.seed): {"run id": run.run_id} for run in index.iterate_runs()
+    }
     return {
         "sweep": {name: planned_facts(identity_of(request, index))},
         "planned run": runs,

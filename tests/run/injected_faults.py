@@ -28,8 +28,8 @@ FAULTS: dict[int, str] = {int(index): fault for index, fault in PLAN["runs"].ite
 # Models that a rollout must not survive, by the address of each.
 doomed: dict[int, str] = {}
 
-plans = Preparer.plans
-run_job = Worker.run
+plans = Preparer.plan_job
+run_job = Worker.run_job
 begin = Worker.__init__
 check_runs = MujocoEngine.check_runs
 
@@ -122,7 +122,7 @@ inner.Batch = Doomed
 kernel.step = doomed_step
 engine: Any = MujocoEngine
 engine.check_runs = staticmethod(doomed_checks)
-Preparer.plans = spoiled_plans
+Preparer.plan_job = spoiled_plans
 module: Any = working
 # What hangs in checks keeps nobody waiting for ten time limits.
 module._SECOND_PASS_LIMITS = 2

@@ -17,7 +17,7 @@ import pytest
 
 from contactlab.errors import StoreError
 from contactlab.plugins import hash_of_packages
-from contactlab.run.evidence_record import definitions
+from contactlab.run.evidence_record import hash_definitions
 from contactlab.run.recomputed_runs import (
     recomputed_problems,
     simulated_problems,
@@ -370,7 +370,7 @@ def test_runs_of_other_definitions_are_not_mixed(
         with pytest.raises(StoreError, match=r"prepares, measures or labels .* with --fresh$"):
             sweeper.run(ball, repair=repair)
     identity = json.loads((half / "sweep.json").read_text())
-    assert identity["definitions"] == definitions()
+    assert identity["definitions"] == hash_definitions()
     sweeper.run(ball)
     assert sweeper.outcome() == whole
 

@@ -52,7 +52,7 @@ def test_a_forecast_is_the_sum_over_its_runs(
     }
     plan = read_sweep(sweep, SceneLoader(None).vocabulary).plan
     scene = Scene.open("ball_drop")
-    told = forecasts.forecast(plan, scene, 1)
+    told = forecasts.forecast_sweep(plan, scene, 1)
     runs = [scene.resolve(run.values, run.seed, 0.1) for run in plan.iterate_runs()]
     steps = sum(run.steps for run in runs)
     assert (told.runs, told.steps) == (15 * seeds, steps)
@@ -74,6 +74,6 @@ def test_checks_of_all_runs_are_counted(monkeypatch: pytest.MonkeyPatch) -> None
     told = dict[str, forecasts.Forecast]()
     for checks in ("all", "none"):
         plan = read_sweep({**sweep, "checks": checks}, SceneLoader(None).vocabulary).plan
-        told[checks] = forecasts.forecast(plan, Scene.open("ball_drop"), 1)
+        told[checks] = forecasts.forecast_sweep(plan, Scene.open("ball_drop"), 1)
     more = told["all"].seconds[0] - told["none"].seconds[0]
     assert more == told["all"].checks_seconds == pytest.approx(3e-2 + 8e-6 * told["all"].steps)

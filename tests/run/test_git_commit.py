@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.run.evidence_record import provenance
+from contactlab.run.evidence_record import find_provenance
 from contactlab.run.git_commit import commit_of
 
 pytestmark = pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
@@ -199,7 +199,7 @@ def test_no_program_of_a_repository_runs(
     bare = _embed_bare(git, hostile, hostile / "program.sh")
     for folder in (hostile, hostile / "inner", bare):
         monkeypatch.chdir(folder)
-        assert len(provenance().git_revision or "") == SHA1
+        assert len(find_provenance().git_revision or "") == SHA1
     assert not (tmp_path / "ran").exists()
 
 
@@ -211,10 +211,10 @@ def test_variables_of_git_lead_nowhere_else(
     git(other, "init", "-q")
     git(other, "commit", "-q", "--allow-empty", "-m", "another")
     monkeypatch.chdir(repository)
-    own = provenance().git_revision
+    own = find_provenance().git_revision
     monkeypatch.setenv("GIT_DIR", str(other / ".git"))
     monkeypatch.setenv("GIT_EXTERNAL_DIFF", str(tmp_path / "program"))
-    assert provenance().git_revision == own
+    assert find_provenance().git_revision == own
 
 
 def test_a_removed_folder_has_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -222,7 +222,7 @@ def test_a_removed_folder_has_none(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     gone.mkdir()
     monkeypatch.chdir(gone)
     gone.rmdir()
-    assert provenance().git_revision is None
+    assert find_provenance().git_revision is None
     monkeypatch.chdir(tmp_path)
 
 

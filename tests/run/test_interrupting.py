@@ -237,7 +237,7 @@ class After:
         self.told += len(finished)
         self.left -= sum(each.label == self.label for each in finished)
         if self.left <= 0:
-            self.stop.set()
+            self.stop.request_stop()
 
 
 @pytest.mark.night

@@ -19,7 +19,7 @@ def test_a_bound_on_models_changes_nothing(
     assert base.size == mujoco.mj_sizeModel(base.model)
     portions: list[int] = []
     held: list[int] = []
-    plans = planned_runs.Preparer.plans
+    plans = planned_runs.Preparer.plan_job
 
     def watched(self: planned_runs.Preparer, job: Any) -> Any:
         portions.append(len(job))

@@ -79,7 +79,7 @@ def outcome_at(
 
 
 def rows(client: "ObjectClient") -> int:
-    return sum(1 for _ in client.sizes("journal"))
+    return sum(1 for _ in client.list_sizes("journal"))
 
 
 @pytest.mark.night
@@ -115,7 +115,7 @@ class FarMachine:
         folder = Path("/nowhere/scenes") / task.scene_folder.name
         worker = Worker(replace(sent, scene_folder=folder), None)
         for job in jobs:
-            yield worker.run(job)
+            yield worker.run_job(job)
 
 
 @pytest.mark.night
@@ -170,7 +170,7 @@ def test_interrupted_and_resumed(
     assert "Traceback" not in err
     assert process.returncode == 130, err
     assert err.splitlines()[-1] == "interrupted; run the same command again to resume"
-    assert client.find("manifest.json") is None, "the sweep is too short for this test"
+    assert client.find_object("manifest.json") is None, "the sweep is too short for this test"
     code, _, err = command.run(*asked, str(address))
     assert code == 0, err
     assert "of 60 runs are stored already" in err
@@ -196,7 +196,7 @@ def test_killed_twice(
         until(lambda before=before: rows(client) > before)
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
-        assert client.find("manifest.json") is None, "the sweep is too short for this test"
+        assert client.find_object("manifest.json") is None, "the sweep is too short for this test"
     code, _, err = command.run(*asked, str(address))
     assert code == 0, err
     assert "of 160 runs are stored already" in err
@@ -223,7 +223,7 @@ def test_resumed_on_another_machine(
     with pytest.raises(KeyboardInterrupt):
         run_sweep(ask, lambda *_: None, die)
     theirs = LockHolder.current_process().model_copy(update={"machine": "another"})
-    client.put(".lock", theirs.to_json_bytes())
+    client.put_file(".lock", theirs.to_json_bytes())
     monkeypatch.setattr(lease, "LEASE", 0.5)
     began: list[tuple[int, int]] = []
     start = time.monotonic()
@@ -253,11 +253,11 @@ def test_a_server_that_goes_away(
     def away(_: object, name: str, __: object) -> None:
         raise OutputError(f"cannot reach {address / name}")
 
-    put = type(client).put
+    put = type(client).put_file
     with pytest.raises(OutputError, match=f"cannot reach {address}/traces/"):
         run_sweep(ask, lambda *_: None, unplug)
     monkeypatch.setattr(type(client), "put", put)
-    assert client.find("manifest.json") is None
+    assert client.find_object("manifest.json") is None
     began: list[int] = []
     run_sweep(ask, lambda _, done: began.append(done), lambda _: None)
     assert began[0] > 0

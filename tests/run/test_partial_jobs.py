@@ -39,10 +39,10 @@ class OneJob:
 
     def run(self, task: Task, jobs: Iterable[Job], stop: Stop) -> Iterator[list[Finished]]:
         job = tuple(run for job in jobs for run in job)
-        found = Worker(task, None, self.proceed).run(job)
+        found = Worker(task, None, self.proceed).run_job(job)
         self.rows = [{**json.loads(each.shared or "{}"), **json.loads(each.row)} for each in found]
         yield found
-        stop.set()
+        stop.request_stop()
 
 
 def part_of_job(sweeper: Any, text: str, yes: int) -> list[dict[str, Any]]:

@@ -21,7 +21,7 @@ from contactlab.plan.grid import Plan
 from contactlab.plan.overrides import Overrides
 from contactlab.plan.sweep_file import read_sweep
 from contactlab.run import planned_runs
-from contactlab.run.forecast import forecast
+from contactlab.run.forecast import forecast_sweep
 from contactlab.run.planned_runs import (
     JOB_BYTES,
     LEAST_WORK,
@@ -99,16 +99,16 @@ def test_a_roster_is_the_list_of_its_runs(
     with patch.object(planned_runs, "MAX_KEPT", kept):
         roster = RunIndex(plan, scene)
     assert len(roster) == len(expected)
-    assert list(roster.runs()) == expected
+    assert list(roster.iterate_runs()) == expected
     ids = [run.run_id for run in expected]
     seeds = len(plan.sweep.seed_values)
     firsts = "".join(run.run_id for run in expected if run.index % seeds == 0)
     assert roster.hash == hashlib.sha256(firsts.encode()).hexdigest()[:32]
     stored = {run_id for run_id in ids if done.random() < 0.5} | {"0" * 16}
     left = [run for run in expected if run.run_id not in stored]
-    assert roster.count(stored) == len(expected) - len(left)
-    assert list(roster.runs(stored)) == left
-    assert sum(count for _, count in roster.rows()) == len(expected)
+    assert roster.count_done(stored) == len(expected) - len(left)
+    assert list(roster.iterate_runs(stored)) == left
+    assert sum(count for _, count in roster.iterate_rows()) == len(expected)
     _check_jobs(left, scene, workers)
 
 
@@ -161,7 +161,7 @@ def test_short_runs_share_a_job(sweeper: Any) -> None:
         text = f"version: 1\nscene: ball_drop\nduration: {duration}\nseeds: 4096\n"
         request = sweeper.ask(f"{text}axes: {{timestep: [1.0e-3]}}\nchecks: none", "short")
         index = RunIndex(request.plan, request.scene)
-        jobs = list(pack_jobs(index.runs(), len(index), request.scene, 1))
+        jobs = list(pack_jobs(index.iterate_runs(), len(index), request.scene, 1))
         assert max(map(len, jobs)) == most
 
 
@@ -175,7 +175,7 @@ def _id(run: RunSpec) -> str:
 def test_a_forecast_adds_up_all_runs(drawn: tuple[Plan, Scene]) -> None:
     plan, scene = drawn
     expected = planned(plan, scene)
-    told = forecast(plan, scene, 1)
+    told = forecast_sweep(plan, scene, 1)
     assert told.runs == len(expected)
     assert told.steps == sum(run.steps for run in expected)
     size = sum(bytes_of_run(scene.base_of(run).model, run.steps) for run in expected)
@@ -221,7 +221,7 @@ def test_jobs_are_handed_out_as_they_are_asked_for(large: tuple[Plan, Scene]) ->
 
     def counted() -> Iterator[RunSpec]:
         nonlocal taken
-        for each in roster.runs():
+        for each in roster.iterate_runs():
             taken += 1
             yield each
 

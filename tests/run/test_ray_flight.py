@@ -79,7 +79,7 @@ def fly(monkeypatch: pytest.MonkeyPatch) -> Fly:
     def made(count: int, room: int = 4, **answers: list[Any]) -> tuple[MadeUp, Any, Stop]:
         cluster, stop = MadeUp({name[1:]: each for name, each in answers.items()}), Stop()
         monkeypatch.setattr(flight, "ray", cluster)
-        results = InFlight(cluster.send, iter(jobs(count)), lambda: room, stop).results()
+        results = InFlight(cluster.send, iter(jobs(count)), lambda: room, stop).iterate_results()
         return cluster, results, stop
 
     return made
@@ -96,7 +96,9 @@ def test_jobs_whose_nodes_are_lost_come_back_once(
     with pytest.MonkeyPatch.context() as patch:
         cluster = MadeUp({str(index): [kind] * lost for index, lost in enumerate(losses)})
         patch.setattr(flight, "ray", cluster)
-        results = InFlight(cluster.send, iter(jobs(len(losses))), lambda: room, Stop()).results()
+        results = InFlight(
+            cluster.send, iter(jobs(len(losses))), lambda: room, Stop()
+        ).iterate_results()
         assert sorted(results, key=str) == sorted([[str(i)] for i in range(len(losses))], key=str)
     assert len(cluster.sent) == len(losses) + sum(losses)
     assert cluster.most <= room
@@ -126,7 +128,7 @@ def test_jobs_are_taken_as_there_is_room(fly: Fly) -> None:
 def test_a_stop_calls_back_what_has_not_begun(fly: Fly) -> None:
     cluster, results, stop = fly(9, room=3, _2=[TaskCancelledError()])
     assert next(results) == ["0"]
-    stop.set()
+    stop.request_stop()
     assert list(results) == [["1"]]
     assert cluster.sent == ["0", "1", "2"]
     assert (2, False) in cluster.called_back

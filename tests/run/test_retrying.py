@@ -83,7 +83,7 @@ def began(sweeper: Any) -> Any:
 def test_a_retry_may_be_interrupted_and_goes_on(lossy: Any, sweeper: Any, ball: str) -> None:
     store = lossy()
     stop = Stop()
-    stop.set()
+    stop.request_stop()
     with pytest.raises(StoppedError):
         run_sweep(
             replace(sweeper.ask(ball), retry_failed=True), began(sweeper), lambda _: None, stop

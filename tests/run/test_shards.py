@@ -140,7 +140,7 @@ def test_a_shard_resumes_and_is_no_other_shard(tmp_path: Path) -> None:
 
 def test_a_killed_shard_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole, place = swept(tmp_path / "whole"), tmp_path / "shard"
-    publish, cut = store_writer.StoreWriter.finish, KeyboardInterrupt("killed")
+    publish, cut = store_writer.StoreWriter.finish_store, KeyboardInterrupt("killed")
 
     def killed(*_: object, **__: object) -> None:
         raise cut
@@ -228,7 +228,7 @@ def test_overlaps_and_strangers_are_refused_by_name(three: list[Path], tmp_path:
 def test_a_merge_that_was_killed_is_made_again(
     three: list[Path], tmp_path: Path, merged: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    target, join = tmp_path / "merged", store_writer.StoreWriter.join
+    target, join = tmp_path / "merged", store_writer.StoreWriter.join_tables
 
     def killed(*_: object) -> None:
         raise KeyboardInterrupt

@@ -81,7 +81,7 @@ def flown(
     monkeypatch.setattr(SlurmExecutor, "submit", submit)
     monkeypatch.setattr(arrays, "_POLL_SECONDS", 0)
     flying = Arrays(executor, folder, {}, map(job, range(count)), Stop())
-    return [*flying.results()]
+    return [*flying.iterate_results()]
 
 
 @given(st.integers(0, 12), st.lists(st.integers(0, 4), max_size=12))

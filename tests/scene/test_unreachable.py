@@ -213,7 +213,7 @@ def test_a_joint_moves_geoms_no_further_than_its_lever(text: str, seed: int) -> 
         apart: list[float] = []
         for qpos in (first, second):
             clearance.set_configuration(qpos)
-            apart.append(max(clearance.distance(*pair, 10.0), 0.0))
+            apart.append(max(clearance.measure_distance(*pair, 10.0), 0.0))
         assert abs(apart[0] - apart[1]) <= levers @ np.abs(first - second) + 1e-5
 
 

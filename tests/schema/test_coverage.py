@@ -14,14 +14,14 @@ SLID = Coverage(pairs={"a-b": PairUse(touched=1, slid=0.1, friction=0.5)}, touch
 
 def exercised(*coverages: Coverage | None, drive: str = '"hold"') -> Exercised:
     texts = [each and each.model_dump_json(exclude_defaults=True) for each in coverages]
-    return Exercised.of({"coverage": text, "drive": drive} for text in texts)
+    return Exercised.of_rows({"coverage": text, "drive": drive} for text in texts)
 
 
 def test_one_run_that_does_it_is_enough() -> None:
-    assert exercised(STILL, MOVED).lack(["motion", "actuation"]) is None
-    assert exercised(STILL).lack(["motion"]) == "no joint moved"
-    assert exercised(STUCK).lack(["contact"]) is None
-    assert exercised(STUCK, SLID).lack(["friction"]) is None
+    assert exercised(STILL, MOVED).describe_lacking(["motion", "actuation"]) is None
+    assert exercised(STILL).describe_lacking(["motion"]) == "no joint moved"
+    assert exercised(STUCK).describe_lacking(["contact"]) is None
+    assert exercised(STUCK, SLID).describe_lacking(["friction"]) is None
 
 
 def test_what_all_runs_left_alone_is_named_by_kind() -> None:
@@ -29,7 +29,7 @@ def test_what_all_runs_left_alone_is_named_by_kind() -> None:
 
     def idle(*coverages: Coverage | None) -> tuple[str, ...]:
         texts = (each and each.model_dump_json(exclude_defaults=True) for each in coverages)
-        return Exercised.of({"coverage": each, "pairs": pairs} for each in texts).idle()
+        return Exercised.of_rows({"coverage": each, "pairs": pairs} for each in texts).idle_parts()
 
     still = "joints never moved: j", "limits never reached: j", "actuators never moved: a"
     assert idle(STILL) == (*still, "pairs never touched: a-b, a-c")
@@ -43,13 +43,13 @@ def test_what_all_runs_left_alone_is_named_by_kind() -> None:
 def test_no_row_is_read_once_one_did_what_is_asked_about() -> None:
     texts = (each.model_dump_json(exclude_defaults=True) for each in (STILL, MOVED, STUCK))
     rows = ({"coverage": text, "drive": None} for text in texts)
-    assert Exercised.of(rows, enough=["actuation"]).lack(["actuation"]) is None
+    assert Exercised.of_rows(rows, enough=["actuation"]).describe_lacking(["actuation"]) is None
     assert len([*rows]) <= 1, "the first did not, the second did"
 
 
 def test_of_runs_without_coverage_nothing_is_said() -> None:
-    assert exercised(STILL, None).lack(["motion", "limit", "friction"]) is None
-    assert Exercised.of([{"run_id": "old"}]).lack(["motion"]) is None
+    assert exercised(STILL, None).describe_lacking(["motion", "limit", "friction"]) is None
+    assert Exercised.of_rows([{"run_id": "old"}]).describe_lacking(["motion"]) is None
 
 
 def test_only_parts_that_the_model_has_are_asked_about() -> None:
@@ -59,17 +59,20 @@ def test_only_parts_that_the_model_has_are_asked_about() -> None:
 
 def test_a_joint_that_only_starts_at_its_limit_does_not_exercise_it() -> None:
     start = Travel(moved=1e-4, share=1e-3, ends=("upper",))
-    assert exercised(Coverage(joints={"j": start})).lack(["limit"]) is not None
+    assert exercised(Coverage(joints={"j": start})).describe_lacking(["limit"]) is not None
     reached = Travel(moved=0.1, share=0.1, ends=("upper",))
-    assert exercised(Coverage(joints={"j": reached})).lack(["limit"]) is None
+    assert exercised(Coverage(joints={"j": reached})).describe_lacking(["limit"]) is None
 
 
 def test_one_part_that_is_left_out_is_enough_to_say_so() -> None:
     """An effect turns the limits of all joints off, or none."""
     reached, away = Travel(moved=0.1, share=0.1, ends=("upper",)), Travel(moved=0.1, share=0.1)
-    assert exercised(Coverage(joints={"j": reached, "k": away})).lack(["limit"]) is not None
+    assert (
+        exercised(Coverage(joints={"j": reached, "k": away})).describe_lacking(["limit"])
+        is not None
+    )
     some = Coverage(equalities={"tie": 2.0, "idle": 0.0})
-    assert exercised(some).lack(["equality"]) is not None
+    assert exercised(some).describe_lacking(["equality"]) is not None
 
 
 @pytest.mark.parametrize(
@@ -93,9 +96,12 @@ def test_runs_share_the_parts_of_a_feature() -> None:
         Coverage(joints=dict(zip("jk", pair, strict=True)))
         for pair in ((reached, away), (away, reached))
     )
-    assert exercised(first, first).lack(["limit"]) is not None
-    assert exercised(first, second).lack(["limit"]) is None
+    assert exercised(first, first).describe_lacking(["limit"]) is not None
+    assert exercised(first, second).describe_lacking(["limit"]) is None
     tied, loose = ({"tie": 2.0, "weld": 0.0}, {"tie": 0.0, "weld": 1.0})
     assert (
-        exercised(Coverage(equalities=tied), Coverage(equalities=loose)).lack(["equality"]) is None
+        exercised(Coverage(equalities=tied), Coverage(equalities=loose)).describe_lacking(
+            ["equality"]
+        )
+        is None
     )

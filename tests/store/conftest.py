@@ -108,7 +108,7 @@ def make_record(index: int = 0, **changes: Any) -> EvidenceRecord:
         tolerances_met=None,
         trajectory_hash=hash_of_states(np.stack([TIMES, 0 * TIMES, 0 * TIMES], axis=1)),
         provenance=PROVENANCE,
-        cost=Cost.of(1.0, STEPS, 1e-3 * (index + 1), None),
+        cost=Cost.of_steps(1.0, STEPS, 1e-3 * (index + 1), None),
         started="2026-01-01T00:00:00.000+00:00",
         finished="2026-01-01T00:00:01.000+00:00",
     )
@@ -203,8 +203,8 @@ def write_store(path: Path, records: Sequence[EvidenceRecord]) -> StoreManifest:
     with open_writer(path, identity(len(records)), SceneFile(), fresh=False) as store:
         assert isinstance(store, StoreWriter)
         written = [each if each.status in lost else write_run(path, each) for each in records]
-        store.append([encode(record) for record in written])
-        return store.finish(columns(records), shared(records[0]), PROVENANCE)
+        store.append_rows([encode(record) for record in written])
+        return store.finish_store(columns(records), shared(records[0]), PROVENANCE)
 
 
 def encode(record: EvidenceRecord) -> bytes:
@@ -302,12 +302,12 @@ class Kit:
         assert isinstance(store, StoreWriter)
         for place in places:
             self.put_trace(place)
-            store.append([self.row(place)])
+            store.append_rows([self.row(place)])
 
     def put_trace(self, place: int) -> None:
         trace = self.records[place].trace
         assert trace is not None
-        self.client.put(trace.file, self.folder / trace.file)
+        self.client.put_file(trace.file, self.folder / trace.file)
 
     def row(self, place: int) -> bytes:
         return json.dumps(record_to_row(self.records[place])).encode()
@@ -336,7 +336,7 @@ class Kit:
         return {self.records[place].run_id for place in places}
 
     def names(self) -> set[str]:
-        return {name for name, _ in self.client.sizes()}
+        return {name for name, _ in self.client.list_sizes()}
 
 
 @pytest.fixture
@@ -357,7 +357,7 @@ def kit(  # noqa: PLR0917 - one a fixture
 
     def finish(store: StoreWriter) -> StoreManifest:
         provenance = records[0].provenance
-        return store.finish(columns_of(records), shared_part(records[0]), provenance)
+        return store.finish_store(columns_of(records), shared_part(records[0]), provenance)
 
     client = connect(address)
     return Kit(address, tmp_path / "made", client, records, identity_of, finish, scene_file)

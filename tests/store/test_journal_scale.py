@@ -222,8 +222,8 @@ def test_a_digest_is_of_every_value_however_many_are_read_at_once() -> None:
     def digest(said: Mapping[str, Any], size: int) -> Digests:
         digest = RowsDigest()
         for rows in pa.table({**said}, schema=schema).to_batches(size):
-            digest.add(rows)
-        return digest.of(schema)
+            digest.add_rows(rows)
+        return digest.digests_for(schema)
 
     assert len({digest(SAID, size) for size in range(1, 7)}) == 1
     other = {"same": 3.0, "later": 3.0, "nothing": "a", "word": "ad", "list": [2.0], "truth": None}

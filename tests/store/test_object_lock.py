@@ -27,9 +27,9 @@ def client(bucket: str, connect: Connect) -> "ObjectClient":
 
 
 def holder_of(client: "ObjectClient") -> LockHolder:
-    found = client.find(LOCK)
+    found = client.find_object(LOCK)
     assert found is not None
-    holder = LockHolder.read(found.data)
+    holder = LockHolder.parse_holder(found.data)
     assert holder is not None
     return holder
 
@@ -73,25 +73,25 @@ def test_of_a_dead_process_of_this_machine(client: "ObjectClient", case: str) ->
     """It is taken over at once: the lease is an hour."""
     this = LockHolder.current_process()
     changes = {"pid": ended_process()} if case == "ended" else {"started": this.started - 1}
-    client.put(LOCK, this.model_copy(update=changes).to_json_bytes())
+    client.put_file(LOCK, this.model_copy(update=changes).to_json_bytes())
     with hold_lease(client, seconds=3600) as lease:
-        lease.check()
+        lease.check_held()
 
 
 def test_of_another_machine_is_waited_out(
     client: "ObjectClient", caplog: pytest.LogCaptureFixture
 ) -> None:
     """Whatever its process number: it is another machine's."""
-    client.put(LOCK, elsewhere(pid=ended_process()).to_json_bytes())
+    client.put_file(LOCK, elsewhere(pid=ended_process()).to_json_bytes())
     start = time.monotonic()
     with caplog.at_level(logging.WARNING), hold_lease(client, seconds=0.5) as lease:
         assert time.monotonic() - start >= 0.5
-        lease.check()
+        lease.check_held()
     assert f"{client.address} is locked by a sweep on far; waiting" in caplog.text
 
 
 def test_of_another_version_is_waited_out(client: "ObjectClient") -> None:
-    client.put(LOCK, b'{"what": "is this"}')
+    client.put_file(LOCK, b'{"what": "is this"}')
     with hold_lease(client, seconds=0.2):
         pass
 
@@ -100,14 +100,14 @@ def test_of_another_version_is_waited_out(client: "ObjectClient") -> None:
 def test_of_another_machine_that_is_alive(client: "ObjectClient") -> None:
     """It shows signs of life; the wait ends with the first, however long the lease."""
     other = elsewhere()
-    version = client.create(LOCK, other.to_json_bytes())
+    version = client.create_object(LOCK, other.to_json_bytes())
     assert version is not None
     lease = StoreLease(client, other, version, seconds=0.6)
     try:
         with pytest.raises(OutputError, match="in use by a sweep on far"), hold_lease(client, 30):
             pass
     finally:
-        lease.release()
+        lease.release_lock()
     with hold_lease(client, 3600):
         pass
 
@@ -116,8 +116,8 @@ def test_lost(client: "ObjectClient") -> None:
     """Somebody else has waited it out: whoever notices writes no more."""
     taken = f"another sweep has taken over {client.address}"
     with hold_lease(client, seconds=3600) as lease:
-        client.put(LOCK, elsewhere().to_json_bytes())
-        for act in (lease.renew, lease.check, lease.renew):
+        client.put_file(LOCK, elsewhere().to_json_bytes())
+        for act in (lease.renew_lock, lease.check_held, lease.renew_lock):
             with pytest.raises(OutputError, match=taken):
                 act()
     assert holder_of(client).host == "far"

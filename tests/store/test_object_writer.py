@@ -159,13 +159,13 @@ def test_failed_runs_again(kit: Any) -> None:
     kit.records = [kit.records[0], failed, kit.records[2]]
     with contextlib.suppress(KeyboardInterrupt), kit.opened() as store:
         assert isinstance(store, StoreWriter)
-        store.append([kit.row(1)])
+        store.append_rows([kit.row(1)])
         raise KeyboardInterrupt
     with kit.opened(retry_failed=True) as store:
         assert isinstance(store, StoreWriter)
         assert store.done == set()
         kit.add(store, 0, 2)
-        store.append([kit.row(1)])
+        store.append_rows([kit.row(1)])
         kit.finish(store)
     assert Store.open(kit.address).manifest.statuses == {"ok": 2, "timeout": 1}
     kit.records = [kit.records[0], good, kit.records[2]]

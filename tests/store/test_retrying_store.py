@@ -50,9 +50,11 @@ def finish(columns_of: Any, shared_part: Any, write_run_to: Any) -> Callable[...
     """Add runs to a store, and finish it."""
 
     def finished(writer: StoreWriter, added: list[EvidenceRecord]) -> StoreManifest:
-        writer.append([to_json(record_to_row(write_run_to(writer.path, each))) for each in added])
+        writer.append_rows(
+            [to_json(record_to_row(write_run_to(writer.path, each))) for each in added]
+        )
         first = added[0]
-        return writer.finish(columns_of(added), shared_part(first), first.provenance)
+        return writer.finish_store(columns_of(added), shared_part(first), first.provenance)
 
     return finished
 

@@ -74,7 +74,7 @@ def sound(record_of: Callable[..., EvidenceRecord], columns_of: Any) -> pa.Recor
         effects_missed={"limit": "it passes"},
         warnings={"BADQACC": 2},
         controls="c" * 64,
-        cost=Cost.of(1.5, 4, 2e-3, BUDGET),
+        cost=Cost.of_steps(1.5, 4, 2e-3, BUDGET),
         accuracy=Accuracy(
             **dict.fromkeys(("error_final", "error_mean", "error_peak", "error_estimate"), 1e-3),
             **dict.fromkeys(("error_final_estimate", "error_mean_estimate"), 1e-4),
@@ -95,7 +95,7 @@ def sound(record_of: Callable[..., EvidenceRecord], columns_of: Any) -> pa.Recor
     crashed = record_of(
         2, status="crashed", status_reason="it died", cost=None, trajectory_hash=None, steps=0
     )
-    records = [record_of(0, cost=Cost.of(1.0, 4, 1e-3, BUDGET)), full, crashed]
+    records = [record_of(0, cost=Cost.of_steps(1.0, 4, 1e-3, BUDGET)), full, crashed]
     schema = table_schema(columns_of(records))
     rows = [record_to_row(record) for record in records]
     return pa.RecordBatch.from_pylist(rows, schema)
@@ -133,7 +133,7 @@ def planted(column: pa.Array, place: int) -> Iterator[pa.Array]:
 
 def test_sound_rows_are_not_suspected(sound: pa.RecordBatch, sweep: SweepIdentity) -> None:
     assert broken(sound, sweep) == [False] * 3
-    assert RowChecks(sweep, SHARED).suspects(sound).tolist() == [False] * 3
+    assert RowChecks(sweep, SHARED).find_suspects(sound).tolist() == [False] * 3
 
 
 def test_a_knife_edge_that_was_not_looked_for_breaks_a_law(
@@ -141,7 +141,7 @@ def test_a_knife_edge_that_was_not_looked_for_breaks_a_law(
 ) -> None:
     other = sweep.model_copy(update={"resolved": {**sweep.resolved, "knife_edge": False}})
     assert broken(sound, other) == [False, True, False]
-    assert RowChecks(other, SHARED).suspects(sound).tolist() == [False, True, False]
+    assert RowChecks(other, SHARED).find_suspects(sound).tolist() == [False, True, False]
 
 
 @pytest.mark.long
@@ -154,7 +154,7 @@ def test_each_row_that_breaks_a_law_is_suspected(
     for number, name in enumerate(sound.schema.names):
         for column in planted(sound.columns[number], place):
             rows = sound.set_column(number, name, column)
-            laws, found = broken(rows, sweep), checks.suspects(rows).tolist()
+            laws, found = broken(rows, sweep), checks.find_suspects(rows).tolist()
             missed = [row for row in range(3) if laws[row] and not found[row]]
             assert not missed, f"{name} = {column.to_pylist()}: rows {missed}"
             tried, faults, spared = tried + 1, faults + any(laws), spared + (not any(found))
@@ -169,7 +169,7 @@ def test_a_column_that_is_missing(sound: pa.RecordBatch, sweep: SweepIdentity) -
             [column for place, column in enumerate(sound.columns) if place != number],
             names=[other for other in sound.schema.names if other != name],
         )
-        laws, found = broken(fewer, sweep), checks.suspects(fewer).tolist()
+        laws, found = broken(fewer, sweep), checks.find_suspects(fewer).tolist()
         assert all(found[row] for row in range(3) if laws[row]), name
 
 
@@ -180,4 +180,4 @@ def test_what_the_sweep_did_not_ask_for(
     other = sweep.model_copy(update={"resolved": {**sweep.resolved, name: None}})
     laws = broken(sound, other)
     assert laws == [name == "latency_budget", True, False]
-    assert RowChecks(other, SHARED).suspects(sound).tolist() == laws
+    assert RowChecks(other, SHARED).find_suspects(sound).tolist() == laws

@@ -181,7 +181,7 @@ def test_a_full_disk_in_the_journal(
         with open_writer(path, identity_of(3), scene_file, fresh=False) as writer:
             assert isinstance(writer, StoreWriter)
             for row in rows:
-                writer.append([row])
+                writer.append_rows([row])
 
     with pytest.raises(OutputError, match=message):
         fill()
@@ -279,10 +279,10 @@ def test_many_changes_are_synced_together_and_all_of_them_by_the_end(
     commit = GroupCommit(tmp_path)
     while len(seen) < 2:
         changes += 1
-        commit.changed()
+        commit.request_sync()
     assert len(seen) < changes / 10
     changes += 1
-    commit.changed()
+    commit.request_sync()
     commit.close()
     assert seen[-1] == changes
 
@@ -295,7 +295,7 @@ def test_a_change_that_cannot_be_synced_ends_the_sweep(
 
     monkeypatch.setattr(atomic_files, "sync_filesystem", fail)
     commit = GroupCommit(tmp_path)
-    commit.changed()
+    commit.request_sync()
     with pytest.raises(OutputError, match="Input/output error"):
         commit.close()
 

@@ -103,7 +103,7 @@ def discretization_errors(
     ]
     needed = np.unique(np.concatenate([part for family_times in times for part in family_times]))
     solved = Family(scene, family[0], model, watch)
-    reference = solved.reference(needed, min(*timesteps, model.timestep) / request.refine)
+    reference = solved.find_reference(needed, min(*timesteps, model.timestep) / request.refine)
     if reference is None:
         return [{} for _ in family]
     compare = _compare_locally if local else _compare_whole
@@ -112,7 +112,7 @@ def discretization_errors(
     ]
     found: dict[str, object] = {"integrator": reference.integrator, "timestep": reference.timestep}
     if not local:
-        found["divergence"] = divergence = reference.divergence()
+        found["divergence"] = divergence = reference.chaos_divergence()
         errors = [note["trajectory"] for note in notes if note]
         if divergence is None or not errors:
             found["chaotic"] = None
@@ -161,14 +161,18 @@ def _spread_numbers(first: int, last: int, most: int) -> Floats:
 def _compare_whole(
     reference: ReferenceSolution, run: PlannedModel, times: _ComparisonTimes
 ) -> Note:
-    sampled = reference.family.integrate(run.prepared, times.ends, run.start)
+    sampled = reference.family.integrate_model(run.prepared, times.ends, run.start)
     if sampled is None:
         return {}
-    rows, coarse = reference.rows(times.ends), reference.coarse.sampled
+    rows, coarse = reference.rows_at(times.ends), reference.coarse.sampled
     return {
-        "trajectory": _error_summary(reference.distance(sampled, rows), reference.distance(coarse)),
-        "invariants": _error_summary(reference.drift(sampled, rows), reference.drift(coarse)),
-        "velocity": reference.velocity(sampled, rows),
+        "trajectory": _error_summary(
+            reference.state_distance(sampled, rows), reference.state_distance(coarse)
+        ),
+        "invariants": _error_summary(
+            reference.invariant_drift(sampled, rows), reference.invariant_drift(coarse)
+        ),
+        "velocity": reference.velocity_distance(sampled, rows),
         "impacts": sampled.impacts,
     }
 
@@ -177,7 +181,7 @@ def _compare_locally(
     reference: ReferenceSolution, run: PlannedModel, times: _ComparisonTimes
 ) -> Note:
     """Compare a run's model with its reference, restarted from many of the reference's states."""
-    whole = reference.family.integrate(run.prepared, times.ends[-1:], run.start)
+    whole = reference.family.integrate_model(run.prepared, times.ends[-1:], run.start)
     error = reference.local_error(run.prepared, *times)
     own = reference.local_error(reference.coarse.prepared, *times)
     if whole is None or error is None or own is None:

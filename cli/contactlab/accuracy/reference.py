@@ -43,7 +43,7 @@ class Discrepancy(NamedTuple):
     peak: float
 
     @classmethod
-    def of(cls, distances: Floats) -> "Discrepancy":
+    def of_distances(cls, distances: Floats) -> "Discrepancy":
         """Summarize (T,) distances."""
         return cls(float(distances[-1]), float(distances.mean()), float(distances.max()))
 
@@ -158,7 +158,7 @@ class Family:
     model: RunSpec
     watch: Watch  # called before steps, to start their time limit
 
-    def integrate(
+    def integrate_model(
         self,
         prepared: PreparedModel,
         times: Floats,
@@ -175,21 +175,21 @@ class Family:
             prepared.model, start, times, begin=begin, state=state, watch=self.watch
         )
 
-    def solve(
+    def solve_at(
         self, integrator: str, timestep: float, times: Floats, start: InitialStates | None = None
     ) -> Solution | None:
         """Return the solution at a timestep [s], or None."""
         resolved = with_reference_numerics(self.model, integrator, timestep)
         prepared = self.scene.prepare(resolved, self.run.start)
-        sampled = self.integrate(prepared, times, start)
+        sampled = self.integrate_model(prepared, times, start)
         return sampled and Solution(prepared, sampled)
 
-    def reference(self, times: Floats, timestep: float) -> "ReferenceSolution | None":
+    def find_reference(self, times: Floats, timestep: float) -> "ReferenceSolution | None":
         """Return the reference with a coarse timestep [s], or None if it has no solution."""
         found: list[ReferenceSolution] = []
         for integrator in _INTEGRATORS:
-            fine = self.solve(integrator, timestep / 2, times)
-            coarse = fine and self.solve(integrator, timestep, times)
+            fine = self.solve_at(integrator, timestep / 2, times)
+            coarse = fine and self.solve_at(integrator, timestep, times)
             if fine and coarse:
                 found.append(ReferenceSolution(self, integrator, timestep / 2, times, fine, coarse))
                 if found[-1].estimate <= fine.prepared.model.stat.extent:
@@ -216,19 +216,19 @@ class ReferenceSolution:
     @cached_property
     def estimate(self) -> float:
         """Largest distance of its two solutions [m]."""
-        return self.distance(self.coarse.sampled).peak
+        return self.state_distance(self.coarse.sampled).peak
 
-    def rows(self, times: Floats) -> NDArray[np.intp]:
+    def rows_at(self, times: Floats) -> NDArray[np.intp]:
         """Return the rows of the reference at some of its times."""
         return np.searchsorted(self.times, times)
 
-    def distance(self, sampled: SampledStates, rows: Rows = slice(None)) -> Discrepancy:
+    def state_distance(self, sampled: SampledStates, rows: Rows = slice(None)) -> Discrepancy:
         """Return the distance of sampled states from the reference's at these rows [m]."""
-        return Discrepancy.of(
+        return Discrepancy.of_distances(
             trajectory_distances(self.joints, sampled.qpos, self.fine.sampled.qpos[rows])
         )
 
-    def velocity(self, sampled: SampledStates, rows: Rows) -> float:
+    def velocity_distance(self, sampled: SampledStates, rows: Rows) -> float:
         """Return the mean over time of the distance of velocities from the reference's [m/s].
 
         At each time it is the largest difference of a degree of freedom, times its length.
@@ -238,12 +238,12 @@ class ReferenceSolution:
             (difference * self.fine.prepared.model.dof_length).max(axis=1, initial=0.0).mean()
         )
 
-    def drift(self, sampled: SampledStates, rows: Rows = slice(None)) -> Discrepancy:
+    def invariant_drift(self, sampled: SampledStates, rows: Rows = slice(None)) -> Discrepancy:
         """Return the relative deviation of energy and momenta from the reference at these rows."""
         expected, model = self.fine.sampled, self.fine.prepared.model
         free = self.family.scene.base_of(self.family.model).free
         both = (sampled.qpos, sampled.qvel), (expected.qpos[rows], expected.qvel[rows])
-        return Discrepancy.of(
+        return Discrepancy.of_distances(
             invariant_drifts(*(state_invariants(model, *side, free=free) for side in both))
         )
 
@@ -254,18 +254,20 @@ class ReferenceSolution:
 
         It begins at K times [s], and is compared at K ends [s]; None if a restart fails.
         """
-        states = self.fine.sampled.states[self.rows(begins)]
+        states = self.fine.sampled.states[self.rows_at(begins)]
         restarts = [
-            self.family.integrate(prepared, end, begin=begin, state=state)
+            self.family.integrate_model(prepared, end, begin=begin, state=state)
             for begin, end, state in zip(begins.tolist(), ends[:, None], states, strict=True)
         ]
         qpos = [restart.qpos for restart in restarts if restart is not None]
         if len(qpos) < len(restarts):
             return None
-        expected = self.fine.sampled.qpos[self.rows(ends)]
-        return Discrepancy.of(trajectory_distances(self.joints, np.concatenate(qpos), expected))
+        expected = self.fine.sampled.qpos[self.rows_at(ends)]
+        return Discrepancy.of_distances(
+            trajectory_distances(self.joints, np.concatenate(qpos), expected)
+        )
 
-    def divergence(self) -> float | None:
+    def chaos_divergence(self) -> float | None:
         """Return the distance of a start perturbed by 1e-8 from the coarse solution [m].
 
         It is solved at the timestep of the coarse solution, not at those of the runs: there any
@@ -274,11 +276,13 @@ class ReferenceSolution:
         """
         run = self.family.run
         start = perturbed_copy(run.start, self.joints, run.run.seed)
-        perturbed = self.family.solve(self.integrator, 2 * self.timestep, self.times, start)
+        perturbed = self.family.solve_at(self.integrator, 2 * self.timestep, self.times, start)
         if perturbed is None:
             return None
         qpos = self.coarse.sampled.qpos
-        return Discrepancy.of(trajectory_distances(self.joints, perturbed.sampled.qpos, qpos)).peak
+        return Discrepancy.of_distances(
+            trajectory_distances(self.joints, perturbed.sampled.qpos, qpos)
+        ).peak
 
 
 def state_invariants(

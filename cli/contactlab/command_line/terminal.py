@@ -387,7 +387,7 @@ def stop_on_signals(stop: "Stop") -> Generator[None]:
     def handle(number: int, frame: FrameType | None) -> None:
         again = stop.is_set or not stop.is_watched
         # An exception may get lost, as in a finalizer; the request stays.
-        stop.set()
+        stop.request_stop()
         if again:
             interrupt(number, frame)
         # Past all buffers: it may have come while one was written. On a terminal the cursor stands

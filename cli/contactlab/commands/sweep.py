@@ -151,7 +151,7 @@ def sweep(
     surroundings().fork_workers(wanted)
     from contactlab.plan.grid import CONFIRM_ABOVE
     from contactlab.plan.overrides import Overrides
-    from contactlab.run.forecast import forecast
+    from contactlab.run.forecast import forecast_sweep
     from contactlab.run.shards import parse_shard
     from contactlab.run.sweep_request import read_request
     from contactlab.run.worker_pool import worker_count
@@ -171,7 +171,9 @@ def sweep(
     for warning in request.plan.warnings:
         say(str(warning))
     if plan:
-        return PlannedSweep(request.plan, forecast(request.plan, request.scene, request.workers))
+        return PlannedSweep(
+            request.plan, forecast_sweep(request.plan, request.scene, request.workers)
+        )
     if request.plan.count > CONFIRM_ABOVE and not yes:
         raise SweepFileError(
             f"the sweep has {request.plan.count:,} runs; look at it with --plan, then run it with "

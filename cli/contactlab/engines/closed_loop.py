@@ -95,7 +95,7 @@ def roll_out_policy(
         some, *_ = acted.values()
         starts = runs.starts.with_recorded_inputs([acted.get(run, some) for run in range(count)])
         for run in acted:
-            recorder.enter(run, run, runs.models[run], starts, arrays.state[run])
+            recorder.enter_run(run, run, runs.models[run], starts, arrays.state[run])
     return recorder.attach_outputs(rollout)
 
 
@@ -117,7 +117,7 @@ def _fly_together(
     watch()  # The construction of the policy counts as a part of its run.
     try:
         with redirect_stdout(sys.stderr):
-            return _Flight(runs, arrays, fields).fly(watch, proceed)
+            return _Flight(runs, arrays, fields).fly_runs(watch, proceed)
     except _PolicyFailureError as failure:
         if count == 1:
             return [(0.0, np.zeros(_WARNING_KINDS, np.int32), str(failure), None)]
@@ -186,7 +186,7 @@ class _Flight:
             )
         self._policy = made
 
-    def fly(self, watch: Watch, proceed: Proceed) -> list[_RunResult]:
+    def fly_runs(self, watch: Watch, proceed: Proceed) -> list[_RunResult]:
         """Simulate all runs; return only the first if the sweep should stop meanwhile."""
         count, calls = len(self._models), {step: call for call, step in enumerate(self._calls)}
         waiting: dict[int, Floats] = {}

@@ -119,7 +119,7 @@ class BatchStepper:
         """Return the memory [bytes] of `runs` runs besides the arrays that it records into."""
         return 0
 
-    def step(self, run: int, inputs: Mapping[str, Any], out: Mapping[Any, np.ndarray]) -> str:
+    def step_run(self, run: int, inputs: Mapping[str, Any], out: Mapping[Any, np.ndarray]) -> str:
         """Make a run with inputs from `driven`. Return an error, if any."""
         try:
             self._batch.rollout(self._steps, record=list(out), ids=[run], out=dict(out), **inputs)
@@ -165,10 +165,10 @@ def roll_out(
         inputs = driven_inputs(models[run], starts, run, steps)
         watch()
         start = time.thread_time()
-        errors[run] = stepper.step(run, inputs, out) or None
+        errors[run] = stepper.step_run(run, inputs, out) or None
         cost[run] = time.thread_time() - start
         if not errors[run]:
-            recorder.enter(run, 0, models[run], starts, arrays.state[run])
+            recorder.enter_run(run, 0, models[run], starts, arrays.state[run])
     rollout = completed_rollout(arrays, cost[:count], stepper.warnings[:count], errors)
     return recorder.attach_outputs(rollout)
 
@@ -185,13 +185,13 @@ class Recorder:
         self._passages = Passages(models[0], len(models))
         self.fields = self._ledger.forces
 
-    def enter(
+    def enter_run(
         self, run: int, row: int, model: mujoco.MjModel, starts: InitialStates, states: Floats
     ) -> None:
         """Evaluate a run that was recorded in a row; see `Books.enter`."""
         with np.errstate(all="ignore"):
-            self._ledger.enter(run, row, model, starts, states)
-            self._passages.enter(run, model, starts, states)
+            self._ledger.enter_run(run, row, model, starts, states)
+            self._passages.enter_run(run, model, starts, states)
 
     def attach_outputs(self, rollout: Rollout) -> Rollout:
         """Return a rollout with the evaluated results of its runs."""

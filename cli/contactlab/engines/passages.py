@@ -51,7 +51,9 @@ class Passages:
         self._thinnest, self._motion_lengths, self._reach, self._least = _reach_of_steps(model)
         self.found = [tuple[Passage, ...]()] * runs
 
-    def enter(self, run: int, model: mujoco.MjModel, starts: InitialStates, states: Floats) -> None:
+    def enter_run(
+        self, run: int, model: mujoco.MjModel, starts: InitialStates, states: Floats
+    ) -> None:
         """Search a run that was just recorded, with its own model and (N + 1, nstate) states."""
         if not np.isfinite(self._thinnest):
             return
@@ -79,7 +81,7 @@ class Passages:
                 apart = np.subtract(
                     *(_point_positions(model, position, rotation, geom) for geom in pair)
                 )
-                found += within.passages(
+                found += within.find_passages(
                     pair, apart[:-1], moved[:, pair].sum(axis=1), least=float(self._least[pair])
                 )
             found += _passages_through_flexes(model, position, rotation, vertices)
@@ -132,7 +134,7 @@ class _StepSearch:
         self._model, self._data = model, mujoco.MjData(model)
         self._states, self._acting = states, acting
 
-    def passages(
+    def find_passages(
         self, pair: tuple[int, int], apart: Floats, moved: Floats, *, least: float
     ) -> list[Passage]:
         """Return the first passage of two geoms with centers `apart` (N - 1, 3) [m], if any.
@@ -145,11 +147,13 @@ class _StepSearch:
         bound = float(model.geom_rbound[[*pair]].sum())
         near = np.linalg.norm(apart, axis=1) < bound + moved
         for step in np.flatnonzero(near & (moved > least))[:_MAX_RAYS].tolist():
-            if self._overlaps(pair, step, float(moved[step]), least):
+            if self._overlaps_within(pair, step, float(moved[step]), least):
                 return [_make_passage(model, *pair, step)]
         return []
 
-    def _overlaps(self, pair: tuple[int, int], step: int, moved: float, least: float) -> bool:
+    def _overlaps_within(
+        self, pair: tuple[int, int], step: int, moved: float, least: float
+    ) -> bool:
         """Return whether geoms separated before and after a step half overlap within it."""
         model, data = self._model, self._data
         if model.nmocap:
@@ -343,7 +347,7 @@ def _first_passage(
         if turned is not None:
             near &= turned[steps:] - turned[:-steps] < _MAX_LINE_ANGLE_RAD
         for step in np.flatnonzero(moving & near)[:_MAX_RAYS].tolist():
-            if wall.passed(begin[step], end[step]):
+            if wall.has_passed(begin[step], end[step]):
                 return [step + steps - 1]
     return []
 
@@ -360,7 +364,7 @@ class _PassableGeom:
         if self._data is not None:
             self._data.geom_xpos[geom], self._data.geom_xmat[geom] = 0, np.eye(3).ravel()
 
-    def passed(self, begin: Floats, end: Floats) -> bool:
+    def has_passed(self, begin: Floats, end: Floats) -> bool:
         """Return whether the path between points passes through it or ends beneath a surface."""
         if self._kind == _PLANE_TYPE:
             return bool(begin[2] > 0 and end[2] < -self._size)

@@ -53,7 +53,7 @@ def with_loads(runs: PreparedRuns, rollout: Rollout) -> Rollout:
         if model.opt.enableflags & _SLEEP_FLAG:
             sleeper[run] = _worst_sleeper(model, start, rollout.state[run, : steps + 1])
         if sampler is not None and steps:
-            found = sampler.sample(model, start, rollout.state[run, : steps + 1])
+            found = sampler.sample_loads(model, start, rollout.state[run, : steps + 1])
             loads[run], gaps[run], speeds = found
             # A driven joint may turn slowly in its bearings.
             creep[run] = speeds * (ranges[run, :, 0] == ranges[run, :, 1]).all()
@@ -147,7 +147,7 @@ class _Sampler:
         self._data = mujoco.MjData(model)
         self._reach = equality_reach(model)
 
-    def sample(
+    def sample_loads(
         self, model: mujoco.MjModel, start: InitialStates, states: Floats
     ) -> tuple[Floats, Floats, Floats]:
         """Return largest forces of equalities (neq,), their violations, and speeds of creep.

@@ -50,7 +50,7 @@ class EnergyLedger:
         self.given = np.zeros((len(models), 4)) if fields else None
         self._data = mujoco.MjData(model) if fields else None
 
-    def enter(
+    def enter_run(
         self, run: int, row: int, model: mujoco.MjModel, starts: InitialStates, states: Floats
     ) -> None:
         """Enter a run with forces in a row, and with its states (N + 1, nstate)."""

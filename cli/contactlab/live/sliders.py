@@ -56,7 +56,7 @@ def offered_values(
             continue
         own = setting if place is None else as_vector(setting)[place]
         # A solref in direct form has no time constant.
-        if spec.accepts(own):
+        if spec.accepts_value(own):
             yield spec, spec.parse(own), _accepted_values(spec, spec.parse(own), offered(own))
 
 
@@ -88,7 +88,7 @@ def _values_between(values: Sequence[object]) -> list[object]:
 
 def _accepted_values(spec: AxisSpec, own: object, values: Sequence[object]) -> list[object]:
     """Return the accepted values of an axis, once each, numbers in order, always with its own."""
-    taken = list(dict.fromkeys([own, *filter(spec.accepts, values)]))
+    taken = list(dict.fromkeys([own, *filter(spec.accepts_value, values)]))
     if all(isinstance(value, (int, float)) for value in taken):
         taken.sort(key=as_number)
     elif spec.choices:

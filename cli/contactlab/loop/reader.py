@@ -75,7 +75,7 @@ class LoopSteps:
         _, qpos, qvel, act = np.split(self.state[:1], ends, axis=1)
         inputs = np.split(self.inputs[:1], np.cumsum([model.nu, 6 * model.nbody]), axis=1)
         places = np.flatnonzero((self.inputs != self.inputs[0]).any(axis=0))
-        signals = Signals.none()
+        signals = Signals.no_signals()
         if len(places):
             times, levels = self._held_levels(self.inputs[:, places], model).knots
             signals = Signals(places, times[None], levels)
@@ -87,7 +87,7 @@ class LoopSteps:
         recorder, controls = Recorder(runs.models, count, 1), self.fields["ctrl"]
         for name, field in recorder.fields.items():
             np.copyto(field, self.fields[name])
-        recorder.enter(0, 0, model, runs.starts, self.state)
+        recorder.enter_run(0, 0, model, runs.starts, self.state)
         held = [self._held_levels(controls, model)] if (controls != controls[0]).any() else ()
         arrays = RolloutArrays(self.state[None], self.rows[None], self.fields["solver_niter"][None])
         rollout = completed_rollout(arrays, np.full(1, np.nan), self.warnings[None], [None], held)

@@ -27,7 +27,7 @@ from contactlab.loop.simulation import differing_parts
 from contactlab.measure import METRICS
 from contactlab.plugins import load_plugins, loaded_plugins
 from contactlab.printable import shell_word
-from contactlab.run.evidence_record import provenance
+from contactlab.run.evidence_record import find_provenance
 from contactlab.run.sweep_runner import identity_fields, measured_columns, shared_fields
 from contactlab.run.tasks import Task
 from contactlab.run.worker import Worker
@@ -36,7 +36,7 @@ from contactlab.scene.model_names import match_names, name_of
 from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import BINARY, MANIFEST, stored_scene
 from contactlab.schema.evidence import SweepIdentity
-from contactlab.schema.requirement import explained
+from contactlab.schema.requirement import explain_error
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store import store_files
@@ -107,7 +107,9 @@ def record(
         writer = opening.enter_context(open_writer(folder, identity, source.content, fresh=fresh))
         assert isinstance(writer, StoreWriter)
         where = writer.scene_folder.resolve()
-        task = Task(sweep, (), identity, folder.resolve(), where, provenance(), loaded_plugins())
+        task = Task(
+            sweep, (), identity, folder.resolve(), where, find_provenance(), loaded_plugins()
+        )
         worker = Worker(task, None)
         reader = LoopReader(worker.scene.base({}), model, data)
         return Recording(writer, worker, reader, opening.pop_all())
@@ -172,20 +174,20 @@ class Recording(Listener):
         with self._opened:
             self._end_episode(error and f"the loop ended by {in_one_line(error, __file__)}")
             if not self.episodes:
-                self._writer.discard()
+                self._writer.discard_store()
                 if error is None:
                     raise OutputError(
                         f"nothing was recorded in {self.store}: no step was made by the "
                         "recording's step() or mj_step()"
                     )
                 return
-            ids = [str(row["run_id"]) for row in self._writer.rows()]
+            ids = [str(row["run_id"]) for row in self._writer.read_rows()]
             update = {"runs_asked": len(ids), "plan_hash": _hash_ids(ids)}
             identity = self._writer.identity.model_copy(update=update)
             run = self._worker.scene.resolve({}, 0, 1.0)
             columns = [*measured_columns([run]), *LOOP_COLUMNS]
             shared = shared_fields(identity)
-            self._writer.finish(columns, shared, provenance(), identity=identity)
+            self._writer.finish_store(columns, shared, find_provenance(), identity=identity)
 
     def __enter__(self) -> Self:
         return self
@@ -229,7 +231,7 @@ class Recording(Listener):
         plan = PlannedModel(run, prepared, start)
         episode = Episode(plan, rollout, known_setup(steps), self._started, said)
         finished = self._worker.finish_loop(*episode)
-        self._writer.append([finished.row])
+        self._writer.append_rows([finished.row])
         self._labels[finished.label] += 1
         self.episodes += 1
         reader.clear()
@@ -259,7 +261,7 @@ def _read_declarations(
         sweep = Sweep(version=1, scene=name, effects={"base": "all"}, trace=trace)
     except ValidationError as error:
         first = error.errors()[0]
-        raise SceneError(f"{'.'.join(map(str, first['loc']))}: {explained(first)}") from error
+        raise SceneError(f"{'.'.join(map(str, first['loc']))}: {explain_error(first)}") from error
     touch = touch_mask(model)
     for pair in declared_pairs(model, manifest.pairs):
         if not colliding_geoms(touch, pair):

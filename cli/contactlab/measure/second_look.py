@@ -31,7 +31,7 @@ _IS_TRANSLATION = {
 }
 
 
-def _oscillates(context: Context, late: Floats) -> NDArray[np.bool_]:
+def _find_oscillations(context: Context, late: Floats) -> NDArray[np.bool_]:
     """Return (n,) whether speeds oscillate from step to step, by a share of gravity.
 
     Free joints count only without contact, because bodies hop as they slide.
@@ -70,7 +70,7 @@ def needs_second_pass(context: Context) -> NDArray[np.bool_]:
     if mechanism is not None:
         along = [moves for joint in mechanism.joints for moves in _IS_TRANSLATION[joint.kind]]
         late = late / np.where(along, context.setup.size, 1.0)
-    found = _oscillates(context, late)
+    found = _find_oscillations(context, late)
     found |= weights_borne(context) > most[PRESSED.name]
     found |= stuck_share(context) >= _MIN_SATURATED_SHARE
     within = most[TOLERANCE.name]

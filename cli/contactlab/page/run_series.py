@@ -47,7 +47,7 @@ def run_series(
         columns[f"v{index}"] = rounded_floats(values[kept], _BITS)
         signals.append((name, unit, panel))
     for index, pair in enumerate(trace.pairs):
-        modes = pair.over(len(trace.contacts), pair.mode, NO_CONTACT)
+        modes = pair.spread_over_steps(len(trace.contacts), pair.mode, NO_CONTACT)
         starts = np.concatenate(([0], np.flatnonzero(np.diff(modes)) + 1))[:_POINTS]
         columns[f"s{index}"] = rounded_floats(trace.time[starts], _BITS)
         columns[f"m{index}"] = packed_integers(modes[starts])
@@ -70,7 +70,7 @@ def _list_signals(
     for pair in trace.pairs:
         name = told(pair.name)
         normal, tangential, depth = (
-            pair.over(len(trace.contacts), values)
+            pair.spread_over_steps(len(trace.contacts), values)
             for values in (pair.normal, pair.tangential, np.maximum(-pair.distance, 0.0))
         )
         kept = np.union1d(decimated(normal, _POINTS // 2), decimated(tangential, _POINTS // 2))

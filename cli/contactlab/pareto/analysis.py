@@ -108,9 +108,11 @@ def _untested_knobs(store: Store, runs: StoredRuns) -> Iterator[str]:
             concerned.setdefault(feature, []).append(name)
     if not concerned:
         return
-    exercised = Exercised.of(store.columns.distinct(_COVERAGE_COLUMNS), enough=concerned.keys())
+    exercised = Exercised.of_rows(
+        store.columns.distinct(_COVERAGE_COLUMNS), enough=concerned.keys()
+    )
     for feature, names in concerned.items():
-        if lack := exercised.lack([feature]):
+        if lack := exercised.describe_lacking([feature]):
             yield f"{', '.join(names)}: not tested: {lack}"
 
 

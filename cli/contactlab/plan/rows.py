@@ -226,8 +226,8 @@ def sample_points(sample: Sample, dimensions: int) -> Floats:
 def sampled_values(axis: Sampled, spec: AxisSpec, units: Floats) -> list[object]:
     """Return values for points in [0, 1); whole numbers if the axis takes no others."""
     low, high = _sampled_bounds(axis)
-    whole = low.is_integer() and high.is_integer() and spec.accepts(low)
-    whole = whole and not spec.accepts(low + 0.5)
+    whole = low.is_integer() and high.is_integer() and spec.accepts_value(low)
+    whole = whole and not spec.accepts_value(low + 0.5)
     stop = high + 1 if whole else high
     if isinstance(axis, Uniform):
         scaled = low + units * (stop - low)
@@ -273,7 +273,7 @@ def read_blocks(context: SweepContext) -> tuple[Block, ...] | None:
 
 def _axis_values(context: SweepContext, path: KeyPath, axis: Axis) -> list[object]:
     name, written = str(path[-1]), isinstance(axis, Values | tuple)
-    below = (*path, axis.form()) if isinstance(axis, Ranged) else path
+    below = (*path, axis.form_key()) if isinstance(axis, Ranged) else path
     known = _known_values(context, name)
     least = axis.sample if isinstance(axis, Drawn) else int(axis == "all")
     if context.find_axis(name) and len(known) < least:
@@ -344,7 +344,7 @@ def _sampled_block(context: SweepContext, axes: Mapping[str, Sampled], sample: S
     cube = sample_points(sample, len(axes))
     columns: list[list[object]] = []
     for index, (name, axis) in enumerate(axes.items()):
-        spec, path = context.find_axis(name), ("axes", name, axis.form())
+        spec, path = context.find_axis(name), ("axes", name, axis.form_key())
         bounds = _canonical_column(context, name, _sampled_bounds(axis), path, written=True)
         if spec is not None and UNREADABLE not in bounds:
             values = sampled_values(axis, spec, cube[:, index])

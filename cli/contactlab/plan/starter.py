@@ -121,7 +121,7 @@ def _scene_settings(
 ) -> Iterator[tuple[str, object]]:
     for name in names:
         spec = vocabulary.find(name)
-        if spec and name in settings and spec.accepts(settings[name]):
+        if spec and name in settings and spec.accepts_value(settings[name]):
             yield name, settings[name]
 
 

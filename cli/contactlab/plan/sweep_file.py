@@ -24,7 +24,7 @@ from contactlab.plan.sampled_shares import check_until
 from contactlab.plan.search import check_choices, check_search, write_out_searched
 from contactlab.plan.validation import Draft, add_validation_errors, read_draft
 from contactlab.plan.yaml_document import Document, open_document, read_document, read_text
-from contactlab.schema.sweep_schema import Sweep, scene_reference, switches
+from contactlab.schema.sweep_schema import Sweep, effect_switches, scene_reference
 from contactlab.schema.vocabulary import Vocabulary
 
 _NONE = Overrides()
@@ -183,7 +183,7 @@ def _read_grid(context: SweepContext, folder: Path) -> Grid:
     blocks, added = read_blocks(context), read_rows(context, folder)
     base = {
         name: context.canonical_value(name, value, context.document.value_place(("effects", name)))
-        for name, value in switches(context.sweep.effects).items()
+        for name, value in effect_switches(context.sweep.effects).items()
     }
     excludes = tuple(
         read_condition(
@@ -196,7 +196,7 @@ def _read_grid(context: SweepContext, folder: Path) -> Grid:
 
 def _product_axes(context: SweepContext) -> tuple[str, ...]:
     axes = [name for name, _ in context.swept]
-    return tuple(dict.fromkeys([*axes, *switches(context.sweep.effects)]))
+    return tuple(dict.fromkeys([*axes, *effect_switches(context.sweep.effects)]))
 
 
 def _count_runs(context: SweepContext, grid: Grid, limit: int | None, *, warn: bool) -> int | None:

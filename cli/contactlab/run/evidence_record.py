@@ -49,7 +49,7 @@ _OMITTED_IF_EMPTY = {
 
 
 @cache
-def definitions() -> str:
+def hash_definitions() -> str:
     """Return a hash of the code that prepares runs, rolls them out, measures and labels them."""
     packages = ("accuracy", "contact", "engines", "measure", "scene")
     return hash_of_packages((f"contactlab.{name}" for name in packages), ADAPTERS)
@@ -312,16 +312,20 @@ def cost_and_times(task: Task, outcome: RunOutcome) -> Fields:
     """Return the cost and times of day in the record of a run that just ended."""
     cpu, timestep = float(outcome.rollout.cost[outcome.place]), outcome.plan.run.timestep
     known = None if math.isnan(cpu) else (cpu, outcome.steps, timestep, task.sweep.latency_budget)
-    return {"started": outcome.started, "finished": time_now(), "cost": known and Cost.of(*known)}
+    return {
+        "started": outcome.started,
+        "finished": time_now(),
+        "cost": known and Cost.of_steps(*known),
+    }
 
 
 @cache
-def engine() -> Engine:
+def find_engine() -> Engine:
     """Return the engine and its version, without loading it."""
     return Engine(name="mujoco", version=version("mujoco"))
 
 
-def provenance() -> Provenance:
+def find_provenance() -> Provenance:
     """Return versions and machine, with the commit of the current folder."""
     try:
         revision = commit_of(Path.cwd())
@@ -332,11 +336,11 @@ def provenance() -> Provenance:
         git_revision=revision,
         python=platform.python_version(),
         numpy=np.__version__,
-        host=_host(),
+        host=_describe_host(),
     )
 
 
-def _host() -> Host:
+def _describe_host() -> Host:
     # Entries of the first processor in /proc/cpuinfo; none without such a file.
     file = Path("/proc/cpuinfo")
     first = file.read_text(encoding="utf-8").split("\n\n")[0] if file.is_file() else ""

@@ -68,7 +68,7 @@ class _RunSums:
     sampled: list[RunSpec] = field(default_factory=list[RunSpec])
 
 
-def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
+def forecast_sweep(plan: Plan, scene: Scene, workers: int) -> Forecast:
     """Estimate the cost of a sweep from a few hundred steps of a few of its runs."""
     index = RunIndex(plan, scene)
     sums, sweep, workers = _sum_runs(index, scene), plan.sweep, max(1, workers)
@@ -77,7 +77,7 @@ def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
     share = sums.steps / workers
     accuracy = timing = 0.0
     if sweep.accuracy or sweep.timing:
-        planned = list(index.runs())
+        planned = list(index.iterate_runs())
         resolved = {run.run_id: run for run in planned}
         if sweep.accuracy:
             models = reference_models(scene, sweep, planned)
@@ -116,7 +116,7 @@ def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
 def _sum_runs(index: RunIndex, scene: Scene) -> _RunSums:
     sums, sizes = _RunSums(), dict[Hashable, int]()
     stride, runs = max(1, len(index) // _RUN_SAMPLES), 0
-    for run, count in index.rows():
+    for run, count in index.iterate_rows():
         steps, solref = run.steps, run.settings.get("solref")
         sums.steps += count * steps
         shape = (*run.structure.values(), run.without, steps)

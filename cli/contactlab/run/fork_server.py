@@ -84,12 +84,15 @@ def _own_imports() -> Generator[None]:
     again in each worker.
     """
     blank = ModuleType("__main__")
-    with _replaced(os.environ, **_ENVIRONMENT), _replaced(sys.modules, __main__=blank):
+    with (
+        _replace_entries(os.environ, **_ENVIRONMENT),
+        _replace_entries(sys.modules, __main__=blank),
+    ):
         yield
 
 
 @contextlib.contextmanager
-def _replaced(entries: MutableMapping[str, Value], **others: Value) -> Generator[None]:
+def _replace_entries(entries: MutableMapping[str, Value], **others: Value) -> Generator[None]:
     """Have other entries of these names for a while, here and in processes that start meanwhile."""
     before = {name: entries[name] for name in others if name in entries}
     entries.update(others)

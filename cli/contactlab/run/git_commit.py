@@ -24,26 +24,26 @@ def commit_of(folder: Path) -> str | None:
     the repository are read, and only a commit's hexadecimal digits are returned.
     """
     for parent in (folder, *folder.parents):
-        repository = _repository(parent / ".git")
-        if repository is not None and (head := _line(repository / "HEAD", repository)):
-            return _resolve(head, repository)
+        repository = _find_repository(parent / ".git")
+        if repository is not None and (head := _read_line(repository / "HEAD", repository)):
+            return _resolve_head(head, repository)
     return None
 
 
-def _repository(place: Path) -> Path | None:
+def _find_repository(place: Path) -> Path | None:
     """Return the folder that holds HEAD: `.git` itself, or the one that a file `.git` names."""
     if place.is_dir():
         return place.resolve()
-    line = _line(place, place.parent)
+    line = _read_line(place, place.parent)
     if line is None or not line.startswith("gitdir:"):
         return None
     return (place.parent / line.removeprefix("gitdir:").strip()).resolve()
 
 
-def _resolve(line: str, repository: Path) -> str | None:
+def _resolve_head(line: str, repository: Path) -> str | None:
     """Return the commit that the content of a HEAD leads to."""
     # A linked worktree has a HEAD of its own and shares the references of its main one.
-    shared = _line(repository / "commondir", repository)
+    shared = _read_line(repository / "commondir", repository)
     common = (repository / shared).resolve() if shared else repository
     if not (common / "objects").is_dir():
         return None
@@ -53,26 +53,26 @@ def _resolve(line: str, repository: Path) -> str | None:
         if (found := _REFERENCE.fullmatch(line)) is None:
             return None
         name = found[1]
-        loose = _line(repository / name, repository) or _line(common / name, common)
-        following = loose or _packed(common, name)
+        loose = _read_line(repository / name, repository) or _read_line(common / name, common)
+        following = loose or _packed_commit(common, name)
         if following is None:
             return None
         line = following
     return None
 
 
-def _packed(common: Path, name: str) -> str | None:
-    text = _text(common / "packed-refs", common, _MOST_BYTES_PACKED) or ""
+def _packed_commit(common: Path, name: str) -> str | None:
+    text = _read_text(common / "packed-refs", common, _MOST_BYTES_PACKED) or ""
     found = re.search(rf"^([0-9a-f]+) {re.escape(name)}$", text, re.MULTILINE)
     return found[1] if found else None
 
 
-def _line(path: Path, within: Path) -> str | None:
-    text = _text(path, within, _MOST_BYTES)
+def _read_line(path: Path, within: Path) -> str | None:
+    text = _read_text(path, within, _MOST_BYTES)
     return None if text is None else text.strip()
 
 
-def _text(path: Path, within: Path, limit: int) -> str | None:
+def _read_text(path: Path, within: Path, limit: int) -> str | None:
     """Return the text of a regular file inside of a folder; None for anything else."""
     try:
         # A link or `..` could lead to any file of the user's.

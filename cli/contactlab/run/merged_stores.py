@@ -83,7 +83,7 @@ def merge_stores(
                 None, source.columns.arrow(["controls"])["controls"].unique().to_pylist()
             ):
                 name = controls_name(sha256)
-                to.put(name, source.backend.read(name) or b"")
+                to.put_file(name, source.backend.read_file(name) or b"")
             traces = source.columns.arrow(["trace_file", "trace_sha256"])
             wanted = traces.filter(traces["trace_file"].is_valid())
             names = [name.as_py() for name in wanted["trace_file"]]
@@ -93,12 +93,12 @@ def merge_stores(
                         raise StoreError(f"{source.address / name} is missing")
                     if sha256_of(path) != sha256.as_py():
                         raise StoreError(f"{source.address / name}: changed since it was written")
-                    to.put(name, path.read_bytes())
+                    to.put_file(name, path.read_bytes())
         manifests = [store.manifest for store in stores]
         times = min(each.started for each in manifests), max(each.finished for each in manifests)
         tables = {store.address: store.path / TABLE for store in stores}
         written = joined_provenance([each.provenance for each in manifests])
-        store.join(tables, written, times, _merge_conclusion(stores[0], identity))
+        store.join_tables(tables, written, times, _merge_conclusion(stores[0], identity))
     return gaps
 
 
@@ -109,7 +109,7 @@ def _open_stores(places: Sequence[Address], *, may_lack: bool) -> tuple[list[Sto
         try:
             store = Store.open(place)
         except StoreError as error:
-            if not may_lack or backend_at(place, StoreError).read(MANIFEST) is not None:
+            if not may_lack or backend_at(place, StoreError).read_file(MANIFEST) is not None:
                 raise
             lacking.append(str(error).partition(";")[0])
             continue
@@ -197,9 +197,9 @@ def _is_merged(target: Address, identity: SweepIdentity) -> bool:
     Raises an OutputError if another store is there.
     """
     backend = backend_at(target, OutputError)
-    if (data := backend.read(MANIFEST)) is None:
+    if (data := backend.read_file(MANIFEST)) is None:
         return False
-    if not backend.leftovers() or parse_manifest(data, target).sweep != identity:
+    if not backend.leftover_names() or parse_manifest(data, target).sweep != identity:
         raise OutputError(f"{target} already holds a store; name another place, or add --fresh")
     with backend.write_session() as session:
         session.remove_temporaries()

@@ -17,7 +17,7 @@ from typing import NamedTuple, NoReturn
 
 from contactlab import resources
 from contactlab.errors import EngineError
-from contactlab.run.evidence_record import engine
+from contactlab.run.evidence_record import find_engine
 
 _PACKAGE = __name__.partition(".")[0]
 _VERSION = re.compile(r"\d+(\.\w+)+")
@@ -51,7 +51,7 @@ def find_interpreter(request: str, notify: Callable[[str], None]) -> Interpreter
     is needed for the first time, after a notification, and kept in the user's cache. Raises an
     EngineError if there is no such version, or it cannot be installed.
     """
-    if request == engine().version:
+    if request == find_engine().version:
         return None
     if not _VERSION.fullmatch(request):
         # An interpreter that the user names is tried.
@@ -61,12 +61,12 @@ def find_interpreter(request: str, notify: Callable[[str], None]) -> Interpreter
                 f"'{request}' is neither a version of MuJoCo, such as 3.17.0, nor the path of a "
                 "Python"
             )
-        return Interpreter(path, _probe(path, request))
+        return Interpreter(path, _find_mujoco(path, request))
     if not numbers_of(OLDEST) <= numbers_of(request) < _TOO_NEW:
         raise EngineError(
             f"contactlab runs on MuJoCo {OLDEST} and newer, below 5; not on {request}"
         )
-    others = _requirements()
+    others = _pinned_requirements()
     name = f"mujoco-{request}-py{platform.python_version()}-{resources.short_hash(others)}"
     folder = resources.user_cache() / name
     python = folder / "bin" / "python"
@@ -79,7 +79,7 @@ def find_interpreter(request: str, notify: Callable[[str], None]) -> Interpreter
             "take another version (`pip index versions mujoco` lists them), or give --mujoco the "
             "path of a Python that has it"
         )
-        make_environment(folder, wanted, name, advice, lambda python: _probe(python, name))
+        make_environment(folder, wanted, name, advice, lambda python: _find_mujoco(python, name))
     return Interpreter(python, request)
 
 
@@ -170,7 +170,7 @@ def make_environment(
             made.rename(folder)
 
 
-def _probe(python: Path, name: str) -> str:
+def _find_mujoco(python: Path, name: str) -> str:
     """Return the version of MuJoCo that contactlab finds there."""
     code = f"import mujoco, {__name__}; print(mujoco.__version__)"
     done = subprocess.run(  # noqa: S603
@@ -182,12 +182,12 @@ def _probe(python: Path, name: str) -> str:
     )
     if done.returncode:
         last = (done.stderr.strip().splitlines() or ["it printed nothing"])[-1]
-        needs = " ".join(["mujoco", *_requirements()])
+        needs = " ".join(["mujoco", *_pinned_requirements()])
         raise EngineError(f"{name} cannot run contactlab: {last}\nit needs: {needs}")
     return done.stdout.strip()
 
 
-def _requirements() -> list[str]:
+def _pinned_requirements() -> list[str]:
     """Return the packages that contactlab needs besides MuJoCo, at their installed versions."""
     needed = [
         requirement for requirement in requires("contactlab") or () if "extra ==" not in requirement

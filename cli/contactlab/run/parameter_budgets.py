@@ -41,7 +41,7 @@ def parameter_budgets(session: SweepSession) -> Iterator[ParameterBudget]:
     sweep, found = session.task.sweep, set[object]()
     if sweep.sample is None or sweep.sample.method != "saltelli":
         return
-    for run in session.index.runs():
+    for run in session.index.iterate_runs():
         shared = configuration_of(run.axes, sweep.drawn_axes)
         if (shared, run.seed) in found or isinstance(run.drive, PolicyDrive):
             continue

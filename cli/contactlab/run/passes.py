@@ -62,12 +62,14 @@ class SweepSession:
         """Results of rows that later passes need, by run id, without errors."""
         tolerances = self.task.sweep.tolerances.keys() - set(ERRORS)
         names = ("status", "label", "controls", MODELING_ERROR, *tolerances)
-        return {row["run_id"]: {name: row.get(name) for name in names} for row in self.store.rows()}
+        return {
+            row["run_id"]: {name: row.get(name) for name in names} for row in self.store.read_rows()
+        }
 
     @cached_property
     def planned(self) -> list[RunSpec]:
         """All of its runs at once; only small sweeps have passes."""
-        return list(self.index.runs())
+        return list(self.index.iterate_runs())
 
     def repeatable_runs(self, able: Callable[[SimulationEngine], bool]) -> list[RunSpec]:
         """Return the completed runs with an engine that is able; only these are repeated."""
@@ -140,7 +142,7 @@ def _axes_key(run: RunSpec, but: Collection[str] = ()) -> object:
 
 def _pass_results(session: SweepSession, purpose: Purpose, jobs: Sequence[Job]) -> dict[str, Note]:
     """Return the results of workers in a pass, by run id; empty for runs that crash a worker."""
-    done = notes_by_run(session.store.notes(), purpose)
+    done = notes_by_run(session.store.read_notes(), purpose)
     rest = [job for job in jobs if any(run.run_id not in done for run in job)]
     runs = sum(map(len, jobs))
     session.begin(runs, runs - sum(map(len, rest)))
@@ -150,7 +152,7 @@ def _pass_results(session: SweepSession, purpose: Purpose, jobs: Sequence[Job]) 
         each = [note_result(purpose, run.run_id, {}) for run in result.job] if crashed else result
         session.store.write_notes([one.row for one in each])
         session.progress(each)
-    return notes_by_run(session.store.notes(), purpose)
+    return notes_by_run(session.store.read_notes(), purpose)
 
 
 def _timed_runs(
@@ -161,7 +163,7 @@ def _timed_runs(
     errors: Mapping[str, Row],
 ) -> dict[str, Note]:
     """Return the times of all runs, which are measured together or not at all."""
-    times = notes_by_run(session.store.notes(), "times")
+    times = notes_by_run(session.store.read_notes(), "times")
     planned = [run for run in planned if work.get(run.run_id)]
     runs, backend = _by_id(planned), backend_at(session.task.store, OutputError)
     controls = {run.run_id: read_controls(backend, run.controls) for run in planned if run.controls}
@@ -180,7 +182,7 @@ def _timed_runs(
     session.store.write_notes(
         [note_result("times", run_id, samples).row for run_id, samples in found]
     )
-    return notes_by_run(session.store.notes(), "times")
+    return notes_by_run(session.store.read_notes(), "times")
 
 
 class _Contenders:

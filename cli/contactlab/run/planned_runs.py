@@ -111,7 +111,7 @@ class RunIndex:
         part._distinct = self._distinct & wanted
         return part
 
-    def shard(self, number: int, shards: int) -> "RunIndex":
+    def select_shard(self, number: int, shards: int) -> "RunIndex":
         """Return the index of every `shards`-th run, starting from `number`."""
         part = copy(self)
         places = np.flatnonzero(self._distinct)[number - 1 :: shards]
@@ -119,11 +119,11 @@ class RunIndex:
         part._distinct[places] = True
         return part
 
-    def count(self, done: Collection[str]) -> int:
+    def count_done(self, done: Collection[str]) -> int:
         """Return the number of runs that are done."""
         return len(self) - int(np.count_nonzero(self._remaining_mask(done)))
 
-    def has(self, run_id: str, index: int) -> bool:
+    def has_run(self, run_id: str, index: int) -> bool:
         """Return whether the run at an index of the plan has this id."""
         return (
             index < len(self._distinct)
@@ -137,7 +137,7 @@ class RunIndex:
         within = np.where(known, places, 0)
         return known & self._distinct[within] & (self.ids[within] == ids)
 
-    def runs(self, done: Collection[str] = ()) -> Iterator[RunSpec]:
+    def iterate_runs(self, done: Collection[str] = ()) -> Iterator[RunSpec]:
         """Yield every run that is not done."""
         left = self._remaining_mask(done).tobytes()
         if self._kept is not None:
@@ -148,7 +148,7 @@ class RunIndex:
                 if left[index]:
                     yield resolved.with_seed(row.values, seed, run_id, index)
 
-    def rows(self) -> Iterator[tuple[RunSpec, int]]:
+    def iterate_rows(self) -> Iterator[tuple[RunSpec, int]]:
         """Yield a run of each row of the plan, and the number of distinct runs of the row."""
         duration = self._plan.sweep.duration
         for row in self._plan.iterate_rows():
@@ -327,7 +327,7 @@ class Preparer:
         self._marker = marker
         self._models: OrderedDict[tuple[str, bool], PreparedModel] = OrderedDict()
 
-    def plans(self, job: Job) -> list[PlannedModel]:
+    def plan_job(self, job: Job) -> list[PlannedModel]:
         """Return model and initial state of each run of a job of one structure."""
         starts = self.scene.initial_states(job)
         plans: list[PlannedModel] = []
@@ -358,7 +358,7 @@ class Preparer:
         return self._models[key]
 
     @contextmanager
-    def watchdog(self, times: float = 1) -> Generator[Watch]:
+    def start_watchdog(self, times: float = 1) -> Generator[Watch]:
         """Yield the function that starts the time limit of a run, which ends this process.
 
         The limit is `times` the limit of the sweep, and holds even if a run never returns to

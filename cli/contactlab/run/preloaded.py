@@ -12,7 +12,7 @@ from contactlab.run.fork_server import IN_FORK_SERVER
 # pyright: reportUnusedImport=false
 
 
-def _load() -> None:
+def _load_modules() -> None:
     # GLFW starts a process as MuJoCo loads it, and cannot draw without a display.
     without_glfw = not os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL"}
     if without_glfw:
@@ -33,4 +33,4 @@ def _load() -> None:
 
 
 if os.environ.pop(IN_FORK_SERVER, None):
-    _load()
+    _load_modules()

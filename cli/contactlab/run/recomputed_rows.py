@@ -44,26 +44,28 @@ def recomputed_rows(
 
 def _differing_runs(alike: RowGroups, scene: Scene) -> Iterator[str]:
     """Yield the runs that resolve to other ids or settings."""
-    differs = alike.differs("settings")
-    seeds, durations = alike.values("seed"), alike.values("duration")
-    for members in alike.members():
+    differs = alike.differing_rows("settings")
+    seeds, durations = alike.column_values("seed"), alike.column_values("duration")
+    for members in alike.iterate_groups():
         first = members[0]
         try:
-            values = canonical_values(scene, alike.axes(first))
+            values = canonical_values(scene, alike.axes_of_row(first))
             own = [seeds[row] for row in members]
             runs = list(scene.plan_runs(values, own, durations[first]))
         except ContactlabError as error:
             yield from (f"run {alike.ids[row]}: {error}" for row in members)
             continue
         stored, again = (
-            _stored_settings(alike.value("settings", first)),
+            _stored_settings(alike.value_at("settings", first)),
             _stored_settings(runs[0].values),
         )
         for row, run in zip(members, runs, strict=True):
             if run.run_id != alike.ids[row]:
                 yield differing_id_text(alike.ids[row], run.run_id)
             else:
-                of_row = _stored_settings(alike.value("settings", row)) if differs[row] else stored
+                of_row = (
+                    _stored_settings(alike.value_at("settings", row)) if differs[row] else stored
+                )
                 for name in sorted({*of_row, *again}):
                     old, new = of_row.get(name), again.get(name)
                     if old != new:
@@ -90,10 +92,10 @@ def _differing_verdicts(alike: RowGroups, scene: Scene, plan: Plan) -> Iterator[
     """Yield the runs with a stored verdict that the sweep's expectations contradict."""
     expected: list[list[Any]] = []
     for first in alike.firsts if plan.expected else ():
-        values = canonical_values(scene, alike.axes(first))
+        values = canonical_values(scene, alike.axes_of_row(first))
         expected.append([each for match, each in plan.expected if match.is_met(values)])
-    measured = alike.table(_verdict_inputs(plan, alike.names))
-    verdicts = alike.table(_VERDICT_COLUMNS)
+    measured = alike.select_columns(_verdict_inputs(plan, alike.names))
+    verdicts = alike.select_columns(_VERDICT_COLUMNS)
     for run, group, numbers, said in zip(alike.ids, alike.groups, measured, verdicts, strict=True):
         verdict = judge_expectations(expected[group] if expected else (), said["labels"], numbers)
         found = said["expected"] and tuple(said["expected"])

@@ -18,7 +18,7 @@ from contactlab.plan.grid import Plan
 from contactlab.plan.overrides import Overrides
 from contactlab.plan.sweep_file import read_sweep
 from contactlab.plugins import loaded_plugins
-from contactlab.run.evidence_record import definitions, engine, provenance
+from contactlab.run.evidence_record import find_engine, find_provenance, hash_definitions
 from contactlab.run.planned_runs import RunIndex, stored_sweep_scene
 from contactlab.run.recomputed_rows import recomputed_rows
 from contactlab.run.run_verdicts import unmet_means
@@ -46,7 +46,7 @@ _OUTCOME_COLUMNS = (
 
 def why_ids_unverifiable(store: Store) -> str | None:
     """Return the reason why run ids cannot be recomputed here; None if they can."""
-    identity, ours = store.manifest.sweep, engine()
+    identity, ours = store.manifest.sweep, find_engine()
     missing = {plugin.name for plugin in identity.plugins} - {
         plugin.name for plugin in loaded_plugins()
     }
@@ -70,7 +70,7 @@ def why_plan_unverifiable(store: Store) -> str | None:
     theirs, ours = (
         sorted(p.sha256 for p in plugins) for plugins in (identity.plugins, loaded_plugins())
     )
-    if (*theirs, identity.definitions) != (*ours, definitions()):
+    if (*theirs, identity.definitions) != (*ours, hash_definitions()):
         return "the plan: other definitions of metrics and labels, or other plug-ins, are loaded"
     return None
 
@@ -191,7 +191,7 @@ def simulated_problems(store: Store, count: int, *, allow_code: bool = False) ->
                 identity,
                 Path(folder),
                 store.scene_folder,
-                provenance(),
+                find_provenance(),
                 loaded_plugins(),
             ),
             None,
@@ -210,7 +210,7 @@ def simulated_problems(store: Store, count: int, *, allow_code: bool = False) ->
                 continue
             values = canonical_values(scene, record.axes)
             (run,) = scene.plan_runs(values, [record.seed], record.duration, record.index)
-            (finished,) = worker.run((replace(run, run_id=record.run_id),))
+            (finished,) = worker.run_job((replace(run, run_id=record.run_id),))
             again = from_json(finished.row)
             before = f"run {record.run_id}: simulated again, "
             for name in (known for known in names if again.get(known) != stored[known]):

@@ -40,7 +40,7 @@ def shard_of_sweep(
             f"shard {number}/{shards} has no runs: the sweep has {len(whole):,}; write at most as "
             "many shards"
         )
-    part = whole.shard(number, shards)
+    part = whole.select_shard(number, shards)
     return part, part_of(whole, part, identity, f"{number}/{shards}")
 
 

@@ -155,7 +155,7 @@ class SceneLoader:
             self._opened[reference] = scene
         return self._opened[reference]
 
-    def driven(self, reference: str, drive: Drive | None) -> Scene:
+    def open_driven(self, reference: str, drive: Drive | None) -> Scene:
         """Return the scene with another drive; with its own if None."""
         return self.open(reference).with_drive(drive, self.folder or Path())
 

@@ -18,7 +18,7 @@ from contactlab.measure import LABELS, METRICS, added_labels
 from contactlab.plan.grid import Plan
 from contactlab.plugins import loaded_plugins
 from contactlab.run.chosen_runs import ChosenRuns
-from contactlab.run.evidence_record import definitions, engine, provenance
+from contactlab.run.evidence_record import find_engine, find_provenance, hash_definitions
 from contactlab.run.parameter_budgets import parameter_budgets
 from contactlab.run.passes import SweepSession, run_passes
 from contactlab.run.planned_runs import RunIndex, pack_jobs
@@ -95,7 +95,7 @@ def run_sweep(
         fresh=request.fresh,
         retry_failed=request.retry_failed,
         repair=request.repair,
-        is_planned=index.has,
+        is_planned=index.has_run,
         # The files of the sweep's drive, in a folder of their own; a scene has its own.
         beside={drive.hash: drive} if request.plan.sweep.drive and drive.hash else {},
     )
@@ -110,7 +110,7 @@ def run_sweep(
             identity=identity,
             store=where.resolve() if isinstance(where := request.store, Path) else where,
             scene_folder=store.scene_folder.resolve(),
-            provenance=provenance(),
+            provenance=find_provenance(),
             plugins=loaded_plugins(),
             policy=policy,
             environment=request.scene.source.environment,
@@ -127,7 +127,7 @@ def run_sweep(
         # A shard cannot conclude over all runs.
         plan, budgets = (None, ()) if request.shard else (request.plan, parameter_budgets(session))
         conclusion = partial(conclude_runs, plan, [*budgets])
-        return store.finish(columns, shared, task.provenance, values, identity, conclusion)
+        return store.finish_store(columns, shared, task.provenance, values, identity, conclusion)
 
 
 def shared_fields(identity: SweepIdentity) -> dict[str, object]:
@@ -159,8 +159,8 @@ def _run_chosen(session: SweepSession, chosen: ChosenRuns) -> tuple[SweepSession
     Return the session with the runs in the store then, and their identity.
     """
     whole, store = session.index, session.store
-    chosen.add_rows(store.rows())
-    stored = whole.count(store.done)
+    chosen.add_rows(store.read_rows())
+    stored = whole.count_done(store.done)
 
     def learn(finished: Sequence[Finished]) -> None:
         chosen.learn_finished(finished)
@@ -176,21 +176,23 @@ def _run_chosen(session: SweepSession, chosen: ChosenRuns) -> tuple[SweepSession
 
 
 def _run_remaining(session: SweepSession) -> None:
-    session.begin(len(session.index), session.index.count(session.store.done))
+    session.begin(len(session.index), session.index.count_done(session.store.done))
     _run_missing(session)
 
 
 def _run_missing(session: SweepSession) -> None:
     index, store, executor = session.index, session.store, session.executor
-    done = index.count(store.done)
+    done = index.count_done(store.done)
     native = session.task.policy is None and isinstance(executor, LocalPool)
     native &= MODEL_ENGINE in {run.engine for run in index.firsts.values()}
     if native and done < len(index) and (reason := reason_for_sensors()):
         _LOG.warning("contacts are read by sensors, which takes longer: %s", reason)
-    rest = index.runs(store.done)
+    rest = index.iterate_runs(store.done)
     jobs = pack_jobs(rest, len(index) - done, session.scene, executor.workers)
     for finished in run_all_jobs(session.task, jobs, executor, session.stop):
-        store.append([record.row for record in finished], finished[0].shared if finished else b"")
+        store.append_rows(
+            [record.row for record in finished], finished[0].shared if finished else b""
+        )
         session.progress(finished)
 
 
@@ -234,9 +236,9 @@ def identity_fields(name: str, scene: Scene, sweep: Sweep) -> dict[str, Any]:
         "scene": scene.name,
         "scene_hash": scene.hash,
         "scene_model": scene.source.content.model.as_posix(),
-        "engine": engine(),
+        "engine": find_engine(),
         "metric_versions": {name: metric.version for name, metric in METRICS.items()},
-        "definitions": definitions(),
+        "definitions": hash_definitions(),
         "plugins": tuple(
             PluginInfo(name=plugin.name, version=plugin.version, sha256=plugin.sha256)
             for plugin in loaded_plugins()
@@ -309,4 +311,4 @@ def _record_crash(task: Task, recorder: Worker, crash: Crashed) -> Finished:
     (run,) = crash.job
     label = "timeout" if crash.timed_out else "crashed"
     reason = f"over {task.sweep.timeout:g} s: {crash.reason}" if crash.timed_out else crash.reason
-    return recorder.crashed(run, LabelEntry(label=label, reason=reason, step=None))
+    return recorder.record_crash(run, LabelEntry(label=label, reason=reason, step=None))

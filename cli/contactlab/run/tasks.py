@@ -30,12 +30,12 @@ class Stop:
 
     is_set = is_watched = False
 
-    def set(self) -> None:
+    def request_stop(self) -> None:
         """Request a stop; other threads and signal handlers may call it, too."""
         self.is_set = True
 
     @contextmanager
-    def watched(self) -> Generator[None]:
+    def watch_runs(self) -> Generator[None]:
         """Mark the time while runs are in flight."""
         self.is_watched = True
         try:
@@ -124,7 +124,7 @@ def results_of(task: Task, jobs: Iterable[Job], executor: Executor, stop: Stop) 
 
     Raises a StoppedError at the end if `stop` was set.
     """
-    with stop.watched():
+    with stop.watch_runs():
         yield from executor.run(task, jobs, stop)
     if stop.is_set:
         raise StoppedError("interrupted; run the same command again to resume")

@@ -107,7 +107,7 @@ class Worker:
         source = self.scene.source
         self._model_xml = b"" if source.model.suffix == BINARY else source.model.read_bytes()
 
-    def run(self, job: Job) -> list[Finished]:
+    def run_job(self, job: Job) -> list[Finished]:
         """Perform the task's purpose on the runs of a job, or on some of them if it should stop."""
         if not self._proceed():
             return []
@@ -119,7 +119,7 @@ class Worker:
 
     def _run_pass(self, job: Job) -> list[Finished]:
         """Return a note for each run of a job: its work, or the errors of a family."""
-        plans, request = self._preparer.plans(job), self._task.sweep.accuracy
+        plans, request = self._preparer.plan_job(job), self._task.sweep.accuracy
         purpose = self._task.purpose
 
         def watch() -> None:
@@ -127,7 +127,7 @@ class Worker:
                 raise _AbandonedError
             start_clock()
 
-        with self._preparer.watchdog() as start_clock:
+        with self._preparer.start_watchdog() as start_clock:
             if purpose == "errors" and request is not None:
                 (model,) = reference_models(self.scene, self._task.sweep, job[:1]).values()
                 found = discretization_errors(self.scene, plans, model, request, watch)
@@ -144,7 +144,7 @@ class Worker:
         Runs of one kind are processed together, so that no run depends on its neighbors, and as
         many at a time as fit into memory.
         """
-        plans = self._preparer.plans(job)
+        plans = self._preparer.plan_job(job)
         kinds = dict[Hashable, list[int]]()
         for place, plan in enumerate(plans):
             kinds.setdefault(measurement_key(plan.run, plan.prepared.model), []).append(place)
@@ -176,9 +176,9 @@ class Worker:
     def _play_episodes(self, job: Job) -> list[Finished]:
         """Let an environment play the episodes of a job, one after the other."""
         finished: list[Finished] = []
-        for plan in self._preparer.plans(job):
+        for plan in self._preparer.plan_job(job):
             if not finished or self._proceed():
-                with self._preparer.watchdog() as start_clock:
+                with self._preparer.start_watchdog() as start_clock:
                     start_clock()
                     episode = self._player.play(plan)
                 finished.append(self.finish_loop(*episode))
@@ -196,7 +196,7 @@ class Worker:
         prepared = [plan.prepared for plan in plans]
         runs = PreparedRuns(self.scene, resolved, prepared, starts, resolved[0].steps, self._policy)
         engine = engine_of(resolved[0])
-        with self._preparer.watchdog() as watch:
+        with self._preparer.start_watchdog() as watch:
             rollout = engine.roll_out(runs, buffers, watch, proceed)
         trace, setup = self._trace_and_setup(runs, rollout)
         return rollout, self._measured_groups(runs, rollout, trace, setup)
@@ -269,7 +269,7 @@ class Worker:
             picked, chosen = trace.select(suspects), [whole[row] for row in suspects]
             controls = rollout.controls and [rollout.controls[row] for row in chosen]
             again = runs.rows(chosen).with_recorded_controls(controls)
-            with self._preparer.watchdog(_SECOND_PASS_LIMITS) as start_clock:
+            with self._preparer.start_watchdog(_SECOND_PASS_LIMITS) as start_clock:
                 start_clock()
                 proceed = self._grace_period(start_clock)
                 checks = engine.check_runs(again, picked, proceed, backward_error)
@@ -303,10 +303,10 @@ class Worker:
 
         return proceed
 
-    def crashed(self, run: RunSpec, label: LabelEntry) -> Finished:
+    def record_crash(self, run: RunSpec, label: LabelEntry) -> Finished:
         """Record a run that crashes every worker; it has no trace."""
-        self._store.delete([_trace_name(run.run_id)])
-        (plan,) = self._preparer.plans((run,))
+        self._store.delete_files([_trace_name(run.run_id)])
+        (plan,) = self._preparer.plan_job((run,))
         return journal_entries([row_of_crash(self._task, plan, label)])[0]
 
     def _finish_run(self, outcome: RunOutcome, said: ExtraFields | None = None) -> RunRow:
@@ -319,7 +319,9 @@ class Worker:
             sha256 = outcome.controls.sha256
             if sha256 not in self._controls:
                 names = input_names(plan.prepared.model, outcome.controls.places)
-                self._store.put(controls_name(sha256), encode_controls(outcome.controls, names))
+                self._store.put_file(
+                    controls_name(sha256), encode_controls(outcome.controls, names)
+                )
                 self._controls.add(sha256)
             own["controls"] = sha256
         identity = self._task.identity
@@ -340,10 +342,10 @@ class Worker:
                 ACTIVATIONS: str(plan.prepared.model.na),
             }
             record, form = common.record_json(own), self._task.sweep.trace_format
-            content, messages = outcome.group.encoder.encode(
+            content, messages = outcome.group.encoder.encode_run(
                 outcome.row, record, metadata, self._model_xml, form=form
             )
-            self._store.put(name, content)
+            self._store.put_file(name, content)
             sha256 = hashlib.sha256(content).hexdigest()
             own["trace"] = TraceFile(
                 file=name, sha256=sha256, bytes=len(content), messages=dict(messages)

@@ -55,13 +55,13 @@ class LocalPool:
         """Yield the results of jobs as they finish; see `Executor`."""
         if self.workers == 0:
             worker = Worker(task, None, lambda: not stop.is_set)
-            yield from map(worker.run, takewhile(lambda _: not stop.is_set, jobs))
+            yield from map(worker.run_job, takewhile(lambda _: not stop.is_set, jobs))
             return
         with (
             tempfile.TemporaryDirectory(prefix="contactlab-") as folder,
             contextlib.closing(WorkerPool(task, Path(folder), self.workers)) as pool,
         ):
-            yield from pool.run(jobs, stop)
+            yield from pool.run_jobs(jobs, stop)
 
 
 class WorkerPool:
@@ -72,7 +72,7 @@ class WorkerPool:
         self._markers = [folder / str(number) for number in range(most)]
         self._workers: dict[Path, WorkerHandle] = {}
 
-    def run(self, jobs: Iterable[Job], stop: Stop) -> Iterator[Result]:
+    def run_jobs(self, jobs: Iterable[Job], stop: Stop) -> Iterator[Result]:
         """Yield the results of jobs as they finish; see `Executor`."""
         queue, silent = takewhile(lambda _: not stop.is_set, jobs), count(1)
         for marker, job in zip(self._markers, islice(queue, len(self._markers)), strict=False):
@@ -98,7 +98,7 @@ class WorkerPool:
         else:
             start_worker(self._workers, self._task, marker, job)
 
-    def close(self) -> None:
+    def kill_workers(self) -> None:
         """Kill the workers, whatever they are doing."""
         kill_workers(self._workers.values())
         self._workers.clear()
@@ -244,7 +244,7 @@ def _run_job(worker: Worker, job: Job) -> Result | Exception:
     runs at once.
     """
     try:
-        return worker.run(job)
+        return worker.run_job(job)
     except Exception as error:  # noqa: BLE001 - raised again in the process that sent the job
         if isinstance(error, MemoryError) or _NO_MEMORY.search(str(error)):
             text = " / ".join(str(error).split("\n")) or "the worker cannot get more"

@@ -14,8 +14,13 @@ from contactlab.scene.mujoco_versions import in_this_version, missing_flags
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.task import keyframe_names
 from contactlab.schema.scene_manifest import InitialValue, SceneManifest, StructureValue
-from contactlab.schema.setting_values import choice, integer, number, switch
-from contactlab.schema.sweep_schema import switches
+from contactlab.schema.setting_values import (
+    choice_parser,
+    integer_parser,
+    number_parser,
+    parse_switch,
+)
+from contactlab.schema.sweep_schema import effect_switches
 from contactlab.schema.task import QPOS0
 from contactlab.schema.vocabulary import RECORDED_RUN, AxisSpec
 
@@ -48,7 +53,7 @@ class SceneCatalogue:
         self._list_axes = {axis.name: axis for axis in _list_axes(base, manifest, engines)}
         if recorded:
             text = f"recorded run, out of {len(recorded)}, to start from and to compare with"
-            parse, known = number(known=recorded), tuple(recorded)
+            parse, known = number_parser(known=recorded), tuple(recorded)
             self._list_axes[RECORDED_RUN] = AxisSpec(RECORDED_RUN, "", text, parse, known=known)
 
     @property
@@ -71,7 +76,7 @@ class SceneCatalogue:
         Raises a SceneError if one is unknown.
         """
         switched: dict[str, object] = {}
-        for name, value in switches(manifest.effects if manifest else {}).items():
+        for name, value in effect_switches(manifest.effects if manifest else {}).items():
             axis = self.find(name) if name in EFFECTS else None
             if axis is None:
                 raise SceneError(f"effects: no effect '{name}'{did_you_mean(name, EFFECTS)}")
@@ -84,7 +89,7 @@ class SceneCatalogue:
 
 def _axis_of_missing_flag(name: str) -> AxisSpec | None:
     text = "effect of newer versions of MuJoCo"
-    return AxisSpec(name, "", text, switch) if name in missing_flags() else None
+    return AxisSpec(name, "", text, parse_switch) if name in missing_flags() else None
 
 
 def _list_axes(
@@ -99,25 +104,25 @@ def _list_axes(
     own = str(base.settings["engine"])
     names = (own,) if own == LOOP_ENGINE else tuple(engines) or (MODEL_ENGINE,)
     text = "engine that simulates the run (see `contactlab list engines`)"
-    axes.append(AxisSpec("engine", "", text, choice(names), names))
+    axes.append(AxisSpec("engine", "", text, choice_parser(names), names))
     if base.targets.subject is not None:
         text = f"mass of '{base.model.body(base.targets.subject).name}'; its inertia scales with it"
-        axes.append(AxisSpec("mass", "kg", text, number(above=0)))
+        axes.append(AxisSpec("mass", "kg", text, number_parser(above=0)))
     axes += [
-        AxisSpec(name, "", f"effect: {effect.what}", switch)
+        AxisSpec(name, "", f"effect: {effect.what}", parse_switch)
         for name, effect in EFFECTS.items()
         if name not in PARAMETERS
     ]
     if starts := keyframe_names(base.model):
         words = (*starts, QPOS0)
-        axes.append(AxisSpec("keyframe", "", "keyframe to start from", choice(words), words))
+        axes.append(AxisSpec("keyframe", "", "keyframe to start from", choice_parser(words), words))
     own = [*manifest.initial.items(), *manifest.structure.items()] if manifest else []
     if base.model.njnt and "joint_speed" not in dict(own):
         text = "speed of every joint at the start; the seed decides the direction"
-        axes.append(AxisSpec("joint_speed", "rad/s", text, number(least=0)))
+        axes.append(AxisSpec("joint_speed", "rad/s", text, number_parser(least=0)))
     if "perturbation" not in dict(own):
         text = "factor of the perturbation by a seed; 0 starts exactly as the scene defines"
-        axes.append(AxisSpec("perturbation", "1", text, number()))
+        axes.append(AxisSpec("perturbation", "1", text, number_parser()))
     taken = {"mass", "seed", "keyframe", RECORDED_RUN, *PARAMETERS, *EFFECTS}
     for name, _ in own:
         if name in taken:
@@ -131,7 +136,7 @@ def _list_axes(
 
 def _value_parser(entry: InitialValue | StructureValue) -> Callable[[object], object]:
     if isinstance(entry, InitialValue):
-        return number()
+        return number_parser()
     if entry.integer:
-        return integer(1 if entry.least is None else math.ceil(entry.least))
-    return number(above=0) if entry.least is None else number(least=entry.least)
+        return integer_parser(1 if entry.least is None else math.ceil(entry.least))
+    return number_parser(above=0) if entry.least is None else number_parser(least=entry.least)

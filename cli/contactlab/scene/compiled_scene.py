@@ -127,7 +127,7 @@ class CompiledScene:
             effects = choose_effects(run, effect_request)
             turn_off_unused(run, effects)
         if load is not None:
-            load.write(model)
+            load.write_load(model)
         written = self.targets.geoms if edits.keys() & {*CONTACT, *AT_REST} else ()
         return PreparedModel(
             model=model,

@@ -68,7 +68,7 @@ class InitialStates(NamedTuple):
         for recorded, own in zip(controls, self.signals, strict=True):
             times, levels = recorded.knots
             places = np.array(recorded.places or range(self.ctrl.shape[1]), np.intp)
-            signals.append(Signals(places, times[None], levels).merge(own))
+            signals.append(Signals(places, times[None], levels).merge_signals(own))
         return at_begin(self._replace(signals=tuple(signals)))
 
     def recorded_inputs_until(self, end: float) -> RecordedControls | None:
@@ -170,7 +170,7 @@ class InitialStateRule:
     first_as_written: bool = False  # whether the seed 0 perturbs nothing
 
     @classmethod
-    def of(
+    def from_model(
         cls, model: mujoco.MjModel, manifest: SceneManifest | None, keyframe: str
     ) -> "InitialStateRule":
         """Return the rule for initial states from a keyframe or `QPOS0`.
@@ -237,7 +237,7 @@ def initial_states(
     signals = tuple(control_signals(rule.profiles, initial) for initial, _, _ in runs)
     if rule.recorded:
         commands = [rule.recorded.command_signals(initial[RECORDED_RUN]) for initial, _, _ in runs]
-        signals = tuple(a.merge(b) for a, b in zip(signals, commands, strict=True))
+        signals = tuple(a.merge_signals(b) for a, b in zip(signals, commands, strict=True))
     parts = np.split(states, list(rule.starts.values())[1:], axis=1)
     return at_begin(InitialStates(*parts, signals=signals))
 

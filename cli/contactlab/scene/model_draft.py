@@ -136,7 +136,7 @@ class CompiledFiles(NamedTuple):
     lines: Mapping[str, Mapping[str, int]]
 
     @classmethod
-    def of(
+    def from_scene(
         cls,
         scene: Scene,
         source: SceneSource,
@@ -263,7 +263,7 @@ class Draft:
     inserted: dict[Origin, str] = field(default_factory=dict[Origin, str])
 
     @classmethod
-    def of(cls, scene: Scene, source: SceneSource) -> "Draft":
+    def from_scene(cls, scene: Scene, source: SceneSource) -> "Draft":
         """Return a draft without changes."""
         root = source.content.root
         paths = [root / file for file in source.content.files if file.suffix in MODEL_SUFFIXES]
@@ -383,14 +383,14 @@ class Draft:
                 found.append(append_lines(data, elements[0], self.added))
             yield path, sorted(found)
 
-    def texts(self) -> dict[Path, bytes]:
+    def changed_texts(self) -> dict[Path, bytes]:
         """Return the text of each file with the changes applied."""
         return {
             path: apply_replacements(self.before[path], replacements)
             for path, replacements in self._text_replacements()
         }
 
-    def changes(self, folder: Path) -> Iterator[Change]:
+    def list_changes(self, folder: Path) -> Iterator[Change]:
         """Yield the changes of the files, with paths relative to a folder."""
         for path, replacements in self._text_replacements():
             for replacement in replacements:

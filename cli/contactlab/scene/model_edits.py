@@ -18,7 +18,7 @@ from contactlab.scene.contact_pairs import MonitoredPair, effective_parameters, 
 from contactlab.scene.model_names import find_id
 from contactlab.scene.mujoco_versions import enum_members
 from contactlab.scene.parameters import PARAMETERS, WORDS
-from contactlab.schema.setting_values import Settings, as_number, integer, number
+from contactlab.schema.setting_values import Settings, as_number, integer_parser, number_parser
 from contactlab.schema.vocabulary import AxisSpec
 
 _FIELD_NAME = re.compile(
@@ -109,11 +109,11 @@ def is_writable(field: str) -> bool:
 
 def _element_parser(kind: np.dtype) -> Callable[[object], float]:
     if kind.kind == "b":
-        return integer(0, 1)
+        return integer_parser(0, 1)
     if kind.kind in "iu":
         bounds = np.iinfo(kind)
-        return integer(int(bounds.min), int(bounds.max))
-    return number()
+        return integer_parser(int(bounds.min), int(bounds.max))
+    return number_parser()
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ class EditTargets:
     explicit: tuple[int, ...]
     subject: int | None
 
-    def rows(self, field: str) -> list[int]:
+    def rows_of_targets(self, field: str) -> list[int]:
         """Return the rows of the targets in a field of geoms or of <pair> elements."""
         return list(self.geoms if field.startswith("geom") else self.explicit)
 
@@ -157,7 +157,7 @@ def nonuniform_settings(
         for name in CONTACT
         if name in settings
         for field, row in _setting_rows(name, settings[name]).items()
-        if np.any(getattr(model, field)[targets.rows(field)] != row)
+        if np.any(getattr(model, field)[targets.rows_of_targets(field)] != row)
     )
 
 
@@ -192,7 +192,7 @@ def write_settings(
             write_option(model, name, value)
         elif name in CONTACT:
             for field, row in _setting_rows(name, value).items():
-                getattr(model, field)[targets.rows(field)] = row
+                getattr(model, field)[targets.rows_of_targets(field)] = row
             derived |= name in ("margin", "gap")
         elif name == "mass":
             # Mass and inertia scale equally, as with another density.

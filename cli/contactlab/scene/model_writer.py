@@ -71,16 +71,16 @@ def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -
     with TemporaryDirectory(prefix="contactlab-") as temporary, source.named_in_errors():
         copied = _copy_scene(source, Path(temporary).resolve(), name, fused=not edits.freed)
         edit = partial(edit_spec, edits=edits) if edits.changes_spec else None
-        meant = CompiledFiles.of(scene, source, edits.settings, edit)
-        draft = Draft.of(scene, copied)
+        meant = CompiledFiles.from_scene(scene, source, edits.settings, edit)
+        draft = Draft.from_scene(scene, copied)
         draft.set_fields(meant)
         draft.set_options(meant)
         draft.set_parts(edits, meant)
-        before, after = draft.before, draft.texts()
+        before, after = draft.before, draft.changed_texts()
         for path, text in after.items():
             path.write_bytes(text)
         try:
-            compiled = CompiledFiles.of(scene, copied, {})
+            compiled = CompiledFiles.from_scene(scene, copied, {})
         except SceneError as error:
             reason = "; ".join(line.strip() for line in str(error).splitlines()[1:])
             raise SceneError(f"cannot be written: {reason}") from error
@@ -94,7 +94,7 @@ def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -
             source=_place_scene(copied, folder, name or copied.model.name),
             folder=source.content.root / start.relative_to(copied.content.root),
             patch=b"".join(patch) if copied.content.model == source.content.model else b"",
-            changes=tuple(draft.changes(start)),
+            changes=tuple(draft.list_changes(start)),
         )
         patch_path = written.path.with_suffix(".patch")
         patch_path.unlink(missing_ok=True)

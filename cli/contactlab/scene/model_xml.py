@@ -59,7 +59,7 @@ def parse(path: Path) -> ET.Element:
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise SceneError(f"{path}:{line}: not UTF-8; write the model in UTF-8") from error
-    return _Reading(path, data).root()
+    return _Reading(path, data).parse_root()
 
 
 class _Reading:
@@ -71,12 +71,12 @@ class _Reading:
         # MuJoCo ignores the encoding that a file declares.
         self._parser = expat.ParserCreate("utf-8")
         self._parser.buffer_text = True
-        self._parser.StartElementHandler = self._start
+        self._parser.StartElementHandler = self._start_element
         self._parser.EndElementHandler = self._tree.end
         self._parser.CharacterDataHandler = self._tree.data
         self._parser.StartDoctypeDeclHandler = self._check_doctype
 
-    def root(self) -> ET.Element:
+    def parse_root(self) -> ET.Element:
         try:
             self._parser.Parse(self._data, True)
         except expat.ExpatError as error:
@@ -98,7 +98,7 @@ class _Reading:
             )
         return root
 
-    def _start(self, name: str, attributes: Mapping[str, str]) -> None:
+    def _start_element(self, name: str, attributes: Mapping[str, str]) -> None:
         if not _NAMING.isdisjoint(attributes):
             self._check_breaks(self._parser.CurrentByteIndex)
         self._tree.start(name, dict(attributes))
@@ -110,12 +110,14 @@ class _Reading:
             if key is None:
                 return
             if key.decode() in _NAMING and _BREAK.search(value):
-                self._refuse(f"{key.decode()} has a line break or a tab; write it without")
+                self._refuse_file(f"{key.decode()} has a line break or a tab; write it without")
 
     def _check_doctype(self, name: str, *definitions: object) -> None:
         """Refuse a document type with definitions, because MuJoCo's parser reads parts as text."""
         if any(definitions):
-            self._refuse(f"its document type defines something; write <!DOCTYPE {name}>, or none")
+            self._refuse_file(
+                f"its document type defines something; write <!DOCTYPE {name}>, or none"
+            )
 
-    def _refuse(self, why: str) -> NoReturn:
+    def _refuse_file(self, why: str) -> NoReturn:
         raise SceneError(f"{self._path}:{self._parser.CurrentLineNumber}: {why}")

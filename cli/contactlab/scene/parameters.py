@@ -19,11 +19,11 @@ from contactlab.schema.setting_values import (
     Settings,
     as_number,
     as_vector,
-    choice,
-    integer,
-    number,
-    numbers,
+    choice_parser,
+    integer_parser,
+    number_parser,
     or_off,
+    vector_parser,
 )
 from contactlab.schema.vocabulary import AxisSpec
 
@@ -45,7 +45,7 @@ class Parameter(AxisSpec):
         """The setting that it changes, an attribute of MJCF."""
         return attribute_of(self.name)
 
-    def write(self, settings: Settings, value: object) -> None:
+    def write_value(self, settings: Settings, value: object) -> None:
         """Write a parsed value into the settings, and keep other settings of its kind."""
         if self.update is None:
             settings[self.sets] = value
@@ -122,13 +122,13 @@ def _set_friction(settings: Settings, value: object) -> None:
 
 def _parse_gravity(value: object) -> object:
     try:
-        return number(least=0)(value)
+        return number_parser(least=0)(value)
     except ValueError:
-        return numbers(3, "x y z, or one magnitude downwards", lambda _: None)(value)
+        return vector_parser(3, "x y z, or one magnitude downwards", lambda _: None)(value)
 
 
 def _parse_condim(value: object) -> int:
-    parsed = integer(1, 6)(value)
+    parsed = integer_parser(1, 6)(value)
     if parsed not in (1, 3, 4, 6):
         raise ValueError(f"write 1, 3, 4 or 6, not {value!r}")
     return parsed
@@ -139,7 +139,7 @@ def _parse_solimp(value: object) -> object:
     parts = value.split() if isinstance(value, str) else value
     if isinstance(parts, (list, tuple)) and len(parts) == 3:
         parts = [*parts, 0.5, 2]
-    return numbers(5, "dmin dmax width midpoint power", _solimp_mistake)(parts)
+    return vector_parser(5, "dmin dmax width midpoint power", _solimp_mistake)(parts)
 
 
 def _solref_mistake(value: tuple[float, ...]) -> str | None:
@@ -168,7 +168,7 @@ def _split_solref(value: object) -> dict[str, float]:
 
 
 def _keyword_parameter(name: str, description: str) -> Parameter:
-    return Parameter(name, "", description, choice(WORDS[name]), WORDS[name])
+    return Parameter(name, "", description, choice_parser(WORDS[name]), WORDS[name])
 
 
 def _number_parameter(
@@ -186,9 +186,9 @@ def _split_vector(parts: tuple[str, ...], value: object) -> dict[str, float]:
 
 _set_standard = partial(_set_numbers, "solref", form=_standard_form)
 _set_direct = partial(_set_numbers, "solref", form=_direct_form, sign=-1.0)
-_POSITIVE_NUMBER = number(above=0)
-_NONNEGATIVE_NUMBER = number(least=0)
-_OPEN_FRACTION = number(above=0, most=0.9999)
+_POSITIVE_NUMBER = number_parser(above=0)
+_NONNEGATIVE_NUMBER = number_parser(least=0)
+_OPEN_FRACTION = number_parser(above=0, most=0.9999)
 _STANDARD_PARTS, _DIRECT_PARTS = (
     ("solref.timeconst", "solref.dampratio"),
     ("solref.stiffness", "solref.damping"),
@@ -203,13 +203,15 @@ for parameter in (
     _keyword_parameter("cone", "friction cone"),
     _keyword_parameter("solver", "constraint solver"),
     _keyword_parameter("jacobian", "constraint Jacobian"),
-    Parameter("iterations", "1", "most solver iterations", integer(1)),
+    Parameter("iterations", "1", "most solver iterations", integer_parser(1)),
     Parameter("tolerance", "1", "solver tolerance", _NONNEGATIVE_NUMBER),
-    Parameter("ls_iterations", "1", "most line-search iterations", integer(1)),
+    Parameter("ls_iterations", "1", "most line-search iterations", integer_parser(1)),
     Parameter("ls_tolerance", "1", "line-search tolerance", _NONNEGATIVE_NUMBER),
-    Parameter("noslip_iterations", "1", "most noslip iterations", integer(0)),
+    Parameter("noslip_iterations", "1", "most noslip iterations", integer_parser(0)),
     Parameter("noslip_tolerance", "1", "noslip tolerance", _NONNEGATIVE_NUMBER),
-    Parameter("ccd_iterations", "1", "most iterations of convex collision detection", integer(1)),
+    Parameter(
+        "ccd_iterations", "1", "most iterations of convex collision detection", integer_parser(1)
+    ),
     Parameter("ccd_tolerance", "m", "tolerance of convex collision detection", _NONNEGATIVE_NUMBER),
     Parameter(
         "impratio", "1", "ratio of frictional to normal impedance", or_off(1.0, _POSITIVE_NUMBER)
@@ -227,7 +229,7 @@ for parameter in (
         "solref",
         "s 1",
         "contact reference: time constant and damping ratio, or -stiffness and -damping",
-        numbers(2, "timeconst dampratio", _solref_mistake),
+        vector_parser(2, "timeconst dampratio", _solref_mistake),
         conflicts=(*_STANDARD_PARTS, *_DIRECT_PARTS, "restitution"),
         parts=(*_STANDARD_PARTS, *_DIRECT_PARTS),
         split=_split_solref,
@@ -256,7 +258,7 @@ for parameter in (
         "restitution",
         "1",
         "restitution: sets the damping that produces it at the contact's natural frequency",
-        number(above=0, most=1.0),
+        number_parser(above=0, most=1.0),
         conflicts=(*_STANDARD_PARTS, _DIRECT_PARTS[1]),
         update=_set_restitution,
     ),
@@ -273,12 +275,16 @@ for parameter in (
     _number_parameter("solimp.dmax", "1", "impedance at full depth", _OPEN_FRACTION, 1),
     _number_parameter("solimp.width", "m", "depth of full impedance", _POSITIVE_NUMBER, 2),
     _number_parameter("solimp.midpoint", "1", "midpoint of the impedance curve", _OPEN_FRACTION, 3),
-    _number_parameter("solimp.power", "1", "power of the impedance curve", number(least=1), 4),
+    _number_parameter(
+        "solimp.power", "1", "power of the impedance curve", number_parser(least=1), 4
+    ),
     Parameter(
         "friction",
         "1 m m",
         "sliding, torsional and rolling friction",
-        numbers(3, "slide torsion roll; for one of them, sweep friction.slide", _friction_mistake),
+        vector_parser(
+            3, "slide torsion roll; for one of them, sweep friction.slide", _friction_mistake
+        ),
         conflicts=_FRICTION_PARTS,
         parts=_FRICTION_PARTS,
         split=partial(_split_vector, _FRICTION_PARTS),

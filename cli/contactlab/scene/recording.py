@@ -64,7 +64,7 @@ class RecordedRuns:
         """Return the recorded commands over time."""
         rows, inputs = self._from_start(number), self._rows.inputs
         if not inputs:
-            return Signals.none()
+            return Signals.no_signals()
         times = self._rows.times[rows] - self._rows.times[rows.start]
         levels = np.array([curves[rows] for curves in inputs.values()])
         return Signals(np.array(list(inputs), np.intp), times[None], levels)

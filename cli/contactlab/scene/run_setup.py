@@ -86,7 +86,7 @@ def make_setup(
 ) -> Setup:
     """Return the setup of n runs of one structure, with the requirements of their sweep."""
     bodies, holding = _free_bodies(models), base.holding
-    windows = [holding.window(run.initial) for run in runs] if holding else []
+    windows = [holding.hold_window(run.initial) for run in runs] if holding else []
     oracle = manifest.oracle if manifest else None
     distinct = list({id(model): model for model in models}.values())
     passive = all(map(is_passive, distinct)) and not _is_pushed(manifest, runs)

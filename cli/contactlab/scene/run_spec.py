@@ -153,7 +153,7 @@ def write_axis(settings: Settings, axis: str, value: object) -> tuple[str, ...]:
     The changed name is the axis itself if settings do not contain it.
     """
     if axis in PARAMETERS:
-        PARAMETERS[axis].write(settings, value)
+        PARAMETERS[axis].write_value(settings, value)
         return (PARAMETERS[axis].sets,)
     if axis in EFFECTS:
         switch = EFFECTS[axis].switch

@@ -191,7 +191,7 @@ class Scene:
         with self.source.named_in_errors():
             run = self.resolve({}, 0, None)
             driving = self._driving_of(run) if is_driven(run.drive) else None
-        if driving and not self.source.content.copied and (unheld := driving.unheld(run)):
+        if driving and not self.source.content.copied and (unheld := driving.unheld_joints(run)):
             warn_once(self.source, f"not held: {unheld}", UnheldWarning)
 
     def task(
@@ -390,7 +390,7 @@ class Scene:
         self.initial_states([run])
         if holding := self.base(run.structure).holding:
             with self.source.named_in_errors():
-                holding.window(run.initial)
+                holding.hold_window(run.initial)
 
     def _driving_of(self, run: RunSpec) -> Driving:
         key = self._start_key(run), run.drive
@@ -406,7 +406,7 @@ class Scene:
         if key not in self._rules:
             base, manifest = self.base(run.structure), self.source.manifest
             recorded = self.recorded if base is self.base({}) else self._recorded_in(base)
-            rule = InitialStateRule.of(base.model, manifest, run.keyframe)
+            rule = InitialStateRule.from_model(base.model, manifest, run.keyframe)
             self._rules[key] = replace(rule, recorded=recorded)
         return self._rules[key]
 
@@ -422,7 +422,7 @@ class Scene:
         """
         base = self.base_of(run)
         base = base if compiled is None else replace(base, model=compiled)
-        load = self._driving_of(run).load(run) if is_driven(run.drive) else None
+        load = self._driving_of(run).find_load(run) if is_driven(run.drive) else None
         return base.prepare(run.edits(), run.effect_request, start, load)
 
     def model_key(self, run: RunSpec) -> str:

@@ -23,7 +23,7 @@ from contactlab.plugins import extensions
 from contactlab.scene.model_files import SceneFiles, collect_files, relative_path
 from contactlab.scene.model_guards import check_places
 from contactlab.schema.drive import drive_files
-from contactlab.schema.requirement import explained
+from contactlab.schema.requirement import explain_error
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.strict_model import check_extent
 
@@ -224,7 +224,8 @@ def read_manifest(path: Path) -> SceneManifest:
         return _parse_manifest(path.read_text(encoding="utf-8-sig"))
     except ValidationError as error:
         found = [
-            ([str(part) for part in detail["loc"]], explained(detail)) for detail in error.errors()
+            ([str(part) for part in detail["loc"]], explain_error(detail))
+            for detail in error.errors()
         ]
         # Parts with @ distinguish forms of a value; they are not keys.
         errors = [

@@ -73,7 +73,7 @@ class Signals:
     levels: Floats  # (P, K) values there
 
     @classmethod
-    def none(cls) -> "Signals":
+    def no_signals(cls) -> "Signals":
         """Return the signals of a run with constant inputs."""
         return cls(np.empty(0, np.intp), np.empty((0, 0)), np.empty((0, 0)))
 
@@ -96,14 +96,16 @@ class Signals:
         times = np.where(near, steps * timestep, self.times)
         return Signals(self.places, times, self.levels)
 
-    def exclude(self, left: NDArray[np.bool_]) -> "Signals":
+    def exclude_inputs(self, left: NDArray[np.bool_]) -> "Signals":
         """Return the signals except those that `left` (P,) marks."""
         times = self.times if len(self.times) < len(left) else self.times[~left]
         return Signals(self.places[~left], times, self.levels[~left])
 
-    def merge(self, other: "Signals") -> "Signals":
+    def merge_signals(self, other: "Signals") -> "Signals":
         """Return these signals, and others of the same run for inputs that these do not drive."""
-        rest = other.exclude(np.isin(other.places, self.places)) if self.places.size else other
+        rest = (
+            other.exclude_inputs(np.isin(other.places, self.places)) if self.places.size else other
+        )
         if not (self.places.size and rest.places.size):
             return self if self.places.size else rest
         most = max(self.levels.shape[1], rest.levels.shape[1])
@@ -171,7 +173,7 @@ def read_control(
 def control_signals(profiles: Sequence[ControlProfile], initial: Mapping[str, float]) -> Signals:
     """Return the signals of profiles for initial values. Raises a SceneError if times decrease."""
     if not profiles:
-        return Signals.none()
+        return Signals.no_signals()
     most = max(len(profile.times) for profile in profiles)
     places = [place for profile in profiles for place in profile.inputs]
     rows = [_padded_knots(profile, initial, most) for profile in profiles for _ in profile.inputs]
@@ -202,7 +204,7 @@ class HoldSpec:
     start: Expression
     stop: Expression
 
-    def window(self, initial: Mapping[str, float]) -> tuple[float, float]:
+    def hold_window(self, initial: Mapping[str, float]) -> tuple[float, float]:
         """Return its start and end [s] for initial values. Raises a SceneError if it is empty."""
         start, stop = evaluate_formula(self.start, initial), evaluate_formula(self.stop, initial)
         if not 0 <= start < stop:
@@ -231,7 +233,9 @@ def find_hold(
         start=read_formula(manifest.hold.start, "hold sets its `from`", manifest.initial),
         stop=read_formula(manifest.hold.stop, "hold sets its `to`", manifest.initial),
     )
-    _, stop = holding.window({name: setting.default for name, setting in manifest.initial.items()})
+    _, stop = holding.hold_window(
+        {name: setting.default for name, setting in manifest.initial.items()}
+    )
     if stop > manifest.duration:
         raise SceneError(
             f"hold ends at {stop:g} s, after the run, which takes {manifest.duration:g} s"

@@ -48,7 +48,7 @@ class Clearance:
         self.data.qpos[:] = qpos
         mujoco.mj_kinematics(self.model, self.data)
 
-    def distance(self, first: int, second: int, most: float) -> float:
+    def measure_distance(self, first: int, second: int, most: float) -> float:
         """Return the distance of two placed geoms to contact, up to `most` [m]; below 0 inside."""
         model = self.model
         own = model.geom_margin[first] + model.geom_margin[second]
@@ -170,7 +170,7 @@ def _is_separated(clearance: Clearance, pair: GeomPair, levers: Floats, first: i
         qpos[places] = middle
         clearance.set_configuration(qpos)
         slack = float(levers @ half)
-        distance = clearance.distance(*pair, slack)
+        distance = clearance.measure_distance(*pair, slack)
         if distance <= 0 or (tried > first and tried > done * _MAX_BOXES):
             return False
         if distance >= slack:

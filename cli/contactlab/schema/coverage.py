@@ -158,16 +158,16 @@ class Coverage(Model):
         return frozenset(feature for feature, held in holds.items() if held)
 
 
-def _united(one: Any, other: Any) -> Any:  # noqa: ANN401 - JSON
+def _unite_values(one: Any, other: Any) -> Any:  # noqa: ANN401 - JSON
     """Return the larger of two numbers, all of two lists, and of tables this for each entry."""
     if isinstance(one, dict) and isinstance(other, dict):
-        return {key: _united(one.get(key), other.get(key)) for key in {**one, **other}}
+        return {key: _unite_values(one.get(key), other.get(key)) for key in {**one, **other}}
     if isinstance(one, list) and isinstance(other, list):
         return sorted({*one, *other})
     return other if one is None else one if other is None else max(one, other)
 
 
-def _named(pairs: Any) -> dict[str, object]:  # noqa: ANN401 - JSON
+def _pairs_by_name(pairs: Any) -> dict[str, object]:  # noqa: ANN401 - JSON
     """Return the pairs of a row by name, which a table has as JSON."""
     return json.loads(pairs) if isinstance(pairs, str) else dict(pairs or {})
 
@@ -193,7 +193,7 @@ class Exercised:
     pairs: tuple[str, ...] = ()  # the monitored pairs
 
     @classmethod
-    def of(
+    def of_rows(
         cls, rows: Iterable[Mapping[str, Any]], enough: Collection[Feature] | None = None
     ) -> "Exercised":
         """Return the features that the runs of a table's rows exercised, each part in any of them.
@@ -209,18 +209,18 @@ class Exercised:
             if enough is not None and features.issuperset(enough):
                 break
             drives.append(json.loads(row.get("drive") or '"none"'))
-            pairs |= _named(row.get("pairs"))
+            pairs |= _pairs_by_name(row.get("pairs"))
             if row.get("coverage") is None:
                 known = False
                 features.update(get_args(Feature))
                 continue
             features.update(Coverage.model_validate_json(row["coverage"]).exercised)
-            united = _united(united, json.loads(row["coverage"]))
+            united = _unite_values(united, json.loads(row["coverage"]))
         whole = Coverage.model_validate(united)
         found = whole if known and drives else None
         return cls(whole.exercised | features, whole.present, tuple(drives), found, tuple(pairs))
 
-    def idle(self) -> tuple[str, ...]:
+    def idle_parts(self) -> tuple[str, ...]:
         """Return the parts that no run exercised, a line for each kind; empty if not known."""
         if self.coverage is None:
             return ()
@@ -247,7 +247,7 @@ class Exercised:
         }
         return tuple(f"{kind}: {', '.join(names)}" for kind, names in kinds.items() if names)
 
-    def lack(self, features: Collection[Feature]) -> str | None:
+    def describe_lacking(self, features: Collection[Feature]) -> str | None:
         """Say which features no run exercised; None if all were."""
         lacking = {
             feature: said

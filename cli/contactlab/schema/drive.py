@@ -103,7 +103,7 @@ DRIVE_FORMS: Mapping[str, type[Model]] = {
 }
 
 
-def _form(data: object) -> str | None:
+def _drive_form(data: object) -> str | None:
     if isinstance(data, str):
         return "@word" if data in DRIVE_WORDS else None
     keys = dict(data) if isinstance(data, Model) else data
@@ -118,7 +118,7 @@ Drive = Annotated[
     | Annotated[FileDrive, Tag("@file")]
     | Annotated[PolicyDrive, Tag("@policy")],
     Discriminator(
-        _form,
+        _drive_form,
         custom_error_type="drive_form",
         custom_error_message=f"takes {DRIVE_TAKES}",
     ),
@@ -131,7 +131,7 @@ def read_drive(text: str) -> Drive:
 
     Other text is a ValidationError.
     """
-    return parse_drive(_data(text))
+    return parse_drive(_short_form_data(text))
 
 
 def parse_drive(data: object) -> Drive:
@@ -139,7 +139,7 @@ def parse_drive(data: object) -> Drive:
     return _ADAPTER.validate_python(data)
 
 
-def _data(text: str) -> object:
+def _short_form_data(text: str) -> object:
     if "=" in text:
         data: dict[str, Any] = {}
         for part in text.split(","):
@@ -147,14 +147,14 @@ def _data(text: str) -> object:
             below = data
             for key in above:
                 below = below.setdefault(key, {})
-            below[name] = _number(part.partition("=")[2].strip())
+            below[name] = _number_or_text(part.partition("=")[2].strip())
         return data
     if ".py:" in text:
         return {"policy": text}
     return {"file": text} if "." in text else text
 
 
-def _number(text: str) -> float | str:
+def _number_or_text(text: str) -> float | str:
     try:
         return float(text)
     except ValueError:

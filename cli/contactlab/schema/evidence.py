@@ -173,7 +173,7 @@ class Cost(Model):
     latency_used: float | None = about("mean CPU time of a step over the budget", unit="1")
 
     @classmethod
-    def of(cls, cpu: float, steps: int, timestep: float, budget: float | None) -> "Cost":
+    def of_steps(cls, cpu: float, steps: int, timestep: float, budget: float | None) -> "Cost":
         """Return the cost of steps that took a CPU time, with a budget of each [s]."""
         simulated = steps * timestep
         return cls(
@@ -236,7 +236,7 @@ PluginInfos = Annotated[
 ]
 
 
-def _unsaid(description: str) -> Any:  # noqa: ANN401 - as `about`
+def _optional_field(description: str) -> Any:  # noqa: ANN401 - as `about`
     """Return a field of recorded loops, which others leave out."""
     return about(description, default=None, exclude_if=lambda value: value is None)
 
@@ -316,9 +316,9 @@ class EvidenceRecord(Model):
     )
     started: str | None = about("UTC, ISO 8601", default=None)
     finished: str | None = about("UTC, ISO 8601", default=None)
-    success: bool | None = _unsaid("whether the loop calls its episode a success")
-    total_reward: float | None = _unsaid("sum of the rewards of the episode")
-    loop: Annotated[Loop | None, InTable.WITHOUT_DEFAULTS] = _unsaid(
+    success: bool | None = _optional_field("whether the loop calls its episode a success")
+    total_reward: float | None = _optional_field("sum of the rewards of the episode")
+    loop: Annotated[Loop | None, InTable.WITHOUT_DEFAULTS] = _optional_field(
         "what was noticed of the episode"
     )
 

@@ -63,7 +63,7 @@ def json_schemas() -> dict[str, Node]:
     """Return the JSON Schema of every exchanged file, by file name."""
     schemas: dict[str, Node] = {}
     for name, model in WRITTEN.items():
-        schemas[name] = {"$schema": _DRAFT_07, **_rewritten(model.model_json_schema())}
+        schemas[name] = {"$schema": _DRAFT_07, **_rewrite_node(model.model_json_schema())}
     others = {
         f"{name}.schema.json": extension.load() for name, extension in extensions("schema").items()
     }
@@ -77,7 +77,7 @@ def schema_texts() -> dict[str, str]:
     return {name: json.dumps(schema, indent=2) + "\n" for name, schema in json_schemas().items()}
 
 
-def _rewritten(schema: Mapping[str, object]) -> Node:
+def _rewrite_node(schema: Mapping[str, object]) -> Node:
     """Rewrite one schema of draft 2020-12 in terms of draft-07, which editors understand.
 
     Tuples become `items` lists, "or null" branches go (a key is left out instead), and generated
@@ -89,9 +89,11 @@ def _rewritten(schema: Mapping[str, object]) -> Node:
             continue
         if key in {"properties", "$defs"}:
             named = cast("Mapping[str, Mapping[str, object]]", value)
-            node[_RENAMED.get(key, key)] = {name: _rewritten(part) for name, part in named.items()}
+            node[_RENAMED.get(key, key)] = {
+                name: _rewrite_node(part) for name, part in named.items()
+            }
         elif key not in {"default", "const", "enum", "examples"}:
-            node[_RENAMED.get(key, key)] = _part(value)
+            node[_RENAMED.get(key, key)] = _rewrite_part(value)
         else:
             node[key] = value
     branches = node.get("anyOf")
@@ -106,11 +108,11 @@ def _rewritten(schema: Mapping[str, object]) -> Node:
     return {"allOf": [{"$ref": node["$ref"]}], **rest}
 
 
-def _part(value: object) -> object:
+def _rewrite_part(value: object) -> object:
     if isinstance(value, Mapping):
-        return _rewritten(cast("Mapping[str, object]", value))
+        return _rewrite_node(cast("Mapping[str, object]", value))
     if isinstance(value, list):
-        return [_part(part) for part in cast("list[object]", value)]
+        return [_rewrite_part(part) for part in cast("list[object]", value)]
     if isinstance(value, str):
         return value.replace("#/$defs/", "#/definitions/")
     return value

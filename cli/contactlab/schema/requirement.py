@@ -80,7 +80,7 @@ class Requirement:
 @lru_cache(maxsize=256)
 def read_requirement(text: str) -> Requirement:
     """Read a requirement; a ValueError describes the mistake and the form to write."""
-    word, form, plain, keyed = _parts(text)
+    word, form, plain, keyed = _split_requirement(text)
     names, amounts = tuple(plain[: form.names]), plain[form.names :]
     end = _ENDS.get(amounts[0]) if amounts and form.may_end else None
     most = bool(form.unit) or end is not None
@@ -91,21 +91,21 @@ def read_requirement(text: str) -> Requirement:
         raise ValueError(f"'{text}': '{word}' {missing} `by:`; write {form.example}")
     least, limit, unit = -math.inf, form.default, form.unit
     if form.is_range:
-        least, limit = _range(text, amounts[0], form)
+        least, limit = _read_range(text, amounts[0], form)
     elif form.unit and amounts:
         amount = amounts[0]
         number, unit = read_quantity(amount)
         if not 0 < number < math.inf or unit not in (form.unit, *form.others):
             raise ValueError(f"'{text}': '{amount}' is not a tolerance here; write {form.example}")
         limit = number
-    start, stop = _time(text, keyed, "from"), _time(text, keyed, "until")
+    start, stop = _read_time(text, keyed, "from"), _read_time(text, keyed, "until")
     if isinstance(start, float) and isinstance(stop, float) and not start < stop:
         raise ValueError(f"'{text}': `until` is not after `from`")
     holder = keyed.get("by")
     return Requirement(text.strip(), word, names, holder, least, limit, unit, end, start, stop)
 
 
-def _parts(text: str) -> tuple[RequirementWord, _Form, list[str], dict[str, str]]:
+def _split_requirement(text: str) -> tuple[RequirementWord, _Form, list[str], dict[str, str]]:
     """Return a requirement's word, and its arguments without and with a key."""
     head, opened, rest = text.strip().partition("(")
     word = head.strip()
@@ -127,7 +127,7 @@ def _parts(text: str) -> tuple[RequirementWord, _Form, list[str], dict[str, str]
     return cast("RequirementWord", word), form, plain, keyed
 
 
-def _range(text: str, amount: str, form: _Form) -> tuple[float, float]:
+def _read_range(text: str, amount: str, form: _Form) -> tuple[float, float]:
     """Read `1..5 N`, `1 N..` or `..5 N`."""
     ends = [part.strip() for part in amount.split("..")]
     # The unit of the second end is that of a first end without one.
@@ -143,7 +143,7 @@ def _range(text: str, amount: str, form: _Form) -> tuple[float, float]:
     return least, most
 
 
-def _time(text: str, keyed: Mapping[str, str], key: str) -> Term | None:
+def _read_time(text: str, keyed: Mapping[str, str], key: str) -> Term | None:
     if key not in keyed:
         return None
     written = keyed[key]
@@ -163,7 +163,7 @@ def _is_formula(text: str) -> bool:
     return True
 
 
-def _checked(text: str) -> str:
+def _check_text(text: str) -> str:
     try:
         return read_requirement(text).text
     except ValueError as error:
@@ -171,7 +171,7 @@ def _checked(text: str) -> str:
 
 
 _WRITTEN = rf"^\s*({'|'.join(_FORMS)})\s*\(.+\)\s*$"
-_Text = Annotated[Word, AfterValidator(_checked), Field(json_schema_extra={"pattern": _WRITTEN})]
+_Text = Annotated[Word, AfterValidator(_check_text), Field(json_schema_extra={"pattern": _WRITTEN})]
 _Texts = tuple[_Text, ...]
 Requirements = Annotated[_Texts, BeforeValidator(listed, json_schema_input_type=_Text | _Texts)]
 """Requirements as written, checked; one alone needs no list."""
@@ -209,7 +209,7 @@ def said_now(path: Sequence[str | int], value: object) -> str | None:
     return f"`{key}` is `must: [{written}]` now"
 
 
-def explained(detail: ErrorDetails) -> str:
+def explain_error(detail: ErrorDetails) -> str:
     """Return the message of a validation error, or the requirement that replaces its key."""
     now = said_now(detail["loc"], detail["input"]) if detail["type"] == "extra_forbidden" else None
     return now or detail["msg"]

@@ -33,7 +33,7 @@ Parser = Callable[[object], object]
 _INT_MAX = 2**31 - 1
 
 
-def number(
+def number_parser(
     least: float = -math.inf,
     above: float = -math.inf,
     most: float = math.inf,
@@ -50,7 +50,7 @@ def number(
         if not math.isfinite(value):
             raise ValueError(f"write a finite number, not {value!r}")
         if not (least <= value <= most and value > above):
-            raise ValueError(f"write a number {_range(least, above, most)}, not {value!r}")
+            raise ValueError(f"write a number {_range_text(least, above, most)}, not {value!r}")
         if known and value not in known:
             near = min(known, key=lambda candidate: abs(candidate - value))
             raise ValueError(f"there is no {value:g}; the nearest is {near:g}")
@@ -64,9 +64,9 @@ def or_off(off: float, parse: Parser) -> Parser:
     return lambda value: off if value is False else parse(value)
 
 
-def integer(least: int, most: int = _INT_MAX) -> Callable[[object], int]:
+def integer_parser(least: int, most: int = _INT_MAX) -> Callable[[object], int]:
     """Return a parser of whole numbers within bounds, by default those of a 32-bit int."""
-    inner = number(least=least, most=most)
+    inner = number_parser(least=least, most=most)
 
     def parse(value: object) -> int:
         parsed = inner(value)
@@ -77,12 +77,14 @@ def integer(least: int, most: int = _INT_MAX) -> Callable[[object], int]:
     return parse
 
 
-def numbers(count: int, names: str, check: Callable[[tuple[float, ...]], str | None]) -> Parser:
+def vector_parser(
+    count: int, names: str, check: Callable[[tuple[float, ...]], str | None]
+) -> Parser:
     """Return a parser of a fixed count of numbers, as a list or as in MJCF: "0.02 1".
 
     Messages give their names; the check returns the mistake in them, or None.
     """
-    one = number()
+    one = number_parser()
 
     def parse(value: object) -> tuple[float, ...]:
         parts = value.split() if isinstance(value, str) else value
@@ -96,7 +98,7 @@ def numbers(count: int, names: str, check: Callable[[tuple[float, ...]], str | N
     return parse
 
 
-def choice(words: Sequence[str]) -> Callable[[object], str]:
+def choice_parser(words: Sequence[str]) -> Callable[[object], str]:
     """Return a parser of one of a few words, ignoring case."""
     canonical = {word.lower(): word for word in words}
 
@@ -108,7 +110,7 @@ def choice(words: Sequence[str]) -> Callable[[object], str]:
     return parse
 
 
-def switch(value: object) -> bool:
+def parse_switch(value: object) -> bool:
     """Parse true or false; also on and off, which YAML 1.2 leaves as words."""
     words = {"on": True, "true": True, "off": False, "false": False}
     if isinstance(value, str) and value.lower() in words:
@@ -118,7 +120,7 @@ def switch(value: object) -> bool:
     return value
 
 
-def _range(least: float, above: float, most: float) -> str:
+def _range_text(least: float, above: float, most: float) -> str:
     parts = [f"of at least {least:g}"] if math.isfinite(least) else []
     parts += [f"above {above:g}"] if math.isfinite(above) else []
     parts += [f"of at most {most:g}"] if math.isfinite(most) else []

@@ -32,12 +32,12 @@ MEASURED = {"type": ["number", "string"], "pattern": f"^({MEASURED_TEXT.pattern}
 """JSON schema of a number, or of a text with a unit."""
 
 
-def _seconds(value: object) -> object:
+def _read_seconds(value: object) -> object:
     return value if (number := without_unit(value, "s")) is None else number
 
 
 Seconds = Annotated[
-    Positive, BeforeValidator(_seconds), WithJsonSchema({**MEASURED, "exclusiveMinimum": 0})
+    Positive, BeforeValidator(_read_seconds), WithJsonSchema({**MEASURED, "exclusiveMinimum": 0})
 ]
 """A time [s]: a number, or a text such as `2s`, `500ms`."""
 Whole = Annotated[int, Field(strict=True)]
@@ -136,7 +136,7 @@ Value = Annotated[
 ]
 
 
-def _fraction(value: object) -> object:
+def _read_fraction(value: object) -> object:
     if not isinstance(value, str):
         return value
     try:
@@ -150,7 +150,9 @@ _Percent = Annotated[str, Field(pattern=f"^{_PERCENT}$")]
 Tolerance = Annotated[
     float,
     Field(strict=True, allow_inf_nan=False, ge=0),
-    BeforeValidator(_fraction, json_schema_input_type=Annotated[float, Field(ge=0)] | _Percent),
+    BeforeValidator(
+        _read_fraction, json_schema_input_type=Annotated[float, Field(ge=0)] | _Percent
+    ),
 ]
 
 

@@ -44,7 +44,7 @@ EffectsBase = Literal["auto", "all"]
 _BASE = "base"
 
 
-def _checked(value: dict[str, bool | EffectsBase]) -> dict[str, bool | EffectsBase]:
+def _check_effects(value: dict[str, bool | EffectsBase]) -> dict[str, bool | EffectsBase]:
     for name, item in value.items():
         if (name == _BASE) == isinstance(item, bool):
             wanted = "auto or all" if name == _BASE else "true or false"
@@ -63,7 +63,7 @@ _BASE_SCHEMA = {
 Effects = Annotated[
     dict[str, Flag | EffectsBase],
     BeforeValidator(lambda value: {_BASE: value} if isinstance(value, str) else value),
-    AfterValidator(_checked),
+    AfterValidator(_check_effects),
     WithJsonSchema(
         {
             "anyOf": [
@@ -82,7 +82,7 @@ Effects = Annotated[
 ]
 
 
-def switches(effects: Mapping[str, bool | EffectsBase]) -> dict[str, bool]:
+def effect_switches(effects: Mapping[str, bool | EffectsBase]) -> dict[str, bool]:
     """Return the effects that are switched by name."""
     return {name: bool(value) for name, value in effects.items() if name != _BASE}
 
@@ -114,7 +114,7 @@ class Condition(Model):
         return self.__pydantic_extra__
 
 
-def _share(**bounds: float) -> WithJsonSchema:
+def _share_schema(**bounds: float) -> WithJsonSchema:
     return WithJsonSchema({**MEASURED, **bounds})
 
 
@@ -227,7 +227,7 @@ class Refine(Model):
         '"slip_distance > 1mm"',
         default="label",
     )
-    probe: Annotated[Tolerance, Field(le=1), _share(minimum=0, maximum=1)] = about(
+    probe: Annotated[Tolerance, Field(le=1), _share_schema(minimum=0, maximum=1)] = about(
         "runs within uniform cells, as a share of the others: a number, or 5%", default=0.05
     )
     start: Annotated[Whole, Field(ge=2)] | None = about(
@@ -268,11 +268,11 @@ class Until(Model):
         'of a metric, such as "slip_distance > 1mm"'
     )
     half_width: Annotated[
-        Tolerance, Field(gt=0, lt=0.5), _share(exclusiveMinimum=0, exclusiveMaximum=0.5)
+        Tolerance, Field(gt=0, lt=0.5), _share_schema(exclusiveMinimum=0, exclusiveMaximum=0.5)
     ] = about("half of the width of the share's interval: a number, or 2%")
-    sure: Annotated[Tolerance, Field(ge=0.5, lt=1), _share(minimum=0.5, exclusiveMaximum=1)] = (
-        about("probability of that interval, however often one looks", default=0.95)
-    )
+    sure: Annotated[
+        Tolerance, Field(ge=0.5, lt=1), _share_schema(minimum=0.5, exclusiveMaximum=1)
+    ] = about("probability of that interval, however often one looks", default=0.95)
 
 
 MARGIN_OF_MUST = "margin of must"
@@ -357,7 +357,7 @@ def scene_reference(scene: object) -> object:
             return scene
 
 
-def _named(scene: object) -> object:
+def _check_scene(scene: object) -> object:
     reference = scene_reference(scene)
     if isinstance(reference, dict | list) or str(reference).endswith((".py", ".py:")):
         raise PydanticCustomError(
@@ -368,7 +368,9 @@ def _named(scene: object) -> object:
     return reference
 
 
-_Named = BeforeValidator(_named, json_schema_input_type=Word | dict[Literal["environment"], Word])
+_Named = BeforeValidator(
+    _check_scene, json_schema_input_type=Word | dict[Literal["environment"], Word]
+)
 
 
 class Sweep(Model):

@@ -44,11 +44,11 @@ class Task(Model):
         runs = f"{len(self.seeds)} seed{'s' * (len(self.seeds) != 1)}"
         observed = ", ".join(self.observed) or "all bodies"
         return (
-            f"{start}, {self._motion()}; {runs}; observed: {observed}; "
-            f"tolerance {self._tolerance()}"
+            f"{start}, {self._motion_text()}; {runs}; observed: {observed}; "
+            f"tolerance {self._tolerance_text()}"
         )
 
-    def _motion(self) -> str:
+    def _motion_text(self) -> str:
         seconds = f"{self.duration:g} s"
         match self.drive:
             case "none" if self.programmed:
@@ -64,7 +64,7 @@ class Task(Model):
             case _:
                 return f"{seconds} driven by {drive_text(self.drive)}"
 
-    def _tolerance(self) -> str:
+    def _tolerance_text(self) -> str:
         match self.unit:
             case "m":
                 return f"{self.tolerance * 1e3:g} mm"

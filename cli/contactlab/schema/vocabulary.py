@@ -39,7 +39,7 @@ class AxisSpec:
     """Gives the parts that a value has, by name; in direct form a solref has no timeconst."""
     known: tuple[float, ...] = ()  # the numbers that it accepts, if they are few
 
-    def accepts(self, value: object) -> bool:
+    def accepts_value(self, value: object) -> bool:
         """Return whether the axis takes a value."""
         try:
             self.parse(value)
@@ -68,7 +68,7 @@ class Vocabulary:
     """Fault of a requirement in runs of that duration; None if there is none."""
 
 
-def _reaching(values: tuple[float, float, float]) -> tuple[float, float, float]:
+def _check_reach(values: tuple[float, float, float]) -> tuple[float, float, float]:
     first, last, step = values
     if step == 0 or (last - first) / step < 0:
         raise PydanticCustomError(
@@ -79,14 +79,14 @@ def _reaching(values: tuple[float, float, float]) -> tuple[float, float, float]:
     return values
 
 
-def _ordered(bounds: tuple[float, float]) -> tuple[float, float]:
+def _check_order(bounds: tuple[float, float]) -> tuple[float, float]:
     if bounds[0] >= bounds[1]:
         raise PydanticCustomError("span_order", "needs two bounds, the lower one first")
     return bounds
 
 
-_Steps = Annotated[tuple[_Amount, _Amount, _Amount], AfterValidator(_reaching)]
-_Span = AfterValidator(_ordered)
+_Steps = Annotated[tuple[_Amount, _Amount, _Amount], AfterValidator(_check_reach)]
+_Span = AfterValidator(_check_order)
 
 
 class Ranged(Model):
@@ -97,7 +97,7 @@ class Ranged(Model):
     )
 
     @classmethod
-    def form(cls) -> str:
+    def form_key(cls) -> str:
         """Return the key that tells the form from others: its first field of its own."""
         return next(name for name in cls.model_fields if name != "role")
 
@@ -152,17 +152,18 @@ class Drawn(Ranged):
 
 
 FORMS: Mapping[str, type[Ranged]] = {
-    form.form(): form for form in (Values, Linspace, Logspace, Range, Uniform, Loguniform, Drawn)
+    form.form_key(): form
+    for form in (Values, Linspace, Logspace, Range, Uniform, Loguniform, Drawn)
 }
 
 
-def _form(data: object) -> str | None:
+def _axis_form(data: object) -> str | None:
     if isinstance(data, list | tuple) or data == "all":
         return "@all" if data == "all" else "@list"
     if isinstance(data, Mapping):
         keys = cast("Mapping[str, object]", data)
         return next((f"@{name}" for name in FORMS if name in keys), None)
-    return f"@{data.form()}" if isinstance(data, Ranged) else None
+    return f"@{data.form_key()}" if isinstance(data, Ranged) else None
 
 
 # Tags start with @ so that an error's path never mistakes one for a key of the file.
@@ -179,7 +180,7 @@ Axis = Annotated[
     | Annotated[Loguniform, Tag("@loguniform")]
     | Annotated[Drawn, Tag("@sample")],
     Discriminator(
-        _form,
+        _axis_form,
         custom_error_type="axis_form",
         custom_error_message="an axis is a list of values or one of: " + ", ".join(FORMS),
     ),

@@ -18,7 +18,7 @@ def number_array(values: NDArray[np.number]) -> pa.Array:
     return pa.Array.from_buffers(kind, len(held), [None, pa.py_buffer(held)])
 
 
-def zero(kind: pa.DataType) -> pa.Scalar:
+def zero_scalar(kind: pa.DataType) -> pa.Scalar:
     """Return zero of a kind of numbers, or False."""
     return pa.Array.from_buffers(kind, 1, [None, pa.py_buffer(bytes(8))])[0]
 

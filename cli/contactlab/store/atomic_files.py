@@ -154,11 +154,11 @@ class GroupCommit:
         self._timer: Timer | None = None
         self._failure: OSError | None = None
 
-    def changed(self) -> None:
+    def request_sync(self) -> None:
         """Request a sync after a change."""
         self._raise_failure()
         if self._timer is None:
-            self._timer = Timer(_COMMIT_INTERVAL, self._sync)
+            self._timer = Timer(_COMMIT_INTERVAL, self._sync_changes)
             self._timer.daemon = True
             self._timer.start()
 
@@ -167,10 +167,10 @@ class GroupCommit:
         if (timer := self._timer) is not None:
             timer.cancel()
         # Even during another sync, this returns only after all data is on the disk.
-        self._sync()
+        self._sync_changes()
         self._raise_failure()
 
-    def _sync(self) -> None:
+    def _sync_changes(self) -> None:
         # Reset first, so that a change during the sync requests another one.
         self._timer = None
         try:

@@ -20,10 +20,10 @@ class WriteSession(Protocol):
         """The local folder."""
         ...
 
-    def clear(self) -> None:
+    def clear_store(self) -> None:
         """Remove the whole store, the manifest first and the identity last."""
 
-    def begin(self, identity: SweepIdentity) -> None:
+    def begin_store(self, identity: SweepIdentity) -> None:
         """Make a new store from the local folder's scene and the identity, which comes last."""
 
     def fetch_journal(self) -> None:
@@ -35,18 +35,18 @@ class WriteSession(Protocol):
     def add_lines(self, name: str, lines: Sequence[bytes]) -> None:
         """Store lines that were appended to a local file, in the background."""
 
-    def flush(self) -> None:
+    def flush_lines(self) -> None:
         """Wait until all lines are stored."""
 
-    def table(self) -> Path:
+    def table_file(self) -> Path:
         """Return a local file with the table of a finished store."""
         ...
 
-    def publish(self, manifest: StoreManifest) -> StoreManifest:
+    def publish_store(self, manifest: StoreManifest) -> StoreManifest:
         """Store the table and, last, the manifest. Return the manifest in the store."""
         ...
 
-    def unpublish(self) -> None:
+    def reopen_store(self) -> None:
         """Make a finished store unfinished, with the rows of the local journal."""
 
     def remove_journal(self) -> None:
@@ -71,14 +71,14 @@ class Backend(Protocol):
         """Return the names of the files and folders at the top."""
         ...
 
-    def read(self, name: str) -> bytes | None:
+    def read_file(self, name: str) -> bytes | None:
         """Return the content of a file; None if it does not exist."""
         ...
 
-    def put(self, name: str, data: bytes) -> None:
+    def put_file(self, name: str, data: bytes) -> None:
         """Create or replace a file as a whole."""
 
-    def delete(self, names: Iterable[str]) -> None:
+    def delete_files(self, names: Iterable[str]) -> None:
         """Delete files; missing ones are ignored."""
 
     def local_copy(self, manifest: bytes, names: Collection[str]) -> Path:
@@ -109,7 +109,7 @@ class Backend(Protocol):
         """Yield the names of all files, and of empty folders, which end with a slash."""
         ...
 
-    def leftovers(self) -> list[str]:
+    def leftover_names(self) -> list[str]:
         """Return the names of files left by an interrupted write, sorted."""
         ...
 

@@ -43,7 +43,7 @@ def encode_controls(controls: RecordedControls, names: Sequence[str]) -> bytes:
 def read_controls(backend: Backend, sha256: str) -> RecordedControls:
     """Return stored controls. Raises a StoreError if they are missing or have changed."""
     name = controls_name(sha256)
-    data = backend.read(name)
+    data = backend.read_file(name)
     if data is None:
         raise StoreError(f"{backend.address / name} is missing")
     try:

@@ -124,7 +124,7 @@ class Store:
         """Open a store without checking its table; see `open`."""
         address = parse_address(address)
         backend = backend_at(address, StoreError)
-        data = backend.read(MANIFEST)
+        data = backend.read_file(MANIFEST)
         if data is None:
             names = backend.top_names()
             if not names:

@@ -56,14 +56,14 @@ class FolderBackend:
         """Return the names of the files and folders at the top."""
         return {path.name for path in self.address.iterdir()} if self.address.is_dir() else set()
 
-    def read(self, name: str) -> bytes | None:
+    def read_file(self, name: str) -> bytes | None:
         """Return the content of a file; None if it does not exist."""
         try:
             return read_stored(self.address, name)
         except OSError as error:
             raise self._error(f"cannot read {self.address / name}: {error.strerror}") from error
 
-    def put(self, name: str, data: bytes) -> None:
+    def put_file(self, name: str, data: bytes) -> None:
         """Create or replace a file as a whole."""
         folder = name.rpartition("/")[0]
         # Cached, because asking the system for each file takes longer.
@@ -73,7 +73,7 @@ class FolderBackend:
             self._made.add(folder)
         write_file(f"{self.address}/{name}", data)
 
-    def delete(self, names: Iterable[str]) -> None:
+    def delete_files(self, names: Iterable[str]) -> None:
         """Delete files; missing ones are ignored."""
         for path in (self.address / name for name in names):
             with write_errors(path):
@@ -115,7 +115,7 @@ class FolderBackend:
             if prefix and not files and not folders:
                 yield prefix
 
-    def leftovers(self) -> list[str]:
+    def leftover_names(self) -> list[str]:
         """Return the names of files left by an interrupted write, sorted."""
         journals = (self.address / name for name in (JOURNAL, NOTES))
         temporary = self.address.rglob("*" + TEMPORARY_SUFFIX)
@@ -125,7 +125,7 @@ class FolderBackend:
         """Return the names of entries that do not belong to a store, sorted."""
         return sorted(name for name in self.top_names() if target_name(name) not in _STORE_NAMES)
 
-    def temporaries(self) -> list[str]:
+    def temporary_names(self) -> list[str]:
         """Return the names of temporary files at the top left by stopped processes."""
         return [
             name for name in self.top_names() - {*_FILE_NAMES} if target_name(name) in _FILE_NAMES
@@ -157,15 +157,15 @@ class FolderSession:
         self._backend = backend
         self._commit: GroupCommit | None = None
 
-    def clear(self) -> None:
+    def clear_store(self) -> None:
         """Remove the whole store."""
         # The manifest goes first and the identity last: a half-removed store must not look
         # finished, nor contain runs without a sweep.
-        self._backend.delete([MANIFEST, JOURNAL, NOTES, TABLE, IDENTITY])
+        self._backend.delete_files([MANIFEST, JOURNAL, NOTES, TABLE, IDENTITY])
         for name in (SCENES, TRACES, CONTROLS):
             shutil.rmtree(self.folder / name, ignore_errors=True)
 
-    def begin(self, identity: SweepIdentity) -> None:
+    def begin_store(self, identity: SweepIdentity) -> None:
         """Make a new store from the local folder's scene and the identity, which comes last."""
         (self.folder / TRACES).mkdir(exist_ok=True)
         sync_filesystem(self.folder)
@@ -183,19 +183,19 @@ class FolderSession:
         """Write lines that were appended to a local file to disk within a second."""
         del name, lines
         self._commit = self._commit or GroupCommit(self.folder)
-        self._commit.changed()
+        self._commit.request_sync()
 
-    def flush(self) -> None:
+    def flush_lines(self) -> None:
         """Wait until all lines are stored."""
         commit, self._commit = self._commit, None
         if commit is not None:
             commit.close()
 
-    def table(self) -> Path:
+    def table_file(self) -> Path:
         """Return a local file with the table of a finished store."""
         return self.folder / TABLE
 
-    def publish(self, manifest: StoreManifest) -> StoreManifest:
+    def publish_store(self, manifest: StoreManifest) -> StoreManifest:
         """Store the table and, last, the manifest. Return the manifest in the store."""
         self.remove_temporaries()
         sync_filesystem(self.folder)
@@ -204,18 +204,18 @@ class FolderSession:
         self.remove_journal()
         return manifest
 
-    def unpublish(self) -> None:
+    def reopen_store(self) -> None:
         """Make a finished store unfinished, with the rows of the local journal."""
-        self._backend.delete([MANIFEST])
+        self._backend.delete_files([MANIFEST])
         sync_filesystem(self.folder)
 
     def remove_journal(self) -> None:
         """Remove the rows and notes of a finished store."""
-        self._backend.delete([JOURNAL, NOTES, *self._backend.temporaries()])
+        self._backend.delete_files([JOURNAL, NOTES, *self._backend.temporary_names()])
 
     def remove_temporaries(self) -> None:
         """Remove temporary files left by stopped processes, such as killed workers."""
-        self._backend.delete(self._backend.temporaries())
+        self._backend.delete_files(self._backend.temporary_names())
         for name in (TRACES, CONTROLS):
             for leftover in (self.folder / name).rglob("*" + TEMPORARY_SUFFIX):
                 leftover.unlink()

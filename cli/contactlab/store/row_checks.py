@@ -61,7 +61,7 @@ class RowChecks:
             for part, inner in FIELDS_OF_PARTS.items()
         }
 
-    def suspects(self, rows: pa.RecordBatch) -> Truths:
+    def find_suspects(self, rows: pa.RecordBatch) -> Truths:
         """Return (n,) a mask of rows that may violate a rule; there is at least one row."""
         columns = dict(zip(rows.schema.names, rows.columns, strict=True))
         try:
@@ -133,7 +133,7 @@ class _FieldCheck:
     @cached_property
     def _accepts_null(self) -> bool:
         # Null instead of JSON means that the field is omitted.
-        return not self.required if self._stored.is_json else self._accepts(None)
+        return not self.required if self._stored.is_json else self._accepts_texts(None)
 
     @cached_property
     def _value_model(self) -> type[Model]:
@@ -142,10 +142,10 @@ class _FieldCheck:
         field: Any = list[kind], ...
         return create_model("Checked", __base__=Model, values=field)
 
-    def _accepts(self, *values: object) -> bool:
+    def _accepts_texts(self, *values: object) -> bool:
         """Return whether the field accepts each of some values."""
         try:
-            self._value_model.model_validate({"values": [*map(self._stored.restored, values)]})
+            self._value_model.model_validate({"values": [*map(self._stored.from_stored, values)]})
         except ValueError:
             return False
         return True
@@ -156,8 +156,8 @@ class _FieldCheck:
         tried = different - self._known
         wrong = (
             set[str]()
-            if self._accepts(*tried)
-            else {text for text in tried if not self._accepts(text)}
+            if self._accepts_texts(*tried)
+            else {text for text in tried if not self._accepts_texts(text)}
         )
         if len(self._known) < _MAX_KNOWN_TEXTS:
             self._known |= different - wrong

@@ -78,7 +78,7 @@ class _LineReader:
     def __init__(self, check: Callable[[Row], None] = lambda _: None) -> None:
         self._check, self._name, self._shared = check, b"", dict[str, Any]()
 
-    def row(self, line: bytes) -> dict[str, Any] | None:
+    def parse_row(self, line: bytes) -> dict[str, Any] | None:
         """Return the row of a whole line, None for a line of shared fields; see `parsed`."""
         row, name = parse_line(line), row_extent(line)[1]
         if name == SHARED:
@@ -118,7 +118,7 @@ def repair_journal(
             if not line.endswith(b"\n"):
                 break
             try:
-                row = reader.row(line)
+                row = reader.parse_row(line)
             except ValueError as error:
                 if repair:
                     continue
@@ -154,7 +154,7 @@ def read_lines(path: Path) -> Iterator[dict[str, Any]]:
     with path.open("rb") as lines:
         for line in lines:
             with suppress(ValueError):
-                if (row := reader.row(line)) is not None:
+                if (row := reader.parse_row(line)) is not None:
                     yield row
 
 
@@ -197,7 +197,7 @@ class ResumedRows:
     retry_failed: bool  # whether failed runs are removed
     repair: bool  # whether runs with contradictory evidence are removed
 
-    def check(self, row: Row) -> None:
+    def check_row(self, row: Row) -> None:
         """Check that a row belongs to this sweep, with `repair` completely. Raises a ValueError."""
         try:
             head = _RowHead.model_validate(row)
@@ -217,11 +217,11 @@ class ResumedRows:
                 f"is {self.identity.scene_hash}"
             )
 
-    def keeps(self, row: Row) -> bool:
+    def keeps_run(self, row: Row) -> bool:
         """Return whether a run stays: it need not be retried, and its files are unchanged."""
         name = row.get("trace_file")
         if self.retry_failed and row["status"] in FAILED_STATUSES:
-            self.backend.delete([name] if name else [])
+            self.backend.delete_files([name] if name else [])
             return False
         if row.get("controls") and not has_controls(self.backend, row["controls"]):
             return False
@@ -229,9 +229,9 @@ class ResumedRows:
             return True
         if not self.backend.holds_trace(name, row["trace_bytes"], row["trace_sha256"]):
             return False
-        return not (self.repair and self._contradicts(row, name))
+        return not (self.repair and self._contradicts_trace(row, name))
 
-    def _contradicts(self, row: Row, name: str) -> bool:
+    def _contradicts_trace(self, row: Row, name: str) -> bool:
         from contactlab.store.mcap.trace_reader import trace_problems  # noqa: PLC0415 - takes a while
 
         record = self._build_record(row)

@@ -36,7 +36,7 @@ class RowGroups:
     @cached_property
     def ids(self) -> list[str]:
         """The ids of the runs."""
-        return self.values("run_id")
+        return self.column_values("run_id")
 
     @property
     def firsts(self) -> list[int]:
@@ -48,31 +48,31 @@ class RowGroups:
         """The group of each row."""
         return self._group.tolist()
 
-    def members(self) -> Iterator[list[int]]:
+    def iterate_groups(self) -> Iterator[list[int]]:
         """Yield the rows of each group."""
         order = np.argsort(self._group, kind="stable")
         for rows in np.split(order, np.cumsum(np.bincount(self._group))[:-1]):
             yield rows.tolist()
 
-    def axes(self, row: int) -> dict[str, Any]:
+    def axes_of_row(self, row: int) -> dict[str, Any]:
         """Return the axis values of a row."""
-        return {name: self.value(name, row) for name in self.value(AXES_COLUMN.name, row)}
+        return {name: self.value_at(name, row) for name in self.value_at(AXES_COLUMN.name, row)}
 
-    def value(self, name: str, row: int) -> Any:  # noqa: ANN401 - of the column's type
+    def value_at(self, name: str, row: int) -> Any:  # noqa: ANN401 - of the column's type
         """Return the value of a row in a column."""
         return self._rows[name][row].as_py()
 
-    def values(self, name: str) -> list[Any]:
+    def column_values(self, name: str) -> list[Any]:
         """Return a column."""
         return self._rows[name].to_pylist()
 
-    def table(self, names: Sequence[str]) -> list[dict[str, Any]]:
+    def select_columns(self, names: Sequence[str]) -> list[dict[str, Any]]:
         """Return some columns, row by row."""
         if not names:
             return [{} for _ in self.ids]
         return self._rows.select([*names]).to_pylist()
 
-    def differs(self, name: str) -> NDArray[np.bool_]:
+    def differing_rows(self, name: str) -> NDArray[np.bool_]:
         """Return (n,) whether rows differ from their group's first in a column of structs."""
         first, found = number_array(self._firsts[self._group]), np.zeros(len(self._rows), bool)
         for entry in self._rows[name].flatten():

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from pydantic_core import from_json
 
 from contactlab.errors import StoreError
-from contactlab.store.arrow_values import number_array, numpy_array, zero
+from contactlab.store.arrow_values import number_array, numpy_array, zero_scalar
 from contactlab.store.atomic_files import atomic_write
 from contactlab.store.row_journal import SHARED, row_extent
 from contactlab.store.store_files import TABLE, Address
@@ -139,8 +139,8 @@ def _write_groups(
             table = table.replace_schema_metadata(meta)
             writer.write_table(table, row_group_size=len(table))
             for rows in table.to_batches():
-                digest.add(rows)
-    return digest.of(pq.read_schema(target))
+                digest.add_rows(rows)
+    return digest.digests_for(pq.read_schema(target))
 
 
 def rows_of_group(runs: int) -> int:
@@ -156,7 +156,7 @@ def _journal_groups(journal: Path, lines: BinaryIO, schema: pa.Schema) -> Iterat
     reader = _RowReader(lines, schema)
     for spans in _row_groups(lines):
         try:
-            yield reader.table(spans)
+            yield reader.read_spans(spans)
         except pa.ArrowException as error:
             raise StoreError(
                 f"{journal}: a row is incompatible with the table: {error}; add --repair to run "
@@ -179,7 +179,11 @@ def _merged_groups(sources: Mapping[Address, Path]) -> Iterator[pa.Table]:
             source_order = of_source[first : first + group]
             counts = np.bincount(source_order, minlength=len(readers)).tolist()
             rows = pa.concat_tables(
-                [reader.take(count) for reader, count in zip(readers, counts, strict=True) if count]
+                [
+                    reader.take_rows(count)
+                    for reader, count in zip(readers, counts, strict=True)
+                    if count
+                ]
             )
             # Row j of these, source by source, belongs to index p[j] of the group.
             back = np.empty(len(source_order), np.int64)
@@ -199,7 +203,7 @@ class _RowSource:
         self._batches = batches_of(file, size)
         self._left = file.schema_arrow.empty_table()
 
-    def take(self, count: int) -> pa.Table:
+    def take_rows(self, count: int) -> pa.Table:
         """Return the next rows."""
         while len(self._left) < count:
             batch = pa.Table.from_batches([next(self._batches)])
@@ -215,7 +219,7 @@ class _RowReader:
         self._lines, self._schema = lines, schema
         self._found = dict[str, None]()  # own fields of the rows so far
 
-    def table(self, spans: NDArray[np.void]) -> pa.Table:
+    def read_spans(self, spans: NDArray[np.void]) -> pa.Table:
         """Return rows, including their shared fields."""
         own = pa.concat_tables(
             [self._all_rows(block) for block in _line_blocks(self._lines, spans)]
@@ -430,8 +434,8 @@ def digests_of(path: Path) -> Digests:
     with table_errors(path), pq.ParquetFile(path) as file:
         digest = RowsDigest()
         for batch in batches_of(file, GROUP):
-            digest.add(batch)
-        return digest.of(file.schema_arrow)
+            digest.add_rows(batch)
+        return digest.digests_for(file.schema_arrow)
 
 
 class RowsDigest:
@@ -447,32 +451,34 @@ class RowsDigest:
     def __init__(self) -> None:
         self._streams = defaultdict[tuple[str, str], _StreamDigest](_StreamDigest)
 
-    def add(self, rows: pa.RecordBatch) -> pa.RecordBatch:
+    def add_rows(self, rows: pa.RecordBatch) -> pa.RecordBatch:
         """Add the rows that follow, and return them."""
         for name, column in zip(rows.schema.names, rows.columns, strict=True):
-            self._add(name, name, column)
+            self._add_column(name, name, column)
         return rows
 
-    def _add(self, name: str, part: str, column: pa.Array) -> None:
+    def _add_column(self, name: str, part: str, column: pa.Array) -> None:
         """Add the next rows to the streams of a column, or of a part of it."""
         kind, given = column.type, self._streams[name, f"{part}?"]
         if column.null_count in {0, len(column)}:
-            given.repeat(b"\0" if column.null_count else b"\1", len(column))
+            given.add_repeated(b"\0" if column.null_count else b"\1", len(column))
         else:
-            given.add(numpy_array(compute_digests("is_valid", column)))
+            given.add_values(numpy_array(compute_digests("is_valid", column)))
         if pa.types.is_struct(kind):
             for field, inner in zip(kind, column.flatten(), strict=True):
-                self._add(name, f"{part}.{field.name}", inner)
+                self._add_column(name, f"{part}.{field.name}", inner)
         elif pa.types.is_list(kind):
-            self._streams[name, f"{part}#"].add(_entry_lengths("list_value_length", column))
-            self._add(name, f"{part}[]", compute_digests("list_flatten", column))
+            self._streams[name, f"{part}#"].add_values(_entry_lengths("list_value_length", column))
+            self._add_column(name, f"{part}[]", compute_digests("list_flatten", column))
         elif pa.types.is_string(kind):
-            self._streams[name, f"{part}#"].add(_entry_lengths("binary_length", column))
-            self._streams[name, f"{part}="].add(_join_letters(compute_digests("drop_null", column)))
+            self._streams[name, f"{part}#"].add_values(_entry_lengths("binary_length", column))
+            self._streams[name, f"{part}="].add_values(
+                _join_letters(compute_digests("drop_null", column))
+            )
         else:
-            self._streams[name, f"{part}="].add(_filled_numbers(column))
+            self._streams[name, f"{part}="].add_values(_filled_numbers(column))
 
-    def of(self, schema: pa.Schema) -> Digests:
+    def digests_for(self, schema: pa.Schema) -> Digests:
         """Return the digests of all rows that were added, with the schema of the stored table."""
         shared = shared_fields(schema)
         physics = [field for field in schema if field.name not in COLUMNS_OF_MACHINE]
@@ -504,16 +510,16 @@ class _StreamDigest:
         self._item, self._times = b"", 0
         self._digest: Any = None
 
-    def add(self, values: NDArray[Any]) -> None:
+    def add_values(self, values: NDArray[Any]) -> None:
         """Add the bytes of values (n,)."""
         data, width = values.view(np.uint8), values.itemsize
         alike = len(data) > width and data[:width].tobytes() == data[-width:].tobytes()
         if alike and np.array_equal(data[width:], data[:-width]):
-            self.repeat(data[:width].tobytes(), len(values))
+            self.add_repeated(data[:width].tobytes(), len(values))
         elif len(data):
             self._new_hasher().update(data)
 
-    def repeat(self, item: bytes, times: int) -> None:
+    def add_repeated(self, item: bytes, times: int) -> None:
         """Add an item `times` times."""
         if self._digest is None and self._item in {b"", item}:
             self._item = item if times else self._item
@@ -563,6 +569,6 @@ def _entry_lengths(function: str, column: pa.Array) -> NDArray[np.int64]:
 def _filled_numbers(column: pa.Array) -> NDArray[Any]:
     """Return (n,) numbers or booleans, 0 for nulls."""
     if 0 < column.null_count < len(column):
-        column = compute_digests("coalesce", column, zero(column.type))
+        column = compute_digests("coalesce", column, zero_scalar(column.type))
     values = numpy_array(column)
     return np.zeros_like(values) if column.null_count else values

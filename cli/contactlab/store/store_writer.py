@@ -89,7 +89,7 @@ class StoreWriter:
         """Local folder of the copied scene."""
         return self.path / SCENES / self.identity.scene_hash
 
-    def append(self, rows: Sequence[bytes], shared: bytes = b"") -> None:
+    def append_rows(self, rows: Sequence[bytes], shared: bytes = b"") -> None:
         """Add finished runs as JSON rows, and their shared fields; their traces must exist."""
         self._add_lines(JOURNAL, encode_lines(rows, shared))
 
@@ -105,15 +105,15 @@ class StoreWriter:
             self._files[name].flush()
         self._session.add_lines(name, lines)
 
-    def notes(self) -> Iterator[dict[str, Any]]:
+    def read_notes(self) -> Iterator[dict[str, Any]]:
         """Yield all notes, including those from before an interruption."""
         return read_lines(self.path / NOTES)
 
-    def rows(self) -> Iterator[dict[str, Any]]:
+    def read_rows(self) -> Iterator[dict[str, Any]]:
         """Yield the rows of all finished runs."""
         return read_lines(self.path / JOURNAL)
 
-    def finish(
+    def finish_store(
         self,
         own: Sequence[Column],
         shared: Mapping[str, Any],
@@ -137,10 +137,10 @@ class StoreWriter:
         digests = write_table(self.path / JOURNAL, self.path / TABLE, own, said)
         if identity:
             self.identity = identity
-            self._session.begin(identity)
+            self._session.begin_store(identity)
         return self._publish_manifest(digests, provenance, times, concluded)
 
-    def join(
+    def join_tables(
         self,
         tables: Mapping[Address, Path],
         provenance: Provenance,
@@ -174,12 +174,12 @@ class StoreWriter:
             started=times[0],
             finished=times[1],
         )
-        return self._session.publish(manifest)
+        return self._session.publish_store(manifest)
 
-    def discard(self) -> None:
+    def discard_store(self) -> None:
         """Remove the store, which has no runs."""
         self.close()
-        self._session.clear()
+        self._session.clear_store()
 
     def close(self) -> None:
         """Close the store, still resumable, after all rows are stored."""
@@ -188,7 +188,7 @@ class StoreWriter:
                 with write_errors(self.path / name):
                     file.close()
         finally:
-            self._session.flush()
+            self._session.flush_lines()
 
 
 def _shared_fields(provenance: Provenance, times: tuple[str, str]) -> dict[str, Any]:
@@ -220,14 +220,14 @@ def open_writer(
     with write_errors(address, within=True), backend.write_session() as session:
         if fresh:
             _refuse_foreign(backend, "not removed")
-            session.clear()
+            session.clear_store()
         manifest = _find_manifest(rows)
         if manifest is not None:
             check_same_sweep(address, manifest.sweep, identity)
             session.remove_journal()
             rows_to_keep = _rows_to_keep(rows, session, manifest)
             if rows_to_keep is None and not is_covered(manifest.sweep, identity):
-                rows_to_keep = iterate_rows(session.table())
+                rows_to_keep = iterate_rows(session.table_file())
             if rows_to_keep is None:
                 yield manifest
                 return
@@ -237,7 +237,7 @@ def open_writer(
                     f"{session.folder} is a baseline without traces; sweep again elsewhere with -o"
                 )
             write_journal(session.folder / JOURNAL, rows_to_keep)
-            session.unpublish()
+            session.reopen_store()
         run_ids = _prepare_store(rows, session, {identity.scene_hash: scene, **beside})
         writer = StoreWriter(session, identity, run_ids)
         try:
@@ -253,15 +253,15 @@ def open_writer(
 def _find_manifest(rows: ResumedRows) -> StoreManifest | None:
     """Return a store's manifest, None if it has none; with `repair` a damaged one is removed."""
     backend = rows.backend
-    data = backend.read(MANIFEST)
+    data = backend.read_file(MANIFEST)
     try:
         return None if data is None else parse_manifest(data, backend.address)
     except StoreError:
-        stored = backend.read(IDENTITY)
+        stored = backend.read_file(IDENTITY)
         if not rows.repair or stored is None:
             raise
         check_same_sweep(backend.address, parse_identity(stored, backend.address), rows.identity)
-        backend.delete([MANIFEST])
+        backend.delete_files([MANIFEST])
         return None
 
 
@@ -270,7 +270,7 @@ def _prepare_store(
 ) -> frozenset[str]:
     """Make a new store, or repair an interrupted one. Return the ids of its runs."""
     address, folder = rows.backend.address, session.folder
-    stored = rows.backend.read(IDENTITY)
+    stored = rows.backend.read_file(IDENTITY)
     if stored is None:
         _refuse_foreign(rows.backend, "choose another place with -o")
     else:
@@ -286,14 +286,14 @@ def _prepare_store(
     for name, files in folders.items():
         _copy_files(files, folder / SCENES / name, is_begun=is_begun)
     if not is_begun or not _chooses_alike(rows, stored):
-        session.begin(rows.identity)
+        session.begin_store(rows.identity)
     end_torn_line(folder / NOTES)
     run_ids = repair_journal(
-        folder, rows.check, rows.keeps, repair=rows.repair, shown_path=address / JOURNAL
+        folder, rows.check_row, rows.keeps_run, repair=rows.repair, shown_path=address / JOURNAL
     )
     if rows.repair:
         named = {row.get("trace_file") for row in read_lines(folder / JOURNAL)}
-        rows.backend.delete(name for name in rows.backend.trace_names() if name not in named)
+        rows.backend.delete_files(name for name in rows.backend.trace_names() if name not in named)
     session.replace_journal()
     return run_ids
 
@@ -340,11 +340,11 @@ def _rows_to_keep(
     """Return the rows of a finished store with damaged or failed runs; None if it has none."""
     if rows.repair and find_problems(rows.backend.address):
         # In a changed table, no row is known to be valid.
-        table = session.table()
+        table = session.table_file()
         is_sound = table.is_file() and sha256_of(table) == manifest.files.get(TABLE)
         return iterate_rows(table) if is_sound else ()
     if rows.retry_failed and not FAILED_STATUSES.isdisjoint(manifest.statuses):
-        return iterate_rows(session.table())
+        return iterate_rows(session.table_file())
     return None
 
 

@@ -47,7 +47,7 @@ class StoredField:
     is_left_out: Callable[[Any], bool] | None = None
 
     @classmethod
-    def of(cls, name: str, info: FieldInfo, prefix: str = "") -> "StoredField":
+    def from_field(cls, name: str, info: FieldInfo, prefix: str = "") -> "StoredField":
         """Return a field with the column that follows from its type and description."""
         is_struct = InTable.STRUCT in info.metadata
         kind = pa.struct([]) if is_struct else type_of_field(info.annotation)
@@ -64,7 +64,7 @@ class StoredField:
         left_out = info.exclude_if
         return cls(column, info, kind is None, is_struct, is_sparse, left_out)
 
-    def stored(self, value: Any) -> Any:  # noqa: ANN401 - of the field's own type
+    def to_stored(self, value: Any) -> Any:  # noqa: ANN401 - of the field's own type
         """Return a value of the field in the form of the table."""
         if value is None or not self.is_json:
             return value
@@ -74,7 +74,7 @@ class StoredField:
             else to_json(value).decode()
         )
 
-    def restored(self, value: Any) -> Any:  # noqa: ANN401 - of the column's type
+    def from_stored(self, value: Any) -> Any:  # noqa: ANN401 - of the column's type
         """Return a value of the column in the form of the field."""
         if self.is_json:
             return None if value is None else from_json(value)
@@ -117,7 +117,7 @@ _WITH_OWN_COLUMNS = {
 }
 FIELDS_OF_PARTS = {
     name: {
-        inner: StoredField.of(inner, inner_info, mark.prefix)
+        inner: StoredField.from_field(inner, inner_info, mark.prefix)
         for inner, inner_info in _model_of(info.annotation).model_fields.items()
     }
     for name, info in _RECORD_FIELDS.items()
@@ -125,7 +125,7 @@ FIELDS_OF_PARTS = {
     if isinstance(mark, InColumns)
 }
 PLAIN_FIELDS = {
-    name: StoredField.of(name, info)
+    name: StoredField.from_field(name, info)
     for name, info in _RECORD_FIELDS.items()
     if name not in {*SHARED_FIELDS, *_WITH_OWN_COLUMNS, *FIELDS_OF_PARTS}
 }
@@ -303,12 +303,12 @@ def to_row(fields: Mapping[str, Any]) -> Row:
     row: Row = {}
     for name, field in PLAIN_FIELDS.items():
         if name in fields and not (field.is_left_out and field.is_left_out(fields[name])):
-            row[name] = field.stored(fields[name])
+            row[name] = field.to_stored(fields[name])
     for part, inner in FIELDS_OF_PARTS.items():
         if part in fields:
             of_part = fields[part]
             row |= {
-                field.column.name: field.stored(getattr(of_part, name, None))
+                field.column.name: field.to_stored(getattr(of_part, name, None))
                 for name, field in inner.items()
             }
     if "labels" in fields:
@@ -352,7 +352,7 @@ def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> Evidence
 def _restore_fields(row: Mapping[str, Any], fields: Mapping[str, StoredField]) -> Row:
     """Return the fields with columns in a row; JSON that is null counts as missing."""
     return {
-        name: field.restored(row[field.column.name])
+        name: field.from_stored(row[field.column.name])
         for name, field in fields.items()
         if row.get(field.column.name) is not None
         or (field.column.name in row and not field.is_json)

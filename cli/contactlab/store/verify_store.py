@@ -96,7 +96,7 @@ def _find_problems(
         yield f"{TABLE}: {error}"
     # Files, and empty folders, that no part of the store names.
     files = store.manifest.files
-    bound = {*files, *store.backend.leftovers(), IDENTITY, TABLE, MANIFEST, LOCK}
+    bound = {*files, *store.backend.leftover_names(), IDENTITY, TABLE, MANIFEST, LOCK}
     for name in store.backend.file_names():
         was_left = name.endswith("/") and any(file.startswith(name) for file in files)
         if name not in bound and not was_left and not _RECORD_FILES.fullmatch(name):
@@ -187,7 +187,7 @@ def _check_files(store: Store) -> Iterator[str]:
     for name in (IDENTITY, TABLE):
         if name not in files:
             yield f"{name}: {MANIFEST} does not name it"
-    for name in store.backend.leftovers():
+    for name in store.backend.leftover_names():
         yield f"{name}: left over from an interrupted write"
 
 
@@ -304,7 +304,7 @@ def _check_records(
     for name in store.backend.trace_names():
         if name not in named:
             yield f"{name}: belongs to no run"
-    digests = digest.of(store.columns.schema)
+    digests = digest.digests_for(store.columns.schema)
     if store.manifest.records != digests.records:
         yield f"{TABLE}: its records do not match the manifest's digest"
     elif store.manifest.physics not in {None, digests.physics}:
@@ -315,7 +315,7 @@ def _traced_records(
     store: Store, problems: list[str], chosen: NDArray[np.bool_] | None, digest: RowsDigest
 ) -> Iterator[EvidenceRecord]:
     """Yield the records with a trace, collect damaged ones, and add all rows to a digest."""
-    batches = map(digest.add, store.columns.batches())
+    batches = map(digest.add_rows, store.columns.batches())
     traced = not store.manifest.traces_left_out
     rows = _suspected_rows(store, select_rows(batches, chosen), traced=traced)
     for record in _sound_records(store, rows, problems):
@@ -346,7 +346,7 @@ def _suspected_rows(
     columns = store.columns
     checks = RowChecks(store.manifest.sweep, columns.shared)
     for rows in batches:
-        wanted = checks.suspects(rows)
+        wanted = checks.find_suspects(rows)
         if traced and "trace_file" in rows.schema.names:
             wanted = wanted | ~is_null(rows["trace_file"])
         found = rows_of(rows, wanted).to_pylist() if wanted.any() else []
@@ -378,7 +378,7 @@ def wrong_parts(
     budget = asked.get("latency_budget")
     if not isinstance(timestep, int | float):
         yield "timestep"
-    elif cost is not None and cost != Cost.of(cost.cpu_s, record.steps, timestep, budget):
+    elif cost is not None and cost != Cost.of_steps(cost.cpu_s, record.steps, timestep, budget):
         yield "cost"
 
 
@@ -438,7 +438,7 @@ def _copy_without_traces(store: Store, target: Path) -> None:
     for sha256 in {record.controls for record in store.records() if record.controls is not None}:
         file = target / controls_name(sha256)
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_bytes(store.backend.read(controls_name(sha256)) or b"")
+        file.write_bytes(store.backend.read_file(controls_name(sha256)) or b"")
     files = {name: sha256_of(target / name) for name in store.manifest.files}
     digests = digests_of(target / TABLE)
     if store.manifest.records != digests.records:

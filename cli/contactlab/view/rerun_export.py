@@ -146,7 +146,10 @@ def _time_series(trace: StoredTrace) -> Iterator[tuple[str, Floats]]:
             "mode": pair.mode.astype(np.float64),
         }
         for name, values in columns.items():
-            yield _entity_path("pairs", pair.name, name), pair.over(len(trace.kinetic), values)
+            yield (
+                _entity_path("pairs", pair.name, name),
+                pair.spread_over_steps(len(trace.kinetic), values),
+            )
 
 
 def _time_column(time: Floats) -> rr.TimeColumn:

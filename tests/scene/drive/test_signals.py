@@ -227,8 +227,8 @@ def test_shared_knots_interpolate_as_numpy_does() -> None:
 def test_joined_signals_leave_inputs_that_are_driven_already() -> None:
     first = Signals(np.array([2, 0]), np.array([[0.0, 1.0]]), np.array([[1.0, 2.0], [3.0, 4.0]]))
     other = Signals(np.array([1, 2]), np.array([[0.5]]), np.array([[5.0], [6.0]]))
-    both, asked = first.merge(other), np.linspace(0, 1, 5)
+    both, asked = first.merge_signals(other), np.linspace(0, 1, 5)
     assert both.places.tolist() == [2, 0, 1]
     assert np.array_equal(both.values_at(asked)[:, :2], first.values_at(asked))
     assert both.values_at(asked)[:, 2].tolist() == [5.0] * 5
-    assert first.merge(first) is first
+    assert first.merge_signals(first) is first

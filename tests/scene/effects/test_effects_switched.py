@@ -13,7 +13,7 @@ from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.model_edits import FLAG_NAMES
 from contactlab.scene.mujoco_versions import NEW_FEATURES
 from contactlab.scene.scene import Scene
-from contactlab.schema.sweep_schema import Sweep, effects_base, switches
+from contactlab.schema.sweep_schema import Sweep, effect_switches, effects_base
 
 MakeScene = Callable[..., Scene]
 Prepare = Callable[..., PreparedModel]
@@ -156,7 +156,7 @@ def test_a_sweep_says_it_in_a_word_or_by_name(
     given: object, base: str | None, named: dict[str, bool]
 ) -> None:
     sweep = Sweep.model_validate({"version": 1, "scene": "ball_drop", "effects": given})
-    assert (effects_base(sweep.effects), switches(sweep.effects)) == (base, named)
+    assert (effects_base(sweep.effects), effect_switches(sweep.effects)) == (base, named)
     assert Sweep.model_validate(sweep.model_dump(mode="json")).effects == sweep.effects
 
 

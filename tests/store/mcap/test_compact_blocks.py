@@ -44,12 +44,12 @@ def test_blocks_expand_to_the_messages_byte_for_byte(
 ) -> None:
     trace, series = make_trace(**sizes)
     run = sizes["runs"] - 1
-    messages, counts = TraceEncoder(trace, series).encode(run, *extras)
+    messages, counts = TraceEncoder(trace, series).encode_run(run, *extras)
     with (
         patch.object(compact_blocks, "BLOCK_SIZE", block_size),
         patch.object(file_parts, "CHUNK_SIZE", chunk_size),
     ):
-        compact, same_counts = TraceEncoder(trace, series).encode(run, *extras, form="compact")
+        compact, same_counts = TraceEncoder(trace, series).encode_run(run, *extras, form="compact")
     assert find_defect(compact) is None
     assert expand_file(compact) == messages
     assert counts == same_counts
@@ -61,7 +61,7 @@ def test_viewers_find_blocks_in_order_of_time(
 ) -> None:
     trace, series = make_trace(pairs=("a-b", "c-d"), steps=200, momentum=True)
     with patch.object(compact_blocks, "BLOCK_SIZE", 9000):
-        content, _ = TraceEncoder(trace, series).encode(0, *extras, form="compact")
+        content, _ = TraceEncoder(trace, series).encode_run(0, *extras, form="compact")
     (tmp_path / "trace.mcap").write_bytes(content)
     assert_viewable(tmp_path / "trace.mcap")
 
@@ -74,15 +74,17 @@ def test_smooth_motion_takes_a_third(make_trace: MakeTrace, extras: TraceExtras)
     smooth = replace(
         trace, qpos=grown, qvel=grown, kinetic=still, potential=still, least_distance=still
     )
-    messages, _ = TraceEncoder(smooth, series).encode(0, *extras)
-    compact, _ = TraceEncoder(smooth, series).encode(0, *extras, form="compact")
+    messages, _ = TraceEncoder(smooth, series).encode_run(0, *extras)
+    compact, _ = TraceEncoder(smooth, series).encode_run(0, *extras, form="compact")
     assert 3 * len(compact) < len(messages)
 
 
 def test_a_block_is_what_the_format_says(make_trace: MakeTrace, extras: TraceExtras) -> None:
     """By an obvious loop over the integers of its first group, whose first column is log time."""
     trace, series = make_trace(nq=2, nv=1, pairs=(), steps=7)
-    [block] = blocks(TraceEncoder(trace, series).encode(0, *extras, form="compact")[0], channel=1)
+    [block] = blocks(
+        TraceEncoder(trace, series).encode_run(0, *extras, form="compact")[0], channel=1
+    )
     count, _, timestep = HEAD.unpack_from(block)
     assert (count, timestep) == (7, trace.timestep[0])
     # Eight bytes each: log time, time, two positions, a velocity, three numbers of the step.
@@ -103,7 +105,7 @@ def test_a_block_is_what_the_format_says(make_trace: MakeTrace, extras: TraceExt
 
 
 def blocks(content: bytes, channel: int) -> list[bytes]:
-    return list(stored_file(content).messages[channel].contents())
+    return list(stored_file(content).messages[channel].iterate_contents())
 
 
 def with_blocks(content: bytes, changed: Sequence[Sequence[bytes]]) -> bytes:
@@ -131,7 +133,7 @@ def refused(path: Path, content: bytes) -> str:
 def compact(make_trace: MakeTrace, extras: TraceExtras) -> list[bytes]:
     """The file, the block of states, that of a pair, and the record of a short run."""
     trace, series = make_trace(pairs=("a-b",), steps=40, seed=1)
-    content, _ = TraceEncoder(trace, series).encode(0, *extras, form="compact")
+    content, _ = TraceEncoder(trace, series).encode_run(0, *extras, form="compact")
     return [content, *(block for channel in (1, 2, 3) for block in blocks(content, channel))]
 
 
@@ -184,7 +186,7 @@ def test_a_bent_block_is_read_or_refused_in_one_line(
 ) -> None:
     """Whatever bytes a block has: nothing but a StoreError is raised."""
     trace, series = make_trace(pairs=("a-b",), steps=12, seed=2)
-    content, _ = TraceEncoder(trace, series).encode(0, *extras, form="compact")
+    content, _ = TraceEncoder(trace, series).encode_run(0, *extras, form="compact")
     parts = [blocks(content, channel) for channel in (1, 2, 3)]
     which = data.draw(st.integers(0, 1))
     block = bytearray(parts[which][0])
@@ -207,7 +209,7 @@ def test_a_trace_of_many_blocks_is_read_as_one(
 ) -> None:
     trace, series = make_trace(pairs=("a-b",), steps=300, seed=3)
     with patch.object(compact_blocks, "BLOCK_SIZE", 5000):
-        content, _ = TraceEncoder(trace, series).encode(0, *extras, form="compact")
+        content, _ = TraceEncoder(trace, series).encode_run(0, *extras, form="compact")
     assert len(blocks(content, 1)) > 10
     (tmp_path / "trace.mcap").write_bytes(content)
     stored = read_trace(tmp_path / "trace.mcap")

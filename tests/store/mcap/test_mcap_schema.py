@@ -18,11 +18,11 @@ from contactlab.store.mcap.trace_messages import (
     MessageType,
     contacts_record,
     contacts_topic,
+    encode_tag,
+    encode_varint,
     file_descriptor_set,
     pair_of_topic,
     state_record,
-    tag,
-    varint,
 )
 
 BLOCK = re.compile(r"^(message|enum) (\w+) \{\n(.*?)^\}", re.MULTILINE | re.DOTALL)
@@ -99,13 +99,13 @@ def test_a_contacts_template_has_that_many_points(points: int) -> None:
 
 @given(value=st.integers(0, 2**40))
 def test_varints_and_tags_are_protobufs(value: int) -> None:
-    data, decoded = varint(value), 0
+    data, decoded = encode_varint(value), 0
     for place, byte in enumerate(data):
         assert (byte > 127) == (place < len(data) - 1)
         decoded |= (byte & 127) << (7 * place)
     assert decoded == value
     assert len(data) == max(1, -(-value.bit_length() // 7))
-    assert tag(value, 2) == varint(value * 8 + 2)
+    assert encode_tag(value, 2) == encode_varint(value * 8 + 2)
 
 
 @given(pair=st.text(st.characters(exclude_categories=["Cs"])))

@@ -28,7 +28,9 @@ def test_arrays_may_lie_anyhow(
     copied = TraceEncoder(trace.select(chosen), [_picked(each, chosen) for each in series])
     viewed = TraceEncoder(_viewed(trace, rows), [_picked(each, rows) for each in series])
     for run in range(len(chosen)):
-        assert copied.encode(run, *extras, form=form) == viewed.encode(run, *extras, form=form)
+        assert copied.encode_run(run, *extras, form=form) == viewed.encode_run(
+            run, *extras, form=form
+        )
 
 
 @pytest.mark.parametrize("form", ["messages", "compact"])
@@ -37,10 +39,10 @@ def test_records_filled_in_parts_are_those_filled_at_once(
 ) -> None:
     """Also where a part ends within a pair, and of pairs that are given in another order."""
     trace, series = make_trace(runs=2, steps=40, pairs=("a-b", "c-d", "e-f"), momentum=True)
-    whole = [TraceEncoder(trace, series).encode(run, *extras, form=form) for run in range(2)]
+    whole = [TraceEncoder(trace, series).encode_run(run, *extras, form=form) for run in range(2)]
     monkeypatch.setattr(record_encoder, "_BLOCK_BYTES", 7 * contacts_record(1).size)
     parts = TraceEncoder(trace, series[::-1])
-    assert [parts.encode(run, *extras, form=form) for run in range(2)] == whole
+    assert [parts.encode_run(run, *extras, form=form) for run in range(2)] == whole
 
 
 def _picked(series: PairSeries, rows: slice | list[int]) -> PairSeries:

@@ -67,7 +67,7 @@ class RayExecutor:
                 return remote.remote(requirements.token, shared, pickle.dumps(job))
 
             queue = takewhile(lambda _: not stop.is_set, jobs)
-            yield from InFlight(send, queue, self._job_capacity, stop).results()
+            yield from InFlight(send, queue, self._job_capacity, stop).iterate_results()
 
     def _job_capacity(self) -> int:
         return self.max_jobs or 2 * self.workers
@@ -88,7 +88,7 @@ class InFlight:
     # Each job by its reference, and the number of its lost nodes.
     _sent: dict[Any, tuple[Job, int]] = field(default_factory=dict[Any, tuple[Job, int]])
 
-    def results(self) -> Iterator[Result]:
+    def iterate_results(self) -> Iterator[Result]:
         """Yield the result of every job, once; an early exit cancels those in flight."""
         try:
             while self._send_jobs():

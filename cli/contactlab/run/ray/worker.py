@@ -35,11 +35,11 @@ def run_on_worker(token: str, bundle: Callable[[], bytes], job: bytes) -> Result
             # A cluster's worker keeps one pool, for the sweep that last sent it jobs.
             if token not in _workers_by_token:
                 for other in _workers_by_token.values():
-                    other.close()
+                    other.kill_workers()
                 _workers_by_token.clear()
                 folder = own_folder()
                 _workers_by_token[token] = WorkerPool(unpack_bundle(bundle(), folder), folder, 1)
-            return next(_workers_by_token[token].run(jobs, stop), [])
+            return next(_workers_by_token[token].run_jobs(jobs, stop), [])
         except Exception as error:  # noqa: BLE001 - raised again where the sweep runs
             return error
 
@@ -60,7 +60,7 @@ def own_folder() -> Path:
 def _stop_on_cancel() -> Generator[Stop]:
     """Yield a stop that is set when the cluster cancels the job, with the signal of Ctrl-C."""
     stop = Stop()
-    before = signal.signal(signal.SIGINT, lambda *_: stop.set())
+    before = signal.signal(signal.SIGINT, lambda *_: stop.request_stop())
     try:
         yield stop
     finally:

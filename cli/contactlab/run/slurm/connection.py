@@ -32,7 +32,7 @@ def slurm_arrays(address: str | None, workers: int | None) -> Generator[Executor
         )
     executor = SlurmExecutor(workers or _DEFAULT_TASKS, cpus, str(cluster), requested)
     try:
-        executor.check()
+        executor.check_parameters()
     except (NameError, TypeError, ValueError) as error:
         raise ClusterError(f"--address {address}: {error}") from error
     yield executor

@@ -49,18 +49,18 @@ class SlurmExecutor:
         versions = {"contactlab": version("contactlab"), engine.name: engine.version}
         arrays = Arrays(self, folder, versions, takewhile(lambda _: not stop.is_set, jobs), stop)
         try:
-            yield from arrays.results()
+            yield from arrays.iterate_results()
         finally:
-            arrays.cancel()
+            arrays.cancel_tasks()
             shutil.rmtree(folder, ignore_errors=True)
 
-    def submit(self, folder: Path, parts: Sequence[Part]) -> list[Any]:
+    def submit_parts(self, folder: Path, parts: Sequence[Part]) -> list[Any]:
         """Submit parts as the tasks of one array."""
         executor = self._create_submitter(folder)
         with _without_current_folder(), executor.batch():
             return [executor.submit(part) for part in parts]
 
-    def check(self) -> None:
+    def check_parameters(self) -> None:
         """Raise submitit's own error if it knows no such parameters."""
         with TemporaryDirectory() as folder:
             self._create_submitter(Path(folder))
@@ -97,7 +97,7 @@ class Arrays:
         default_factory=dict[Any, tuple[tuple[Job, ...], int]]
     )
 
-    def results(self) -> Iterator[Result]:
+    def iterate_results(self) -> Iterator[Result]:
         """Yield the result of every job, once."""
         while self._submit_jobs():
             ended = [task for task in self._active if task.done()]
@@ -109,7 +109,7 @@ class Arrays:
             if not ended:
                 time.sleep(_POLL_SECONDS)
 
-    def cancel(self) -> None:
+    def cancel_tasks(self) -> None:
         """End all tasks."""
         for task in self._active:
             task.cancel()
@@ -132,7 +132,7 @@ class Arrays:
             Part(self.folder, jobs, self.executor.cpus, self.versions) for jobs in several if jobs
         ]
         if parts:
-            tasks = self.executor.submit(self.folder, parts)
+            tasks = self.executor.submit_parts(self.folder, parts)
             self._active |= {
                 task: (part.jobs, losses) for task, part in zip(tasks, parts, strict=True)
             }

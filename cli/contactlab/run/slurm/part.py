@@ -68,7 +68,7 @@ class Part:
         def watch() -> None:
             while not ended.wait(_STOP_INTERVAL):
                 if (self.folder / STOP).exists():
-                    stop.set()
+                    stop.request_stop()
 
         thread = threading.Thread(target=watch, daemon=True)
         thread.start()

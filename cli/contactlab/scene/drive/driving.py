@@ -63,7 +63,7 @@ class Driving:
         self._loads = dict[tuple[float, ...], Load]()
         self._shared = dict[tuple[float, ...], Signals]()
 
-    def load(self, run: RunSpec) -> Load | None:
+    def find_load(self, run: RunSpec) -> Load | None:
         """Return the load that holds a run's unperturbed start, if the drive holds it."""
         if self._drive != "hold":
             return None
@@ -92,9 +92,9 @@ class Driving:
             fields[part][:, index] = value
         return at_begin(starts._replace(signals=tuple(signals)))
 
-    def unheld(self, run: RunSpec) -> str:
+    def unheld_joints(self, run: RunSpec) -> str:
         """Return the joints of a run's start that a hold does not hold; empty for other drives."""
-        load = self.load(run)
+        load = self.find_load(run)
         return (
             unheld_text(self._model, self._rule.nominal_configuration(run.initial), load)
             if load
@@ -116,23 +116,23 @@ class Driving:
             noise = noise_signals(self._rest, half, self._drive, run.duration, seeds)
             return [self._resting_only(setting) for setting in noise]
         if self._drive == "exercise":
-            return [self._excitation(run) for run in runs]
+            return [self._excitation_for(run) for run in runs]
         key = _signal_key(run)
         if key not in self._shared:
             held = self._recorded
             self._shared[key] = (
-                held.signals_for(run.duration, run.timestep) if held else Signals.none()
+                held.signals_for(run.duration, run.timestep) if held else Signals.no_signals()
             )
         return [self._shared[key]] * len(runs)
 
-    def _excitation(self, run: RunSpec) -> Signals:
+    def _excitation_for(self, run: RunSpec) -> Signals:
         span = rest_time(run.duration), run.duration
         signals = excitation_signals(self._model, self._rest, span, run.seed)
         return self._resting_only(signals.at_steps(run.timestep))
 
     def _resting_only(self, signals: Signals) -> Signals:
         other = np.setdiff1d(np.arange(self._model.nu), self._resting)
-        return signals.exclude(np.isin(signals.places, other)) if other.size else signals
+        return signals.exclude_inputs(np.isin(signals.places, other)) if other.size else signals
 
 
 def _signal_key(run: RunSpec) -> tuple[float, ...]:

@@ -49,7 +49,7 @@ class Load:
     places: Floats  # (J,) rest positions of the springs [rad or m]
     balance: Floats  # (J,) forces of the springs there [N m or N]
 
-    def write(self, model: mujoco.MjModel) -> None:
+    def write_load(self, model: mujoco.MjModel) -> None:
         """Add them to the springs and dampers of a model's joints, in place."""
         dofs, places = model.jnt_dofadr[self.joints], model.jnt_qposadr[self.joints]
         own = np.array(model.jnt_stiffness[self.joints])
@@ -106,7 +106,7 @@ def _with_ground_reaction(model: mujoco.MjModel, load: Load, start: mujoco.MjDat
     for _ in range(_MAX_ROUNDS):
         held = copy.copy(model)
         held.opt.timestep = _SETTLING_TIMESTEP_S
-        load.write(held)
+        load.write_load(held)
         away = _settled_distance(held, load, start)
         if not np.abs(away).max(initial=0.0) < least:
             break

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from contactlab.errors import SceneError, no_file
 from contactlab.schema.drive import Drive, FileDrive, PolicyDrive, drive_files, drive_text
-from contactlab.schema.setting_values import number
+from contactlab.schema.setting_values import number_parser
 from contactlab.schema.vocabulary import AxisSpec
 
 _HASH_DIGITS = 16
@@ -86,11 +86,11 @@ def _hash_files(files: tuple[Path, ...]) -> str:
 
 def _share_or_seconds(value: object) -> object:
     if isinstance(value, str) and value.endswith("%"):
-        return f"{number(least=0)(value.removesuffix('%')):g}%"
-    return number(least=0)(value)
+        return f"{number_parser(least=0)(value.removesuffix('%')):g}%"
+    return number_parser(least=0)(value)
 
 
-_POSITIVE_NUMBER, _NONNEGATIVE_NUMBER = number(above=0), number(least=0)
+_POSITIVE_NUMBER, _NONNEGATIVE_NUMBER = number_parser(above=0), number_parser(least=0)
 _LATENCY_TEXT = "time from a policy's observation to its action; also as a share of its period: 50%"
 DRIVE_AXES: Mapping[str, AxisSpec] = {
     axis.name: axis

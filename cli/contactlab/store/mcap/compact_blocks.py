@@ -78,7 +78,7 @@ def compact_records(
         firsts = np.flatnonzero(changes).tolist()
         for first, last in pairwise([*firsts, len(blocks)]):
             key = int(record.channels[first]), int(blocks[first])
-            parts[key].append(record.part(slice(first, last)))
+            parts[key].append(record.select_records(slice(first, last)))
     begins = times[starts]
     found = [
         _encode_block(*key, int(begins[key[1]]), part, timestep) for key, part in parts.items()
@@ -96,12 +96,12 @@ def _encode_block(
         data, before = data[starts[0] :], head
         for part, size in zip(parts, sizes, strict=True):
             count, length = len(part.rows), part.layout.size
-            records = SCRATCH.take("block", count * length)
+            records = SCRATCH.take_buffer("block", count * length)
             write_records(part, records, np.arange(count) * length)
             before += _GROUP_HEAD.pack(count, length, timestep)
             data[: len(before)] = np.frombuffer(before, np.uint8)
             # Planes are spread over memory, so they are gathered in a small buffer.
-            packed = SCRATCH.take("packed", size)
+            packed = SCRATCH.take_buffer("packed", size)
             pack_values(records, part.layout, packed)
             data[len(before) :][:size] = packed
             data, before = data[len(before) + size :], b""
@@ -129,7 +129,7 @@ def expand_blocks(file: StoredFile) -> StoredFile:
     found = [
         (channel, *group)
         for channel in blocks
-        for content in file.messages[channel.id].contents()
+        for content in file.messages[channel.id].iterate_contents()
         for group in _read_block(channel, content)
     ]
     times = np.concatenate(
@@ -139,7 +139,7 @@ def expand_blocks(file: StoredFile) -> StoredFile:
         raise ValueError("its states are not in order of time")
     groups = [_message_group(*block, times) for block in found]
     for channel in others:
-        [content] = file.messages[channel.id].contents()
+        [content] = file.messages[channel.id].iterate_contents()
         groups.append(single_message(channel.id, len(times) - 1, int(times[-1]), content))
     stream = interleave_groups(groups, len(file.channels), times)
     if np.count_nonzero(stream.sizes) != sum(len(group.rows) for group in groups):
@@ -181,7 +181,7 @@ def _read_block(channel: Channel, content: bytes) -> Iterator[tuple[MessageLayou
             sizes = int(channel.metadata["nq"]), int(channel.metadata["nv"])
             known = last_state_record(*sizes), state_record(*sizes, 0), state_record(*sizes, 3)
             layout = {each.size: each for each in known}[size]
-        items = layout.fill(np.empty(count * size, np.uint8))
+        items = layout.fill_items(np.empty(count * size, np.uint8))
         for width, places in layout.values:
             length = width * len(places) * count
             planes = np.frombuffer(content, np.uint8, length, start)

@@ -31,7 +31,7 @@ class Scratch(threading.local):
         self._buffers: dict[str, NDArray[np.uint8]] = {}
         self.compressor = zstandard.ZstdCompressor(compression_params=_FAST_COMPRESSION)
 
-    def take(self, name: str, size: int) -> NDArray[np.uint8]:
+    def take_buffer(self, name: str, size: int) -> NDArray[np.uint8]:
         """Return `size` bytes of arbitrary content, valid until the name is taken again."""
         buffer = self._buffers.get(name)
         if buffer is None or len(buffer) < size:

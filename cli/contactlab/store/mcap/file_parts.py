@@ -103,7 +103,7 @@ class MessageStream:
     sizes: NDArray[np.int64]  # (rows, channels) its length; 0 if a channel has no message
     times: Times  # (rows,) log time [ns]
 
-    def cuts(self) -> list[int]:
+    def chunk_starts(self) -> list[int]:
         """Return the first row of each chunk, and the number of rows.
 
         Records of one row stay together; a row that crosses a multiple of CHUNK_SIZE ends its
@@ -120,7 +120,7 @@ def interleave_groups(groups: Sequence[MessageGroup], channels: int, times: Time
         sizes[group.rows, group.channels - 1] = group.size
     ends = np.cumsum(sizes)
     offsets = ends.reshape(sizes.shape) - sizes
-    data = SCRATCH.take("stream", int(ends[-1]))
+    data = SCRATCH.take_buffer("stream", int(ends[-1]))
     for group in groups:
         group.write(data, offsets[group.rows, group.channels - 1])
     return MessageStream(data, offsets, sizes, times)
@@ -135,7 +135,7 @@ def encode_file(
     """
     parts, crc, position = [start.data], start.crc, len(start.data)
     chunks: list[_Chunk] = []
-    cuts = [*packed, len(stream.times)] if packed else stream.cuts()
+    cuts = [*packed, len(stream.times)] if packed else stream.chunk_starts()
     for first, last in pairwise(cuts):
         chunk = _encode_chunk(stream, slice(first, last), position, packed.get(first))
         parts += chunk.parts

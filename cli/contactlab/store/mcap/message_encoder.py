@@ -104,8 +104,8 @@ def state_records(trace: Trace, times: Times, run: int) -> Iterator[Records]:
     rows = np.arange(trace.steps + 1)
     layout = state_record(nq, nv, 0 if trace.momentum is None else 3)
     states = Records(np.full_like(rows, STATE_CHANNEL), rows, layout, gather)
-    yield states.part(slice(-1))
-    yield states.part(slice(-1, None))._replace(layout=last_state_record(nq, nv))
+    yield states.select_records(slice(-1))
+    yield states.select_records(slice(-1, None))._replace(layout=last_state_record(nq, nv))
 
 
 def contact_records(

@@ -36,7 +36,7 @@ class Records(NamedTuple):
     """Returns the numbers for records of some (k,) channels and rows: (k, ...) by the path of
     their field in a record."""
 
-    def part(self, some: slice) -> "Records":
+    def select_records(self, some: slice) -> "Records":
         """Return some of them."""
         return self._replace(channels=self.channels[some], rows=self.rows[some])
 
@@ -48,7 +48,7 @@ def write_records(records: Records, data: Bytes, starts: Integers) -> None:
     for first in range(0, len(starts), stride):
         some = slice(first, first + stride)
         channels, rows = records.channels[some], records.rows[some]
-        items = layout.fill(SCRATCH.take("records", len(rows) * layout.size))
+        items = layout.fill_items(SCRATCH.take_buffer("records", len(rows) * layout.size))
         values = records.gather(channels, rows)
         with np.errstate(over="ignore"):
             for path in layout.fields:

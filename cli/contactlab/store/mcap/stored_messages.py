@@ -103,7 +103,9 @@ class ChannelMessages:
             raise ValueError("a message is larger than its chunk")
         return lengths.astype(np.int64) + FRAME.size
 
-    def pick(self, chosen: slice | NDArray[np.bool_], layout: MessageLayout) -> NDArray[np.void]:
+    def pick_records(
+        self, chosen: slice | NDArray[np.bool_], layout: MessageLayout
+    ) -> NDArray[np.void]:
         """Return the chosen records; all must have this layout."""
         items = overlapping_view(self.data, layout.size)[self.offsets[chosen]]
         bytes_of = items.view(np.uint8).reshape(len(items), layout.size)
@@ -112,7 +114,7 @@ class ChannelMessages:
             raise ValueError("a message has other fields than its schema")
         return items.view(layout.dtype)
 
-    def contents(self) -> Iterator[bytes]:
+    def iterate_contents(self) -> Iterator[bytes]:
         """Yield the content of each message."""
         for start, size in zip(self.offsets.tolist(), self.sizes.tolist(), strict=True):
             yield self.data[start + HEAD.itemsize : start + size].tobytes()

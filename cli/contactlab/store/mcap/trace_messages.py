@@ -240,12 +240,12 @@ class MessageLayout:
         """Length of these values in bytes."""
         return sum(width * len(starts) for width, starts in self.values)
 
-    def after(self, head: bytes) -> "MessageLayout":
+    def with_head(self, head: bytes) -> "MessageLayout":
         """Return this layout with constant bytes before it."""
         moved = tuple((name, form, offset + len(head)) for name, form, offset in self.columns)
         return MessageLayout(head + self.template, moved)
 
-    def fill(self, memory: NDArray[np.uint8]) -> NDArray[np.void]:
+    def fill_items(self, memory: NDArray[np.uint8]) -> NDArray[np.void]:
         """Return memory as items that hold the template, with columns still to be filled."""
         form = f"V{self.size}"
         memory.view(form)[:] = np.frombuffer(self.template, form)
@@ -271,7 +271,7 @@ HEAD = MessageLayout(
 
 def message_record(body: MessageLayout) -> MessageLayout:
     """Return the layout of the Message record around a message; its sequence number is zero."""
-    framed = body.after(message_head(body.size))
+    framed = body.with_head(message_head(body.size))
     return MessageLayout(framed.template, (*_HEADER_COLUMNS, *framed.columns))
 
 
@@ -313,7 +313,7 @@ def point_counts(sizes: NDArray[np.int64]) -> NDArray[np.int64]:
 def _message_layout(message: MessageType, counts: Mapping[str, int]) -> MessageLayout:
     layout = MessageLayout(b"")
     for field in message.fields:
-        part = _field_layout(field, counts).after(layout.template)
+        part = _field_layout(field, counts).with_head(layout.template)
         layout = MessageLayout(part.template, (*layout.columns, *part.columns))
     return layout
 
@@ -321,24 +321,26 @@ def _message_layout(message: MessageType, counts: Mapping[str, int]) -> MessageL
 def _field_layout(field: MessageField, counts: Mapping[str, int]) -> MessageLayout:
     if isinstance(field.kind, MessageType):
         inner = _message_layout(field.kind, counts)
-        head = tag(field.number, _LENGTH_DELIMITED) + varint(inner.size)
+        head = encode_tag(field.number, _LENGTH_DELIMITED) + encode_varint(inner.size)
         if not field.repeated:
-            return MessageLayout(inner.template, ((field.name, inner.dtype, 0),)).after(head)
-        item, count = inner.after(head), counts[field.name]
+            return MessageLayout(inner.template, ((field.name, inner.dtype, 0),)).with_head(head)
+        item, count = inner.with_head(head), counts[field.name]
         return MessageLayout(item.template * count, ((field.name, (item.dtype, (count,)), 0),))
     if isinstance(field.kind, EnumType):
-        return MessageLayout(b"\0", ((field.name, "u1", 0),)).after(tag(field.number, _VARINT))
+        return MessageLayout(b"\0", ((field.name, "u1", 0),)).with_head(
+            encode_tag(field.number, _VARINT)
+        )
     _, wire_type, form = field.kind.value
     width = np.dtype(form).itemsize
     if not field.repeated:
         scalar = MessageLayout(bytes(width), ((field.name, form, 0),))
-        return scalar.after(tag(field.number, wire_type))
+        return scalar.with_head(encode_tag(field.number, wire_type))
     count = counts[field.name]
-    head = tag(field.number, _LENGTH_DELIMITED) + varint(width * count)
-    return MessageLayout(bytes(width * count), ((field.name, (form, (count,)), 0),)).after(head)
+    head = encode_tag(field.number, _LENGTH_DELIMITED) + encode_varint(width * count)
+    return MessageLayout(bytes(width * count), ((field.name, (form, (count,)), 0),)).with_head(head)
 
 
-def varint(value: int) -> bytes:
+def encode_varint(value: int) -> bytes:
     """Return a non-negative integer as a base-128 varint."""
     groups = bytearray()
     while value > 127:
@@ -348,15 +350,15 @@ def varint(value: int) -> bytes:
     return bytes(groups)
 
 
-def tag(number: int, wire_type: int) -> bytes:
+def encode_tag(number: int, wire_type: int) -> bytes:
     """Return the bytes that introduce a field."""
-    return varint(number << 3 | wire_type)
+    return encode_varint(number << 3 | wire_type)
 
 
 def _encode_number(field: int, value: int) -> bytes:
-    return tag(field, _VARINT) + varint(value)
+    return encode_tag(field, _VARINT) + encode_varint(value)
 
 
 def _encode_delimited(number: int, content: bytes) -> bytes:
     """Return a length-delimited field: a string, bytes, a message or packed values."""
-    return tag(number, _LENGTH_DELIMITED) + varint(len(content)) + content
+    return encode_tag(number, _LENGTH_DELIMITED) + encode_varint(len(content)) + content

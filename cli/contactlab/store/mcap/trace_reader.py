@@ -78,7 +78,9 @@ class StoredPair:
     }
     """The unit of each array of measured values."""
 
-    def over(self, steps: int, values: NDArray[_Number], apart: float = 0) -> NDArray[_Number]:
+    def spread_over_steps(
+        self, steps: int, values: NDArray[_Number], apart: float = 0
+    ) -> NDArray[_Number]:
         """(N,) values (M,) of the steps with contact over all N steps, `apart` in the others."""
         spread = np.full(steps, apart, dtype=values.dtype)
         spread[self.steps] = values
@@ -123,7 +125,7 @@ class StoredTrace:
     }
     """The unit of each array; for coordinates, of slide and of hinge joints."""
 
-    def pair(self, name: str) -> StoredPair:
+    def find_pair(self, name: str) -> StoredPair:
         """Return a pair by its name. Raises a StoreError if no monitored pair has it."""
         pairs = {pair.name: pair for pair in self.pairs}
         otherwise = f"; recorded pairs: {', '.join(pairs) or 'none'}"
@@ -168,7 +170,7 @@ def _decode_trace(data: bytes) -> StoredTrace:
     [state] = [channel for channel in file.channels if channel.topic == STATE_TOPIC]
     sizes = int(state.metadata["nq"]), int(state.metadata["nv"])
     arrays, times = _state_arrays(messages[STATE_TOPIC], *sizes)
-    [record_json] = messages[EVIDENCE_TOPIC].contents()
+    [record_json] = messages[EVIDENCE_TOPIC].iterate_contents()
     return StoredTrace(
         **arrays,
         pairs=tuple(
@@ -191,8 +193,8 @@ def _state_arrays(
     if not fitting or sizes[-1] != last_state_record(nq, nv).size:
         raise ValueError(f"a state message does not hold {nq} positions and {nv} velocities")
     momentum = fitting[0]
-    before = messages.pick(slice(None, -1), state_record(nq, nv, momentum))
-    last = messages.pick(slice(-1, None), last_state_record(nq, nv))
+    before = messages.pick_records(slice(None, -1), state_record(nq, nv, momentum))
+    last = messages.pick_records(slice(-1, None), last_state_record(nq, nv))
     step = before["step"]
     arrays: dict[str, Any] = {
         name: np.concatenate((before[name], last[name])) for name in ("time", "qpos", "qvel")
@@ -214,7 +216,7 @@ def _stored_pair(name: str, messages: ChannelMessages, times: NDArray[Any]) -> S
     starts = np.cumsum(counts) - counts
     for count in np.unique(counts).tolist():
         chosen = counts == count
-        items = messages.pick(chosen, contacts_record(count))
+        items = messages.pick_records(chosen, contacts_record(count))
         log_times[chosen] = items["log_time"]
         for array, (field, _) in _PAIR_ARRAYS.items():
             arrays[array][chosen] = items[field]

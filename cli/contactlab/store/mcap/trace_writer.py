@@ -75,7 +75,7 @@ class TraceEncoder:
             for channel in sorted(found)
         }
 
-    def encode(
+    def encode_run(
         self,
         run: int,
         record_json: bytes,

@@ -50,9 +50,9 @@ _fetched_folders: dict[tuple[ObjectAddress, bytes | str], Path] = {}
 class ObjectBackend(ObjectClient):
     """Backend in object storage; see `contactlab.store.backend.Backend`."""
 
-    def read(self, name: str) -> bytes | None:
+    def read_file(self, name: str) -> bytes | None:
         """Return the content of an object; None if it does not exist."""
-        found = self.find(name)
+        found = self.find_object(name)
         return None if found is None else found.data
 
     def local_copy(self, manifest: bytes, names: Collection[str]) -> Path:
@@ -66,7 +66,7 @@ class ObjectBackend(ObjectClient):
     def local_folder(self, name: str) -> Path:
         """Return a local folder with all objects of a folder, fetched once per process."""
         if (self.address, name) not in _fetched_folders:
-            names = [file for file, _ in self.sizes(name)]
+            names = [file for file, _ in self.list_sizes(name)]
             if not names:
                 raise OutputError(f"{self.address / name} is missing; has the sweep been removed?")
             _fetched_folders[self.address, name] = self._fetched_folders(names) / name
@@ -78,12 +78,12 @@ class ObjectBackend(ObjectClient):
         atexit.register(shutil.rmtree, folder, ignore_errors=True)
         safe = [_safe_name(name, self.address) for name in names]
         with ThreadPoolExecutor(_TRANSFERS) as pool:
-            list(pool.map(self.fetch, safe, [folder / name for name in safe]))
+            list(pool.map(self.fetch_object, safe, [folder / name for name in safe]))
         return folder
 
     @cached_property
     def _trace_sizes(self) -> dict[str, int]:
-        return dict(self.sizes(TRACES))
+        return dict(self.list_sizes(TRACES))
 
     def trace_size(self, name: str) -> int | None:
         """Return the size of a trace [bytes], from a cached listing; None if it does not exist."""
@@ -107,7 +107,7 @@ class ObjectBackend(ObjectClient):
         ):
             for number, name in enumerate(names):
                 source, target = _safe_name(name, self.address), Path(folder) / str(number)
-                coming.append((target, pool.submit(self.fetch, source, target)))
+                coming.append((target, pool.submit(self.fetch_object, source, target)))
                 if len(coming) > _TRANSFERS:
                     yield from _take_first(coming)
             while coming:
@@ -115,11 +115,13 @@ class ObjectBackend(ObjectClient):
 
     def file_names(self) -> Iterator[str]:
         """Yield the names of all objects."""
-        yield from (name for name, _ in self.sizes())
+        yield from (name for name, _ in self.list_sizes())
 
-    def leftovers(self) -> list[str]:
+    def leftover_names(self) -> list[str]:
         """Return the names of batches that an interrupted sweep left, sorted."""
-        return sorted(name for batch in _BATCH_FOLDERS.values() for name, _ in self.sizes(batch))
+        return sorted(
+            name for batch in _BATCH_FOLDERS.values() for name, _ in self.list_sizes(batch)
+        )
 
     def foreign_names(self) -> list[str]:
         """Return the names of objects that do not belong to a store, sorted."""
@@ -150,25 +152,27 @@ class ObjectSession:
         self._batches: list[str] = []
         self._fetched_bytes = 0
 
-    def clear(self) -> None:
+    def clear_store(self) -> None:
         """Remove all objects except the lock."""
         # The manifest goes first and the identity last: a half-removed store must not look
         # finished, nor contain runs without a sweep.
-        self._objects.delete([MANIFEST])
+        self._objects.delete_files([MANIFEST])
         kept = {LOCK, IDENTITY}
-        self._objects.delete([name for name, _ in self._objects.sizes() if name not in kept])
-        self._objects.delete([IDENTITY])
+        self._objects.delete_files(
+            [name for name, _ in self._objects.list_sizes() if name not in kept]
+        )
+        self._objects.delete_files([IDENTITY])
 
-    def begin(self, identity: SweepIdentity) -> None:
+    def begin_store(self, identity: SweepIdentity) -> None:
         """Store the scene and, last, the identity."""
         for file in sorted(path for path in (self.folder / SCENES).rglob("*") if path.is_file()):
-            self._objects.put(file.relative_to(self.folder).as_posix(), file)
+            self._objects.put_file(file.relative_to(self.folder).as_posix(), file)
         (self.folder / IDENTITY).write_text(document_json(identity), encoding="utf-8")
-        self._objects.put(IDENTITY, self.folder / IDENTITY)
+        self._objects.put_file(IDENTITY, self.folder / IDENTITY)
 
     def fetch_journal(self) -> None:
         """Join the batches of rows and of notes into local files."""
-        self._objects.fetch(IDENTITY, self.folder / IDENTITY)
+        self._objects.fetch_object(IDENTITY, self.folder / IDENTITY)
         self._join_batches(NOTES)
         self._batches = self._join_batches(JOURNAL)
         self._fetched_bytes = self._journal_bytes()
@@ -180,16 +184,16 @@ class ObjectSession:
         """
         if self._batches and self._journal_bytes() < self._fetched_bytes:
             self._put_journal()
-            self._objects.delete(self._batches)
+            self._objects.delete_files(self._batches)
 
     def add_lines(self, name: str, lines: Sequence[bytes]) -> None:
         """Upload lines in the background, as a separate batch; wait while many are queued."""
-        self._lease.check()
+        self._lease.check_held()
         self._await_uploads(_MOST_QUEUED_UPLOADS)
         batch = _new_batch(name)
-        self._uploads.append(self._pool.submit(self._objects.put, batch, b"".join(lines)))
+        self._uploads.append(self._pool.submit(self._objects.put_file, batch, b"".join(lines)))
 
-    def flush(self) -> None:
+    def flush_lines(self) -> None:
         """Wait until all lines are uploaded."""
         self._await_uploads(0)
         self._pool.shutdown()
@@ -204,22 +208,22 @@ class ObjectSession:
             self._pool.shutdown(cancel_futures=True)
             raise
 
-    def table(self) -> Path:
+    def table_file(self) -> Path:
         """Fetch the table."""
-        self._objects.fetch(TABLE, self.folder / TABLE)
+        self._objects.fetch_object(TABLE, self.folder / TABLE)
         return self.folder / TABLE
 
-    def publish(self, manifest: StoreManifest) -> StoreManifest:
+    def publish_store(self, manifest: StoreManifest) -> StoreManifest:
         """Store the table, then the manifest, unless another sweep has published meanwhile."""
         data = document_json(manifest).encode()
-        published = self._objects.find(MANIFEST)
+        published = self._objects.find_object(MANIFEST)
         if published is None:
-            self._lease.renew()
-            self._objects.put(TABLE, self.folder / TABLE)
-            if self._objects.create(MANIFEST, data) is None:
+            self._lease.renew_lock()
+            self._objects.put_file(TABLE, self.folder / TABLE)
+            if self._objects.create_object(MANIFEST, data) is None:
                 # Another sweep has published since the renewal, and our table is now next to its
                 # manifest; the two must match.
-                self._objects.put(MANIFEST, data)
+                self._objects.put_file(MANIFEST, data)
         else:
             theirs = parse_manifest(published.data, self._objects.address)
             check_same_sweep(self._objects.address, theirs.sweep, manifest.sweep)
@@ -227,16 +231,16 @@ class ObjectSession:
         self.remove_journal()
         return manifest
 
-    def unpublish(self) -> None:
+    def reopen_store(self) -> None:
         """Store the rows of the local journal, then delete manifest and table."""
         self._put_journal()
         for name in (MANIFEST, TABLE):
-            self._objects.delete([name])
+            self._objects.delete_files([name])
 
     def remove_journal(self) -> None:
         """Delete all batches."""
         for folder in _BATCH_FOLDERS.values():
-            self._objects.delete([name for name, _ in self._objects.sizes(folder)])
+            self._objects.delete_files([name for name, _ in self._objects.list_sizes(folder)])
 
     def remove_temporaries(self) -> None:
         """Do nothing: an object is stored whole."""
@@ -245,10 +249,10 @@ class ObjectSession:
         return (self.folder / JOURNAL).stat().st_size
 
     def _put_journal(self) -> None:
-        self._objects.put(_new_batch(JOURNAL), self.folder / JOURNAL)
+        self._objects.put_file(_new_batch(JOURNAL), self.folder / JOURNAL)
 
     def _join_batches(self, target: str) -> list[str]:
-        names = [name for name, _ in self._objects.sizes(_BATCH_FOLDERS[target])]
+        names = [name for name, _ in self._objects.list_sizes(_BATCH_FOLDERS[target])]
         with (
             (self.folder / target).open("wb") as joined,
             closing(self._objects.local_files(names)) as parts,

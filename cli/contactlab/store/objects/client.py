@@ -117,12 +117,12 @@ class ObjectClient:
                 client_options=options,
             )
 
-    def put(self, name: str, data: bytes | memoryview | Path) -> None:
+    def put_file(self, name: str, data: bytes | memoryview | Path) -> None:
         """Create or replace an object as a whole, from bytes or a file."""
         with self._plain_errors(self.address / name):
             obstore.put(self.store, name, data, chunk_size=_PART_SIZE, max_concurrency=2)
 
-    def create(
+    def create_object(
         self, name: str, data: bytes, over: "UpdateVersion | None" = None
     ) -> "UpdateVersion | None":
         """Create an object, or replace one that still has a version. Return its new version.
@@ -135,10 +135,10 @@ class ObjectClient:
                 written = obstore.put(self.store, name, data, mode=over or "create")
                 return _update_version(written["e_tag"], written["version"])
         except (AlreadyExistsError, PreconditionError, FileNotFoundError):
-            found = self.find(name)
+            found = self.find_object(name)
             return found.version if found and found.data == data else None
 
-    def find(self, name: str) -> StoredObject | None:
+    def find_object(self, name: str) -> StoredObject | None:
         """Return an object; None if no object has that name."""
         try:
             with self._plain_errors(self.address / name, missing_ok=True):
@@ -151,7 +151,7 @@ class ObjectClient:
             self._check_bucket()
             return None
 
-    def fetch(self, name: str, target: Path) -> bool:
+    def fetch_object(self, name: str, target: Path) -> bool:
         """Write an object into a file, part by part. Return whether the object exists."""
         try:
             with self._plain_errors(self.address / name, missing_ok=True):
@@ -165,7 +165,7 @@ class ObjectClient:
             return False
         return True
 
-    def sizes(self, folder: str | None = None) -> Iterator[tuple[str, int]]:
+    def list_sizes(self, folder: str | None = None) -> Iterator[tuple[str, int]]:
         """Yield name and size [bytes] of all objects, or of those in a folder."""
         with self._plain_errors(self.address):
             for batch in obstore.list(self.store, folder, chunk_size=1000):
@@ -178,7 +178,7 @@ class ObjectClient:
         names = [*listed["common_prefixes"], *(entry["path"] for entry in listed["objects"])]
         return {name.strip("/") for name in names}
 
-    def delete(self, names: Iterable[str]) -> None:
+    def delete_files(self, names: Iterable[str]) -> None:
         """Delete objects; missing ones are ignored."""
         with suppress(FileNotFoundError), self._plain_errors(self.address, missing_ok=True):
             obstore.delete(self.store, list(names))

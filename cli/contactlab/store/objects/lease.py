@@ -55,7 +55,7 @@ class LockHolder(BaseModel):
         return cls(id=uuid.uuid4().hex, host=host, machine=_machine_id(), pid=pid, started=started)
 
     @classmethod
-    def read(cls, data: bytes) -> "LockHolder | None":
+    def parse_holder(cls, data: bytes) -> "LockHolder | None":
         """Return the holder in a lock object; None if it cannot be read."""
         try:
             return cls.model_validate_json(data)
@@ -111,28 +111,28 @@ class StoreLease:
         self._thread = threading.Thread(target=self._renew_until_released, daemon=True)
         self._thread.start()
 
-    def check(self) -> None:
+    def check_held(self) -> None:
         """Check that no other process is known to have taken over the lock."""
         if self._lost:
             raise OutputError(
                 f"another sweep has taken over {self._client.address}; wait for it, or use -o"
             )
 
-    def renew(self) -> None:
+    def renew_lock(self) -> None:
         """Renew the lock now."""
         self._write_lock(beat=self._holder.beat + 1)
-        self.check()
+        self.check_held()
 
-    def release(self) -> None:
+    def release_lock(self) -> None:
         """Release the lock; if that fails, another process takes it over later."""
         self._released.set()
         self._thread.join(_RELEASE_TIMEOUT)
 
     def _write_lock(self, **changes: object) -> None:
         with self._writing:
-            self.check()
+            self.check_held()
             holder = self._holder.model_copy(update=changes)
-            version = self._client.create(LOCK, holder.to_json_bytes(), self._version)
+            version = self._client.create_object(LOCK, holder.to_json_bytes(), self._version)
             if version is None:
                 self._lost = True
             else:
@@ -142,7 +142,7 @@ class StoreLease:
         while not self._released.wait(self._seconds / _RENEWALS):
             # It is retried next time; if the server stays away, the sweep's own writes fail.
             with suppress(ContactlabError):
-                self.renew()
+                self.renew_lock()
         with suppress(ContactlabError):
             self._write_lock(released=True)
 
@@ -154,15 +154,15 @@ def hold_lease(client: "ObjectClient", seconds: float | None = None) -> Generato
     holder = LockHolder.current_process()
     version = None
     while version is None:
-        version = client.create(LOCK, holder.to_json_bytes())
-        if version is None and (other := client.find(LOCK)) is not None:
+        version = client.create_object(LOCK, holder.to_json_bytes())
+        if version is None and (other := client.find_object(LOCK)) is not None:
             _wait_until_gone(client, other, seconds)
-            version = client.create(LOCK, holder.to_json_bytes(), other.version)
+            version = client.create_object(LOCK, holder.to_json_bytes(), other.version)
     lease = StoreLease(client, holder, version, seconds)
     try:
         yield lease
     finally:
-        lease.release()
+        lease.release_lock()
 
 
 def _wait_until_gone(client: "ObjectClient", lock: "StoredObject", seconds: float) -> None:
@@ -171,7 +171,7 @@ def _wait_until_gone(client: "ObjectClient", lock: "StoredObject", seconds: floa
     Only the time without a change counts, by this machine's clock, because other clocks may be
     wrong.
     """
-    holder = LockHolder.read(lock.data)
+    holder = LockHolder.parse_holder(lock.data)
     if holder is not None and holder.is_gone:
         return
     if holder is not None and holder.is_here:
@@ -182,9 +182,9 @@ def _wait_until_gone(client: "ObjectClient", lock: "StoredObject", seconds: floa
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         time.sleep(min(1.0, seconds / _RENEWALS))
-        now = client.find(LOCK)
+        now = client.find_object(LOCK)
         if now is None or now.version != lock.version:
-            after = LockHolder.read(now.data) if now else None
+            after = LockHolder.parse_holder(now.data) if now else None
             if now is None or (after is not None and after.is_gone):
                 return
             raise OutputError(f"{client.address} is in use by a sweep {where}; wait or use -o")

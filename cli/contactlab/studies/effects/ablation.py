@@ -7,7 +7,7 @@ from itertools import combinations
 from pathlib import Path
 
 from contactlab.errors import EngineError, SceneError
-from contactlab.run.evidence_record import engine, provenance
+from contactlab.run.evidence_record import find_engine, find_provenance
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import WrittenModel, write_model
@@ -140,7 +140,7 @@ def find_smallest_set(request: EffectsRequest, session: Session) -> EffectsRepor
     configurations = [BASE, *singles, *([proven] if proven else [])]
     outcomes = trials.run("one-by-one", "One effect changed at a time", configurations)
     timed = trials.timed("timing", configurations)
-    exercised = Exercised.of(outcomes[BASE].flat)
+    exercised = Exercised.of_rows(outcomes[BASE].flat)
     findings = [
         _finding_of(setup.tolerances, toggle, outcomes, timed, proven, exercised)
         for toggle in toggles.values()
@@ -162,8 +162,8 @@ def find_smallest_set(request: EffectsRequest, session: Session) -> EffectsRepor
         seeds=setup.seeds,
         duration=setup.duration or setup.scene.duration,
         tolerances=dict(setup.tolerances),
-        engine=engine(),
-        provenance=provenance(),
+        engine=find_engine(),
+        provenance=find_provenance(),
         effects=tuple(findings),
         interactions=interactions,
         smallest_set=_smallest_set(toggles, free, proven, settings, written),
@@ -194,7 +194,7 @@ def _finding_of(
     ratio = None if toggle.proof else cost_ratio(timed[BASE], timed[changed])
     effect, verdict = EFFECTS[toggle.effect], _verdict_of(toggle, change, ratio)
     lack = (
-        exercised.lack([effect.feature])
+        exercised.describe_lacking([effect.feature])
         if effect.feature and verdict == "below the tolerance"
         else None
     )

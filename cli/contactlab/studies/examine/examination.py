@@ -227,7 +227,7 @@ def _checked(
         f"'{entry.check}' is waived ({entry.reason}), but does not fail: remove the waiver"
         for entry in unused_waivers(findings, accepted)
     )
-    idle = Exercised.of(record_to_row(run.record) for run in examined.runs).idle()
+    idle = Exercised.of_rows(record_to_row(run.record) for run in examined.runs).idle_parts()
     if "repeat" in checks and examined.runs[0].record.trajectory_hash is not None:
         reference = reference_of(examined.runs[0]).model_dump_json(indent=2) + "\n"
         examined.session.write({REFERENCE: reference})

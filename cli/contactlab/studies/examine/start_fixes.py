@@ -199,6 +199,6 @@ def compiled(
 ) -> mujoco.MjModel | None:
     """Return the model of an edited specification; None if it does not compile."""
     try:
-        return CompiledFiles.of(scene, scene.source, values, edit).model
+        return CompiledFiles.from_scene(scene, scene.source, values, edit).model
     except SceneError:
         return None

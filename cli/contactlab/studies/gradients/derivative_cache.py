@@ -8,7 +8,7 @@ from pydantic_core import to_json
 
 from contactlab.plugins import hash_of_packages
 from contactlab.resources import short_hash
-from contactlab.run.evidence_record import definitions
+from contactlab.run.evidence_record import hash_definitions
 from contactlab.schema.gradients import GradientInput
 from contactlab.tasks.session import Session
 
@@ -29,7 +29,7 @@ class DerivativeCache:
     @classmethod
     def of(cls, session: Session, question: Mapping[str, object]) -> "DerivativeCache":
         """Read the derivatives of a question and code; an OutputError if they are damaged."""
-        code = definitions(), hash_of_packages([__name__.rpartition(".")[0]])
+        code = hash_definitions(), hash_of_packages([__name__.rpartition(".")[0]])
         asked = short_hash([*code, to_json(question).decode()])
         return cls(session, asked, session.read(CACHE_FILE, _CachedDerivatives).get(asked, {}))
 

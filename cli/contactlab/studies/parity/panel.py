@@ -157,7 +157,7 @@ def runs_from_states(
         runs,
         resolved=[runs.resolved[run]] * count,
         prepared=[runs.prepared[run]] * count,
-        starts=InitialStates(*parts, *driven, signals=(Signals.none(),) * count),
+        starts=InitialStates(*parts, *driven, signals=(Signals.no_signals(),) * count),
         steps=1,
     )
 

@@ -170,7 +170,7 @@ class TuningProblem:
             edit_spec(spec, edits)
             drop_textures(spec)
 
-        files = CompiledFiles.of(scene, scene.source, self.examined.values, edit)
+        files = CompiledFiles.from_scene(scene, scene.source, self.examined.values, edit)
         size = mujoco.mj_stateSize(files.model, INTEGRATION)
         own = self.own_model
         if size != mujoco.mj_stateSize(own, INTEGRATION):
