@@ -103,7 +103,7 @@ class Interrupted(io.RawIOBase):
 
 stop = Stop()
 sys.stderr = io.TextIOWrapper(io.BufferedWriter(Interrupted()), write_through=True)
-with stop_on_signals(stop), stop.watched():
+with stop_on_signals(stop), stop.watch_runs():
     sys.stderr.write("progress\\n")
     sys.stderr.flush()
 assert stop.is_set

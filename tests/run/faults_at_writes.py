@@ -47,7 +47,7 @@ SWEEP: dict[str, Any] = {
 CALLS = ("open", "write", "sync", "rename", "remove", "make", "close", "truncate")
 MANNERS = ("count", "error", "full", "kill")
 GROWS = {"open", "write", "make"}
-REQUESTS = ("put", "create", "delete")
+REQUESTS = ("put_file", "create_object", "delete_files")
 
 
 class Life(NamedTuple):

@@ -55,14 +55,14 @@ def steps_made(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         return roll_out(self, nstep, *args, **kwargs)
 
     kernel: Any = contact_kernel.KernelStepper
-    step = kernel.step
+    step = kernel.step_run
 
     def counting_of_kernel(self: Any, *args: Any) -> Any:
         made.append(self._steps)
         return step(self, *args)
 
     monkeypatch.setattr(mujoco_batch.Batch, "rollout", counting)
-    monkeypatch.setattr(kernel, "step", counting_of_kernel)
+    monkeypatch.setattr(kernel, "step_run", counting_of_kernel)
     return made
 
 

@@ -91,7 +91,7 @@ def test_a_worker_does_not_grow(
         return run_job(self, job)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Worker, "run", watched)
+        patch.setattr(Worker, "run_job", watched)
         for work in ("LEAST_WORK", "SMALL_WORK"):
             patch.setattr(planned_runs, work, 0)
         sweeper.run(f"{SWEEP}trace: {trace}\n")

@@ -49,7 +49,7 @@ import ctypes, os, signal, time
 from contextlib import contextmanager
 from contactlab.run.planned_runs import Preparer
 from contactlab.run.worker import Worker
-watchdog = Preparer.watchdog
+watchdog = Preparer.start_watchdog
 start = Worker.__init__
 
 def starting(self, *arguments):
@@ -66,7 +66,7 @@ def slow(self, times=1):
             watch()
         yield begin if times == 1 else watch
 
-Preparer.watchdog = slow
+Preparer.start_watchdog = slow
 Worker.__init__ = starting
 """
 # All but the first three runs end when their worker should stop.

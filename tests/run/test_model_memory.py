@@ -27,7 +27,7 @@ def test_a_bound_on_models_changes_nothing(
         held.append(len(vars(self)["_models"]))
         return made
 
-    monkeypatch.setattr(planned_runs.Preparer, "plans", watched)
+    monkeypatch.setattr(planned_runs.Preparer, "plan_job", watched)
     monkeypatch.setattr(planned_runs, "MODEL_BYTES", models * base.size)
     sweeper.run(ball, "bounded")
     assert sweeper.outcome("bounded") == sweeper.outcome("usual")

@@ -71,8 +71,8 @@ def outcome_at(
             return outcome(address)
         client = connect(address)
         copy = tmp_path / "copy"
-        for name, _ in client.sizes():
-            assert client.fetch(name, copy / name)
+        for name, _ in client.list_sizes():
+            assert client.fetch_object(name, copy / name)
         return outcome(copy)
 
     return of
@@ -248,7 +248,7 @@ def test_a_server_that_goes_away(
     ask = replace(sweeper.ask(ball), store=address)
 
     def unplug(_: object) -> None:
-        monkeypatch.setattr(type(client), "put", away)
+        monkeypatch.setattr(type(client), "put_file", away)
 
     def away(_: object, name: str, __: object) -> None:
         raise OutputError(f"cannot reach {address / name}")
@@ -256,7 +256,7 @@ def test_a_server_that_goes_away(
     put = type(client).put_file
     with pytest.raises(OutputError, match=f"cannot reach {address}/traces/"):
         run_sweep(ask, lambda *_: None, unplug)
-    monkeypatch.setattr(type(client), "put", put)
+    monkeypatch.setattr(type(client), "put_file", put)
     assert client.find_object("manifest.json") is None
     began: list[int] = []
     run_sweep(ask, lambda _, done: began.append(done), lambda _: None)

@@ -35,7 +35,7 @@ def deadly(self, job):
     hangs = beside / "hangs"
     if 3 in places and ((beside / "deadly").exists() or hangs.exists()):
         hangs.unlink(missing_ok=True)
-        with self._preparer.watchdog() as watch:
+        with self._preparer.start_watchdog() as watch:
             watch()
             signal.pause()
     return run(self, job)

@@ -145,12 +145,12 @@ def test_a_killed_shard_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     def killed(*_: object, **__: object) -> None:
         raise cut
 
-    monkeypatch.setattr(store_writer.StoreWriter, "finish", killed)
+    monkeypatch.setattr(store_writer.StoreWriter, "finish_store", killed)
     with pytest.raises(KeyboardInterrupt):
         swept(place, shard="1/2")
     with pytest.raises(StoreError, match=r"shard is unfinished"):
         contactlab.merge([place], output=tmp_path / "merged")
-    monkeypatch.setattr(store_writer.StoreWriter, "finish", publish)
+    monkeypatch.setattr(store_writer.StoreWriter, "finish_store", publish)
     swept(place, shard="1/2")
     swept(tmp_path / "other", shard="2/2")
     done = contactlab.merge([tmp_path / "other", place], output=tmp_path / "merged")
@@ -233,10 +233,10 @@ def test_a_merge_that_was_killed_is_made_again(
     def killed(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(store_writer.StoreWriter, "join", killed)
+    monkeypatch.setattr(store_writer.StoreWriter, "join_tables", killed)
     with pytest.raises(KeyboardInterrupt):
         contactlab.merge(three, output=target)
-    monkeypatch.setattr(store_writer.StoreWriter, "join", join)
+    monkeypatch.setattr(store_writer.StoreWriter, "join_tables", join)
     assert contactlab.merge(three, output=target).manifest.records == merged.manifest.records
     assert not find_problems(target)
 

@@ -78,7 +78,7 @@ def flown(
     def submit(_: SlurmExecutor, __: Path, parts: list[Part]) -> list[Task]:
         return [Task(part, next(numbers), next(most)) for part in parts]
 
-    monkeypatch.setattr(SlurmExecutor, "submit", submit)
+    monkeypatch.setattr(SlurmExecutor, "submit_parts", submit)
     monkeypatch.setattr(arrays, "_POLL_SECONDS", 0)
     flying = Arrays(executor, folder, {}, map(job, range(count)), Stop())
     return [*flying.iterate_results()]

@@ -38,9 +38,9 @@ def test_planted_defects(
 ) -> None:
     kit.write(0, 1, 2)
     if data is None:
-        kit.client.delete([name])
+        kit.client.delete_files([name])
     else:
-        kit.client.put(name, data)
+        kit.client.put_file(name, data)
     found = find_problems(kit.address, thorough=thorough)
     if name.endswith("ff.mcap") and not thorough:
         # Whether traces are of runs is only asked with their bytes, as in folders.
@@ -61,7 +61,7 @@ def test_a_changed_store_is_fetched_anew(kit: Any) -> None:
 def test_a_store_that_names_files_elsewhere(kit: Any) -> None:
     manifest = kit.write(0, 1, 2)
     evil = manifest.model_copy(update={"files": {"../../evil": "0" * 64}})
-    kit.client.put("manifest.json", evil.model_dump_json().encode())
+    kit.client.put_file("manifest.json", evil.model_dump_json().encode())
     with pytest.raises(StoreError, match=r"is damaged: files.*must be a relative path"):
         Store.open(kit.address)
 
@@ -69,7 +69,7 @@ def test_a_store_that_names_files_elsewhere(kit: Any) -> None:
 def test_no_store(bucket: str, kit: Any) -> None:
     with pytest.raises(StoreError, match=f"no store at {bucket}/none"):
         Store.open(parse_address(f"{bucket}/none"))
-    kit.client.put("thesis.tex", b"dear")
+    kit.client.put_file("thesis.tex", b"dear")
     with pytest.raises(StoreError, match=r"is not a store: it has no manifest\.json"):
         Store.open(kit.address)
 
@@ -81,10 +81,10 @@ def test_messages_name_the_address(kit: Any) -> None:
         store.record("zz")
     with pytest.raises(StoreError, match=f"{kit.address}/runs.parquet has no column 'x'"):
         store.columns.numbers("x")
-    kit.client.put(TRACE, b"changed")
+    kit.client.put_file(TRACE, b"changed")
     with pytest.raises(StoreError, match=f"{kit.address}/{TRACE}: "):
         store.trace(kit.records[1])
-    kit.client.delete([TRACE])
+    kit.client.delete_files([TRACE])
     with pytest.raises(StoreError, match=f"{kit.address}/{TRACE} is missing"):
         store.trace(kit.records[1])
 
@@ -104,11 +104,11 @@ def test_a_scene_for_a_worker_elsewhere(kit: Any, tmp_path: Path) -> None:
 
 def test_a_large_trace_goes_in_parts(kit: Any) -> None:
     data = random.Random(0).randbytes(12 << 20)  # noqa: S311 - not for secrets
-    kit.client.put("traces/large", BytesIO(data).getbuffer())
-    found = kit.client.find("traces/large")
+    kit.client.put_file("traces/large", BytesIO(data).getbuffer())
+    found = kit.client.find_object("traces/large")
     assert found is not None
     assert found.data == data
-    assert kit.client.fetch("traces/large", kit.folder / "large")
+    assert kit.client.fetch_object("traces/large", kit.folder / "large")
     assert (kit.folder / "large").read_bytes() == data
 
 

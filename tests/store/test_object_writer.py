@@ -35,7 +35,7 @@ def test_a_whole_store(kit: Any) -> None:
 
 def test_a_finished_store_is_left_alone(kit: Any) -> None:
     manifest = kit.write(0, 1, 2)
-    kit.client.put(OTHER, kit.row(0) + b"\n")
+    kit.client.put_file(OTHER, kit.row(0) + b"\n")
     assert find_problems(kit.address) == [f"{OTHER}: left over from an interrupted write"]
     with kit.opened() as store:
         assert store == manifest
@@ -59,9 +59,9 @@ def test_a_row_without_its_trace_is_done_again(kit: Any, damage: str) -> None:
     trace = kit.records[0].trace
     assert trace is not None
     if damage == "gone":
-        kit.client.delete([trace.file])
+        kit.client.delete_files([trace.file])
     else:
-        kit.client.put(trace.file, b"half")
+        kit.client.put_file(trace.file, b"half")
     assert kit.done() == kit.ids(1)
     kit.put_trace(0)
     assert kit.done() == kit.ids(1)
@@ -72,7 +72,7 @@ def test_a_row_without_its_trace_is_done_again(kit: Any, damage: str) -> None:
 def test_rows_of_two_sweeps(kit: Any) -> None:
     """Both did the same run: one that lost its lock without noticing, and its successor."""
     kit.interrupt(0, 1)
-    kit.client.put(OTHER, with_checksum(kit.row(1)) + with_checksum(kit.row(0)))
+    kit.client.put_file(OTHER, with_checksum(kit.row(1)) + with_checksum(kit.row(0)))
     assert kit.done() == kit.ids(0, 1)
     kit.write(2)
     assert find_problems(kit.address) == []
@@ -81,17 +81,17 @@ def test_rows_of_two_sweeps(kit: Any) -> None:
 def test_published_by_another_meanwhile(kit: Any) -> None:
     """What it published is kept, to the byte."""
     theirs = kit.write(0, 1, 2)
-    whole = {name: kit.client.find(name) for name in ("manifest.json", "runs.parquet")}
-    kit.client.delete(["manifest.json", "runs.parquet"])
+    whole = {name: kit.client.find_object(name) for name in ("manifest.json", "runs.parquet")}
+    kit.client.delete_files(["manifest.json", "runs.parquet"])
     with kit.opened() as store:
         kit.add(store, 0, 1, 2)
         for name, found in whole.items():
             assert found is not None
-            kit.client.put(name, found.data)
+            kit.client.put_file(name, found.data)
         assert isinstance(store, StoreWriter)
         assert kit.finish(store) == theirs
     for name, found in whole.items():
-        again = kit.client.find(name)
+        again = kit.client.find_object(name)
         assert again is not None
         assert found is not None
         assert again.data == found.data
@@ -101,31 +101,31 @@ def test_published_by_another_meanwhile(kit: Any) -> None:
 def test_published_by_another_at_the_same_moment(kit: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """A manifest that appears once our table lies there does not name another table."""
     kit.write(0, 1, 2)
-    found = kit.client.find("manifest.json")
+    found = kit.client.find_object("manifest.json")
     assert found is not None
-    kit.client.delete(["manifest.json"])
+    kit.client.delete_files(["manifest.json"])
     kind: Any = type(kit.client)
-    put = kind.put
+    put = kind.put_file
 
     def racing(client: object, name: str, data: Any) -> None:
         put(client, name, data)
         if name == "runs.parquet":
             put(client, "manifest.json", found.data)
 
-    monkeypatch.setattr(kind, "put", racing)
+    monkeypatch.setattr(kind, "put_file", racing)
     kit.write(0, 1, 2)
     assert find_problems(kit.address) == []
 
 
 def test_other_objects_are_left_alone(kit: Any) -> None:
-    kit.client.put("thesis/main.tex", b"dear")
+    kit.client.put_file("thesis/main.tex", b"dear")
     for fresh in (False, True):
         with (
             pytest.raises(OutputError, match=r"holds other files \(thesis\)"),
             kit.opened(fresh=fresh),
         ):
             pass
-    found = kit.client.find("thesis/main.tex")
+    found = kit.client.find_object("thesis/main.tex")
     assert found is not None
     assert found.data == b"dear"
 
@@ -134,7 +134,7 @@ def test_fresh(kit: Any, connect: Any) -> None:
     neighbour = connect(ObjectAddress("s3", kit.address.bucket, "some/store-2"))
     neighbour.put("runs.parquet", b"another's")
     kit.write(0, 1, 2)
-    kit.client.put("traces/ff/ff.mcap", b"an orphan")
+    kit.client.put_file("traces/ff/ff.mcap", b"an orphan")
     kit.write(0, 1, 2, fresh=True)
     assert find_problems(kit.address) == []
     assert neighbour.find("runs.parquet") is not None

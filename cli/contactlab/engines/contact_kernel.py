@@ -123,7 +123,7 @@ class KernelStepper(BatchStepper):
         """Return the memory [bytes] of the slots of `runs` runs at their current width."""
         return self._library.slot_bytes(self._handle, runs)
 
-    def step(self, run: int, inputs: Mapping[str, Any], out: Mapping[Any, np.ndarray]) -> str:
+    def step_run(self, run: int, inputs: Mapping[str, Any], out: Mapping[Any, np.ndarray]) -> str:
         """Make a run, and record it like a batch. Return the error, if any."""
         control = np.ascontiguousarray(inputs.get("control", _EMPTY_CONTROL))
         *taken, warned = (first + run * stride for first, stride in self._addresses)

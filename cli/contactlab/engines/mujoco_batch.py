@@ -188,7 +188,7 @@ class Recorder:
     def enter_run(
         self, run: int, row: int, model: mujoco.MjModel, starts: InitialStates, states: Floats
     ) -> None:
-        """Evaluate a run that was recorded in a row; see `Books.enter`."""
+        """Evaluate a run that was recorded in a row; see `EnergyLedger.enter_run`."""
         with np.errstate(all="ignore"):
             self._ledger.enter_run(run, row, model, starts, states)
             self._passages.enter_run(run, model, starts, states)

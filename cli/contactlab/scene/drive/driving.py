@@ -87,7 +87,7 @@ class Driving:
         for _, group in groupby(enumerate(runs), lambda numbered: _signal_key(numbered[1])):
             places, alike = zip(*group, strict=True)
             for place, driven in zip(places, self._group_signals(alike), strict=True):
-                signals[place] = signals[place].merge(driven)
+                signals[place] = signals[place].merge_signals(driven)
         for part, index, value in self._recorded.start if self._recorded else ():
             fields[part][:, index] = value
         return at_begin(starts._replace(signals=tuple(signals)))
