@@ -1,17 +1,35 @@
-"""Runs of a plan that are chosen by the results of earlier runs."""
+"""Runs of a plan that are chosen by the results of earlier runs: refining, searching, counting."""
 
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterable, Mapping
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic_core import from_json
 
-from contactlab.plan.sides import Side
+from contactlab.measure import labels_with
+from contactlab.plan.grid import Plan
+from contactlab.plan.refined_axes import first_stride
+from contactlab.plan.refinement import (
+    UNKNOWN,
+    Codes,
+    Lattice,
+    corners_of,
+    group_lattices,
+    halve_cells,
+    next_points,
+)
+from contactlab.plan.sampled_shares import configuration_of
+from contactlab.plan.search import Trials, axis_coordinates, searched_axes
+from contactlab.plan.sides import Side, counts_for_share, fields_read_by, side_of
 from contactlab.run.planned_runs import RunIndex
 from contactlab.run.tasks import Finished
 from contactlab.schema.evidence import SweepIdentity, WholeGrid
+from contactlab.schema.sweep_schema import Refine, Search, Until
+from contactlab.shares import anytime
 
 
 class ChosenRuns(ABC):
@@ -66,3 +84,133 @@ class ChosenRuns(ABC):
         part = index.select_ids(np.isin(index.ids, made))
         own = {"runs_asked": len(part), "whole": self.describe_grid(index)}
         return part, identity.model_copy(update=own)
+
+
+class RefinedRuns(ChosenRuns):
+    """Runs in cells with differing outcomes, and runs that are in no cell."""
+
+    def __init__(self, refine: Refine, plan: Plan, ids: NDArray[np.uint64]) -> None:
+        """Take the grid of a plan, and the ids (runs) of its runs in order."""
+        side = side_of(refine.where, labels_with("required"))
+        super().__init__(ids, side, fields_read_by(refine.where))
+        self._probe, self._codes = refine.probe, dict[object, int]()
+        self._axes = {name: plan.grid.product_values(name) for name in refine.axes}
+        stride = first_stride(refine)
+        assert stride is not None
+        self._stride = stride
+        runs = ((run.index, run.values, run.seed) for run in plan.iterate_runs())
+        self._lattices = group_lattices(runs, self._axes)
+        outside = np.ones(len(ids), bool)
+        for lattice in self._lattices:
+            outside[lattice.places[lattice.places != UNKNOWN]] = False
+        self._apart: list[int] = np.flatnonzero(outside).tolist()
+
+    def choose_next(self) -> Iterator[int]:
+        """Yield the plan indices of the next runs.
+
+        The first are also the runs in no cell, such as baselines and runs that a file includes.
+        """
+        yield from (place for place in self._apart if not self.is_known(place))
+        for lattice in self._lattices:
+            points = next_points(
+                self._side_codes(lattice), self._stride, self._probe, lattice.ranks
+            )
+            yield from lattice.places[points].tolist()
+
+    def _side_codes(self, lattice: Lattice) -> Codes:
+        """Return (n, ...) the sides of a lattice's points; those without a run have another one."""
+        codes = [self._side_code(place) for place in lattice.places.ravel().tolist()]
+        return np.array(codes, np.int32).reshape(lattice.places.shape)
+
+    def _side_code(self, place: int) -> int:
+        if place != UNKNOWN and not self.is_known(place):
+            return UNKNOWN
+        side = "no run" if place == UNKNOWN else ("side", self.side_at(place))
+        return self._codes.setdefault(side, len(self._codes))
+
+    def describe_grid(self, index: RunIndex) -> WholeGrid:
+        """Return the grid, with the size of its inferred part."""
+        points = probes = 0
+        for lattice in self._lattices:
+            codes = self._side_codes(lattice)
+            inside = ~corners_of(halve_cells(codes, self._stride).cells, codes.shape)
+            points += int(inside.sum())
+            probes += int((inside & (codes != UNKNOWN)).sum())
+        known = {"axes": self._axes, "inside": points, "probes": probes}
+        return super().describe_grid(index).model_copy(update=known)
+
+
+# Runs of each configuration before the first check, and the divisor for later increases.
+_FIRST_RUNS, _GROWTH_DIVISOR = 16, 4
+
+
+class RunsUntilKnown(ChosenRuns):
+    """The first runs of each configuration, in the order of the plan, until its share is known."""
+
+    def __init__(self, until: Until, plan: Plan, ids: NDArray[np.uint64]) -> None:
+        """Take the draws of a plan, and the ids (runs) of its runs in order."""
+        side = counts_for_share(until.share, labels_with("required"))
+        super().__init__(ids, side, fields_read_by(until.share))
+        self._until = until
+        drawn = plan.sweep.drawn_axes
+        self._places = defaultdict[object, list[int]](list)
+        for run in plan.iterate_runs():
+            self._places[configuration_of(run.values, drawn)].append(run.index)
+
+    def choose_next(self) -> Iterator[int]:
+        """Yield the plan indices of the next runs."""
+        for places in self._places.values():
+            yield from self._next_runs(places)
+
+    def _next_runs(self, places: list[int]) -> list[int]:
+        count = min(_FIRST_RUNS, len(places))
+        while True:
+            missing = [place for place in places[:count] if not self.is_known(place)]
+            if missing or count == len(places):
+                return missing
+            good = sum(self.side_at(place) is True for place in places[:count])
+            low, high = anytime(good, count, self._until.sure)
+            if (high - low) / 2 <= self._until.half_width:
+                return []
+            count = min(len(places), count + max(_FIRST_RUNS, count // _GROWTH_DIVISOR))
+
+
+class SearchedRuns(ChosenRuns):
+    """Trials for each seed, and for each combination of axes that are not searched.
+
+    Rows that a file includes outside of the axes' values are not trials: they run unchanged.
+    """
+
+    def __init__(self, search: Search, plan: Plan, ids: NDArray[np.uint64]) -> None:
+        """Take the points of a plan, and the ids (runs) of its runs in order."""
+        metric = search.metric
+        super().__init__(ids, lambda row: row.get(metric), (metric,))
+        sign = -1.0 if search.maximise else 1.0
+        place_on = {
+            name: axis_coordinates(plan.sweep.axes[name], plan.grid.product_values(name))
+            for name in searched_axes(plan.sweep)
+        }
+        places, self._apart = defaultdict[object, dict[int, tuple[float, ...]]](dict), list[int]()
+        for run in plan.iterate_runs():
+            point = tuple(place(run.values.get(name)) for name, place in place_on.items())
+            if any(map(math.isnan, point)):
+                self._apart.append(run.index)
+                continue
+            shared = tuple(item for item in run.values.items() if item[0] not in place_on)
+            places[*shared, run.seed][run.index] = point
+        self._searches = [
+            (list(points), Trials(np.array([*points.values()]), sign, search.runs))
+            for points in places.values()
+        ]
+
+    def choose_next(self) -> Iterator[int]:
+        """Yield the plan indices of the next runs."""
+        yield from (place for place in self._apart if not self.is_known(place))
+        for places, trials in self._searches:
+            found = dict[int, float | None]()
+            for point, place in enumerate(places):
+                if self.is_known(place):
+                    value = self.side_at(place)
+                    found[point] = float(value) if isinstance(value, float | int) else None
+            for trial in trials.next_points(found):
+                yield places[trial]

@@ -17,15 +17,12 @@ from contactlab.errors import SweepFileError
 from contactlab.measure import LABELS, METRICS, added_labels
 from contactlab.plan.grid import Plan
 from contactlab.plugins import loaded_plugins
-from contactlab.run.chosen_runs import ChosenRuns
+from contactlab.run.chosen_runs import ChosenRuns, RefinedRuns, RunsUntilKnown, SearchedRuns
 from contactlab.run.evidence_record import find_engine, find_provenance, hash_definitions
 from contactlab.run.parameter_budgets import parameter_budgets
 from contactlab.run.passes import SweepSession, run_passes
 from contactlab.run.planned_runs import RunIndex, pack_jobs
-from contactlab.run.refined_runs import RefinedRuns
 from contactlab.run.run_verdicts import conclude_runs
-from contactlab.run.runs_until_known import RunsUntilKnown
-from contactlab.run.searched_runs import SearchedRuns
 from contactlab.run.shards import shard_of_sweep
 from contactlab.run.sweep_request import SweepRequest
 from contactlab.run.tasks import (
