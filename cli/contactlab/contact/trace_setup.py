@@ -153,16 +153,14 @@ class RecordedMotion:
         )
 
 
-_SIZE_TIME_S = 0.1  # time scale of a body's motion by its own size without gravity [s]
-
-
 def pull_of(gravity: Floats, size: float) -> Floats:
     """Return (n,) the magnitude of gravity (n, 3) [m/s^2].
 
     Without gravity it is the acceleration by a mean body `size` [m] per tenth of a second squared.
     """
     strength = np.linalg.norm(gravity, axis=1)
-    return np.where(strength > 0, strength, size / _SIZE_TIME_S**2)
+    # Time scale of a body's motion by its own size without gravity [s].
+    return np.where(strength > 0, strength, size / 0.1**2)
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,6 @@ from contactlab.scene.compile_model import SENSOR_PREFIX
 from contactlab.scene.mujoco_versions import VERSION, has_batch, library_file
 
 _KERNEL_SOURCE = Path(__file__).with_suffix(".c")
-_CHECKED_STEPS = 64  # steps after the first contact of a run that are compared with sensors
 _SENSORS_OFF = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
 _EMPTY_CONTROL = np.empty((1, 0, 0))
 _POINTER_TYPE, _INT_TYPE = ctypes.c_void_p, ctypes.c_int
@@ -178,7 +177,8 @@ def _agrees_with_sensors(runs: PreparedRuns, rollout: Rollout) -> bool:
     layout = runs.base.layout
     touching = [slot[:, :, 0, FOUND] > 0 for slot in rollout.slots if slot.strides[0]]
     for run, step in np.argwhere(np.logical_or.reduce(touching))[:1].tolist():
-        stop = min(step + _CHECKED_STEPS, rollout.steps[run])
+        # Steps after the first contact of a run that are compared with sensors.
+        stop = min(step + 64, rollout.steps[run])
         expected = roll_out([runs.models[run]], runs.starts.select_run(run), stop, Buffers())
         rows = expected.sensors[0].copy()
         rows[:, layout.pairs[0] : layout.contacts] = 0

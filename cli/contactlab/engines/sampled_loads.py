@@ -16,14 +16,8 @@ from contactlab.engines.mujoco_batch import STATE
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.scene.run_setup import equality_reach
 
-_STEPS_PER_SAMPLE = 250  # steps per sample; a sample takes as long as three or four steps
 _MIN_SAMPLES, _MAX_SAMPLES = 2, 16
 _WAKING_STEPS = 100  # steps that show whether a sleeping body would have stayed
-_REST_SHARE = 1e-3  # largest motion of a resting body in that time, as a share of its mean size
-_MAX_SLEEPS = 4  # number of checked sleeps: the fastest and longest ones
-_MOTION_CHECKS = 16  # number of checks of the awake body's motion
-_NOSLIP_ITERATIONS = 10  # enough noslip iterations to keep bodies held by friction from creeping
-_HELD_SHARE = 0.9  # a brake should hold below this share of its friction loss
 _CONSTRAINT_TYPES, _EQUALITY_TYPES = mujoco.mjtConstraint, mujoco.mjtEq
 _BRAKE_TYPES = _CONSTRAINT_TYPES.mjCNSTR_FRICTION_DOF, _CONSTRAINT_TYPES.mjCNSTR_FRICTION_TENDON
 _SLEEP_FLAG = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
@@ -79,10 +73,12 @@ def _worst_sleeper(model: mujoco.MjModel, start: InitialStates, states: Floats) 
     awake, worst = copy.copy(model), np.full(4, np.nan)
     awake.opt.enableflags &= ~_SLEEP_FLAG
     if not model.nflex:
-        awake.opt.noslip_iterations = max(_NOSLIP_ITERATIONS, model.opt.noslip_iterations)
+        # Enough noslip iterations to keep bodies held by friction from creeping.
+        awake.opt.noslip_iterations = max(10, model.opt.noslip_iterations)
     step, lengths = model.opt.timestep, np.asarray(model.dof_length)
     speeds = np.abs(states[:, 1 + model.nq : 1 + model.nq + model.nv]) * lengths
-    ways, rest = speeds.sum(axis=0) * step, _REST_SHARE * model.stat.meansize
+    # Largest motion of a resting body in that time, as a share of its mean size.
+    ways, rest = speeds.sum(axis=0) * step, 1e-3 * model.stat.meansize
 
     def estimated_distance(sleep: _LongestSleep) -> float:
         """Return how far it would move at its last speed [m]."""
@@ -90,7 +86,8 @@ def _worst_sleeper(model: mujoco.MjModel, start: InitialStates, states: Floats) 
             return np.inf
         return float(speeds[sleep.begin - 1, sleep.dofs].max()) * sleep.steps * step
 
-    for sleep in sorted(_find_sleeps(model, speeds), key=estimated_distance)[-_MAX_SLEEPS:]:
+    # Number of checked sleeps: the fastest and longest ones.
+    for sleep in sorted(_find_sleeps(model, speeds), key=estimated_distance)[-4:]:
         few = min(_WAKING_STEPS, sleep.steps)
         gone, last = _awake_motion(awake, start, states, (sleep.begin, few))
         gone += last * (sleep.steps - few) * step
@@ -130,7 +127,8 @@ def _awake_motion(
     mujoco.mj_setState(model, data, states[first], int(STATE))
     at = np.minimum(first + np.arange(begin + steps - first), last)
     gone, away, here = np.zeros(model.nv), np.empty(model.nv), np.array(data.qpos)
-    looks = np.ceil(np.linspace(0, len(at), _MOTION_CHECKS + 1)[1:]).astype(int) - 1
+    # Number of checks of the awake body's motion.
+    looks = np.ceil(np.linspace(0, len(at), 16 + 1)[1:]).astype(int) - 1
     for place, inputs in enumerate(start.input_rows(0, model.opt.timestep, at)):
         apply_inputs(model, data, inputs)
         mujoco.mj_step(model, data)
@@ -173,7 +171,8 @@ class _Sampler:
             np.add.at(gaps[sample], which, self._row_violations(model, rows, which) ** 2)
             for kind, first in zip(_BRAKE_TYPES, (0, model.nv), strict=True):
                 held = data.efc_type == int(kind)
-                held &= np.abs(data.efc_force) < _HELD_SHARE * data.efc_frictionloss
+                # A brake should hold below this share of its friction loss.
+                held &= np.abs(data.efc_force) < 0.9 * data.efc_frictionloss
                 creep[sample, first + data.efc_id[held]] = data.efc_vel[held]
         gaps = np.sqrt(gaps)
         late = steps >= min(0.75 * (len(states) - 1), steps[-1])
@@ -197,5 +196,6 @@ class _Sampler:
 
 def sampled_steps(steps: int) -> np.ndarray:
     """Return the steps of a run that follow a sample of loads: in the middle of equal parts."""
-    samples = max(_MIN_SAMPLES, min(_MAX_SAMPLES, steps // _STEPS_PER_SAMPLE))
+    # Steps per sample; a sample takes as long as three or four steps.
+    samples = max(_MIN_SAMPLES, min(_MAX_SAMPLES, steps // 250))
     return ((np.arange(samples) + 0.5) / samples * steps).astype(np.intp)

@@ -23,8 +23,6 @@ IN_FORK_SERVER = "CONTACTLAB_IN_FORK_SERVER"
 """An environment variable that the fork server has when it starts, and removes."""
 # A worker has a core: BLAS's threads would share it, and wait for ever where none can be started.
 _ENVIRONMENT = {"PYTHONSAFEPATH": "1", "OPENBLAS_NUM_THREADS": "1", IN_FORK_SERVER: "1"}
-# Longest path of a folder: 32 more characters and an end must fit into the 108 of an address.
-_MOST_CHARACTERS_OF_A_FOLDER = 75
 # Number of attempts to start a process while the fork server is being replaced, and pause [s].
 _START_ATTEMPTS, _START_PAUSE = 20, 0.1
 
@@ -33,7 +31,8 @@ def start_server() -> None:
     """Start the server, if it does not run, and go on while it loads."""
     # The system wants the socket's path to be short; the temporary folder of a batch system is not.
     chosen = tempfile.gettempdir()
-    if len(chosen) > _MOST_CHARACTERS_OF_A_FOLDER:
+    # Longest path of a folder: 32 more characters and an end must fit into the 108 of an address.
+    if len(chosen) > 75:
         tempfile.tempdir = "/tmp"  # noqa: S108 - a private folder is made in it
         try:
             util.get_temp_dir()

@@ -11,9 +11,6 @@ from pathlib import Path
 
 _COMMIT = re.compile(r"[0-9a-f]{40}|[0-9a-f]{64}")  # SHA-1 or SHA-256
 _REFERENCE = re.compile(r"ref:\s*(refs/[^\s\x00-\x1f]+)")
-_MOST_BYTES = 1 << 12  # of a file with one line: as long as the longest path of Linux
-_MOST_BYTES_PACKED = 1 << 26  # of all packed references: about a million of them
-_MOST_REFERENCES = 5  # that name another one in a row, as in git itself
 
 
 def commit_of(folder: Path) -> str | None:
@@ -47,7 +44,8 @@ def _resolve_head(line: str, repository: Path) -> str | None:
     common = (repository / shared).resolve() if shared else repository
     if not (common / "objects").is_dir():
         return None
-    for _ in range(_MOST_REFERENCES):
+    # References that name another one in a row, as in git itself.
+    for _ in range(5):
         if _COMMIT.fullmatch(line):
             return line
         if (found := _REFERENCE.fullmatch(line)) is None:
@@ -62,13 +60,15 @@ def _resolve_head(line: str, repository: Path) -> str | None:
 
 
 def _packed_commit(common: Path, name: str) -> str | None:
-    text = _read_text(common / "packed-refs", common, _MOST_BYTES_PACKED) or ""
+    # A file of a million packed references [bytes].
+    text = _read_text(common / "packed-refs", common, 1 << 26) or ""
     found = re.search(rf"^([0-9a-f]+) {re.escape(name)}$", text, re.MULTILINE)
     return found[1] if found else None
 
 
 def _read_line(path: Path, within: Path) -> str | None:
-    text = _read_text(path, within, _MOST_BYTES)
+    # A file with one line is as long as the longest path of Linux [bytes].
+    text = _read_text(path, within, 1 << 12)
     return None if text is None else text.strip()
 
 

@@ -29,7 +29,6 @@ OLDEST = "3.3.4"
 _TOO_NEW = (5,)
 _ROBOTS = "mujoco-menagerie"  # robots that sweeps may name; no other optional package steps a model
 _UV_OF_MACHINE = (Path("/etc/uv/uv.toml"),)
-_MOST_LINES_OF_THE_INSTALLER = 6  # number of reported lines of a failing installer
 
 
 class Interpreter(NamedTuple):
@@ -157,9 +156,8 @@ def make_environment(
             done = run_installer(command, Path(beside))
             if done.returncode:
                 output = (done.stderr or done.stdout).strip().splitlines()
-                lines = [line.rstrip() for line in output if line.strip()][
-                    -_MOST_LINES_OF_THE_INSTALLER:
-                ]
+                # Number of reported lines of a failing installer.
+                lines = [line.rstrip() for line in output if line.strip()][-6:]
                 raise EngineError(
                     f"{name} cannot be installed for Python {platform.python_version()}; {advice}. "
                     "The installer says:\n" + "\n".join(f"  {line}" for line in lines)

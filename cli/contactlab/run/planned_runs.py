@@ -54,8 +54,6 @@ _MAX_OPEN_JOBS = 64
 Key = tuple[object, ...]
 # Runs of a plan that are kept resolved: some kB each if each has different settings.
 MAX_KEPT = 1 << 12
-# Initial states that are remembered as checked.
-_MOST_STARTS_CHECKED = 1 << 12
 _MOST_STEPS_OF_A_RUN = 1e12
 
 
@@ -241,7 +239,8 @@ class _RunCheck:
         key = (shape, tuple(run.initial.values()), start, run.timestep if driven else None)
         if key not in self._checked:
             self._scene.check_start(run)
-            if len(self._checked) < _MOST_STARTS_CHECKED:
+            # Initial states that are remembered as checked.
+            if len(self._checked) < 1 << 12:
                 self._checked.add(key)
 
 

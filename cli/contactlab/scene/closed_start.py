@@ -18,9 +18,6 @@ from contactlab.numerical_tolerance import SUM_ROUNDING
 OPEN_TOLERANCE = 0.01
 """A constraint violated by more is open: share of the extent of the moving geoms, or radians."""
 _MAX_ITERATIONS, _MAX_OPEN_ROWS = 30, 300  # keep the search below one second
-_CLOSED_TOLERANCE = (
-    1e-6  # a constraint violated by less is closed: share of that extent, or radians
-)
 _DENSE_JACOBIAN = int(mujoco.mjtJacobian.mjJAC_DENSE)
 _EQUALITY_ROW = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 _LIMIT_ROW = int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT)
@@ -46,7 +43,8 @@ def closed_start(model: mujoco.MjModel, start: Floats, spec: int) -> Floats | No
         return None
     for _ in range(_MAX_ITERATIONS):
         apart, sizes = _row_violations(frictionless, data)
-        if np.abs(apart / sizes).max(initial=0) <= _CLOSED_TOLERANCE:
+        # A constraint violated by less is closed: share of that extent, or radians.
+        if np.abs(apart / sizes).max(initial=0) <= 1e-6:
             return data.qpos.copy()
         if np.count_nonzero(apart) > _MAX_OPEN_ROWS:
             return None

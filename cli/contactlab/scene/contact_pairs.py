@@ -28,10 +28,6 @@ from contactlab.schema.task import QPOS0
 MAX_PAIRS = 64
 _DETECTION_STEPS = 2000
 _BODY_PAIR_SLOTS = 16
-_MAX_PAIR_SLOTS = 50
-"""Most contacts of two geoms in MuJoCo: mjMAXCONPAIR; only height fields need this many."""
-_HEIGHT_FIELD_SLOTS = 400
-"""Slots for all contacts with height fields; each slot takes 184 bytes per step."""
 _GEOM_OBJECT = mujoco.mjtGeom
 _SURFACE_TYPES = (int(_GEOM_OBJECT.mjGEOM_PLANE), int(_GEOM_OBJECT.mjGEOM_HFIELD))
 
@@ -72,7 +68,9 @@ def detected_pairs(model: mujoco.MjModel, keyframe: str = QPOS0) -> tuple[Monito
     if len(pairs) > MAX_PAIRS:
         pairs = _touching_pairs(model, {QPOS0, keyframe})[:MAX_PAIRS]
     rough = [bool((model.geom_type[[*pair]] == _GEOM_OBJECT.mjGEOM_HFIELD).any()) for pair in pairs]
-    shared = min(_MAX_PAIR_SLOTS, max(_BODY_PAIR_SLOTS, _HEIGHT_FIELD_SLOTS // max(sum(rough), 1)))
+    # Most contacts of two geoms in MuJoCo: mjMAXCONPAIR; only height fields need this many.
+    # Slots for all contacts with height fields; each slot takes 184 bytes per step.
+    shared = min(50, max(_BODY_PAIR_SLOTS, 400 // max(sum(rough), 1)))
     slots = [shared if is_rough else None for is_rough in rough]
     return tuple(_geom_pair(model, *pair, most) for pair, most in zip(pairs, slots, strict=True))
 

@@ -14,17 +14,7 @@ from contactlab.scene.drive.recorded import RecordedTable
 from contactlab.scene.model_names import part_starts
 from contactlab.schema.scene_manifest import UNITS, Recording
 
-_MAX_GAP_RATIO = (
-    1.5  # rows are missing if the time between two exceeds the usual one by this factor
-)
 _MAX_NORM_ERROR = 0.01  # largest deviation of a quaternion's norm from 1 that rounding explains
-_MAX_RANGE_EXCESS = (
-    0.05  # largest allowed excess of a joint over its range, as a share of the range
-)
-_MAX_SPEED = 100.0  # speed above every recorded motion [m/s or rad/s]
-_MAX_VELOCITY_DIFFERENCE = (
-    0.25  # largest relative difference of recorded velocities from those of the poses
-)
 _SINGLE_JUMP_RATIO = (
     5  # a jump of a single row exceeds the motion before and after it by this factor
 )
@@ -92,14 +82,16 @@ class RecordedRows:
         self.add_mistake("time does not increase after", self.within[steps <= 0])
         usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
         what = f"rows are missing (others are {usual * 1e3:.3g} ms apart) after"
-        self.add_mistake(what, self.within[steps > _MAX_GAP_RATIO * usual])
+        # Rows are missing if the time between two exceeds the usual one by this factor.
+        self.add_mistake(what, self.within[steps > 1.5 * usual])
         for part in self.parts:
             joint = self._model.joint(part.joint)
             if part.kind in ("slide", "hinge") and self._model.jnt_limited[joint.id]:
                 low, high = joint.range
                 out = np.abs(self.qpos[:, part.qpos.start] - (low + high) / 2) / part.size
                 what = f"{part.joint} is beyond its range of {low:.3g} to {high:.3g}"
-                self.add_mistake(what, np.flatnonzero(out > 0.5 + _MAX_RANGE_EXCESS))
+                # Largest allowed excess of a joint over its range, as a share of the range.
+                self.add_mistake(what, np.flatnonzero(out > 0.5 + 0.05))
         self._check_velocities()
 
     @property
@@ -180,7 +172,8 @@ class RecordedRows:
         for part in self.parts:
             quantity = "angular velocity" if part.kind in ("turn", "hinge") else "velocity"
             rates = self.rates[:, part.qvel]
-            jumps = np.flatnonzero(np.linalg.norm(rates, axis=1) > _MAX_SPEED)
+            # Speed above every recorded motion [m/s or rad/s].
+            jumps = np.flatnonzero(np.linalg.norm(rates, axis=1) > 100.0)
             self.add_mistake(
                 f"{part.joint} jumps, or is in another unit ({quantity}), after", jumps
             )
@@ -190,7 +183,8 @@ class RecordedRows:
             )
             difference = measured[:, part.qvel] - rates
             off, typical = _smoothed_rms(difference), _smoothed_rms(rates)
-            if off > _MAX_VELOCITY_DIFFERENCE * typical:
+            # Largest relative difference of recorded velocities from those of the poses.
+            if off > 0.25 * typical:
                 self.add_mistake(
                     f"{part.joint}: its {quantity} differs by {off:.3g} from that of its poses, "
                     f"which is {typical:.3g} (root mean squares); check unit and frame, or remove "

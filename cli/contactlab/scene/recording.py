@@ -18,20 +18,11 @@ from contactlab.scene.timed_inputs import Signals
 from contactlab.schema.scene_manifest import Recording
 
 _MIN_FLIGHT_ROWS = 4  # fewest rows of a free flight that determine its velocity
-# Largest relative difference between free flight and gravity if there are few or damped flights.
-_MAX_GRAVITY_DIFFERENCE = 0.2
-_MAX_AIR_EFFECT = (
-    0.05  # largest relative difference due to air; tossed cubes of 0.37 kg fall at 0.981 g
-)
-_MIN_FLIGHTS = 4  # fewer flights do not show the uncertainty of gravity
 _MAX_SUPPORT_GAP = 0.05  # largest gap or depth of a resting body on its support, in body widths
-_MOVING_DEPTH_FACTOR = 5.0  # a moving body may be deeper by this factor
-_MAX_RESTING_MOTION = 0.05  # largest motion of a resting body in the last rows, in body widths
 _DURATION_GRAIN_S = (
     0.1  # durations are multiples of it [s], so that runs of similar length share jobs
 )
 _MAX_MEASURED_DISTANCE_M = 10.0  # largest distance that is measured [m]
-_IMPACT_DURATION_S = 0.05  # duration of the first contact after touch [s]
 
 
 class RecordedRuns:
@@ -83,7 +74,8 @@ class RecordedRuns:
         rows = self._rows
         times = padded(rows.times) - rows.times[[run.start for run in runs]][:, None]
         touched = np.array([self._first_touch_time(run) for run in runs])
-        within = times - touched[:, None] >= np.array([0, _IMPACT_DURATION_S])[:, None, None]
+        # Duration of the first contact after touch [s].
+        within = times - touched[:, None] >= np.array([0, 0.05])[:, None, None]
         impact = np.where(within.any(axis=2), within.argmax(axis=2) - [[1], [0]], -1)
         impact = np.where((impact >= 0).all(axis=0), impact, -1).T
         lost = [self._energy_loss(run.start + two) for run, two in zip(runs, impact, strict=True)]
@@ -190,10 +182,12 @@ class RecordedRuns:
         gaps = np.array([self._distance_to_others(row) for row in ends.tolist()])
         for part in self._points:
             moved = rows.qpos[ends, part.qpos] - rows.qpos[before, part.qpos]
-            still = np.linalg.norm(moved, axis=1) < _MAX_RESTING_MOTION * part.size
+            # Largest motion of a resting body in the last rows, in body widths.
+            still = np.linalg.norm(moved, axis=1) < 0.05 * part.size
+            # A moving body may be deeper by this factor.
             far, deep = (
                 _MAX_SUPPORT_GAP * part.size,
-                np.where(still, 1, _MOVING_DEPTH_FACTOR) * _MAX_SUPPORT_GAP * part.size,
+                np.where(still, 1, 5.0) * _MAX_SUPPORT_GAP * part.size,
             )
             for word, off in (("rests above", still & (gaps > far)), ("overlaps", gaps < -deep)):
                 mistake = f"{part.joint} {word} the geoms it may touch; check body, unit and frame"
@@ -203,14 +197,16 @@ class RecordedRuns:
             ).reshape(-1, 3)
             falls = (falls @ gravity / (gravity @ gravity))[np.isfinite(falls).all(axis=1)]
             fall = float(np.median(falls)) if len(falls) else 1.0
-            allowed = _MAX_GRAVITY_DIFFERENCE
-            if not (
-                len(falls) < _MIN_FLIGHTS or self._model.opt.density or self._model.opt.viscosity
-            ):
+            # Largest relative difference between free flight and gravity if there are few or damped
+            # flights.
+            allowed = 0.2
+            # Fewer flights do not show the uncertainty of gravity.
+            if not (len(falls) < 4 or self._model.opt.density or self._model.opt.viscosity):
                 # The standard error of a median is 1.25 times that of a mean. A normal scatter is
                 # 1.48 times the median distance from the median. Three errors allow for chance.
                 scatter = 1.48 * float(np.median(abs(falls - np.median(falls))))
-                allowed = min(allowed, _MAX_AIR_EFFECT + 3 * 1.25 * scatter / np.sqrt(len(falls)))
+                # Largest relative difference due to air; tossed cubes of 0.37 kg fall at 0.981 g.
+                allowed = min(allowed, 0.05 + 3 * 1.25 * scatter / np.sqrt(len(falls)))
             if abs(fall - 1) > allowed:
                 mistake = f"{part.joint} falls {fall:.3g} times as fast as in the model's gravity"
                 rows.add_mistake(

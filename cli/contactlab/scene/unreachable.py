@@ -20,9 +20,6 @@ GeomPair = tuple[int, int]
 _JOINT_TYPES, _GEOM_TYPES, _DISABLE_FLAGS = mujoco.mjtJoint, mujoco.mjtGeom, mujoco.mjtDisableBit
 _UNMEASURED_SHAPES = {int(_GEOM_TYPES.mjGEOM_HFIELD), int(_GEOM_TYPES.mjGEOM_SDF)}
 """Shapes without distances in MuJoCo."""
-_MAX_RANGE_EXCESS = 0.1
-"""Allowed excess of a joint over a limit, because limits are soft; as a share of its range."""
-_TOUCH_DISTANCE_M = 1e-6  # geoms count as touching up to this distance [m] beyond their margins
 _RANDOM_SAMPLES, _MAX_BOXES = 64, 4096
 _FIRST_BOXES, _ALL_FIRST_BOXES = 128, 1 << 16
 
@@ -52,9 +49,8 @@ class Clearance:
         """Return the distance of two placed geoms to contact, up to `most` [m]; below 0 inside."""
         model = self.model
         own = model.geom_margin[first] + model.geom_margin[second]
-        margin = _TOUCH_DISTANCE_M + float(
-            model.opt.o_margin if read_flag(model, "override") else own
-        )
+        # Geoms count as touching up to this distance [m] beyond their margins.
+        margin = 1e-6 + float(model.opt.o_margin if read_flag(model, "override") else own)
         limit = most + margin
         gap = mujoco.mj_geomDistance(self.model, self.data, first, second, limit, None)
         return most if gap >= limit else gap - margin
@@ -127,7 +123,8 @@ def joint_ranges(model: mujoco.MjModel, runs: Sequence[Floats]) -> Floats:
     ends[hinges], ends[slides] = (-np.pi, np.pi), (-np.inf, np.inf)
     if read_flag(model, "limit") and read_flag(model, "constraint"):
         limited = np.asarray(model.jnt_limited, bool) & (hinges | slides)
-        spread = _MAX_RANGE_EXCESS * np.ptp(model.jnt_range, axis=1, keepdims=True)
+        # Allowed excess of a joint over a limit, because limits are soft; as a share of its range.
+        spread = 0.1 * np.ptp(model.jnt_range, axis=1, keepdims=True)
         allowed = model.jnt_range + spread * [-1, 1]
         places = np.concatenate([model.qpos0[None], model.key_qpos, *runs])[:, model.jnt_qposadr]
         limited &= ((places >= allowed[:, 0]) & (places <= allowed[:, 1])).all(axis=0)

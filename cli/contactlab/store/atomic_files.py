@@ -16,7 +16,6 @@ from contactlab.errors import OutputError
 
 TEMPORARY_SUFFIX = ".tmp"
 _TEMPORARY = re.compile(r"(\.[0-9a-f]{8})?\.tmp$")
-_COMMIT_INTERVAL = 0.5  # pause between two syncs [s]; with the sync it is well below a second
 _AT_CURRENT_FOLDER, _RENAME_EXCHANGE = -100, 2  # of renameat2(2), from linux/fcntl.h and linux/fs.h
 _LIBC = ctypes.CDLL(None, use_errno=True)
 
@@ -158,7 +157,8 @@ class GroupCommit:
         """Request a sync after a change."""
         self._raise_failure()
         if self._timer is None:
-            self._timer = Timer(_COMMIT_INTERVAL, self._sync_changes)
+            # Pause between two syncs [s]; with the sync it is well below a second.
+            self._timer = Timer(0.5, self._sync_changes)
             self._timer.daemon = True
             self._timer.start()
 

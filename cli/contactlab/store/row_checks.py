@@ -44,7 +44,6 @@ _LISTS_OF_LABELS = {
 }
 _UNRESTRICTED_TYPES = (str, int, float, bool, tuple[str, ...], tuple[float, ...])
 """Types of fields that accept every value of their column's type, except NaN and infinity."""
-_MAX_KNOWN_TEXTS = 1 << 12  # number of texts of a column that are cached as valid
 
 
 class RowChecks:
@@ -159,7 +158,8 @@ class _FieldCheck:
             if self._accepts_texts(*tried)
             else {text for text in tried if not self._accepts_texts(text)}
         )
-        if len(self._known) < _MAX_KNOWN_TEXTS:
+        # Most texts of a column that are cached as valid.
+        if len(self._known) < 1 << 12:
             self._known |= different - wrong
         if not wrong:
             return np.zeros(len(column), bool)

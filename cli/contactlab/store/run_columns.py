@@ -30,9 +30,7 @@ from contactlab.store.table_layout import Column, column_of
 _ID_DIGITS = 16
 _BATCH_ROWS = 1 << 12
 """Rows that are in memory at once, possibly with all of their columns."""
-_MAX_CACHED_PARTS = 4  # cached parts of rows, for requests of neighboring rows
 _HASH_BLOCK = 1 << 16  # ids that are converted to text at once
-_MAX_CATEGORIES = 64  # a bit each in a 64-bit mask
 
 
 class NumberColumn(NamedTuple):
@@ -65,7 +63,8 @@ class RunColumns:
         with table_errors(self.path):
             self._source = stored_file(store, TABLE) or store / TABLE
             self._file = pq.ParquetFile(self._source)
-        self._part_of = lru_cache(_MAX_CACHED_PARTS)(self._read_part)
+        # Cached parts of rows, for requests of neighboring rows.
+        self._part_of = lru_cache(4)(self._read_part)
 
     @property
     def runs(self) -> int:
@@ -235,7 +234,8 @@ class RunColumns:
         for rows, lists in self.parts(name):
             entries = compute_digests("list_flatten", lists).dictionary_encode()
             words = [known.setdefault(word, len(known)) for word in entries.dictionary.to_pylist()]
-            if len(known) > _MAX_CATEGORIES:
+            # A bit each in a 64-bit mask.
+            if len(known) > 64:
                 raise StoreError(
                     f"{self.path} is damaged: {len(known)} different strings in '{name}'"
                 )

@@ -42,14 +42,11 @@ _COLUMNS_KEY = b"contactlab.columns"
 _SHARED_KEY = b"contactlab.shared"
 GROUP = 1 << 14
 """Rows that are written at once, and read at once if some are needed: a row group or a part."""
-_MAX_GROUPS = 256  # row groups of a table; opening it decodes the metadata of all their columns
 _BLOCK_BYTES = 8 << 20  # bytes of the journal that are parsed at once
 _BUFFER_BYTES = (
     1 << 20
 )  # bytes of a table that are written at once; a column of few rows has 100 bytes
 _BATCH_ROWS = 256
-_HASH_BLOCK = 1 << 20  # bytes that are hashed at once
-_MAX_CACHED_HASHES = 64  # cached hashes of repeated items
 # Shared fields that depend on the machine, the day, and the name of the sweep.
 _STORE_FIELDS = ("started", "finished", "provenance", "sweep")
 _MAX_TABLE_BYTES, _MAX_ROW_BYTES = 1 << 30, 1 << 20
@@ -146,7 +143,8 @@ def _write_groups(
 def rows_of_group(runs: int) -> int:
     """Return the rows per row group in a table of `runs` rows; the last may have fewer."""
     size = GROUP
-    while runs > _MAX_GROUPS * size:
+    # Row groups of a table; opening it decodes the metadata of all their columns.
+    while runs > 256 * size:
         size *= 2
     return size
 
@@ -537,10 +535,12 @@ class _StreamDigest:
         return self._digest
 
 
-@lru_cache(_MAX_CACHED_HASHES)
+# Cached hashes of repeated items.
+@lru_cache(64)
 def _repetition_hash(item: bytes, times: int) -> Any:  # noqa: ANN401 - hashlib has no name for it
     """Return the SHA-256 of a repeated item; copy it before updating it."""
-    found, at_once = hashlib.sha256(), max(1, _HASH_BLOCK // max(1, len(item)))
+    # Bytes that are hashed at once.
+    found, at_once = hashlib.sha256(), max(1, (1 << 20) // max(1, len(item)))
     block, (blocks, rest) = item * at_once, divmod(times, at_once)
     for _ in range(blocks):
         found.update(block)

@@ -51,8 +51,6 @@ from contactlab.store.table_layout import (
 MOST_PROBLEMS = 1000
 # Checking this many records takes about two seconds; a baseline in a repository has fewer.
 _MAX_QUICK_RECORDS = 1 << 17
-_QUICK_READ_BYTES = 256 << 20
-"""A quick check reads traces up to this total size, and only checks the size of the others."""
 _MAX_NAMED_DAMAGES = 3
 # Files that records name, with hashes; a store without traces has their empty folder.
 _RECORD_FILES = re.compile(r"traces/([0-9a-f]{2}/)?(.*\.mcap)?|controls/[0-9a-f]{64}\.arrow")
@@ -135,7 +133,8 @@ def damaged_traces(store: Store) -> Iterator[str]:
     """Yield missing or changed traces: all are checked by size, the first also by content."""
     if store.manifest.traces_left_out:
         return
-    left = _QUICK_READ_BYTES
+    # A quick check reads traces up to this total size, and only checks the size of the others.
+    left = 256 << 20
     for trace in store.columns.present(("trace_file", "trace_bytes", "trace_sha256")):
         file, expected, sha256 = trace.values()
         left -= expected or 0

@@ -32,8 +32,6 @@ _RAY_ENVIRONMENT = {
 }
 # Time limits for a cluster to open a connection, and to answer [s].
 _CONNECT_TIMEOUT, _ANSWER_TIMEOUT = 5.0, 20.0
-# Size of the object store, for results in flight; a journal line takes a few kB.
-_OBJECT_STORE_BYTES = 100 << 20
 
 
 @contextmanager
@@ -66,7 +64,8 @@ def _connect_ray(address: str | None, workers: int | None) -> None:
 
     quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.ERROR}
     if address is None:
-        here = {"num_cpus": workers, "object_store_memory": _OBJECT_STORE_BYTES}
+        # Size of the object store, for results in flight; a journal line takes a few kB.
+        here = {"num_cpus": workers, "object_store_memory": 100 << 20}
         with _in_empty_folder():
             ray.init("local", include_dashboard=False, **here, **quiet)
         return

@@ -20,7 +20,6 @@ from contactlab.run.slurm.part import BUNDLE, RESULT, STOP, Part, runs_of, unfin
 from contactlab.run.task_bundle import pack_bundle
 from contactlab.run.tasks import Crashed, Job, Result, Stop, Task
 
-_JOBS_OF_A_TASK = 256  # at most; a job is up to 32 runs, or 512 short ones
 MAX_LOSSES = 3  # losses of a task until its first job is considered the cause
 _POLL_SECONDS = 0.5  # between two checks for results [s]
 _SAFE_PATH_VARIABLE = "PYTHONSAFEPATH"
@@ -123,7 +122,8 @@ class Arrays:
                 if task.state == "PENDING":
                     task.cancel()
         elif free := self.executor.tasks - len(self._active):
-            jobs = list(islice(self.queue, free * _JOBS_OF_A_TASK))
+            # Most jobs of a task at a time; a job has up to 32 runs, or 512 short ones.
+            jobs = list(islice(self.queue, free * 256))
             self._submit_parts([tuple(jobs[place::free]) for place in range(free)], 0)
         return bool(self._active)
 

@@ -29,11 +29,8 @@ _SPRING_RATE = 2 * np.pi * 4
 _LEG_SPRING_RATE = 2 * np.pi * 12
 # A robot has settled below this speed [rad/s, m/s]; interval and limit of the checks [s].
 _SETTLED_SPEED, _CHECK_INTERVAL_S, _MAX_SETTLING_S = 0.02, 0.05, 1.0
-# Timestep of settling [s]: fixed, so that the load is the same for every timestep of the model.
-_SETTLING_TIMESTEP_S = 2e-3
 # Maximum number of settling rounds, and the accepted distance to the posture [rad or m].
 _MAX_ROUNDS, _ACCEPTED_DISTANCE = 10, 0.01
-_MIN_REPORTED_EXCESS = 1e-3  # smallest excess of a start over a limit that is reported [rad or m]
 
 _SCALAR_JOINTS = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 _FREE_JOINT = int(mujoco.mjtJoint.mjJNT_FREE)
@@ -105,7 +102,9 @@ def _with_ground_reaction(model: mujoco.MjModel, load: Load, start: mujoco.MjDat
     found, least = load, np.inf
     for _ in range(_MAX_ROUNDS):
         held = copy.copy(model)
-        held.opt.timestep = _SETTLING_TIMESTEP_S
+        # Timestep of settling [s]: fixed, so that the load is the same for every timestep of the
+        # model.
+        held.opt.timestep = 2e-3
         load.write_load(held)
         away = _settled_distance(held, load, start)
         if not np.abs(away).max(initial=0.0) < least:
@@ -162,7 +161,8 @@ def unheld_text(model: mujoco.MjModel, qpos: Floats, load: Load) -> str:
         (
             f"up to {beyond.max(initial=0):.2g} beyond their limits at the start:",
             model.joint,
-            load.joints[beyond > _MIN_REPORTED_EXCESS],
+            # Smallest excess of a start over a limit that is reported [rad or m].
+            load.joints[beyond > 1e-3],
         ),
     )
     problems: list[str] = []

@@ -14,7 +14,6 @@ from contactlab.scene.part_bodies import AT_JOINT
 from contactlab.scene.timed_inputs import Signals
 from contactlab.schema.drive import NoiseDrive
 
-_MIN_SINES = 64  # fewest sines of each control; their sum is nearly normal
 # Knots per period of the highest frequency; linear interpolation loses 1.4 % of it.
 _KNOTS_PER_PERIOD = 12
 # The seed's random streams for noise and for excitations; the first stream perturbs the start.
@@ -23,8 +22,6 @@ _NOISE_STREAM, _EXCITATION_STREAM = 3, 4
 CONTROL_RATE = 50.0
 """Rate of changes of the controls of an excitation [Hz]; they are held in between."""
 _MIN_SINE_HZ, _MAX_SINE_HZ = 0.5, 1.5  # frequencies of its sines [Hz]
-_RANGE_SHARE = 0.7  # share of a control's range that a sine covers
-_GROWTH_SECONDS = 0.2  # growth time of sines to full amplitude [s]
 PUSH_TIME = 0.05
 """Duration of a push [s]."""
 _PUSH_MOMENTS = 8  # number of different times of pushes on bodies
@@ -145,7 +142,8 @@ def excitation_signals(
     hertz = random.uniform(_MIN_SINE_HZ, _MAX_SINE_HZ, model.nu)
     phases = random.uniform(0, 2 * np.pi, model.nu)
     low, high = control_ranges(model).reshape(-1, 2).T
-    middle, reach = (low + high) / 2, _RANGE_SHARE * (high - low) / 2
+    # Share of a control's range that a sine covers.
+    middle, reach = (low + high) / 2, 0.7 * (high - low) / 2
 
     held = np.arange(max(int(np.ceil((end - begin) * CONTROL_RATE)), 1)) / CONTROL_RATE
     moments = random.uniform(0, 1, _PUSH_MOMENTS) * max(end - begin - 2 * PUSH_TIME, 0.0) / 2
@@ -157,7 +155,8 @@ def excitation_signals(
     since = held[np.searchsorted(held, times, side="right") - 1]
 
     waves = np.sin(2 * np.pi * hertz[:, None] * since + phases[:, None])
-    growth = np.minimum(since / _GROWTH_SECONDS, 1.0)
+    # Growth time of sines to full amplitude [s].
+    growth = np.minimum(since / 0.2, 1.0)
     aims = middle[:, None] + reach[:, None] * waves
     controls = rest[:, None] + growth * (aims - rest[:, None])
     # Forces as large as the bodies' weights, across gravity [N].
@@ -190,7 +189,8 @@ def noise_signals(
     repeats only after the end of the run, a time [s]. Its root mean square is a share of half the
     range of each control (nu,). It grows over the first period of its highest frequency.
     """
-    sines = _MIN_SINES
+    # Fewest sines of each control; their sum is nearly normal.
+    sines = 64
     while sines < end * noise.rate:
         sines *= 2
     shape = len(half), sines

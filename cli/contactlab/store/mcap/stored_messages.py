@@ -53,8 +53,6 @@ UNREADABLE = (
     MemoryError,
 )
 """Errors of a file that has valid checksums, but a different content."""
-_MAX_CHUNK_BYTES = 64 << 20
-"""Largest accepted chunk [bytes]: a written one has 1 MiB and the records of one step."""
 
 
 def find_damage(data: bytes) -> str | None:
@@ -168,7 +166,8 @@ def stored_file(data: bytes) -> StoredFile:
 
 def unpack_chunk(compressed: bytes, size: int) -> bytes:
     """Return the content of a chunk; both the chunk and the compressed data state its size."""
-    if size > _MAX_CHUNK_BYTES or zstandard.frame_content_size(compressed) != size:
+    # Largest accepted chunk [bytes]: a written one has 1 MiB and the records of one step.
+    if size > 64 << 20 or zstandard.frame_content_size(compressed) != size:
         raise ValueError(f"a chunk claims to hold {size:,} bytes")
     return zstandard.decompress(compressed)
 

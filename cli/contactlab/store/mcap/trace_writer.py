@@ -55,9 +55,6 @@ _MODEL_NAME = "model.xml"
 RECORD_SCHEMA_NAME = f"{PACKAGE}.EvidenceRecord"
 _RECORD_SCHEMA = b'{"type":"object"}'
 _NANOSECONDS = 1e9
-_CACHED_PREFIXES = 4  # scenes with cached file prefixes; a job is of one scene
-# Readers in languages without unsigned integers take log time as a signed 64-bit number.
-_MOST_LOG_TIME_NS = 2.0**63
 
 
 class TraceEncoder:
@@ -126,12 +123,14 @@ def _log_times(time: Floats) -> tuple[Times, NDArray[np.bool_]]:
     times = np.rint(time * _NANOSECONDS)
     grows = np.all(times[:, 1:] > times[:, :-1], axis=1)
     # Since times increase, checking both ends covers the range of all.
-    grows &= (times[:, 0] >= 0) & (times[:, -1] < _MOST_LOG_TIME_NS)
+    # Readers in languages without unsigned integers take log time as a signed 64-bit number.
+    grows &= (times[:, 0] >= 0) & (times[:, -1] < 2.0**63)
     with np.errstate(invalid="ignore"):
         return times.astype(np.uint64), grows
 
 
-@lru_cache(maxsize=_CACHED_PREFIXES)
+# Scenes with cached file prefixes; a job is of one scene.
+@lru_cache(maxsize=4)
 def _scene_start(
     pairs: tuple[str, ...], sizes: tuple[int, int], model_xml: bytes, encoding: str
 ) -> FileStart:

@@ -42,7 +42,6 @@ _BATCH_FOLDERS = {JOURNAL: "journal", NOTES: "notes"}
 _STORE_NAMES = {SCENES, TRACES, CONTROLS, LOCK, *_BATCH_FOLDERS.values(), TABLE, IDENTITY, MANIFEST}
 _TEMPORARY_PREFIX = "contactlab-"
 _TRANSFERS = 16  # objects that are fetched or stored in parallel, and traces fetched ahead
-_MOST_QUEUED_UPLOADS = 64  # uploads that may be unfinished at once
 
 _fetched_folders: dict[tuple[ObjectAddress, bytes | str], Path] = {}
 
@@ -189,7 +188,8 @@ class ObjectSession:
     def add_lines(self, name: str, lines: Sequence[bytes]) -> None:
         """Upload lines in the background, as a separate batch; wait while many are queued."""
         self._lease.check_held()
-        self._await_uploads(_MOST_QUEUED_UPLOADS)
+        # Most unfinished uploads at once.
+        self._await_uploads(64)
         batch = _new_batch(name)
         self._uploads.append(self._pool.submit(self._objects.put_file, batch, b"".join(lines)))
 

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 LEASE = 30.0  # an unchanged lock of another machine is taken over after this time [s]
 _RENEWALS = 6  # number of renewals of a lock in that time
-_RELEASE_TIMEOUT = 5.0  # longest time for releasing a lock [s]
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 _PID_NAMESPACE = Path("/proc/self/ns/pid")
 _LOG = logging.getLogger(__name__)
@@ -126,7 +125,8 @@ class StoreLease:
     def release_lock(self) -> None:
         """Release the lock; if that fails, another process takes it over later."""
         self._released.set()
-        self._thread.join(_RELEASE_TIMEOUT)
+        # Longest time for releasing a lock [s].
+        self._thread.join(5.0)
 
     def _write_lock(self, **changes: object) -> None:
         with self._writing:
