@@ -104,7 +104,19 @@ def assess_runs(trace: Trace, setup: Setup, checks: SelfChecks | None = None) ->
         metrics = {
             name: _measure_metric(metric, context, failures) for name, metric in METRICS.items()
         }
-        labels = _measure_labels(MeasuredRuns(context, metrics), failures)
+        runs = MeasuredRuns(context, metrics)
+        applied: list[list[AppliedLabel]] = [[] for _ in range(runs.context.trace.runs)]
+        for name, label in LABELS.items():
+            onsets = _measure_or_fail(f"label '{name}'", label.of, runs, failures, None)
+            for own, onset in zip(applied, onsets, strict=True):
+                if onset:
+                    own.append(AppliedLabel(name, *onset))
+        applied = [[*_add_causes(runs.context, *indexed)] for indexed in enumerate(applied)]
+        for run, reasons in failures.items():
+            others = [verdict for verdict in applied[run] if verdict.label != invalid.__name__]
+            applied[run] = [AppliedLabel(invalid.__name__, "; ".join(reasons), 0), *others]
+        none = (AppliedLabel(STABLE.name, STABLE.meaning, 0),)
+        labels = tuple(tuple(labels) or none for labels in applied)
         suspect = np.array([own[0].label != STABLE.name for own in labels])
         if checks is None and trace.steps:
             suspect |= needs_second_pass(context)
@@ -119,21 +131,6 @@ def _measure_metric(metric: Metric, context: Context, failures: Failures) -> Flo
 
     runs = MeasuredRuns(context, {})
     return np.array(_measure_or_fail(f"metric '{metric.name}'", measured, runs, failures, np.nan))
-
-
-def _measure_labels(runs: MeasuredRuns, failures: Failures) -> tuple[tuple[AppliedLabel, ...], ...]:
-    applied: list[list[AppliedLabel]] = [[] for _ in range(runs.context.trace.runs)]
-    for name, label in LABELS.items():
-        onsets = _measure_or_fail(f"label '{name}'", label.of, runs, failures, None)
-        for own, onset in zip(applied, onsets, strict=True):
-            if onset:
-                own.append(AppliedLabel(name, *onset))
-    applied = [[*_add_causes(runs.context, *indexed)] for indexed in enumerate(applied)]
-    for run, reasons in failures.items():
-        others = [verdict for verdict in applied[run] if verdict.label != invalid.__name__]
-        applied[run] = [AppliedLabel(invalid.__name__, "; ".join(reasons), 0), *others]
-    none = (AppliedLabel(STABLE.name, STABLE.meaning, 0),)
-    return tuple(tuple(labels) or none for labels in applied)
 
 
 def _add_causes(context: Context, run: int, labels: list[AppliedLabel]) -> Iterator[AppliedLabel]:

@@ -119,7 +119,17 @@ def _reduce_run(
     slots: Floats, contacts: NDArray[np.int32], cone: _Cone
 ) -> tuple[tuple[Floats, ...], tuple[Any, ...]]:
     """Return the series (N,) and worst values of a run from its filled slots (N, S, 23)."""
-    columns = _gather_columns(slots[:, : max(contacts.max(initial=0), 1)])
+    slots = slots[:, : max(contacts.max(initial=0), 1)]
+    if slots.strides[-1] != slots.itemsize:
+        slots = np.ascontiguousarray(slots)
+    columns = _SlotColumns(
+        normal=np.ascontiguousarray(slots[:, :, _NORMAL_FORCE].T),
+        distance=np.ascontiguousarray(slots[:, :, DISTANCE].T),
+        force=_complex_field(slots, _TANGENTIAL_FORCE)[0],
+        velocity=_complex_field(slots, _SLIP_FIELDS)[0],
+        turning=np.ascontiguousarray(slots[:, 0, ANGULAR_VELOCITY].T),
+        frame=_complex_field(slots, _FRAME_FIELDS) if slots.shape[1] > 1 else None,
+    )
     normal, tangential, used, slip, each = _sum_slots(columns, cone)
     bound = cone.friction * normal
     spin, along, across = columns.turning
@@ -153,19 +163,6 @@ def _reduce_run(
         apart.max(initial=0),
         farthest,
         standoff,
-    )
-
-
-def _gather_columns(slots: Floats) -> _SlotColumns:
-    if slots.strides[-1] != slots.itemsize:
-        slots = np.ascontiguousarray(slots)
-    return _SlotColumns(
-        normal=np.ascontiguousarray(slots[:, :, _NORMAL_FORCE].T),
-        distance=np.ascontiguousarray(slots[:, :, DISTANCE].T),
-        force=_complex_field(slots, _TANGENTIAL_FORCE)[0],
-        velocity=_complex_field(slots, _SLIP_FIELDS)[0],
-        turning=np.ascontiguousarray(slots[:, 0, ANGULAR_VELOCITY].T),
-        frame=_complex_field(slots, _FRAME_FIELDS) if slots.shape[1] > 1 else None,
     )
 
 

@@ -331,26 +331,22 @@ def find_provenance() -> Provenance:
         revision = commit_of(Path.cwd())
     except OSError:
         revision = None
-    return Provenance(
-        contactlab=version("contactlab"),
-        git_revision=revision,
-        python=platform.python_version(),
-        numpy=np.__version__,
-        host=_describe_host(),
-    )
-
-
-def _describe_host() -> Host:
     # Entries of the first processor in /proc/cpuinfo; none without such a file.
     file = Path("/proc/cpuinfo")
     first = file.read_text(encoding="utf-8").split("\n\n")[0] if file.is_file() else ""
     pairs = (line.partition(":") for line in first.splitlines())
     info = {name.strip(): value.strip() for name, _, value in pairs}
     flags = " ".join(sorted(info.get("flags", "").split()))
-    return Host(
-        # The first of the others starts a process to find out.
-        cpu_model=info.get("model name") or platform.processor() or platform.machine(),
-        cpu_flags=hashlib.sha256(flags.encode()).hexdigest()[:16],
-        cores=os.cpu_count() or 1,
-        os=f"{platform.system()} {platform.release()}",
+    return Provenance(
+        contactlab=version("contactlab"),
+        git_revision=revision,
+        python=platform.python_version(),
+        numpy=np.__version__,
+        host=Host(
+            # The first of the others starts a process to find out.
+            cpu_model=info.get("model name") or platform.processor() or platform.machine(),
+            cpu_flags=hashlib.sha256(flags.encode()).hexdigest()[:16],
+            cores=os.cpu_count() or 1,
+            os=f"{platform.system()} {platform.release()}",
+        ),
     )

@@ -207,14 +207,8 @@ def _environment_variables() -> dict[str, str]:
     """Return the variables of a process of another interpreter, which runs this contactlab."""
     kept = {name: text for name, text in os.environ.items() if not name.startswith("PYTHON")}
     # Nothing is imported from the current folder, which may be a stranger's.
-    return {**kept, "PYTHONPATH": str(_isolated_contactlab()), "PYTHONSAFEPATH": "1"}
-
-
-def _isolated_contactlab() -> Path:
-    """Return a folder that has this contactlab, and nothing else that could be imported.
-
-    Another environment must not see the other packages installed here, least of all MuJoCo.
-    """
+    # Another environment must not see the other packages installed here, least of all MuJoCo. So
+    # this folder has contactlab alone.
     packages = Path(resources.__file__).resolve().parent.parent
     own = distribution("contactlab")
     metadata = Path(str(own.locate_file(f"contactlab-{own.version}.dist-info"))).resolve()
@@ -226,4 +220,4 @@ def _isolated_contactlab() -> Path:
         # Another process may make it, too.
         with suppress(FileExistsError):
             (folder / target.name).symlink_to(target, target_is_directory=True)
-    return folder
+    return {**kept, "PYTHONPATH": str(folder), "PYTHONSAFEPATH": "1"}

@@ -68,8 +68,8 @@ def detected_pairs(model: mujoco.MjModel, keyframe: str = QPOS0) -> tuple[Monito
     if len(pairs) > MAX_PAIRS:
         pairs = _touching_pairs(model, {QPOS0, keyframe})[:MAX_PAIRS]
     rough = [bool((model.geom_type[[*pair]] == _GEOM_OBJECT.mjGEOM_HFIELD).any()) for pair in pairs]
-    # Most contacts of two geoms in MuJoCo: mjMAXCONPAIR; only height fields need this many.
-    # Slots for all contacts with height fields; each slot takes 184 bytes per step.
+    # At most the 50 contacts of two geoms in MuJoCo (mjMAXCONPAIR), as only height fields need. All
+    # pairs with height fields share 400 slots; each slot takes 184 bytes per step.
     shared = min(50, max(_BODY_PAIR_SLOTS, 400 // max(sum(rough), 1)))
     slots = [shared if is_rough else None for is_rough in rough]
     return tuple(_geom_pair(model, *pair, most) for pair, most in zip(pairs, slots, strict=True))
@@ -207,11 +207,13 @@ def effective_parameters(model: mujoco.MjModel, pair: MonitoredPair) -> PairReco
     """
     first, second = pair.geoms[0][0], pair.geoms[1][0]
     explicit = explicit_pair(model, first, second)
-    record = (
-        _explicit_parameters(model, explicit)
-        if explicit is not None
-        else _mixed_parameters(model, first, second)
-    )
+    if explicit is not None:
+        fields = {**{name: f"pair_{name}" for name in CONTACT}, "condim": "pair_dim"}
+        record = PairRecord(
+            **{name: getattr(model, field)[explicit].tolist() for name, field in fields.items()}
+        )
+    else:
+        record = _mixed_parameters(model, first, second)
     frictions = [record.friction]
     if pair.bodies:
         frictions += [_pair_friction(model, *geoms) for geoms in product(*pair.geoms)]
@@ -232,13 +234,6 @@ def explicit_pair(model: mujoco.MjModel, first: int, second: int) -> int | None:
     """Return the index of the <pair> element that names both geoms, or None."""
     pairs = zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True)
     return next((index for index, pair in enumerate(pairs) if set(pair) == {first, second}), None)
-
-
-def _explicit_parameters(model: mujoco.MjModel, index: int) -> PairRecord:
-    fields = {**{name: f"pair_{name}" for name in CONTACT}, "condim": "pair_dim"}
-    return PairRecord(
-        **{name: getattr(model, field)[index].tolist() for name, field in fields.items()}
-    )
 
 
 def _mixed_parameters(model: mujoco.MjModel, first: int, second: int) -> PairRecord:

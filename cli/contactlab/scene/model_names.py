@@ -49,7 +49,22 @@ def name_by_address(spec: mujoco.MjSpec) -> None:
     kinds = {kind: list(getattr(spec, plural)) for kind, plural in OBJECT_LISTS.items()}
     if all(element.name for elements in kinds.values() for element in elements):
         return
-    ids = _compiled_ids(spec)
+    # The id of each element in the compiled specification; -1 for removed elements.
+    if not (spec.compiler.fusestatic or spec.compiler.discardvisual):
+        ids = {kind: range(len(getattr(spec, plural))) for kind, plural in OBJECT_LISTS.items()}
+    else:
+        trial = spec.copy()
+        names: dict[str, list[str]] = {}
+        for kind, plural in OBJECT_LISTS.items():
+            elements: list[Any] = list(getattr(trial, plural))
+            names[kind] = [element.name or f"?{place}" for place, element in enumerate(elements)]
+            for element, name in zip(elements, names[kind], strict=True):
+                element.name = name
+        model = trial.compile()
+        ids = {
+            kind: [_object_id(model, kind, name) for name in members]
+            for kind, members in names.items()
+        }
     for kind, elements in kinds.items():
         taken = {element.name for element in elements}
         for element, index in zip(elements, ids[kind], strict=True):
@@ -58,23 +73,6 @@ def name_by_address(spec: mujoco.MjSpec) -> None:
                 while address in taken:
                     address += "_"
                 element.name = address
-
-
-def _compiled_ids(spec: mujoco.MjSpec) -> dict[str, Sequence[int]]:
-    """Return the id of each element in the compiled specification; -1 for removed elements."""
-    if not (spec.compiler.fusestatic or spec.compiler.discardvisual):
-        return {kind: range(len(getattr(spec, plural))) for kind, plural in OBJECT_LISTS.items()}
-    trial = spec.copy()
-    names: dict[str, list[str]] = {}
-    for kind, plural in OBJECT_LISTS.items():
-        elements: list[Any] = list(getattr(trial, plural))
-        names[kind] = [element.name or f"?{place}" for place, element in enumerate(elements)]
-        for element, name in zip(elements, names[kind], strict=True):
-            element.name = name
-    model = trial.compile()
-    return {
-        kind: [_object_id(model, kind, name) for name in members] for kind, members in names.items()
-    }
 
 
 def _object_id(model: mujoco.MjModel, kind: str, name: str) -> int:

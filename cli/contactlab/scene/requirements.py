@@ -88,7 +88,13 @@ def mistake_in_requirement(
     """
     requirement, initial = read_requirement(text), manifest.initial if manifest else {}
     if requirement.word in CONTACT_WORDS:
-        mistake = _unknown_pair(requirement, base)
+        mistake = None
+        (name,) = requirement.names
+        if not _find_pairs(base, name):
+            bodies, sides = _index_pairs(base)
+            known = [*bodies, *sides]
+            hint = _name_hint(name, known) if known else "; name pairs in the `pairs` of a scene"
+            mistake = f"'{name}' names no monitored pair{hint}"
     else:
         mistake = _unknown_name(requirement, base.model) or _unmonitored_contact(requirement, base)
     if mistake is None:
@@ -122,16 +128,6 @@ def _requirement_window(
         )
     )
     return start, stop
-
-
-def _unknown_pair(requirement: Requirement, base: CompiledScene) -> str | None:
-    (name,) = requirement.names
-    if _find_pairs(base, name):
-        return None
-    bodies, sides = _index_pairs(base)
-    known = [*bodies, *sides]
-    hint = _name_hint(name, known) if known else "; name pairs in the `pairs` of a scene"
-    return f"'{name}' names no monitored pair{hint}"
 
 
 def _find_pairs(base: CompiledScene, name: str) -> tuple[int, ...]:

@@ -152,9 +152,12 @@ def rows_of_group(runs: int) -> int:
 def _journal_groups(journal: Path, lines: BinaryIO, schema: pa.Schema) -> Iterator[pa.Table]:
     """Yield the rows of a journal in plan order, a row group at a time."""
     reader = _RowReader(lines, schema)
-    for spans in _row_groups(lines):
+    spans = np.fromiter(_line_spans(lines), _LINE_SPAN)
+    spans = spans[np.argsort(spans["index"], kind="stable")]
+    size = rows_of_group(len(spans))
+    for first in range(0, len(spans), size):
         try:
-            yield reader.read_spans(spans)
+            yield reader.read_spans(spans[first : first + size])
         except pa.ArrowException as error:
             raise StoreError(
                 f"{journal}: a row is incompatible with the table: {error}; add --repair to run "
@@ -274,15 +277,6 @@ _LINE_SPAN = np.dtype(
 )
 # The start of every row, so that the row need not be parsed completely.
 _LINE_START = re.compile(rb'\{"run_id": ?"\w*", ?"index": ?(\d+),')
-
-
-def _row_groups(lines: BinaryIO) -> Iterator[NDArray[np.void]]:
-    """Yield the locations of the lines of each row group in a journal, in plan order."""
-    spans = np.fromiter(_line_spans(lines), _LINE_SPAN)
-    spans = spans[np.argsort(spans["index"], kind="stable")]
-    size = rows_of_group(len(spans))
-    for first in range(0, len(spans), size):
-        yield spans[first : first + size]
 
 
 def _line_spans(lines: BinaryIO) -> Iterator[tuple[int, int, int, int, int]]:

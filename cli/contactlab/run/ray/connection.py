@@ -69,29 +69,7 @@ def _connect_ray(address: str | None, workers: int | None) -> None:
         with _in_empty_folder():
             ray.init("local", include_dashboard=False, **here, **quiet)
         return
-    _check_address(address)
-    try:
-        with _in_empty_folder():
-            ray.init(address, **quiet)
-    except (ConnectionError, RuntimeError, ValueError) as error:
-        raise ClusterError(f"no Ray cluster at {address}: {error}") from error
-
-
-@contextmanager
-def _in_empty_folder() -> Generator[None]:
-    """Work in an empty folder: Ray's workers import modules from the folder where it starts.
-
-    The current folder may be a stranger's, with a malicious `numpy.py`.
-    """
-    folder = mkdtemp(prefix="contactlab-nowhere-")
-    # The folder exists as long as a worker may look there, so that no user can create one there.
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    with chdir(folder):
-        yield
-
-
-def _check_address(address: str) -> None:
-    """Ask the cluster for its health, in another process: Ray itself waits for minutes."""
+    # Another process asks the cluster for its health: Ray itself waits for minutes.
     if address.startswith("ray://"):
         raise ClusterError(
             f"{address}: the sweep must run on a node of the cluster; write auto, or the HOST:PORT "
@@ -127,3 +105,21 @@ def _check_address(address: str) -> None:
             lines = done.stderr.strip().splitlines()
             reason = lines[-1] if lines else "its health check failed"
         raise ClusterError(f"no Ray cluster at {address}: {reason}")
+    try:
+        with _in_empty_folder():
+            ray.init(address, **quiet)
+    except (ConnectionError, RuntimeError, ValueError) as error:
+        raise ClusterError(f"no Ray cluster at {address}: {error}") from error
+
+
+@contextmanager
+def _in_empty_folder() -> Generator[None]:
+    """Work in an empty folder: Ray's workers import modules from the folder where it starts.
+
+    The current folder may be a stranger's, with a malicious `numpy.py`.
+    """
+    folder = mkdtemp(prefix="contactlab-nowhere-")
+    # The folder exists as long as a worker may look there, so that no user can create one there.
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    with chdir(folder):
+        yield

@@ -122,7 +122,16 @@ class InFlight:
         except OutOfMemoryError:
             return Crashed(job, "out of memory: the cluster ended the worker", timed_out=False)
         except _LOSS_ERRORS as error:
-            return self._send_again(job, losses + 1, type(error).__name__)
+            losses += 1
+            if losses == MAX_LOSSES:
+                return Crashed(
+                    job,
+                    f"its node was lost {losses} times: {type(error).__name__}",
+                    timed_out=False,
+                )
+            if not self.stop.is_set:
+                self._sent[self.send(job)] = job, losses
+            return None
         except RayTaskError as error:
             last = str(error).strip().splitlines()[-1]
             raise ClusterError(f"a node of the cluster cannot run jobs: {last}") from error
@@ -131,13 +140,6 @@ class InFlight:
         if isinstance(reply, Exception):
             raise reply
         return reply
-
-    def _send_again(self, job: Job, losses: int, reason: str) -> Crashed | None:
-        if losses == MAX_LOSSES:
-            return Crashed(job, f"its node was lost {losses} times: {reason}", timed_out=False)
-        if not self.stop.is_set:
-            self._sent[self.send(job)] = job, losses
-        return None
 
 
 @contextmanager

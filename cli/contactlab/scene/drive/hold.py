@@ -90,23 +90,17 @@ def find_load(model: mujoco.MjModel, qpos: Floats, ctrl: Floats, act: Floats) ->
     within = np.clip(wanted, *np.asarray(model.jnt_range)[joints].T)
     forces = np.asarray(data.qfrc_bias - data.qfrc_passive - data.qfrc_actuator)[dofs]
     load = Load(joints, stiffness, damping, np.where(limited, within, wanted), forces)
-    return _with_ground_reaction(model, load, data) if _carried_bodies(model, moment).size else load
-
-
-def _with_ground_reaction(model: mujoco.MjModel, load: Load, start: mujoco.MjData) -> Load:
-    """Return a load that also balances the reaction of the ground.
-
-    Each round settles with the spring forces at the end of the previous one, as long as that brings
-    the joints closer to their positions.
-    """
+    if not _carried_bodies(model, moment).size:
+        return load
+    # The load also balances the reaction of the ground. Each round settles with the spring forces
+    # at the end of the previous one, as long as that brings the joints closer to their positions.
     found, least = load, np.inf
     for _ in range(_MAX_ROUNDS):
         held = copy.copy(model)
-        # Timestep of settling [s]: fixed, so that the load is the same for every timestep of the
-        # model.
+        # With a fixed timestep [s] the load is the same for every timestep of the model.
         held.opt.timestep = 2e-3
         load.write_load(held)
-        away = _settled_distance(held, load, start)
+        away = _settled_distance(held, load, data)
         if not np.abs(away).max(initial=0.0) < least:
             break
         found, least = load, float(np.abs(away).max(initial=0.0))

@@ -114,7 +114,10 @@ def read_recorded(model: mujoco.MjModel, table: RecordedTable, *, held: bool) ->
         part, index = ("qpos", place) if place < model.nq else ("qvel", place - model.nq)
         start.append((part, index, float(columns[found[place]][0])))
     signals = Signals(np.array(list(driven), np.intp), times[None], np.array(list(driven.values())))
-    return RecordedInputs(name, _hold_levels(signals) if held else signals, tuple(start))
+    if held:
+        times, levels = np.repeat(signals.times, 2, axis=1)[:, 1:], signals.levels
+        signals = Signals(signals.places, times, np.repeat(levels, 2, axis=1)[:, :-1])
+    return RecordedInputs(name, signals, tuple(start))
 
 
 def _find_place(model: mujoco.MjModel, column: str, columns: Collection[str]) -> int | str:
@@ -144,8 +147,3 @@ def _find_place(model: mujoco.MjModel, column: str, columns: Collection[str]) ->
     such = f"; name them such as {', '.join(some[:4])}" if some else ""
     close = did_you_mean(column, names) or such
     return f"column `{column}` is not an actuator, joint or body of the model{close}"
-
-
-def _hold_levels(signals: Signals) -> Signals:
-    times, levels = np.repeat(signals.times, 2, axis=1)[:, 1:], signals.levels
-    return Signals(signals.places, times, np.repeat(levels, 2, axis=1)[:, :-1])
