@@ -55,7 +55,7 @@ def drawn(dice: random.Random) -> dict[int, str]:
     return picked | dict(zip(places, kinds, strict=True))
 
 
-def kill_workers(command: Any, process: Any, journal: Path, dice: random.Random) -> int:
+def close(command: Any, process: Any, journal: Path, dice: random.Random) -> int:
     """Kill a worker at random moments, as runs finish; return how many were killed."""
     killed, threshold, deadline = 0, 0, time.monotonic() + LONGEST
     while process.poll() is None:
@@ -83,7 +83,7 @@ def test_twenty_rounds_of_random_faults(
     (tmp_path / "small.yaml").write_text(SWEEP)
     sweep = ("sweep", "small.yaml", "-o", "store", "--workers", "2", "--format", "json")
     process = command.start(*sweep, first=inject(faults))
-    killed = kill_workers(command, process, tmp_path / "store" / "journal.jsonl", dice)
+    killed = close(command, process, tmp_path / "store" / "journal.jsonl", dice)
     out, err = process.communicate(timeout=120)
     assert killed >= ROUNDS // 4
     assert "Traceback" not in err

@@ -250,7 +250,7 @@ class TimingProcess:
         self.engine = str(greeting["engine"])
         self.timed_engines = frozenset(map(str, greeting["timed_engines"]))
 
-    def time_run(self, run: str, repeats: int) -> tuple[float, float]:
+    def time(self, run: str, repeats: int) -> tuple[float, float]:
         """Return the CPU time of all steps that were made of a run, and of one step [s]."""
         with suppress(BrokenPipeError):
             self._requests.write(json.dumps({"run": run, "repeats": repeats}) + "\n")

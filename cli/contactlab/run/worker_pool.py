@@ -86,7 +86,7 @@ class WorkerPool:
             for worker in [candidate for candidate in busy if candidate.pipe in ready]:
                 result = receive_result(worker)
                 if worker.stop_requested or isinstance(result, Crashed):
-                    kill_workers([worker])
+                    close([worker])
                     del self._workers[worker.marker]
                 if (job := next(queue, None)) is not None:
                     self._send_job(worker.marker, job)
@@ -98,9 +98,9 @@ class WorkerPool:
         else:
             start_worker(self._workers, self._task, marker, job)
 
-    def kill_workers(self) -> None:
+    def close(self) -> None:
         """Kill the workers, whatever they are doing."""
-        kill_workers(self._workers.values())
+        close(self._workers.values())
         self._workers.clear()
 
 
@@ -185,7 +185,7 @@ def receive_result(worker: WorkerHandle) -> Result:
     return received
 
 
-def kill_workers(workers: Collection[WorkerHandle]) -> None:
+def close(workers: Collection[WorkerHandle]) -> None:
     """Kill workers, whatever they are doing, and wait for them."""
     with signals_blocked():
         for worker in workers:

@@ -35,7 +35,7 @@ def run_on_worker(token: str, bundle: Callable[[], bytes], job: bytes) -> Result
             # A cluster's worker keeps one pool, for the sweep that last sent it jobs.
             if token not in _workers_by_token:
                 for other in _workers_by_token.values():
-                    other.kill_workers()
+                    other.close()
                 _workers_by_token.clear()
                 folder = own_folder()
                 _workers_by_token[token] = WorkerPool(unpack_bundle(bundle(), folder), folder, 1)
