@@ -81,7 +81,7 @@ def test_a_task_is_run_once_and_read_again(tmp_path: Path, monkeypatch: pytest.M
     assert run(PanelRequest(tasks * 2, engines * 2), session) == first
     assert begun[3:] == [2, 2, 2]
     for name, value, held in (
-        ("contactlab.run.sweep_runner.definitions", lambda: "0" * 64, "of another contactlab"),
+        ("contactlab.run.sweep_runner.hash_definitions", lambda: "0" * 64, "of another contactlab"),
         ("contactlab.engines.impulse.ImpulseEngine.version", "9", "impulse .+, and 9 is"),
     ):
         with monkeypatch.context() as patch:

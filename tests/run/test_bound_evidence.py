@@ -366,7 +366,7 @@ def test_runs_of_other_definitions_are_not_mixed(
     sweeper: Any, ball: str, half: Path, whole: Any, monkeypatch: pytest.MonkeyPatch, repair: bool
 ) -> None:
     with monkeypatch.context() as patch:
-        patch.setattr("contactlab.run.sweep_runner.definitions", lambda: "0" * 64)
+        patch.setattr("contactlab.run.sweep_runner.hash_definitions", lambda: "0" * 64)
         with pytest.raises(StoreError, match=r"prepares, measures or labels .* with --fresh$"):
             sweeper.run(ball, repair=repair)
     identity = json.loads((half / "sweep.json").read_text())

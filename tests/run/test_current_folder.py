@@ -71,7 +71,7 @@ def test_a_halted_worker_is_ended(
     task: Any = None
     pool: Any = WorkerPool(task, tmp_path, 1)
     pool._workers[pool._markers[0]] = replace(halted_worker, marker=pool._markers[0])
-    (result,) = pool.run([JOB], Stop())
+    (result,) = pool.run_jobs([JOB], Stop())
     assert isinstance(result, Crashed)
     assert (result.job, result.timed_out) == (JOB, False)
     assert "halted" in result.reason

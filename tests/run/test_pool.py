@@ -152,7 +152,7 @@ def test_a_worker_that_dies_between_jobs_loses_the_next(worker: tuple[Any, Any])
     pool, theirs = worker
     theirs.send(["done"])
     theirs.close()
-    assert list(pool.run([FIRST, SECOND], Stop())) == [
+    assert list(pool.run_jobs([FIRST, SECOND], Stop())) == [
         ["done"],
         Crashed(SECOND, "the worker was ended by SIGKILL", timed_out=False),
     ]
@@ -163,7 +163,7 @@ def test_a_worker_that_dies_in_mid_message_loses_its_job(worker: tuple[Any, Any]
     pool, theirs = worker
     os.write(theirs.fileno(), (1000).to_bytes(4, "big") + b"only the beginning")
     theirs.close()
-    assert list(pool.run([FIRST], Stop())) == [
+    assert list(pool.run_jobs([FIRST], Stop())) == [
         Crashed(FIRST, "the worker was ended by SIGKILL", timed_out=False)
     ]
 

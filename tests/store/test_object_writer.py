@@ -132,7 +132,7 @@ def test_other_objects_are_left_alone(kit: Any) -> None:
 
 def test_fresh(kit: Any, connect: Any) -> None:
     neighbour = connect(ObjectAddress("s3", kit.address.bucket, "some/store-2"))
-    neighbour.put("runs.parquet", b"another's")
+    neighbour.put_file("runs.parquet", b"another's")
     kit.write(0, 1, 2)
     kit.client.put_file("traces/ff/ff.mcap", b"an orphan")
     kit.write(0, 1, 2, fresh=True)
