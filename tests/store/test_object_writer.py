@@ -137,7 +137,7 @@ def test_fresh(kit: Any, connect: Any) -> None:
     kit.client.put_file("traces/ff/ff.mcap", b"an orphan")
     kit.write(0, 1, 2, fresh=True)
     assert find_problems(kit.address) == []
-    assert neighbour.find("runs.parquet") is not None
+    assert neighbour.find_object("runs.parquet") is not None
 
 
 def test_another_sweeps_store(kit: Any) -> None:
