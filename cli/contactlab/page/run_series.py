@@ -88,12 +88,14 @@ def decimated(values: Floats, points: int = _POINTS) -> NDArray[np.intp]:
     if len(values) <= points:
         return np.flatnonzero(np.isfinite(values))
     edges = np.linspace(0, len(values), points // 2, dtype=np.intp)
-    kept = {0, len(values) - 1}
-    for start, stop in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-        interval = values[start:stop]
-        if np.isfinite(interval).any():
-            kept |= {start + int(np.nanargmin(interval)), start + int(np.nanargmax(interval))}
-    indices = np.array(sorted(kept), dtype=np.intp)
+    places = edges[:-1, None] + np.arange(np.diff(edges).max())
+    inside = places < edges[1:, None]
+    intervals = np.where(inside, values[np.minimum(places, len(values) - 1)], np.nan)
+    known = np.isfinite(intervals).any(axis=1)
+    least, most = (find(intervals[known], axis=1) for find in (np.nanargmin, np.nanargmax))
+    begins = edges[:-1][known]
+    ends = np.array([0, len(values) - 1], dtype=np.intp)
+    indices = np.unique(np.concatenate([ends, begins + least, begins + most]))
     return indices[np.isfinite(values[indices])]
 
 
