@@ -7,7 +7,7 @@ import weakref
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory, mkdtemp
+from tempfile import mkdtemp
 from typing import Literal, NamedTuple
 
 import mujoco
@@ -103,6 +103,7 @@ class FixSearch:
         self._folder = Path(mkdtemp(prefix="contactlab-"))  # of models with other states
         weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
         self._others = dict[str, Path]()
+        self._written = dict[str, tuple[ModelEdits, WrittenModel | SceneError]]()
         self._scene, self._values = scene, values
         self._motions, self._verdict = motions, verdict
         self._repeats, self._limits = repeats, trial
@@ -317,11 +318,10 @@ class FixSearch:
 
     def _report(self, fix: TriedFix, removes: Removes) -> Fix:
         lines, no_patch_reason = tuple[str, ...](), ""
-        with TemporaryDirectory(prefix="contactlab-") as folder:
-            try:
-                lines = self.write_edits(fix.edits, Path(folder) / "changed").lines
-            except SceneError as error:
-                no_patch_reason = str(error).splitlines()[0]
+        try:
+            lines = self.write_once(fix.name, fix.edits).lines
+        except SceneError as error:
+            no_patch_reason = str(error).splitlines()[0]
         tried = fix_report(fix)
         return Fix(
             name=tried.name,
@@ -340,6 +340,24 @@ class FixSearch:
             lines=lines,
             no_patch_reason=no_patch_reason,
         )
+
+    def write_once(self, name: str, edits: ModelEdits) -> WrittenModel:
+        """Return the written model with a fix, which is kept as long as this search.
+
+        Raises:
+            SceneError: it cannot be written.
+        """
+        known, result = self._written.get(name, (None, None))
+        if result is None or known != edits:
+            try:
+                folder = Path(mkdtemp(dir=self._folder)) / "changed"
+                result = self.write_edits(edits, folder)
+            except SceneError as error:
+                result = error
+            self._written[name] = edits, result
+        if isinstance(result, SceneError):
+            raise result
+        return result
 
     def write_edits(self, edits: ModelEdits, folder: Path, name: str = "") -> WrittenModel:
         """Write the model with edits, and with the settings of the examination."""

@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from contactlab.budget.verdict import Verdict
 from contactlab.errors import SceneError
@@ -114,20 +113,19 @@ class FixVerifier:
         )
         if self.labels:
             self._runs.labels.setdefault("task", _count_failures(self.labels))
-        with TemporaryDirectory(prefix="contactlab-") as folder:
-            found = verify_change(
-                VerificationRequest(
-                    original=self.examined,
-                    changed=self._open_edited(edits, Path(folder) / "changed"),
-                    same_model=numerical and computed,
-                    keeps_motion=keeps_motion,
-                    must_improve=_LOOP_MEASURES if in_loop and keeps_motion else (),
-                    allowed_error=self.examined.task.tolerance if numerical else 0.0,
-                    stop_early=True,
-                    runs=self._runs,
-                    left=lambda: until - time.process_time(),
-                )
+        found = verify_change(
+            VerificationRequest(
+                original=self.examined,
+                changed=self._open_edited(name, edits),
+                same_model=numerical and computed,
+                keeps_motion=keeps_motion,
+                must_improve=_LOOP_MEASURES if in_loop and keeps_motion else (),
+                allowed_error=self.examined.task.tolerance if numerical else 0.0,
+                stop_early=True,
+                runs=self._runs,
+                left=lambda: until - time.process_time(),
             )
+        )
         left = [label for label in caused if numerical and _runs_with(found, label)]
         if found.passed and left:
             sentence = f"it leaves {' and '.join(sorted(left))}"
@@ -138,9 +136,9 @@ class FixVerifier:
         self._known[name] = found
         return found
 
-    def _open_edited(self, edits: ModelEdits, folder: Path) -> CheckedModel:
+    def _open_edited(self, name: str, edits: ModelEdits) -> CheckedModel:
         try:
-            return self.open_changed(self.search.write_edits(edits, folder).reference)
+            return self.open_changed(self.search.write_once(name, edits).reference)
         except SceneError:
             # Some models cannot be written with a change, such as flexes, but run with settings.
             return replace(self.examined, values={**self.examined.values, **edits.settings})
