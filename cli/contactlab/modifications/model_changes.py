@@ -16,6 +16,7 @@ from contactlab.modifications.model_predicates import (
 from contactlab.modifications.modification import ModelChange
 from contactlab.scene.model_names import name_of
 from contactlab.scene.part_bodies import is_mocap_driven
+from contactlab.schema.setting_values import as_number
 
 # A converged solver: few problems need more iterations, and a tolerance of rounding ends others.
 # A dense Jacobian takes too long above this number of degrees of freedom.
@@ -256,5 +257,5 @@ def reduce_condim(model: mujoco.MjModel, least: object) -> dict[str, object]:
     """Return settings that reduce the contact dimensions of geoms."""
     return {
         f"geom_condim[{name_of(model, 'geom', int(geom))}]": least
-        for geom in np.flatnonzero(model.geom_condim > least)
+        for geom in np.flatnonzero(model.geom_condim > as_number(least))
     }
