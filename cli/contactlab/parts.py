@@ -7,7 +7,6 @@ works, and one that uses the part names the extra.
 """
 
 from functools import partial
-from importlib import import_module
 from types import ModuleType
 from typing import Any, get_args
 
@@ -77,28 +76,59 @@ def _fork_server() -> ModuleType:
     return preloaded
 
 
-_DESCRIPTIONS = {
-    "BudgetReport": "contactlab.reporting.budget_document:describe_budget",
-    "EffectsReport": "contactlab.studies.effects.effects_document:describe_effects",
-    "EnginePanel": "contactlab.studies.engine_panel.panel_document:describe_panel",
-    "FitReport": "contactlab.studies.fit.fit_document:describe_fit",
-    "GradientsReport": "contactlab.studies.gradients.gradients_document:describe_gradients",
-    "GripReport": "contactlab.studies.grip.grip_document:describe_grip",
-    "PartsReport": "contactlab.studies.search.parts_document:describe_parts",
-    "ShrinkReport": "contactlab.studies.shrink.shrink_document:describe_shrinking",
-    "StabilityReport": "contactlab.reporting.stability_document:describe_stability",
-    "TradeoffReport": "contactlab.pareto.tradeoff_document:describe_tradeoff",
-    "TuneReport": "contactlab.studies.search.tune_document:describe_tuning",
-    "DiffReport": "contactlab.studies.diff.compare_models:describe_diff",
-    "LintReport": "contactlab.studies.lint.linting:describe_lint",
-    "Examination": "contactlab.reporting.examination_document:describe_examination",
-}
-"""Functions that describe reports, by the class of the report."""
+def _describe(report: str) -> Any:  # noqa: ANN401, C901, PLR0912 - a function of a report; a table
+    match report:
+        case "BudgetReport":
+            from contactlab.reporting.budget_document import describe_budget as describe
+        case "EffectsReport":
+            from contactlab.studies.effects.effects_document import describe_effects as describe
+        case "EnginePanel":
+            from contactlab.studies.engine_panel.panel_document import describe_panel as describe
+        case "FitReport":
+            from contactlab.studies.fit.fit_document import describe_fit as describe
+        case "GradientsReport":
+            from contactlab.studies.gradients.gradients_document import (
+                describe_gradients as describe,
+            )
+        case "GripReport":
+            from contactlab.studies.grip.grip_document import describe_grip as describe
+        case "PartsReport":
+            from contactlab.studies.search.parts_document import describe_parts as describe
+        case "ShrinkReport":
+            from contactlab.studies.shrink.shrink_document import describe_shrinking as describe
+        case "StabilityReport":
+            from contactlab.reporting.stability_document import describe_stability as describe
+        case "TradeoffReport":
+            from contactlab.pareto.tradeoff_document import describe_tradeoff as describe
+        case "TuneReport":
+            from contactlab.studies.search.tune_document import describe_tuning as describe
+        case "DiffReport":
+            from contactlab.studies.diff.compare_models import describe_diff as describe
+        case "LintReport":
+            from contactlab.studies.lint.linting import describe_lint as describe
+        case "Examination":
+            from contactlab.reporting.examination_document import describe_examination as describe
+        case _:
+            raise KeyError(report)
+    return describe
 
 
-def _loaded(place: str) -> Any:  # noqa: ANN401 - a function
-    module, _, name = place.partition(":")
-    return getattr(import_module(module), name)
+_DESCRIBED = (
+    "BudgetReport",
+    "EffectsReport",
+    "EnginePanel",
+    "FitReport",
+    "GradientsReport",
+    "GripReport",
+    "PartsReport",
+    "ShrinkReport",
+    "StabilityReport",
+    "TradeoffReport",
+    "TuneReport",
+    "DiffReport",
+    "LintReport",
+    "Examination",
+)
 
 
 def add_parts() -> None:
@@ -114,8 +144,8 @@ def add_parts() -> None:
     add_part("wording", _geoms, "geoms")
     add_part("schema", _lock_schema, "lock")
     add_part("schema", _parity_schema, "parity")
-    for name, place in _DESCRIPTIONS.items():
-        add_part("description", partial(_loaded, place), name)
+    for report in _DESCRIBED:
+        add_part("description", partial(_describe, report), report)
     add_part("fork server", _fork_server, "preloaded")
 
 
