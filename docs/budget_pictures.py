@@ -20,7 +20,7 @@ from contactlab.budget import (
     judge,
     motion_of_run,
 )
-from contactlab.charts import Rows, haloed, layer_of, save_figure, word_colours
+from contactlab.charts import Rows, halo_layers, layer_of, save_figure, word_colours
 from contactlab.engines import PreparedRuns
 from contactlab.palette import COLOURS, INK
 from contactlab.rendering.text import render_text
@@ -92,7 +92,7 @@ def chart_of(rows: Rows) -> alt.LayerChart | alt.FacetChart:
     bars = base.mark_bar(height=_STEP - 6).encode(x=along, x2="error:Q", color=colour)
     seeds = base.mark_rule(color=INK).encode(x=alt.X("low:Q"), x2="high:Q")
     bodies = base.encode(x="high:Q", text="body:N")
-    texts = haloed(bodies, align="left", dx=5, fontSize=10)
+    texts = halo_layers(bodies, align="left", dx=5, fontSize=10)
     line = layer_of("tolerance", [{"error": 0.1}]).mark_rule(color=INK, strokeDash=[4, 3])
     tolerance = line.encode(x="error:Q")
     return alt.layer(bars, tolerance, seeds, *texts).properties(

@@ -98,7 +98,13 @@ def __getattr__(name: str) -> "Any":  # noqa: ANN401 - each function has a type 
 
     register_parts()
     if name not in __all__:
-        return _installed(name)
+        # A command that another package adds.
+        from contactlab.plugins import extensions
+
+        found = None if name.startswith("_") else extensions("command").get(name)
+        if found is None:
+            raise AttributeError(f"module 'contactlab' has no attribute '{name}'")
+        return found.load()
     if name == "open":
         from contactlab.store.finished_store import Store
 
@@ -115,16 +121,6 @@ def __getattr__(name: str) -> "Any":  # noqa: ANN401 - each function has a type 
 
     module = own_parts("command module")[name].load()
     return getattr(module, name, module)
-
-
-def _installed(name: str) -> "Any":  # noqa: ANN401 - as above
-    """Return a command that another package adds."""
-    from contactlab.plugins import extensions
-
-    found = None if name.startswith("_") else extensions("command").get(name)
-    if found is None:
-        raise AttributeError(f"module 'contactlab' has no attribute '{name}'")
-    return found.load()
 
 
 def __dir__() -> "Sequence[str]":

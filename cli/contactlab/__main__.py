@@ -9,20 +9,20 @@ except KeyboardInterrupt:
     os._exit(130)
 
 
-def _leave(*_: object) -> None:
+def _exit_process(*_: object) -> None:
     os._exit(130)
 
 
-# Before all that it is about; one who has Ctrl-C ignored, or heard otherwise, keeps that.
+# This comes before all other work; a caller that handles Ctrl-C itself keeps its handler.
 _HEARD = signal.getsignal(signal.SIGINT) is signal.default_int_handler
 if _HEARD:
-    signal.signal(signal.SIGINT, _leave)
+    signal.signal(signal.SIGINT, _exit_process)
 
 import contactlab.startup  # noqa: E402, F401 # pyright: ignore[reportUnusedImport]
 
 
 def main() -> None:
-    """Run the command line; Ctrl-C is no error to report."""
+    """Run the command line; Ctrl-C is not an error to report."""
     from contactlab.command_line.main import main as run  # noqa: PLC0415 - takes a while
     from contactlab.command_line.terminal import interrupt  # noqa: PLC0415 - as above
     from contactlab.parts import register_parts  # noqa: PLC0415 - as above
@@ -42,7 +42,7 @@ def main() -> None:
         raise SystemExit(2) from None
     finally:
         if _HEARD:
-            signal.signal(signal.SIGINT, _leave)
+            signal.signal(signal.SIGINT, _exit_process)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,6 @@ from contactlab.printable import visible
 Rows = list[dict[str, Any]]
 Spec = dict[str, Any]
 
-_HALO: Spec = {"stroke": "white", "strokeWidth": 3, "strokeJoin": "round"}
 # A picture loads nothing, from nowhere.
 _ALLOWED_URLS: list[str] = []
 _SCALE = 3.0
@@ -27,7 +26,7 @@ _COLOUR = re.compile("#[0-9a-f]{6}")
 _PAPER, _FAINT, _GRID, _EDGE = "white", "#555555", "#eeeeee", "#999999"
 _TEXT = {"labelColor": INK, "titleColor": INK}
 _THEME: Spec = {
-    # A chart has one name, and a table beside it; a name for every mark would double its size.
+    # A chart has one name, and a table next to it; a name for every mark would double its size.
     "aria": False,
     "background": _PAPER,
     "font": "system-ui, -apple-system, 'Segoe UI', sans-serif",
@@ -67,10 +66,11 @@ def layer_of(name: str, rows: Rows) -> alt.Chart:
     return alt.Chart(alt.InlineData(values=rows, name=name))
 
 
-def haloed(layer: alt.Chart, **style: Any) -> list[alt.Chart]:  # noqa: ANN401 - as Altair takes it
+def halo_layers(layer: alt.Chart, **style: Any) -> list[alt.Chart]:  # noqa: ANN401 - as Altair takes it
     """Return text drawn twice: first a halo, which makes it readable on any colour."""
     plain: Spec = {"color": INK, **style}
-    return [layer.mark_text(**plain, **_HALO), layer.mark_text(**plain)]
+    halo: Spec = {"stroke": "white", "strokeWidth": 3, "strokeJoin": "round"}
+    return [layer.mark_text(**plain, **halo), layer.mark_text(**plain)]
 
 
 def word_colours(field: str, words: Sequence[str], colours: Sequence[str]) -> alt.Color:
@@ -78,7 +78,7 @@ def word_colours(field: str, words: Sequence[str], colours: Sequence[str]) -> al
     return alt.Color(f"{field}:N").scale(domain=list(words), range=list(colours))
 
 
-def themed(spec: Spec) -> Spec:
+def apply_theme(spec: Spec) -> Spec:
     """Return a specification in the theme that all charts share."""
     given = spec.get("config", {})
     own = {part: _THEME[part] | given.get(part, {}) for part in ("axis", "legend", "view")}
@@ -86,7 +86,7 @@ def themed(spec: Spec) -> Spec:
 
 
 def with_page_colours(spec: Spec) -> Spec:
-    """Return a specification whose colours follow the page's style sheet, light or dark."""
+    """Return a specification with colours of the page's style sheet, light or dark."""
     return _with_texts(spec, _page_colour, {"values", "datasets"})
 
 
@@ -115,14 +115,14 @@ def _with_texts(part: Any, changed: Callable[[str], str], kept: Container[str] =
     return changed(part) if isinstance(part, str) else part
 
 
-def shown(spec: Spec) -> Spec:
-    """Return a specification whose texts XML can hold: the renderer ends the process otherwise."""
+def make_visible(spec: Spec) -> Spec:
+    """Return a specification with texts for XML: the renderer ends the process otherwise."""
     return _with_texts(spec, visible)
 
 
 def as_svg(spec: Spec, prefix: str = "") -> str:
     """Return a specification as SVG; a prefix of its ids lets several fit on one page."""
-    svg = vl_convert.vegalite_to_svg(shown(spec), allowed_base_urls=_ALLOWED_URLS)
+    svg = vl_convert.vegalite_to_svg(make_visible(spec), allowed_base_urls=_ALLOWED_URLS)
     # Its ids count from 0: the renderer goes on from the picture before.
     numbers = {name: place for place, name in enumerate(dict.fromkeys(_ID.findall(svg)))}
     if not numbers:
@@ -156,20 +156,22 @@ def check_figure(path: Path) -> None:
 def save_figure(chart: alt.TopLevelMixin, path: Path) -> None:
     """Write a chart as a .png or .svg file; an OutputError if it cannot be written."""
     try:
-        spec = themed(chart.to_dict())
+        spec = apply_theme(chart.to_dict())
         path.write_bytes(as_png(spec) if path.suffix == ".png" else as_svg(spec).encode())
     except OSError as error:
         raise OutputError(f"cannot write {path}: {error.strerror}") from error
 
 
 def as_png(spec: Spec, scale: float = _SCALE) -> bytes:
-    """Return a specification as PNG, at so many dots a pixel."""
-    return vl_convert.vegalite_to_png(shown(spec), scale=scale, allowed_base_urls=_ALLOWED_URLS)
+    """Return a specification as PNG, with `scale` dots per pixel."""
+    return vl_convert.vegalite_to_png(
+        make_visible(spec), scale=scale, allowed_base_urls=_ALLOWED_URLS
+    )
 
 
 def as_pdf(spec: Spec) -> bytes:
-    """Return a specification as PDF, whose objects are in no fixed order."""
-    return vl_convert.vegalite_to_pdf(shown(spec), allowed_base_urls=_ALLOWED_URLS)
+    """Return a specification as PDF, with its objects in no fixed order."""
+    return vl_convert.vegalite_to_pdf(make_visible(spec), allowed_base_urls=_ALLOWED_URLS)
 
 
 @cache

@@ -1,4 +1,4 @@
-"""The time that code of a user may take before its runs, each of which has its `timeout`."""
+"""The time that code of a user may take before its runs; each run has its own `timeout`."""
 
 import signal
 import threading
@@ -8,7 +8,7 @@ from types import FrameType
 from typing import NoReturn
 
 SECONDS = 120.0
-"""How long a factory, a policy's file or a plug-in may take to load, and a policy to be made."""
+"""Time for a factory, a policy's file or a plug-in to load, and for making a policy [s]."""
 
 
 class _TooLongError(BaseException):
@@ -25,7 +25,7 @@ def code_limit() -> Generator[None]:
     if is_limited or threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGALRM, _end)
+    before = signal.signal(signal.SIGALRM, _raise_timeout)
     signal.setitimer(signal.ITIMER_REAL, SECONDS)
     try:
         yield
@@ -38,5 +38,5 @@ def code_limit() -> Generator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def _end(_number: int, _frame: FrameType | None) -> NoReturn:
+def _raise_timeout(_number: int, _frame: FrameType | None) -> NoReturn:
     raise _TooLongError

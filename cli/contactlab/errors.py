@@ -1,6 +1,6 @@
 """One exception class for each cause of failure, with the exit code of the command line.
 
-A message says what is wrong, where, and what to write instead.
+A message names the problem, its place, and the correct form.
 """
 
 import difflib
@@ -30,7 +30,7 @@ class ContactlabError(Exception):
 
 
 class CommandLineError(ContactlabError):
-    """The words of a command line are none that it takes."""
+    """The words of a command line are wrong."""
 
 
 class SweepFileError(ContactlabError):
@@ -50,7 +50,7 @@ class EngineError(ContactlabError):
 
 
 class CompilerError(ContactlabError):
-    """There is no C compiler, or what it made cannot be kept."""
+    """There is no C compiler, or its result cannot be stored."""
 
 
 class PluginError(ContactlabError):
@@ -119,18 +119,16 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     return f"; {hint}" if (hint := suggestion(name, known)) else ""
 
 
-_MOST_NEARBY = 3
-
-
 def no_file(path: Path, kind: str, suffixes: Collection[str] = ()) -> str:
-    """Return that there is no file of a kind, and what its folder has instead."""
+    """Return a message on a missing file of a kind, with the files of its folder."""
     if path.is_dir():
         return f"{path} is a folder, no {kind}; name a file in it"
     if not path.parent.is_dir():
         return f"no {kind} {path}; there is no folder {path.parent}"
     found = sorted(file.name for file in path.parent.iterdir() if file.is_file())
     names = [name for name in found if not suffixes or Path(name).suffix in suffixes]
-    listed = ", ".join(names[:_MOST_NEARBY]) or f"no {kind}"
+    most_nearby = 3
+    listed = ", ".join(names[:most_nearby]) or f"no {kind}"
     near = did_you_mean(path.name, names)
     return f"no {kind} {path}{near or f'; the folder {path.parent.resolve().name} has {listed}'}"
 
@@ -159,7 +157,7 @@ _OF_EXTRA = re.compile(r"(?P<requirement>[^;]+);\s*extra\s*==\s*['\"](?P<extra>[
 
 
 def install_command(extra: str) -> str:
-    """Return the command that installs what an extra needs, as the package's metadata has it.
+    """Return the command that installs the packages of an extra, from the package's metadata.
 
     It never names contactlab itself: on a package index, that name may be anybody's.
     """
@@ -170,9 +168,9 @@ def install_command(extra: str) -> str:
 
 @contextmanager
 def optional(extra: str, purpose: str) -> Generator[None]:
-    """Turn a missing import into an OutputError that says how to install what an extra needs.
+    """Turn a missing import into an OutputError that says how to install an extra.
 
-    The purpose is what it is needed for.
+    The purpose names its use.
     """
     try:
         yield

@@ -14,8 +14,6 @@ from typing import ClassVar
 
 Result = float | bool | str
 
-_MOST_CHARACTERS = 1000
-
 
 class ExpressionError(ValueError):
     """An expression cannot be parsed or evaluated.
@@ -42,10 +40,11 @@ class CheckedText:
     def __init__(self, text: str) -> None:
         self.text = text
         self.places: dict[str, int] = {}
-        if len(text) > _MOST_CHARACTERS:
-            raise ExpressionError(f"longer than {_MOST_CHARACTERS} characters", 0, len(text))
+        most_characters = 1000
+        if len(text) > most_characters:
+            raise ExpressionError(f"longer than {most_characters} characters", 0, len(text))
         try:
-            tree = ast.Expression(self._checker(text).visit(_parse(text)))
+            tree = ast.Expression(self._checker(text).visit(_parse_text(text)))
             self._code = compile(ast.fix_missing_locations(tree), "expression", "eval")
         except (RecursionError, MemoryError) as error:
             raise ExpressionError("nested too deeply", 0, len(text)) from error
@@ -91,7 +90,7 @@ class Expression(CheckedText):
             # All that it can call is in these names.
             result = eval(self._code, {"__builtins__": {}, **_CALLED, "read": read})  # noqa: S307
         except (ArithmeticError, TypeError) as error:
-            raise ExpressionError(_reason(error), 0, len(self.text)) from error
+            raise ExpressionError(_explain_error(error), 0, len(self.text)) from error
         if isinstance(result, _Word | bool):
             return result.text if isinstance(result, _Word) else result
         if not math.isfinite(result):
@@ -99,7 +98,7 @@ class Expression(CheckedText):
         return float(result)
 
 
-def _parse(text: str) -> ast.expr:
+def _parse_text(text: str) -> ast.expr:
     """Return the syntax tree of a text without the spaces around it."""
     try:
         with warnings.catch_warnings():
@@ -107,13 +106,13 @@ def _parse(text: str) -> ast.expr:
             return ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError) as error:
         offset = error.offset if isinstance(error, SyntaxError) else None
-        start = _indent(text) + offset - 1 if offset else len(text)
+        start = _count_spaces(text) + offset - 1 if offset else len(text)
         raise ExpressionError(
             "not an expression; write one such as timestep > 1e-3", min(start, len(text))
         ) from error
 
 
-def _indent(text: str) -> int:
+def _count_spaces(text: str) -> int:
     return len(text) - len(text.lstrip())
 
 
@@ -124,14 +123,14 @@ class _Word:
     text: str
 
 
-def _power(base: float, exponent: float) -> float:
+def _raise_power(base: float, exponent: float) -> float:
     result: float | complex = float(base) ** exponent
     if isinstance(result, complex):
         raise ArithmeticError("a root of a negative number")
     return result
 
 
-def _reason(error: Exception) -> str:
+def _explain_error(error: Exception) -> str:
     if isinstance(error, TypeError):
         return "a word is not a number"
     if isinstance(error, ZeroDivisionError):
@@ -139,8 +138,8 @@ def _reason(error: Exception) -> str:
     return "a number is too large" if isinstance(error, OverflowError) else str(error)
 
 
-def _named(name: str, function: Callable[..., float]) -> Callable[..., float]:
-    """Return a function whose errors name it."""
+def _name_errors(name: str, function: Callable[..., float]) -> Callable[..., float]:
+    """Return a function with errors that name it."""
 
     def apply(*arguments: float) -> float:
         try:
@@ -164,8 +163,8 @@ _FUNCTIONS: dict[str, Callable[..., float]] = {
     "sqrt": math.sqrt,
     "tan": math.tan,
 }
-_CALLED = {name: _named(name, function) for name, function in _FUNCTIONS.items()} | {
-    "power": _power,
+_CALLED = {name: _name_errors(name, function) for name, function in _FUNCTIONS.items()} | {
+    "power": _raise_power,
     "word": _Word,
 }
 _OPERATORS: dict[type[ast.AST], tuple[tuple[type[ast.AST], ...], str]] = {
@@ -180,7 +179,7 @@ _OPERATORS: dict[type[ast.AST], tuple[tuple[type[ast.AST], ...], str]] = {
         "the comparisons are < <= > >= == and !=",
     ),
 }
-"""By node, the operators that it may have, and what is said of others."""
+"""By node, the operators that it may have, and the message on others."""
 
 
 def call(name: str, *arguments: ast.expr) -> ast.expr:
@@ -189,7 +188,7 @@ def call(name: str, *arguments: ast.expr) -> ast.expr:
 
 
 class Checker(ast.NodeTransformer):
-    """Refuses what is not listed here; has names, words and powers called, and notes the names.
+    """Refuses unlisted syntax; replaces names, words and powers by calls, and notes the names.
 
     A language of more functions than these has a checker with their names, which says of each
     whether it has the right arguments.
@@ -206,11 +205,13 @@ class Checker(ast.NodeTransformer):
         if isinstance(node, ast.operator | ast.unaryop | ast.boolop | ast.cmpop):
             return node
         if not isinstance(node, ast.UnaryOp | ast.BinOp | ast.BoolOp | ast.Compare):
-            raise self._error(node, "only numbers, names, operators and functions are allowed here")
+            raise self._make_error(
+                node, "only numbers, names, operators and functions are allowed here"
+            )
         allowed, message = _OPERATORS[type(node)]
         operators = node.ops if isinstance(node, ast.Compare) else [node.op]
         if not all(isinstance(operator, allowed) for operator in operators):
-            raise self._error(node, message)
+            raise self._make_error(node, message)
         return super().generic_visit(node)
 
     def visit_Constant(self, node: ast.Constant) -> ast.expr:
@@ -219,20 +220,20 @@ class Checker(ast.NodeTransformer):
         if isinstance(value, str):
             return call("word", node)
         if not isinstance(value, int | float):
-            raise self._error(node, "only numbers and quoted words are literals here")
+            raise self._make_error(node, "only numbers and quoted words are literals here")
         try:
             return ast.Constant(value if isinstance(value, bool) else float(value))
         except OverflowError as error:
-            raise self._error(node, "a number is too large") from error
+            raise self._make_error(node, "a number is too large") from error
 
     def visit_Name(self, node: ast.Name | ast.Attribute) -> ast.expr:
-        """Return the call that reads a name, whose place is noted."""
-        name = self._dotted(node)
+        """Return the call that reads a name, and note its place."""
+        name = self._dotted_name(node)
         if name == "pi":
             return ast.Constant(math.pi)
         if name in self.functions:
-            raise self._error(node, f"'{name}' is a function: write {name}(...)")
-        self._places.setdefault(name, self._span(node)[0])
+            raise self._make_error(node, f"'{name}' is a function: write {name}(...)")
+        self._places.setdefault(name, self._node_span(node)[0])
         return call("read", ast.Constant(name))
 
     def visit_Attribute(self, node: ast.Attribute) -> ast.expr:
@@ -248,9 +249,9 @@ class Checker(ast.NodeTransformer):
         """Return a call of a function that is listed, with as many arguments as it takes."""
         name = node.func.id if isinstance(node.func, ast.Name) else ""
         if name not in self.functions:
-            raise self._error(node.func, "the functions are " + ", ".join(self.functions))
+            raise self._make_error(node.func, "the functions are " + ", ".join(self.functions))
         if node.keywords or not self._accepts(name, len(node.args)):
-            raise self._error(node, f"{name} takes {self._takes(name)}")
+            raise self._make_error(node, f"{name} takes {self._takes(name)}")
         return call(name, *[self.visit(argument) for argument in node.args])
 
     def _accepts(self, name: str, count: int) -> bool:
@@ -259,21 +260,21 @@ class Checker(ast.NodeTransformer):
     def _takes(self, name: str) -> str:
         return "two or more numbers" if name in {"max", "min"} else "one number"
 
-    def _dotted(self, node: ast.expr) -> str:
+    def _dotted_name(self, node: ast.expr) -> str:
         if isinstance(node, ast.Name):
             return node.id
         if isinstance(node, ast.Attribute):
-            return f"{self._dotted(node.value)}.{node.attr}"
-        raise self._error(node, "a dot only joins the parts of a name")
+            return f"{self._dotted_name(node.value)}.{node.attr}"
+        raise self._make_error(node, "a dot only joins the parts of a name")
 
-    def _error(self, node: ast.AST, message: str) -> ExpressionError:
-        return ExpressionError(message, *self._span(node))
+    def _make_error(self, node: ast.AST, message: str) -> ExpressionError:
+        return ExpressionError(message, *self._node_span(node))
 
-    def _span(self, node: ast.AST) -> tuple[int, int]:
+    def _node_span(self, node: ast.AST) -> tuple[int, int]:
         """Return start and width of a node in characters (the tree counts UTF-8 bytes)."""
         if not isinstance(node, ast.expr) or node.lineno != 1 or node.end_lineno != 1:
             return 0, len(self._text)
         line = self._text.strip().encode()
         start = len(line[: node.col_offset].decode())
         end = len(line[: node.end_col_offset].decode())
-        return _indent(self._text) + start, end - start
+        return _count_spaces(self._text) + start, end - start

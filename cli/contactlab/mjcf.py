@@ -10,7 +10,7 @@ OPTIONS = (
 )
 """Attributes of <option>."""
 
-MODEL_ENGINE = "mujoco"  # what models are written for, and runs a sweep that names no engine
+MODEL_ENGINE = "mujoco"  # engine of models, and of sweeps that name no engine
 
 CONTACT = ("solref", "solimp", "friction", "condim", "margin", "gap")
 """Attributes of both <geom> and <pair>."""

@@ -19,7 +19,6 @@ from contactlab.resources import user_cache
 
 # Without fused multiplications, which round once where NumPy rounds twice.
 _FLAGS = ("-std=c11", "-O2", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno")
-_MOST_SECONDS_OF_A_COMPILER = 120  # A compiler that takes longer hangs.
 
 
 def is_wanted() -> bool:
@@ -27,13 +26,13 @@ def is_wanted() -> bool:
     return os.environ.get("CONTACTLAB_KERNEL") != "off"
 
 
-def compiled(source: Path, *arguments: str, version: str = "") -> Path:
+def compile_library(source: Path, *arguments: str, version: str = "") -> Path:
     """Return a C file as a shared library, compiled unless it is in the user's cache.
 
     Args:
         source: the file.
-        arguments: what else the compiler takes: folders of headers, other libraries.
-        version: that of the other libraries, which the name tells.
+        arguments: further arguments of the compiler: folders of headers, other libraries.
+        version: that of the other libraries; it is part of the name.
 
     Raises:
         CompilerError: there is no compiler, or it fails, or the cache is of others.
@@ -52,17 +51,18 @@ def compiled(source: Path, *arguments: str, version: str = "") -> Path:
     # Two processes may compile it at once; each replaces the file as a whole.
     with tempfile.TemporaryDirectory(dir=folder) as made:
         library = Path(made) / target.name
-        command = [*_compiler(), *command, "-o", str(library)]
+        command = [*_find_compiler(), *command, "-o", str(library)]
+        most_seconds = 120  # A compiler that takes longer hangs.
         try:
             subprocess.run(  # noqa: S603 - the user's own compiler
-                command, check=True, capture_output=True, timeout=_MOST_SECONDS_OF_A_COMPILER
+                command, check=True, capture_output=True, timeout=most_seconds
             )
         except (OSError, subprocess.SubprocessError) as error:
             raise CompilerError(f"no C compiler that works: {error}") from error
         return library.replace(target)
 
 
-def _compiler() -> list[str]:
+def _find_compiler() -> list[str]:
     """Return the command that the user named, or the system's, or ziglang's."""
     if named := shlex.split(os.environ.get("CC", "")):
         return named

@@ -1,7 +1,7 @@
-"""Relative tolerances within which two numbers are equal up to rounding, in three levels.
+"""Relative tolerances for numbers that are equal up to rounding, in three levels.
 
-A comparison multiplies a level by the size of what it compares. A double has a relative precision
-of `eps` = 2.2e-16, and a single-precision number one of 1.2e-7.
+A comparison multiplies a level by the size of the compared numbers. A double has a relative
+precision of `eps` = 2.2e-16, and a single-precision number one of 1.2e-7.
 
 A difference that matters physically is not rounding: such limits stay where they are judged.
 """
@@ -13,7 +13,7 @@ SUM_ROUNDING = 1e-9
 """Rounding of results of many operations: 4.5 million eps.
 
 These are sums over a run, factorizations of matrices, and chains of rotations. A time that is the
-sum of a million equal steps is off by at most 6e-11 of itself; a factorization loses a factor of
+sum of a million equal steps is off by at most a share of 6e-11; a factorization loses a factor of
 its condition number, 1e6 for models of parts that differ as much in mass.
 """
 

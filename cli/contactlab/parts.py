@@ -16,67 +16,67 @@ from contactlab.registry import add_part, fill_registry
 # ruff: noqa: PLC0415 - each part is imported when it is used
 
 
-def _environment() -> Any:  # noqa: ANN401 - a class
+def _load_environment() -> Any:  # noqa: ANN401 - a class
     from contactlab.loop.environment_scene import Environment
 
     return Environment
 
 
-def _ray() -> Any:  # noqa: ANN401 - a function
+def _load_ray() -> Any:  # noqa: ANN401 - a function
     from contactlab.run.ray.connection import ray_cluster
 
     return ray_cluster
 
 
-def _slurm() -> Any:  # noqa: ANN401 - a function
+def _load_slurm() -> Any:  # noqa: ANN401 - a function
     from contactlab.run.slurm.connection import slurm_arrays
 
     return slurm_arrays
 
 
-def _object_storage() -> Any:  # noqa: ANN401 - a class
+def _load_object_storage() -> Any:  # noqa: ANN401 - a class
     from contactlab.store.objects.backend import ObjectBackend
 
     return ObjectBackend
 
 
-def _film() -> Any:  # noqa: ANN401 - a function
+def _load_film() -> Any:  # noqa: ANN401 - a function
     from contactlab.view.render import write_file
 
     return write_file
 
 
-def _window() -> Any:  # noqa: ANN401 - a function
+def _load_window() -> Any:  # noqa: ANN401 - a function
     from contactlab.view.render import open_viewer
 
     return open_viewer
 
 
-def _geoms() -> Any:  # noqa: ANN401 - a function
+def _load_geoms() -> Any:  # noqa: ANN401 - a function
     from contactlab.run.geom_naming import geom_replacers
 
     return geom_replacers
 
 
-def _lock_schema() -> Any:  # noqa: ANN401 - a class
+def _load_lock_schema() -> Any:  # noqa: ANN401 - a class
     from contactlab.studies.lock.lock_model import Lock
 
     return Lock
 
 
-def _parity_schema() -> Any:  # noqa: ANN401 - a class
+def _load_parity_schema() -> Any:  # noqa: ANN401 - a class
     from contactlab.studies.parity.parity_report import ParityReport
 
     return ParityReport
 
 
-def _fork_server() -> ModuleType:
+def _load_fork_server() -> ModuleType:
     from contactlab.run import preloaded
 
     return preloaded
 
 
-def _describe(report: str) -> Any:  # noqa: ANN401, C901, PLR0912 - a function of a report; a table
+def _load_description(report: str) -> Any:  # noqa: ANN401, C901, PLR0912 - a function of a report; a table
     match report:
         case "BudgetReport":
             from contactlab.reporting.budget_document import describe_budget as describe
@@ -135,18 +135,18 @@ def add_parts() -> None:
     """Add contactlab's own parts to the registry of this process."""
     for name in get_args(CommandModule):
         add_part("command module", partial(load_command, name), name)
-    add_part("environment", _environment, "mujoco")
-    add_part("executor", _ray, "ray")
-    add_part("executor", _slurm, "slurm")
-    add_part("store", _object_storage, "az", "gs", "s3")
-    add_part("viewer", _film, "gif", "mcap", "mp4", "png", "rrd")
-    add_part("viewer", _window, "window")
-    add_part("wording", _geoms, "geoms")
-    add_part("schema", _lock_schema, "lock")
-    add_part("schema", _parity_schema, "parity")
+    add_part("environment", _load_environment, "mujoco")
+    add_part("executor", _load_ray, "ray")
+    add_part("executor", _load_slurm, "slurm")
+    add_part("store", _load_object_storage, "az", "gs", "s3")
+    add_part("viewer", _load_film, "gif", "mcap", "mp4", "png", "rrd")
+    add_part("viewer", _load_window, "window")
+    add_part("wording", _load_geoms, "geoms")
+    add_part("schema", _load_lock_schema, "lock")
+    add_part("schema", _load_parity_schema, "parity")
     for report in _DESCRIBED:
-        add_part("description", partial(_describe, report), report)
-    add_part("fork server", _fork_server, "preloaded")
+        add_part("description", partial(_load_description, report), report)
+    add_part("fork server", _load_fork_server, "preloaded")
 
 
 def register_parts() -> None:

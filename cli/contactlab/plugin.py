@@ -1,4 +1,4 @@
-"""All that a plug-in needs: decorators, what its functions are given, and what they return.
+"""All that a plug-in needs: decorators, and the arguments and results of its functions.
 
 docs/plugins.md describes it. A name is imported when it is used, so that a plug-in with a metric
 alone loads no engine.
@@ -84,7 +84,7 @@ __all__ = [
 register_parts()
 
 
-def _homes() -> Iterator[ModuleType]:
+def _find_homes() -> Iterator[ModuleType]:
     """Yield the modules that define these names, each imported when it is reached.
 
     The cheapest come first; a package has all of its own entries before it gives a name.
@@ -111,7 +111,7 @@ def _homes() -> Iterator[ModuleType]:
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - each has a type of its own
     if name in __all__:
-        for home in _homes():
+        for home in _find_homes():
             if hasattr(home, name):
                 return getattr(home, name)
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

@@ -30,8 +30,8 @@ GROUPS = {f"contactlab.{kind}s": kind for kind in ("metric", "label", "oracle", 
 def extensions(kind: str) -> dict[str, Part | EntryPoint]:
     """Return the extensions of a kind by name: `command`, `schema`, `viewer`, ...
 
-    These are contactlab's own parts and those of installed packages. They are loaded when they are
-    asked for, and are no part of the evidence.
+    These are contactlab's own parts and those of installed packages. They are loaded on request,
+    and do not belong to the evidence.
     """
     installed = {entry.name: entry for entry in entry_points(group=f"contactlab.{kind}s")}
     return dict(sorted({**own_parts(kind), **installed}.items()))
@@ -39,9 +39,9 @@ def extensions(kind: str) -> dict[str, Part | EntryPoint]:
 
 @dataclass(frozen=True)
 class Plugin:
-    """A plug-in that is loaded in this process: a file, or else an installed distribution.
+    """A plug-in that is loaded in this process: a file, or an installed distribution.
 
-    Its version is the distribution's, or the file's `__version__`, and empty if it has none. The
+    Its version is the distribution's, or the file's `__version__`; empty without one. The
     hash is that of the file, or of all files of the packages that the entry points name.
     """
 
@@ -68,8 +68,8 @@ def load_plugins(files: Sequence[Path] = ()) -> tuple[Plugin, ...]:
 
     A PluginError says that one cannot be loaded; nothing of it is left.
     """
-    for distribution in sorted(_distributions(), key=lambda distributed: distributed.name):
-        _load(distribution)
+    for distribution in sorted(_find_distributions(), key=lambda distributed: distributed.name):
+        _load_distribution(distribution)
     for file in files:
         _load_file(file)
     return loaded_plugins()
@@ -85,14 +85,14 @@ def require_plugins(plugins: Iterable[Plugin]) -> None:
 
 def _load_installed(name: str) -> Plugin:
     found = next(
-        (distribution for distribution in _distributions() if distribution.name == name), None
+        (distribution for distribution in _find_distributions() if distribution.name == name), None
     )
     if found is None:
         raise PluginError(f"plug-in {name} is not installed here; install it on every node")
-    return _load(found)
+    return _load_distribution(found)
 
 
-def _distributions() -> list[Distribution]:
+def _find_distributions() -> list[Distribution]:
     return [distribution for distribution in distributions() if _entry_points(distribution)]
 
 
@@ -102,21 +102,16 @@ def _entry_points(distribution: Distribution) -> list[EntryPoint]:
     )
 
 
-def _describe(distribution: Distribution) -> Plugin:
-    names = {entry.module.partition(".")[0] for entry in _entry_points(distribution)}
-    return Plugin(distribution.name, distribution.version, hash_of_packages(names))
-
-
 def hash_of_packages(names: Iterable[str], *folders: Path) -> str:
-    """Return a SHA-256 of all files of packages or modules, and of folders of code beside them."""
+    """Return a SHA-256 of all files of packages or modules, and of further folders of code."""
     digest = hashlib.sha256()
-    for label, path in chain(*map(_files, sorted(names)), *map(_files_in, folders)):
+    for label, path in chain(*map(_package_files, sorted(names)), *map(_files_in, folders)):
         data = path.read_bytes()
         digest.update(f"{label}\0{len(data)}\0".encode() + data)
     return digest.hexdigest()
 
 
-def _files(package: str) -> list[tuple[str, Path]]:
+def _package_files(package: str) -> list[tuple[str, Path]]:
     """Return the files of a top-level package or module, by name; nothing if it is missing."""
     spec = find_spec(package)
     if spec is None:
@@ -134,18 +129,19 @@ def _files_in(folder: Path) -> list[tuple[str, Path]]:
     )
 
 
-def _load(distribution: Distribution) -> Plugin:
-    plugin = _describe(distribution)
+def _load_distribution(distribution: Distribution) -> Plugin:
+    names = {entry.module.partition(".")[0] for entry in _entry_points(distribution)}
+    plugin = Plugin(distribution.name, distribution.version, hash_of_packages(names))
     if plugin.name in _loaded:
-        return _unchanged(plugin)
-    with _adding(plugin.name):
+        return _require_same(plugin)
+    with _guard_loading(plugin.name):
         for entry in _entry_points(distribution):
-            _add(GROUPS[entry.group], entry.load())
+            _add_entry(GROUPS[entry.group], entry.load())
     _loaded[plugin.name] = plugin
     return plugin
 
 
-def _add(kind: str, entry: object) -> None:
+def _add_entry(kind: str, entry: object) -> None:
     """Add an entry that was not registered when its module was imported."""
     registry = REGISTRIES[kind]
     if isinstance(entry, type):
@@ -163,21 +159,21 @@ def _load_file(file: Path) -> Plugin:
         raise PluginError(no_file(file, "plug-in", {".py"})) from error
     sha256 = hashlib.sha256(source).hexdigest()
     if path.stem in _loaded:
-        return _unchanged(Plugin(path.stem, _loaded[path.stem].version, sha256, path))
+        return _require_same(Plugin(path.stem, _loaded[path.stem].version, sha256, path))
     module = ModuleType(f"contactlab_plugin_{path.stem}")
     module.__file__ = str(path)
-    with _adding(str(file)):
-        before = _entries()
-        # What runs is what was hashed. Classes of the module can be pickled once it is listed.
+    with _guard_loading(str(file)):
+        before = _count_entries()
+        # The hashed source is run. Classes of the module can be pickled once it is listed.
         sys.modules[module.__name__] = module
         exec(compile(source, path, "exec"), module.__dict__)  # noqa: S102 - the user names it
-        if _entries() == before:
+        if _count_entries() == before:
             raise PluginError("it adds no metric, label, oracle, check or engine")
     version = str(getattr(module, "__version__", ""))
     return _loaded.setdefault(path.stem, Plugin(path.stem, version, sha256, path))
 
 
-def _unchanged(plugin: Plugin) -> Plugin:
+def _require_same(plugin: Plugin) -> Plugin:
     known = _loaded[plugin.name]
     if known.sha256 != plugin.sha256:
         raise PluginError(
@@ -188,8 +184,8 @@ def _unchanged(plugin: Plugin) -> Plugin:
 
 
 @contextmanager
-def _adding(name: str) -> Generator[None]:
-    """Turn what goes wrong into a PluginError, and leave nothing of a plug-in that fails."""
+def _guard_loading(name: str) -> Generator[None]:
+    """Turn any failure into a PluginError, and leave nothing of a plug-in that fails."""
     try:
         with transaction(), code_limit():
             yield
@@ -199,5 +195,5 @@ def _adding(name: str) -> Generator[None]:
         raise PluginError(f"plug-in {name}: {in_one_line(error, __file__)}") from error
 
 
-def _entries() -> int:
+def _count_entries() -> int:
     return sum(len(REGISTRIES[kind]) for kind in GROUPS.values() if kind in REGISTRIES)

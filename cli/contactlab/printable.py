@@ -1,4 +1,4 @@
-"""Text from data as an output may hold it: what a store or a model says is shown, never obeyed.
+"""Text from data as an output may hold it: data of a store or a model is shown, never obeyed.
 
 Names, labels and reasons may hold anything: escape sequences, which terminals obey; marks that turn
 the direction of reading; commands of a CI job, which are lines of its log; markup, and mentions.
@@ -16,7 +16,7 @@ _CONTROL = re.compile(
 # GitHub takes commands from lines that start with two colons, older ones from anywhere in a line.
 _COMMAND = re.compile(r"^(?P<start>[^\S\n]*):(?=:)|#(?=#\[)", re.MULTILINE)
 Told = Callable[[str], str]
-"""What is written instead of a text: of an address, its geom's body."""
+"""Returns the text to write instead of another one: for an address, its geom's body."""
 COLUMNS = 80
 """Width of a report, whatever shows it."""
 _MARKUP = "\\|`*_<>[]~$"
@@ -25,13 +25,15 @@ _REFERENCE = re.compile(r"[@#]|:(?=//)|\bwww(?=\.)|\bGH(?=-)", re.IGNORECASE)
 
 
 def visible(text: str) -> str:
-    r"""Return text whose control characters are written out, as in JSON: `\u001b`."""
-    return _CONTROL.sub(_written, text)
+    r"""Return text with control characters written out, as in JSON: `\u001b`."""
+    return _CONTROL.sub(_escape_character, text)
 
 
 def printable(text: str) -> str:
     """Return lines that neither a terminal nor a CI job takes for a command."""
-    return _COMMAND.sub(lambda found: (found["start"] or "") + _written(found), visible(text))
+    return _COMMAND.sub(
+        lambda found: (found["start"] or "") + _escape_character(found), visible(text)
+    )
 
 
 def in_one_line(text: str) -> str:
@@ -40,14 +42,14 @@ def in_one_line(text: str) -> str:
 
 
 def in_markdown(text: str) -> str:
-    """Return text that Markdown shows as it is, in a cell of a table, and GitHub links nowhere."""
+    """Return text that Markdown shows unchanged, in a cell of a table, and GitHub does not link."""
     plain = " ".join(visible(text).split()).replace("&", "&amp;")
     for sign in _MARKUP:
         plain = plain.replace(sign, f"\\{sign}")
     return _REFERENCE.sub(r"\g<0><!-- -->", plain)
 
 
-def _written(found: re.Match[str]) -> str:
+def _escape_character(found: re.Match[str]) -> str:
     return f"\\u{ord(found[0][-1]):04x}"
 
 
@@ -57,16 +59,14 @@ def shortened(lines: Sequence[str], most: int, rest: str) -> list[str]:
     return list(lines) if more <= 0 else [*lines[:most], f"and {more} more in {rest}"]
 
 
-_MOST_NAMES = 12  # of a list in one line
-
-
 def first_names(line: str) -> str:
     """Return `kind: name, name, ...` with the first names, and how many more there are."""
     kind, _, listed = line.partition(": ")
     names = listed.split(", ")
-    more = len(names) - _MOST_NAMES
+    most_names = 12  # of a list in one line
+    more = len(names) - most_names
     rest = [f"and {more} more"] if more > 0 else []
-    return f"{kind}: {', '.join([*names[:_MOST_NAMES], *rest])}"
+    return f"{kind}: {', '.join([*names[:most_names], *rest])}"
 
 
 def wrapped(text: str, indent: str = "") -> list[str]:

@@ -22,7 +22,7 @@ Entry = TypeVar("Entry", bound=Named)
 
 
 class Registry(dict[str, Entry], Generic[Entry]):
-    """Entries of one kind, such as "metric", by name, in the order in which they were added."""
+    """Entries of one kind, such as "metric", by name, in order of addition."""
 
     def __init__(self, kind: str) -> None:
         super().__init__()
@@ -46,7 +46,7 @@ _OPEN: list[_Entries] = []
 
 @contextmanager
 def transaction() -> Generator[None]:
-    """Take back what is added to any registry if an exception leaves the context."""
+    """Remove the entries that are added to any registry if an exception leaves the context."""
     before: _Entries = {}
     _OPEN.append(before)
     settle()
@@ -62,7 +62,7 @@ def transaction() -> Generator[None]:
 
 
 def settle() -> None:
-    """Keep what registries have that were made since a transaction began, if it is taken back.
+    """Keep the entries of registries that were made since a transaction began, if it fails.
 
     A package with a registry calls it when it has all its own entries, since a plug-in may be the
     first to import it.
@@ -92,8 +92,8 @@ def add_part(kind: str, load: Callable[[], Any], *names: str) -> None:
 def fill_registry(*fillers: Callable[[], None]) -> None:
     """Call functions that add parts, once each in this process.
 
-    An entry of the program calls it, since a registry imports none of the packages whose parts it
-    has. Workers call the same functions when they start.
+    An entry of the program calls it, since a registry does not import the packages of its parts.
+    Workers call the same functions when they start.
     """
     for filler in fillers:
         if filler not in _FILLERS:

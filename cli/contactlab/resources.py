@@ -1,4 +1,4 @@
-"""Where the shipped scenes, sweeps and schemas lie: a checkout's folders or the wheel's copy.
+"""Places of the shipped scenes, sweeps and schemas: a checkout's folders or the wheel's copy.
 
 Always real paths, since MuJoCo opens meshes relative to the model file.
 """
@@ -31,7 +31,7 @@ def short_hash(parts: Sequence[str]) -> str:
 
 
 def user_cache() -> Path:
-    """Return the folder for what can be made again; it may not exist."""
+    """Return the folder for files that can be made again; it may not exist."""
     root = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     return Path(root) / "contactlab"
 
@@ -47,7 +47,7 @@ def sweep_names() -> list[str]:
 
 
 def scene_folder(name: str) -> Path:
-    """Return the folder of a shipped scene; raise SceneError if there is none of this name."""
+    """Return the folder of a shipped scene; raise SceneError for an unknown name."""
     message, rest = f"no shipped scene named '{name}'", "; see `contactlab list scenes`"
     SceneError.unless_known(name, scene_names(), message, rest=rest)
     return MODELS / name
@@ -59,7 +59,7 @@ def sweep_index() -> dict[str, tuple[str, str, int, str]]:
 
 
 def sweep_file(name: str) -> Path:
-    """Return the path of a shipped sweep; raise SweepFileError if there is none of this name."""
+    """Return the path of a shipped sweep; raise SweepFileError for an unknown name."""
     message = f"no sweep file and no shipped sweep named '{name}'"
     SweepFileError.unless_known(name, sweep_names(), message, rest="; see `contactlab list sweeps`")
     return SWEEPS / f"{name}.yaml"

@@ -1,31 +1,30 @@
-"""Shares of runs, and the intervals in which they lie."""
+"""Shares of runs, and their confidence intervals."""
 
 import math
 from collections.abc import Callable, Sequence
 from statistics import fmean
 
 SURE = 0.95
-_Z = 1.959963984540054  # of a normal distribution, which lies within it with 95 %
-_Z_POWER = 0.8416212335729143  # of which four fifths of it lie below
-_HALVINGS = 60
+_Z = 1.959963984540054  # 95 % of a normal distribution lie within this distance
+_Z_POWER = 0.8416212335729143  # 80 % of it lie below
 
 
 def wilson(good: int, runs: int) -> tuple[float, float]:
-    """Return the interval in which a share lies with 95 %, whose runs were counted once.
+    """Return the interval of 95 % of a share of runs that were counted once.
 
     The score interval of E. B. Wilson, "Probable inference, the law of succession, and statistical
-    inference", 1927: the shares p whose distance to the one observed is at most
-    z sqrt(p (1 - p) / n). Who looks again and again, and stops where it suits, needs `anytime`.
+    inference", 1927: the shares p at a distance of at most z sqrt(p (1 - p) / n) from the observed
+    one. Who looks again and again, and stops where it suits, needs `anytime`.
     """
     share, weight = good / runs, _Z * _Z / runs
     centre = (share + weight / 2) / (1 + weight)
     reach = _Z * math.sqrt(share * (1 - share) / runs + weight / (4 * runs)) / (1 + weight)
-    # Of none and of all they are ends, which rounding would miss.
+    # For none and for all, the ends are 0 and 1; rounding would miss them.
     return centre - reach if good else 0.0, centre + reach if good < runs else 1.0
 
 
 def anytime(good: int, runs: int, sure: float = SURE) -> tuple[float, float]:
-    """Return the interval in which a share lies at all numbers of runs at once.
+    """Return the interval of a share that holds at all numbers of runs at once.
 
     A share p is left out once 1 / ((n + 1) C(n, k) p^k (1 - p)^(n - k)), the likelihood of k of n
     averaged over all shares and divided by that of p, has reached 1 / (1 - sure). Under p it is a
@@ -36,7 +35,7 @@ def anytime(good: int, runs: int, sure: float = SURE) -> tuple[float, float]:
     if not runs:
         return 0.0, 1.0
     share = good / runs
-    return _edge(good, runs, sure, share, 0.0), _edge(good, runs, sure, share, 1.0)
+    return _interval_end(good, runs, sure, share, 0.0), _interval_end(good, runs, sure, share, 1.0)
 
 
 def evidence_against(share: float, good: int, runs: int) -> float:
@@ -65,16 +64,17 @@ def median_interval(values: Sequence[float]) -> tuple[float, float]:
     return ordered[k - 1], ordered[n - k]
 
 
-def _edge(good: int, runs: int, sure: float, inner: float, outer: float) -> float:
+def _interval_end(good: int, runs: int, sure: float, inner: float, outer: float) -> float:
     limit = -math.log1p(-sure)
-    return _bisected(lambda share: evidence_against(share, good, runs) < limit, inner, outer)
+    return _bisect_end(lambda share: evidence_against(share, good, runs) < limit, inner, outer)
 
 
-def _bisected(holds: Callable[[float], bool], inner: float, outer: float) -> float:
+def _bisect_end(holds: Callable[[float], bool], inner: float, outer: float) -> float:
     """Return where something ceases to hold, between where it does and an end."""
     if holds(outer):
         return outer
-    for _ in range(_HALVINGS):
+    halvings = 60
+    for _ in range(halvings):
         middle = (inner + outer) / 2
         if holds(middle):
             inner = middle
@@ -84,10 +84,10 @@ def _bisected(holds: Callable[[float], bool], inner: float, outer: float) -> flo
 
 
 def paired_difference(gained: int, lost: int, pairs: int) -> tuple[float, float]:
-    """Return the interval in which the difference of two shares of the same cases lies with 95 %.
+    """Return the interval of 95 % of the difference of two shares of the same cases.
 
-    So many cases were gained, and so many lost, of all pairs. The score interval of T. Tango,
-    "Equivalence test and confidence interval for the difference in proportions for the
+    `gained` and `lost` are the numbers of changed cases among all pairs. The score interval of T.
+    Tango, "Equivalence test and confidence interval for the difference in proportions for the
     paired-sample design", 1998: the differences within 1.96 deviations of the one observed.
     """
     share = (gained - lost) / pairs
@@ -95,7 +95,7 @@ def paired_difference(gained: int, lost: int, pairs: int) -> tuple[float, float]
     def near(difference: float) -> bool:
         return abs(paired_score(gained, lost, pairs, difference)) <= _Z
 
-    return _bisected(near, share, -1.0), _bisected(near, share, 1.0)
+    return _bisect_end(near, share, -1.0), _bisect_end(near, share, 1.0)
 
 
 def paired_score(gained: float, lost: float, pairs: int, difference: float) -> float:
@@ -137,10 +137,10 @@ def pairs_to_tell(gained: int, lost: int, pairs: int) -> int | None:
 
 
 def unpaired_difference(good: int, runs: int, were: int, of: int) -> tuple[float, float]:
-    """Return the interval in which the difference of two shares of other cases lies with 95 %.
+    """Return the interval of 95 % of the difference of two shares of different cases.
 
-    So many runs are good, and so many were of others. Wilson's intervals of both, combined by
-    squares: R. G. Newcombe, "Interval estimation for the difference between independent
+    `good` of `runs` are good, and `were` of `of` other runs. Wilson's intervals of both, combined
+    by squares: R. G. Newcombe, "Interval estimation for the difference between independent
     proportions", 1998, method 10.
     """
     share, before = good / runs, were / of
@@ -164,12 +164,12 @@ def runs_to_tell(share: float, before: float) -> int | None:
 
 
 def all_good(times: int, counts: Sequence[tuple[int, int]]) -> tuple[float, float, float]:
-    """Return pass^k, how likely so many runs of a setting are all good, and its interval of 95 %.
+    """Return pass^k, the chance that k runs of a setting are all good, and its interval of 95 %.
 
-    Counts are the good runs of each setting and its runs, at least that many. Of one setting pass^k
-    is the share of draws without replacement that are all good, C(good, k) / C(runs, k) (S. Yao et
-    al., "tau-bench", 2024), and its interval has the ends of Wilson's to the power of k. Of several
-    it is the mean, and ends are means of ends, which is wider than it need be.
+    Counts are the good runs of each setting and its runs, at least that many. For one setting,
+    pass^k is the share of draws without replacement that are all good, C(good, k) / C(runs, k) (S.
+    Yao et al., "tau-bench", 2024), and its interval has the ends of Wilson's to the power of k. For
+    several it is the mean, and its ends are means of ends, which is wider than needed.
     """
     shares = [math.comb(good, times) / math.comb(runs, times) for good, runs in counts]
     lows, highs = zip(*(wilson(good, runs) for good, runs in counts), strict=True)

@@ -15,7 +15,7 @@ from contactlab.studies.engine_panel.engine_panel import (
     PanelRequest,
     better_runs,
     middle_run,
-    run,
+    run_panel,
 )
 from contactlab.tasks.session import Session
 
@@ -64,7 +64,7 @@ def test_a_task_is_run_once_and_read_again(tmp_path: Path, monkeypatch: pytest.M
     session = Session(tmp_path / "out", begin=lambda _total, done: begun.append(done))
     tasks, engines = ["bounce", "grasp"], ["mujoco", "impulse"]
     request = PanelRequest(tasks, engines)
-    first = run(request, session)
+    first = run_panel(request, session)
     assert [(each.task, each.engine) for each in first.runs] == (
         [("bounce", "mujoco")] * 2 + [("bounce", "impulse")] * 2 + [("grasp", "mujoco")] * 2
     )
@@ -78,7 +78,7 @@ def test_a_task_is_run_once_and_read_again(tmp_path: Path, monkeypatch: pytest.M
     assert middle_run(first, "grasp", "impulse") is None
     assert EnginePanel.model_validate_json((tmp_path / "out" / REPORT).read_bytes()) == first
     assert begun == [0, 0, 0]
-    assert run(PanelRequest(tasks * 2, engines * 2), session) == first
+    assert run_panel(PanelRequest(tasks * 2, engines * 2), session) == first
     assert begun[3:] == [2, 2, 2]
     for name, value, held in (
         ("contactlab.run.sweep_runner.hash_definitions", lambda: "0" * 64, "of another contactlab"),
@@ -87,7 +87,7 @@ def test_a_task_is_run_once_and_read_again(tmp_path: Path, monkeypatch: pytest.M
         with monkeypatch.context() as patch:
             patch.setattr(name, value)
             with pytest.raises(OtherSweepError, match=f"{held}.*; remove it, or .* -o$"):
-                run(request, session)
+                run_panel(request, session)
 
 
 def test_what_there_is_not_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -98,7 +98,7 @@ def test_what_there_is_not_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         (PanelRequest(engines=["cenic"]), EngineError, "contactlab engines add cenic"),
     ):
         with pytest.raises(error, match=said):
-            run(request, Session(tmp_path / "out"))
+            run_panel(request, Session(tmp_path / "out"))
     assert not (tmp_path / "out").exists()
 
 

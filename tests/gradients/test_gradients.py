@@ -40,7 +40,7 @@ def differentiated(
 ) -> GradientInput:
     """Return the derivative at some values, its words left out."""
     how = Differentiation(subject, finer, METHODS["chain"], ladder=False)
-    (found,) = how.by(subject.parameter(by), [Point(values, {})])
+    (found,) = how.by(subject.find_parameter(by), [Point(values, {})])
     return found
 
 
@@ -164,7 +164,7 @@ def test_a_coordinate_of_the_start_is_a_parameter(tmp_path: Path) -> None:
 def test_threads_change_no_bit() -> None:
     one, two = (subject_of("push", "x", threads) for threads in (1, 2))
     points = [Point({"push": force}, {}) for force in (3.0, 5.0, 6.0, 7.0)]
-    assert one.end(points).tobytes() == two.end(points).tobytes()
+    assert one.end_values(points).tobytes() == two.end_values(points).tobytes()
 
 
 def slips(modes: Sequence[str]) -> list[bool]:
@@ -176,7 +176,7 @@ def test_the_push_slips_from_friction_times_weight_on() -> None:
     subject, forces = subject_of("push", "x"), np.linspace(2, 8, 25)
     for friction in (0.3, 0.45, 0.6):
         points = [Point({"push": float(x), "friction.slide": friction}, {}) for x in forces]
-        first = slips(subject.modes(points)).index(True)
+        first = slips(subject.contact_modes(points)).index(True)
         assert forces[first - 1] <= friction * GRAVITY <= forces[first]
 
 
@@ -185,7 +185,7 @@ def test_the_ball_touches_from_the_speed_on_that_the_way_takes() -> None:
     subject, speeds = subject_of("ball", "x.v"), np.linspace(0.3, 2.3, 21)
     for push in (-0.6, 0.0, 0.6):
         points = [Point({"speed": float(x), "push": push}, {}) for x in speeds]
-        modes = subject.modes(points)
+        modes = subject.contact_modes(points)
         first = next(place for place, mode in enumerate(modes) if mode != "wall-ball: apart")
         assert speeds[first - 1] <= GAP - push / 2 <= speeds[first]
 
@@ -297,7 +297,7 @@ def test_automatic_differentiation_is_the_runs_own(
         pytest.skip("mjx is not installed: contactlab engines add mjx")
     subject = replace(subject_of(name, of), duration=0.2)
     how = Differentiation(subject, 2, METHODS["mjx"], ladder=False)
-    (found,) = how.by(subject.parameter(by), [Point(values, {})])
+    (found,) = how.by(subject.find_parameter(by), [Point(values, {})])
     assert found.run.value is not None
     assert found.methods["mjx"] == pytest.approx(found.run.value, rel=1e-4)
 
@@ -313,7 +313,7 @@ def test_substeps_that_end_where_a_contact_is_made_have_restitutions_derivative(
         pytest.skip("mjx is not installed: contactlab engines add mjx")
     subject = replace(subject_of("ball", "x.v"), duration=0.2)
     how = Differentiation(subject, 2, METHODS["mjx-adaptive"], ladder=False)
-    (found,) = how.by(subject.parameter("speed"), [Point({"speed": 6.0}, {})])
+    (found,) = how.by(subject.find_parameter("speed"), [Point({"speed": 6.0}, {})])
     assert found.methods["mjx-adaptive"] == pytest.approx(-rebound(4e4, 72.35), rel=0.02)
     assert found.run.value is not None
     assert abs(found.run.value) > 7

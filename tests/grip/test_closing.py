@@ -9,7 +9,7 @@ import pytest
 from tests.grip.grippers import claw
 
 from contactlab.scene.model_names import name_by_address
-from contactlab.studies.grip.closing import close_at, find_closing, squeeze
+from contactlab.studies.grip.closing import close_at, find_closing, squeeze_object
 from contactlab.studies.grip.fingers import find_hand
 from contactlab.studies.grip.grip_fixture import GripFixture, add_object, mount_hand
 from contactlab.studies.grip.gripped_object import DEFAULT_OBJECT
@@ -63,7 +63,7 @@ def test_an_object_that_is_held_still_stays_and_is_pressed_as_any() -> None:
     """
     fixture = rig_of(claw())
     closing = find_closing(fixture)
-    free = squeeze(fixture, closing)
+    free = squeeze_object(fixture, closing)
     assert free.approach is not None
     still = close_at(fixture, closing, replace(free.approach, is_still=True), closing.closed)
     assert still.forces == pytest.approx(free.forces, rel=1e-3)

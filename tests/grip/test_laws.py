@@ -245,8 +245,8 @@ def test_a_pace_goes_on_as_its_series(rest: float, more: float, ratio: float) ->
     pace = fit_pace(speeds[:4])
     for windows in (1, 5, 20):
         way = float(speeds[4 : 4 + windows].sum())
-        assert pace.way(windows) == pytest.approx(way, rel=1e-9)
-        assert pace.until(way) == pytest.approx(windows, rel=1e-5)
+        assert pace.travel_in(windows) == pytest.approx(way, rel=1e-9)
+        assert pace.windows_until(way) == pytest.approx(windows, rel=1e-5)
 
 
 @pytest.mark.parametrize(

@@ -21,8 +21,8 @@ from contactlab.errors import (
 )
 from contactlab.resources import MODELS
 from contactlab.studies.lock import versions
-from contactlab.studies.lock.bisection import SweepOutcomes, bisect, remembered
-from contactlab.studies.lock.versions import releases, run_sweep, run_test
+from contactlab.studies.lock.bisection import SweepOutcomes, find_change, remember_outcome
+from contactlab.studies.lock.versions import find_releases, run_sweep, run_test
 
 
 def ignore(_: str) -> None:
@@ -38,7 +38,7 @@ def test_one_change_is_found_in_log2_steps(case: tuple[int, int]) -> None:
         asked.append(int(version))
         return int(version) >= first
 
-    found = bisect([str(each) for each in range(count)], differs, ignore)
+    found = find_change([str(each) for each in range(count)], differs, ignore)
     assert (found.before, found.after) == (str(first - 1), str(first))
     assert len(asked) == found.steps <= math.ceil(math.log2(max(1, count - 1)))
     assert not {0, count - 1} & set(asked)
@@ -54,7 +54,7 @@ def test_neighbours_differ_whatever_lies_between(middle: list[str]) -> None:
             raise EngineError("no such wheel\nand more")
         return gives[int(version)] == "other"
 
-    found = bisect(numbers, differs, ignore)
+    found = find_change(numbers, differs, ignore)
     before, after = int(found.before), int(found.after)
     assert (gives[before], gives[after]) == ("as", "other")
     assert {int(each) for each in found.skipped} == {*range(before + 1, after)}
@@ -73,7 +73,7 @@ def test_an_interrupted_sweep_is_no_release_to_leave_out(
         return True
 
     with pytest.raises(StoppedError, match="again to resume"):
-        bisect(["1.0", "1.1", "1.2"], differs, ignore)
+        find_change(["1.0", "1.1", "1.2"], differs, ignore)
 
 
 SLIDE = {"version": 1, "duration": 0.6, "axes": {"cone": ["elliptic"]}}
@@ -107,7 +107,7 @@ def test_a_release_that_changed_friction_is_found_with_the_run(
     slides: SweepOutcomes, ran: list[str]
 ) -> None:
     slides.begin("1.0", "1.4")
-    found = bisect(list(SINCE), slides.differs, ignore)
+    found = find_change(list(SINCE), slides.differs, ignore)
     assert (found.before, found.after) == ("1.1", "1.2")
     shown = {each.name: each for each in slides.shown(found).findings}
     slip = shown["slip_distance unchanged"]
@@ -121,7 +121,7 @@ def test_a_release_that_changed_friction_is_found_with_the_run(
 
     again = SweepOutcomes(slides.folder, slides.run, DEFAULT_POLICY, ["slip_distance unchanged"])
     again.begin("1.0", "1.4")
-    assert bisect(list(SINCE), again.differs, ignore) == found
+    assert find_change(list(SINCE), again.differs, ignore) == found
     assert len(ran) == 4
 
 
@@ -141,7 +141,7 @@ def test_a_test_runs_once_until_its_file_changes(tmp_path: Path) -> None:
     outcomes = iter([True, False, True])
 
     def asked(name: str) -> bool:
-        return remembered(f"{file}::{name}", folder, lambda: next(outcomes))
+        return remember_outcome(f"{file}::{name}", folder, lambda: next(outcomes))
 
     assert [asked("test_a"), asked("test_a")] == [True, True]
     assert [asked("test_b"), asked("test_b")] == [False, False]
@@ -166,14 +166,14 @@ def test_pytest_says_whether_a_test_passes(tmp_path: Path) -> None:
 
 def test_releases_lead_from_the_one_to_the_other() -> None:
     listed = ["3.10.0", "3.9.0", "3.3.4", "4.0.0"]
-    assert releases("3.9.0", "4.0.0", listed) == ["3.9.0", "3.10.0", "4.0.0"]
-    assert releases("3.10.0", "3.3.4", listed) == ["3.10.0", "3.9.0", "3.3.4"]
+    assert find_releases("3.9.0", "4.0.0", listed) == ["3.9.0", "3.10.0", "4.0.0"]
+    assert find_releases("3.10.0", "3.3.4", listed) == ["3.10.0", "3.9.0", "3.3.4"]
     with pytest.raises(EngineError, match=r"no release 3\.8\.0"):
-        releases("3.8.0", "4.0.0", listed)
+        find_releases("3.8.0", "4.0.0", listed)
     with pytest.raises(EngineError, match="name two releases"):
-        releases("4.0.0", "4.0.0", listed)
+        find_releases("4.0.0", "4.0.0", listed)
     with pytest.raises(EngineError, match="'new' is not a release"):
-        releases("3.9.0", "4.0.0", [*listed, "new"])
+        find_releases("3.9.0", "4.0.0", [*listed, "new"])
 
 
 TUMBLE = """
@@ -195,10 +195,10 @@ def test_a_change_of_a_real_release_is_found(tmp_path: Path) -> None:
 
     subject = SweepOutcomes(tmp_path / "stores", run, DEFAULT_POLICY)
     try:
-        listed = releases("3.10.0", "3.13.0")
+        listed = find_releases("3.10.0", "3.13.0")
         subject.begin(listed[0], listed[-1])
     except EngineError as error:
         pytest.skip(str(error))
-    found = bisect(listed, subject.differs, ignore)
+    found = find_change(listed, subject.differs, ignore)
     assert (found.before, found.after) == ("3.10.0", "3.11.0")
     assert "no new energy_loss" in {each.name for each in subject.shown(found).findings}

@@ -20,8 +20,8 @@ from contactlab.comparison.compare_stores import DEFAULT_POLICY
 from contactlab.errors import ContactlabError, SweepFileError
 from contactlab.schema.comparison import ComparePolicy, ComparisonReport
 from contactlab.store.finished_store import Store
-from contactlab.studies.lock.judgement import change_by_chance, judge
-from contactlab.studies.lock.lock_file import gated_metrics, lock_of, read, write
+from contactlab.studies.lock.judgement import change_by_chance, judge_lock
+from contactlab.studies.lock.lock_file import gated_metrics, lock_of, read_lock, write_lock
 from contactlab.studies.lock.lock_model import Lock
 
 SLIDE: dict[str, Any] = {
@@ -75,7 +75,7 @@ def frozen(store: Store, **how: Any) -> Lock:
 
 
 def judged(lock: Lock, store: Store, policy: ComparePolicy = DEFAULT_POLICY) -> ComparisonReport:
-    return judge(lock, "the lock", store, policy)
+    return judge_lock(lock, "the lock", store, policy)
 
 
 def failing(report: ComparisonReport) -> set[str]:
@@ -88,8 +88,8 @@ def axes(sweep: Mapping[str, Any], **more: Any) -> dict[str, Any]:
 
 def test_a_lock_is_read_as_it_was_written(slid: Store, tmp_path: Path) -> None:
     made = frozen(slid)
-    write(tmp_path / "locks" / "slide.lock.yaml", made, "slide")
-    assert read(tmp_path / "locks" / "slide.lock.yaml") == made
+    write_lock(tmp_path / "locks" / "slide.lock.yaml", made, "slide")
+    assert read_lock(tmp_path / "locks" / "slide.lock.yaml") == made
     lines = (tmp_path / "locks" / "slide.lock.yaml").read_text().splitlines()
     groups = [line for line in lines if line.startswith("- ")]
     assert len(groups) == len(SLIDE["axes"]["cone"])
@@ -299,9 +299,9 @@ def test_bad_use_is_said(
 def test_a_group_stands_once(slid: Store, tmp_path: Path) -> None:
     made = frozen(slid)
     twice = made.model_copy(update={"groups": (*made.groups, made.groups[0])})
-    write(tmp_path / "twice.yaml", twice, "slide")
+    write_lock(tmp_path / "twice.yaml", twice, "slide")
     with pytest.raises(SweepFileError, match="two groups of the same axis values"):
-        read(tmp_path / "twice.yaml")
+        read_lock(tmp_path / "twice.yaml")
 
 
 def test_a_change_of_the_scene_is_told_before_what_follows_from_it(slid: Store) -> None:

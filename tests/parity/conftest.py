@@ -12,7 +12,7 @@ from contactlab.plan.overrides import Overrides
 from contactlab.schema.comparison import ComparePolicy
 from contactlab.studies.parity.panel import Panel
 from contactlab.studies.parity.parity_report import ParityReport
-from contactlab.studies.parity.sweep_parity import ParityRequest, run
+from contactlab.studies.parity.sweep_parity import ParityRequest, compare_runs
 
 ADAPTER = Path(__file__).with_name("stand_in.py")
 
@@ -49,6 +49,6 @@ def parity(stand_in: Callable[[str], AdaptedEngine], tmp_path: Path) -> Callable
         panel = Panel.read(file, engine.name, Overrides(), changes, None)
         rules = ComparePolicy.model_validate({"version": 1, **policy})
         request = ParityRequest(panel, engine, "", changes, rules)
-        return run(request, lambda *_: None, lambda _: None)
+        return compare_runs(request, lambda *_: None, lambda _: None)
 
     return compared

@@ -17,7 +17,7 @@ from contactlab.studies.parity.bundle import ENGINE, Bundle, write_bundle
 from contactlab.studies.parity.bundled_engine import BundledEngine
 from contactlab.studies.parity.panel import Panel
 from contactlab.studies.parity.parity_report import ParityReport
-from contactlab.studies.parity.sweep_parity import ParityRequest, run
+from contactlab.studies.parity.sweep_parity import ParityRequest, compare_runs
 
 SCRIPT = Path(__file__).with_name("check_mujoco.py")
 SLIDE = """
@@ -48,7 +48,7 @@ def judged(folder: Path, *defect: str) -> ParityReport:
     bundle = Bundle.read(folder)
     engine, rules = BundledEngine(folder, bundle), ComparePolicy(version=1)
     request = ParityRequest(bundle.panel(folder), engine, engine.device, (), rules)
-    return run(request, lambda *_: None, lambda _: None)
+    return compare_runs(request, lambda *_: None, lambda _: None)
 
 
 @pytest.mark.long

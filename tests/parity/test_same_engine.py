@@ -16,10 +16,10 @@ from contactlab.errors import StoppedError
 from contactlab.plan.overrides import Overrides
 from contactlab.scene.scene import Scene
 from contactlab.schema.comparison import ComparePolicy
-from contactlab.studies.parity.forward import ForwardStates, forward
+from contactlab.studies.parity.forward import ForwardStates, forward_quantities
 from contactlab.studies.parity.panel import Panel
 from contactlab.studies.parity.parity_report import RunParity
-from contactlab.studies.parity.sweep_parity import ParityRequest, run
+from contactlab.studies.parity.sweep_parity import ParityRequest, compare_runs
 
 SLIDE = """
 version: 1
@@ -52,7 +52,7 @@ def test_mujoco_under_another_name_does_the_same(twins: Panel) -> None:
     """Every number is the same, bit for bit, and each engine has its own version."""
     policy = ComparePolicy.model_validate({"version": 1})
     told = list[str]()
-    report = run(
+    report = compare_runs(
         ParityRequest(twins, ENGINES["twin"], "here", (), policy),
         lambda total, _: told.append(str(total)),
         lambda done: told.append(done.run_id),
@@ -74,7 +74,7 @@ def test_a_comparison_that_was_stopped_goes_on(twins: Panel, tmp_path: Path) -> 
         policy = ComparePolicy.model_validate({"version": 1, **more})
         request = ParityRequest(twins, ENGINES["twin"], "here", (), policy, folder)
         told.clear()
-        return run(request, lambda total, stored: told.append((total, stored)), stop)
+        return compare_runs(request, lambda total, stored: told.append((total, stored)), stop)
 
     def stopping(judged: RunParity) -> None:
         raise StoppedError(judged.run_id)
@@ -99,7 +99,7 @@ def states() -> Callable[..., ForwardStates]:
     """Return what compares states of a tumbling box by MuJoCo and, changed, by another."""
     scene = Scene.open("tumbling_box")
     runs = PreparedRuns.of(scene, scene.resolve({}, 0, 0.1))
-    ours = forward(MujocoEngine(), runs)
+    ours = forward_quantities(MujocoEngine(), runs)
     assert ours is not None
 
     def compared(**changes: Callable[[Floats], Floats]) -> ForwardStates:

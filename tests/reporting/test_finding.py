@@ -9,7 +9,7 @@ from tests.reporting.test_map_cells import axis, run_labels
 
 from contactlab.judge.wording import share_with_interval
 from contactlab.measure import LABELS
-from contactlab.reporting.finding import finding, headline
+from contactlab.reporting.finding import write_finding, write_headline
 from contactlab.reporting.label_shares import exact_share
 from contactlab.reporting.report_columns import GridAxis
 
@@ -115,7 +115,7 @@ def test_the_sentence_is_true_of_any_runs(
     size = len(given_rows)
     codes = data.draw(st.lists(st.integers(0, 2), min_size=size, max_size=size))
     rows = [(*row, code) for row, code in zip(given_rows, codes, strict=True)]
-    check(finding(swept(rows), run_labels(codes)), rows)
+    check(write_finding(swept(rows), run_labels(codes)), rows)
 
 
 def test_each_kind_of_sentence_is_said_of_what_calls_for_it() -> None:
@@ -131,7 +131,7 @@ def test_each_kind_of_sentence_is_said_of_what_calls_for_it() -> None:
     }
     for kind, is_stable in planted.items():
         rows = [(*row, STABLE if is_stable(row) else 0) for row in grid]
-        sentence = finding(swept(rows), run_labels([row[3] for row in rows]))
+        sentence = write_finding(swept(rows), run_labels([row[3] for row in rows]))
         assert check(sentence, rows) == kind
         if kind == "exact":
             assert sentence == "Only a 2 or less with b grey is stable; c does not matter."
@@ -143,18 +143,18 @@ def test_shares_of_draws_have_their_interval() -> None:
     stable = [(a == 4 and b < 4) or b == c for a, b, c in grid]
     labels = run_labels([STABLE if each else 0 for each in stable])
     axes = swept([(*row, 0) for row in grid])
-    assert finding(axes, labels, share_with_interval) == (
+    assert write_finding(axes, labels, share_with_interval) == (
         f"{share_with_interval(8, 10)} of runs are stable with a 4, "
         f"{share_with_interval(2, 10)} with 0."
     )
     inside = [a <= 2 and b == 3 and (a, b, c) != (0, 3, 0) for a, b, c in grid]
     part = run_labels([STABLE if each else 0 for each in inside])
-    said = finding(axes, part, share_with_interval)
+    said = write_finding(axes, part, share_with_interval)
     assert f"(5 of 6 such runs, {share_with_interval(5, 6)})" in said
 
 
 def test_the_headline_counts_all_runs() -> None:
-    assert headline(run_labels([0, 1, 1, 2, 2, 2])) == (
+    assert write_headline(run_labels([0, 1, 1, 2, 2, 2])) == (
         "3 of 6 runs are stable; 2 chatter, 1 diverged"
     )
 
@@ -180,4 +180,4 @@ def test_an_amount_has_its_unit(failing: set[str], said: str) -> None:
     made = axis("time_step", [0, 1, 2, 3], 4)
     steps = GridAxis("time_step", "ms", "knob", ticks, made.codes, None)
     labels = run_labels([0 if tick in failing else STABLE for tick in ticks])
-    assert said in finding((steps,), labels)
+    assert said in write_finding((steps,), labels)

@@ -19,7 +19,7 @@ from contactlab.page.map_cells import (
     most_frequent_failure,
 )
 from contactlab.page.page_charts import knob_changes
-from contactlab.page.run_series import decimated
+from contactlab.page.run_series import thin_indices
 from contactlab.palette import STABLE_COLOUR
 from contactlab.reporting.map_axes import MapAxes, most_informative_axes
 from contactlab.reporting.report_columns import GridAxis, Quantity, RunLabels
@@ -181,7 +181,7 @@ def test_changes_are_of_pairs_that_differ_in_nothing_else() -> None:
 @given(st.lists(st.floats(-1e9, 1e9) | st.just(np.nan), min_size=1, max_size=2000))
 def test_decimated_values_keep_the_extremes(values: list[float]) -> None:
     array = np.array(values)
-    places = decimated(array, 100)
+    places = thin_indices(array, 100)
     assert len(places) <= 102
     assert (np.diff(places) > 0).all()
     if np.isfinite(array).any():

@@ -9,7 +9,7 @@ import vl_convert
 from PIL import Image
 
 from contactlab.charts import as_svg
-from contactlab.page.outlined_text import outlined
+from contactlab.page.outlined_text import outline_text
 
 FONT = 'font-family="sans-serif" font-size="24px"'
 TEXT = f'<text transform="translate({{x}},30)" {FONT} {{more}}>{{said}}</text>'
@@ -32,7 +32,7 @@ def ink(svg: str) -> np.ndarray:
 def test_outlines_look_like_the_text(said: str, more: str) -> None:
     """Coordinates are rounded by .005 at either edge of strokes that are 2 wide or more: .5 %."""
     svg = PICTURE.format(TEXT.format(x=150, more=more, said=said))
-    drawn = outlined(svg)
+    drawn = outline_text(svg)
     assert "<text" not in drawn
     assert f'aria-label="{said}"' in drawn
     wanted = ink(svg)
@@ -44,7 +44,7 @@ def test_outlines_look_like_the_text(said: str, more: str) -> None:
 def test_lines_of_a_title_are_below_each_other() -> None:
     spec = {"data": {"values": [{}]}, "mark": "point", "title": ["One line", "and another"]}
     svg = as_svg(spec)
-    drawn = outlined(svg)
+    drawn = outline_text(svg)
     assert "<text" not in drawn
     wanted = ink(svg)
     assert np.abs(ink(drawn) - wanted).sum() < 0.1 * wanted.sum()
@@ -55,10 +55,10 @@ def test_what_has_no_outlines_stays_text() -> None:
     svg = PICTURE.format(
         "".join(TEXT.format(x=9, more="", said=each) for each in ("\U0010fffd", "b"))
     )
-    drawn = outlined(svg)
+    drawn = outline_text(svg)
     assert re.findall("<text[^>]*>(.*?)</text>", drawn) == ["\U0010fffd"]
     assert 'aria-label="b"' in drawn
 
 
 def test_a_picture_without_text_stays() -> None:
-    assert "path" not in outlined(PICTURE.format(""))
+    assert "path" not in outline_text(PICTURE.format(""))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from contactlab.page.packing import (
     as_json,
-    pack,
+    pack_columns,
     packed_integers,
     rounded_floats,
     run_id_halves,
@@ -50,7 +50,7 @@ def test_columns_come_back(singles: list[float], places: list[int], doubles: lis
         "places": packed_integers(np.array(places, dtype=np.int64)),
         "doubles": np.array(doubles, dtype=np.float64),
     }
-    found = unpack(json.loads(json.dumps(pack(columns))))
+    found = unpack(json.loads(json.dumps(pack_columns(columns))))
     for name, column in columns.items():
         assert found[name].dtype == column.dtype
         np.testing.assert_array_equal(found[name], column)
@@ -58,7 +58,7 @@ def test_columns_come_back(singles: list[float], places: list[int], doubles: lis
 
 def test_the_same_columns_give_the_same_text() -> None:
     column = {"a": np.linspace(0, 1, 1000)}
-    assert pack(column) == pack(column)
+    assert pack_columns(column) == pack_columns(column)
 
 
 @given(st.floats(2.0**-100, 2.0**100), st.integers(4, 23))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.reporting.finding import finding
+from contactlab.reporting.finding import write_finding
 from contactlab.reporting.report import read_report_data
 from contactlab.store.finished_store import Store
 
@@ -91,7 +91,7 @@ def test_no_view_is_empty_clipped_or_written_over(
 def test_the_page_says_what_was_found(visit: Visit, reported: Reported, swept: Swept) -> None:
     page = visit(reported("bounce")).page
     data = read_report_data(swept("bounce"))
-    assert page.inner_text("#finding") == finding(data.axes, data.labels)
+    assert page.inner_text("#finding") == write_finding(data.axes, data.labels)
     stable = swept("bounce").manifest.labels["stable"]
     assert page.inner_text(".tile").split() == [str(stable), "of", "12", "runs", "stable"]
 

@@ -12,7 +12,7 @@ from contactlab.reporting.sensitivity import _measure_sensitivity as of_values  
 from contactlab.reporting.sensitivity import (
     axes_of_starts,
     budget_lines,
-    sensitivities,
+    find_sensitivities,
     sensitivity_lines,
 )
 from contactlab.schema.sweep_schema import Sample
@@ -63,7 +63,7 @@ def test_what_falls_from_a_height_depends_on_that_alone(tmp_path: Path) -> None:
     }
     store = contactlab.sweep(sweep, output=tmp_path / "store", workers=0)
     assert store.manifest.runs == 16 * 4
-    (found,) = sensitivities(store, ["final_speed"])
+    (found,) = find_sensitivities(store, ["final_speed"])
     assert found.axes == ("gravity", "solref.timeconst")
     # All of the variance goes with gravity: estimates of both are exact up to 16 points' error.
     assert found.total[1] == pytest.approx(0, abs=1e-9)
@@ -128,7 +128,7 @@ def test_the_page_shows_it_of_a_sweep_whose_runs_form_no_pairs(tmp_path: Path) -
         "effects": "all",
     }
     store = contactlab.sweep(sweep, output=tmp_path / "store", workers=0)
-    assert "penetration_max" in {found.metric for found in sensitivities(store)}
+    assert "penetration_max" in {found.metric for found in find_sensitivities(store)}
     contactlab.report(store, output=tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text()
     assert 'id="sensitivity"' in page

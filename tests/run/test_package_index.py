@@ -166,6 +166,6 @@ def test_pip_asks_the_index_of_the_user(
     with pytest.raises(EngineError, match="cannot be installed"):
         make_environment(tmp_path / "cache" / "a", ["absent"], "an engine", "", lambda _: None)
     with pytest.raises(EngineError, match="list the releases"):
-        versions.releases("3.9.0", "3.10.0")
+        versions.find_releases("3.9.0", "3.10.0")
     assert own.requests
     assert not planted.requests

@@ -13,7 +13,13 @@ import contactlab
 from contactlab.errors import SweepFileError
 from contactlab.plan.refined_axes import smallest_run_count
 from contactlab.plan.refinement import UNKNOWN
-from contactlab.reporting.boundaries import Boundaries, Sides, boundaries, boundary_lines, coverage
+from contactlab.reporting.boundaries import (
+    Boundaries,
+    Sides,
+    boundary_lines,
+    describe_coverage,
+    find_boundaries,
+)
 from contactlab.run import planned_runs
 from contactlab.run.recomputed_runs import recomputed_problems
 from contactlab.schema.evidence import WholeGrid
@@ -91,7 +97,7 @@ def test_no_cell_is_wrong_and_the_boundary_is_that_of_friction(
     further than the limit, since a cell is 2.5 degrees and g sin(2.5 degrees) (.5 s)^2 / 2 are
     53 mm. Below, soft friction creeps, by less.
     """
-    found = boundaries(refined)
+    found = find_boundaries(refined)
     assert found is not None
     (sides,) = found.sides
     slides = sides.codes == sides.names.index(REFINE["where"])
@@ -106,11 +112,13 @@ def test_no_cell_is_wrong_and_the_boundary_is_that_of_friction(
 
 
 def test_show_says_where_outcomes_change(refined: Store) -> None:
-    found = boundaries(refined)
+    found = find_boundaries(refined)
     assert found is not None
     lines = [*boundary_lines(found)]
     assert f"not {REFINE['where']} up to tilt" in lines[0]
-    assert f"{refined.manifest.runs} of the grid's {TO**2} runs were made" in coverage(found)
+    assert f"{refined.manifest.runs} of the grid's {TO**2} runs were made" in describe_coverage(
+        found
+    )
 
 
 def test_three_axes_are_told_by_layers() -> None:
@@ -180,7 +188,7 @@ def test_the_steepest_tilt_that_sticks_is_that_of_friction(whole: Store, tmp_pat
     store = contactlab.sweep(sweep, output=tmp_path / "store", workers=0)
     assert store.manifest.runs <= len(frictions) * (7 + 1)
     assert store.manifest.runs == len(rows(store).keys() & rows(whole).keys())
-    found = boundaries(store)
+    found = find_boundaries(store)
     assert found is not None
     lines = [*boundary_lines(found)]
     for line, friction in zip(lines, frictions, strict=False):
@@ -266,7 +274,7 @@ def test_every_seed_and_setting_has_a_grid_of_its_own(tmp_path: Path) -> None:
         "refine": {**REFINE, "axes": ["tilt"], "probe": 0},
     }
     store = contactlab.sweep(sweep, output=tmp_path / "store", workers=0)
-    found = boundaries(store)
+    found = find_boundaries(store)
     assert found is not None
     assert len(found.sides) == 4
     assert all(5 <= sides.ran.sum() <= 8 for sides in found.sides)

@@ -13,7 +13,7 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SweepFileError
 from contactlab.plan.rows import listed_values
 from contactlab.plan.search import Trials, axis_coordinates
-from contactlab.reporting.found_worst import worst_lines
+from contactlab.reporting.chosen_runs import worst_lines
 from contactlab.run.recomputed_runs import recomputed_problems
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.finished_store import Store

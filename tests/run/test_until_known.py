@@ -7,7 +7,7 @@ import pytest
 
 import contactlab
 from contactlab.errors import SweepFileError
-from contactlab.reporting.known_shares import known_shares, share_lines
+from contactlab.reporting.chosen_runs import known_shares, share_lines
 from contactlab.run.recomputed_runs import recomputed_problems
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import find_problems

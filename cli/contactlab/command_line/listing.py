@@ -46,20 +46,20 @@ def _html_row(tag: str, cells: Sequence[object]) -> str:
     return f"<tr>{''.join(f'<{tag}>{escape(str(cell))}</{tag}>' for cell in cells)}</tr>"
 
 
-def _text(listing: Listing, given: Given) -> None:
+def _print_text(listing: Listing, given: Given) -> None:
     del given
     print_table(listing.header, listing.rows)
 
 
-def _json(listing: Listing, given: Given) -> None:
+def _print_json(listing: Listing, given: Given) -> None:
     del given
     print_json(list(listing))
 
 
-def _csv(listing: Listing, given: Given) -> None:
+def _print_csv(listing: Listing, given: Given) -> None:
     del given
     print_csv(listing.header, listing.rows)
 
 
-LISTED: Mapping[str, Show] = {"text": _text, "json": _json, "csv": _csv}
+LISTED: Mapping[str, Show] = {"text": _print_text, "json": _print_json, "csv": _print_csv}
 """Printers of a listing, by format."""

@@ -41,7 +41,7 @@ def command_line(first: str | None = None) -> typer.Typer:
     modules = command_modules()
     names = [first] if first in modules else modules
     for name in names:
-        _add(app, name, commands_of(name), in_list=first in _HELP)
+        _add_command(app, name, commands_of(name), in_list=first in _HELP)
     if first not in modules:
         _add_installed(app)
     return app
@@ -56,7 +56,7 @@ class _Grouped(TyperGroup):
         listed: dict[str, list[tuple[str, str]]] = {title: [] for title in TITLES.values()}
         summary_width = 66  # columns that a line of 80 leaves for the summary of a command
         for name, found in self.commands.items():
-            title = TITLES[_group(name)] if name in command_modules() else _OF_OTHERS
+            title = TITLES[_group_of(name)] if name in command_modules() else _OF_OTHERS
             listed.setdefault(title, []).append((name, found.get_short_help_str(summary_width)))
         for title, rows in listed.items():
             if rows:
@@ -64,11 +64,11 @@ class _Grouped(TyperGroup):
                     formatter.write_dl(rows)
 
 
-def _group(name: str) -> Group:
+def _group_of(name: str) -> Group:
     return commands_of(name)[0].group
 
 
-def _add(app: typer.Typer, name: str, found: Sequence[Command], *, in_list: bool) -> None:
+def _add_command(app: typer.Typer, name: str, found: Sequence[Command], *, in_list: bool) -> None:
     """Add a command, or a group of commands that share their first word."""
     if [command.name for command in found] == [name]:
         app.command(name, epilog=found[0].end_of_help)(typed(found[0], in_list=in_list))

@@ -36,7 +36,7 @@ def typed(
         parameters.append(inspect.Parameter(_CONTEXT, kind, annotation=typer.Context))
     if not in_list:
         own = inspect.signature(command.function).parameters.values()
-        parameters += [*map(_typed, own), *_format_options(command)]
+        parameters += [*map(_typed_parameter, own), *_format_options(command)]
 
     def run(**values: Any) -> None:  # noqa: ANN401 - of all types
         context = values.pop(_CONTEXT, None)
@@ -72,16 +72,16 @@ def _is_given(value: object) -> bool:
     return value is not None and value != []
 
 
-def _typed(own: inspect.Parameter) -> inspect.Parameter:
+def _typed_parameter(own: inspect.Parameter) -> inspect.Parameter:
     """Return a parameter as typer reads it."""
     kind, described = described_type(own)
     default = ... if own.default is own.empty else own.default or None
     rules: dict[str, Any] = {"help": described.help, "metavar": described.metavar}
-    rules |= _reading(kind, own.name, described)
+    rules |= _reading_options(kind, own.name, described)
     if isinstance(described, Option):
         if isinstance(own.default, bool | int | float):
             default = own.default
-        read = typer.Option(default, *_flags(own, described), **rules)
+        read = typer.Option(default, *_option_flags(own, described), **rules)
     else:
         read = typer.Argument(default, **rules)
     return inspect.Parameter(own.name, own.KEYWORD_ONLY, default=read, annotation=kind)
@@ -97,18 +97,18 @@ def described_type(own: inspect.Parameter) -> tuple[Any, Parameter]:
     return kind if own.default is not None or described.kind is None else kind | None, described
 
 
-def _reading(kind: Any, name: str, described: Parameter) -> dict[str, Any]:  # noqa: ANN401 - a type
+def _reading_options(kind: Any, name: str, described: Parameter) -> dict[str, Any]:  # noqa: ANN401 - a type
     """Return the reader of a number or of one of few words; empty if typer reads the type."""
     if described.formats:
-        return {"parser": _day_of(_spelled(name), described.formats), "metavar": "DAY"}
+        return {"parser": _day_of(_spell_option(name), described.formats), "metavar": "DAY"}
     kinds = [part for part in get_args(kind) if part is not type(None)] or [kind]
     words = get_args(kinds[0]) if get_origin(kinds[0]) is Literal else ()
     words = tuple(kinds) if get_origin(kind) is Literal else words
     if words:
         metavar = described.metavar or "|".join(words)
-        return {"parser": _word_of(_spelled(name), words), "metavar": metavar}
+        return {"parser": _word_of(_spell_option(name), words), "metavar": metavar}
     if kinds in ([int], [float]):
-        read = _number_of(_spelled(name), described.least, whole=kinds == [int])
+        read = _number_of(_spell_option(name), described.least, whole=kinds == [int])
         return {"parser": read, "metavar": described.metavar or ("N" if kinds == [int] else "X")}
     return {}
 
@@ -154,7 +154,7 @@ def _day_of(name: str, formats: Sequence[str]) -> Callable[[Any], datetime]:
 def misunderstood(error: typer.TyperException, words: Sequence[str]) -> CommandLineError:
     """Return the error of a command line: the wrong word, and what to write instead."""
     said = error.format_message()
-    command, shown = _named(error, words)
+    command, shown = _name_word(error, words)
     if known := getattr(error, "option_name", None):
         near = [*(getattr(error, "possibilities", None) or ())]
         if valued := _WITHOUT_VALUE.search(said):
@@ -176,19 +176,19 @@ def misunderstood(error: typer.TyperException, words: Sequence[str]) -> CommandL
     return CommandLineError(f"{said[:1].lower()}{said[1:].rstrip('.')}; {shown}")
 
 
-def _named(error: typer.TyperException, words: Sequence[str]) -> tuple[str, str]:
+def _name_word(error: typer.TyperException, words: Sequence[str]) -> tuple[str, str]:
     """Return the command that an error is about, and where its parameters are listed."""
     path = getattr(getattr(error, "ctx", None), "command_path", None)
     path = path or " ".join(["contactlab", *words[:1]])
     return f"`{path}`", f"see `{path} --help`"
 
 
-def _spelled(name: str) -> str:
+def _spell_option(name: str) -> str:
     return f"--{name.rstrip('_').replace('_', '-')}"
 
 
-def _flags(own: inspect.Parameter, option: Option) -> list[str]:
-    name = _spelled(own.name)
+def _option_flags(own: inspect.Parameter, option: Option) -> list[str]:
+    name = _spell_option(own.name)
     if own.default is True:
         name += f"/--no-{name[2:]}"
     return [*filter(None, (option.short,)), name]

@@ -62,7 +62,7 @@ def expectations(store: "Store", given: Given) -> "Report":
     del given
     from contactlab.judge.conclusion import exit_code
     from contactlab.judge.expectations import expectation_findings
-    from contactlab.reporting.finding import headline
+    from contactlab.reporting.finding import write_headline
     from contactlab.reporting.report_columns import read_run_labels
     from contactlab.writers import Report
 
@@ -70,7 +70,7 @@ def expectations(store: "Store", given: Given) -> "Report":
     return Report(
         title=f"contactlab sweep {name}",
         place=(name,),
-        headline=f"{name}: {headline(read_run_labels(store))}",
+        headline=f"{name}: {write_headline(read_run_labels(store))}",
         passed=exit_code(findings) == 0,
         record=store.manifest,
         findings=findings,

@@ -159,9 +159,9 @@ class ProgressDisplay:
         self._console = console
         self._live = live
         self._printed = time.monotonic()
-        self._count(0, 0)
+        self._show_count(0, 0)
 
-    def _count(self, total: int, done: int) -> None:
+    def _show_count(self, total: int, done: int) -> None:
         self._total, self._done, self._stored = total, done, done
         self._labels: Counter[str] = Counter()
         self._began = self._first = time.monotonic()
@@ -170,7 +170,7 @@ class ProgressDisplay:
 
     def begin(self, total: int, done: int) -> None:
         """Start to count `total` runs; `done` of them are finished already."""
-        self._count(total, done)
+        self._show_count(total, done)
         self._printed = self._began
         if done:
             self._console.print(Text(f"{done:,} of {total:,} runs are stored already"))
@@ -200,7 +200,7 @@ class ProgressDisplay:
         line.append("█" * filled, "green").append("░" * (_BAR - filled), "dim")
         line.append(f" {self._done:,} of {self._total:,}")
         if left is not None:
-            rate = self._rate()
+            rate = self._runs_per_second()
             shown = f"{rate:,.0f}" if rate >= 10 else f"{rate:.2g}"
             line.append(f"  {shown}/s  {_format_time(left)} left")
         most_labels = 6
@@ -211,10 +211,10 @@ class ProgressDisplay:
 
     def seconds_left(self) -> float | None:
         """Return how long all that is left takes at the recent rate [s]; None without one."""
-        rate = self._rate()
+        rate = self._runs_per_second()
         return (self._total - self._done) / rate if rate else None
 
-    def _rate(self) -> float:
+    def _runs_per_second(self) -> float:
         """Return the recent rate of runs [1/s]; 0 if it is not known yet."""
         now, recent = time.monotonic(), self._recent
         start, before = self._began, self._stored

@@ -94,11 +94,13 @@ def bisect(
     """
     from contactlab.resources import find_sweep
     from contactlab.studies.lock import bisection
-    from contactlab.studies.lock.versions import releases, run_sweep, run_test
+    from contactlab.studies.lock.versions import find_releases, run_sweep, run_test
 
     if "::" not in source:
         find_sweep(source)  # before a release is set up
-    listed = releases(good, bad, versions.split(",") if isinstance(versions, str) else versions)
+    listed = find_releases(
+        good, bad, versions.split(",") if isinstance(versions, str) else versions
+    )
     is_test = "::" in source
     name = source.rpartition("::")[2] if is_test else Path(source).stem
     place = Path("results", "bisect", name) if output is None else Path(output)
@@ -112,7 +114,7 @@ def bisect(
 
     def passes(version: str) -> bool:
         run = partial(run_test, source, place / version, version, say)
-        return bisection.remembered(source, place / version, run)
+        return bisection.remember_outcome(source, place / version, run)
 
     if is_test:
         if passes(good) == passes(bad):
@@ -120,8 +122,8 @@ def bisect(
                 f"{source}: results are the same in {good} and {bad}, so there is no change to "
                 f"find; see {place}"
             )
-        found = bisection.bisect(listed, lambda version: passes(version) != passes(good), say)
+        found = bisection.find_change(listed, lambda version: passes(version) != passes(good), say)
     else:
         subject.begin(good, bad)
-        found = bisection.bisect(listed, subject.differs, say)
+        found = bisection.find_change(listed, subject.differs, say)
     return Bisection(found, None if is_test else subject.shown(found), place)

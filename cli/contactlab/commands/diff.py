@@ -36,7 +36,7 @@ def diff(
         SceneError: there is no such model, or it does not compile.
         SweepFileError: the tolerance is not a share.
     """
-    from contactlab.studies.diff.compare_models import diff as compared
+    from contactlab.studies.diff.compare_models import diff_models as compared
 
     return compared(str(before), str(after), _read_share(tolerance))
 

@@ -75,17 +75,17 @@ def panel(
         SweepFileError: there is no such task.
         EngineError: there is no such engine, or it is not installed.
     """
-    from contactlab.studies.engine_panel.engine_panel import PanelRequest, run
+    from contactlab.studies.engine_panel.engine_panel import PanelRequest, run_panel
 
     opt.check_figure(figure)
     named = engine.split(",") if isinstance(engine, str) else engine
     asked = PanelRequest([tasks] if isinstance(tasks, str) else list(tasks), list(named))
     with study_session(_panel_folder(output), 0) as session:
-        report = run(asked, session)
+        report = run_panel(asked, session)
     if figure is not None:
         from contactlab.charts import save_figure
-        from contactlab.studies.engine_panel.panel_chart import specification
+        from contactlab.studies.engine_panel.panel_chart import chart_panel
 
-        save_figure(specification(report), Path(figure))
+        save_figure(chart_panel(report), Path(figure))
         say(f"drew {figure}")
     return report

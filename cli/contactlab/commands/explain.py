@@ -70,7 +70,7 @@ def explain(
     """
     from contactlab.resources import scene_names
     from contactlab.studies.explain.contact_words import WORDS, explain_contacts, read_words
-    from contactlab.studies.explain.definitions import define, is_defined, words_of
+    from contactlab.studies.explain.definitions import define_word, is_defined, words_of
 
     opt.load_plugins(plugin)
     words = [what] if isinstance(what, str) else what
@@ -80,7 +80,7 @@ def explain(
     if len(models) > 1:
         raise SweepFileError(f"{' and '.join(models)}: name one model; each has its own contacts")
     if not assign and (len(names) > 1 or is_defined(names[0]) or not models):
-        return Explanation("\n\n".join(map(define, names)))
+        return Explanation("\n\n".join(map(define_word, names)))
     if len(names) != 1:
         raise SweepFileError(f"{' '.join(assign)}: name one model after it")
     task = opt.task_of(keyframe, drive, duration)

@@ -97,9 +97,9 @@ def gradients(
         report = differentiate_scene(request, session)
     if figure is not None:
         from contactlab.charts import save_figure
-        from contactlab.studies.gradients.gradients_chart import specification
+        from contactlab.studies.gradients.gradients_chart import chart_gradients
 
-        save_figure(specification(report), Path(figure))
+        save_figure(chart_gradients(report), Path(figure))
         say(f"drew {figure}")
     return report
 

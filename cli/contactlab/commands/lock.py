@@ -90,8 +90,8 @@ def lock(
     """
     from contactlab.resources import find_sweep
     from contactlab.store.finished_store import Store
-    from contactlab.studies.lock.judgement import judge
-    from contactlab.studies.lock.lock_file import gated_metrics, lock_of, read, write
+    from contactlab.studies.lock.judgement import judge_lock
+    from contactlab.studies.lock.lock_file import gated_metrics, lock_of, read_lock, write_lock
     from contactlab.studies.lock.versions import run_sweep
 
     if output and not check:
@@ -99,7 +99,7 @@ def lock(
     rules, targets = policy_of(policy), files_to_write(output)
     given, store = sweep_words(opt.assigned(set), workers, allow_code=allow_code), Path(source)
     path = Path(file) if file else store.with_name(f"{store.stem}.lock.yaml")
-    known = read(path) if check else None
+    known = read_lock(path) if check else None
     if not (store / "manifest.json").is_file():
         find_sweep(str(source))
         store = Path("results", "lock", store.stem)
@@ -109,9 +109,9 @@ def lock(
     opened = Store.open(store)
     if known is None:
         made = lock_of(opened, gated_metrics(opened, rules), chaotic=chaotic)
-        write(path, made, str(source))
+        write_lock(path, made, str(source))
         return WrittenLock(path, store, opened.manifest.runs)
-    report = judge(known, str(path), opened, rules)
+    report = judge_lock(known, str(path), opened, rules)
     publish(report, targets)
     return report
 

@@ -131,7 +131,7 @@ def parity(
 
 def _compared(request: "ParityRequest") -> "ParityReport":
     from contactlab.run.tasks import Finished
-    from contactlab.studies.parity.sweep_parity import run
+    from contactlab.studies.parity.sweep_parity import compare_runs
 
     with surroundings().watching("resume" if request.folder else "start over") as watch:
 
@@ -140,7 +140,7 @@ def _compared(request: "ParityRequest") -> "ParityReport":
             if watch.stop is not None and watch.stop.is_set:
                 raise StoppedError("stopped")
 
-        return run(request, watch.begin, done)
+        return compare_runs(request, watch.begin, done)
 
 
 def _panel(

@@ -43,7 +43,7 @@ def shrink(
     from contactlab.errors import OutputError
     from contactlab.store.finished_store import Store
     from contactlab.studies.shrink.shrinking import ShrinkRequest
-    from contactlab.studies.shrink.shrinking import run as shrunk
+    from contactlab.studies.shrink.shrinking import shrink_run as shrunk
 
     opt.load_plugins(plugin)
     opened = Store.open(opt.address_of(store))

@@ -25,7 +25,7 @@ from contactlab.engines.engine import Buffers, PreparedRuns, Proceed, Rollout, W
 from contactlab.engines.mujoco_batch import PERSISTENT, STATE, BatchStepper, roll_out
 from contactlab.engines.step_work import FORCES
 from contactlab.errors import CompilerError, EngineError
-from contactlab.native import compiled, is_wanted
+from contactlab.native import compile_library, is_wanted
 from contactlab.scene.compile_model import SENSOR_PREFIX
 from contactlab.scene.mujoco_versions import VERSION, has_batch, library_file
 
@@ -220,4 +220,4 @@ def compiled_kernel() -> Path:
     """
     library = library_file()
     headers = f"-I{library.parent / 'include'}"
-    return compiled(_KERNEL_SOURCE, headers, str(library), version=VERSION)
+    return compile_library(_KERNEL_SOURCE, headers, str(library), version=VERSION)

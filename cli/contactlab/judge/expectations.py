@@ -6,7 +6,6 @@ import numpy as np
 
 from contactlab.judge.subjects import MOST_SHOWN
 from contactlab.judge.wording import out_of
-from contactlab.schema.evidence import StoreManifest
 from contactlab.schema.finding import Finding, RunPair
 from contactlab.store.finished_store import Store
 
@@ -18,13 +17,15 @@ def expectation_findings(store: Store) -> Iterator[Finding]:
     manifest = store.manifest
     lost = manifest.statuses.get("crashed", 0) + manifest.statuses.get("timeout", 0)
     said = f"{out_of(lost, manifest.runs)} crashed or timed out" if lost else "all did"
-    if not lost and _none_is_valid(manifest):
+    # A sweep may expect invalid runs.
+    met, unmet = (manifest.expectations.get(name, 0) for name in ("met", "unmet"))
+    all_invalid = manifest.labels.get("invalid", 0) == manifest.runs and not met
+    if not lost and all_invalid:
         lost, said = (
             manifest.runs,
             f"all {manifest.runs:,} runs are invalid: {_first_reason(store)}",
         )
     yield _make_finding(RUNS, "runs", manifest.runs, lost, said)
-    met, unmet = (manifest.expectations.get(name, 0) for name in ("met", "unmet"))
     rest = manifest.runs - met - unmet
     said = f"{met:,} of {met + unmet:,} runs are as expected"
     said += f"; {rest:,} have no expectation" if rest else ""
@@ -32,12 +33,6 @@ def expectation_findings(store: Store) -> Iterator[Finding]:
     yield _make_finding(EXPECTED, "labels", met + unmet, unmet, said, _unmet_runs(store))
     if means := manifest.unmet_means:
         yield _make_finding(MEANS, "metrics", len(means), len(means), "; ".join(means))
-
-
-def _none_is_valid(manifest: StoreManifest) -> bool:
-    # A sweep may expect invalid runs.
-    met = manifest.expectations.get("met", 0)
-    return manifest.labels.get("invalid", 0) == manifest.runs and not met
 
 
 def _first_reason(store: Store) -> str:

@@ -42,10 +42,10 @@ def plural(count: int, noun: str = "run") -> str:
 
 def format_settings(values: Mapping[str, Setting]) -> str:
     """Return axis values as `cone=elliptic direction=45`."""
-    return " ".join(f"{name}={_setting(value)}" for name, value in values.items())
+    return " ".join(f"{name}={_setting_text(value)}" for name, value in values.items())
 
 
-def _setting(value: Setting) -> str:
+def _setting_text(value: Setting) -> str:
     if isinstance(value, float):
         return f"{value:g}"
     return f"'{value}'" if isinstance(value, str) and " " in value else str(value)
@@ -60,13 +60,13 @@ def pair_values(finding: Finding, pair: RunPair) -> str:
     if before is None and after is None:
         return ""
     if before == "":
-        return _value(after)
+        return _value_text(after)
     if before is None or after is None or isinstance(before, str) or isinstance(after, str):
-        return f"{_value(before)} -> {_value(after)}"
+        return f"{_value_text(before)} -> {_value_text(after)}"
     return value_change(before, after, finding.unit)
 
 
-def _value(value: float | str | None) -> str:
+def _value_text(value: float | str | None) -> str:
     if value is None:
         return "none"
     return value if isinstance(value, str) else format_digits(value, 4)

@@ -45,7 +45,11 @@ class BrowserModel:
 
         def plain(spec: mujoco.MjSpec) -> None:
             remove_from_spec(spec, run.without)
-            _without_pictures(spec)
+            # Textures and skins do not affect the motion.
+            for material in spec.materials:
+                material.textures = [""] * len(material.textures)
+            for unused in (*spec.textures, *spec.skins):
+                spec.delete(unused)
             specs.append(spec)
             # Files written for a model are compiled in a folder that is removed afterwards.
             folder = Path(spec.modelfiledir) / (spec.meshdir or "")
@@ -152,14 +156,6 @@ def _mesh_file(model: mujoco.MjModel, mesh: int) -> bytes:
     return b"".join(
         part.tobytes() for part in (header, points, model.mesh_face[face : face + faces])
     )
-
-
-def _without_pictures(spec: mujoco.MjSpec) -> None:
-    """Remove textures and skins, which do not affect the motion."""
-    for material in spec.materials:
-        material.textures = [""] * len(material.textures)
-    for element in (*spec.textures, *spec.skins):
-        spec.delete(element)
 
 
 def model_changes(before: mujoco.MjModel, after: mujoco.MjModel) -> dict[str, Change]:

@@ -24,7 +24,7 @@ from contactlab.live.sliders import value_text
 from contactlab.live.surfaces import Texture
 from contactlab.measure import LABELS
 from contactlab.page.header_films import film_of
-from contactlab.page.packing import as_json, pack, packed_text
+from contactlab.page.packing import as_json, pack_columns, packed_text
 from contactlab.printable import visible
 from contactlab.scene.timed_inputs import Signals
 from contactlab.schema.examination import Examination
@@ -158,7 +158,7 @@ class _PageContent:
         return entry | {
             "alone": text,
             "files": {name: self._add_blob(data) for name, data in files.items()},
-            "numbers": pack(found.numbers),
+            "numbers": pack_columns(found.numbers),
         }
 
     def _texture_entry(self, texture: Texture) -> dict[str, Any]:
@@ -194,7 +194,10 @@ class _PageContent:
         if run.motion:
             (qpos, qvel), times = run.motion.end, run.motion.times
             poses = {"times": times, "poses": run.motion.qpos.ravel().astype(np.float32)}
-            entry |= {"end": pack({"qpos": qpos, "qvel": qvel}), "ghost": pack(poses)}
+            entry |= {
+                "end": pack_columns({"qpos": qpos, "qvel": qvel}),
+                "ghost": pack_columns(poses),
+            }
         why = run.why or self._unreadable_reason(run)
         if run.variant is None or run.variant.model.nplugin or self._unreadable_reason(run):
             return entry | {"why": visible(why), "film": _film_source(store, record.run_id)}
@@ -220,7 +223,7 @@ class _PageContent:
         return {
             "model": variant.base,
             "fields": model_changes(base, variant.model),
-            "parts": pack(variant.parts),
+            "parts": pack_columns(variant.parts),
             "inputs": self._input_place(variant),
             "steps": variant.steps,
         }
@@ -264,7 +267,9 @@ class _PageContent:
                 {
                     "places": signals.places.tolist(),
                     "knots": signals.levels.shape[1],
-                    **pack({"times": signals.times.ravel(), "levels": signals.levels.ravel()}),
+                    **pack_columns(
+                        {"times": signals.times.ravel(), "levels": signals.levels.ravel()}
+                    ),
                 }
             )
         return self._inputs[key]

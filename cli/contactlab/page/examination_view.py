@@ -6,7 +6,15 @@ from pathlib import Path
 
 import altair as alt
 
-from contactlab.charts import Rows, Spec, haloed, layer_of, static_svg, themed, word_colours
+from contactlab.charts import (
+    Rows,
+    Spec,
+    apply_theme,
+    halo_layers,
+    layer_of,
+    static_svg,
+    word_colours,
+)
 from contactlab.page.header_films import Films, HeaderFilm, Moment, film_in, film_of_moment
 from contactlab.palette import COLOURS, OTHERS_COLOUR
 from contactlab.rendering.document import Document
@@ -147,10 +155,10 @@ def _fix_chart(budget: BudgetReport) -> Spec | None:
         words = layer_of(part, named[place::2]).encode(
             x=layer.encoding.x, y=layer.encoding.y, text="name:N"
         )
-        texts += haloed(words, dy=above, fontSize=11)
+        texts += halo_layers(words, dy=above, fontSize=11)
     limit = (
         layer_of("limit", [{"error": budget.tolerance}])
         .mark_rule(strokeDash=[6, 4])
         .encode(y="error:Q")
     )
-    return themed(alt.layer(limit, points, *texts).properties(width=520, height=260).to_dict())
+    return apply_theme(alt.layer(limit, points, *texts).properties(width=520, height=260).to_dict())

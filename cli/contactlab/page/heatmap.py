@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from contactlab.charts import (
     Rows,
     Spec,
-    haloed,
+    apply_theme,
+    halo_layers,
     layer_of,
-    themed,
     word_colours,
 )
 from contactlab.comparison.compare_stores import DEFAULT_POLICY, compare, pair_runs
 from contactlab.comparison.pairing import Pairing
 from contactlab.contact.trace_arrays import Floats
-from contactlab.page.inferred_cells import NOT_INFERRED, agreed
+from contactlab.page.inferred_cells import NOT_INFERRED, agreed_labels
 from contactlab.page.map_cells import (
     cell_statistic,
     label_counts,
@@ -83,9 +83,9 @@ def default_map(data: ReportData) -> Spec | None:
     boundary = [
         row for expectation in expected for row in boundary_rows(data.map_axes, expectation)
     ]
-    inferred = agreed(data, data.map_axes)
+    inferred = agreed_labels(data, data.map_axes)
     made = label_map(data.map_axes, data.labels, boundary=boundary, inferred=inferred)
-    return themed(made.to_dict())
+    return apply_theme(made.to_dict())
 
 
 def metric_map(data: ReportData, name: str) -> Spec | None:
@@ -95,7 +95,7 @@ def metric_map(data: ReportData, name: str) -> Spec | None:
         if axes is not None:
             values = cell_statistic(axes, quantity, "worst")
             title, resolution = f"worst {quantity.title}", quantity.column.resolution
-            return themed(number_map(axes, values, title, resolution).to_dict())
+            return apply_theme(number_map(axes, values, title, resolution).to_dict())
     return None
 
 
@@ -264,7 +264,7 @@ def _layer_map(
     y_title = "" if axes is None else axes.y.title if axes.y else None
     y = y.axis(title=y_title, titlePadding=12, **_cell_ticks(lines))
     cells = layer_of("cells", rows.cells).mark_rect().encode(x, y, colour, x2="x2:Q", y2="y2:Q")
-    bold = haloed(layer_of("texts", rows.texts), fontWeight="bold", fontSize=font_size)
+    bold = halo_layers(layer_of("texts", rows.texts), fontWeight="bold", fontSize=font_size)
     words = [layer.encode(x, y, text="text:N") for layer in bold]
     edge = layer_of("boundary", [*rows.boundary])
     edge = edge.mark_line(color=INK, strokeWidth=2.5, strokeDash=[6, 3])
@@ -381,6 +381,6 @@ def _side_by_side(charts: Sequence[Layered]) -> Spec:
     for place, part in enumerate(spec["hconcat"]):
         for layer in part["layer"]:
             layer["data"]["name"] += str(place)
-    spec = themed(spec)
+    spec = apply_theme(spec)
     spec["config"]["legend"] |= {"orient": "bottom", "columns": 2}
     return spec

@@ -49,7 +49,7 @@ def inferred_labels(data: ReportData) -> Iterator[InferredLabels]:
         yield InferredLabels(shared, codes.reshape(len(codes), -1).T)
 
 
-def agreed(data: ReportData, axes: MapAxes) -> Codes | None:
+def agreed_labels(data: ReportData, axes: MapAxes) -> Codes | None:
     """Return (rows, columns) the common labels of all inferred maps; None for other axes."""
     parts, grid = [part.codes for part in inferred_labels(data)], data.boundaries
     if not parts or grid is None or {*axes.names} != {*grid.grid.axes}:

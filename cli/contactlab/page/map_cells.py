@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.page.packing import packed_integers, rounded_floats
-from contactlab.reporting.map_axes import MapAxes, blocks
+from contactlab.reporting.map_axes import MapAxes, split_blocks
 from contactlab.reporting.report_columns import (
     SEED,
     STABLE,
@@ -29,7 +29,7 @@ _PART, _MOST_PARTS = 4096, 1024
 def label_counts(axes: MapAxes, labels: RunLabels) -> NDArray[np.int64]:
     """Return (rows, columns, labels) the number of runs with each worst label."""
     count = len(labels.names)
-    return axes.counts(labels.codes, count).reshape(*axes.shape, count)
+    return axes.count_codes(labels.codes, count).reshape(*axes.shape, count)
 
 
 def cell_statistic(axes: MapAxes, quantity: Quantity, kind: Statistic) -> Floats:
@@ -177,7 +177,7 @@ def _of_maps(
 def _sum_places(places: NDArray[np.integer], values: Floats, size: int) -> Floats:
     """Return (size,) the sum of the values (m,) at each place (m,)."""
     found = np.zeros(size)
-    for part in blocks(len(values)):
+    for part in split_blocks(len(values)):
         found += np.bincount(places[part], values[part], minlength=size)
     return found
 

@@ -41,7 +41,7 @@ class _Font:
         return advance / self.em
 
 
-def outlined(svg: str) -> str:
+def outline_text(svg: str) -> str:
     """Return an SVG picture with texts as paths, named by their words.
 
     A text stays unchanged if the renderer has no TrueType outlines of it.
@@ -98,21 +98,17 @@ def _draw_text(text: ET.Element, fonts: Sequence[_Font]) -> str | None:
         set_in = [font for font in chosen if font is not None]
         if len(set_in) < len(said):
             return None
-        paths.append(_line(said, set_in, size, anchor, down))
-    return "".join(paths)
-
-
-def _line(text: str, fonts: Sequence[_Font], size: float, anchor: float, down: float) -> str:
-    """Return the path of a line, each character in its font, of a size and a baseline."""
-    advances = [font.advance(character) for character, font in zip(text, fonts, strict=True)]
-    paths, right = list[str](), anchor * sum(advances)
-    for character, font, advance in zip(text, fonts, advances, strict=True):
-        scale = size / font.em
-        glyphs = font.outlines.getGlyphSet()
-        pen = SVGPathPen(glyphs, "{:.2f}".format)
-        glyphs[font.glyphs[character]].draw(
-            TransformPen(pen, (scale, 0, 0, -scale, size * right, down))
-        )
-        paths.append(pen.getCommands())
-        right += advance
+        # Each character is drawn in its font, on the baseline of the line.
+        advances = [face.advance(character) for character, face in zip(said, set_in, strict=True)]
+        pieces, right = list[str](), anchor * sum(advances)
+        for character, face, advance in zip(said, set_in, advances, strict=True):
+            scale = size / face.em
+            glyphs = face.outlines.getGlyphSet()
+            pen = SVGPathPen(glyphs, "{:.2f}".format)
+            glyphs[face.glyphs[character]].draw(
+                TransformPen(pen, (scale, 0, 0, -scale, size * right, down))
+            )
+            pieces.append(pen.getCommands())
+            right += advance
+        paths.append("".join(pieces))
     return "".join(paths)

@@ -16,7 +16,7 @@ _LEVEL = 9
 _MANTISSA = 23
 
 
-def pack(columns: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+def pack_columns(columns: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     """Return columns of numbers in a form that JSON holds.
 
     Bytes are ordered by significance, all first bytes of a column first: neighbours are alike,

@@ -9,8 +9,8 @@ import numpy as np
 from contactlab.charts import (
     Rows,
     Spec,
+    apply_theme,
     layer_of,
-    themed,
     with_page_colours,
 )
 from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats
@@ -33,8 +33,8 @@ MODE_NAMES = {NO_CONTACT: "no contact", STICK: "stick", SLIDE: "slide"}
 def chart_templates(data: ReportData, tradeoff: Spec | None) -> dict[str, Spec]:
     """Return the specifications that a page's script fills with data, in the page's colours."""
     templates = {
-        "labels": themed(label_map(None, data.labels).to_dict()),
-        "number": themed(number_map(None, np.empty((0, 0)), "").to_dict()),
+        "labels": apply_theme(label_map(None, data.labels).to_dict()),
+        "number": apply_theme(number_map(None, np.empty((0, 0)), "").to_dict()),
         "tradeoff": tradeoff,
     }
     return {name: with_page_colours(spec) for name, spec in templates.items() if spec is not None}
@@ -68,7 +68,7 @@ def tradeoff_chart(data: ReportData) -> Spec | None:
     for key in dict.fromkeys((*best_methods, *others)):
         if len(places) < most_configurations:
             places += by_method[key]
-    return themed(chart_specification(report, set(places)).to_dict(validate=False))
+    return apply_theme(chart_specification(report, set(places)).to_dict(validate=False))
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,17 @@
-"""The view of a page: all that its templates read, by topic, each part built by one function."""
+"""The page: a store in one HTML file that needs nothing else.
+
+The view has all that the templates read, by topic. Each part is built by one function.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from itertools import accumulate
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from contactlab.charts import Spec, colours_on_dark, static_svg, vega_bundle
 from contactlab.page.engine_parts import EngineParts, engine_parts, engines_sentence
@@ -26,24 +31,31 @@ from contactlab.page.paper_figures import physical_figures
 from contactlab.page.script_data import ScriptData, listed_metrics, page_colours, script_data
 from contactlab.page.sentences import closest_settings, reality_sentence, tradeoff_sentence
 from contactlab.pareto.criteria import RECORDED_TIME_COLUMN
-from contactlab.pareto.recommendation import next_step_text, robust_text
-from contactlab.reporting.boundaries import boundary_lines, coverage
-from contactlab.reporting.finding import finding
+from contactlab.pareto.recommendation import (
+    next_step_text,
+    robust_text,
+    setting_text,
+    settings_text,
+)
+from contactlab.printable import visible
+from contactlab.rendering.amounts import format_percent
+from contactlab.reporting.boundaries import boundary_lines, describe_coverage
+from contactlab.reporting.finding import write_finding
 from contactlab.reporting.label_shares import share_words
 from contactlab.reporting.report import PageRequest, ReportData, read_report_data
-from contactlab.reporting.report_columns import summary_metrics
+from contactlab.reporting.report_columns import number_with_unit, summary_metrics, with_unit
 from contactlab.reporting.sensitivity import (
     axes_of_starts,
     budget_sentence,
     by_share,
-    sensitivities,
+    find_sensitivities,
 )
 from contactlab.schema.evidence import ParameterRow, StoreManifest
 from contactlab.schema.sweep_schema import Bounds, Sweep
 from contactlab.schema.tradeoff_report import Configuration, TradeoffReport
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import trace_warning
-from contactlab.studies.parity.report_sections import HEADER, about, row, shown
+from contactlab.studies.parity.report_sections import HEADER, describe_report, run_cells, worst_runs
 
 PACKAGE = __name__.rpartition(".")[0]
 _SCRIPTS = (
@@ -273,7 +285,7 @@ def head_view(
     return HeadView(
         finding=request.examination.headline
         if request.examination
-        else finding(data.axes, data.labels, share_words(data.store)),
+        else write_finding(data.axes, data.labels, share_words(data.store)),
         reality=reality.sentence if reality else "",
         films=header_films(data, pictured) if drawn else Films([]),
         focal=focal_picture(data, pictured) if drawn else None,
@@ -319,7 +331,7 @@ def map_view(data: ReportData) -> MapView | None:
         ticks=axes.x.ticks,
         rows=_map_rows(data),
         has_closed_form=bool(data.quantities_named("oracle_expected")),
-        coverage=coverage(data.boundaries) if data.boundaries else "",
+        coverage=describe_coverage(data.boundaries) if data.boundaries else "",
         draws_inferred=any(True for _ in inferred_labels(data)),
         boundary=[*boundary_lines(data.boundaries)] if data.boundaries else [],
     )
@@ -327,7 +339,7 @@ def map_view(data: ReportData) -> MapView | None:
 
 def sensitivity_views(store: Store) -> Iterator[SensitivityView]:
     """Yield the share of a metric's variance for each sampled axis."""
-    for found in sensitivities(store):
+    for found in find_sensitivities(store):
         shared = ", ".join(f"{name} {value}" for name, value in found.shared.items())
         spans = [
             [f"{low:.0%} to {high:.0%}" for low, high in interval.tolist()]
@@ -479,9 +491,9 @@ def engines_view(data: ReportData, request: PageRequest) -> EnginesView | None:
     return EnginesView(
         parts=parts,
         sentence=engines_sentence(parts),
-        about=list(about(parity)) if parity else [],
+        about=list(describe_report(parity)) if parity else [],
         header=HEADER,
-        runs=[(run.run_id, row(run)) for run in shown(parity)] if parity else [],
+        runs=[(run.run_id, run_cells(run)) for run in worst_runs(parity)] if parity else [],
     )
 
 
@@ -495,3 +507,33 @@ def comparison_view(data: ReportData, request: PageRequest) -> ComparisonView | 
         for name, spec in result.maps.items()
     ]
     return ComparisonView(result, pictures)
+
+
+def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]:
+    """Return the page of a store, and notes on omitted data."""
+    environment = Environment(
+        loader=PackageLoader(PACKAGE),
+        autoescape=True,
+        # Markup is text of our own; all other text may be data.
+        finalize=lambda value: visible(value) if type(value) is str else value,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(_FILTERS)
+    view = page_view(store, request)
+    return environment.get_template("page.html").render(view=view), view.head.notes
+
+
+def _format_number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"
+
+
+_FILTERS: Mapping[str, Any] = {
+    "number": _format_number,
+    "number_with_unit": number_with_unit,
+    "with_unit": with_unit,
+    "setting": setting_text,
+    "settings": settings_text,
+    "percent": format_percent,
+}

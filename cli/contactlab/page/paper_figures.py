@@ -7,7 +7,7 @@ from itertools import islice
 import altair as alt
 import numpy as np
 
-from contactlab.charts import Rows, Spec, layer_of, themed, word_colours
+from contactlab.charts import Rows, Spec, apply_theme, layer_of, word_colours
 from contactlab.contact.contact_laws import damping_ratio, restitution_from_damping, sticking_speed
 from contactlab.contact.trace_arrays import LINEAR_VELOCITY, STICK, Floats
 from contactlab.errors import optional
@@ -15,7 +15,7 @@ from contactlab.measure import labels_with
 from contactlab.page.heatmap import default_map, metric_map
 from contactlab.page.map_cells import cell_statistic
 from contactlab.page.page_charts import change_panels, knob_changes, tradeoff_chart
-from contactlab.page.run_series import decimated, is_single_body, qpos_entries
+from contactlab.page.run_series import is_single_body, qpos_entries, thin_indices
 from contactlab.page.stick_or_slip import slope_runs, stick_slip_panel
 from contactlab.palette import COLOURS, INK, SHAPES
 from contactlab.reporting.map_axes import MapAxes
@@ -140,7 +140,7 @@ def _bouncing_run(trace: StoredTrace, record: EvidenceRecord, setting: str) -> B
         or np.abs(grounds).max(initial=0.0) > _RULES.most_rise * peaks[0]
     ):
         return None
-    kept = decimated(height)
+    kept = thin_indices(height)
     restitution = float(restitution_from_damping(damping_ratio(record.pairs[pair.name].solref)))
     return BouncingRun(setting, trace.time[kept], height[kept], peaks, restitution)
 
@@ -309,7 +309,7 @@ def figure_specs(data: ReportData) -> dict[str, Spec | str]:
         "bounces": physical["Height over time"] or _NO_BOUNCE,
         "cone": physical["Impacts and the friction cone"] or _NO_CONE,
         "stick-slip": physical["Stick or slip over angle and friction"] or _NO_SLOPE,
-        "effects": themed(change_panels(changes, names))
+        "effects": apply_theme(change_panels(changes, names))
         if changes
         else "no two runs differ in one knob only",
     }
@@ -320,9 +320,9 @@ def physical_figures(data: ReportData) -> dict[str, Spec | None]:
     bouncing = bouncing_runs(data.store, data.axes, ~data.labels.failed)
     impacts, slopes = first_impacts(data.store), slope_runs(data.store)
     return {
-        "Height over time": themed(bounce_panels(bouncing)) if bouncing else None,
-        "Impacts and the friction cone": themed(cone_panel(impacts)) if impacts else None,
-        "Stick or slip over angle and friction": themed(stick_slip_panel(slopes))
+        "Height over time": apply_theme(bounce_panels(bouncing)) if bouncing else None,
+        "Impacts and the friction cone": apply_theme(cone_panel(impacts)) if impacts else None,
+        "Stick or slip over angle and friction": apply_theme(stick_slip_panel(slopes))
         if slopes
         else None,
     }

@@ -9,7 +9,7 @@ import pikepdf
 
 from contactlab.charts import Spec, as_pdf, as_png, as_svg
 from contactlab.errors import OutputError
-from contactlab.page.outlined_text import outlined
+from contactlab.page.outlined_text import outline_text
 
 
 @dataclass(frozen=True)
@@ -50,14 +50,14 @@ def render_at(spec: Spec, form: str, width: float | None) -> bytes:
     """Return a figure as a file of one of the formats, exactly of any given width [mm]."""
     if width is None:
         if form == "svg":
-            return outlined(as_svg(spec)).encode()
+            return outline_text(as_svg(spec)).encode()
         return as_png(spec) if form == "png" else _render_pdf(spec)
     pixels = width / _PAPER.mm_per_point / _PAPER.points_per_pixel
     spec = laid_out(spec, pixels)
     across, high = _picture_size(spec)
     if form == "svg":
         size = f'width="{width:g}mm" height="{width * high / across:.4g}mm"'
-        return _SIZE.sub(size, outlined(as_svg(spec)), count=1).encode()
+        return _SIZE.sub(size, outline_text(as_svg(spec)), count=1).encode()
     scale = width / _PAPER.mm_per_point / across
     if form == "png":
         return as_png(spec, scale * _PAPER.dots_per_inch / 72)

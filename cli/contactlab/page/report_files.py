@@ -22,7 +22,7 @@ def write_page(store: Store, target: Path, request: PageRequest = _DEFAULT_PAGE)
     The same store gives the same bytes; notes name omitted data. Besides the errors of
     `read_report_data`, an OutputError names a missing library, or a file that cannot be written.
     """
-    from contactlab.page.html_page import html_page
+    from contactlab.page.page_view import html_page
 
     with write_errors(target), TemporaryFile(dir=target.parent):
         pass  # drawing takes a while

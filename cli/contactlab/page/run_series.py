@@ -66,21 +66,23 @@ def _list_signals(
         qpos_entries(trace.model_xml, trace.qpos.shape[1], joints), trace.qpos
     ):
         values = trace.qpos[:, entry.index]
-        yield entry.name, entry.unit, "motion", values, decimated(values)
+        yield entry.name, entry.unit, "motion", values, thin_indices(values)
     for pair in trace.pairs:
         name = told(pair.name)
         normal, tangential, depth = (
             pair.spread_over_steps(len(trace.contacts), values)
             for values in (pair.normal, pair.tangential, np.maximum(-pair.distance, 0.0))
         )
-        kept = np.union1d(decimated(normal, _POINTS // 2), decimated(tangential, _POINTS // 2))
+        kept = np.union1d(
+            thin_indices(normal, _POINTS // 2), thin_indices(tangential, _POINTS // 2)
+        )
         kept = kept[np.isfinite(normal[kept]) & np.isfinite(tangential[kept])]
         yield f"{name} normal", "N", "force", normal, kept
         yield f"{name} tangential", "N", "force", tangential, kept
-        yield f"{name} depth", "m", "depth", depth, decimated(depth)
+        yield f"{name} depth", "m", "depth", depth, thin_indices(depth)
 
 
-def decimated(values: Floats, points: int = _POINTS) -> NDArray[np.intp]:
+def thin_indices(values: Floats, points: int = _POINTS) -> NDArray[np.intp]:
     """Return indices of at most `points` + 2 of (n,) values: the extremes of each interval.
 
     The first and the last value are always among them; NaN and infinities never are.

@@ -15,7 +15,7 @@ from contactlab.page.inferred_cells import inferred_labels
 from contactlab.page.map_cells import aggregated_axes, aggregated_columns
 from contactlab.page.packing import (
     as_json,
-    pack,
+    pack_columns,
     packed_integers,
     packed_text,
     rounded_floats,
@@ -127,7 +127,7 @@ def script_data(data: ReportData, request: PageRequest, chart: Spec | None) -> S
     )
     return ScriptData(
         packed_text(as_json(metadata)),
-        as_json(pack(columns)),
+        as_json(pack_columns(columns)),
         as_json(packed_series(data.store, selection.records, told)),
         (note,) if selection.is_aggregated else (),
     )
@@ -306,4 +306,4 @@ def packed_series(
             joints = record.coverage.joints if record.coverage else {}
             descriptions[row], series = run_series(store.trace(record), told[row], joints)
             columns |= {f"{row}:{name}": values for name, values in series.items()}
-    return {"runs": descriptions, "packed": pack(columns)}
+    return {"runs": descriptions, "packed": pack_columns(columns)}

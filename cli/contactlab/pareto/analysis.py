@@ -87,8 +87,8 @@ def analyze_tradeoff(store: Store, criteria: Criteria = _DEFAULT_CRITERIA) -> Tr
         front=tuple(_front_point(configuration.summary) for configuration in front),
         unconstrained_front=tuple(_front_point(summaries[index]) for index in front_of(summaries)),
         methods=tuple(find_methods(alike, is_modeling=is_modeling)),
-        recommendation=_recommendation(store, chosen),
-        robust=_recommendation(store, safe),
+        recommendation=_make_recommendation(store, chosen),
+        robust=_make_recommendation(store, safe),
         next_step=_next_step(feasible_front(possible), best) if best else None,
         blockers=tuple(_find_blockers(evaluated)),
         notes=(),
@@ -120,7 +120,7 @@ def _front_point(summary: Configuration) -> FrontPoint:
     return FrontPoint(**summary.model_dump(include={*FrontPoint.model_fields}))
 
 
-def _recommendation(store: Store, near: Sequence[Evaluated]) -> Recommendation | None:
+def _make_recommendation(store: Store, near: Sequence[Evaluated]) -> Recommendation | None:
     if not near:
         return None
     chosen, *others = near

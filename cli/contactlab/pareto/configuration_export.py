@@ -31,7 +31,14 @@ def recommended_sweep(
     chosen = report.recommendation.configuration
     first = 1 + max(store.columns.to_pydict(["seed"])["seed"])
     knobs = {name: [value] for name, value in chosen.items() if name not in sweep.effects}
-    blocks = _scenario_axes(store, report.scenarios)
+    # The axes of scenarios, with the values of the sweep's runs.
+    columns = store.columns.to_pydict(report.scenarios)
+    rows = dict.fromkeys(zip(*columns.values(), strict=True))
+    settings: Sequence[tuple[Setting, ...]] = list(zip(*rows, strict=True))
+    blocks = {
+        name: {"values": list(value), "role": "scenario"}
+        for name, value in zip(report.scenarios, settings, strict=True)
+    }
     bounds = {
         name: {"min": -limit, "max": limit}
         for name, limit in report.tolerances.items()
@@ -81,16 +88,6 @@ def _yaml_lines(content: Mapping[str, object]) -> Iterator[str]:
             yield from (f"  - {json.dumps(item)}" for item in value)
         else:
             yield f"{name}: {json.dumps(value)}"
-
-
-def _scenario_axes(store: Store, names: Sequence[str]) -> dict[str, object]:
-    columns = store.columns.to_pydict(names)
-    rows = dict.fromkeys(zip(*columns.values(), strict=True))
-    values: Sequence[tuple[Setting, ...]] = list(zip(*rows, strict=True))
-    return {
-        name: {"values": list(value), "role": "scenario"}
-        for name, value in zip(names, values, strict=True)
-    }
 
 
 def _scene_reference(store: Store, named: str, folder: Path) -> str:

@@ -126,7 +126,7 @@ class GroupedRuns:
         """(c,) number of runs of each."""
         return np.diff(self.starts, append=len(self.order))
 
-    def parts(self, values: NDArray[_Value]) -> list[NDArray[_Value]]:
+    def split_values(self, values: NDArray[_Value]) -> list[NDArray[_Value]]:
         """Return values (n,) by configuration, in the order of its runs."""
         return np.split(values, self.starts[1:])
 
@@ -249,19 +249,19 @@ def _measured_figures(
         worst[name] = _criterion_sizes(name, sizes, groups)
         # A comparison with NaN is false, as required.
         good &= sizes <= limit
-    times = groups.parts(runs.numbers[criteria.time.name][groups.order])
+    times = groups.split_values(runs.numbers[criteria.time.name][groups.order])
     error = criteria.error
     sizes = bounded_magnitudes(runs.numbers, groups.order, error.name)
     is_estimated = error.kind == "discretization"
     none = [None] * len(groups.starts)
     estimates = _largest_values(runs, groups, ESTIMATES[error.name]) if is_estimated else none
     columns = zip(
-        (_label_counts(part, names) for part in groups.parts(codes)),
+        (_label_counts(part, names) for part in groups.split_values(codes)),
         np.add.reduceat(good, groups.starts, dtype=np.int64).tolist(),
         zip(*worst.values(), strict=True) if worst else ([()] * len(none)),
         (part[np.isfinite(part)] for part in times),
         _criterion_sizes(error.name, sizes, groups),
-        map(_error_spread, groups.parts(sizes)),
+        map(_error_spread, groups.split_values(sizes)),
         (estimate or 0.0 for estimate in estimates),
         _largest_values(runs, groups, "solref_clamped"),
         _largest_values(runs, groups, "step_p99"),
@@ -348,7 +348,7 @@ def _criterion_sizes(name: str, sizes: Floats, groups: GroupedRuns) -> list[floa
     most = _largest_sizes(sizes, groups)
     if name != REALITY:
         return most
-    pairs = zip(most, groups.parts(sizes), strict=True)
+    pairs = zip(most, groups.split_values(sizes), strict=True)
     return [None if value is None else float(part.mean()) for value, part in pairs]
 
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import altair as alt
 
-from contactlab.charts import haloed, layer_of
+from contactlab.charts import halo_layers, layer_of
 from contactlab.palette import COLOURS, INK, LETTERS, OTHERS_COLOUR, SHAPES
 from contactlab.pareto.convergence import (
     TIMESTEP,
@@ -317,7 +317,7 @@ def _chosen_rings(shown: ChartData, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
     yield marked.encode(x, y)
     placed = {name: alt.ExprRef(f"datum.{name}") for name in ("align", "dx", "dy")}
     bold = {"fontSize": 12, "fontWeight": "bold"}
-    for mark in haloed(ring, **placed, **bold):
+    for mark in halo_layers(ring, **placed, **bold):
         yield mark.encode(x, y, text="chosen:N")
 
 
@@ -342,5 +342,5 @@ def _timestep_labels(shown: ChartData, named: list[Row], x: alt.X, y: alt.Y) -> 
     left = [row for row in rows if row not in right]
     for side, part, align, dx in (("right", right, "left", 8), ("left", left, "right", -8)):
         layer = layer_of(f"labels {side}", part)
-        for mark in haloed(layer, align=align, dx=dx, dy=-dx, fontSize=10):
+        for mark in halo_layers(layer, align=align, dx=dx, dy=-dx, fontSize=10):
             yield mark.encode(x, y, text="label:N")

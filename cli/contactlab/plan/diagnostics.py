@@ -21,7 +21,7 @@ class SourceText:
     lines: tuple[str, ...]
     numbered: bool = True
 
-    def line(self, number: int) -> str:
+    def line_at(self, number: int) -> str:
         """Return a line by its number, from 1; empty if the text has no such line."""
         return self.lines[number - 1] if 0 < number <= len(self.lines) else ""
 
@@ -38,7 +38,7 @@ class Place:
     @property
     def text(self) -> str:
         """Its whole line."""
-        return self.source.line(self.line)
+        return self.source.line_at(self.line)
 
     @property
     def spot(self) -> str:

@@ -182,7 +182,10 @@ def extent_of(root: Node) -> float:
     waiting = [root]
     while waiting:
         node = waiting[-1]
-        inner = _inner_nodes(node)
+        if isinstance(node, MappingNode):
+            inner = [value for _, value in cast("list[tuple[Node, Node]]", node.value)]
+        else:
+            inner = cast("list[Node]", node.value) if isinstance(node, SequenceNode) else []
         if id(node) not in extents:
             extents[id(node)] = math.inf  # until it is known; it stays so if it is below itself
             waiting += (below for below in inner if id(below) not in extents)
@@ -197,12 +200,6 @@ def _check_size(root: Node) -> Node:
     if extent_of(root) > MOST_NODES:
         raise YAMLError(f"more than {MOST_NODES:,} values; use include: {{file: runs.csv}}")
     return root
-
-
-def _inner_nodes(node: Node) -> list[Node]:
-    if isinstance(node, MappingNode):
-        return [value for _, value in cast("list[tuple[Node, Node]]", node.value)]
-    return cast("list[Node]", node.value) if isinstance(node, SequenceNode) else []
 
 
 class _YamlReader:

@@ -59,7 +59,7 @@ class Boundaries:
     limit: Limit | None = None  # the requested end of the passing values
 
 
-def boundaries(store: Store) -> Boundaries | None:
+def find_boundaries(store: Store) -> Boundaries | None:
     """Return the boundaries of a store with a refined sweep; None for other sweeps."""
     identity = store.manifest.sweep
     if identity.whole is None or not identity.whole.axes:
@@ -99,7 +99,7 @@ def boundaries(store: Store) -> Boundaries | None:
     return Boundaries(refine.where, identity.whole, units, tuple(found), sweep.limit)
 
 
-def coverage(found: Boundaries) -> str:
+def describe_coverage(found: Boundaries) -> str:
     """Return a sentence on the share of a grid that ran, and on the size of missed islands."""
     grid, ran = found.grid, sum(int(one.ran.sum()) for one in found.sides)
     inferred = grid.inside - grid.probes

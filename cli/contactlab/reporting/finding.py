@@ -47,7 +47,7 @@ _OF_FAILED = _Words("failure", "failures", "fails", "fail")
 _OF_STABLE = _Words("stable run", "stable runs", "is stable", "are stable")
 
 
-def headline(labels: RunLabels) -> str:
+def write_headline(labels: RunLabels) -> str:
     """Return how many runs are stable, and which other labels are most frequent."""
     counts = Counter(dict(zip(labels.names, labels.counts, strict=True)))
     stable = counts.pop(STABLE, 0)
@@ -60,7 +60,9 @@ def headline(labels: RunLabels) -> str:
     return f"{text}; {', '.join(others)}" if others else text
 
 
-def finding(axes: Sequence[GridAxis], labels: RunLabels, share: ShareWords = exact_share) -> str:
+def write_finding(
+    axes: Sequence[GridAxis], labels: RunLabels, share: ShareWords = exact_share
+) -> str:
     """Return where runs are stable, and which axes make no difference to it.
 
     "Only" says that no other run is stable. An axis makes no difference if that is true for every

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from contactlab.reporting.report_columns import SEED, Codes, GridAxis, RunLabels
 
 
-def blocks(runs: int) -> Iterator[slice]:
+def split_blocks(runs: int) -> Iterator[slice]:
     """Yield the places of `runs` runs, some at a time."""
     block = 1 << 20  # runs with cells in memory at once
     for first in range(0, runs, block):
@@ -44,10 +44,10 @@ class MapAxes:
         x = self.x.codes[runs].astype(np.int64)
         return x if self.y is None else x + self.y.codes[runs].astype(np.int64) * len(self.x.ticks)
 
-    def counts(self, codes: Codes | NDArray[np.bool_], count: int) -> NDArray[np.int64]:
+    def count_codes(self, codes: Codes | NDArray[np.bool_], count: int) -> NDArray[np.int64]:
         """Return (cells, count) the number of runs of each cell with each of codes (n,)."""
         found = np.zeros(self.size * count, np.int64)
-        for runs in blocks(len(codes)):
+        for runs in split_blocks(len(codes)):
             combined = self.cells_of(runs) * count + codes[runs]
             found += np.bincount(combined, minlength=len(found))
         return found.reshape(self.size, count)
@@ -56,7 +56,7 @@ class MapAxes:
     def firsts(self) -> NDArray[np.int64]:
         """The first run of each cell that has any."""
         found = np.full(self.size, -1)
-        for runs in blocks(len(self.x.codes)):
+        for runs in split_blocks(len(self.x.codes)):
             cells, places = np.unique(self.cells_of(runs), return_index=True)
             is_new = found[cells] < 0
             found[cells[is_new]] = runs.start + places[is_new]
@@ -104,7 +104,7 @@ def _measure_separation(axes: MapAxes, labels: RunLabels) -> float:
 
 def _explained_variance(axes: MapAxes, codes: Codes | NDArray[np.bool_], count: int) -> float:
     """Return the share of the variance of codes below a count, adjusted for the number of cells."""
-    counts = axes.counts(codes, count)
+    counts = axes.count_codes(codes, count)
     counts = counts[counts.any(axis=1)]
     runs = counts.sum(axis=1)
     within = len(codes) - float((counts**2 / runs[:, None]).sum())

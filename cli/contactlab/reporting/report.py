@@ -6,7 +6,7 @@ from pathlib import Path
 from contactlab.errors import StoreError
 from contactlab.pareto.analysis import ToleranceTable, analyze_tradeoff, tolerance_table
 from contactlab.pareto.criteria import Criteria
-from contactlab.reporting.boundaries import Boundaries, boundaries
+from contactlab.reporting.boundaries import Boundaries, find_boundaries
 from contactlab.reporting.map_axes import MapAxes, axes_named, most_informative_axes
 from contactlab.reporting.report_columns import (
     GridAxis,
@@ -87,7 +87,7 @@ def read_report_data(store: Store, criteria: Criteria = DEFAULT_CRITERIA) -> Rep
             raise
         reason = str(error)
     map_axes, quantities = most_informative_axes(axes, labels), Quantities.of(store.columns)
-    found = boundaries(store)
+    found = find_boundaries(store)
     if found is not None:
         map_axes = axes_named(axes, tuple(found.grid.axes)[:2]) or map_axes
     return ReportData(store, axes, labels, quantities, map_axes, report, reason, found)

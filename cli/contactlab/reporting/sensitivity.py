@@ -37,7 +37,7 @@ class Sensitivity:
     total_interval: Floats
 
 
-def sensitivities(store: Store, metrics: Sequence[str] = ()) -> Iterator[Sensitivity]:
+def find_sensitivities(store: Store, metrics: Sequence[str] = ()) -> Iterator[Sensitivity]:
     """Yield the sensitivities of a sweep with `sample` by the method `saltelli`; none otherwise.
 
     The shares are those of I. M. Sobol (1993), by the estimators of A. Saltelli et al., "Variance

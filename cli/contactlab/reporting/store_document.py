@@ -19,14 +19,13 @@ from contactlab.rendering.document import (
     document_of,
     table_of,
 )
-from contactlab.reporting.boundaries import boundaries, boundary_lines, coverage
-from contactlab.reporting.finding import finding, headline
-from contactlab.reporting.found_worst import worst_lines
-from contactlab.reporting.known_shares import known_shares, share_lines
+from contactlab.reporting.boundaries import boundary_lines, describe_coverage, find_boundaries
+from contactlab.reporting.finding import write_finding, write_headline
+from contactlab.reporting.chosen_runs import known_shares, share_lines, worst_lines
 from contactlab.reporting.label_shares import share_words, stable_share
 from contactlab.reporting.map_axes import by_importance
 from contactlab.reporting.report_columns import GridAxis, RunLabels, read_axes, read_run_labels
-from contactlab.reporting.sensitivity import budget_lines, sensitivities, sensitivity_lines
+from contactlab.reporting.sensitivity import budget_lines, find_sensitivities, sensitivity_lines
 from contactlab.reporting.start_noise import distance_to_reality
 from contactlab.schema.evidence import StoreManifest
 from contactlab.store.finished_store import Store
@@ -46,12 +45,12 @@ def describe_store(store: Store) -> Document:
     mixed = bool(labels.failed.any())  # otherwise all values are alike, as the headline says
     texts = [
         stable_share(labels, share),
-        finding(axes, labels, share) if axes and mixed else "",
+        write_finding(axes, labels, share) if axes and mixed else "",
         distance_to_reality(axes, columns),
         *_expectation_texts(store),
         *_missing_effects(columns),
     ]
-    blocks: list[Block] = [Headline(f"{manifest.sweep.name}: {headline(labels)}")]
+    blocks: list[Block] = [Headline(f"{manifest.sweep.name}: {write_headline(labels)}")]
     blocks += map(Sentence, filter(None, texts))
     if chosen := [*_chosen_runs(store)]:
         blocks += map(Sentence, chosen)
@@ -100,11 +99,11 @@ def _chosen_runs(store: Store) -> Iterator[str]:
     if known := known_shares(store):
         yield from share_lines(*known)
     yield from worst_lines(store)
-    for sensitivity in sensitivities(store):
+    for sensitivity in find_sensitivities(store):
         yield from sensitivity_lines(sensitivity)
     yield from budget_lines(store)
-    if found := boundaries(store):
-        yield coverage(found)
+    if found := find_boundaries(store):
+        yield describe_coverage(found)
         yield from boundary_lines(found)
 
 

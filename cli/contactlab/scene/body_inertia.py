@@ -34,13 +34,8 @@ IMPOSSIBLE = ("not_positive", "triangle", "balanced")
 LIGHTEST, DENSEST = 50.0, 20000.0
 """Densities [kg/m^3] from foam and hollow shells to osmium, rounded."""
 
-_MOST_BODIES_NAMED = 6
 
-# Shapes are simplified, so both bounds are generous.
-_OUTSIDE = 0.05  # share of its length by which a center of mass may lie outside of a shape
-_SLACK = 2.0  # factor by which rms distances may exceed those that fit into a shape
-_LEAST_SPREAD_PER_LENGTH = 1 / 30
-"""Smallest rms distance over length; 0.29 for a uniform rod, and 1/10 for any real body."""
+_SLACK = 2.0  # rms distances may exceed those that fit into a shape by this factor
 
 
 def in_words(faults: Iterable[InertiaFault]) -> Iterator[str]:
@@ -48,18 +43,20 @@ def in_words(faults: Iterable[InertiaFault]) -> Iterator[str]:
     alike: dict[tuple[str, float], list[InertiaFault]] = {}
     for fault in faults:
         alike.setdefault((fault.kind, fault.limit), []).append(fault)
+    most_named = 6
     for first, *others in alike.values():
         named = [f"'{other.body}'" for other in others]
-        more = (
-            [f"{len(named) - _MOST_BODIES_NAMED} more"] if len(named) > _MOST_BODIES_NAMED else []
-        )
-        likewise = f"; likewise {', '.join([*named[:_MOST_BODIES_NAMED], *more])}" if named else ""
+        more = [f"{len(named) - most_named} more"] if len(named) > most_named else []
+        likewise = f"; likewise {', '.join([*named[:most_named], *more])}" if named else ""
         yield f"body '{first.body}': {first.reason}{likewise}"
 
 
 def density_faults(model: mujoco.MjModel, body: int) -> Iterator[InertiaFault]:
     """Yield a fault if no material has the density of a body's geoms."""
-    space, mass = sum(volume(model, geom) for geom in solid_geoms(model, body)), _mass(model, body)
+    space, mass = (
+        sum(volume(model, geom) for geom in solid_geoms(model, body)),
+        _body_mass(model, body),
+    )
     density = mass / space if space else LIGHTEST
     if LIGHTEST <= density <= DENSEST:
         return
@@ -74,30 +71,32 @@ def density_faults(model: mujoco.MjModel, body: int) -> Iterator[InertiaFault]:
 
 def shape_faults(model: mujoco.MjModel, body: int) -> Iterator[InertiaFault]:
     """Yield faults if the mass of a body would lie outside its shape, or in a tiny part of it."""
-    name, moments, mass = model.body(body).name, model.body_inertia[body], _mass(model, body)
+    name, moments, mass = model.body(body).name, model.body_inertia[body], _body_mass(model, body)
     spreads = np.sqrt(np.maximum(moments.sum() / 2 - moments, 0) / mass)
     length = 0.0
     if solid_geoms(model, body):
         axes = rotation_matrices(model.body_iquat[[body]])[0]
-        spans = _extents(model, body, axes)
+        spans = _find_extents(model, body, axes)
         lengths = np.ptp(spans, axis=1)
         length = float(lengths.max())
-        yield from _outside(name, spans, axes.T @ model.body_ipos[body])
+        yield from _find_outside(name, spans, axes.T @ model.body_ipos[body])
         worst = int(np.argmax(spreads / lengths))
         if spreads[worst] > _SLACK * lengths[worst] / 2:
             yield _too_large(name, float(spreads[worst]), float(lengths[worst]))
     yield from _too_small(name, mass, float(np.sqrt((spreads**2).sum())), length)
 
 
-def _mass(model: mujoco.MjModel, body: int) -> float:
+def _body_mass(model: mujoco.MjModel, body: int) -> float:
     return float(model.body_mass[body])
 
 
-def _outside(name: str, spans: Floats, places: Floats) -> Iterator[InertiaFault]:
+def _find_outside(name: str, spans: Floats, places: Floats) -> Iterator[InertiaFault]:
     """Yield a fault if a center of mass, at (3,) along axes, is outside spans (3, 2)."""
     distances = np.maximum(spans[:, 0] - places, places - spans[:, 1])
     worst = int(np.argmax(distances))
-    beyond, allowed = float(distances[worst]), float(_OUTSIDE * np.ptp(spans[worst]))
+    # Shapes are simplified, so both bounds are generous.
+    most_outside = 0.05  # a center of mass may lie outside of a shape by this share of its length
+    beyond, allowed = float(distances[worst]), float(most_outside * np.ptp(spans[worst]))
     if beyond > allowed:
         reason = f"its centre of mass lies {beyond:.3g} m outside its geoms"
         yield InertiaFault(name, "outside", beyond, allowed, "m", reason)
@@ -113,8 +112,10 @@ def _too_large(name: str, spread: float, length: float) -> InertiaFault:
 
 def _too_small(name: str, mass: float, spread: float, length: float) -> Iterator[InertiaFault]:
     ball = math.sqrt(3 / 5) * (3 * mass / (4 * math.pi * DENSEST)) ** (1 / 3)
+    # Smallest rms distance over length; 0.29 for a uniform rod, and 1/10 for any real body.
+    least_spread = 1 / 30
     # A body without moments is a point mass that is fixed to others.
-    limit = max(ball, _LEAST_SPREAD_PER_LENGTH * length)
+    limit = max(ball, least_spread * length)
     if 0 < spread < limit:
         reason = f"its inertia puts its mass within {spread:.3g} m (rms) of its centre; " + (
             f"a ball of {mass:g} kg of the densest metal has {ball:.3g} m"
@@ -140,7 +141,7 @@ def inertia_faults(model: mujoco.MjModel) -> tuple[InertiaFault, ...]:
 
 
 def _body_faults(model: mujoco.MjModel, body: int) -> Iterator[InertiaFault]:
-    name, mass, moments = model.body(body).name, _mass(model, body), model.body_inertia[body]
+    name, mass, moments = model.body(body).name, _body_mass(model, body), model.body_inertia[body]
     if mass < 0 or moments.min() < 0:
         yield nonpositive_inertia_fault(name, mass, moments)
     elif mass > 0:
@@ -168,27 +169,23 @@ def volume(model: mujoco.MjModel, geom: int) -> float:
     return shape[0](*model.geom_size[geom]) if shape else hull_volume(model, _mesh_of(model, geom))
 
 
-def _extents(model: mujoco.MjModel, body: int, axes: Floats) -> Floats:
+def _find_extents(model: mujoco.MjModel, body: int, axes: Floats) -> Floats:
     """Return (3, 2) the extents of a body's geoms along axes, columns (3, 3) of its frame [m]."""
     own = np.isin(model.geom_type, list(_SOLIDS)) & (model.geom_bodyid == body)
     geoms: list[int] = np.flatnonzero(own).tolist()
-    spans = np.array([[_span(model, geom, axis) for axis in axes.T] for geom in geoms])
+    spans = np.array([[_shape_span(model, geom, axis) for axis in axes.T] for geom in geoms])
     return np.stack([spans[..., 0].min(axis=0), spans[..., 1].max(axis=0)], axis=1)
 
 
-def _span(model: mujoco.MjModel, geom: int, direction: Floats) -> tuple[float, float]:
+def _shape_span(model: mujoco.MjModel, geom: int, direction: Floats) -> tuple[float, float]:
     local = rotation_matrices(model.geom_quat[[geom]])[0].T @ direction
     centre = float(model.geom_pos[geom] @ direction)
     shape = _SHAPES.get(int(model.geom_type[geom]))
     if shape is None:
-        along = _points(model, geom) @ local
+        along = mesh_vertices(model, _mesh_of(model, geom)) @ local
         return centre + float(along.min()), centre + float(along.max())
     reach = float(shape[1](np.array(model.geom_size[geom]), np.abs(local)))
     return centre - reach, centre + reach
-
-
-def _points(model: mujoco.MjModel, geom: int) -> Floats:
-    return mesh_vertices(model, _mesh_of(model, geom))
 
 
 def _mesh_of(model: mujoco.MjModel, geom: int) -> int:
@@ -211,19 +208,14 @@ def hull_volume(model: mujoco.MjModel, mesh: int) -> float:
             return float(ConvexHull(points).volume)
         except QhullError:
             return 0.0
-    corners = points[_hull_faces(model, mesh)]
+    begin = int(model.mesh_graphadr[mesh])
+    vertices, faces = model.mesh_graph[begin : begin + 2].tolist()
+    first = begin + 2 + 3 * vertices + 3 * faces
+    corners = points[np.array(model.mesh_graph[first : first + 3 * faces]).reshape(-1, 3)]
     # sum over pyramids on its faces, from a point inside
     corners = corners - corners.mean(axis=(0, 1))
     heights = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
     return float(np.abs(heights).sum() / 6)
-
-
-def _hull_faces(model: mujoco.MjModel, mesh: int) -> np.ndarray:
-    """Return (n, 3) vertices of the hull faces, which end `mesh_graph`."""
-    begin = int(model.mesh_graphadr[mesh])
-    vertices, faces = model.mesh_graph[begin : begin + 2].tolist()
-    first = begin + 2 + 3 * vertices + 3 * faces
-    return np.array(model.mesh_graph[first : first + 3 * faces]).reshape(-1, 3)
 
 
 _BALL = 4 / 3 * math.pi

@@ -321,7 +321,7 @@ class RunPictures:
     captions: Mapping[int, str]
     between: tuple[float, float] = (-math.inf, math.inf)  # time range of a film [s]
 
-    def film(self, rate: float) -> Iterator[Picture]:
+    def draw_film(self, rate: float) -> Iterator[Picture]:
         """Yield a film's pictures, `rate` per simulated second."""
         time = self.motion.time
         times, (begin, end) = frame_times(time, rate), self.between
@@ -329,7 +329,7 @@ class RunPictures:
         for count, picture in zip(shown.values(), self._draw_frames(list(shown)), strict=True):
             yield from repeat(picture, count)
 
-    def sheet(self, times: Sequence[float]) -> list[Picture]:
+    def draw_sheet(self, times: Sequence[float]) -> list[Picture]:
         """Return a sheet's pictures, at times [s]."""
         wanted: list[int] = nearest_indices(self.motion.time, np.array(times)).tolist()
         frames = sorted(set(wanted))

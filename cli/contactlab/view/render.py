@@ -168,13 +168,13 @@ def _write_pictures(
             replace(picture, motion=replace(picture.motion, **shared)) for picture in pictures
         ]
     if is_sheet:
-        sheets = [iter(picture.sheet(times)) for picture in pictures]
+        sheets = [iter(picture.draw_sheet(times)) for picture in pictures]
         if len(sheets) > 1:
             write_sheet(target, [*side_by_side(*sheets)], most=1)
         else:
             write_sheet(target, [*sheets[0]])
     else:
-        films = [picture.film(rate) for picture in pictures]
+        films = [picture.draw_film(rate) for picture in pictures]
         write_film = write_mp4 if suffix == ".mp4" else write_gif
         write_film(
             target, side_by_side(*films) if len(films) > 1 else films[0], _FILM_RATES[suffix]

@@ -13,7 +13,7 @@ from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_names import name_by_address
 from contactlab.scene.model_writer import write_model
 from contactlab.scene.scene import Scene
-from contactlab.studies.diff.compare_models import describe_diff, diff, find_differences
+from contactlab.studies.diff.compare_models import describe_diff, diff_models, find_differences
 from contactlab.studies.diff.matching import match_parts
 from contactlab.studies.diff.motion_change import motion_change
 
@@ -265,7 +265,7 @@ def test_half_the_gravity_is_half_the_force_that_acts_on_what_falls(scene: Scene
 def test_the_motion_is_the_last_line_of_words_and_markdown(tmp_path: Path) -> None:
     (tmp_path / "a.xml").write_text(ROBOT)
     (tmp_path / "b.xml").write_text(ROBOT.replace('mass="2"', 'mass="4"'))
-    report = diff(str(tmp_path / "a.xml"), str(tmp_path / "b.xml"))
+    report = diff_models(str(tmp_path / "a.xml"), str(tmp_path / "b.xml"))
     document = describe_diff(report)
     for text in (render_text(document, 1000), render_markdown(document)):
         lines = [line for line in text.splitlines() if line]

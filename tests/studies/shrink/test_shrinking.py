@@ -19,7 +19,7 @@ from contactlab.run.stored_runs import prepare_replay
 from contactlab.scene.mesh_hulls import hull_vertices
 from contactlab.store.finished_store import Store
 from contactlab.studies.shrink.failing_model import FailingModel, Start, as_one_file, file_hull
-from contactlab.studies.shrink.shrinking import ShrinkRequest, run
+from contactlab.studies.shrink.shrinking import ShrinkRequest, shrink_run
 
 # A ball of 20 mm is thrown through a plate of 4 mm, or up: at 8 m/s it moves 80 mm in a step.
 # Around it are a motor's arm, a hinged flap of a mesh, and boxes in free fall, of which one touches
@@ -79,7 +79,7 @@ def the_run(store: Store, keyframe: str) -> str:
 @pytest.fixture(scope="module")
 def small(store: Store, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("small") / "ball"
-    report = run(ShrinkRequest(store, the_run(store, "down"), folder, 600))
+    report = shrink_run(ShrinkRequest(store, the_run(store, "down"), folder, 600))
     assert report.finished
     assert (report.label, set(report.bodies)) == ("tunneling", {"ball"})
     assert report.duration < report.stored_duration
@@ -125,7 +125,7 @@ def test_it_fails_by_itself_and_in_plain_mujoco(small: Path) -> None:
 
 
 def test_without_time_the_whole_model_is_written(store: Store, tmp_path: Path) -> None:
-    report = run(ShrinkRequest(store, the_run(store, "down"), tmp_path / "new", 0))
+    report = shrink_run(ShrinkRequest(store, the_run(store, "down"), tmp_path / "new", 0))
     assert not report.finished
     assert report.after == report.before
     assert report.before["bodies"] == 11
@@ -137,7 +137,7 @@ def test_without_time_the_whole_model_is_written(store: Store, tmp_path: Path) -
 
 def test_a_stable_run_is_refused(store: Store, tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="is stable"):
-        run(ShrinkRequest(store, the_run(store, "up"), tmp_path / "new"))
+        shrink_run(ShrinkRequest(store, the_run(store, "up"), tmp_path / "new"))
     assert not (tmp_path / "new").exists()
 
 
@@ -212,7 +212,7 @@ def test_a_run_that_begins_later_ends_where_the_whole_one_does(steps: int) -> No
         {"motor": np.zeros(1)}, {}, controls, ("motor", "upper.fz"),
     )  # fmt: skip
     whole = FailingModel(text, start, 0.06)
-    later = whole.later(steps)
+    later = whole.start_later(steps)
     assert (later.start_time, later.duration) == pytest.approx(
         (steps * 0.002, 0.06 - steps * 0.002)
     )
@@ -224,7 +224,7 @@ def played(model: FailingModel) -> list[float]:
     own = mujoco.MjModel.from_xml_string(model.whole_text())
     data = mujoco.MjData(own)
     mujoco.mj_resetDataKeyframe(own, data, 0)
-    names, *lines = model.start.table(own, model.duration).split()
+    names, *lines = model.start.input_table(own, model.duration).split()
     assert names == "time,motor,upper.fz"
     rows = np.array([[float(value) for value in line.split(",")] for line in lines])
     for _ in range(round(model.duration / own.opt.timestep)):

@@ -1,1 +1,1 @@
-"""What two models do not have alike, in numbers and in motion: `contactlab diff A B`."""
+"""Differences of two models, in numbers and in motion: `contactlab diff A B`."""

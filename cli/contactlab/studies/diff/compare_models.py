@@ -31,8 +31,7 @@ from contactlab.studies.diff.quantities import QUANTITIES, Quantity, format_valu
 from contactlab.writers.signs import outcome_mark
 
 DEFAULT_TOLERANCE = 1e-4
-"""Relative change up to which quantities are equal: MuJoCo writes models with six digits."""
-_LEAST_LENGTH = 1e-3  # length of a part of unknown size, over the model's extent
+"""Quantities are equal up to this relative change: MuJoCo writes models with six digits."""
 _MAIN_QUANTITY: dict[str, str] = {
     "body": "mass",
     "joint": "type",
@@ -41,7 +40,7 @@ _MAIN_QUANTITY: dict[str, str] = {
 }
 
 
-def diff(before: str, after: str, tolerance: float = DEFAULT_TOLERANCE) -> DiffReport:
+def diff_models(before: str, after: str, tolerance: float = DEFAULT_TOLERANCE) -> DiffReport:
     """Compare two models, or the scenes of stores.
 
     A SceneError says that there is no such model, or why it does not compile.
@@ -82,15 +81,19 @@ def find_differences(
     yield from _option_differences(one, other, tolerance)
     for kind, listed in QUANTITIES.items():
         for before, after in found.both[kind]:
-            if kind == "geom" and not (_collides(one, before) or _collides(other, after)):
+            if kind == "geom" and not (_has_contacts(one, before) or _has_contacts(other, after)):
                 continue
             yield from _part_differences((one, other), kind, (before, after), listed, tolerance)
         for model, ids, is_new in ((one, found.gone, False), (other, found.new, True)):
             for index in ids[kind]:
-                if kind != "geom" or _collides(model, index):
+                if kind != "geom" or _has_contacts(model, index):
                     yield _one_sided_difference(model, kind, index, is_new=is_new)
-    yield from _set_differences("exclude", _excludes(one), _excludes(other))
-    yield from _set_differences("filter", *_filters(one, other, found))
+    yield from _set_differences("exclude", _excluded_pairs(one), _excluded_pairs(other))
+    names = {after: name_of(one, "body", before) for before, after in found.both["body"]}
+    own = {before: name_of(one, "body", before) for before, _ in found.both["body"]}
+    yield from _set_differences(
+        "filter", *(_touching_pairs(one, own), _touching_pairs(other, names))
+    )
 
 
 def _option_differences(
@@ -131,7 +134,17 @@ def _part_differences(
     listed: tuple[Quantity, ...],
     tolerance: float,
 ) -> Iterator[Difference]:
-    length = _reference_length(models[0], kind, ids[0])
+    owners = {"body": None, "joint": models[0].jnt_bodyid, "geom": models[0].geom_bodyid}
+    least_length = 1e-3  # length of a part of unknown size, over the model's extent
+    least = least_length * float(models[0].stat.extent)
+    if kind not in owners:
+        length = least
+    else:
+        owner = owners[kind]
+        body = ids[0] if owner is None else int(owner[ids[0]])
+        inside = body_reaches(models[0])[body]
+        away = float(np.linalg.norm(models[0].body_pos[body]))
+        length = float(max(least, inside, away))
     for quantity in listed:
         before, after = (
             quantity.read(model, index) for model, index in zip(models, ids, strict=True)
@@ -147,19 +160,6 @@ def _part_differences(
                 unit=quantity.unit,
                 relative_change=share,
             )
-
-
-def _reference_length(model: mujoco.MjModel, kind: str, index: int) -> float:
-    """Return the length that positions of a part are compared with [m]: the reach of its body."""
-    owners = {"body": None, "joint": model.jnt_bodyid, "geom": model.geom_bodyid}
-    least = _LEAST_LENGTH * float(model.stat.extent)
-    if kind not in owners:
-        return least
-    owner = owners[kind]
-    body = index if owner is None else int(owner[index])
-    inside = body_reaches(model)[body]
-    away = float(np.linalg.norm(model.body_pos[body]))
-    return float(max(least, inside, away))
 
 
 def _one_sided_difference(
@@ -180,26 +180,17 @@ def _one_sided_difference(
     )
 
 
-def _collides(model: mujoco.MjModel, geom: int) -> bool:
+def _has_contacts(model: mujoco.MjModel, geom: int) -> bool:
     listed = np.isin(geom, [model.pair_geom1, model.pair_geom2])
     return bool(model.geom_contype[geom] or model.geom_conaffinity[geom] or listed)
 
 
-def _excludes(model: mujoco.MjModel) -> set[str]:
+def _excluded_pairs(model: mujoco.MjModel) -> set[str]:
     pairs = (divmod(int(signature), 1 << 16) for signature in model.exclude_signature)
     return {" - ".join(sorted(name_of(model, "body", body) for body in pair)) for pair in pairs}
 
 
-def _filters(
-    one: mujoco.MjModel, other: mujoco.MjModel, found: MatchedParts
-) -> tuple[set[str], set[str]]:
-    """Return the shared pairs of bodies that can touch, in the first model's names."""
-    names = {after: name_of(one, "body", before) for before, after in found.both["body"]}
-    own = {before: name_of(one, "body", before) for before, _ in found.both["body"]}
-    return _touching(one, own), _touching(other, names)
-
-
-def _touching(model: mujoco.MjModel, names: dict[int, str]) -> set[str]:
+def _touching_pairs(model: mujoco.MjModel, names: dict[int, str]) -> set[str]:
     bodies = np.asarray(model.geom_bodyid)
     pairs = {tuple(bodies[[*pair]].tolist()) for pair in np.argwhere(touch_mask(model)).tolist()}
     return {

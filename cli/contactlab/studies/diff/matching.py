@@ -9,7 +9,6 @@ import numpy as np
 from contactlab.scene.model_names import is_address, name_of
 
 Matches = Sequence[tuple[int, int]]
-_WORLD = 0
 
 
 @dataclass(frozen=True)
@@ -22,8 +21,8 @@ class MatchedParts:
 
 
 def match_parts(one: mujoco.MjModel, other: mujoco.MjModel) -> MatchedParts:
-    """Match the parts of two models, whose unnamed parts have addresses."""
-    bodies = _bodies(one, other)
+    """Match the parts of two models; unnamed parts have addresses."""
+    bodies = _match_bodies(one, other)
     after = dict(bodies)
     joints = _match_within_bodies(one, other, "joint", "jnt_bodyid", "jnt_type", after)
     geoms = _match_within_bodies(one, other, "geom", "geom_bodyid", "geom_type", after)
@@ -34,35 +33,39 @@ def match_parts(one: mujoco.MjModel, other: mujoco.MjModel) -> MatchedParts:
         ("equality", "eq_type"),
         ("key", ""),
     ):
-        types = [_types(model, kind, field) for model in (one, other)]
-        both[kind] = _by_name_then_type(_names(one, kind), _names(other, kind), *types)
+        types = [_part_types(model, kind, field) for model in (one, other)]
+        both[kind] = _by_name_then_type(_part_names(one, kind), _part_names(other, kind), *types)
     same = dict(geoms)
     listed = zip(one.pair_geom1.tolist(), one.pair_geom2.tolist(), strict=True)
     ours = [frozenset(same.get(geom, -1) for geom in pair) for pair in listed]
     listed = zip(other.pair_geom1.tolist(), other.pair_geom2.tolist(), strict=True)
     both["pair"] = _by_name_then_type(
-        _names(one, "pair"), _names(other, "pair"), ours, [*map(frozenset, listed)]
+        _part_names(one, "pair"), _part_names(other, "pair"), ours, [*map(frozenset, listed)]
     )
-    counts = {kind: (len(_names(one, kind)), len(_names(other, kind))) for kind in both}
+    counts = {kind: (len(_part_names(one, kind)), len(_part_names(other, kind))) for kind in both}
     return MatchedParts(
         both=both,
         gone={
-            kind: _remaining(range(counts[kind][0]), (a for a, _ in both[kind])) for kind in both
+            kind: _remaining_parts(range(counts[kind][0]), (a for a, _ in both[kind]))
+            for kind in both
         },
-        new={kind: _remaining(range(counts[kind][1]), (b for _, b in both[kind])) for kind in both},
+        new={
+            kind: _remaining_parts(range(counts[kind][1]), (b for _, b in both[kind]))
+            for kind in both
+        },
     )
 
 
-def _remaining(every: Iterable[int], some: Iterable[int]) -> list[int]:
+def _remaining_parts(every: Iterable[int], some: Iterable[int]) -> list[int]:
     return sorted(set(every) - set(some))
 
 
-def _types(model: mujoco.MjModel, kind: str, field: str) -> list[Hashable]:
-    count = len(_names(model, kind))
+def _part_types(model: mujoco.MjModel, kind: str, field: str) -> list[Hashable]:
+    count = len(_part_names(model, kind))
     return np.asarray(getattr(model, field)).tolist() if field else [0] * count
 
 
-def _names(model: mujoco.MjModel, kind: str) -> list[str]:
+def _part_names(model: mujoco.MjModel, kind: str) -> list[str]:
     """Return the names of the parts of a kind; "" for an unnamed part."""
     counts = {"joint": "njnt", "key": "nkey", "equality": "neq", "actuator": "nactuator"}
     field = counts.get(kind, f"n{kind}")
@@ -80,8 +83,8 @@ def _by_name_then_type(
     """Match parts of equal names, then the remaining ones of equal types, in order."""
     known = {name: place for place, name in enumerate(others) if name}
     found = {place: known[name] for place, name in enumerate(ones) if name in known}
-    left = _remaining(range(len(ones)), found)
-    free = _remaining(range(len(others)), found.values())
+    left = _remaining_parts(range(len(ones)), found)
+    free = _remaining_parts(range(len(others)), found.values())
     for place in left:
         same = next((b for b in free if other_types[b] == types[place]), None)
         if same is not None:
@@ -90,14 +93,15 @@ def _by_name_then_type(
     return sorted(found.items())
 
 
-def _bodies(one: mujoco.MjModel, other: mujoco.MjModel) -> list[tuple[int, int]]:
+def _match_bodies(one: mujoco.MjModel, other: mujoco.MjModel) -> list[tuple[int, int]]:
     """Match bodies by name, then the remaining ones by parent and joints, in order."""
-    found = {_WORLD: _WORLD}
-    names, others = _names(one, "body"), _names(other, "body")
+    world = 0
+    found = {world: world}
+    names, others = _part_names(one, "body"), _part_names(other, "body")
     known = {name: body for body, name in enumerate(others) if name and body}
     found |= {body: known[name] for body, name in enumerate(names) if body and name in known}
-    free = _remaining(range(other.nbody), found.values())
-    for body in _remaining(range(one.nbody), found):
+    free = _remaining_parts(range(other.nbody), found.values())
+    for body in _remaining_parts(range(one.nbody), found):
         parent = found.get(int(one.body_parentid[body]))
         same = next(
             (
@@ -135,4 +139,4 @@ def _match_within_bodies(
 
     ones = typed(one, lambda body: bodies.get(body, ("gone", body)))
     others = typed(other, lambda body: body)
-    return _by_name_then_type(_names(one, kind), _names(other, kind), ones, others)
+    return _by_name_then_type(_part_names(one, kind), _part_names(other, kind), ones, others)

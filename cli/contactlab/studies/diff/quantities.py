@@ -1,4 +1,4 @@
-"""The quantities by which parts of models are compared, and how large their changes are."""
+"""The quantities of compared parts of models, and the sizes of their changes."""
 
 from collections.abc import Callable
 from typing import Any, Literal, NamedTuple
@@ -30,17 +30,17 @@ class Quantity(NamedTuple):
     measured: Measured = "value"
 
 
-def _field(field: str) -> Read:
+def _read_field(field: str) -> Read:
     return lambda model, index: getattr(model, field)[index]
 
 
-def _inertia(model: mujoco.MjModel, body: int) -> Floats:
+def _read_inertia(model: mujoco.MjModel, body: int) -> Floats:
     """Return (3, 3) the inertia about the centre of mass, in the frame of the body."""
     turn = rotation_matrices(np.asarray(model.body_iquat)[[body]])[0]
     return turn @ np.diag(model.body_inertia[body]) @ turn.T
 
 
-def _limits(field: str, flag: str) -> Read:
+def _read_limits(field: str, flag: str) -> Read:
     """Return the reader of a range, which is "none" without one."""
 
     def read(model: mujoco.MjModel, index: int) -> object:
@@ -49,11 +49,11 @@ def _limits(field: str, flag: str) -> Read:
     return read
 
 
-def _named(kind: str, field: str) -> Read:
+def _read_name(kind: str, field: str) -> Read:
     return lambda model, index: name_of(model, kind, int(getattr(model, field)[index]))
 
 
-def _word(field: str, kinds: Any, prefix: str) -> Read:  # noqa: ANN401 - a pybind11 enum
+def _read_word(field: str, kinds: Any, prefix: str) -> Read:  # noqa: ANN401 - a pybind11 enum
     words = {value: name for name, value in enum_members(kinds, prefix).items()}
 
     def read(model: mujoco.MjModel, index: int) -> object:
@@ -71,7 +71,7 @@ _TARGETS = {
 }
 
 
-def _target(model: mujoco.MjModel, actuator: int) -> object:
+def _read_target(model: mujoco.MjModel, actuator: int) -> object:
     kind = _TARGETS.get(int(model.actuator_trntype[actuator]), "")
     return f"{kind} {name_of(model, kind, int(model.actuator_trnid[actuator, 0]))}" if kind else ""
 
@@ -91,7 +91,7 @@ def _solid_size(model: mujoco.MjModel, geom: int) -> object:
 _FLAT = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
 
 
-def _volume(model: mujoco.MjModel, geom: int) -> float:
+def _read_volume(model: mujoco.MjModel, geom: int) -> float:
     """Return the volume of a geom [m^3], for a mesh that of its hull; 0 of a plane or a field."""
     return 0.0 if int(model.geom_type[geom]) in _FLAT else volume(model, geom)
 
@@ -117,98 +117,104 @@ _JOINT_UNIT = "m or rad"
 QUANTITIES: dict[str, tuple[Quantity, ...]] = {
     "body": (
         Quantity("name", lambda model, body: name_of(model, "body", body), "", "word"),
-        Quantity("parent", _named("body", "body_parentid"), "", "word"),
-        Quantity("mass", _field("body_mass"), "kg"),
-        Quantity("com", _field("body_ipos"), "m", "length"),
-        Quantity("inertia", _inertia, "kg m^2"),
-        Quantity("pos", _field("body_pos"), "m", "length"),
-        Quantity("quat", _field("body_quat"), "", "turn"),
-        Quantity("gravcomp", _field("body_gravcomp"), ""),
+        Quantity("parent", _read_name("body", "body_parentid"), "", "word"),
+        Quantity("mass", _read_field("body_mass"), "kg"),
+        Quantity("com", _read_field("body_ipos"), "m", "length"),
+        Quantity("inertia", _read_inertia, "kg m^2"),
+        Quantity("pos", _read_field("body_pos"), "m", "length"),
+        Quantity("quat", _read_field("body_quat"), "", "turn"),
+        Quantity("gravcomp", _read_field("body_gravcomp"), ""),
         Quantity("mocap", lambda m, body: bool(m.body_mocapid[body] >= 0), "", "word"),
     ),
     "joint": (
         Quantity("name", lambda model, joint: name_of(model, "joint", joint), "", "word"),
-        Quantity("body", _named("body", "jnt_bodyid"), "", "word"),
-        Quantity("type", _word("jnt_type", mujoco.mjtJoint, "mjJNT_"), "", "word"),
-        Quantity("axis", _field("jnt_axis"), ""),
-        Quantity("pos", _field("jnt_pos"), "m", "length"),
-        Quantity("range", _limits("jnt_range", "jnt_limited"), _JOINT_UNIT),
+        Quantity("body", _read_name("body", "jnt_bodyid"), "", "word"),
+        Quantity("type", _read_word("jnt_type", mujoco.mjtJoint, "mjJNT_"), "", "word"),
+        Quantity("axis", _read_field("jnt_axis"), ""),
+        Quantity("pos", _read_field("jnt_pos"), "m", "length"),
+        Quantity("range", _read_limits("jnt_range", "jnt_limited"), _JOINT_UNIT),
         Quantity("damping", _joint_turns("dof_damping"), "N s/m or N m s/rad"),
         Quantity("armature", _joint_turns("dof_armature"), "kg or kg m^2"),
         Quantity("frictionloss", _joint_turns("dof_frictionloss"), "N or N m"),
-        Quantity("stiffness", _field("jnt_stiffness"), "N/m or N m/rad"),
+        Quantity("stiffness", _read_field("jnt_stiffness"), "N/m or N m/rad"),
         Quantity("springref", _joint_place("qpos_spring"), _JOINT_UNIT),
         Quantity("ref", _joint_place("qpos0"), _JOINT_UNIT),
-        Quantity("margin", _field("jnt_margin"), _JOINT_UNIT),
-        Quantity("solreflimit", _field("jnt_solref"), ""),
-        Quantity("solimplimit", _field("jnt_solimp"), ""),
+        Quantity("margin", _read_field("jnt_margin"), _JOINT_UNIT),
+        Quantity("solreflimit", _read_field("jnt_solref"), ""),
+        Quantity("solimplimit", _read_field("jnt_solimp"), ""),
         Quantity("solreffriction", _joint_turns("dof_solref"), ""),
         Quantity("solimpfriction", _joint_turns("dof_solimp"), ""),
-        Quantity("actuatorfrcrange", _limits("jnt_actfrcrange", "jnt_actfrclimited"), "N or N m"),
-        Quantity("actuatorgravcomp", _field("jnt_actgravcomp"), "", "word"),
+        Quantity(
+            "actuatorfrcrange", _read_limits("jnt_actfrcrange", "jnt_actfrclimited"), "N or N m"
+        ),
+        Quantity("actuatorgravcomp", _read_field("jnt_actgravcomp"), "", "word"),
     ),
     "geom": (
-        Quantity("body", _named("body", "geom_bodyid"), "", "word"),
-        Quantity("type", _word("geom_type", mujoco.mjtGeom, "mjGEOM_"), "", "word"),
+        Quantity("body", _read_name("body", "geom_bodyid"), "", "word"),
+        Quantity("type", _read_word("geom_type", mujoco.mjtGeom, "mjGEOM_"), "", "word"),
         Quantity("size", _solid_size, "m"),
-        Quantity("volume", _volume, "m^3"),
-        Quantity("pos", _field("geom_pos"), "m", "length"),
-        Quantity("quat", _field("geom_quat"), "", "turn"),
-        Quantity("contype", _field("geom_contype"), "", "word"),
-        Quantity("conaffinity", _field("geom_conaffinity"), "", "word"),
-        Quantity("condim", _field("geom_condim"), "", "word"),
-        Quantity("priority", _field("geom_priority"), "", "word"),
-        Quantity("friction", _field("geom_friction"), ""),
-        Quantity("solref", _field("geom_solref"), ""),
-        Quantity("solimp", _field("geom_solimp"), ""),
-        Quantity("solmix", _field("geom_solmix"), ""),
-        Quantity("margin", _field("geom_margin"), "m"),
-        Quantity("gap", _field("geom_gap"), "m"),
+        Quantity("volume", _read_volume, "m^3"),
+        Quantity("pos", _read_field("geom_pos"), "m", "length"),
+        Quantity("quat", _read_field("geom_quat"), "", "turn"),
+        Quantity("contype", _read_field("geom_contype"), "", "word"),
+        Quantity("conaffinity", _read_field("geom_conaffinity"), "", "word"),
+        Quantity("condim", _read_field("geom_condim"), "", "word"),
+        Quantity("priority", _read_field("geom_priority"), "", "word"),
+        Quantity("friction", _read_field("geom_friction"), ""),
+        Quantity("solref", _read_field("geom_solref"), ""),
+        Quantity("solimp", _read_field("geom_solimp"), ""),
+        Quantity("solmix", _read_field("geom_solmix"), ""),
+        Quantity("margin", _read_field("geom_margin"), "m"),
+        Quantity("gap", _read_field("geom_gap"), "m"),
     ),
     "tendon": (
-        Quantity("stiffness", _field("tendon_stiffness"), "N/m"),
-        Quantity("damping", _field("tendon_damping"), "N s/m"),
-        Quantity("armature", _field("tendon_armature"), "kg"),
-        Quantity("frictionloss", _field("tendon_frictionloss"), "N"),
-        Quantity("range", _limits("tendon_range", "tendon_limited"), "m"),
-        Quantity("springlength", _field("tendon_lengthspring"), "m"),
-        Quantity("length at qpos0", _field("tendon_length0"), "m"),
-        Quantity("solreflimit", _field("tendon_solref_lim"), ""),
+        Quantity("stiffness", _read_field("tendon_stiffness"), "N/m"),
+        Quantity("damping", _read_field("tendon_damping"), "N s/m"),
+        Quantity("armature", _read_field("tendon_armature"), "kg"),
+        Quantity("frictionloss", _read_field("tendon_frictionloss"), "N"),
+        Quantity("range", _read_limits("tendon_range", "tendon_limited"), "m"),
+        Quantity("springlength", _read_field("tendon_lengthspring"), "m"),
+        Quantity("length at qpos0", _read_field("tendon_length0"), "m"),
+        Quantity("solreflimit", _read_field("tendon_solref_lim"), ""),
     ),
     "actuator": (
-        Quantity("transmission", _target, "", "word"),
-        Quantity("gear", _field("actuator_gear"), ""),
-        Quantity("ctrlrange", _limits("actuator_ctrlrange", "actuator_ctrllimited"), ""),
-        Quantity("forcerange", _limits("actuator_forcerange", "actuator_forcelimited"), "N"),
-        Quantity("actrange", _limits("actuator_actrange", "actuator_actlimited"), ""),
-        Quantity("dyntype", _word("actuator_dyntype", mujoco.mjtDyn, "mjDYN_"), "", "word"),
-        Quantity("dynprm", _field("actuator_dynprm"), ""),
-        Quantity("gaintype", _word("actuator_gaintype", mujoco.mjtGain, "mjGAIN_"), "", "word"),
-        Quantity("gainprm", _field("actuator_gainprm"), ""),
-        Quantity("biastype", _word("actuator_biastype", mujoco.mjtBias, "mjBIAS_"), "", "word"),
-        Quantity("biasprm", _field("actuator_biasprm"), ""),
+        Quantity("transmission", _read_target, "", "word"),
+        Quantity("gear", _read_field("actuator_gear"), ""),
+        Quantity("ctrlrange", _read_limits("actuator_ctrlrange", "actuator_ctrllimited"), ""),
+        Quantity("forcerange", _read_limits("actuator_forcerange", "actuator_forcelimited"), "N"),
+        Quantity("actrange", _read_limits("actuator_actrange", "actuator_actlimited"), ""),
+        Quantity("dyntype", _read_word("actuator_dyntype", mujoco.mjtDyn, "mjDYN_"), "", "word"),
+        Quantity("dynprm", _read_field("actuator_dynprm"), ""),
+        Quantity(
+            "gaintype", _read_word("actuator_gaintype", mujoco.mjtGain, "mjGAIN_"), "", "word"
+        ),
+        Quantity("gainprm", _read_field("actuator_gainprm"), ""),
+        Quantity(
+            "biastype", _read_word("actuator_biastype", mujoco.mjtBias, "mjBIAS_"), "", "word"
+        ),
+        Quantity("biasprm", _read_field("actuator_biasprm"), ""),
     ),
     "equality": (
-        Quantity("type", _word("eq_type", mujoco.mjtEq, "mjEQ_"), "", "word"),
-        Quantity("active", _field("eq_active0"), "", "word"),
-        Quantity("data", _field("eq_data"), ""),
-        Quantity("solref", _field("eq_solref"), ""),
-        Quantity("solimp", _field("eq_solimp"), ""),
+        Quantity("type", _read_word("eq_type", mujoco.mjtEq, "mjEQ_"), "", "word"),
+        Quantity("active", _read_field("eq_active0"), "", "word"),
+        Quantity("data", _read_field("eq_data"), ""),
+        Quantity("solref", _read_field("eq_solref"), ""),
+        Quantity("solimp", _read_field("eq_solimp"), ""),
     ),
     "pair": (
-        Quantity("geom1", _named("geom", "pair_geom1"), "", "word"),
-        Quantity("geom2", _named("geom", "pair_geom2"), "", "word"),
-        Quantity("condim", _field("pair_dim"), "", "word"),
-        Quantity("friction", _field("pair_friction"), ""),
-        Quantity("solref", _field("pair_solref"), ""),
-        Quantity("solimp", _field("pair_solimp"), ""),
-        Quantity("margin", _field("pair_margin"), "m"),
-        Quantity("gap", _field("pair_gap"), "m"),
+        Quantity("geom1", _read_name("geom", "pair_geom1"), "", "word"),
+        Quantity("geom2", _read_name("geom", "pair_geom2"), "", "word"),
+        Quantity("condim", _read_field("pair_dim"), "", "word"),
+        Quantity("friction", _read_field("pair_friction"), ""),
+        Quantity("solref", _read_field("pair_solref"), ""),
+        Quantity("solimp", _read_field("pair_solimp"), ""),
+        Quantity("margin", _read_field("pair_margin"), "m"),
+        Quantity("gap", _read_field("pair_gap"), "m"),
     ),
     "key": (
-        Quantity("qpos", _field("key_qpos"), _JOINT_UNIT),
-        Quantity("qvel", _field("key_qvel"), "m/s or rad/s"),
-        Quantity("ctrl", _field("key_ctrl"), ""),
+        Quantity("qpos", _read_field("key_qpos"), _JOINT_UNIT),
+        Quantity("qvel", _read_field("key_qvel"), "m/s or rad/s"),
+        Quantity("ctrl", _read_field("key_ctrl"), ""),
     ),
 }
 """By kind of part, in the order of reports."""
@@ -226,7 +232,7 @@ def relative_change(
     one, two = (np.asarray(side, np.float64) for side in (before, after))
     if one.shape != two.shape:
         return None
-    # What was never set may be NaN in both.
+    # A value that was never set may be NaN in both.
     apart = np.linalg.norm(np.nan_to_num(one - two))
     if measured == "turn":
         # Opposite quaternions are one turn.

@@ -1,4 +1,4 @@
-"""Errors of the panel tasks whose scene has no oracle."""
+"""Errors of the panel tasks with a scene without oracle."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -41,7 +41,7 @@ def _pendulum_error(trace: StoredTrace, record: EvidenceRecord) -> float:
 
 
 def _gyroscope_error(trace: StoredTrace, record: EvidenceRecord) -> float:
-    """Return the error of the time at which a free box turns over."""
+    """Return the error of the time when a free box turns over."""
     del record
     start = trace.qvel[:1, 3:6]
     edges = np.array([0.1, 0.2, 0.3])

@@ -33,7 +33,6 @@ _MEASURES = {
     "stack": "load of the lowest", "stick": "way that slides, m",
 }  # fmt: skip
 _ACCURACIES = (1e-1, 1e-3, 1e-5)
-_BETTER_RATIO = 0.99  # a smaller difference is rounding of the same scheme
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,7 @@ class PanelRequest:
     engines: Sequence[str] = ()
 
 
-def run(request: PanelRequest, session: Session) -> EnginePanel:
+def run_panel(request: PanelRequest, session: Session) -> EnginePanel:
     """Run the missing tasks, and measure all of them.
 
     The folder receives a store of each task and engine, and `panel.json`. Raises a SweepFileError
@@ -151,12 +150,13 @@ def middle_run(panel: EnginePanel, task: str, engine: str) -> PanelRun | None:
 
 def better_runs(panel: EnginePanel) -> Iterator[tuple[PanelRun, PanelRun]]:
     """Yield the best run of each task and the run of MuJoCo, if MuJoCo is not the best."""
+    better_ratio = 0.99  # a smaller difference is rounding of the same scheme
     for task in panel.tasks:
         known = [each for each in panel.runs if each.task == task.name and each.error is not None]
         ours = [each for each in known if each.engine == MODEL_ENGINE]
         if ours:
             first, own = (min(some, key=_error_or_infinity) for some in (known, ours))
-            if _error_or_infinity(first) < _BETTER_RATIO * _error_or_infinity(own):
+            if _error_or_infinity(first) < better_ratio * _error_or_infinity(own):
                 yield first, own
 
 

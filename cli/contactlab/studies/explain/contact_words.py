@@ -15,7 +15,6 @@ from contactlab.tasks.checked_model import CheckedModel, open_model
 from contactlab.tasks.session import Session
 
 WORDS = {**AT_REST, "restitution": ""}
-_LARGEST_MISS = 0.1  # largest difference of measured from requested values, as a share
 
 
 def read_words(assigned: Mapping[str, str]) -> dict[str, float]:
@@ -82,11 +81,11 @@ def explain_contacts(
         again = next(found for found in resting_pairs(changed) if found.law.name == pair.law.name)
         timestep = changed.resolved.timestep
         lines += contact_lines(again.contact(timestep))
-        missed += _missed(again, words, timestep)
+        missed += _missed_values(again, words, timestep)
     return lines, missed
 
 
-def _missed(pair: RestingPair, words: Mapping[str, float], timestep: float) -> Iterator[str]:
+def _missed_values(pair: RestingPair, words: Mapping[str, float], timestep: float) -> Iterator[str]:
     """Yield the requested values that a run does not reach."""
     most = largest_step(pair.law.solref)
     if timestep > most * (1 + SUM_ROUNDING):
@@ -96,13 +95,14 @@ def _missed(pair: RestingPair, words: Mapping[str, float], timestep: float) -> I
         "depth_at_rest": pair.depth,
         "restitution": pair.restitution,
     }
+    largest_miss = 0.1  # largest difference of measured from requested values, as a share
     for name, size in found.items():
         asked = words.get(name)
         if asked is None:
             continue
         if size is None:
             yield f"{pair.name}: does not bounce in the run, so restitution was not measured"
-        elif abs(size - asked) > _LARGEST_MISS * asked:
+        elif abs(size - asked) > largest_miss * asked:
             why = f"; an impact takes a step of {RESOLVED_STEP / STABLE_STEP * most:.2g} s"
             unit = f" {WORDS[name]}".rstrip()
             yield (

@@ -34,10 +34,10 @@ _UNIT = re.compile(r"\s*\[.*\]$")
 
 def is_defined(word: str) -> bool:
     """Return whether a word has a definition."""
-    return _key(word) in _definitions() or _key(word) in _scene_axes()
+    return _definition_key(word) in _collect_definitions() or _definition_key(word) in _scene_axes()
 
 
-def define(word: str) -> str:
+def define_word(word: str) -> str:
     """Return every definition of a word, as text.
 
     Case does not matter, nor does a unit in brackets, as in `depth [m]`.
@@ -45,11 +45,13 @@ def define(word: str) -> str:
     Raises:
         SweepFileError: the word has no definition; the message suggests the nearest one.
     """
-    meanings = _definitions().get(_key(word)) or _scene_axes().get(_key(word))
+    meanings = _collect_definitions().get(_definition_key(word)) or _scene_axes().get(
+        _definition_key(word)
+    )
     if meanings is None:
         SweepFileError.unless_known(
-            _key(word),
-            [*_definitions(), *_scene_axes()],
+            _definition_key(word),
+            [*_collect_definitions(), *_scene_axes()],
             f"'{word}' has no definition",
             "; `contactlab list` says where names are listed, docs/glossary.md has all terms",
         )
@@ -62,11 +64,11 @@ def words_of(names: list[str]) -> list[str]:
     return [together] if is_defined(together) else names
 
 
-def _key(word: str) -> str:
+def _definition_key(word: str) -> str:
     return " ".join(_UNIT.sub("", word).split()).casefold()
 
 
-def _definitions() -> Definitions:
+def _collect_definitions() -> Definitions:
     # Those of a word are in the order of their importance.
     known: dict[str, list[Callable[[], Iterator[str]]]] = {}
     headed = {metric.heading: metric for metric in METRICS.values() if metric.heading}
@@ -89,10 +91,10 @@ def _definitions() -> Definitions:
     )
     for entries, lines in sources:
         for name, entry in entries.items():
-            known.setdefault(_key(name), []).append(partial(lines, entry))
+            known.setdefault(_definition_key(name), []).append(partial(lines, entry))
     for term in read_glossary():
         for word in (term.word, *term.synonyms):
-            known.setdefault(_key(word), []).append(partial(_term_lines, term))
+            known.setdefault(_definition_key(word), []).append(partial(_term_lines, term))
     return known
 
 
@@ -105,7 +107,7 @@ def _scene_axes() -> Definitions:
         own = {} if manifest is None else {**manifest.initial, **manifest.structure}
         for name, axis in own.items():
             text = (f"{name} [{axis.unit}]: an axis of the scene {scene}", axis.description)
-            known.setdefault(_key(name), []).append(lambda text=text: iter(text))
+            known.setdefault(_definition_key(name), []).append(lambda text=text: iter(text))
     return known
 
 

@@ -40,9 +40,7 @@ _SCREENING_POINTS, _SCREENING_RUNS, _RETAINED_POINTS = (
     12,
 )  # points that are screened, runs per screened point, points that are retained
 _ROUNDS, _POINTS_PER_ROUND, _BEST_POINTS = 4, 16, 8  # rounds of points around the best ones
-_LEAST_SPREAD = 0.02  # smallest spread of a round's points, as a share of the bounds
 _PROFILE_POINTS, _RESAMPLINGS = 7, 400  # points of a profile; resampled sets of runs
-_FLAT_RISE = 0.1  # relative rise of the error that makes a profile informative
 
 
 @dataclass(frozen=True)
@@ -67,7 +65,7 @@ class _FitParameter:
 
     @classmethod
     def of(cls, scene: Scene, text: str) -> "_FitParameter":
-        """Read a setting; a SweepFileError says what is wrong with it."""
+        """Read a setting; a SweepFileError says why it is wrong."""
         name, _, bounds = text.partition("=")
         spec = scene.catalogue.find(name)
         if spec is None:
@@ -181,9 +179,10 @@ def _search_settings(trials: _Trials) -> None:
     few = trials.fitted[:_SCREENING_RUNS]
     screened = trials.run("screening", [trials.values(point) for point in points], few).mean(axis=1)
     trials.keep("kept", points[np.argsort(screened)[:_RETAINED_POINTS]])
+    least_spread = 0.02  # smallest spread of a round's points, as a share of the bounds
     for number in range(_ROUNDS):
         elite, _ = trials.best(_BEST_POINTS)
-        spread = np.maximum(elite.std(axis=0), _LEAST_SPREAD)
+        spread = np.maximum(elite.std(axis=0), least_spread)
         normal = np.random.default_rng([seed, number]).normal(size=(_POINTS_PER_ROUND, size))
         drawn = np.clip(elite.mean(axis=0) + spread * normal, 0, 1)
         words = [bool(knob.spec.choices) for knob in trials.knobs]
@@ -238,7 +237,8 @@ def _fitted_setting(trials: _Trials, best: Floats, place: int, minima: Floats) -
         {candidate[name]: candidate for candidate in map(trials.values, points)}.values()
     )
     errors = trials.run(f"profile-{name}", settings, trials.fitted[: 2 * _SCREENING_RUNS])
-    alike = errors.mean(axis=1) <= (1 + _FLAT_RISE) * errors[0].mean()
+    flat_rise = 0.1  # relative rise of the error that makes a profile informative
+    alike = errors.mean(axis=1) <= (1 + flat_rise) * errors[0].mean()
     alike |= _is_as_good(errors)
     values = [axis_cell(setting[name]) for setting in settings]
     points, every = trials.best(len(trials.points))

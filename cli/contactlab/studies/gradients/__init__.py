@@ -1,1 +1,1 @@
-"""Where derivatives of a simulation through contact can be trusted."""
+"""Reliability of derivatives of a simulation through contact."""

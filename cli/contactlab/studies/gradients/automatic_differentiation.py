@@ -23,7 +23,7 @@ def automatic(runs: PreparedRuns, place: int, spread: float, accuracy: float = 0
     """Return the derivative of a coordinate's end value, or None if it is not finite.
 
     The runs are the run itself, and it with the parameter above and below, `spread` apart. With an
-    accuracy above 0, each step consists of substeps of this accuracy, one of which ends when a
+    accuracy above 0, each step consists of substeps of this accuracy, and one substep ends when a
     contact is made. Raises an EngineError if the engine fails.
     """
     answer = engine().ask(runs, operation="derivative", spread=spread, accuracy=accuracy)

@@ -1,4 +1,4 @@
-"""Stored derivatives of the same question, from which an interrupted map is resumed."""
+"""Stored derivatives of the same question, so that an interrupted map can be resumed."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -28,11 +28,8 @@ from contactlab.studies.gradients.end_states import DifferentiatedScene, Paramet
 from contactlab.studies.gradients.transition_chain import EPSILON, chain_transitions
 from contactlab.tasks.session import Values
 
-# Extra steps of the runs of each pair of points, so that an event falls anywhere within a step.
-_MORE_STEPS = (0, 6, 10, 18, 22, 30, 38, 42, 54, 58, 66, 74)
 _NEAR = NOISE_SPAN * NOISE_POINTS
 _SPREAD = 1e-6  # over the scale, of the two runs that a chain of steps differentiates
-_CONVERGED = {"tolerance": 0.0, "ls_tolerance": 1e-10, "iterations": 100}
 _ACCURACY = 1e-4  # of substeps
 _EXPLODES, _VANISHES, _KNOWN = 10.0, 0.01, 0.5
 
@@ -46,14 +43,15 @@ class DerivativeMethod:
     settings: Values = field(default_factory=dict[str, object])  # settings of these runs
 
 
-def _chain(epsilon: float) -> DerivativeMethod:
-    """Return the chain of transitions of a run whose solver converges."""
-    return DerivativeMethod(partial(chain_transitions, epsilon=epsilon), _CONVERGED)
+def _chain_of(epsilon: float) -> DerivativeMethod:
+    """Return the chain of transitions of a run with a converging solver."""
+    converged = {"tolerance": 0.0, "ls_tolerance": 1e-10, "iterations": 100}
+    return DerivativeMethod(partial(chain_transitions, epsilon=epsilon), converged)
 
 
 METHODS: Mapping[str, Mapping[str, DerivativeMethod]] = {
     # With a step that crosses few mode switches, and with the step of MuJoCo's own examples.
-    "chain": {"chain": _chain(EPSILON), "chain 1e-6": _chain(1e-6)},
+    "chain": {"chain": _chain_of(EPSILON), "chain 1e-6": _chain_of(1e-6)},
     ENGINE: {ENGINE: DerivativeMethod(automatic)},
     ADAPTIVE: {ADAPTIVE: DerivativeMethod(partial(automatic, accuracy=_ACCURACY))},
 }
@@ -71,29 +69,6 @@ class Differentiation:
     def by(self, parameter: Parameter, points: Sequence[Point]) -> list[GradientInput]:
         """Return the derivative at each place, without verdicts."""
         values = [parameter.at(self.subject, point) for point in points]
-        own = self._run_derivatives(parameter, points, values)
-        models = self._model_derivatives(parameter, points, values)
-        told: list[GradientInput] = []
-        for place, (point, value) in enumerate(zip(points, values, strict=True)):
-            spread = _SPREAD * parameter_scale(value)
-            told.append(
-                GradientInput(
-                    value=value,
-                    model=_difference(models[place]),
-                    run=_difference(own[place]),
-                    methods=self._method_values(parameter, point, value, spread)
-                    if self.methods
-                    else {},
-                    verdicts={},
-                    ladder=self._ladder_rungs(parameter, point, value) if self.ladder else (),
-                )
-            )
-        return told
-
-    def _run_derivatives(
-        self, parameter: Parameter, points: Sequence[Point], values: Sequence[float]
-    ) -> list[Estimate]:
-        """Return the derivatives of runs at their own step."""
         around = [
             np.concatenate([ladder_points(value), value + parameter_scale(value) * _NEAR])
             for value in values
@@ -103,18 +78,12 @@ class Differentiation:
             for point, each in zip(points, around, strict=True)
             for value in each
         ]
-        found: list[Estimate] = []
-        for at, ends in zip(around, self._ends(moved, len(points)), strict=True):
+        own: list[Estimate] = []
+        for at, ends in zip(around, self._end_values(moved, len(points)), strict=True):
             rungs = slice(2 * len(SPANS))
-            found.append(extrapolate(at[rungs], ends[rungs], estimate_noise(ends[rungs.stop :])))
-        return found
-
-    def _model_derivatives(
-        self, parameter: Parameter, points: Sequence[Point], values: Sequence[float]
-    ) -> list[Estimate]:
-        """Return the derivatives of the model; see `differences.fit_slope`."""
+            own.append(extrapolate(at[rungs], ends[rungs], estimate_noise(ends[rungs.stop :])))
         fine, coarse = (
-            self._ends(
+            self._end_values(
                 [
                     step.moved(parameter, value)
                     for point, value in zip(points, values, strict=True)
@@ -125,28 +94,46 @@ class Differentiation:
             for coarser in (1, 2)
         )
         shape = len(WIDE_SPANS), len(ABOUT)
-        return [
+        models = [
             fit_slope(
                 WIDE_SPANS * parameter_scale(value), some.reshape(shape), rough.reshape(shape)
             )
             for some, rough, value in zip(fine, coarse, values, strict=True)
         ]
+        told: list[GradientInput] = []
+        for place, (point, value) in enumerate(zip(points, values, strict=True)):
+            spread = _SPREAD * parameter_scale(value)
+            told.append(
+                GradientInput(
+                    value=value,
+                    model=_find_difference(models[place]),
+                    run=_find_difference(own[place]),
+                    methods=self._method_values(parameter, point, value, spread)
+                    if self.methods
+                    else {},
+                    verdicts={},
+                    ladder=self._ladder_rungs(parameter, point, value) if self.ladder else (),
+                )
+            )
+        return told
 
     def _smoothing_runs(self, point: Point, coarser: int) -> "list[_Smoothed]":
         """Return the runs of one place at fine steps of different lengths, or coarser ones."""
         run = self.subject.resolve(point)
-        half, steps = len(_MORE_STEPS), run.steps * self.finer
+        # Extra steps of the runs of each pair of points: events then fall anywhere within a step.
+        more_steps = (0, 6, 10, 18, 22, 30, 38, 42, 54, 58, 66, 74)
+        half, steps = len(more_steps), run.steps * self.finer
         found: list[_Smoothed] = []
         for span in WIDE_SPANS:
             for number, about in enumerate(ABOUT):
                 # The two ends of a span have different steps.
                 turn = number if number < half else (2 * half - 1 - number + half // 2) % half
-                timestep = run.steps * run.timestep * coarser / (steps + _MORE_STEPS[turn])
+                timestep = run.steps * run.timestep * coarser / (steps + more_steps[turn])
                 found.append(_Smoothed(point.at_step(timestep), float(span * about)))
         return found
 
-    def _ends(self, points: Sequence[Point], places: int) -> list[Floats]:
-        return list(self.subject.end(points).reshape(places, -1))
+    def _end_values(self, points: Sequence[Point], places: int) -> list[Floats]:
+        return list(self.subject.end_values(points).reshape(places, -1))
 
     def _method_values(
         self, parameter: Parameter, point: Point, value: float, spread: float
@@ -166,7 +153,7 @@ class Differentiation:
         points, rungs = ladder_points(value), list[LadderRung]()
         timestep = self.subject.resolve(point).timestep
         for step in (timestep, timestep / 2, timestep / 4):
-            ends = self.subject.end(
+            ends = self.subject.end_values(
                 [parameter.moved(point.at_step(step), float(each)) for each in points]
             )
             rungs += [
@@ -178,7 +165,7 @@ class Differentiation:
 
 @dataclass(frozen=True)
 class _Smoothed:
-    """One of the runs over which the model's derivative is smoothed."""
+    """One of the runs that smooth the model's derivative."""
 
     point: Point
     offset: float  # over the parameter's scale
@@ -210,6 +197,6 @@ def judge_derivative(
     return "vanishes" if abs(value) < _VANISHES * abs(model) else "differs"
 
 
-def _difference(estimate: Estimate) -> Difference:
+def _find_difference(estimate: Estimate) -> Difference:
     value, bound, span = estimate
     return Difference(value=value, bound=bound, span=span)

@@ -1,13 +1,13 @@
 """Derivatives of values that are known up to an error, each with a bound on its own error.
 
-**Of a run**, whose error is rounding: Richardson's extrapolation of central differences D(s) over a
-ladder of spans s. Where f is smooth, the error of D(s) is s^2 f''' / 6 + O(s^4). With the next
-smaller span, E = (r^2 D(s / r) - D(s)) / (r^2 - 1) removes the second order. Its distance from
+**Slope of a run**, with an error from rounding: Richardson's extrapolation of central differences
+D(s) over a ladder of spans s. If f is smooth, the error of D(s) is s^2 f''' / 6 + O(s^4). With the
+next smaller span, E = (r^2 D(s / r) - D(s)) / (r^2 - 1) removes the second order. Its distance from
 D(s / r) estimates the error of that one, and so bounds its own, of fourth order. If f has a switch
-within s, the two differ, and the bound shows it. Errors N of the values affect E by at most
-N / s (r^3 + 1) / (r^2 - 1). The span with the least bound is used.
+within s, the two differ, and the bound shows it. Errors N of the values affect E by at most N / s
+(r^3 + 1) / (r^2 - 1). The span with the least bound is used.
 
-**Of a model**, known from runs with the error of stepping: a contact that is made at another
+**Slope of a model**, known from runs with the error of stepping: a contact that is made at another
 fraction of a step moves the end by a few percent, with as many jumps in a span as the event passes
 steps. So the derivative is the slope of a parabola through many runs of one span (Lanczos; Savitzky
 and Golay). Each pair of runs has its own step, so that the event falls anywhere within a step. See
@@ -30,13 +30,12 @@ WIDE_SPANS = np.array([0.25, 0.07, 0.02])  # over the scale, for the model's der
 ABOUT = np.linspace(
     -1.0, 1.0, 24
 )  # points within a span; an even number, so that none is the middle
-_ORDERS = (3, 4, 5)
 _DEVIATIONS, _ERRORS = 4.0, 3.0
 _ULP = float(np.finfo(float).eps)
 
 
 class Estimate(NamedTuple):
-    """A derivative, the bound on its error, and its span; NaN and infinite if there is none."""
+    """A derivative, the bound on its error, and its span; NaN and infinite without one."""
 
     value: float
     bound: float
@@ -58,9 +57,10 @@ def estimate_noise(values: Floats) -> float:
     square of v (2 k)! / (k!)^2. Source: J. More and S. Wild, Estimating Computational Noise, SIAM
     J. Sci. Comput. 33 (2011); here four deviations, and at least the resolution of a float.
     """
+    orders = (3, 4, 5)
     deviations = [
         math.sqrt(math.factorial(k) ** 2 / math.factorial(2 * k) * np.mean(np.diff(values, k) ** 2))
-        for k in _ORDERS
+        for k in orders
     ]
     return max(_DEVIATIONS * max(deviations), _ULP * float(np.abs(values).max()))
 
@@ -93,7 +93,7 @@ def fit_slope(spans: Floats, fine: Floats, coarse: Floats) -> Estimate:
     """Return the slope with the least bound, of values (K, M) at `ABOUT` within each of K spans.
 
     The steps of `fine` are half of those of `coarse`. The bound is the sum of three parts: the
-    distance between the slopes of a parabola and of a cubic, whose error is of fourth order; three
+    distance between the slopes of a parabola and of a cubic with an error of fourth order; three
     standard errors of the cubic's slope, from its residuals; and the distance between both sets of
     values, which equals the error of the finer one if that is of first order.
     """

@@ -42,8 +42,7 @@ from contactlab.tasks.session import Session
 
 STORE = "places"
 _SWEEPS = {".yaml", ".yml"}
-_MOST_AXES = 2
-_BATCH_SIZE = 16  # places whose runs are made together
+_BATCH_SIZE = 16  # places with runs that are made together
 RUN = "run"
 
 
@@ -51,7 +50,7 @@ RUN = "run"
 class GradientsRequest:
     """The output coordinate, the inputs and the places of the derivatives."""
 
-    source: str  # a sweep file, whose axes with several values span a map; or a scene or model
+    source: str  # a sweep file with a map over its axes of several values; or a scene or model
     output_coordinate: str  # coordinate whose end value is differentiated
     # Axes and coordinates of the start; default: those of the map, or the scene and its contacts.
     inputs: Sequence[str] = ()
@@ -65,14 +64,14 @@ class GradientsRequest:
 def differentiate_scene(request: GradientsRequest, session: Session) -> GradientsReport:
     """Differentiate, and judge where the derivatives can be used.
 
-    The folder receives a store with a run of each place, the derivatives, from which an
-    interrupted study is resumed, and `gradients.json`. Raises a
-    SweepFileError if the sweep, a setting or a name is wrong; a SceneError if there is no such
-    scene; an EngineError if a requested engine cannot differentiate; an OutputError if the folder
-    cannot be written; a StoppedError if the session was stopped.
+    The folder receives a store with a run of each place, `gradients.json`, and the derivatives,
+    which let an interrupted study resume. Raises a SweepFileError if the sweep, a setting or a name
+    is wrong; a SceneError if there is no such scene; an EngineError if a requested engine cannot
+    differentiate; an OutputError if the folder cannot be written; a StoppedError if the session was
+    stopped.
     """
-    sweep = _sweep(request, session)
-    axes = _axes(sweep.plan)
+    sweep = _read_sweep(request, session)
+    axes = _map_axes(sweep.plan)
     subject = DifferentiatedScene.of(
         sweep.scene, request.output_coordinate, sweep.plan.sweep.duration, max(1, session.workers)
     )
@@ -87,7 +86,7 @@ def differentiate_scene(request: GradientsRequest, session: Session) -> Gradient
             raise EngineError(why)
     methods = {name: how for group in chosen for name, how in METHODS[group].items()}
     names = list(request.inputs) or [*axes] or _default_inputs(sweep.scene, subject, points[0])
-    parameters = [subject.parameter(name) for name in names]
+    parameters = [subject.find_parameter(name) for name in names]
     for parameter, point in product(parameters, points):
         value = parameter.at(subject, point)  # raises an error before anything runs
         for reach in (-WIDE_SPANS[0], WIDE_SPANS[0]):
@@ -105,7 +104,7 @@ def differentiate_scene(request: GradientsRequest, session: Session) -> Gradient
         },
     )
     derivatives = {each.name: _differentiate_all(how, each, points, kept) for each in parameters}
-    ends, modes = subject.end(points), subject.modes(points)
+    ends, modes = subject.end_values(points), subject.contact_modes(points)
     most = max(influence(by) for found in derivatives.values() for by in found)
     places = tuple(
         GradientPlace(
@@ -132,15 +131,15 @@ def differentiate_scene(request: GradientsRequest, session: Session) -> Gradient
         tolerance=request.tolerance,
         axes=axes,
         places=places,
-        bands=tuple(_bands(axes, places, [RUN, *methods])) if is_map else (),
+        bands=tuple(_find_bands(axes, places, [RUN, *methods])) if is_map else (),
         mode_switches=len(list(find_mode_switches(axes, places))),
-        notes=tuple(_notes(subject, points[0], store.columns.runs)),
+        notes=tuple(_list_notes(subject, points[0], store.columns.runs)),
     )
     session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
     return report
 
 
-def _sweep(request: GradientsRequest, session: Session) -> SweepRequest:
+def _read_sweep(request: GradientsRequest, session: Session) -> SweepRequest:
     path = Path(request.source)
     is_file = path.suffix in _SWEEPS
     source = path if is_file else {"version": 1, "scene": request.source}
@@ -163,10 +162,11 @@ def _sweep(request: GradientsRequest, session: Session) -> SweepRequest:
     return sweep
 
 
-def _axes(plan: Plan) -> dict[str, tuple[float, ...]]:
+def _map_axes(plan: Plan) -> dict[str, tuple[float, ...]]:
     """Return the axes of a map; a SweepFileError says that they do not span one."""
     several = [axis for axis in plan.axes if axis.count > 1]
-    if len(several) > _MOST_AXES:
+    most_axes = 2
+    if len(several) > most_axes:
         names = ", ".join(axis.name for axis in several)
         raise SweepFileError(
             f"a map has two axes, but {names} have several values; fix some with --set"
@@ -217,7 +217,7 @@ def _with_verdicts(by: GradientInput, tolerance: float, most: float) -> Gradient
     return by.model_copy(update={"verdicts": verdicts})
 
 
-def _bands(
+def _find_bands(
     axes: Mapping[str, Sequence[float]], places: Sequence[GradientPlace], methods: Sequence[str]
 ) -> Iterator[Band]:
     shape = [len(values) for values in axes.values()]
@@ -231,20 +231,17 @@ def _bands(
             counts={each: counted[each] for each in GRADIENT_VERDICTS},
             share=float(unusable.mean()),
             widths={
-                axis: float(unusable.sum(axis=number).mean()) * _cell_width(values)
+                axis: float(unusable.sum(axis=number).mean())
+                * ((max(values) - min(values)) / (len(values) - 1))
                 for number, (axis, values) in enumerate(axes.items())
             },
         )
 
 
-def _cell_width(values: Sequence[float]) -> float:
-    return (max(values) - min(values)) / (len(values) - 1)
-
-
 def find_mode_switches(
     axes: Mapping[str, Sequence[float]], places: Sequence[GradientPlace]
 ) -> Iterator[tuple[int, int]]:
-    """Yield the neighbors on a map whose modes differ, by index."""
+    """Yield the neighbors on a map with different modes, by index."""
     shape = [len(values) for values in axes.values()]
     for number, place in enumerate(places):
         index = np.unravel_index(number, shape) if shape else ()
@@ -255,7 +252,7 @@ def find_mode_switches(
                     yield number, neighbor
 
 
-def _notes(subject: DifferentiatedScene, point: Point, runs: int) -> Iterator[str]:
+def _list_notes(subject: DifferentiatedScene, point: Point, runs: int) -> Iterator[str]:
     yield f"the store has {runs} runs, one per place"
     spec = subject.resolve(point)
     solref = spec.settings.get("solref")

@@ -1,4 +1,4 @@
-"""Runs whose end is differentiated: of a scene, with changed axes and initial coordinates."""
+"""Runs with a differentiated end: of a scene, with changed axes and initial coordinates."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -44,7 +44,7 @@ class Point:
 
 @dataclass(frozen=True)
 class DifferentiatedScene:
-    """A scene, and the coordinate whose end value is differentiated."""
+    """A scene, and the coordinate with the differentiated end value."""
 
     scene: Scene
     place: int  # index of the coordinate in a row of `InitialStates`
@@ -81,8 +81,8 @@ class DifferentiatedScene:
         runs = PreparedRuns.of(self.scene, *map(self.resolve, points))
         return replace(runs, starts=_moved_starts(runs.starts, points))
 
-    def parameter(self, name: str) -> "Parameter":
-        """Return a parameter; a SweepFileError says that there is none of this name."""
+    def find_parameter(self, name: str) -> "Parameter":
+        """Return a parameter; a SweepFileError says that this name is unknown."""
         known = {
             each: place
             for each, place in coordinate_indices(self.model).items()
@@ -104,19 +104,19 @@ class DifferentiatedScene:
             )
         return Parameter(name, None, spec.parse)
 
-    def end(self, points: Sequence[Point]) -> Floats:
+    def end_values(self, points: Sequence[Point]) -> Floats:
         """Return (n,) end values of the coordinate; NaN for an incomplete run."""
         ends = np.full(len(points), np.nan)
-        for places, runs in self._groups(points):
+        for places, runs in self._group_points(points):
             last = last_states(runs.models, runs.starts, runs.steps, self.threads)
             ends[places] = last[:, self.place]
         return ends
 
-    def modes(self, points: Sequence[Point]) -> list[str]:
+    def contact_modes(self, points: Sequence[Point]) -> list[str]:
         """Return the modes of the pairs of each run, in order; see `measure.stick_slip`."""
         words = [""] * len(points)
         buffers = Buffers()
-        for places, runs in self._groups(points):
+        for places, runs in self._group_points(points):
             rollout = ENGINES[MODEL_ENGINE].roll_out(runs, buffers)
             trace = make_trace(runs.base, runs.prepared, rollout)
             size = float(runs.base.model.stat.meansize)
@@ -130,7 +130,7 @@ class DifferentiatedScene:
                 )
         return words
 
-    def _groups(self, points: Sequence[Point]) -> Iterator[tuple[list[int], PreparedRuns]]:
+    def _group_points(self, points: Sequence[Point]) -> Iterator[tuple[list[int], PreparedRuns]]:
         """Yield runs of one structure and step count, with their indices."""
         resolved = [self.resolve(point) for point in points]
 
@@ -159,7 +159,8 @@ class Parameter:
     def at(self, subject: DifferentiatedScene, point: Point) -> float:
         """Return its value in a run; a SweepFileError says that it is not a number."""
         if self.place is not None:
-            row = _row(subject.prepare([point]).starts)
+            starts = subject.prepare([point]).starts
+            row = np.concatenate([getattr(starts, part)[0] for part in STATE_PARTS])
             return float(row[self.place])
         run = subject.resolve(point)
         value = {**run.settings, **run.structure, **run.initial, **point.values}.get(self.name)
@@ -190,10 +191,6 @@ class Parameter:
                 f"--input {self.name}: {error}; take a place farther from its end"
             ) from error
         return replace(point, values={**point.values, self.name: parsed})
-
-
-def _row(starts: InitialStates) -> Floats:
-    return np.concatenate([getattr(starts, part)[0] for part in STATE_PARTS])
 
 
 def _moved_starts(starts: InitialStates, points: Sequence[Point]) -> InitialStates:

@@ -10,26 +10,26 @@ from contactlab.studies.gradients.differentiating import find_mode_switches
 
 # Petroff's colors, with a calm one for derivatives that can be used.
 _COLOURS = ("#dbe5de", "#f89c20", "#5790fc", "#e42536", "#9c9ca1")
-_TIMES = 50.0  # largest drawn value, in multiples of the model's derivative
 
 
-def specification(report: GradientsReport) -> alt.TopLevelMixin:
+def chart_gradients(report: GradientsReport) -> alt.TopLevelMixin:
     """Return the chart of a report."""
-    return _map(report) if report.axes else _ladder(report)
+    return _map_chart(report) if report.axes else _ladder_chart(report)
 
 
-def _title(report: GradientsReport) -> alt.TitleParams:
+def _chart_title(report: GradientsReport) -> alt.TitleParams:
     what = f"derivative of {report.output_coordinate} after {report.duration:g} s"
     return alt.TitleParams(f"{report.scene}: {what}")
 
 
-def _ladder(report: GradientsReport) -> alt.TopLevelMixin:
+def _ladder_chart(report: GradientsReport) -> alt.TopLevelMixin:
     """Return differences over their spans and the model's derivative, one plot per input."""
     (place,) = report.places
     panels: list[alt.LayerChart | alt.FacetChart] = []
+    most_drawn = 50.0  # largest drawn value, in multiples of the model's derivative
     for name, by in place.inputs.items():
         model = by.model.value or 0.0
-        most = _TIMES * max(abs(model), by.model.bound or 0.0, 1e-12)
+        most = most_drawn * max(abs(model), by.model.bound or 0.0, 1e-12)
         rows = [
             {
                 "span": rung.span,
@@ -55,14 +55,14 @@ def _ladder(report: GradientsReport) -> alt.TopLevelMixin:
         rule = layer.mark_rule(color="#5790fc").encode(alt.Y("value:Q"))
         panels.append(alt.layer(shade, rule, drawn).properties(width=260, height=170))
     chart = alt.concat(*panels, columns=2).resolve_scale(x="independent", y="independent")
-    return chart.properties(title=_title(report))
+    return chart.properties(title=_chart_title(report))
 
 
-def _map(report: GradientsReport) -> alt.TopLevelMixin:
+def _map_chart(report: GradientsReport) -> alt.TopLevelMixin:
     """Return the verdicts on a map with lines at mode switches, by input and method."""
     (first, across), *rest = report.axes.items()
     second, along = rest[0] if rest else ("", (0.0,))
-    width = _edges(across), _edges(along)
+    width = _cell_edges(across), _cell_edges(along)
     boxes = [
         {"x": width[0][i], "x2": width[0][i + 1], "y": width[1][j], "y2": width[1][j + 1]}
         for i in range(len(across))
@@ -93,10 +93,10 @@ def _map(report: GradientsReport) -> alt.TopLevelMixin:
         layers = alt.layer(tiles, edges) if lines else alt.layer(tiles)
         panels.append(layers.properties(width=320, height=200, title=f"by {name}"))
     chart = alt.concat(*panels, columns=2)
-    return chart.properties(title=_title(report))
+    return chart.properties(title=_chart_title(report))
 
 
-def _edges(values: tuple[float, ...]) -> list[float]:
+def _cell_edges(values: tuple[float, ...]) -> list[float]:
     """Return the edges of cells about values, half way between neighbors."""
     if len(values) == 1:
         return [values[0] - 0.5, values[0] + 0.5]

@@ -8,10 +8,9 @@ from contactlab.engines.engine import PreparedRuns
 from contactlab.scene.initial_states import apply_inputs
 
 EPSILON = 1e-9
-"""Of the finite differences of a step; a larger one may cross the start or end of a contact."""
+"""of the finite differences of a step; a larger one may cross the start or end of a contact."""
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _BALL, _SINGLE = int(mujoco.mjtJoint.mjJNT_BALL), 2  # slides and hinges come after these
-_POSITION = 3  # translational coordinates of a free joint
 
 
 def chain_transitions(
@@ -62,7 +61,8 @@ def tangent_place(model: mujoco.MjModel, place: int) -> int | None:
     joint = int(np.searchsorted(model.jnt_qposadr, place, side="right")) - 1
     offset = place - int(model.jnt_qposadr[joint])
     kind = int(model.jnt_type[joint])
-    if kind == _BALL or (kind < _SINGLE and offset >= _POSITION):
+    translations = 3  # translational coordinates of a free joint
+    if kind == _BALL or (kind < _SINGLE and offset >= translations):
         return None
     return int(model.jnt_dofadr[joint]) + offset
 

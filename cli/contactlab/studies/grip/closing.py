@@ -106,7 +106,7 @@ class Closing:
     shares: Floats
     gaps: Floats
 
-    def control(self, share: float) -> Floats:
+    def control_at(self, share: float) -> Floats:
         """Return (nu,) controls at a share of the way from opened to closed."""
         return self.opened + share * (self.closed - self.opened)
 
@@ -178,7 +178,7 @@ def find_closing(fixture: GripFixture) -> Closing:
     model.geom_contype[own] = model.geom_conaffinity[own] = 0
     ends = control_ranges(model)
     signs, places = _run_design(fixture, model, ends)
-    sides = _split_sides(_fingertips(fixture, model, places), signs, places)
+    sides = _split_sides(_find_fingertips(fixture, model, places), signs, places)
     effects = _main_effects(signs, _mean_distances(places, list(product(*sides))))
     closing = np.abs(effects) > max(
         _CLOSING.least_effect * np.abs(effects).max(), SUM_ROUNDING * model.stat.extent
@@ -244,7 +244,7 @@ def _main_effects(signs: Floats, values: Floats) -> Floats:
     return np.nan_to_num(np.array(found))
 
 
-def _fingertips(fixture: GripFixture, model: mujoco.MjModel, places: Floats) -> list[int]:
+def _find_fingertips(fixture: GripFixture, model: mujoco.MjModel, places: Floats) -> list[int]:
     """Return the geom of each finger that is farthest from the base.
 
     A single finger is paired with the geom of the base that it comes nearest to.
@@ -415,7 +415,7 @@ def fit_object(fixture: GripFixture, closing: Closing, factor: float = 1.0) -> G
     point, turn = _finger_contacts(fixture, closing, at)
     beside = float(np.abs((ends - point) @ turn[:, 1]).max())
     size = (width, max(shrunk * side, _CLOSING.overhang * 2 * beside), shrunk * out)
-    fits = replace(DEFAULT_OBJECT, size=size).scaled(factor)
+    fits = replace(DEFAULT_OBJECT, size=size).scale_extents(factor)
     return replace(fits, size=(max(fits.size[0], least + kept), *fits.size[1:]))
 
 
@@ -425,7 +425,7 @@ def pads_center(fixture: GripFixture, closing: Closing) -> Floats | None:
     The nearest points of flat pads may be corners, between which a round object rolls out.
     """
     try:
-        held = squeeze(fixture, closing)
+        held = squeeze_object(fixture, closing)
     except SceneError:
         return None
     return held.points.mean(axis=0) if held.is_held else None
@@ -470,10 +470,10 @@ def _object_frame(fixture: GripFixture, point: Floats, axis: Floats) -> Floats:
     out -= axis * (out @ axis)
     if np.linalg.norm(out) < _CLOSING.on_axis_share * fixture.half.max():
         out[:] = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-    return frame(axis, out)
+    return squeeze_frame(axis, out)
 
 
-def frame(across: Floats, out: Floats) -> Floats:
+def squeeze_frame(across: Floats, out: Floats) -> Floats:
     """Return a rotation (3, 3) of `Squeeze` from two orthogonal directions (3,)."""
     axes = np.empty((3, 3))
     axes[:, 0] = across / np.linalg.norm(across)
@@ -482,7 +482,7 @@ def frame(across: Floats, out: Floats) -> Floats:
     return axes
 
 
-def squeeze(fixture: GripFixture, closing: Closing, centre: Floats | None = None) -> Squeeze:
+def squeeze_object(fixture: GripFixture, closing: Closing, centre: Floats | None = None) -> Squeeze:
     """Close a hand on its object, which is centered on the pads first.
 
     If the object slips out between the outermost geoms, it is fixed until the fingers rest, and
@@ -554,7 +554,7 @@ def close_at(
 ) -> Squeeze:
     """Close a hand to a control on its object until it rests."""
     row = start_row(fixture.model, _initial_pose(fixture, closing, approach))
-    begin = closing.control(float(closing.shares[approach.place]))
+    begin = closing.control_at(float(closing.shares[approach.place]))
     if not approach.is_still:
         path, row = _ramp_control(fixture.model, row, begin, control)
         return replace(

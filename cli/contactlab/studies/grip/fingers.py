@@ -88,7 +88,7 @@ def _driven_bodies(model: mujoco.MjModel) -> set[int]:
     return {require_id(model, "body", name) for name in names}
 
 
-def subtree(model: mujoco.MjModel, body: int) -> list[int]:
+def list_subtree(model: mujoco.MjModel, body: int) -> list[int]:
     """Return a body and all bodies that it carries."""
     kept = {body}
     for each in range(body + 1, model.nbody):
@@ -147,12 +147,12 @@ def _find_carriers(model: mujoco.MjModel) -> _Carriers:
     steps = max(2, round(probe_seconds / model.opt.timestep))
     rows = repeat_input(start_row(probe, pose_within_limits(probe)), len(controls), 1)[:, 0]
     rolled = roll_out(probe, rows, np.repeat(controls[:, None], steps, axis=1))
-    loose = {body for root in loose_bodies(model) for body in subtree(model, root)}
+    loose = {body for root in loose_bodies(model) for body in list_subtree(model, root)}
     carriers = dict[int, tuple[int, frozenset[int]]]()
     # A body moves with an actuator if it travels at least this share of the farthest one.
     moved_share = 0.1
     for actuator in range(model.nu):
-        poses = [_places(model, qpos) for qpos in rolled.qpos[3 * actuator :][:3, -1]]
+        poses = [_body_points(model, qpos) for qpos in rolled.qpos[3 * actuator :][:3, -1]]
         apart = [np.linalg.norm(one - other, axis=1) for one, other in combinations(poses, 2)]
         way = np.max(apart, axis=0).reshape(-1, model.nbody).max(axis=0)
         way[list(loose)] = 0
@@ -167,7 +167,7 @@ def _find_carriers(model: mujoco.MjModel) -> _Carriers:
     return carriers
 
 
-def _places(model: mujoco.MjModel, qpos: Floats) -> Floats:
+def _body_points(model: mujoco.MjModel, qpos: Floats) -> Floats:
     """Return the origin, center of mass and axis ends of the frame of each body [m]."""
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
@@ -186,7 +186,7 @@ def _walk_up(model: mujoco.MjModel, body: int) -> Iterator[int]:
         yield body
 
 
-def collides(model: mujoco.MjModel, geom: int) -> bool:
+def is_colliding(model: mujoco.MjModel, geom: int) -> bool:
     """Return whether a geom takes part in collisions."""
     return bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
 
@@ -194,12 +194,12 @@ def collides(model: mujoco.MjModel, geom: int) -> bool:
 def geoms_of(model: mujoco.MjModel, bodies: tuple[int, ...] | list[int]) -> list[int]:
     """Return the geoms of bodies that take part in collisions."""
     found = np.flatnonzero(np.isin(model.geom_bodyid, bodies))
-    return [int(geom) for geom in found if collides(model, int(geom))]
+    return [int(geom) for geom in found if is_colliding(model, int(geom))]
 
 
 def _hand_at(model: mujoco.MjModel, base: int, carriers: _Carriers) -> Hand | None:
     """Return the hand of a base, from the fingers that actuators move within it."""
-    own = subtree(model, base)
+    own = list_subtree(model, base)
     actuators = [actuator for actuator, (carrier, _) in carriers.items() if carrier in own]
     moved = {body for actuator in actuators for body in carriers[actuator][1]}
     fixed = {body for body in own if _fixed_to(model, body, base)}
@@ -213,7 +213,7 @@ def _hand_at(model: mujoco.MjModel, base: int, carriers: _Carriers) -> Hand | No
         driven |= set[int]().union(*joined)
     fingers = [
         each
-        for each in _linked_fingers(model, [subtree(model, root) for root in roots])
+        for each in _linked_fingers(model, [list_subtree(model, root) for root in roots])
         if moved & driven & set(each) and geoms_of(model, each)
     ]
     if not actuators or not fingers:
@@ -255,4 +255,4 @@ def _fixed_to(model: mujoco.MjModel, body: int, base: int) -> bool:
 
 def fixed_bodies(model: mujoco.MjModel, base: int) -> list[int]:
     """Return a base and the bodies that are fixed to it."""
-    return [body for body in subtree(model, base) if _fixed_to(model, body, base)]
+    return [body for body in list_subtree(model, base) if _fixed_to(model, body, base)]

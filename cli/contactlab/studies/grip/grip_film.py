@@ -45,7 +45,9 @@ def _film_chapters(grip: Grip, rate: int) -> Iterator[Chapter]:
     worst = worst_drift(grip.measure_drifts())
     steps = round(worst.seconds / model.opt.timestep)
     way = grip.directions().get(worst.name, np.zeros(3))
-    loaded = grip.load.forces(grip.load.gravity * way) if way.any() else np.zeros((model.nbody, 6))
+    loaded = (
+        grip.load.load_forces(grip.load.gravity * way) if way.any() else np.zeros((model.nbody, 6))
+    )
     parts: list[tuple[str, Floats]] = [
         (f"its weight pulls {worst.name}", repeat_input(loaded, 1, steps)[0]),
         (

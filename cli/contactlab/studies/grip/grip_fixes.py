@@ -19,7 +19,7 @@ from contactlab.studies.grip.closing import Closing, Squeeze, close_at, measure_
 from contactlab.studies.grip.fingers import control_ranges
 from contactlab.studies.grip.grip_fixture import GripFixture
 from contactlab.studies.grip.grip_verdict import verdict_of
-from contactlab.studies.grip.holding import Drift, Load, directions, measure_drifts
+from contactlab.studies.grip.holding import Drift, Load, load_directions, measure_drifts
 from contactlab.studies.grip.rollouts import repeat_input, roll_out
 
 _INPUTS = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_XFRC_APPLIED)
@@ -53,7 +53,7 @@ class Grip:
 
     def directions(self) -> dict[str, Floats]:
         """Return the directions of loads."""
-        return directions(self.held, self.names)
+        return load_directions(self.held, self.names)
 
     def measure_drifts(self) -> tuple[Drift, ...]:
         """Return the drifts in all directions; the first is without a further load."""
@@ -81,7 +81,7 @@ class Grip:
         steps = max(2, round(_ADAPTS / fixture.model.opt.timestep))
         share = np.minimum(1, np.linspace(0, 2, steps))[:, None]
         controls = self.held.control + share * (control - self.held.control)
-        lifted = repeat_input(self.load.forces(np.zeros(3)), 1, steps)
+        lifted = repeat_input(self.load.load_forces(np.zeros(3)), 1, steps)
         rolled = roll_out(fixture.model, self.held.row[None], controls[None], lifted)
         return measure_squeeze(fixture, rolled.rows[0], control, self.held.turn, rolled.qpos[0])
 
@@ -147,7 +147,7 @@ def _prices(grip: Grip, changed: Mapping[str, mujoco.MjModel]) -> Mapping[str, T
     model = grip.fixture.model
     steps = max(2, round(_TIMED / model.opt.timestep))
     down = grip.directions()[grip.names[1]]
-    forces = grip.load.forces(grip.load.gravity * down).ravel()
+    forces = grip.load.load_forces(grip.load.gravity * down).ravel()
     inputs = np.tile(np.concatenate([grip.held.control, forces]), (1, steps, 1))
     motion = Motion(model, grip.held.row[None], inputs, _INPUTS, "held")
     run = replay(motion, _WINDOW, 1)

@@ -11,11 +11,11 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.studies.grip.fingers import (
     Hand,
-    collides,
     fixed_bodies,
     geoms_of,
+    is_colliding,
+    list_subtree,
     loose_bodies,
-    subtree,
 )
 from contactlab.studies.grip.gripped_object import GrippedObject
 
@@ -52,7 +52,7 @@ def mount_hand(
     it filtered between base and fingers are excluded. A body to keep is the object, not a part of
     the robot.
     """
-    cut, own = spec.copy(), set(subtree(model, hand.base))
+    cut, own = spec.copy(), set(list_subtree(model, hand.base))
     # Delete joints of the base, and all parts that move or couple other bodies.
     bodies = sorted(own)
     carried = np.flatnonzero(
@@ -77,7 +77,7 @@ def mount_hand(
     parts += [joint for joint in cut.joints if model.joint(joint.name).id not in joints]
     for part in parts:
         cut.delete(part)
-    gone = {body for root in loose_bodies(model) for body in subtree(model, root)} - own
+    gone = {body for root in loose_bodies(model) for body in list_subtree(model, root)} - own
     for body in list(cut.bodies):
         number = model.body(body.name).id
         if number in gone and int(model.body_parentid[number]) not in gone and body.name != kept:
@@ -243,7 +243,7 @@ def add_object(mounted_hand: MountedHand, held: GrippedObject) -> GripFixture:
     except (ValueError, mujoco.FatalError) as error:
         raise SceneError(f"the hand with its object does not compile: {error}") from error
     number = model.body(name).id
-    half, middle = bounds(model, number)
+    half, middle = colliding_bounds(model, number)
     return GripFixture(
         model=model,
         base=model.body(mounted_hand.base).id,
@@ -255,11 +255,11 @@ def add_object(mounted_hand: MountedHand, held: GrippedObject) -> GripFixture:
     )
 
 
-def bounds(model: mujoco.MjModel, body: int) -> tuple[Floats, Floats]:
+def colliding_bounds(model: mujoco.MjModel, body: int) -> tuple[Floats, Floats]:
     """Return half extents and the middle of a body's colliding geoms, in its frame [m]."""
     lows, highs = list[Floats](), list[Floats]()
     for geom in range(model.ngeom):
-        if int(model.geom_bodyid[geom]) != body or not collides(model, geom):
+        if int(model.geom_bodyid[geom]) != body or not is_colliding(model, geom):
             continue
         turn = np.empty(9)
         mujoco.mju_quat2Mat(turn, model.geom_quat[geom])

@@ -60,7 +60,7 @@ class GripEvidence:
         return math.isfinite(left) and left <= _HALVED_SHARE * self.speed
 
 
-def causes(known: GripEvidence) -> list[tuple[CauseKind, str]]:
+def find_causes(known: GripEvidence) -> list[tuple[CauseKind, str]]:
     """Return why an object does not stay, the first cause first; each is shown by an experiment."""
     found = list[tuple[CauseKind, str]]()
     if known.word != "holds" and (first := _first_cause(known)) is not None:

@@ -48,7 +48,7 @@ class GrippedObject:
         sizes = "x".join(f"{1e3 * length:.4g}" for length in shown)
         return f"a {self.shape} of {sizes} mm and {weight}"
 
-    def scaled(self, factor: float) -> "GrippedObject":
+    def scale_extents(self, factor: float) -> "GrippedObject":
         """Return the object with scaled extents; its mass, and a mesh or body, are unchanged."""
         across, second, third = (factor * length for length in self.size)
         return replace(self, size=(across, second, third))

@@ -36,14 +36,14 @@ from contactlab.studies.grip.closing import (
     find_closing,
     fit_object,
     pads_center,
-    squeeze,
+    squeeze_object,
 )
 from contactlab.studies.grip.fingers import find_hand
 from contactlab.studies.grip.grip_fixes import Grip, TestedFix, run_fixes, weakest_finger_force
 from contactlab.studies.grip.grip_fixture import GripFixture, MountedHand, add_object, mount_hand
 from contactlab.studies.grip.grip_verdict import (
     GripEvidence,
-    causes,
+    find_causes,
     verdict_of,
     worst_drift,
     worst_speed,
@@ -152,8 +152,8 @@ def judge_grip(request: GripRequest) -> GripReport:
         deep=grip.held.depth / width,
         tried=speeds,
     )
-    fixes = _fixes(request, known.speed, tried)
-    why = tuple(GripCause(kind=kind, sentence=text) for kind, text in causes(known))
+    fixes = _fix_rows(request, known.speed, tried)
+    why = tuple(GripCause(kind=kind, sentence=text) for kind, text in find_causes(known))
     if request.film is not None:
         request.film(grip)
     model = grip.fixture.model
@@ -181,7 +181,7 @@ def judge_grip(request: GripRequest) -> GripReport:
         ),
         causes=why,
         fixes=fixes,
-        notes=tuple(_notes(setup, tried)),
+        notes=tuple(_list_notes(setup, tried)),
     )
 
 
@@ -220,7 +220,7 @@ def _mount_and_close(request: GripRequest) -> _Setup:
         box = replace(DEFAULT_OBJECT, size=(2 * float(fixture.half[0]), *DEFAULT_OBJECT.size[1:]))
         is_box = given.shape == "box"
         centre = None if is_box else pads_center(add_object(mounted_hand, box), closing)
-        held = squeeze(fixture, closing, centre)
+        held = squeeze_object(fixture, closing, centre)
     if request.squeeze is not None:
         tolerance = 0.01  # of the force, relative
         most = weakest_finger_force(held)
@@ -236,7 +236,7 @@ def _mount_and_close(request: GripRequest) -> _Setup:
             and high - low > tolerance**2
         ):
             share = (low + high) / 2
-            found = close_at(fixture, closing, held.approach, closing.control(share))
+            found = close_at(fixture, closing, held.approach, closing.control_at(share))
             low, high = (
                 (low, share) if weakest_finger_force(found) > request.squeeze else (share, high)
             )
@@ -254,7 +254,7 @@ def _squeeze_default_object(
         tried = fit_object(fixture, closing, factor)
         other = fixture if tried == DEFAULT_OBJECT else add_object(mounted_hand, tried)
         try:
-            return tried, other, squeeze(other, closing)
+            return tried, other, squeeze_object(other, closing)
         except SceneError:
             if factor == scales[-1]:
                 raise
@@ -328,9 +328,9 @@ def _placement_rows(
     if setup.given is None or setup.given.shape in ("body", "mesh"):
         return
     for name, factor in (("a tenth smaller", 0.9), ("a tenth larger", 1.1)):
-        other = add_object(setup.mounted_hand, setup.given.scaled(factor))
+        other = add_object(setup.mounted_hand, setup.given.scale_extents(factor))
         try:
-            held = squeeze(other, grip.closing, grip.held.points.mean(axis=0))
+            held = squeeze_object(other, grip.closing, grip.held.points.mean(axis=0))
         except SceneError:
             continue  # it does not fit between the fingers, or they do not close as far
         sized = replace(grip, fixture=other, held=held, load=Load.of_all(other, grip.load.gravity))
@@ -346,7 +346,9 @@ def _placement_row(name: str, grip: Grip, drifts: Sequence[Drift], within: float
     )
 
 
-def _fixes(request: GripRequest, speed: float, tried: Sequence[TestedFix]) -> tuple[GripFix, ...]:
+def _fix_rows(
+    request: GripRequest, speed: float, tried: Sequence[TestedFix]
+) -> tuple[GripFix, ...]:
     """Return the tested fixes: those that hold first, then by time, then by simplicity."""
     worse_speeds = 1.1  # ratio of speeds that count as worse
 
@@ -392,7 +394,7 @@ def _patch_lines(
         return (), str(error).splitlines()[0]
 
 
-def _notes(setup: _Setup, tried: Sequence[TestedFix]) -> Iterator[str]:
+def _list_notes(setup: _Setup, tried: Sequence[TestedFix]) -> Iterator[str]:
     yield from setup.notes
     if setup.mounted_hand is not None:
         yield _FILTER_NOTE
@@ -412,7 +414,7 @@ def _grip_sentence(
     what = _object_words(setup)
     if word == "holds":
         where = f" ({worst.name})" if worst.speed > 0 else ""
-        return f"holds {what}: at most {_speed(worst.speed)}{where}, {force:.3g} N per finger"
+        return f"holds {what}: at most {_speed_text(worst.speed)}{where}, {force:.3g} N per finger"
     reason = f": {why[0].sentence}" if why else ""
     if not setup.grip.held.is_held:
         text = f"drops {what}{reason}"
@@ -420,14 +422,14 @@ def _grip_sentence(
         text = f"drops {what}: lost after {worst.lost:.2g} s, {worst.name}{reason}"
     else:
         end = f", lost after {worst.lost:.3g} s" if math.isfinite(worst.lost) else ""
-        speed = _speed(worst.speed)
+        speed = _speed_text(worst.speed)
         text = f"creeps: {what} moves at {speed} {worst.name}, {worst.trend}{end}{reason}"
     best = next((each for each in fixes if each.verdict == "holds"), None)
     if best is None:
         return f"{text}. No tested fix holds it" if fixes else text
     cost = f", x{best.time_ratio.ratio:.2g} time" if best.time_ratio else ""
-    return f"{text}. Fix: {best.name} ({_speed(best.speed or 0.0)}{cost})"
+    return f"{text}. Fix: {best.name} ({_speed_text(best.speed or 0.0)}{cost})"
 
 
-def _speed(speed: float) -> str:
+def _speed_text(speed: float) -> str:
     return f"{1e3 * speed:.3g} mm/s"

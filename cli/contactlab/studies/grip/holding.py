@@ -124,14 +124,14 @@ class Load:
         own = fixture.model.opt.gravity.copy()
         return cls(float(np.linalg.norm(own)) or _LOADING.standard_gravity, masses, own, "as it is")
 
-    def forces(self, accelerations: Floats) -> Floats:
+    def load_forces(self, accelerations: Floats) -> Floats:
         """Return (..., nbody, 6) forces of accelerations (..., 3) [N]."""
         found = np.zeros((*accelerations.shape[:-1], len(self.masses), 6))
         found[..., :3] = self.masses[:, None] * (accelerations - self.own)[..., None, :]
         return found
 
 
-def directions(squeeze: Squeeze, names: tuple[str, str]) -> dict[str, Floats]:
+def load_directions(squeeze: Squeeze, names: tuple[str, str]) -> dict[str, Floats]:
     """Return six unit vectors in the world frame, by name; `names` are those out and back."""
     across, side, out = squeeze.turn.T
     return {
@@ -153,7 +153,7 @@ def measure_drifts(
     fastest, are continued for the same duration.
     """
     names = [load.idle, *ways]
-    forces = load.forces(load.gravity * np.array([*ways.values()]))
+    forces = load.load_forces(load.gravity * np.array([*ways.values()]))
     forces = np.concatenate([np.zeros((1, fixture.model.nbody, 6)), forces])
     axes = [held.turn[:, 0], *ways.values()]
     left = [remaining_travel(fixture, held, way) for way in axes]
@@ -239,8 +239,8 @@ def _drift_of(
     left = remaining_travel(fixture, seen.end, axis)
     pace = fit_pace(speeds)
     windows = _LOADING.horizon / window
-    speed = pace.way(windows) / windows if pace.trend == "fading" else pace.speed
-    when = duration + window * pace.until(left / window)
+    speed = pace.travel_in(windows) / windows if pace.trend == "fading" else pace.speed
+    when = duration + window * pace.windows_until(left / window)
     return Drift(name, duration, told, pace.trend, speed, left, when, path)
 
 
@@ -259,7 +259,7 @@ class Pace(NamedTuple):
     change: float = 0.0
     ratio: float = 0.0
 
-    def way(self, windows: float) -> float:
+    def travel_in(self, windows: float) -> float:
         """Return the travel in coming windows, over the length of a window [m/s]."""
         ratio, changed = self.ratio, windows * (windows + 1) / 2
         if ratio > 1 and windows * math.log(ratio) > _LOADING.most_logarithm:
@@ -269,17 +269,17 @@ class Pace(NamedTuple):
             changed = ratio / (1 - ratio) * (windows - power)
         return windows * self.speed + self.change * changed
 
-    def until(self, way: float) -> float:
+    def windows_until(self, way: float) -> float:
         """Return the number of windows that it takes to cover a distance; infinite if never.
 
         By bisection, since the travel grows with time.
         """
         low, high = 0.0, _LOADING.most_windows
-        if self.way(high) <= way:
+        if self.travel_in(high) <= way:
             return math.inf
         while high - low > COARSE_ROUNDING * (1 + low):
             middle = (low + high) / 2
-            low, high = (low, middle) if self.way(middle) > way else (middle, high)
+            low, high = (low, middle) if self.travel_in(middle) > way else (middle, high)
         return high
 
 
@@ -327,7 +327,7 @@ def shake_forces(fixture: GripFixture, held: Squeeze, load: Load, gravity: Float
     times = np.arange(0, _LOADING.shake_seconds, fixture.model.opt.timestep)[:, None]
     _, side, out = held.turn.T
     angles = 2 * np.pi * _LOADING.shake_rate * times
-    return load.forces(
+    return load.load_forces(
         gravity + _LOADING.shake_acceleration * (np.cos(angles) * side + np.sin(angles) * out)
     )
 
@@ -337,7 +337,7 @@ def turn_object(fixture: GripFixture, held: Squeeze, load: Load, down: Floats) -
     times = np.arange(0, _LOADING.turn_seconds, fixture.model.opt.timestep)[:, None]
     angles, axis = 2 * np.pi * times / _LOADING.turn_seconds, held.turn[:, 0]
     turning = np.cos(angles) * down + np.sin(angles) * np.cross(axis, down)
-    return _run_trial(fixture, held, load.forces(load.gravity * turning))
+    return _run_trial(fixture, held, load.load_forces(load.gravity * turning))
 
 
 def _run_trial(fixture: GripFixture, held: Squeeze, forces: Floats) -> GripTrial:
@@ -367,7 +367,7 @@ def pull_object(
     limit = _friction_capacity(fixture, held)
     shares = np.arange(_LOADING.pull_step, _LOADING.most_pull, _LOADING.pull_step)
     steps = max(8, round(_LOADING.pull_seconds / fixture.model.opt.timestep))
-    forces = np.repeat(load.forces(np.zeros(3))[None], len(shares), axis=0)
+    forces = np.repeat(load.load_forces(np.zeros(3))[None], len(shares), axis=0)
     rows = repeat_input(held.row, len(shares), 1)[:, 0]
     controls = repeat_input(held.control, len(shares), steps)
     dof = int(fixture.model.body_dofadr[fixture.body])
@@ -395,7 +395,7 @@ def pull_forces(fixture: GripFixture, held: Squeeze, load: Load, way: Floats) ->
     """Return (N, nbody, 6) forces of a pull that exceeds the holding force within a second [N]."""
     steps = max(_LOADING.samples, round(1 / fixture.model.opt.timestep))
     most = _LOADING.most_pull * _friction_capacity(fixture, held)
-    forces = repeat_input(load.forces(np.zeros(3)), 1, steps)[0]
+    forces = repeat_input(load.load_forces(np.zeros(3)), 1, steps)[0]
     forces[:, fixture.body, :3] += most * np.arange(1, steps + 1)[:, None] / steps * way
     return forces
 

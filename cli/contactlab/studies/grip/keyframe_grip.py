@@ -10,9 +10,9 @@ from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.keyframes import place_mocap, start_data
 from contactlab.scene.model_names import require_id
 from contactlab.scene.task import keyframe_names
-from contactlab.studies.grip.closing import Squeeze, frame, measure_squeeze
-from contactlab.studies.grip.fingers import loose_bodies, subtree
-from contactlab.studies.grip.grip_fixture import GripFixture, bounds
+from contactlab.studies.grip.closing import Squeeze, measure_squeeze, squeeze_frame
+from contactlab.studies.grip.fingers import list_subtree, loose_bodies
+from contactlab.studies.grip.grip_fixture import GripFixture, colliding_bounds
 from contactlab.studies.grip.rollouts import (
     data_at,
     find_contacts,
@@ -42,7 +42,7 @@ def find_held_object(
     steps = max(1, round(settle_seconds / model.opt.timestep))
     # Free objects are weightless: forces cancel their weight.
     forces = np.zeros((model.nbody, 6))
-    loose = [body for root in loose_bodies(model) for body in subtree(model, root)]
+    loose = [body for root in loose_bodies(model) for body in list_subtree(model, root)]
     weights = model.body_mass[loose] * (1 - model.body_gravcomp[loose])
     forces[loose, :3] = -weights[:, None] * model.opt.gravity
     weightless = repeat_input(forces, 1, steps)
@@ -72,15 +72,15 @@ def find_held_object(
     found = find_contacts(model, data, number)
     # The bodies that press are fingers, carried by their nearest common base.
     touching = sorted({int(model.geom_bodyid[contact.geom]) for contact in found} - {0})
-    carrier = require_id(model, "body", base) if base else _shared(model, touching)
+    carrier = require_id(model, "body", base) if base else _shared_base(model, touching)
     fingers = [
-        tuple(subtree(model, root))
+        tuple(list_subtree(model, root))
         for root in range(1, model.nbody)
         if root != number
         and _carried_by(model, root, carrier)
-        and set(subtree(model, root)) & set(touching)
+        and set(list_subtree(model, root)) & set(touching)
     ]
-    half, middle = bounds(model, number)
+    half, middle = colliding_bounds(model, number)
     fixture = GripFixture(
         model=model,
         base=carrier,
@@ -99,7 +99,7 @@ def find_held_object(
     up -= across * (up @ across)
     if np.linalg.norm(up) < COARSE_ROUNDING * (1 + np.linalg.norm(model.opt.gravity)):
         up[:] = np.cross(across, np.eye(3)[int(np.argmin(np.abs(across)))])
-    turn = frame(across, up)
+    turn = squeeze_frame(across, up)
     held = measure_squeeze(fixture, settled.rows[0], control, turn, settled.qpos[0])
     if not held.is_held:
         raise SceneError(
@@ -109,7 +109,7 @@ def find_held_object(
     return fixture, held
 
 
-def _shared(model: mujoco.MjModel, bodies: Sequence[int]) -> int:
+def _shared_base(model: mujoco.MjModel, bodies: Sequence[int]) -> int:
     """Return the nearest body that carries all of the given bodies."""
     ways = list[list[int]]()
     for body in bodies:

@@ -10,16 +10,16 @@ from contactlab.studies.lint.rules import rule
 _FULL = tuple(
     int(getattr(mujoco.mjtWarning, f"mjWARN_{name}")) for name in ("CONTACTFULL", "CNSTRFULL")
 )
-_SHARE = 0.5  # share of the memory above which a motion soon needs more
 
 
 @rule("memory", "gate")
 def memory(linted: LintedModel) -> Iterator[Fault]:
     """The model reserves too little memory for the contacts of its own start."""
     model = linted.model
+    most_share = 0.5  # a motion that uses a larger share of the memory soon needs more
     for start, data in linted.starts.items():
         lost = any(data.warning[kind].number for kind in _FULL)
-        if lost or (linted.spec.memory > 0 and data.maxuse_arena > _SHARE * model.narena):
+        if lost or (linted.spec.memory > 0 and data.maxuse_arena > most_share * model.narena):
             used = "contacts are dropped" if lost else f"{data.maxuse_arena:,} bytes are used"
             yield Fault(
                 f"memory is {model.narena:,} bytes, and at {start} {used}: more contacts are lost",

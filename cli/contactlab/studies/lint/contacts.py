@@ -37,7 +37,7 @@ SHELL = Limit(
 )
 """A margin may be as large as the accepted penetration."""
 SOFTNESS = Limit("softness", "s", "warn", 0.02, shown=MILLISECONDS)
-"""Of 1 / sqrt(K), that of the engine's default solref."""
+"""1 / sqrt(K) of the engine's default solref."""
 
 
 def softness(solref: Solref) -> float:
@@ -63,7 +63,7 @@ def _touching_geoms(model: mujoco.MjModel) -> np.ndarray:
 
 
 def _solref_users(model: mujoco.MjModel) -> Iterator[_User]:
-    """Yield the parts whose solref takes effect."""
+    """Yield the parts with a solref that takes effect."""
     overridden = int(model.opt.enableflags) & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE)
     kinds: list[tuple[str, str, np.ndarray, Callable[[int], object]]] = [
         ("equality", "solref", model.eq_solref, lambda index: model.eq_active0[index]),
@@ -107,7 +107,7 @@ def _users_text(linted: LintedModel, users: list[_User]) -> str:
 
 @rule("solref-step", "warn")
 def solref_step(linted: LintedModel) -> Iterator[Fault]:
-    """A time constant of solref is below two timesteps, so that it is not what acts."""
+    """A time constant of solref is below two timesteps, so another one acts."""
     model = linted.model
     step, safe = float(model.opt.timestep), not model.opt.disableflags & _REFSAFE
 
@@ -183,14 +183,14 @@ def solref_mixed(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("frictionless-condim", "warn")
 def frictionless_condim(linted: LintedModel) -> Iterator[Fault]:
-    """Two geoms make contacts with friction whose coefficient is zero; condim 1 has none."""
+    """Two geoms make contacts with friction of coefficient zero; condim 1 means no friction."""
     model = linted.model
     least = mujoco.mjMINMU
     slides = model.geom_friction[:, 0] <= least
     listed = np.flatnonzero((model.pair_dim > 1) & (model.pair_friction[:, 0] <= least)).tolist()
     for pair in listed:
         name = linted.name("pair", pair)
-        yield _frictionless(linted, f"pair '{name}'", int(model.pair_dim[pair]), "pair", pair)
+        yield _friction_fault(linted, f"pair '{name}'", int(model.pair_dim[pair]), "pair", pair)
     if not slides.any() or model.opt.disableflags & _NO_CONTACT:
         return
     told = set[int]()
@@ -202,10 +202,10 @@ def frictionless_condim(linted: LintedModel) -> Iterator[Fault]:
             told |= set(deciding)
             geom = deciding[int(np.argmax(model.geom_condim[deciding]))]
             names = [linted.name("geom", g) for g in (first, second)]
-            yield _frictionless(linted, f"{names[0]} - {names[1]}", condim, "geom", geom)
+            yield _friction_fault(linted, f"{names[0]} - {names[1]}", condim, "geom", geom)
 
 
-def _frictionless(linted: LintedModel, who: str, condim: int, kind: str, index: int) -> Fault:
+def _friction_fault(linted: LintedModel, who: str, condim: int, kind: str, index: int) -> Fault:
     elliptic = linted.model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
     cone = (
         "a cone of no width, which the solver scales badly by" if elliptic else "rows for nothing"

@@ -68,7 +68,7 @@ def absolute_path(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("resource-name", "gate", of_refused=True)
 def resource_name(linted: LintedModel) -> Iterator[Fault]:
-    """A file is named by its ROS package, and MuJoCo by itself does not find it."""
+    """A file is named by its ROS package, and MuJoCo alone does not find it."""
     named = [
         (element.get(key, ""), origin)
         for element, origin in linted.tags()
@@ -81,7 +81,7 @@ def resource_name(linted: LintedModel) -> Iterator[Fault]:
     more = f", nor {len(others)} more of such names" if others else ""
     paths = linted.source.content.resources
     there = paths.get(plain_name(name))
-    hint = "no folder beside the model has it"
+    hint = "no folder next to the model has it"
     if there is not None:
         hint = f"it is {relative_path(there, linted.main.parent).as_posix()}"
     message = f"MuJoCo does not find {name}{more} ({refused}); {hint}"

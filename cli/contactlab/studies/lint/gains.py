@@ -29,9 +29,7 @@ from contactlab.studies.lint.rules import rule
 Ids = NDArray[np.int32]
 # An eigenvalue of exactly 1 is a uniform motion; rounding makes it slightly larger.
 _GROWS = 1 + COARSE_ROUNDING
-_HALVINGS = 20
 _INTEGRATOR = mujoco.mjtIntegrator
-_DISCRETE = int(getattr(_INTEGRATOR, "mjINT_DISCRETE", -1))
 _SPRING, _DAMPER = (
     int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}", 0)) for name in ("SPRING", "DAMPER")
 )
@@ -54,10 +52,10 @@ class Linear(NamedTuple):
 
 def growth(linear: Linear, timestep: float, integrator: int) -> float:
     """Return the largest magnitude of an eigenvalue of one step [s]; above 1, a motion grows."""
-    return float(np.abs(_modes(linear, timestep, integrator)).max(initial=0.0))
+    return float(np.abs(_find_modes(linear, timestep, integrator)).max(initial=0.0))
 
 
-def _modes(linear: Linear, timestep: float, integrator: int) -> np.ndarray:
+def _find_modes(linear: Linear, timestep: float, integrator: int) -> np.ndarray:
     """Return the eigenvalues (2n,) of one step."""
     mass, stiffness, explicit, implicit = linear
     unit, h = np.eye(len(mass)), timestep
@@ -158,7 +156,8 @@ def gain_step(linted: LintedModel) -> Iterator[Fault]:
     """One step of the integrator cannot hold the gains of servos, springs or tendons."""
     model = linted.model
     integrator, timestep = int(model.opt.integrator), float(model.opt.timestep)
-    if not model.nv or integrator == _DISCRETE or not 0 < timestep < math.inf:
+    discrete = int(getattr(_INTEGRATOR, "mjINT_DISCRETE", -1))
+    if not model.nv or integrator == discrete or not 0 < timestep < math.inf:
         return
     start, data = next(iter(linted.starts.items()))
     late = integrator == _INTEGRATOR.mjINT_RK4 or bool(model.opt.disableflags & _EULERDAMP)
@@ -171,7 +170,8 @@ def gain_step(linted: LintedModel) -> Iterator[Fault]:
         return
     # The largest stable step, by bisection, rounded down to two digits.
     low, high = 0.0, timestep
-    for _ in range(_HALVINGS):
+    halvings = 20
+    for _ in range(halvings):
         middle = (low + high) / 2
         low, high = (low, middle) if growth(linear, middle, integrator) > _GROWS else (middle, high)
     holds = float(f"{0.98 * low:.1e}")
@@ -188,7 +188,7 @@ def gain_step(linted: LintedModel) -> Iterator[Fault]:
 
 
 def _stiffest_joint(model: mujoco.MjModel, data: mujoco.MjData, timestep: float) -> str:
-    """Return the joint whose springs and damping are largest for its inertia, in one step."""
+    """Return the joint with the largest springs and damping for its inertia, in one step."""
     load, mass = np.zeros(model.nv), np.empty((model.nv, model.nv))
     for row, unit in zip(mass, np.eye(model.nv), strict=True):
         mujoco.mj_mulM(model, data, row, unit)

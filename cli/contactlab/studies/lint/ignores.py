@@ -52,7 +52,7 @@ def ignored(source: SceneSource) -> Ignored:
         data = file.read_bytes()
         elements = elements_of(data) if is_model else []
         first = line_of(data, elements[0].inner - 1) if elements else 0
-        for line, rule in _comments(data.decode(errors="replace")):
+        for line, rule in _read_comments(data.decode(errors="replace")):
             at = f"ignored in {shown_path(file)}:{line}"
             if line <= first or not is_model:
                 everywhere[rule] = at
@@ -63,7 +63,7 @@ def ignored(source: SceneSource) -> Ignored:
     return Ignored(everywhere, beside)
 
 
-def _comments(text: str) -> Iterator[tuple[int, str]]:
+def _read_comments(text: str) -> Iterator[tuple[int, str]]:
     """Yield line and rule of each comment."""
     for number, line in enumerate(text.splitlines(), 1):
         for found in _COMMENT.finditer(line):

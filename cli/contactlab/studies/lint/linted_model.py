@@ -215,7 +215,7 @@ class LintedModel:
 
     def place(self, kind: str, name: str | int) -> Place:
         """Return the line of a part's element, or the first of the main file."""
-        return self.place_at(self._origin(kind, name))
+        return self.place_at(self._find_origin(kind, name))
 
     def place_of(self, tag: str) -> Place:
         """Return the line of the last element of a tag, or the first of the main file."""
@@ -223,7 +223,7 @@ class LintedModel:
 
     def set(self, kind: str, name: str | int, /, **values: str) -> tuple[Edit, ...]:
         """Return the edit that sets attributes of a part's element, if it has one."""
-        return self.set_at(self._origin(kind, name), values)
+        return self.set_at(self._find_origin(kind, name), values)
 
     def set_in(self, tag: str, /, **values: str) -> tuple[Edit, ...]:
         """Return the edit that sets attributes in the last element of a tag, or adds one."""
@@ -255,7 +255,7 @@ class LintedModel:
     def _elements(self) -> Mapping[Path, list[ElementText]]:
         return {file: elements_of(text) for file, text in self._texts.items()}
 
-    def _origin(self, kind: str, name: str | int) -> Origin | None:
+    def _find_origin(self, kind: str, name: str | int) -> Origin | None:
         named = self.name(kind, name) if isinstance(name, int) else name
         return self._origins.get((kind, named))
 
@@ -294,10 +294,34 @@ def edited(faults: Iterator[Fault]) -> Mapping[Path, bytes]:
 def linted_model(source: SceneSource) -> Generator[LintedModel]:
     """Yield a scene's model; its copied files exist within the context."""
     with _laid_out(source) as (copy, origins):
-        yield _linted(source, _compile(source, copy, origins))
+        silence_mujoco()
+        lines: dict[tuple[str, str], int] = {}
+        refused, model, faults = "", None, tuple[InertiaFault, ...]()
+        spec = mujoco.MjSpec()
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            try:
+                spec = mujoco.MjSpec.from_file(str(copy.model))
+                for element in (*spec.meshes, *spec.hfields, *spec.skins, *spec.textures):
+                    if found := copy.content.resources.get(plain_name(element.file)):
+                        element.file = str(found)
+                name_by_address(spec)
+                for kind, plural in _KINDS.items():
+                    parts: list[Any] = list(getattr(spec, plural))
+                    for part in parts:
+                        lines[kind, part.name] = int(part.info.rpartition(" ")[2] or 0)
+                faults = tuple(written_inertia_faults(spec))
+                model = spec.compile()
+            except (ValueError, mujoco.FatalError) as error:
+                said = str(compile_error(copy.model, copy.model, error))
+                refused = said.replace(str(copy.content.root), str(source.content.root))
+        warned = tuple(dict.fromkeys(str(warning.message) for warning in caught))
+        root = copy.content.root
+        compiled = _Compiled(spec, model, lines, origins, root, faults, warned, refused)
+        yield _make_linted(source, compiled)
 
 
-def _linted(source: SceneSource, made: _Compiled) -> LintedModel:
+def _make_linted(source: SceneSource, made: _Compiled) -> LintedModel:
     own, by_line = source.content.root, made.origins.by_line
 
     def real(origin: Origin) -> Origin:
@@ -314,7 +338,7 @@ def _linted(source: SceneSource, made: _Compiled) -> LintedModel:
         refused=made.refused,
         refused_at=None,
         inertia=made.inertia,
-        _origins=parts or dict(_links(source.model)),
+        _origins=parts or dict(_urdf_lines(source.model)),
         _last={tag: real(origin) for tag, origin in made.origins.last.items()},
     )
     line = _LINE.search(made.refused)
@@ -351,35 +375,9 @@ def _laid_out(source: SceneSource) -> Generator[tuple[SceneSource, Origins]]:
         yield copy, Origins.lay_out(copy.model, root)
 
 
-def _links(urdf: Path) -> Iterator[tuple[tuple[str, str], Origin]]:
-    """Yield the links and joints of a URDF, for which MuJoCo keeps no lines."""
+def _urdf_lines(urdf: Path) -> Iterator[tuple[tuple[str, str], Origin]]:
+    """Yield the links and joints of a URDF; MuJoCo keeps no lines for them."""
     for place, element in enumerate(parse(urdf).iter()):
         for kind, tag in _LINKS.items():
             if element.tag == tag and (name := element.get("name")):
                 yield (kind, name), (urdf, place)
-
-
-def _compile(source: SceneSource, copy: SceneSource, origins: Origins) -> _Compiled:
-    silence_mujoco()
-    lines: dict[tuple[str, str], int] = {}
-    refused, model, faults = "", None, tuple[InertiaFault, ...]()
-    spec = mujoco.MjSpec()
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        try:
-            spec = mujoco.MjSpec.from_file(str(copy.model))
-            for element in (*spec.meshes, *spec.hfields, *spec.skins, *spec.textures):
-                if found := copy.content.resources.get(plain_name(element.file)):
-                    element.file = str(found)
-            name_by_address(spec)
-            for kind, plural in _KINDS.items():
-                parts: list[Any] = list(getattr(spec, plural))
-                for part in parts:
-                    lines[kind, part.name] = int(part.info.rpartition(" ")[2] or 0)
-            faults = tuple(written_inertia_faults(spec))
-            model = spec.compile()
-        except (ValueError, mujoco.FatalError) as error:
-            said = str(compile_error(copy.model, copy.model, error))
-            refused = said.replace(str(copy.content.root), str(source.content.root))
-    warned = tuple(dict.fromkeys(str(warning.message) for warning in caught))
-    return _Compiled(spec, model, lines, origins, copy.content.root, faults, warned, refused)

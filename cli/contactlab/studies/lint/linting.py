@@ -22,7 +22,6 @@ from contactlab.writers.report import Report
 _UNREAD = "unread"
 _IGNORES = Rule("unknown-rule", "warn", lambda _: iter(()))
 _PLACED = re.compile(r"(?P<file>.+?\.\w+):(?P<line>\d+):(\d+: )?")
-_MOST_EDITS = 4
 
 
 def lint(models: Sequence[str]) -> LintReport:
@@ -130,20 +129,23 @@ def _scene_findings(source: SceneSource, model: str) -> Iterator[PlacedFinding]:
 
 def _rule_faults(linted: LintedModel) -> Iterator[PlacedFinding]:
     but = ignored(linted.source)
-    for rule in RULES.values():
-        if linted.compiled is not None or rule.of_refused:
-            for fault in rule.function(linted):
-                yield _finding(rule, fault, linted, but)
-    for fault in _unknown_rules(but):
-        yield _finding(_IGNORES, fault, linted, but)
+    for declared in RULES.values():
+        if linted.compiled is not None or declared.of_refused:
+            for fault in declared.function(linted):
+                yield _make_finding(declared, fault, linted, but)
+    # Comments may ignore an unknown rule.
+    for rule, at in but.rules.items():
+        if rule not in RULES:
+            yield _make_finding(_IGNORES, Fault(f"unknown rule '{rule}', {at}"), linted, but)
 
 
-def _finding(rule: Rule, fault: Fault, linted: LintedModel, but: Ignored) -> PlacedFinding:
+def _make_finding(rule: Rule, fault: Fault, linted: LintedModel, but: Ignored) -> PlacedFinding:
     place = fault.place or linted.place_at(None)
     accepted = but(rule.name, place)
     remedy = [str(edit) for edit in fault.edits]
-    if len(remedy) > _MOST_EDITS:
-        remedy[_MOST_EDITS:] = [f"and {plural(len(remedy) - _MOST_EDITS, 'such line')} more"]
+    most_edits = 4
+    if len(remedy) > most_edits:
+        remedy[most_edits:] = [f"and {plural(len(remedy) - most_edits, 'such line')} more"]
     return PlacedFinding(
         name=rule.name,
         kind="lint",
@@ -159,13 +161,6 @@ def _finding(rule: Rule, fault: Fault, linted: LintedModel, but: Ignored) -> Pla
         fix=tuple(remedy),
         docs=rule.docs,
     )
-
-
-def _unknown_rules(but: Ignored) -> Iterator[Fault]:
-    """Yield comments that ignore an unknown rule."""
-    for rule, at in but.rules.items():
-        if rule not in RULES:
-            yield Fault(f"unknown rule '{rule}', {at}")
 
 
 def _unreadable_finding(model: str, error: str) -> PlacedFinding:

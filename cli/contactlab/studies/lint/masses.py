@@ -11,9 +11,6 @@ from contactlab.scene.compile_model import InertiaFault
 from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel
 from contactlab.studies.lint.rules import rule
 
-_HEAVIER = 0.02  # share of a body's mass above which it is reported
-_WATER = 1000.0  # default density [kg/m^3]
-
 
 def _combined_faults(linted: LintedModel, faults: Iterable[InertiaFault]) -> Iterator[Fault]:
     """Yield faults at the first body, combined by kind and limit."""
@@ -61,7 +58,8 @@ def visual_mass(linted: LintedModel) -> Iterator[Fault]:
         return
     moving = model.body_dofnum[model.body_weldid] > 0
     added = np.asarray(model.body_mass) - bare.body_mass
-    heavy = moving & (bare.body_mass > 0) & (added > _HEAVIER * bare.body_mass)
+    heavier_share = 0.02  # larger shares of a body's mass are reported
+    heavy = moving & (bare.body_mass > 0) & (added > heavier_share * bare.body_mass)
     if not heavy.any():
         return
     geoms = [geom for geom in visual if heavy[int(model.geom(geom).bodyid[0])]]
@@ -82,7 +80,7 @@ def visual_mass(linted: LintedModel) -> Iterator[Fault]:
 
 
 def _visual_geoms(linted: LintedModel) -> list[str]:
-    """Return the visual meshes whose mass and body inertia are not written."""
+    """Return the visual meshes without a written mass or body inertia."""
     spec = linted.spec
     listed = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
     always = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
@@ -93,6 +91,7 @@ def _visual_geoms(linted: LintedModel) -> list[str]:
     def weighs(geom: MjsGeom) -> bool:
         return geom.density > 0 if np.isnan(geom.mass) else geom.mass > 0
 
+    water = 1000.0  # default density [kg/m^3]
     return [
         geom.name
         for body in spec.bodies[1:]
@@ -102,12 +101,12 @@ def _visual_geoms(linted: LintedModel) -> list[str]:
         if not touches(geom)
         and geom.type == mujoco.mjtGeom.mjGEOM_MESH
         and np.isnan(geom.mass)
-        and geom.density == _WATER
+        and geom.density == water
     ]
 
 
 def _without_mass(spec: mujoco.MjSpec, geoms: Iterable[str]) -> mujoco.MjModel | None:
-    """Compile a copy in which some geoms have no mass; None if it does not compile."""
+    """Compile a copy with some geoms without mass; None if it does not compile."""
     bare = spec.copy()
     for name in geoms:
         bare.geom(name).mass = 0

@@ -10,8 +10,6 @@ from contactlab.scene.model_draft import mjcf_text
 from contactlab.studies.lint.linted_model import Fault, LintedModel
 from contactlab.studies.lint.rules import rule
 
-_LARGE = 100.0  # m/s^2, ten times the Earth's
-
 
 @rule("option-value", "gate")
 def option_value(linted: LintedModel) -> Iterator[Fault]:
@@ -31,7 +29,8 @@ def option_value(linted: LintedModel) -> Iterator[Fault]:
 def gravity_size(linted: LintedModel) -> Iterator[Fault]:
     """Gravity is ten times the Earth's or more, as in centimetres or millimetres."""
     size = float(np.linalg.norm(linted.model.opt.gravity))
-    if _LARGE <= size < np.inf:
+    large = 100.0  # m/s^2, ten times the Earth's
+    if large <= size < np.inf:
         yield Fault(
             f"gravity is {size:g} m/s^2: lengths are read as metres; where they are centimetres or "
             "millimetres, limits in mm and mm/s are of other lengths",

@@ -14,15 +14,12 @@ from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel, Place
 from contactlab.studies.lint.rules import rule
 from contactlab.studies.lint.static_equilibrium import contact_rows, is_in_equilibrium
 
-_DEEP = 0.1  # share of half the thinner geom's extent, above which an overlap is more than a touch
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
-_NEAR = 2  # joints between two links that meet in one place, as in a wrist
 _MOUNTED = "one is fixed to the world, where that filter does not hold"
-_FILLED = 1.5  # volume of a hull over that of its mesh, above which the shape differs
 
 
 class _Overlap(NamedTuple):
-    """Two bodies whose geoms overlap in a start."""
+    """Two bodies with geoms that overlap in a start."""
 
     start: str
     geoms: tuple[int, int]
@@ -30,13 +27,15 @@ class _Overlap(NamedTuple):
     share: float  # of half the thinner geom's extent
 
 
-def _overlaps(linted: LintedModel, *, thrown: bool) -> dict[tuple[int, int], _Overlap]:
+def _find_overlaps(linted: LintedModel, *, thrown: bool) -> dict[tuple[int, int], _Overlap]:
     """Return the deepest overlap of each two bodies in any start; if `thrown`, without held ones.
 
     Loads may hold an overlap, as of a handle in closed fingers.
     """
     model, found = linted.model, dict[tuple[int, int], _Overlap]()
     halves = half_extents(model)
+    # Share of half the thinner geom's extent; a larger overlap is more than a touch.
+    deep_share = 0.1
     for start, data in linted.starts.items():
         geoms_of = data.contact.geom.tolist()
         for contact, distance in enumerate(data.contact.dist.tolist()):
@@ -47,31 +46,32 @@ def _overlaps(linted: LintedModel, *, thrown: bool) -> dict[tuple[int, int], _Ov
             overlap = _Overlap(start, (geoms[0], geoms[1]), -distance, -distance / half)
             low, high = sorted(int(model.geom_bodyid[geom]) for geom in geoms)
             known = found.get((low, high))
-            if overlap.share > max(_DEEP, known.share if known else 0.0):
+            if overlap.share > max(deep_share, known.share if known else 0.0):
                 rows = contact_rows(model, data, contact) if thrown else None
                 if rows is None or not is_in_equilibrium(model, data, rows):
                     found[low, high] = overlap
     return found
 
 
-def _joined(linted: LintedModel, low: int, high: int) -> bool:
+def _are_joined(linted: LintedModel, low: int, high: int) -> bool:
     """Return whether two bodies are links of one chain, at most two joints apart.
 
-    The world counts as a link only for a URDF, whose base is fixed to it.
+    The world counts as a link only for a URDF with its base fixed to it.
     """
-    model, ends = linted.model, {_link(linted.model, low), _link(linted.model, high)}
+    model, ends = linted.model, {_first_link(linted.model, low), _first_link(linted.model, high)}
+    near_joints = 2  # joints between two links that meet in one place, as in a wrist
     for start in ends:
         link, others = start, ends - {start}
-        for _ in range(_NEAR):
+        for _ in range(near_joints):
             if not link or _is_free(model, link):
                 break
-            link = _link(model, int(model.body_parentid[link]))
+            link = _first_link(model, int(model.body_parentid[link]))
             if link in others and (link or linted.is_urdf):
                 return True
     return False
 
 
-def _link(model: mujoco.MjModel, body: int) -> int:
+def _first_link(model: mujoco.MjModel, body: int) -> int:
     """Return the first of the bodies that are fixed to each other, without the world."""
     while model.body_parentid[body] and not model.body_jntnum[body]:
         body = int(model.body_parentid[body])
@@ -107,9 +107,9 @@ def parent_filter(linted: LintedModel) -> Iterator[Fault]:
     mounted = {pair: one for pair, one in near.items() if _is_mounted(linted, *pair)}
     others = {pair: one for pair, one in near.items() if pair not in mounted}
     if others:
-        yield _unfiltered(linted, others, "the filter is of a link and its parent alone")
+        yield _filter_fault(linted, others, "the filter is of a link and its parent alone")
     if mounted and linted.is_urdf:
-        yield _unfiltered(linted, mounted, _MOUNTED)
+        yield _filter_fault(linted, mounted, _MOUNTED)
 
 
 @rule("base-filter", "note")
@@ -118,24 +118,26 @@ def base_filter(linted: LintedModel) -> Iterator[Fault]:
     near = _neighbor_overlaps(linted)
     mounted = {pair: one for pair, one in near.items() if _is_mounted(linted, *pair)}
     if mounted and not linted.is_urdf:
-        yield _unfiltered(linted, mounted, _MOUNTED)
+        yield _filter_fault(linted, mounted, _MOUNTED)
 
 
 def _neighbor_overlaps(linted: LintedModel) -> dict[tuple[int, int], _Overlap]:
     """Return the overlaps of links of one chain."""
-    found = _overlaps(linted, thrown=False).items()
-    return {pair: one for pair, one in found if _joined(linted, *pair)}
+    found = _find_overlaps(linted, thrown=False).items()
+    return {pair: one for pair, one in found if _are_joined(linted, *pair)}
 
 
 def _is_mounted(linted: LintedModel, low: int, high: int) -> bool:
     """Return whether one of two bodies is fixed to the world, and carries the other."""
     model = linted.model
-    links = {_link(model, low), _link(model, high)}
-    parents = {_link(model, int(model.body_parentid[link])) for link in links if link}
+    links = {_first_link(model, low), _first_link(model, high)}
+    parents = {_first_link(model, int(model.body_parentid[link])) for link in links if link}
     return not all(model.body_weldid[[low, high]]) and bool(parents & links)
 
 
-def _unfiltered(linted: LintedModel, found: Mapping[tuple[int, int], _Overlap], why: str) -> Fault:
+def _filter_fault(
+    linted: LintedModel, found: Mapping[tuple[int, int], _Overlap], why: str
+) -> Fault:
     edits: list[Edit] = []
     for pair in found:
         contact = ET.Element("contact")
@@ -149,8 +151,8 @@ def _unfiltered(linted: LintedModel, found: Mapping[tuple[int, int], _Overlap], 
 
 def _unjoined_overlaps(linted: LintedModel) -> list[_Overlap]:
     """Return the overlaps of bodies that are not joined."""
-    found = _overlaps(linted, thrown=True).items()
-    return [overlap for pair, overlap in found if not _joined(linted, *pair)]
+    found = _find_overlaps(linted, thrown=True).items()
+    return [overlap for pair, overlap in found if not _are_joined(linted, *pair)]
 
 
 @rule("overlap", "warn")
@@ -175,9 +177,10 @@ def hull_fills_mesh(linted: LintedModel) -> Iterator[Fault]:
     model = linted.model
     solid = (model.geom_type == _MESH) & ((model.geom_contype != 0) | (model.geom_conaffinity != 0))
     ratios = dict[int, float]()
+    most_filled = 1.5  # a larger volume of a hull over that of its mesh is another shape
     for mesh in np.unique(model.geom_dataid[solid]).tolist():
         volume, hull = _closed_volume(model, mesh), hull_volume(model, mesh)
-        if volume > 0 and hull > _FILLED * volume:
+        if volume > 0 and hull > most_filled * volume:
             ratios[mesh] = hull / volume
     if ratios:
         worst = max(ratios, key=lambda mesh: ratios[mesh])

@@ -19,9 +19,6 @@ from contactlab.studies.lint.linted_model import Fault, LintedModel
 from contactlab.studies.lint.rules import rule
 from contactlab.studies.lint.static_equilibrium import is_in_equilibrium, limit_rows
 
-# Limits are soft, so a joint at rest against one lies slightly beyond it.
-_SOFT = 0.01  # of the range
-_WIDE = 8 * math.pi  # four turns
 _JOINT = mujoco.mjtJoint
 
 
@@ -47,10 +44,12 @@ class _Beyond(NamedTuple):
 def _joints_out_of_range(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[_Beyond]:
     """Yield the slides and hinges beyond their ranges at a start, if their limits act."""
     scalar = np.isin(model.jnt_type, (int(_JOINT.mjJNT_SLIDE), int(_JOINT.mjJNT_HINGE)))
+    # Limits are soft, so a joint at rest against one lies slightly beyond it.
+    soft_share = 0.01  # of the range
     for joint in np.flatnonzero(scalar & (model.jnt_limited != 0)).tolist():
         low, high = model.jnt_range[joint].tolist()
         place = int(model.jnt_qposadr[joint])
-        value, slack = float(data.qpos[place]), _SOFT * (high - low)
+        value, slack = float(data.qpos[place]), soft_share * (high - low)
         rows = limit_rows(data, joint)
         if rows is not None and not low - slack <= value <= high + slack:
             name, held = f"joint '{model.joint(joint).name}'", is_in_equilibrium(model, data, rows)
@@ -162,7 +161,8 @@ def degrees_as_radians(linted: LintedModel) -> Iterator[Fault]:
     hinges, model = limited_hinges(linted.model), linted.model
     if len(hinges) < MIN_LIMITED_HINGES or (linted.spec.compiler.degree and not linted.is_urdf):
         return
-    wide = [joint for joint in hinges if np.ptp(model.jnt_range[joint]) > _WIDE]
+    wide_turn = 8 * math.pi  # four turns
+    wide = [joint for joint in hinges if np.ptp(model.jnt_range[joint]) > wide_turn]
     if 2 * len(wide) > len(hinges) and np.abs(model.jnt_range[wide]).max() <= 360:
         first = linted.name("joint", wide[0])
         low, high = model.jnt_range[wide[0]].tolist()

@@ -8,8 +8,6 @@ nearly zero. Without a balancing load, it is nearly the requested one.
 import mujoco
 import numpy as np
 
-_PUSHED_SHARE = 0.5  # share of the requested acceleration: 0 at rest, about 1 for a free body
-
 
 def is_in_equilibrium(model: mujoco.MjModel, data: mujoco.MjData, rows: slice) -> bool:
     """Return whether loads balance the mean of some constraint rows.
@@ -19,7 +17,8 @@ def is_in_equilibrium(model: mujoco.MjModel, data: mujoco.MjData, rows: slice) -
     acceleration = np.empty(data.nefc)
     mujoco.mj_mulJacVec(model, data, acceleration, data.qacc)
     target = float(data.efc_aref[rows].mean())
-    return bool(target > 0 and acceleration[rows].mean() < _PUSHED_SHARE * target)
+    pushed_share = 0.5  # share of the requested acceleration: 0 at rest, about 1 for a free body
+    return bool(target > 0 and acceleration[rows].mean() < pushed_share * target)
 
 
 def limit_rows(data: mujoco.MjData, joint: int) -> slice | None:
@@ -30,7 +29,7 @@ def limit_rows(data: mujoco.MjData, joint: int) -> slice | None:
 
 
 def contact_rows(model: mujoco.MjModel, data: mujoco.MjData, contact: int) -> slice | None:
-    """Return the rows of a contact whose mean is along its normal, if it acts."""
+    """Return the rows of a contact with a mean along its normal, if it acts."""
     first, size = int(data.contact.efc_address[contact]), int(data.contact.dim[contact])
     if first < 0:
         return None

@@ -1,8 +1,8 @@
 """Find the release of MuJoCo that changed an outcome, in as many steps as their number has bits.
 
-Between a release with the old outcome and one with another, there are two neighbors for which the
-same holds, whatever the releases between them give. The search finds such neighbors. The result of
-each release is kept in a folder of its own, and read from there the next time.
+If a release has the old outcome and another one has a new outcome, two neighbors between them
+differ in the same way, for any outcomes of the releases between. The search finds such neighbors.
+The result of each release is kept in a folder of its own, and read from there the next time.
 """
 
 import json
@@ -33,7 +33,7 @@ class Culprit:
     steps: int
 
 
-def bisect(
+def find_change(
     versions: Sequence[str], differs: Callable[[str], bool], notify: Callable[[str], None]
 ) -> Culprit:
     """Find neighbors, one with the outcome of the first version, the other without it.
@@ -82,7 +82,9 @@ class SweepOutcomes:
         for name in self.asked:
             known = [check.name for check in report.findings]
             PolicyError.unless_known(name, known, f"there is no check '{name}'")
-        found = [check for check in report.findings if check.name in self.asked and _differs(check)]
+        found = [
+            check for check in report.findings if check.name in self.asked and _is_different(check)
+        ]
         if not self.asked:
             found = next(filter(None, (_of_kinds(report, kinds) for kinds in _KINDS)), [])
         if not found:
@@ -91,14 +93,16 @@ class SweepOutcomes:
 
     def differs(self, version: str) -> bool:
         """Return whether any of these outcomes differs from that of the first release."""
-        return bool(self._changed(self.compared(self.good, version)))
+        return bool(self._has_changed(self.compared(self.good, version)))
 
     def shown(self, found: Culprit) -> ComparisonReport:
         """Return the comparison of two neighbours, with the outcomes that changed."""
         report = self.compared(found.before, found.after)
-        if not self._changed(report):  # by less than the tolerance, which was almost used up before
+        if not self._has_changed(
+            report
+        ):  # by less than the tolerance, which was almost used up before
             report = self.compared(self.good, found.after)
-        return report.model_copy(update={"findings": tuple(self._changed(report))})
+        return report.model_copy(update={"findings": tuple(self._has_changed(report))})
 
     def compared(self, before: str, after: str) -> ComparisonReport:
         """Return the comparison of two releases, run by run."""
@@ -107,23 +111,25 @@ class SweepOutcomes:
         policy = self.policy.model_copy(update={"match": "axes"})
         return compare(self.folder / before, self.folder / after, policy)
 
-    def _changed(self, report: ComparisonReport) -> list[Finding]:
+    def _has_changed(self, report: ComparisonReport) -> list[Finding]:
         return [
-            check for check in report.findings if check.full_name in self.names and _differs(check)
+            check
+            for check in report.findings
+            if check.full_name in self.names and _is_different(check)
         ]
 
 
 def _of_kinds(report: ComparisonReport, kinds: frozenset[str]) -> list[Finding]:
     """Return the checks of some kinds that fail; without any, those that changed."""
-    found = [check for check in report.findings if check.kind in kinds and _differs(check)]
+    found = [check for check in report.findings if check.kind in kinds and _is_different(check)]
     return [check for check in found if check.outcome == "failed"] or found
 
 
-def _differs(check: Finding) -> bool:
+def _is_different(check: Finding) -> bool:
     return check.verdict not in {"same", "not comparable"}
 
 
-def remembered(node: str, folder: Path, run: Callable[[], bool]) -> bool:
+def remember_outcome(node: str, folder: Path, run: Callable[[], bool]) -> bool:
     """Return whether a test passes, as a folder says if neither its file nor its name changed."""
     source, place = Path(node.partition("::")[0]), folder / "outcome.json"
     asked = {"test": node, "sha256": sha256_of(source) if source.is_file() else None}

@@ -26,10 +26,9 @@ from contactlab.schema.comparison import ComparePolicy, ComparisonReport, PairCo
 from contactlab.schema.finding import Finding, RunPair
 from contactlab.store.finished_store import Store
 from contactlab.store.table_layout import Column
-from contactlab.studies.lock.lock_file import is_recorded, lock_of, members, metric_columns
+from contactlab.studies.lock.lock_file import group_members, is_recorded, lock_of, metric_columns
 from contactlab.studies.lock.lock_model import Group, Lock
 
-_BY_CHANCE = 1e-3
 _CAUSES = {"engine": "the engine", "scene_hash": "the scene"}
 
 
@@ -63,44 +62,45 @@ class _Judge:
     def alpha(self) -> float:
         """How likely one judgement may be wrong."""
         judged = (len(old.metrics) + len({*old.outcomes, *new.outcomes}) for old, new in self.pairs)
-        return _BY_CHANCE / max(1, sum(judged))
+        by_chance = 1e-3
+        return by_chance / max(1, sum(judged))
 
     def checks(self, columns: dict[str, Column]) -> Iterator[Finding]:
         """Yield all checks."""
         for name in _CAUSES:
-            before, after = self._both(name)
+            before, after = self._both_values(name)
             same = Subject(f"same {name}", "evidence", "warn", two_sided=True)
             said = "the same" if before == after else f"{before}, now {after}"
             yield same.single(SAME if before == after else CHANGED, said)
         old, new, rules = self.lock.by_key, self.new.by_key, self.policy
         subject = Subject("no missing groups", "runs", rules.missing_runs)
-        yield self._check(
+        yield self._make_check(
             subject, [_GroupChange(old[key], MISSING) for key in old if key not in new]
         )
         subject = Subject("no new groups", "runs", rules.new_runs, two_sided=True)
-        yield self._check(
+        yield self._make_check(
             subject, [_GroupChange(new[key], CHANGED) for key in new if key not in old]
         )
         subject = Subject("outcomes as locked", "labels", rules.labels.level, two_sided=True)
-        yield self._check(subject, [self._outcomes(*pair) for pair in self.pairs])
+        yield self._make_check(subject, [self._judge_outcomes(*pair) for pair in self.pairs])
         for metric in dict.fromkeys(name for group in self.lock.groups for name in group.metrics):
-            yield self._metric(metric, columns.get(metric))
+            yield self._judge_metric(metric, columns.get(metric))
 
-    def _both(self, name: str) -> tuple[object, object]:
+    def _both_values(self, name: str) -> tuple[object, object]:
         return getattr(self.lock, name), getattr(self.new, name)
 
     @property
     def cause(self) -> str:
         """Changes that may have changed outcomes, as the beginning of a sentence; or ""."""
-        changed = [word for name, word in _CAUSES.items() if len({*self._both(name)}) > 1]
+        changed = [word for name, word in _CAUSES.items() if len({*self._both_values(name)}) > 1]
         return f"{' and '.join(changed)} changed since the lock; " if changed else ""
 
-    def _outcomes(self, old: Group, new: Group) -> _GroupChange:
+    def _judge_outcomes(self, old: Group, new: Group) -> _GroupChange:
         counts = {
             name: [(side.outcomes.get(name, 0), side.runs) for side in (old, new)]
             for name in {**old.outcomes, **new.outcomes}
         }
-        wrong = {name: count for name, count in counts.items() if self._differ(*count)}
+        wrong = {name: count for name, count in counts.items() if self._name_differences(*count)}
         before, after = (
             ", ".join(
                 f"{name} {tally[side][0]} of {tally[side][1]}" for name, tally in wrong.items()
@@ -109,14 +109,14 @@ class _Judge:
         )
         return _GroupChange(old, CHANGED if wrong else SAME, before, after)
 
-    def _differ(self, old: tuple[int, int], new: tuple[int, int]) -> bool:
+    def _name_differences(self, old: tuple[int, int], new: tuple[int, int]) -> bool:
         """Return whether two counts, each with how many runs there are, differ."""
         if self.repeated:
             return old != new
         table = [[found, total - found] for found, total in (old, new)]
         return float(np.asarray(stats.fisher_exact(table))[1]) < self.alpha
 
-    def _metric(self, metric: str, column: Column | None) -> Finding:
+    def _judge_metric(self, metric: str, column: Column | None) -> Finding:
         if column is None:
             gone = Subject(f"{metric} as locked", "metrics", "gate")
             return gone.skipped("is not a metric any more")
@@ -130,9 +130,13 @@ class _Judge:
         pairs = [pair for pair in self.pairs if metric in pair[0].metrics]
         if not self.repeated and pairs and all(old.runs + new.runs < 3 for old, new in pairs):
             return subject.skipped("single runs of other starts tell nothing: lock several seeds")
-        return self._check(subject, [self._measured(metric, rule, *pair) for pair in pairs])
+        return self._make_check(
+            subject, [self._measure_group(metric, rule, *pair) for pair in pairs]
+        )
 
-    def _measured(self, metric: str, rule: EffectiveRule, old: Group, new: Group) -> _GroupChange:
+    def _measure_group(
+        self, metric: str, rule: EffectiveRule, old: Group, new: Group
+    ) -> _GroupChange:
         (before, spread, n), (after, other, m) = (side.measured(metric) for side in (old, new))
         if not m or (self.repeated and n != m):
             return _GroupChange(old, MISSING, f"{n} values", f"{m} values")
@@ -142,7 +146,7 @@ class _Judge:
         excess = abs(after - before) / allowed if allowed else float(after != before) * math.inf
         return _GroupChange(old, CHANGED if excess > 1 else SAME, before, after, excess)
 
-    def _check(self, subject: Subject, found: Sequence[_GroupChange]) -> Finding:
+    def _make_check(self, subject: Subject, found: Sequence[_GroupChange]) -> Finding:
         wrong = sorted(
             (change for change in found if change.code), key=lambda change: -change.excess
         )
@@ -172,14 +176,14 @@ def change_by_chance(old: tuple[float, int], new: tuple[float, int], alpha: floa
     return float(stats.t.isf(alpha / 2, free)) * pooled * math.sqrt(1 / n + 1 / m)
 
 
-def judge(lock: Lock, name: str, store: Store, policy: ComparePolicy) -> ComparisonReport:
+def judge_lock(lock: Lock, name: str, store: Store, policy: ComparePolicy) -> ComparisonReport:
     """Return the comparison of a lock, by its name for people, and a store."""
     columns = metric_columns(store)
     metrics = dict.fromkeys(metric for group in lock.groups for metric in group.metrics)
     new = lock_of(store, [metric for metric in metrics if metric in columns])
     same_seeds = lock.seeds == new.seeds and not is_recorded(store)
     repeated = not lock.chaotic and (lock.starts == new.starts or same_seeds)
-    runs = {key: store.columns.run_id(rows[0]) for key, (_, rows) in members(store).items()}
+    runs = {key: store.columns.run_id(rows[0]) for key, (_, rows) in group_members(store).items()}
     judge = _Judge(lock, new, repeated, policy, runs)
     checks = tuple(judge.checks(columns))
     verdict, exit_code, headline = draw_conclusion(checks)

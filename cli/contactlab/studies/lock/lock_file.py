@@ -33,7 +33,6 @@ _OF_LOOPS = (
     Column("steps", REAL, "1", "steps that were made", "none"),
 )
 _COUNTED = {"success": "success", "expectation_met": "as expected"}
-_DIGITS = 7  # of a number that is written; compare accepts changes of 1 %
 _HEAD = """\
 # What `contactlab lock` froze; `contactlab lock {source} --check` fails where it changed.
 # A line for each group of runs: how many had each outcome; and of each metric the mean, the
@@ -48,8 +47,8 @@ def lock_of(store: Store, metrics: Sequence[str], *, chaotic: bool = False) -> L
     rows = store.columns.to_pydict(
         [*always, *(column for column in _COUNTED if column in known), *metrics]
     )
-    grouped = members(store).values()
-    groups = [_group(axes, rows, metrics, own) for axes, own in grouped]
+    grouped = group_members(store).values()
+    groups = [_lock_group(axes, rows, metrics, own) for axes, own in grouped]
     starts = [rows["initial_qpos"], rows["initial_qvel"]]
     if not is_recorded(store) and (is_loop(store) or _differ_besides(starts, rows, grouped)):
         starts.append(rows["seed"])
@@ -60,14 +59,14 @@ def lock_of(store: Store, metrics: Sequence[str], *, chaotic: bool = False) -> L
         scene_hash=identity.scene_hash,
         engine=engine_of(store),
         seeds=tuple(sorted(set(rows["seed"]))),
-        starts=_digest(starts),
+        starts=_digest_text(starts),
         chaotic=chaotic,
         metric_versions={name: versions[name] for name in metrics if name in versions},
         groups=tuple(groups),
     )
 
 
-def members(store: Store) -> dict[str, tuple[dict[str, Any], list[int]]]:
+def group_members(store: Store) -> dict[str, tuple[dict[str, Any], list[int]]]:
     """Return the values of the axes that differ, and the rows of each group, by its key."""
     columns, found = store.columns, dict[str, tuple[dict[str, Any], list[int]]]()
     names = [
@@ -122,18 +121,18 @@ def gated_metrics(store: Store, policy: ComparePolicy) -> list[str]:
     return [name for name in gated if store.columns.numbers(name).valid.any()]
 
 
-def write(path: Path, lock: Lock, source: str) -> None:
+def write_lock(path: Path, lock: Lock, source: str) -> None:
     """Write the lock of a sweep or a store in one step; an OutputError says that it cannot be."""
     data = lock.model_dump(mode="json")
-    groups = "".join(f"- {_yaml(group, in_one_line=True)}" for group in data.pop("groups"))
-    text = f"{_HEAD.format(source=source)}{_yaml(data)}groups:\n{groups}"
+    groups = "".join(f"- {_write_yaml(group, in_one_line=True)}" for group in data.pop("groups"))
+    text = f"{_HEAD.format(source=source)}{_write_yaml(data)}groups:\n{groups}"
     with write_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_write(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
-def read(path: Path) -> Lock:
+def read_lock(path: Path) -> Lock:
     """Read a lock; a SweepFileError lists its mistakes, or says that it is missing."""
     if not path.is_file():
         raise SweepFileError(f"there is no lock {path}; write it by `contactlab lock` first")
@@ -146,7 +145,7 @@ def _is_physical(name: str) -> bool:
     return physical and kind_of(name) == "metrics"
 
 
-def _group(
+def _lock_group(
     axes: dict[str, Any], rows: Mapping[str, list[Any]], metrics: Sequence[str], own: list[int]
 ) -> Group:
     outcomes = Counter(label for row in own for label in rows["labels"][row])
@@ -156,23 +155,24 @@ def _group(
     outcomes.update(
         {word: sum(map(bool, flags)) for word, flags in said.items() if set(flags) != {None}}
     )
-    found = {name: _measured([rows[name][row] for row in own]) for name in metrics}
+    found = {name: _measure_runs([rows[name][row] for row in own]) for name in metrics}
     return Group(
         at=axes,
         runs=len(own),
-        trajectories=_digest([rows["trajectory_hash"][row] for row in own]),
+        trajectories=_digest_text([rows["trajectory_hash"][row] for row in own]),
         outcomes=dict(outcomes),
         metrics={name: values for name, values in found.items() if values},
     )
 
 
-def _measured(values: Sequence[float | None]) -> tuple[float, ...]:
+def _measure_runs(values: Sequence[float | None]) -> tuple[float, ...]:
     """Return mean, spread and number of values, as far as they say something."""
     finite = [value for value in values if value is not None and math.isfinite(value)]
     if not finite:
         return ()
     spread = statistics.stdev(finite) if len(finite) > 1 else 0.0
-    said = [float(f"{number:.{_DIGITS}g}") for number in (statistics.fmean(finite), spread)]
+    digits = 7  # of a number that is written; compare accepts changes of 1 %
+    said = [float(f"{number:.{digits}g}") for number in (statistics.fmean(finite), spread)]
     return (
         (*said, len(finite))
         if len(finite) < len(values)
@@ -180,11 +180,11 @@ def _measured(values: Sequence[float | None]) -> tuple[float, ...]:
     )
 
 
-def _digest(data: object) -> str:
+def _digest_text(data: object) -> str:
     return hashlib.sha256(json.dumps(data).encode()).hexdigest()[:16]
 
 
-def _yaml(data: Mapping[str, object], *, in_one_line: bool = False) -> str:
+def _write_yaml(data: Mapping[str, object], *, in_one_line: bool = False) -> str:
     yaml, text = YAML(typ="safe", pure=True), io.StringIO()
     yaml.default_flow_style = in_one_line or None
     yaml.width = 1 << 30

@@ -18,7 +18,7 @@ _FINAL = re.compile(r"\d+(\.\d+)+")
 _RAN = {0, 1}  # a sweep that ran, as expected or not; a test that passed, or failed
 
 
-def releases(first: str, last: str, given: Sequence[str] = ()) -> list[str]:
+def find_releases(first: str, last: str, given: Sequence[str] = ()) -> list[str]:
     """Return the releases of MuJoCo from one to another, in the order that leads there.
 
     They are those that pip finds wheels of for this Python, or the given ones. Raises an
@@ -27,16 +27,16 @@ def releases(first: str, last: str, given: Sequence[str] = ()) -> list[str]:
     if first == last:
         raise EngineError(f"{first} is both ends; name two releases")
     for moment in (first, last):
-        if _numbers(moment) < numbers_of(OLDEST):
+        if _version_numbers(moment) < numbers_of(OLDEST):
             raise EngineError(f"contactlab runs on MuJoCo {OLDEST} and newer; {moment} is older")
-    known = sorted({*given} or _listed(), key=_numbers)
+    known = sorted({*given} or _list_releases(), key=_version_numbers)
     for moment in (first, last):
         EngineError.unless_known(moment, known, f"no release {moment} of MuJoCo for this Python")
     start, end = known.index(first), known.index(last)
     return known[start : end + 1] if start <= end else known[end : start + 1][::-1]
 
 
-def _listed() -> set[str]:
+def _list_releases() -> set[str]:
     pip = [sys.executable, "-P", "-m", "pip", "--disable-pip-version-check", "index", "versions"]
     with tempfile.TemporaryDirectory() as empty:
         done = run_installer([*pip, "--only-binary", "mujoco", "mujoco"], Path(empty))
@@ -46,7 +46,7 @@ def _listed() -> set[str]:
     return {version for version in found[1].split(", ") if _FINAL.fullmatch(version)}
 
 
-def _numbers(version: str) -> tuple[int, ...]:
+def _version_numbers(version: str) -> tuple[int, ...]:
     if not _FINAL.fullmatch(version):
         raise EngineError(f"'{version}' is not a release of MuJoCo, such as 3.11.0")
     return numbers_of(version)

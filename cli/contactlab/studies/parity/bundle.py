@@ -1,7 +1,7 @@
 """A panel as a folder that a script simulates elsewhere; it needs only `newton` and NumPy.
 
-The folder has the models, states and controls of the runs, the motion of MuJoCo with its noise
-floor, and the sweep with its scene, by which the results are judged.
+The folder has the models, states and controls of the runs, and the motion of MuJoCo with its noise
+floor. The sweep with its scene is for judging the results.
 """
 
 import copy
@@ -31,14 +31,12 @@ from contactlab.studies.parity.rounding import round_starts, rounded_at_each_ste
 from contactlab.studies.parity.run_parity import contact_counts, max_difference, single_step_places
 
 ENGINE = "newton"
-"""Engine of a bundle; its adapter states what that engine can simulate."""
+"""Engine of a bundle; its adapter states the features of that engine."""
 _FILE = "bundle.json"
-_HEADROOM = 2  # factor over MuJoCo's own peak, as its documentation advises
-_ROWS = 10  # of constraints that a contact has at most, of condim 6 with a pyramid
 
 
 class BundledRun(Model):
-    """One run: its model's file, and what Newton's solver is made with."""
+    """One run: its model's file, and the options of Newton's solver."""
 
     id: str
     model: str
@@ -48,7 +46,7 @@ class BundledRun(Model):
 
 
 class Bundle(Model):
-    """Contents of a folder, and the options with which its sweep makes these runs."""
+    """Contents of a folder, and the options of its sweep that make these runs."""
 
     version: int = 1
     sweep: InnerName
@@ -86,7 +84,16 @@ def write_bundle(panel: Panel, overrides: Overrides, drive: str | None, folder: 
         made = Path(temporary) / "bundle"
         for part in ("models", "runs"):
             (made / part).mkdir(parents=True)
-        _write_sweep(panel, made)
+        # Write the sweep with its scene next to it.
+        source, request = panel.scene.source, panel.request
+        kept = Path("scene") / Path(panel.scene.name).name
+        source.content.copy_to(made / kept)
+        path = kept / relative_path(source.path, source.content.root)
+        document = YAML(typ="safe", pure=True).load(request.source)
+        document["scene"] = f"{path.parent.as_posix()}/" if source.manifest else path.as_posix()
+        # JSON is YAML, and has every number in full.
+        sweep = made / f"{request.name}.yaml"
+        sweep.write_text(json.dumps(document, indent=2), encoding="utf-8")
         runs, refused = _write_runs(panel, made)
         if not runs:
             raise EngineError(f"no run can be simulated elsewhere: {next(iter(refused.values()))}")
@@ -114,25 +121,15 @@ def write_bundle(panel: Panel, overrides: Overrides, drive: str | None, folder: 
     return bundle
 
 
-def _write_sweep(panel: Panel, folder: Path) -> None:
-    source, request = panel.scene.source, panel.request
-    kept = Path("scene") / Path(panel.scene.name).name
-    source.content.copy_to(folder / kept)
-    path = kept / relative_path(source.path, source.content.root)
-    document = YAML(typ="safe", pure=True).load(request.source)
-    document["scene"] = f"{path.parent.as_posix()}/" if source.manifest else path.as_posix()
-    # JSON is YAML, and has every number in full.
-    sweep = folder / f"{request.name}.yaml"
-    sweep.write_text(json.dumps(document, indent=2), encoding="utf-8")
-
-
 def _write_runs(panel: Panel, folder: Path) -> tuple[list[BundledRun], dict[str, str]]:
     """Write models and runs; return the runs, and why others are left out."""
     engine, serve = ENGINES[ENGINE], load_adapter(SERVER)
     assert isinstance(engine, AdaptedEngine)
-    refused = panel.refused(engine.refusal_anywhere)
+    refused = panel.find_refusals(engine.refusal_anywhere)
     told: list[BundledRun] = []
-    for group in panel.groups(refused):
+    headroom = 2  # factor over MuJoCo's own peak, as its documentation advises
+    rows_per_contact = 10  # of constraints that a contact has at most, of condim 6 with a pyramid
+    for group in panel.group_runs(refused):
         ours = PreparedRuns.of(panel.scene, *[run.ours for run in group])
         reference = ENGINES[MODEL_ENGINE]
         rollouts = (
@@ -145,15 +142,15 @@ def _write_runs(panel: Panel, folder: Path) -> tuple[list[BundledRun], dict[str,
             model.opt.disableflags = 0  # flags that recording needs; runs with others are refused
             try:
                 mjcf = serve.mjcf_of(model)
-                arrays = _arrays(ours, run, rollouts)
+                arrays = _run_arrays(ours, run, rollouts)
             except ValueError as error:
                 refused[member.run_id] = str(error)
                 continue
             name = f"models/{short_hash([mjcf])}.xml"
             (folder / name).write_text(mjcf, encoding="utf-8")
             np.savez(folder / "runs" / f"{member.run_id}.npz", allow_pickle=False, **arrays)
-            contacts = _HEADROOM * max(4, int(peaks[run].max()))
-            room = contacts, _ROWS * contacts + 2 * model.nv
+            contacts = headroom * max(4, int(peaks[run].max()))
+            room = contacts, rows_per_contact * contacts + 2 * model.nv
             # Several contacts of convex shapes: on by default in MuJoCo 4, off in Newton.
             solver = {"enable_multiccd": hasattr(mujoco.mjtDisableBit, "mjDSBL_MULTICCD")}
             step = float(model.opt.timestep)
@@ -163,7 +160,7 @@ def _write_runs(panel: Panel, folder: Path) -> tuple[list[BundledRun], dict[str,
     return told, refused
 
 
-def _arrays(ours: PreparedRuns, run: int, rollouts: Sequence[Rollout]) -> Mapping[str, Floats]:
+def _run_arrays(ours: PreparedRuns, run: int, rollouts: Sequence[Rollout]) -> Mapping[str, Floats]:
     """Return the arrays of a run: MuJoCo's motion, its noise floor, controls, and single steps."""
     model, steps = ours.models[run], min(rollout.steps[run] for rollout in rollouts)
     inputs = ours.starts.input_rows(run, model.opt.timestep, np.arange(steps))

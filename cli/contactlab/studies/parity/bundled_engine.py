@@ -61,11 +61,15 @@ class BundledEngine(AdaptedEngine):
         self._asked.update(set(ids))
         told: dict[str, list[Any]] = {"state": [], "sensors": [], "cnstrfull": []}
         for row, run_id in enumerate(ids):
-            expected = self._arrays("runs", run_id)
+            expected = self._load_arrays("runs", run_id)
             step = int(expected["places"][row]) if prefix == "step_" else 0
-            self._check_start(run_id, expected["qpos"][step], runs.starts.qpos[row])
+            if np.abs(expected["qpos"][step] - runs.starts.qpos[row]).max(initial=0) > SUM_ROUNDING:
+                raise StoreError(
+                    f"MuJoCo {mujoco.__version__} here makes another run {run_id[:8]} than MuJoCo "
+                    f"{self._bundle.mujoco} did where the bundle was written; judge it there"
+                )
             try:
-                found = self._arrays("results", run_id)
+                found = self._load_arrays("results", run_id)
                 states = np.hstack([found[f"{prefix}qpos"], found[f"{prefix}qvel"]])
                 told["cnstrfull"].append(bool(found["full"]))
             except (OSError, ValueError, LookupError) as error:
@@ -78,29 +82,18 @@ class BundledEngine(AdaptedEngine):
             rest = np.repeat(states[-1:], runs.steps + 1 - len(states), axis=0)
             states = np.concatenate([states, rest])
             told["state"].append(states)
-            told["sensors"].append(_measure_quantity(runs, row, states))
+            model = runs.models[row]
+            inputs = runs.starts.input_rows(row, model.opt.timestep, np.arange(runs.steps))
+            told["sensors"].append(
+                load_adapter(SERVER).measured(model, states, inputs[:, : model.nu])
+            )
         return {name: np.array(values) for name, values in told.items()} | {
             "cost": np.full(len(ids), np.nan)
         }
 
-    def _arrays(self, part: str, run_id: str) -> dict[str, np.ndarray]:
+    def _load_arrays(self, part: str, run_id: str) -> dict[str, np.ndarray]:
         key = part, run_id
         if key not in self._read:
             with np.load(self._folder / part / f"{run_id}.npz") as arrays:
                 self._read[key] = dict(arrays)
         return self._read[key]
-
-    def _check_start(self, run_id: str, written: np.ndarray, here: np.ndarray) -> None:
-        """Refuse results that started from another state than MuJoCo has here."""
-        if np.abs(written - here).max(initial=0) > SUM_ROUNDING:
-            raise StoreError(
-                f"MuJoCo {mujoco.__version__} here makes another run {run_id[:8]} than MuJoCo "
-                f"{self._bundle.mujoco} did where the bundle was written; judge it there"
-            )
-
-
-def _measure_quantity(runs: PreparedRuns, run: int, states: np.ndarray) -> np.ndarray:
-    """Return (N, nsensordata) what sensors measure before each step of a run."""
-    model = runs.models[run]
-    inputs = runs.starts.input_rows(run, model.opt.timestep, np.arange(runs.steps))
-    return load_adapter(SERVER).measured(model, states, inputs[:, : model.nu])

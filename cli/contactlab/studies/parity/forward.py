@@ -3,7 +3,6 @@
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -42,15 +41,14 @@ LIMITS = {
     )
 }
 FLOOR_FACTOR = 8.0  # allowed multiple of the effect of rounding the state
-GRAZING = 1e-5  # contact distance below which rounding decides whether a contact acts [m]
-_PARAMETERS = 1e-4  # relative difference of a contact's parameters that single precision explains
+GRAZING = 1e-5  # rounding decides whether a contact of a smaller distance acts [m]
 _NONE = np.empty((0, 19))
 _GEOMS, _DISTANCE, _MARGIN, _FRICTION = slice(0, 2), 2, 3, slice(4, 9)
 _SOLREF, _SOLIMP, _POSITION = slice(9, 11), slice(11, 16), slice(16, 19)
 _OF_CONTACT = {"friction": _FRICTION, "solref": _SOLREF, "solimp": _SOLIMP}
 
 
-def forward(engine: SimulationEngine, runs: PreparedRuns) -> Forward | None:
+def forward_quantities(engine: SimulationEngine, runs: PreparedRuns) -> Forward | None:
     """Return the quantities that an engine computes at the starts of runs, or None."""
     if isinstance(engine, MujocoEngine):
         return _forward_by_mujoco(runs)
@@ -70,14 +68,11 @@ def _forward_by_mujoco(runs: PreparedRuns) -> Forward:
         mujoco.mj_forward(model, data)
         for name in LIMITS:
             told[name].append(np.array(getattr(data, name)))
-        told["contacts"].append(_contact_rows(data.contact))
+        names = ("geom", "dist", "includemargin", "friction", "solref", "solimp", "pos")
+        arrays = [getattr(data.contact, name) for name in names]
+        columns = [array if array.ndim > 1 else array[:, None] for array in arrays]
+        told["contacts"].append(np.hstack(columns))
     return told
-
-
-def _contact_rows(contact: Any) -> Floats:  # noqa: ANN401 - MuJoCo's view of its contacts
-    arrays = (contact.geom, contact.dist, contact.includemargin)
-    arrays = (*arrays, contact.friction, contact.solref, contact.solimp, contact.pos)
-    return np.hstack([array if array.ndim > 1 else array[:, None] for array in arrays])
 
 
 @dataclass(frozen=True)
@@ -93,22 +88,27 @@ class ForwardStates:
     def first_divergence(self) -> Divergence | None:
         """Return the first stage that differs, where it differs most, or None."""
         for stage, names in _STAGES.items():
-            found = [divergence for name in names for divergence in self._divergences(stage, name)]
+            found = [
+                divergence for name in names for divergence in self._find_divergences(stage, name)
+            ]
             if found:
                 return max(found, key=lambda candidate: candidate[0])[1]
         return None
 
-    def _divergences(self, stage: Stage, name: str) -> Iterator[tuple[float, Divergence]]:
+    def _find_divergences(self, stage: Stage, name: str) -> Iterator[tuple[float, Divergence]]:
         """Yield the excess over the tolerance of a quantity, by state."""
         if name not in self.theirs:
             return
         for place, step in enumerate(self.steps):
             if name == "contacts":
-                found = self._contacts(place).mismatch()
-            elif stage in {"constraint forces", "acceleration"} and self._contacts(place).ambiguous:
+                found = self._contacts_at(place).find_mismatch()
+            elif (
+                stage in {"constraint forces", "acceleration"}
+                and self._contacts_at(place).ambiguous
+            ):
                 continue
             else:
-                found = self._mismatch(name, place)
+                found = self._find_mismatch(name, place)
             if found:
                 excess, what, ours, theirs = found
                 divergence = Divergence(
@@ -116,7 +116,7 @@ class ForwardStates:
                 )
                 yield excess, divergence
 
-    def _mismatch(self, name: str, place: int) -> "_Mismatch | None":
+    def _find_mismatch(self, name: str, place: int) -> "_Mismatch | None":
         ours, theirs, rounded = (
             np.asarray(computed[name][place], np.float64)
             for computed in (self.ours, self.theirs, self.rounded)
@@ -135,15 +135,15 @@ class ForwardStates:
         where = ", ".join(map(str, worst))
         return float(excess[worst]), f"{name}[{where}]", float(ours[worst]), float(theirs[worst])
 
-    def _contacts(self, place: int) -> "_MatchedContacts":
+    def _contacts_at(self, place: int) -> "_MatchedContacts":
         sides = (self.ours, self.theirs, self.rounded)
         rows = [side["contacts"][place] if "contacts" in side else _NONE for side in sides]
         return _MatchedContacts(self.model, *map(_by_pair, rows))
 
-    def ambiguous(self) -> set[int]:
-        """Return the steps before which rounding may change the contacts."""
+    def ambiguous_steps(self) -> set[int]:
+        """Return the steps with contacts before them that rounding may change."""
         places = enumerate(self.steps)
-        return {step for place, step in places if self._contacts(place).ambiguous}
+        return {step for place, step in places if self._contacts_at(place).ambiguous}
 
 
 _Mismatch = tuple[float, str, float, float]  # excess, quantity, MuJoCo's, the engine's
@@ -170,26 +170,33 @@ class _MatchedContacts:
 
     @property
     def ambiguous(self) -> set[_Pair]:
-        """The grazing pairs, and those whose contacts rounding changes in MuJoCo itself."""
+        """The grazing pairs, and those with contacts that rounding changes in MuJoCo itself."""
         pairs = self.ours.keys() | self.theirs.keys() | self.rounded.keys()
         return {
             pair
             for pair in pairs
-            if any(map(_grazes, self._rows(pair)))
-            or _apart(self.ours.get(pair), self.rounded.get(pair)) > GRAZING
+            if any(map(_has_grazing, self._rows_at(pair)))
+            or _point_distance(self.ours.get(pair), self.rounded.get(pair)) > GRAZING
         }
 
-    def _rows(self, pair: _Pair) -> list[Floats]:
+    def _rows_at(self, pair: _Pair) -> list[Floats]:
         sides = (self.ours, self.theirs, self.rounded)
         return [side[pair] for side in sides if pair in side]
 
-    def mismatch(self) -> _Mismatch | None:
+    def find_mismatch(self) -> _Mismatch | None:
         """Return how the first unambiguous pair differs: in count, depth or parameters."""
+        # Relative difference of a contact's parameters that single precision explains.
+        single_precision = 1e-4
         for pair in sorted((self.ours.keys() | self.theirs.keys()) - self.ambiguous):
             ours, theirs = self.ours.get(pair), self.theirs.get(pair)
-            counts = _acting(ours), _acting(theirs)
+            counts = _count_acting(ours), _count_acting(theirs)
             if counts[0] != counts[1]:
-                return np.inf, f"count of {self._named(pair)}", float(counts[0]), float(counts[1])
+                return (
+                    np.inf,
+                    f"count of {self._name_pair(pair)}",
+                    float(counts[0]),
+                    float(counts[1]),
+                )
             if ours is None or theirs is None or not counts[0]:
                 continue
             depths = ours[0, _DISTANCE], theirs[0, _DISTANCE]
@@ -197,40 +204,40 @@ class _MatchedContacts:
                 excess = abs(depths[0] - depths[1]) / GRAZING
                 return (
                     excess,
-                    f"distance of {self._named(pair)}",
+                    f"distance of {self._name_pair(pair)}",
                     float(depths[0]),
                     float(depths[1]),
                 )
-            if (apart := _apart(ours, theirs)) > GRAZING:
-                return apart / GRAZING, f"points of {self._named(pair)}", 0.0, apart
+            if (apart := _point_distance(ours, theirs)) > GRAZING:
+                return apart / GRAZING, f"points of {self._name_pair(pair)}", 0.0, apart
             for name, columns in _OF_CONTACT.items():
                 both = ours[0, columns], theirs[0, columns]
-                shares = np.abs(both[0] - both[1]) / (_PARAMETERS * (np.abs(both[0]) + 1e-6))
+                shares = np.abs(both[0] - both[1]) / (single_precision * (np.abs(both[0]) + 1e-6))
                 worst = int(shares.argmax())
                 if shares[worst] > 1:
                     values = float(both[0][worst]), float(both[1][worst])
-                    return float(shares[worst]), f"{name} of {self._named(pair)}", *values
+                    return float(shares[worst]), f"{name} of {self._name_pair(pair)}", *values
         return None
 
-    def _named(self, pair: _Pair) -> str:
+    def _name_pair(self, pair: _Pair) -> str:
         return " - ".join(
             name_of(self.model, "geom", geom) if geom >= 0 else "flex" for geom in pair
         )
 
 
-def _acting(rows: Floats | None) -> int:
+def _count_acting(rows: Floats | None) -> int:
     return 0 if rows is None else int((rows[:, _DISTANCE] < rows[:, _MARGIN]).sum())
 
 
-def _apart(first: Floats | None, second: Floats | None) -> float:
+def _point_distance(first: Floats | None, second: Floats | None) -> float:
     """Return the largest distance of an acting point from any point of the other side [m]."""
-    if _acting(first) != _acting(second):
+    if _count_acting(first) != _count_acting(second):
         return np.inf
-    if first is None or second is None or not _acting(first):
+    if first is None or second is None or not _count_acting(first):
         return 0.0
-    ours, theirs = (side[: _acting(side), _POSITION] for side in (first, second))
+    ours, theirs = (side[: _count_acting(side), _POSITION] for side in (first, second))
     return float(np.linalg.norm(ours[:, None] - theirs, axis=2).min(axis=1).max())
 
 
-def _grazes(rows: Floats) -> bool:
+def _has_grazing(rows: Floats) -> bool:
     return bool((np.abs(rows[:, _DISTANCE] - rows[:, _MARGIN]) <= GRAZING).any())

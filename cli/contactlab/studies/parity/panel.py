@@ -62,7 +62,7 @@ class Panel:
     ) -> "Panel":
         """Read a sweep for an engine, with the changes for the engine alone.
 
-        A SweepFileError or a SceneError says what is wrong with it.
+        A SweepFileError or a SceneError says why it is wrong.
         """
 
         def read(more: Sequence[str]) -> SweepRequest:
@@ -95,7 +95,7 @@ class Panel:
             raise SweepFileError(f"sweep '{path.stem}' has no runs")
         return cls(request, scene, tuple(runs.values()))
 
-    def refused(self, refusal: Callable[[Scene, RunSpec], str | None]) -> dict[str, str]:
+    def find_refusals(self, refusal: Callable[[Scene, RunSpec], str | None]) -> dict[str, str]:
         """Return why runs cannot be simulated, by run id, as an engine's `refusal` says."""
         found: dict[str, str] = {}
         for run in self.runs:
@@ -105,7 +105,7 @@ class Panel:
                 found[run.run_id] = why
         return found
 
-    def groups(self, left_out: Collection[str]) -> Iterator[Sequence[PanelRun]]:
+    def group_runs(self, left_out: Collection[str]) -> Iterator[Sequence[PanelRun]]:
         """Yield runs of one structure and step count, as many as memory holds together.
 
         Those of some run ids are left out.
@@ -123,7 +123,7 @@ class Panel:
             most = max(1, min(_MOST_RUNS, _MOST_BYTES // size))
             yield from (alike[at : at + most] for at in range(0, len(alike), most))
 
-    def metrics(self, runs: PreparedRuns, rollout: Rollout) -> list[dict[str, float | str]]:
+    def measure_runs(self, runs: PreparedRuns, rollout: Rollout) -> list[dict[str, float | str]]:
         """Return the metrics of each run, its worst label, and the energy it ends with and had."""
         manifest, sweep = self.scene.source.manifest, self.request.plan.sweep
         trace = make_trace(runs.base, runs.prepared, rollout)

@@ -20,14 +20,14 @@ def report_of(compared: ParityReport) -> Report:
         headline=compared.headline,
         passed=compared.exit_code == 0,
         record=compared,
-        facts=tuple(("", line) for line in about(compared)),
+        facts=tuple(("", line) for line in describe_report(compared)),
         findings=compared.findings,
-        sections=(Section("", header=HEADER, rows=tuple(map(row, shown(compared)))),),
+        sections=(Section("", header=HEADER, rows=tuple(map(run_cells, worst_runs(compared)))),),
         notes=(f"and {more} more runs; --format json lists them",) * (more > 0),
     )
 
 
-def about(report: ParityReport) -> Iterator[str]:
+def describe_report(report: ParityReport) -> Iterator[str]:
     """Yield the compared engines, and their differences from the closed form, if there is one."""
     where = f" on {report.device}" if report.device else ""
     changed = f", with {', '.join(report.changes)}" if report.changes else ""
@@ -46,14 +46,14 @@ def about(report: ParityReport) -> Iterator[str]:
         )
 
 
-def shown(report: ParityReport) -> list[RunParity]:
+def worst_runs(report: ParityReport) -> list[RunParity]:
     """Return the runs of the table, the worst first."""
     order = ["failed", "refused", "different", "ambiguous", "within noise floor", "same"]
     ranked = sorted(report.runs, key=lambda run: (order.index(run.verdict), -(run.position or 0)))
     return ranked[:_MOST_RUNS_LISTED]
 
 
-def row(run: RunParity) -> tuple[str, ...]:
+def run_cells(run: RunParity) -> tuple[str, ...]:
     """Return the cells of a run in a table, as HEADER names them."""
     numbers = [
         "" if number is None else f"{number:.2g}"

@@ -31,20 +31,20 @@ def without_warmstart(runs: PreparedRuns) -> PreparedRuns:
     def set_cold(model: mujoco.MjModel) -> None:
         model.opt.disableflags |= _WARMSTART
 
-    return _changed(runs, set_cold)
+    return _change_models(runs, set_cold)
 
 
 def with_converged_solver(runs: PreparedRuns) -> PreparedRuns:
-    """Return runs whose solver converges far below its tolerance."""
+    """Return runs with a solver that converges far below its tolerance."""
 
     def set_exact(model: mujoco.MjModel) -> None:
         model.opt.tolerance *= 1e-4
         model.opt.iterations *= 10
 
-    return _changed(runs, set_exact)
+    return _change_models(runs, set_exact)
 
 
-def _changed(runs: PreparedRuns, change: Callable[[mujoco.MjModel], None]) -> PreparedRuns:
+def _change_models(runs: PreparedRuns, change: Callable[[mujoco.MjModel], None]) -> PreparedRuns:
     models = [copy.copy(model) for model in runs.models]
     for model in models:
         change(model)
@@ -53,7 +53,7 @@ def _changed(runs: PreparedRuns, change: Callable[[mujoco.MjModel], None]) -> Pr
 
 
 def rounded_at_each_step(runs: PreparedRuns, run: int, steps: int) -> Floats:
-    """Return (N + 1, nq) coordinates of a run of MuJoCo whose states are all rounded."""
+    """Return (N + 1, nq) coordinates of a run of MuJoCo with all states rounded."""
     model, starts = runs.models[run], round_starts(runs).starts
     data, found = mujoco.MjData(model), [starts.qpos[run]]
     data.qpos[:], data.qvel[:], data.act[:] = (

@@ -45,7 +45,7 @@ class RunCache:
         return [*code, *self.decided_by]
 
     def key(self, ours: str, theirs: str) -> str:
-        """Return the key of a run by its ids, as it is for MuJoCo and for the engine."""
+        """Return the key of a run, from its ids for MuJoCo and for the engine."""
         return hashlib.sha256(to_json([*self._decided, ours, theirs])).hexdigest()[:32]
 
     def find(self, keys: Mapping[str, str]) -> dict[str, ComparedRun]:

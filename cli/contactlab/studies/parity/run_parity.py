@@ -12,7 +12,12 @@ from contactlab.engines import ENGINES
 from contactlab.engines.engine import PreparedRuns, Rollout, SimulationEngine
 from contactlab.mjcf import MODEL_ENGINE
 from contactlab.numerical_tolerance import COARSE_ROUNDING, SUM_ROUNDING
-from contactlab.studies.parity.forward import FLOOR_FACTOR, LIMITS, ForwardStates, forward
+from contactlab.studies.parity.forward import (
+    FLOOR_FACTOR,
+    LIMITS,
+    ForwardStates,
+    forward_quantities,
+)
 from contactlab.studies.parity.panel import roll_out, runs_from_states
 from contactlab.studies.parity.parity_report import Divergence, Verdict
 from contactlab.studies.parity.rounding import (
@@ -25,9 +30,7 @@ from contactlab.studies.parity.rounding import (
 _MOST_STEPS, _MOST_FORWARD = (
     1_000,
     24,
-)  # single-step states of a run, and states whose quantities are compared
-_AROUND = 33  # neighboring states with similar convergence of the solver
-_RUN_FACTOR = 10.0  # allowed multiple of the largest noise floor so far
+)  # single-step states of a run, and states with compared quantities
 _BUFFERS = ("contactfull", "cnstrfull")
 
 
@@ -54,7 +57,7 @@ class Comparison:
         twice = roll_out(engine, theirs), roll_out(engine, theirs)
         return cls(engine, reference, (ours, theirs), (*by_mujoco, *twice))
 
-    def contacts(self, run: int) -> np.ndarray:
+    def count_contacts(self, run: int) -> np.ndarray:
         """Return (N,) the number of contacts of MuJoCo in each step of a run."""
         return contact_counts(self.both[0], self.rollouts[0])[run]
 
@@ -118,14 +121,15 @@ def step_once(comparison: Comparison, run: int, states: Floats) -> SteppedStates
     noise = np.maximum(floors, ends).max(axis=1, initial=0)
     step = model.opt.timestep  # tolerance of an acceleration, over a step
     plain = step * LIMITS["qacc"].allowed(change / step)
-    allowed = plain + FLOOR_FACTOR * maximum_filter1d(noise, _AROUND)
+    neighbors = 33  # neighboring states with similar convergence of the solver
+    allowed = plain + FLOOR_FACTOR * maximum_filter1d(noise, neighbors)
     error = np.where(np.isfinite(error), error, np.inf)
     worst, velocities = error.argmax(axis=1), (by_mujoco, by_engine)
     return SteppedStates(places, error.max(axis=1), floors, plain, allowed, worst, velocities)
 
 
 def select_states(steps: SteppedStates, contacts: np.ndarray) -> np.ndarray:
-    """Return the steps (K,) whose states are compared, from (N,) contacts before each step.
+    """Return the steps (K,) with compared states, from (N,) contacts before each step.
 
     These are the steps with the largest differences, the start, the first with contacts, that with
     most contacts, and some along the run.
@@ -144,7 +148,7 @@ def compute_states(
     engine, reference = comparison.engine, comparison.reference
     ours, theirs = (runs_from_states(side, run, states[places], places) for side in comparison.both)
     sides = ((reference, ours), (engine, theirs), (reference, round_starts(ours)))
-    told = [forward(by, runs) or {} for by, runs in sides]
+    told = [forward_quantities(by, runs) or {} for by, runs in sides]
     return ForwardStates(ours.models[0], places.tolist(), *told)
 
 
@@ -158,7 +162,7 @@ class WholeRun:
     theirs: Floats
     again: Floats
 
-    def differences(self) -> tuple[Floats, Floats, Floats]:
+    def measure_differences(self) -> tuple[Floats, Floats, Floats]:
         """Return (N + 1,) differences of the engine, of rounded states, and of the repetition."""
         error = max_difference(self.ours, self.theirs)
         floor = np.maximum(
@@ -166,11 +170,12 @@ class WholeRun:
         )
         return error, floor, max_difference(self.theirs, self.again)
 
-    def divergence(self) -> Divergence | None:
+    def find_divergence(self) -> Divergence | None:
         """Return the first difference from MuJoCo that the noise floors do not explain."""
-        error, floor, repeat = self.differences()
+        error, floor, repeat = self.measure_differences()
         floors = np.maximum.accumulate(np.maximum(floor, repeat))
-        beyond = np.flatnonzero(~(error <= COARSE_ROUNDING + _RUN_FACTOR * floors))
+        run_factor = 10.0  # allowed multiple of the largest noise floor so far
+        beyond = np.flatnonzero(~(error <= COARSE_ROUNDING + run_factor * floors))
         if not len(beyond):
             return None
         step = int(beyond[0])
@@ -190,7 +195,7 @@ def max_difference(first: Floats, second: Floats) -> Floats:
 
 
 def buffers_divergence(rollout: Rollout, run: int) -> Divergence | None:
-    """Return the divergence of a run whose memory for contacts or constraints was too small."""
+    """Return the divergence of a run with too little memory for contacts or constraints."""
     full = next((buffer for buffer in _BUFFERS if buffer in rollout.warnings[run]), None)
     return Divergence(stage="buffers", quantity=full, step=0) if full else None
 
@@ -222,7 +227,7 @@ def _dofs_beside(model: mujoco.MjModel, divergence: Divergence) -> np.ndarray:
     return np.flatnonzero(model.dof_treeid == model.dof_treeid[model.jnt_dofadr[joint]])
 
 
-def judge(
+def judge_run(
     comparison: Comparison, run: int
 ) -> tuple[Verdict, Divergence | None, dict[str, float | int]]:
     """Return the verdict on a run, the first stage that differs, and the measures."""
@@ -236,7 +241,7 @@ def judge(
         rollout.state[run, : steps + 1, 1 : 1 + model.nq] for rollout in comparison.rollouts
     )
     whole = WholeRun(ours, rounded_at_each_step(comparison.both[0], run, steps), *others)
-    error, floor, repeat = (float(difference.max()) for difference in whole.differences())
+    error, floor, repeat = (float(difference.max()) for difference in whole.measure_differences())
     numbers: dict[str, float | int] = {
         "position": error,
         "noise_floor": floor,
@@ -246,14 +251,14 @@ def judge(
         return "different", full, numbers
     singles = step_once(comparison, run, states)
     numbers |= {"step": float(singles.error.max()), "step_noise_floor": float(singles.floor.max())}
-    places = select_states(singles, comparison.contacts(run)[:steps])
+    places = select_states(singles, comparison.count_contacts(run)[:steps])
     looked = compute_states(comparison, run, states, places)
-    ambiguous = looked.ambiguous()
+    ambiguous = looked.ambiguous_steps()
     numbers["ambiguous_states"] = len(ambiguous)
     found = looked.first_divergence() or step_divergence(singles, ambiguous)
     if found:
         return "different", found, numbers
-    left = whole.divergence()
+    left = whole.find_divergence()
     if (singles.error > singles.allowed).any() or (
         left and singles.sensitive_before(left.step, _dofs_beside(model, left))
     ):

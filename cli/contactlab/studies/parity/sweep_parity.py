@@ -30,14 +30,13 @@ from contactlab.store.table_layout import axis_cell
 from contactlab.studies.parity.panel import Panel, PanelRun
 from contactlab.studies.parity.parity_report import ClosedForm, Measured, ParityReport, RunParity
 from contactlab.studies.parity.run_cache import ComparedRun, RunCache
-from contactlab.studies.parity.run_parity import Comparison, judge
+from contactlab.studies.parity.run_parity import Comparison, judge_run
 
 Metrics = Mapping[str, float | str]
 SUCCESS, PENETRATION, ENERGY = "success", "penetration_mean", "energy"
 _REL = 0.05  # the gate of common practice
 _STABLE = "stable"
 _RULE = MetricRule(rel=_REL, level="gate")
-_LEAST_METRIC_CHANGE = 1e-6  # of any metric in its own unit: noise about 0
 _ORACLE = "oracle_error"
 
 
@@ -53,7 +52,7 @@ class ParityRequest:
     folder: Path | None = None  # stores each finished run, so that the same request can be resumed
 
 
-def run(
+def compare_runs(
     request: ParityRequest, begin: Callable[[int, int], None], done: Callable[[RunParity], None]
 ) -> ParityReport:
     """Compare an engine with MuJoCo in all runs of a panel.
@@ -61,8 +60,16 @@ def run(
     `begin` gets the number of runs and of those in the cache; `done` gets each other run.
     """
     panel, engine, policy = request.panel, request.engine, request.policy
-    rules = _metric_rules(policy)
-    refused = panel.refused(engine.refusal)
+    # Three quantities have standard rules, and the policy has further ones.
+    known = (SUCCESS, PENETRATION, ENERGY, *METRICS)
+    for name in policy.metrics:
+        PolicyError.unless_known(
+            name, known, f"the policy has a rule for '{name}', which is not a metric"
+        )
+    rules = dict.fromkeys((SUCCESS, PENETRATION, ENERGY), _RULE)
+    given = {name: metric.model_dump(exclude_none=True) for name, metric in policy.metrics.items()}
+    rules |= {name: _RULE.model_copy(update=rule) for name, rule in given.items()}
+    refused = panel.find_refusals(engine.refusal)
     told = {
         member.run_id: _describe_run(member, verdict="refused", reason=refused[member.run_id])
         for member in panel.runs
@@ -78,17 +85,22 @@ def run(
     begin(len(panel.runs) - len(told), len(found))
     told |= {run_id: compared.run for run_id, compared in found.items()}
     closed = [compared.errors for compared in found.values()]
-    for group in panel.groups(told):
+    for group in panel.group_runs(told):
         comparison = Comparison.of(
             engine,
             PreparedRuns.of(panel.scene, *[member.ours for member in group]),
             PreparedRuns.of(panel.scene, *[member.theirs for member in group]),
         )
-        metrics = _metrics(panel, comparison)
+        # A change for the engine alone is a planted mistake: metrics are measured without it.
+        metrics = [
+            panel.measure_runs(comparison.both[0], rollout) for rollout in comparison.rollouts[:3]
+        ]
         for place, member in enumerate(group):
             ours, *_, theirs = values = [side[place] for side in metrics]
             judged = _judge_run(member, comparison, place, values, rules)
-            compared = ComparedRun(judged, (_number(ours, _ORACLE), _number(theirs, _ORACLE)))
+            compared = ComparedRun(
+                judged, (_read_number(ours, _ORACLE), _read_number(theirs, _ORACLE))
+            )
             cache.add(keys[member.run_id], compared)
             told[member.run_id] = judged
             closed.append(compared.errors)
@@ -96,7 +108,17 @@ def run(
     runs = [told[member.run_id] for member in panel.runs]
     checks = list(_make_checks(runs, rules))
     checks = apply_waivers(checks, policy.waive, date.today())  # noqa: DTZ011
-    code, headline = _conclude(checks, runs, engine.name)
+    counted = _verdict_counts(Counter(judged.verdict for judged in runs))
+    failed, code = failed_names(checks), exit_code(checks)
+    if any(check.outcome == "failed" and check.verdict == "not comparable" for check in checks):
+        code = StoreError.exit_code
+    if code == StoreError.exit_code:
+        headline = f"{engine.name} cannot be compared: {counted}"
+    elif code:
+        fail = "fails" if len(failed) == 1 else "fail"
+        headline = f"{engine.name} differs: {plural(len(failed), 'check')} {fail}; {counted}"
+    else:
+        headline = f"{engine.name} agrees with MuJoCo: {counted}"
     return ParityReport(
         sweep=panel.request.name,
         scene=panel.scene.name,
@@ -112,24 +134,6 @@ def run(
         closed_form=_closed_form(closed, panel.scene),
         runs=tuple(runs),
     )
-
-
-def _metric_rules(policy: ComparePolicy) -> dict[str, MetricRule]:
-    """Return the rule of each judged quantity: three standard ones, and those of the policy."""
-    known = (SUCCESS, PENETRATION, ENERGY, *METRICS)
-    for name in policy.metrics:
-        PolicyError.unless_known(
-            name, known, f"the policy has a rule for '{name}', which is not a metric"
-        )
-    rules = dict.fromkeys((SUCCESS, PENETRATION, ENERGY), _RULE)
-    given = {name: metric.model_dump(exclude_none=True) for name, metric in policy.metrics.items()}
-    return rules | {name: _RULE.model_copy(update=rule) for name, rule in given.items()}
-
-
-def _metrics(panel: Panel, comparison: Comparison) -> Sequence[Sequence[Metrics]]:
-    """Return the metrics of each run by MuJoCo, of rounded states, and by the engine."""
-    # A change for the engine alone is a planted mistake: metrics are measured as if it were not.
-    return [panel.metrics(comparison.both[0], rollout) for rollout in comparison.rollouts[:3]]
 
 
 def _describe_run(member: PanelRun, **rest: Any) -> RunParity:  # noqa: ANN401 - fields of the report
@@ -150,7 +154,7 @@ def _judge_run(
     error = comparison.rollouts[2].errors[place] or comparison.rollouts[3].errors[place]
     if error is not None:
         return _describe_run(member, verdict="failed", reason=error)
-    verdict, first, numbers = judge(comparison, place)
+    verdict, first, numbers = judge_run(comparison, place)
     measured = {name: _measure_quantity(name, rule, metrics) for name, rule in rules.items()}
     if verdict == "ambiguous":
         measured = {
@@ -165,10 +169,11 @@ def _judge_run(
 
 def _measure_quantity(name: str, rule: MetricRule, metrics: Sequence[Metrics]) -> Measured:
     """Return a quantity of a run by MuJoCo, of rounded states, and by the engine."""
-    ours, rounded, theirs = (_number(metric, name) for metric in metrics)
-    scale = {SUCCESS: 1.0, ENERGY: _number(metrics[0], "energy_range")}.get(name, abs(ours))
+    ours, rounded, theirs = (_read_number(metric, name) for metric in metrics)
+    scale = {SUCCESS: 1.0, ENERGY: _read_number(metrics[0], "energy_range")}.get(name, abs(ours))
     change, noise = abs(theirs - ours), abs(rounded - ours)
-    least = max(_LEAST_METRIC_CHANGE, rule.abs or 0.0)
+    least_change = 1e-6  # of any metric in its own unit: noise about 0
+    least = max(least_change, rule.abs or 0.0)
     allowed = Limit(name, "", value=least, relative=rule.rel or 0.0).allowed(scale)
     allowed += noise if math.isfinite(noise) else 0
     both_lack = not (math.isfinite(ours) or math.isfinite(theirs))
@@ -181,7 +186,7 @@ def _measure_quantity(name: str, rule: MetricRule, metrics: Sequence[Metrics]) -
     )
 
 
-def _number(metrics: Metrics, name: str) -> float:
+def _read_number(metrics: Metrics, name: str) -> float:
     if name == SUCCESS:
         return float(metrics.get("label") == _STABLE)
     value = metrics.get("energy_end" if name == ENERGY else name, math.nan)
@@ -208,7 +213,15 @@ def _make_checks(runs: Sequence[RunParity], rules: Mapping[str, MetricRule]) -> 
     others = [judged for judged in runs if judged.verdict != "refused"]
     codes = np.array([_CODES.get(other.verdict, SAME) for other in others], np.int8)
     message = _verdict_counts(Counter(other.verdict for other in others))
-    yield Subject("stages agree", "runs", "gate").finding(codes, message, _worst_pairs(others))
+    yield Subject("stages agree", "runs", "gate").finding(
+        codes,
+        message,
+        [
+            _run_pair(judged, "", str(judged.first_divergence))
+            for judged in others
+            if judged.verdict == "different"
+        ],
+    )
     for name, rule in rules.items():
         yield from _quantity_checks(name, rule, compared)
 
@@ -266,14 +279,6 @@ def _verdict_counts(verdicts: Mapping[str, int]) -> str:
     return ", ".join(f"{plural(count)} {verdict}" for verdict, count in verdicts.items())
 
 
-def _worst_pairs(runs: Sequence[RunParity]) -> list[RunPair]:
-    return [
-        _run_pair(judged, "", str(judged.first_divergence))
-        for judged in runs
-        if judged.verdict == "different"
-    ]
-
-
 def _run_pair(run: RunParity, ours: float | str | None, theirs: float | str | None) -> RunPair:
     return RunPair(
         baseline_run=run.run_id,
@@ -282,20 +287,6 @@ def _run_pair(run: RunParity, ours: float | str | None, theirs: float | str | No
         baseline=ours,
         candidate=theirs,
     )
-
-
-def _conclude(checks: Sequence[Finding], runs: Sequence[RunParity], name: str) -> tuple[int, str]:
-    """Return the exit code and the headline."""
-    counted = _verdict_counts(Counter(judged.verdict for judged in runs))
-    failed, code = failed_names(checks), exit_code(checks)
-    if any(check.outcome == "failed" and check.verdict == "not comparable" for check in checks):
-        code = StoreError.exit_code
-    if code == StoreError.exit_code:
-        return code, f"{name} cannot be compared: {counted}"
-    if code:
-        fail = "fails" if len(failed) == 1 else "fail"
-        return code, f"{name} differs: {plural(len(failed), 'check')} {fail}; {counted}"
-    return code, f"{name} agrees with MuJoCo: {counted}"
 
 
 def _closed_form(errors: Sequence[tuple[float, float]], scene: Scene) -> ClosedForm | None:

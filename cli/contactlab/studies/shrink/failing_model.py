@@ -24,8 +24,8 @@ from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 
 START = "start"
-"""Name of the keyframe in which the run begins."""
-_DIGITS = 9  # of times in seconds: what is nearer is one time
+"""Name of the keyframe that the run begins in."""
+_DIGITS = 9  # of times in seconds: nearer times are one time
 _INERTIAS = ("body_mass", "body_inertia", "body_ipos", "body_iquat")
 # Attributes of a specification that are not called as the field is, after its prefix.
 _ATTRIBUTES = {
@@ -60,13 +60,13 @@ PARTS = ("bodies", "actuators", "equalities", "tendons", "sensors", "excludes", 
 
 @dataclass(frozen=True)
 class Start:
-    """Where the parts of a model begin, by their names, and what drives it from there.
+    """The start of the parts of a model, by their names, and the drive from there.
 
     Attributes:
         qpos, qvel: rows of each joint [m or rad, m/s or rad/s].
         act, ctrl: of each actuator.
         mocap: pose of each mocap body: position [m] and quaternion.
-        controls: what was applied over time; None if only `ctrl`.
+        controls: inputs over time; None if only `ctrl`.
         inputs: names of its columns.
     """
 
@@ -90,9 +90,18 @@ class Start:
         joints = [model.joint(index) for index in range(model.njnt)]
         actuators = range(model.nu)
         return cls(
-            {joint.name: qpos[_span(model.jnt_qposadr, joint.id, model.nq)] for joint in joints},
-            {joint.name: qvel[_span(model.jnt_dofadr, joint.id, model.nv)] for joint in joints},
-            {model.actuator(index).name: act[_activations(model, index)] for index in actuators},
+            {
+                joint.name: qpos[_index_span(model.jnt_qposadr, joint.id, model.nq)]
+                for joint in joints
+            },
+            {
+                joint.name: qvel[_index_span(model.jnt_dofadr, joint.id, model.nv)]
+                for joint in joints
+            },
+            {
+                model.actuator(index).name: act[_activation_places(model, index)]
+                for index in actuators
+            },
             {model.actuator(index).name: ctrl[[index]] for index in actuators},
             {
                 model.body(int(body)).name: np.hstack([positions[place], turns[place]])
@@ -103,8 +112,8 @@ class Start:
             tuple(input_names(model, controls.places)) if controls else (),
         )
 
-    def keyframe(self, model: mujoco.MjModel) -> dict[str, Floats]:
-        """Return the values of a keyframe of what is left of the model."""
+    def keyframe_values(self, model: mujoco.MjModel) -> dict[str, Floats]:
+        """Return the values of a keyframe of the remaining model."""
         joints = [model.joint(index).name for index in range(model.njnt)]
         actuators = [model.actuator(index).name for index in range(model.nu)]
         mocap = sorted(np.flatnonzero(model.body_mocapid >= 0), key=lambda b: model.body_mocapid[b])
@@ -118,15 +127,20 @@ class Start:
             "mquat": np.hstack([np.empty(0), *(pose[3:] for pose in poses)]),
         }
 
-    def after(self, model: mujoco.MjModel, steps: int) -> "Start":
-        """Return the state and drive of what is left of the model, some steps on from here."""
+    def advance_by(self, model: mujoco.MjModel, steps: int) -> "Start":
+        """Return the state and drive of the remaining model, some steps later."""
         data = mujoco.MjData(model)
         mujoco.mj_resetDataKeyframe(model, data, model.key(START).id)
-        kept, places = self._kept(model), self._places(model)
+        known, first = coordinate_indices(model), part_starts(model)["ctrl"]
+        named = [self.inputs[place] for place in self._kept_places(model)]
+        kept, places = (
+            self._kept_places(model),
+            [known[name if name in known else f"{name}.ctrl"] - first for name in named],
+        )
         inputs = np.hstack([data.ctrl, data.xfrc_applied.ravel()])
         for _ in range(steps):
             if self.controls is not None and kept:
-                inputs[places] = self.controls.levels[_row(self.controls, data.time), kept]
+                inputs[places] = self.controls.levels[_row_at(self.controls, data.time), kept]
                 data.ctrl[:] = inputs[: model.nu]
                 data.xfrc_applied[:] = inputs[model.nu :].reshape(-1, 6)
             mujoco.mj_step(model, data)
@@ -136,27 +150,21 @@ class Start:
             self,
             qpos={name: data.joint(name).qpos.copy() for name in joints},
             qvel={name: data.joint(name).qvel.copy() for name in joints},
-            act={each.name: data.act[_activations(model, each.id)] for each in actuators},
+            act={each.name: data.act[_activation_places(model, each.id)] for each in actuators},
             ctrl={each.name: data.ctrl[[each.id]] for each in actuators},
             controls=self._controls_from(data.time),
         )
 
-    def _places(self, model: mujoco.MjModel) -> list[int]:
-        """Return the places of what is left of the inputs among controls and then forces."""
-        known, first = coordinate_indices(model), part_starts(model)["ctrl"]
-        named = [self.inputs[place] for place in self._kept(model)]
-        return [known[name if name in known else f"{name}.ctrl"] - first for name in named]
-
     def _controls_from(self, time: float) -> RecordedControls | None:
-        """Return what is applied from a time on [s], which is its 0."""
+        """Return the inputs from a time on [s]; that time is then 0."""
         if self.controls is None:
             return None
-        first = _row(self.controls, time)
+        first = _row_at(self.controls, time)
         times = np.round(np.maximum(self.controls.times[first:] - time, 0), _DIGITS)
         return replace(self.controls, times=times, levels=self.controls.levels[first:])
 
-    def _kept(self, model: mujoco.MjModel) -> list[int]:
-        """Return the places of the inputs of what is left of the model."""
+    def _kept_places(self, model: mujoco.MjModel) -> list[int]:
+        """Return the places of the inputs of the remaining model."""
         bodies = {model.body(index).name for index in range(1, model.nbody)}
         actuators = {model.actuator(index).name for index in range(model.nu)}
         return [
@@ -165,11 +173,11 @@ class Start:
             if name in actuators or name.rpartition(".")[0] in bodies
         ]
 
-    def table(self, model: mujoco.MjModel, duration: float) -> str:
-        """Return as CSV what drives what is left of the model; empty if nothing does."""
+    def input_table(self, model: mujoco.MjModel, duration: float) -> str:
+        """Return the drive of the remaining model as CSV; empty if nothing does."""
         if self.controls is None:
             return ""
-        kept = self._kept(model)
+        kept = self._kept_places(model)
         levels = self.controls.levels[:, kept]
         if not levels.any():
             return ""
@@ -180,17 +188,17 @@ class Start:
         return "\n".join([head, *(",".join(map(repr, row)) for row in rows.tolist())]) + "\n"
 
 
-def _span(addresses: Any, index: int, end: int) -> slice:  # noqa: ANN401 - MuJoCo's array
+def _index_span(addresses: Any, index: int, end: int) -> slice:  # noqa: ANN401 - MuJoCo's array
     stop = int(addresses[index + 1]) if index + 1 < len(addresses) else end
     return slice(int(addresses[index]), stop)
 
 
-def _row(controls: RecordedControls, time: float) -> int:
+def _row_at(controls: RecordedControls, time: float) -> int:
     """Return the place of the levels that are held at a time [s]."""
     return max(int(np.searchsorted(controls.times, time + 10**-_DIGITS, "right")) - 1, 0)
 
 
-def _activations(model: mujoco.MjModel, actuator: int) -> slice:
+def _activation_places(model: mujoco.MjModel, actuator: int) -> slice:
     first, count = int(model.actuator_actadr[actuator]), int(model.actuator_actnum[actuator])
     return slice(first, first + count) if first >= 0 else slice(0, 0)
 
@@ -199,7 +207,7 @@ def as_one_file(scene: Scene, run: RunSpec, start: InitialStates) -> str:
     """Return the model of a run as MJCF without assets.
 
     Looks are left out, meshes become their hulls, and bodies that they weigh keep their inertia. A
-    SceneError says what cannot be written.
+    SceneError names the part that cannot be written.
     """
     texts = list[str]()
 
@@ -218,8 +226,8 @@ def as_one_file(scene: Scene, run: RunSpec, start: InitialStates) -> str:
         if geom.meshname and geom.type != _MESH:  # it was fitted to the mesh, not to its hull
             geom.meshname, geom.size = "", meant.geom(geom.name).size
     _set_fields(spec, meant)
-    looks = [geom for geom in spec.geoms if geom.name in _looks(meant)]
-    _weigh(spec, meant, {geom.parent.name for geom in looks})
+    looks = [geom for geom in spec.geoms if geom.name in _drawn_geoms(meant)]
+    _write_inertia(spec, meant, {geom.parent.name for geom in looks})
     for geom in looks:
         spec.delete(geom)
     shown = {geom.meshname for geom in spec.geoms}
@@ -227,11 +235,11 @@ def as_one_file(scene: Scene, run: RunSpec, start: InitialStates) -> str:
         spec.delete(mesh)
     have, want = fields_of(spec.compile()), fields_of(meant)
     others = {int(row) for name in _INERTIAS for row in differing_rows(have[name], want[name])}
-    _weigh(spec, meant, {meant.body(body).name for body in others})
-    return _text(spec)
+    _write_inertia(spec, meant, {meant.body(body).name for body in others})
+    return _plain_text(spec)
 
 
-def _looks(model: mujoco.MjModel) -> set[str]:
+def _drawn_geoms(model: mujoco.MjModel) -> set[str]:
     """Return the names of geoms that touch nothing, and that no tendon, sensor or fluid meets."""
     met = (model.geom_contype | model.geom_conaffinity).astype(bool) | (model.geom_fluid[:, 0] > 0)
     met[np.concatenate([model.pair_geom1, model.pair_geom2])] = True
@@ -245,7 +253,7 @@ def _looks(model: mujoco.MjModel) -> set[str]:
     return {model.geom(int(geom)).name for geom in np.flatnonzero(~met)}
 
 
-def _weigh(spec: mujoco.MjSpec, meant: mujoco.MjModel, bodies: Collection[str]) -> None:
+def _write_inertia(spec: mujoco.MjSpec, meant: mujoco.MjModel, bodies: Collection[str]) -> None:
     """Write the inertia of bodies, which their geoms do not give."""
     for body in [body for body in spec.bodies if body.name in bodies and body.name != "world"]:
         place = meant.body(body.name).id
@@ -255,7 +263,7 @@ def _weigh(spec: mujoco.MjSpec, meant: mujoco.MjModel, bodies: Collection[str]) 
         body.inertia = meant.body_inertia[place]
 
 
-def _text(spec: mujoco.MjSpec) -> str:
+def _plain_text(spec: mujoco.MjSpec) -> str:
     """Return a specification as MJCF, without classes, sites and frames that nothing uses.
 
     MuJoCo before 4.0 rounds its numbers to six digits.
@@ -274,7 +282,13 @@ def _text(spec: mujoco.MjSpec) -> str:
     }
     for each in defaults if classes - used else ():
         _drop_unused(each, used)
-    _drop_marks(root)
+    # Remove sites that nothing names, and frames that hold nothing.
+    named = {value for part in root.iter() for key, value in part.items() if key != "name"}
+    for parent in [part for world in root.findall("worldbody") for part in world.iter()][::-1]:
+        for child in list(parent):
+            site = child.tag == "site" and child.get("name") not in named
+            if site or (child.tag == "frame" and not len(child)):
+                parent.remove(child)
     return ET.tostring(root, "unicode")
 
 
@@ -286,21 +300,11 @@ def _drop_unused(default: ET.Element, used: set[str | None]) -> bool:
     return default.get("class") in {"main", *used} or default.find("default") is not None
 
 
-def _drop_marks(root: ET.Element) -> None:
-    """Remove sites that nothing names, and frames that hold nothing."""
-    named = {value for part in root.iter() for key, value in part.items() if key != "name"}
-    for parent in [part for world in root.findall("worldbody") for part in world.iter()][::-1]:
-        for child in list(parent):
-            site = child.tag == "site" and child.get("name") not in named
-            if site or (child.tag == "frame" and not len(child)):
-                parent.remove(child)
-
-
 def _without_assets(spec: mujoco.MjSpec, model: mujoco.MjModel) -> str:
     """Return MJCF that names no file: hulls and heights by their numbers, and no looks."""
     for key in list(spec.keys):
         spec.delete(key)
-    root = ET.fromstring(_text(spec))  # noqa: S314 - MuJoCo wrote it
+    root = ET.fromstring(_plain_text(spec))  # noqa: S314 - MuJoCo wrote it
     for parent in list(root.iter()):
         for child in list(parent):
             if child.tag in _LOOKS or (parent.tag == "default" and child.tag == "mesh"):
@@ -326,15 +330,6 @@ def file_hull(model: mujoco.MjModel, mesh: int) -> Floats:
     return (
         hull_vertices(model, mesh) @ rotation_matrix(model.mesh_quat[mesh]).T + model.mesh_pos[mesh]
     )
-
-
-def _set_poses(spec: mujoco.MjSpec, meant: mujoco.MjModel) -> None:
-    """Set poses of bodies and geoms that a run has otherwise than its file."""
-    model = spec.compile()
-    for parts, poses in ((spec.bodies, _body_poses), (spec.geoms, _geom_poses)):
-        want = poses(meant)
-        for place in np.flatnonzero(np.abs(poses(model) - want).max(axis=1) > SUM_ROUNDING):
-            _set_pose(parts[place], want[place, :3], want[place, 3:])
 
 
 def _set_pose(part: Any, position: Floats, turn: Floats) -> None:  # noqa: ANN401 - body or geom
@@ -373,18 +368,23 @@ def _geom_poses(model: mujoco.MjModel) -> Floats:
 
 
 def _one_sign(poses: Floats) -> Floats:
-    """Return poses of which none has a quaternion q where another of the same turn has -q."""
+    """Return poses with one sign for all quaternions of equal turns."""
     turns = poses[:, 3:]
     largest = np.take_along_axis(turns, np.abs(turns).argmax(axis=1)[:, None], axis=1)
     return np.hstack([poses[:, :3], turns * np.sign(largest)])
 
 
 def _set_fields(spec: mujoco.MjSpec, meant: mujoco.MjModel) -> None:
-    """Set what a run's model has otherwise than its file: options, and fields of parts."""
+    """Set the differences of a run's model from its file: options, and fields of parts."""
     for name in dir(meant.opt):
         if not name.startswith("_") and hasattr(spec.option, name):
             setattr(spec.option, name, getattr(meant.opt, name))
-    _set_poses(spec, meant)
+    # Set poses of bodies and geoms that a run has otherwise than its file.
+    model = spec.compile()
+    for parts, poses in ((spec.bodies, _body_poses), (spec.geoms, _geom_poses)):
+        poses_meant = poses(meant)
+        for index in np.flatnonzero(np.abs(poses(model) - poses_meant).max(axis=1) > SUM_ROUNDING):
+            _set_pose(parts[index], poses_meant[index, :3], poses_meant[index, 3:])
     have, want = fields_of(spec.compile()), fields_of(meant)
     for name in filter(is_writable, want):
         if name in (*_POSES, *_INERTIAS):
@@ -409,7 +409,7 @@ class FailingModel:
 
     Attributes:
         text: MJCF, without keyframes.
-        start: where its parts begin, and what drives it.
+        start: the start of its parts, and its drive.
         duration: of its run [s].
         start_time: when in the stored run it begins [s].
         pairs: that its runs monitor, if both sides are left.
@@ -421,37 +421,37 @@ class FailingModel:
     start_time: float = 0.0
     pairs: tuple[MonitoredPair, ...] = field(default=(), compare=False)
 
-    def spec(self) -> mujoco.MjSpec:
+    def make_spec(self) -> mujoco.MjSpec:
         """Return its specification."""
         return mujoco.MjSpec.from_string(self.text)
 
-    def compiled(self) -> mujoco.MjModel:
+    def compile_spec(self) -> mujoco.MjModel:
         """Return its compiled model."""
-        return self.spec().compile()
+        return self.make_spec().compile()
 
     def whole_text(self) -> str:
         """Return its MJCF with the keyframe that it starts from."""
-        spec = self.spec()
-        values = self.start.keyframe(spec.compile())
+        spec = self.make_spec()
+        values = self.start.keyframe_values(spec.compile())
         key = spec.add_key(name=START)
         for name, value in values.items():
             setattr(key, name, value)
-        return _text(spec)
+        return _plain_text(spec)
 
-    def later(self, steps: int) -> "FailingModel":
+    def start_later(self, steps: int) -> "FailingModel":
         """Return the model with a run that begins some steps later, and ends when it did."""
         model = mujoco.MjModel.from_xml_string(self.whole_text())
         passed = steps * float(model.opt.timestep)
         return replace(
             self,
-            start=self.start.after(model, steps),
+            start=self.start.advance_by(model, steps),
             start_time=self.start_time + passed,
             duration=round(self.duration - passed, _DIGITS),
         )
 
-    def monitored(self) -> list[dict[str, object]]:
+    def monitored_pairs(self) -> list[dict[str, object]]:
         """Return the pairs that are left, as a scene's manifest has them."""
-        left = {kind: {*self.parts(kind), "world"} for kind in ("geoms", "bodies")}
+        left = {kind: {*self.part_names(kind), "world"} for kind in ("geoms", "bodies")}
         return [
             {kind: list(pair.sides), "slots": pair.slots}
             for pair in self.pairs
@@ -459,28 +459,28 @@ class FailingModel:
             if {*pair.sides} <= left[kind]
         ]
 
-    def parts(self, kind: str) -> list[str]:
+    def part_names(self, kind: str) -> list[str]:
         """Return the names of its parts of a kind, a body before those that it carries."""
-        return [element.name for element in _elements(self.spec(), kind)]
+        return [element.name for element in _list_elements(self.make_spec(), kind)]
 
-    def without(self, kind: str, names: Collection[str]) -> "FailingModel | None":
+    def remove_parts(self, kind: str, names: Collection[str]) -> "FailingModel | None":
         """Return the model without parts of a kind, and all that refers to them; None if none is.
 
         A body takes along those that it carries.
         """
-        spec = self.spec()
-        parts = {part.name: part for part in _elements(spec, kind)}
+        spec = self.make_spec()
+        parts = {part.name: part for part in _list_elements(spec, kind)}
         for name in names:
             if name in {left.name for left in getattr(spec, kind)}:
                 spec.delete(parts[name])
-        return self._changed(spec)
+        return self._with_spec(spec)
 
-    def still(self, names: Collection[str]) -> "FailingModel | None":
-        """Return the model without joints: their bodies stay as they are at the start."""
-        spec = self.spec()
+    def remove_joints(self, names: Collection[str]) -> "FailingModel | None":
+        """Return the model without joints: their bodies stay as at the start."""
+        spec = self.make_spec()
         model = spec.compile()
         data = mujoco.MjData(model)
-        data.qpos[:] = self.start.keyframe(model)["qpos"]
+        data.qpos[:] = self.start.keyframe_values(model)["qpos"]
         mujoco.mj_kinematics(model, data)
         for joint in [joint for joint in spec.joints if joint.name in names]:
             body, own = joint.parent, model.body(joint.parent.name).id
@@ -491,32 +491,32 @@ class FailingModel:
             mujoco.mju_rotVecQuat(away, data.xpos[own] - data.xpos[carrier], back)
             body.pos, body.quat = away, turn
             spec.delete(joint)
-        return self._changed(spec)
+        return self._with_spec(spec)
 
     @property
     def options(self) -> list[str]:
         """The options that it sets, and `flag` for all flags."""
         return [
             name
-            for option in self._tree().iter("option")
+            for option in self._parse_text().iter("option")
             for name in (*option.attrib, *(child.tag for child in option))
         ]
 
-    def plain(self, option: str) -> "FailingModel | None":
+    def reset_option(self, option: str) -> "FailingModel | None":
         """Return the model with the default of an option, or of all flags."""
-        root = self._tree()
+        root = self._parse_text()
         for element in root.iter("option"):
             element.attrib.pop(option, None)
             for child in element.findall(option):
                 element.remove(child)
-        return self._changed(mujoco.MjSpec.from_string(ET.tostring(root, "unicode")))
+        return self._with_spec(mujoco.MjSpec.from_string(ET.tostring(root, "unicode")))
 
-    def coarser(self, meshes: Collection[str], vertices: int) -> "FailingModel | None":
-        """Return the model with so many vertices of meshes, each farthest from those before it.
+    def coarsen_meshes(self, meshes: Collection[str], vertices: int) -> "FailingModel | None":
+        """Return the model with `vertices` vertices of meshes, each farthest from those before it.
 
-        None if none of them has more.
+        None if no mesh has more.
         """
-        spec = self.spec()
+        spec = self.make_spec()
         finer = [
             (mesh, points)
             for mesh in spec.meshes
@@ -524,35 +524,35 @@ class FailingModel:
             if len(points := np.array(mesh.uservert).reshape(-1, 3)) > vertices
         ]
         for mesh, points in finer:
-            mesh.uservert = points[list(_farthest(points, vertices))].ravel()
-        return self._changed(spec) if finer else None
+            mesh.uservert = points[list(_farthest_places(points, vertices))].ravel()
+        return self._with_spec(spec) if finer else None
 
-    def fused(self) -> "FailingModel | None":
-        """Return the model in which bodies without joints are parts of those that carry them."""
-        spec = self.spec()
+    def fuse_bodies(self) -> "FailingModel | None":
+        """Return the model with bodies without joints as parts of those that carry them."""
+        spec = self.make_spec()
         if all(body.joints or body.name == "world" for body in spec.bodies):
             return None
         spec.compiler.fusestatic = True
-        return self._changed(spec)
+        return self._with_spec(spec)
 
-    def _tree(self) -> ET.Element:
+    def _parse_text(self) -> ET.Element:
         return ET.fromstring(self.text)  # noqa: S314 - MuJoCo wrote it
 
-    def _changed(self, spec: mujoco.MjSpec) -> "FailingModel | None":
+    def _with_spec(self, spec: mujoco.MjSpec) -> "FailingModel | None":
         """Return the model of a specification; None if it does not compile or nothing moves."""
         try:
             moves = spec.compile().nv > 0
-            return replace(self, text=_text(spec)) if moves else None
+            return replace(self, text=_plain_text(spec)) if moves else None
         except (ValueError, mujoco.FatalError):
             return None
 
 
-def _elements(spec: mujoco.MjSpec, kind: str) -> list[Any]:
+def _list_elements(spec: mujoco.MjSpec, kind: str) -> list[Any]:
     elements = list(getattr(spec, kind))
     return [each for each in elements if not (kind == "bodies" and each.name == "world")]
 
 
-def _farthest(points: Floats, count: int) -> Iterator[int]:
+def _farthest_places(points: Floats, count: int) -> Iterator[int]:
     """Yield places of points, the next always the farthest from all before it."""
     apart = np.linalg.norm(points - points.mean(axis=0), axis=1)
     for _ in range(count):
@@ -561,7 +561,7 @@ def _farthest(points: Floats, count: int) -> Iterator[int]:
         apart = np.minimum(apart, np.linalg.norm(points - points[place], axis=1))
 
 
-def sizes(model: mujoco.MjModel) -> dict[str, int]:
+def count_parts(model: mujoco.MjModel) -> dict[str, int]:
     """Return how many parts of each kind a model has, the world's body left out."""
     return {
         "bodies": int(model.nbody) - 1,

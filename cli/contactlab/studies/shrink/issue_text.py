@@ -40,7 +40,7 @@ _ONE = {
 
 
 def issue_text(report: ShrinkReport, model: str, *, driven: bool) -> str:
-    """Return Markdown: what fails, the model, and how to run it in plain MuJoCo."""
+    """Return Markdown: the failure, the model, and how to run it in plain MuJoCo."""
     counts = [(count, kind) for kind, count in report.after.items() if count]
     parts = ", ".join(f"{count} {_ONE[kind] if count == 1 else kind}" for count, kind in counts)
     plain = _PLAIN.format(

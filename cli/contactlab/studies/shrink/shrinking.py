@@ -1,7 +1,7 @@
 """Parts are taken out of a failing run's model for as long as it fails in the same way.
 
 What to try next is delta debugging (Zeller and Hildebrandt 2002, ddmin): all at once, then halves,
-then ever smaller shares of what is left.
+then ever smaller shares of the rest.
 """
 
 import math
@@ -30,18 +30,15 @@ from contactlab.studies.shrink.failing_model import (
     FailingModel,
     Start,
     as_one_file,
-    sizes,
+    count_parts,
 )
 from contactlab.studies.shrink.issue_text import issue_text
 from contactlab.tasks.session import Session
 
 MODEL, SCENE, CONTROLS = "model.xml", "scene.yaml", "controls.csv"
 SWEEP, ISSUE = "sweep.yaml", "issue.md"
-_PAIR = 2  # bodies
-_AFTER = (1.1, 2.0)  # times of the onset after which a run may end
-_BEFORE = (64, 16, 4)  # shares of the time to the onset that a run may keep, as 1 / each
 _VERTICES = (4, 8, 16, 32, 64)
-_KEPT = ("checks", "thresholds", "must")  # keys of the sweep by which its runs are judged
+_KEPT = ("checks", "thresholds", "must")  # keys of the sweep that decide about its runs
 
 
 @dataclass(frozen=True)
@@ -52,7 +49,7 @@ class ShrinkRequest:
         store: of the run.
         run: its id, or the beginning of it.
         folder: for the small model, the sweep that runs it, and the text of an issue.
-        seconds: after which no other model is tried.
+        seconds: no other model is tried later.
     """
 
     store: Store
@@ -63,7 +60,7 @@ class ShrinkRequest:
 
 @dataclass(frozen=True)
 class _Failure:
-    """The way in which a run fails."""
+    """The failure of a run."""
 
     label: str
     bodies: frozenset[str]  # those that the label is of
@@ -72,24 +69,27 @@ class _Failure:
     def of(cls, record: EvidenceRecord) -> "_Failure":
         return cls(record.label, frozenset(record.labels[0].bodies))
 
-    def covers(self, other: "_Failure") -> bool:
+    def covers_failure(self, other: "_Failure") -> bool:
         """Return whether another run fails in this way: of the same pair, or of no further bodies.
 
-        A label of many bodies, as of what diverges, may be of a part of them.
+        A label of many bodies, such as a divergence, may be of some of them.
         """
         if other.label != self.label:
             return False
-        if len(self.bodies) <= _PAIR:
+        pair_size = 2  # bodies
+        if len(self.bodies) <= pair_size:
             return other.bodies == self.bodies
         return bool(other.bodies) and other.bodies <= self.bodies
 
 
-def run(request: ShrinkRequest, notify: Callable[[str], None] = lambda _: None) -> ShrinkReport:
-    """Shrink the model of a stored run, and write it with what runs it.
+def shrink_run(
+    request: ShrinkRequest, notify: Callable[[str], None] = lambda _: None
+) -> ShrinkReport:
+    """Shrink the model of a stored run, and write it with a script that runs it.
 
     Raises:
         StoreError: there is no such run, or it is stable.
-        SceneError: its model cannot be written as one file, or does not fail by itself.
+        SceneError: its model cannot be written as one file, or does not fail alone.
         OutputError: the folder cannot be written.
     """
     begun = time.monotonic()
@@ -108,9 +108,9 @@ def run(request: ShrinkRequest, notify: Callable[[str], None] = lambda _: None) 
     whole = FailingModel(text, start, record.duration, pairs=runs.base.pairs)
     with TemporaryDirectory(prefix="contactlab-") as folder:
         notify("running the model as one file")
-        trials = _reproducing(whole, record, Path(folder), _judged_by(request.store, scene))
+        trials = _find_trials(whole, record, Path(folder), _judged_by(request.store, scene))
         trials.end = begun + request.seconds
-        smallest = _smallest(whole, trials, notify)
+        smallest = _shrink_model(whole, trials, notify)
         entry = trials.failed[smallest].labels[0]
         report = ShrinkReport(
             run=record.run_id,
@@ -118,8 +118,8 @@ def run(request: ShrinkRequest, notify: Callable[[str], None] = lambda _: None) 
             bodies=entry.bodies,
             reason=entry.reason,
             stored_reason=record.labels[0].reason,
-            before=sizes(whole.compiled()),
-            after=sizes(smallest.compiled()),
+            before=count_parts(whole.compile_spec()),
+            after=count_parts(smallest.compile_spec()),
             start_time=smallest.start_time,
             duration=smallest.duration,
             stored_duration=record.duration,
@@ -128,14 +128,14 @@ def run(request: ShrinkRequest, notify: Callable[[str], None] = lambda _: None) 
             seconds=time.monotonic() - begun,
             folder=str(request.folder),
         )
-        files = trials.files(smallest)
+        files = trials.write_files(smallest)
         files[ISSUE] = issue_text(report, files[MODEL], driven=CONTROLS in files)
         Session(request.folder).write(files)
     return report
 
 
 class _Judging(NamedTuple):
-    """Keys of a sweep, and thresholds of its scene, by which runs are judged."""
+    """Keys of a sweep, and thresholds of its scene, for judging runs."""
 
     keys: Mapping[str, Any]
     thresholds: Mapping[str, float]
@@ -150,14 +150,14 @@ def _judged_by(store: Store, scene: Scene) -> Iterator[_Judging]:
     yield _Judging(keys, thresholds)
 
 
-def _reproducing(
+def _find_trials(
     model: FailingModel, record: EvidenceRecord, folder: Path, judgings: Iterator[_Judging]
 ) -> "_Trials":
-    """Return trials by whose judging a model fails as a stored run does."""
+    """Return trials with judgements that let a model fail like a stored run."""
     why = ""
     for judging in judgings:
         trials = _Trials(folder, judging, _Failure.of(record))
-        why = trials.difference(model)
+        why = trials.find_difference(model)
         if not why:
             return trials
     raise SceneError(
@@ -174,7 +174,7 @@ class _Trials:
         folder: of a model at a time, and of its store.
         judging: of its runs.
         failure: of the stored run.
-        end: by the monotonic clock, after which none is run [s].
+        end: by the monotonic clock; no trial begins later [s].
         count: of models that were run.
         over: whether one was not run, since the time had ended.
         failed: records of models that failed alike.
@@ -191,41 +191,41 @@ class _Trials:
     )
     _stood: set[FailingModel] = field(default_factory=set[FailingModel])
 
-    def fails(self, model: FailingModel) -> bool:
+    def still_fails(self, model: FailingModel) -> bool:
         """Return whether a model fails as the stored run does; no if the time is over."""
         if model not in self.failed and model not in self._stood:
             if time.monotonic() > self.end:
                 self.over = True
                 return False
-            self.difference(model)
+            self.find_difference(model)
         return model in self.failed
 
-    def difference(self, model: FailingModel) -> str:
+    def find_difference(self, model: FailingModel) -> str:
         """Run a model; return how its run differs from the stored one, empty if it fails alike."""
         self.count += 1
-        record, why = self._outcome(model)
+        record, why = self._run_outcome(model)
         if record is not None and not why:
             self.failed[model] = record
         else:
             self._stood.add(model)
         return why
 
-    def _outcome(self, model: FailingModel) -> tuple[EvidenceRecord | None, str]:
+    def _run_outcome(self, model: FailingModel) -> tuple[EvidenceRecord | None, str]:
         try:
-            files = self.files(model)
+            files = self.write_files(model)
             session, scenes = Session(self.folder), SceneLoader(self.folder)
             session.write(files)
-            store = session.run_derived("store", self._sweep(), scenes)
+            store = session.run_derived("store", self._trial_sweep(), scenes)
             (record,) = store.records()
         except ContactlabError as error:
             return None, f"cannot be run: {str(error).splitlines()[0]}"
         own = _Failure.of(record)
         of = f" of {', '.join(sorted(own.bodies))}" if own.bodies else ""
-        return record, "" if self.failure.covers(own) else f"is {own.label}{of}"
+        return record, "" if self.failure.covers_failure(own) else f"is {own.label}{of}"
 
-    def files(self, model: FailingModel) -> dict[str, str]:
+    def write_files(self, model: FailingModel) -> dict[str, str]:
         """Return the files of a scene of a model, and of the sweep that runs it."""
-        table = model.start.table(model.compiled(), model.duration)
+        table = model.start.input_table(model.compile_spec(), model.duration)
         manifest = {
             "version": 1,
             "title": f"The smallest model found that is {self.failure.label}",
@@ -233,92 +233,98 @@ class _Trials:
             "model": MODEL,
             "duration": model.duration,
             "keyframe": START,
-            "pairs": model.monitored(),
+            "pairs": model.monitored_pairs(),
             "thresholds": dict(self.judging.thresholds),
             "drive": {"file": CONTROLS, "interpolation": "hold"} if table else "none",
             "effects": "all",
         }
-        sweep = {**self._sweep(), "expect": [{"label": self.failure.label}]}
-        files = {MODEL: model.whole_text(), SCENE: _yaml(manifest), SWEEP: _yaml(sweep)}
+        sweep = {**self._trial_sweep(), "expect": [{"label": self.failure.label}]}
+        files = {MODEL: model.whole_text(), SCENE: _write_yaml(manifest), SWEEP: _write_yaml(sweep)}
         return files | ({CONTROLS: table} if table else {})
 
-    def _sweep(self) -> dict[str, Any]:
+    def _trial_sweep(self) -> dict[str, Any]:
         return {"version": 1, "scene": "./", **self.judging.keys}
 
 
-def _yaml(data: Mapping[str, Any]) -> str:
+def _write_yaml(data: Mapping[str, Any]) -> str:
     text = StringIO()
     YAML().dump({key: value for key, value in data.items() if value != {}}, text)
     return text.getvalue()
 
 
-def _smallest(model: FailingModel, trials: _Trials, notify: Callable[[str], None]) -> FailingModel:
-    """Return the model without all that can go; what went last may let go what stayed before."""
+def _shrink_model(
+    model: FailingModel, trials: _Trials, notify: Callable[[str], None]
+) -> FailingModel:
+    """Return the model without removable parts; without the last ones, earlier ones may go."""
     notify("shortening the run")
-    model = _shorter(_later(_shorter(model, trials), trials), trials)
-    # Thousands of vertices are read and hulled anew in each trial.
-    coarser = model.coarser(model.parts("meshes"), _VERTICES[-1])
-    if coarser is not None and trials.fails(coarser):
+    model = _shorten_run(_start_later(_shorten_run(model, trials), trials), trials)
+    # Each trial reads thousands of vertices and computes their hulls.
+    coarser = model.coarsen_meshes(model.part_names("meshes"), _VERTICES[-1])
+    if coarser is not None and trials.still_fails(coarser):
         model = coarser
     while True:
         before = model.text
         for kind in PARTS:
             notify(f"removing {kind}")
-            model = _without(model, kind, partial(FailingModel.without, kind=kind), trials)
+            model = _remove_parts(
+                model, kind, partial(FailingModel.remove_parts, kind=kind), trials
+            )
         notify("removing joints")
-        model = _without(model, "joints", FailingModel.still, trials)
+        model = _remove_parts(model, "joints", FailingModel.remove_joints, trials)
         notify("simplifying options and meshes")
-        for changed in _plainer(model):
+        for changed in _simplify_model(model):
             if trials.over:
                 break
             smaller = changed(model)
-            if smaller is not None and trials.fails(smaller):
+            if smaller is not None and trials.still_fails(smaller):
                 model = smaller
         if model.text == before or trials.over:
             return model
 
 
-def _shorter(model: FailingModel, trials: _Trials) -> FailingModel:
+def _shorten_run(model: FailingModel, trials: _Trials) -> FailingModel:
     """Return the model with a run that ends soon after it fails."""
     step = trials.failed[model].labels[0].step
     if not step:
         return model
-    timestep = float(model.compiled().opt.timestep)
-    for times in _AFTER:
+    timestep = float(model.compile_spec().opt.timestep)
+    ends = (1.1, 2.0)  # multiples of the onset's time as ends of a run
+    for times in ends:
         duration = math.ceil(times * (step + 1)) * timestep
         shorter = replace(model, duration=duration)
-        if duration < model.duration and trials.fails(shorter):
+        if duration < model.duration and trials.still_fails(shorter):
             return shorter
     return model
 
 
-def _later(model: FailingModel, trials: _Trials) -> FailingModel:
+def _start_later(model: FailingModel, trials: _Trials) -> FailingModel:
     """Return the model with a run that begins soon before it fails, in the state it has there.
 
     A part that only made the motion up to there can go then, and each trial takes less time.
     """
     step = trials.failed[model].labels[0].step or 0
-    for share in _BEFORE:
+    begins = (64, 16, 4)  # shares of the time to the onset that a run may keep, as 1 / each
+    for share in begins:
         steps = step - math.ceil(step / share)
-        if steps > 0 and not trials.over and trials.fails(later := model.later(steps)):
+        if steps > 0 and not trials.over and trials.still_fails(later := model.start_later(steps)):
             return later
     return model
 
 
-def _without(
+def _remove_parts(
     model: FailingModel,
     kind: str,
     without: Callable[..., FailingModel | None],
     trials: _Trials,
 ) -> FailingModel:
     """Return the model without as many parts of a kind as can go."""
-    kept, share = model.parts(kind), 1
+    kept, share = model.part_names(kind), 1
     while kept and not trials.over:
         size = math.ceil(len(kept) / share)
         for first in range(0, len(kept), size):
             smaller = without(model, names=kept[first : first + size])
-            if smaller is not None and trials.fails(smaller):
-                left = {*smaller.parts(kind)}
+            if smaller is not None and trials.still_fails(smaller):
+                left = {*smaller.part_names(kind)}
                 kept = [name for name in kept if name in left]
                 model, share = smaller, max(share - 1, 1)
                 break
@@ -329,12 +335,12 @@ def _without(
     return model
 
 
-def _plainer(model: FailingModel) -> Iterator[Callable[[FailingModel], FailingModel | None]]:
+def _simplify_model(model: FailingModel) -> Iterator[Callable[[FailingModel], FailingModel | None]]:
     """Yield changes that make a model's options and meshes simpler, one at a time."""
-    yield FailingModel.fused
+    yield FailingModel.fuse_bodies
     for option in model.options:
-        yield partial(FailingModel.plain, option=option)
-    for mesh in model.parts("meshes"):
-        yield partial(FailingModel.without, kind="meshes", names=[mesh])
+        yield partial(FailingModel.reset_option, option=option)
+    for mesh in model.part_names("meshes"):
+        yield partial(FailingModel.remove_parts, kind="meshes", names=[mesh])
         for vertices in reversed(_VERTICES):
-            yield partial(FailingModel.coarser, meshes=[mesh], vertices=vertices)
+            yield partial(FailingModel.coarsen_meshes, meshes=[mesh], vertices=vertices)
