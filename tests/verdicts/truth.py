@@ -153,9 +153,9 @@ class _Checker(Checker):
     functions: ClassVar[Collection[str]] = tuple(_FUNCTIONS)
 
     def visit_Name(self, node: ast.Name | ast.Attribute) -> ast.expr:  # noqa: N802
-        name = self._dotted(node)
+        name = self._dotted_name(node)
         if name not in {*_NAMES, *_FUNCTIONS, "pi"}:
-            raise self._error(node, f"'{name}' is none of {', '.join(_NAMES)}")
+            raise self._make_error(node, f"'{name}' is none of {', '.join(_NAMES)}")
         return _with_motion(super().visit_Name(node))
 
     def visit_Call(self, node: ast.Call) -> ast.expr:  # noqa: N802
@@ -181,7 +181,7 @@ class _Checker(Checker):
             return _with_motion(call("read", ast.Constant(node.id)))
         bounds = [node.lower, node.upper, node.step] if isinstance(node, ast.Slice) else [node]
         if not all(bound is None or _is_whole(bound) for bound in bounds):
-            raise self._error(node, f"an index has whole numbers, ranges and {', '.join(_ROWS)}")
+            raise self._make_error(node, f"an index has whole numbers, ranges and {', '.join(_ROWS)}")
         return node
 
     def _accepts(self, name: str, count: int) -> bool:
