@@ -181,7 +181,9 @@ class _Checker(Checker):
             return _with_motion(call("read", ast.Constant(node.id)))
         bounds = [node.lower, node.upper, node.step] if isinstance(node, ast.Slice) else [node]
         if not all(bound is None or _is_whole(bound) for bound in bounds):
-            raise self._make_error(node, f"an index has whole numbers, ranges and {', '.join(_ROWS)}")
+            raise self._make_error(
+                node, f"an index has whole numbers, ranges and {', '.join(_ROWS)}"
+            )
         return node
 
     def _accepts(self, name: str, count: int) -> bool:

@@ -20,8 +20,8 @@ from contactlab.rendering.document import (
     table_of,
 )
 from contactlab.reporting.boundaries import boundary_lines, describe_coverage, find_boundaries
-from contactlab.reporting.finding import write_finding, write_headline
 from contactlab.reporting.chosen_runs import known_shares, share_lines, worst_lines
+from contactlab.reporting.finding import write_finding, write_headline
 from contactlab.reporting.label_shares import share_words, stable_share
 from contactlab.reporting.map_axes import by_importance
 from contactlab.reporting.report_columns import GridAxis, RunLabels, read_axes, read_run_labels
