@@ -61,18 +61,6 @@ def test_no_fix_leaves_the_ball_behind_the_plate(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_the_fix_of_a_grip_makes_nothing_worse(tmp_path: Path) -> None:
-    """Regularized friction creeps, and noslip ends that."""
-    report = judge_verified_grip(_write_jaws(tmp_path, JAWS))
-    first = report.fixes[0]
-    assert report.verdict == "creeps"
-    assert first.verdict == "holds"
-    assert first.verification is not None
-    assert not any(measure.worse for measure in first.verification.measures)
-    assert f"Fix: {first.name}" in report.sentence
-
-
-@pytest.mark.long
 def test_fingers_inside_the_object_get_no_fix_of_friction(tmp_path: Path) -> None:
     servo = 'kp="2000" ctrlrange="0 .05" forcerange="-5 5"'
     stiff = JAWS.replace(servo, 'kp="20000" ctrlrange="0 .05"')
