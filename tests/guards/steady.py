@@ -46,7 +46,7 @@ def made_up_machine() -> Generator[None]:
     made = Provenance.model_validate(MACHINE)
     with (
         patch.object(Cost, "of_steps", made_up),
-        patch.object(sweep_runner, "provenance", lambda: made),
+        patch.object(sweep_runner, "find_provenance", lambda: made),
         patch.object(store_files, "datetime", _Then),
         patch.object(impulse, "package_version", lambda _: VERSION),
     ):

@@ -271,7 +271,7 @@ def _misnamed_traces(columns: Columns) -> Truths:
 
 
 def _wrong_cost(columns: Columns, budget: float | None) -> Truths:
-    """Return (n,) a mask of costs that differ from `Cost.of` for their CPU time."""
+    """Return (n,) a mask of costs that differ from `Cost.of_steps` for their CPU time."""
     settings = columns["settings"]
     timestep = settings.field(settings.type.get_field_index("timestep"))
     if timestep.type not in {_REAL_TYPE, _WHOLE_TYPE}:
