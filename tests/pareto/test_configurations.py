@@ -78,4 +78,4 @@ def test_more_combinations_than_integers_stay_apart() -> None:
     groups = group_runs(StoredRuns(knobs, {}, same, same, {}))
     expected = [[place, place + 100] for place in range(100) if place != 50]
     expected[50:50] = [[50]]
-    assert [each.tolist() for each in groups.parts(groups.order)] == [*expected, [150]]
+    assert [each.tolist() for each in groups.split_values(groups.order)] == [*expected, [150]]
