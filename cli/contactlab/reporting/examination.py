@@ -4,16 +4,41 @@ from collections.abc import Iterable, Sequence
 
 from contactlab.judge.conclusion import failed_names
 from contactlab.rendering.amounts import format_percent
+from contactlab.schema.error_budget import BudgetReason
 from contactlab.schema.examination import Examination, Fix, RestingContact, RunLabel
 
+NUMERICAL_CHECK, ENERGY_CHECK = "numerical_error", "energy_drift"
+"""Findings of the check of a task that the reasons of its budget fail."""
 _MOST_LABELS = 2  # that the causes of a verdict have
 _MOST_NAMES = 3  # of skipped rows and fixes
 
 
 def judged_labels(report: Examination) -> Sequence[RunLabel]:
-    """Return the failure labels, unless the check of labels was waived or left out."""
+    """Return the failure labels, unless the check of labels was waived or not selected."""
     failed = failed_names(report.findings)
     return report.labels if not report.findings or "failure_labels" in failed else ()
+
+
+def judged_reasons(report: Examination) -> Sequence[BudgetReason]:
+    """Return the reasons of the budget, except those whose check was waived or not selected."""
+    if report.budget is None or not report.findings:
+        return report.budget.reasons if report.budget else ()
+    failed, selected = failed_names(report.findings), judges_task(report)
+    return [
+        reason
+        for reason in report.budget.reasons
+        if (selected if reason.verdict == "depends" else check_of_reason(reason.row) in failed)
+    ]
+
+
+def judges_task(report: Examination) -> bool:
+    """Return whether numerics and labels are judged: no checks are selected, or this one is too."""
+    return not report.findings or any(finding.kind == "task" for finding in report.findings)
+
+
+def check_of_reason(row: str) -> str:
+    """Return the name of the finding that a reason of the budget fails."""
+    return ENERGY_CHECK if row == "energy" else NUMERICAL_CHECK
 
 
 def labels_in_why(report: Examination) -> Sequence[RunLabel]:

@@ -39,6 +39,7 @@ from contactlab.schema.check_report import CheckResult, Measure
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.error_budget import BudgetReport
 from contactlab.schema.examination import Examination, Fix
+from contactlab.schema.finding import Finding
 from contactlab.writers.report import Report
 from contactlab.writers.signs import outcome_mark
 
@@ -119,8 +120,23 @@ def findings_of_examination(report: Examination) -> Report:
         passed=report.passed,
         record=report,
         facts=(*facts, ("engine", f"mujoco {report.mujoco}")),
-        findings=report.findings,
+        findings=report.findings or tuple(_verdict_finding(report)),
     )
+
+
+def _verdict_finding(report: Examination) -> Iterator[Finding]:
+    """Yield the verdict as a finding, for a report without checks."""
+    if report.verdict is not None:
+        yield Finding(
+            name="verdict",
+            kind="task",
+            level="gate",
+            outcome="passed" if report.passed else "failed",
+            verdict="met" if report.passed else "unmet",
+            judged=1,
+            failing=int(not report.passed),
+            message=report.headline,
+        )
 
 
 def _head_sections(report: Examination, model: str) -> Iterator[Section]:

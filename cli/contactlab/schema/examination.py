@@ -11,7 +11,7 @@ from contactlab.schema.strict_model import FiniteOrNull, Model, about
 from contactlab.schema.task import Task
 from contactlab.schema.task_verdict import TaskVerdict
 from contactlab.schema.time_ratio import TimeRatio
-from contactlab.schema.verdict import VerdictWord
+from contactlab.schema.verdict import PASSING_VERDICTS, VerdictWord
 from contactlab.schema.verification import VerifiedChange
 
 EXAMINATION_VERSION = 2
@@ -198,14 +198,5 @@ class Examination(ReportModel):
 
     @property
     def passed(self) -> bool:
-        """True if the run is the motion of its model and has no failure label.
-
-        If there are checks, they decide: selected checks and waived failures count as such. A
-        dependence on a modeling choice is reported and does not fail: the choice may be intended.
-        """
-        if self.findings:
-            return all(finding.outcome != "failed" for finding in self.findings)
-        words = [self.task_verdict.verdict] if self.task_verdict else []
-        words += [self.budget.verdict] if self.budget else []
-        labels = self.task_verdict.labels if self.task_verdict else {}
-        return not labels and all(word in {None, "ok", "depends"} for word in words)
+        """Whether the verdict passes, which takes the selected checks and waivers into account."""
+        return self.verdict is None or self.verdict in PASSING_VERDICTS

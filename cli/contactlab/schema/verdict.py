@@ -9,3 +9,6 @@ VerdictWord = Literal["inaccurate", "undecided", "fails", "depends", "ok"]
 converged. `fails`: a failure label holds, or a check fails. `depends`: the numerics are fine, but a
 modeling choice decides. `ok`: none of these.
 """
+
+PASSING_VERDICTS: frozenset[VerdictWord] = frozenset({"ok", "depends"})
+"""The verdicts with which a command ends with 0: a modeling choice may be intended."""

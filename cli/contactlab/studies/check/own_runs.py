@@ -6,6 +6,7 @@ its bodies exist? Does it repeat bit for bit?
 
 import math
 
+from contactlab.budget import PhaseBudget
 from contactlab.judge.limits import PERCENT, Limit
 from contactlab.measure import METRICS, labels_with
 from contactlab.scene.body_inertia import (
@@ -25,26 +26,23 @@ from contactlab.tasks.checked_model import TASK_STORE, CheckedModel, CheckedRun
     place=1,
     limits=(
         Limit("numerical_error", "1", "gate", shown=PERCENT),
+        Limit("energy_drift", "1", "gate", shown=PERCENT),
         Limit("failure_labels", "1", "gate", 0),
     ),
 )
 def check_task(checked: CheckedModel) -> Measured:
     """Judge the phases of the task one by one, and count the runs with failure labels."""
     verdict, task = checked.verdict, checked.task
-    reasons = checked.judged.reasons if checked.moves else ()
-    # If the references differ, the upper bound of the numerical error is judged.
-    most = {reason.phase: reason.error for reason in reasons if reason.word == "undecided"}
-    measures = [
+    phases = checked.budget.phases if checked.moves else ()
+    measures = [_measure_error(checked, phase) for phase in phases]
+    measures += [
         checked.measure(
-            "numerical_error",
-            most.get(
-                phase.name, math.nan if phase.numerical_error is None else phase.numerical_error
-            ),
-            f"{phase.body}, {phase.name}" + ", at most" * (phase.name in most),
+            "energy_drift",
+            abs(phase.energy_drift),
+            f"{phase.energy_origin.body}, {phase.name}",
             limit=task.tolerance,
         )
-        for phase in verdict.phases
-        if phase.body is not None
+        for phase in phases
     ]
     for phase in verdict.phases:
         for label, runs in phase.labels.items():
@@ -53,6 +51,19 @@ def check_task(checked: CheckedModel) -> Measured:
         measures.append(checked.measure("failure_labels", 0))
     notes = [] if verdict.is_accurate else [verdict.sentence]
     return Measured(measures, notes, checked.stores(TASK_STORE))
+
+
+def _measure_error(checked: CheckedModel, phase: PhaseBudget) -> Measure:
+    """Return the numerical error of a phase, or its upper bound if the references differ."""
+    tolerance, error, bound = checked.task.tolerance, phase.run.error, ""
+    if phase.warnings:
+        error = math.inf
+    elif phase.invalid_windows:
+        error = math.nan  # not measured, which exceeds every limit
+    elif error <= tolerance < phase.upper_bound:
+        error, bound = phase.upper_bound, ", at most"
+    where = f"{phase.bodies[phase.run.body]}, {phase.name}{bound}"
+    return checked.measure("numerical_error", error, where, limit=tolerance)
 
 
 @check(

@@ -8,18 +8,24 @@ from contactlab.modifications.catalogue import find_row, list_rows
 from contactlab.rendering.amounts import format_percent
 from contactlab.reporting.budget_document import phase_begins
 from contactlab.reporting.examination import (
+    ENERGY_CHECK,
+    NUMERICAL_CHECK,
+    check_of_reason,
     first_fix,
     fix_summary,
     judged_labels,
+    judged_reasons,
+    judges_task,
     label_line,
     labels_in_why,
 )
 from contactlab.schema.error_budget import BudgetPhase, BudgetReason
 from contactlab.schema.examination import Examination
+from contactlab.schema.finding import Finding
 from contactlab.schema.task import QPOS0
-from contactlab.schema.verdict import VerdictWord
+from contactlab.schema.verdict import PASSING_VERDICTS, VerdictWord
 
-_OF_TASK = {"numerical_error", "failure_labels"}  # checks that repeat budget and labels
+_OF_TASK = {NUMERICAL_CHECK, ENERGY_CHECK, "failure_labels"}  # which repeat budget and labels
 _MOST_NAMED = 2  # labels or checks in a headline
 _MAIN_SHARE = 0.5  # of the numerical error, above which a numerical setting is its main cause
 
@@ -40,17 +46,22 @@ def conclude(
 
 
 def _verdict(report: Examination) -> VerdictWord:
-    numerics = report.budget.verdict if report.budget else "ok"
+    reasons = judged_reasons(report)
+    numerics = reasons[0].verdict if reasons else "ok"
     failing = judged_labels(report) or _failed_checks(report)
-    return "fails" if failing and numerics in {"ok", "depends"} else numerics
+    return "fails" if failing and numerics in PASSING_VERDICTS else numerics
 
 
 def _failed_checks(report: Examination) -> list[str]:
-    return [name for name in failed_names(report.findings) if name not in _OF_TASK]
+    """Return the names of failed checks, except those that labels and the budget explain."""
+    explained = {check_of_reason(reason.row) for reason in judged_reasons(report)}
+    if judged_labels(report):
+        explained.add("failure_labels")
+    return [name for name in failed_names(report.findings) if name not in _OF_TASK & explained]
 
 
 def _headline(report: Examination, verdict: VerdictWord) -> str:
-    reason = report.budget.reasons[0] if report.budget and report.budget.reasons else None
+    reason = next(iter(judged_reasons(report)), None)
     tolerance = f"(tolerance {format_percent(report.task.tolerance)})"
     if verdict == "fails":
         labels = list(dict.fromkeys(label.label for label in judged_labels(report)))
@@ -59,15 +70,27 @@ def _headline(report: Examination, verdict: VerdictWord) -> str:
         rest = f" and {more} more" if more > 0 else ""
         start = "; the start overlaps" if _overlaps(report) else ""
         return f"fails: {' and '.join(named)}{rest}{start}"
-    if report.budget is None:
-        return "ok: no failure label, and nothing moves in MuJoCo"
     if reason is None:
-        phase = max(report.budget.phases, key=_error_of)
-        worst = phase.numerical_error
-        return f"ok: numerical error {format_percent(_error_of(phase))} in {worst.body} {tolerance}"
+        return f"ok: {_why_ok(report, tolerance)}"
     if verdict == "depends":
         return f"depends on {find_row(reason.row).subject}: {reason.sentence}"
     return f"{verdict}: {reason.sentence}{'' if reason.row == 'warning' else f' {tolerance}'}"
+
+
+def _why_ok(report: Examination, tolerance: str) -> str:
+    if waived := _waived_findings(report):
+        return f"{' and '.join(finding.name for finding in waived)} waived"
+    if not judges_task(report):
+        return f"no check failed ({', '.join(check.name for check in report.checks)})"
+    if report.budget is None:
+        return "no failure label, and nothing moves in MuJoCo"
+    phase = max(report.budget.phases, key=_error_of)
+    worst = phase.numerical_error.body
+    return f"numerical error {format_percent(_error_of(phase))} in {worst} {tolerance}"
+
+
+def _waived_findings(report: Examination) -> list[Finding]:
+    return [finding for finding in report.findings if finding.waived]
 
 
 def _error_of(phase: BudgetPhase) -> float:
@@ -90,18 +113,22 @@ def _why(report: Examination, verdict: VerdictWord) -> Iterator[str]:
 
 def _numerics(report: Examination, verdict: VerdictWord) -> Iterator[str]:
     """Yield where the numerical error, or the effect of a modeling choice, is largest."""
-    if report.budget is None:
+    if report.budget is None or not judges_task(report):
         return
-    if not report.budget.reasons:
+    reasons = judged_reasons(report)
+    if not reasons:
+        if waived := _waived_findings(report):
+            yield from (finding.full_message for finding in waived)
+            return
         phase = max(report.budget.phases, key=_error_of)
         if verdict == "ok":
             place = phase.numerical_error.place
             where = f"; the numerical error is largest at {place}, {_time(report, phase)}"
             yield f"no failure label{where if place else ''}"
-        else:
+        elif NUMERICAL_CHECK not in _failed_checks(report):
             yield _choices_line(report, ())
         return
-    first, *others = report.budget.reasons
+    first, *others = reasons
     phase = next(each for each in report.budget.phases if each.name == first.phase)
     if verdict != "fails":
         yield _place_line(report, first, phase)
@@ -153,7 +180,7 @@ def _main_cause(phase: BudgetPhase) -> str:
 def _choices_line(report: Examination, reasons: Sequence[BudgetReason]) -> str:
     """Say on which modeling choices the motion depends too, and that the numerics are fine."""
     assert report.budget is not None
-    first = report.budget.reasons[0].row if report.verdict == "depends" else ""
+    first = judged_reasons(report)[0].row if report.verdict == "depends" else ""
     choices: dict[str, str] = {}
     for reason in reasons:
         if reason.verdict == "depends" and reason.row != first:
