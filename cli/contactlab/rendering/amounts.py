@@ -5,7 +5,7 @@ import math
 _SCALED = {"mm": 1e3, "mm/s": 1e3, "ms": 1e3, "us": 1e6}
 """Units that are printed for SI numbers, and the factor from the SI unit."""
 _MOST_DIGITS = 9  # more are rounding
-_TWO_DIGITS = 0.1  # smallest ratio of which two decimals have two significant digits
+_TWO_DIGITS = 0.1  # below it, two decimals show fewer than two significant digits
 
 
 def format_amount(

@@ -1,7 +1,7 @@
 """A report as a tree of blocks, which is rendered as text, Markdown and HTML with the same facts.
 
-Blocks hold plain text only: each renderer escapes it. A function that describes a report decides
-what is said and in which order; a renderer decides how it looks.
+Blocks hold plain text only: each renderer escapes it. A function that describes a report chooses
+the facts and their order. A renderer decides how they look.
 """
 
 from collections.abc import Iterator, Sequence
@@ -77,7 +77,7 @@ class Table:
     Attributes:
         ruled: whether a line separates the head in text.
         headed: whether text shows the head; Markdown and HTML need it.
-        more: what is left out and where it is, in a sentence; "" if nothing is.
+        more: a sentence about omitted rows and their place; "" if there are no others.
     """
 
     columns: tuple[Column, ...]
@@ -125,7 +125,7 @@ class Code:
 
     lines: tuple[str, ...]
     language: str = ""
-    more: str = ""  # what is left out, in words
+    more: str = ""  # a sentence about omitted lines
     indent: int = 2  # of text
 
 
@@ -144,7 +144,7 @@ class Section:
     """Blocks that belong together.
 
     Attributes:
-        name: by which a page takes the section, such as `budget`.
+        name: key of the section for a page, such as `budget`.
         title: its head; "" for none.
         folded: whether Markdown and HTML show it on request only.
         follows: whether text has no empty line before it.
@@ -170,7 +170,7 @@ class Document:
             yield from section.blocks
 
     def section(self, name: str) -> "Document":
-        """Return a document of the sections of a name; empty if there are none."""
+        """Return a document of the sections of a name, which may be empty."""
         return Document(tuple(one for one in self.sections if one.name == name))
 
 

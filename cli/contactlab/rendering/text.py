@@ -1,6 +1,6 @@
 """Renders a document as plain text of any width.
 
-No line is wider than the width, except for what cannot be broken: lines of files, and words.
+Only lines of files and single words may be wider than the width, since they cannot be broken.
 """
 
 import textwrap
@@ -183,7 +183,7 @@ def _fit_widths(widths: Sequence[int], least: Sequence[int], width: int) -> list
     Columns that need more than the others are narrowed first.
     """
     low, high = 0, max(widths, default=0)
-    while low < high:  # the largest width to which columns that can wrap are cut
+    while low < high:  # the largest width of columns that can wrap
         middle = (low + high + 1) // 2
         cut = [max(few, min(all_, middle)) for few, all_ in zip(least, widths, strict=True)]
         low, high = (middle, high) if _total(cut) <= width else (low, middle - 1)

@@ -121,7 +121,7 @@ def budget_table(run: PlacedRow, rows: Sequence[PlacedRow], tolerance: float) ->
 
 
 def largest_rows(budget: BudgetReport, task: Task) -> dict[str, PlacedRow]:
-    """Return the exercised rows, each of the phase in which it is largest."""
+    """Return the exercised rows, each from the phase where it is largest."""
     begins = phase_begins(task)
     found: dict[str, PlacedRow] = {}
     for phase in budget.phases:
@@ -143,7 +143,7 @@ def phase_begins(task: Task) -> dict[str, float]:
 
 
 def share_text(share: float | None) -> str:
-    """Return a share of a report, in which infinite shares are null."""
+    """Return a share of a report as text; null stands for infinity."""
     return format_percent(math.inf if share is None else share)
 
 

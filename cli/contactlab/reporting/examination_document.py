@@ -69,7 +69,7 @@ def describe_examination(
         details: whether all checks with their measures, the contacts in units of the world and the
             notes are described too, or only checks that warn.
         phases: whether the budget has all rows of each phase, and all fixes that were tried, or
-            each row of the phase in which it is largest, if above a tenth of the tolerance.
+            each row of the phase where it is largest, if above a tenth of the tolerance.
         model: named before the headline, where several models are in one place.
     """
     details_or_alone = details or len(report.sections) == 1
@@ -164,7 +164,7 @@ def _task_blocks(report: Examination) -> Iterator[Block]:
 
 
 def _lines(fix: Fix, most: int) -> Iterator[Block]:
-    """Yield the first lines of a fix, or why there are none."""
+    """Yield the first lines of a fix, or the reason for no lines."""
     if fix.lines:
         more = len(fix.lines) - most
         rest = f"and {more} more line{'s' * (more > 1)}, which --write writes" if more > 0 else ""

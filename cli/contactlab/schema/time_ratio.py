@@ -1,4 +1,4 @@
-"""A ratio of times with its interval: the one type in which a change says what it costs."""
+"""A ratio of times with its interval: the one type for the cost of a change."""
 
 import math
 from collections.abc import Sequence
@@ -11,8 +11,8 @@ from contactlab.schema.strict_model import Model, about
 from contactlab.shares import SURE, median_interval
 
 BUILD_NOISE = 0.05
-"""Share by which two timings of one model differ on an idle machine: those without an interval are
-equal within it, and no interval needs to be narrower."""
+"""Difference of two timings of one model on an idle machine, as a share: those without an interval
+are equal within it, and no interval needs to be narrower."""
 
 LEAST_SAVING = 0.03
 """Least relevant difference of measured times, as a share of the time: a smaller saving may be gone
@@ -86,7 +86,7 @@ class TimeRatio(Model):
         return (self.high - self.low) / (2 * self.ratio)
 
     def scaled(self, factor: float) -> "TimeRatio":
-        """Return the ratio to another time, which is so much shorter; its noise is ignored."""
+        """Return the ratio to a time that is shorter by an exact factor."""
         return self.of(self.ratio * factor, self.low * factor, self.high * factor)
 
 

@@ -113,7 +113,7 @@ def time_samples(
         samples: timers of the models, for each sample.
         rounds: rounds of each sample.
         least: samples that are timed in any case: one shows no spread.
-        enough: samples whose spread is known well enough to stop at narrow intervals.
+        enough: samples with a spread that is known well enough to stop at narrow intervals.
         half_width: half of an interval that is narrow enough, as a share of the ratio.
         may_continue: whether more than the least samples may be timed.
     """

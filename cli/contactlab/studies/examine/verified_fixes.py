@@ -39,7 +39,7 @@ class FixVerifier:
         verdict: the verdict that they are against.
         labels: failure labels of the model's runs.
         open_changed: opens the file of a changed model under the same task.
-        until: CPU time of this process at which a verification ends early [s].
+        until: CPU time of this process that ends a verification early [s].
         rejected: fixes that were dropped, with the reason.
     """
 

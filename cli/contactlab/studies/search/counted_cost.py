@@ -1,8 +1,8 @@
 """The cost of changed models, as counted work over that of the model as written.
 
-A count is the same on any machine, under any load, and in the first of many runs. It decides what
-a search tries and recommends. Measured times are only reported, and reject what is slower after
-all.
+A count is the same on any machine, under any load, and in the first of many runs. It decides the
+trials and the recommendation of a search. Measured times are reported, and reject a candidate that
+is slower than its count.
 """
 
 import copy
@@ -20,7 +20,7 @@ from contactlab.scene.model_edits import read_flag
 from contactlab.studies.search.step_work import UNIT_SECONDS, StepWork
 
 SAMPLE_SECONDS = 0.04
-"""s between states from which steps are counted, and length of these steps, if they are few."""
+"""s between the states where steps are counted, and length of these steps, if they are few."""
 _SAMPLES = 12  # states of each phase: contacts come and go, and fewer would miss some of them
 _MIN_STEPS, _MAX_STEPS = 3, 8
 """Steps from each state. The first one, which begins without a warm start, is not counted; the work

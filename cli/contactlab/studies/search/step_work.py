@@ -17,7 +17,7 @@ _BOX, _MESH = int(_GEOMS.mjGEOM_BOX), int(_GEOMS.mjGEOM_MESH)
 _ENERGY = int(mujoco.mjtEnableBit.mjENBL_ENERGY)
 _INVERSE = int(mujoco.mjtEnableBit.mjENBL_FWDINV)
 _STAGES = 4  # evaluations of the forces in a step of RK4
-_SPARSE_SIZE = 60  # degrees of freedom from which MuJoCo chooses sparse matrices
+_SPARSE_SIZE = 60  # degrees of freedom; larger models have sparse matrices in MuJoCo
 UNIT_NANOSECONDS: Mapping[str, float] = {
     "step": 708,
     "step dof": 81.2,
