@@ -10,7 +10,10 @@ from contactlab.errors import OutputError
 pytest.importorskip("altair", reason="charts are an extra")
 pytest.importorskip("vl_convert", reason="charts are an extra")
 
-from contactlab.charts import SUFFIXES, check_figure, layer_of, save_figure
+import vl_convert
+
+from contactlab import charts
+from contactlab.charts import SUFFIXES, check_figure, layer_of, save_figure, vega_bundle
 
 CHART = layer_of("points", [{"x": 1, "y": 2}]).mark_point().encode(x="x:Q", y="y:Q")
 
@@ -34,3 +37,26 @@ def test_where_no_figure_can_be_written_an_error_names_the_place(
         check_figure(tmp_path / "nowhere" / f"chart{suffix}")
     with pytest.raises(OutputError, match="write a name that ends in"):
         check_figure(tmp_path / f"chart{suffix}x")
+
+
+def test_the_script_of_charts_is_bundled_once_and_only_read_from_an_own_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bundled = list[str]()
+
+    def bundle(snippet: str) -> str:
+        bundled.append(snippet)
+        return f"{snippet}\r\n// {len(bundled)}"
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(vl_convert, "javascript_bundle", bundle)
+    read = vega_bundle.__wrapped__
+    first = read()
+    assert "vegaEmbed" in first
+    assert read() == first
+    assert len(bundled) == 1
+    (tmp_path / "contactlab").chmod(0o777)
+    assert read() != first
+    (tmp_path / "contactlab").chmod(0o700)
+    monkeypatch.setattr(charts, "version", lambda _name: "0.0.0")
+    assert read() != first

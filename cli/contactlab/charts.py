@@ -3,8 +3,9 @@
 import re
 from collections.abc import Callable, Container, Iterable, Sequence
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
-from tempfile import TemporaryFile
+from tempfile import TemporaryDirectory, TemporaryFile
 from typing import Any
 
 import altair as alt
@@ -13,6 +14,7 @@ import vl_convert
 from contactlab.errors import OutputError
 from contactlab.palette import COLOURS, INK, OTHERS_COLOUR, STABLE_COLOUR, on_dark
 from contactlab.printable import visible
+from contactlab.resources import open_user_cache, short_hash
 
 Rows = list[dict[str, Any]]
 Spec = dict[str, Any]
@@ -20,6 +22,7 @@ Spec = dict[str, Any]
 # A picture loads nothing, from nowhere.
 _ALLOWED_URLS: list[str] = []
 _SCALE = 3.0
+_EXPOSED = "window.vegaEmbed = vegaEmbed;"  # which pages call
 SUFFIXES = (".png", ".svg")
 _ID = re.compile(r'\bid="([^"]+)"')
 _COLOUR = re.compile("#[0-9a-f]{6}")
@@ -176,5 +179,26 @@ def as_pdf(spec: Spec) -> bytes:
 
 @cache
 def vega_bundle() -> str:
-    """Return the JavaScript that draws specifications in a browser."""
-    return vl_convert.javascript_bundle("window.vegaEmbed = vegaEmbed;")
+    """Return the JavaScript that draws specifications in a browser.
+
+    It is bundled once for each version of vl-convert and kept in the user's cache.
+    """
+    try:
+        folder = open_user_cache()
+        if folder is None:
+            return _bundle_vega()
+        release = version("vl-convert-python")
+        target = folder / f"vega-{release}-{short_hash([release, _EXPOSED])}.js"
+        if not target.exists():
+            # Two processes may bundle it at once; each replaces the file as a whole.
+            with TemporaryDirectory(dir=folder) as made:
+                file = Path(made) / target.name
+                file.write_bytes(_bundle_vega().encode())
+                file.replace(target)
+        return target.read_bytes().decode()
+    except OSError:
+        return _bundle_vega()
+
+
+def _bundle_vega() -> str:
+    return vl_convert.javascript_bundle(_EXPOSED)

@@ -15,7 +15,7 @@ import tempfile
 from pathlib import Path
 
 from contactlab.errors import CompilerError, install_command
-from contactlab.resources import user_cache
+from contactlab.resources import open_user_cache, user_cache
 
 # Without fused multiplications, which round once where NumPy rounds twice.
 _FLAGS = ("-std=c11", "-O2", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno")
@@ -40,10 +40,9 @@ def compile_library(source: Path, *arguments: str, version: str = "") -> Path:
     command = [*_FLAGS, str(source), *arguments]
     key = hashlib.sha256("\0".join([version, platform.platform(), *command]).encode())
     key.update(source.read_bytes())
-    folder = user_cache()
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    if folder.stat().st_uid != os.geteuid() or folder.stat().st_mode & 0o022:
-        raise CompilerError(f"others may write to {folder}")
+    folder = open_user_cache()
+    if folder is None:
+        raise CompilerError(f"others may write to {user_cache()}")
     name = "-".join(filter(None, [source.stem, version, key.hexdigest()[:12]]))
     target = folder / f"{name}.so"
     if target.exists():

@@ -36,6 +36,15 @@ def user_cache() -> Path:
     return Path(root) / "contactlab"
 
 
+def open_user_cache() -> Path | None:
+    """Return the folder of `user_cache`, created if needed; None if others may write to it."""
+    folder = user_cache()
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    status = folder.stat()
+    is_own = status.st_uid == os.geteuid() and not status.st_mode & 0o022
+    return folder if is_own else None
+
+
 def scene_names() -> list[str]:
     """Return the names of the shipped scenes, sorted."""
     return sorted(path.parent.name for path in MODELS.glob("*/scene.yaml"))
