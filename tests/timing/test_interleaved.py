@@ -111,6 +111,21 @@ def test_counted_rounds_end_the_work() -> None:
     assert len(noisy.turns) == 2 * (1 + 2 * 18)
 
 
+def test_only_models_with_wide_intervals_take_further_turns() -> None:
+    plan = TimingProtocol(rounds=6, looks=3)
+    quiet, noisy = Machine(0), Machine(0, noise=1.0)
+    timers = [*quiet.timers(1.0, 2.0), *noisy.timers(3.0)]
+    taken = time_rounds(timers, plan)
+    assert np.isfinite(taken).sum(axis=0).tolist() == [18, 6, 18]
+    assert quiet.turns.count(1) == 1 + 2 * 6
+    assert (
+        compare_times(Machine(0).timers(1.0, 2.0), plan)[0]
+        == compare_times([*Machine(0).timers(1.0, 2.0), *Machine(0, noise=1.0).timers(3.0)], plan)[
+            0
+        ]
+    )
+
+
 def test_answers_do_not_depend_on_other_models() -> None:
     """A model that is slow, or refused by its engine, changes nothing about the others."""
     alone = compare_times(Machine(0).timers(1.0, 0.5))

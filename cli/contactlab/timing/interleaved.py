@@ -72,15 +72,23 @@ def time_round(timers: Sequence[Timer], number: int = 0) -> Floats:
 
 
 def time_rounds(timers: Sequence[Timer], protocol: TimingProtocol | None = None) -> Floats:
-    """Return (N, K) times of models by round [s], until all ratios to the first are narrow."""
+    """Return (N, K) times of models by round [s], until all ratios to the first are narrow.
+
+    A model with a narrow ratio takes part in no further round, where its time is NaN.
+    """
     plan = protocol or TimingProtocol()
     for _ in range(plan.warm_turns):
         for timer in timers:
             timer()
-    taken = list[Floats]()
+    taken, wide = list[Floats](), [*range(len(timers))]
     for _ in range(plan.looks):
-        taken += [time_round(timers, len(taken) + number) for number in range(plan.rounds)]
-        if all(ratio.half_width <= plan.half_width for ratio in ratios_of_rounds(taken)):
+        for _ in range(plan.rounds):
+            times = np.full(len(timers), np.nan)
+            times[wide] = time_round([timers[place] for place in wide], len(taken))
+            taken.append(times)
+        ratios = enumerate(ratios_of_rounds(taken), 1)
+        wide = [0, *(place for place, ratio in ratios if not ratio.half_width <= plan.half_width)]
+        if wide == [0]:
             break
     return np.array(taken)
 
@@ -88,7 +96,7 @@ def time_rounds(timers: Sequence[Timer], protocol: TimingProtocol | None = None)
 def ratios_of_rounds(taken: Sequence[Floats] | Floats) -> list[TimeRatio]:
     """Return the ratio of each model to the first, from (N, K) times of the same work by round."""
     base, *models = np.array(taken).T
-    return [TimeRatio.of_pairs((model / base).tolist()) for model in models]
+    return [TimeRatio.of_pairs((model / base)[~np.isnan(model)].tolist()) for model in models]
 
 
 def compare_times(
