@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, Unpack
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, Option, command
+from contactlab.command_line.quantities import read_seconds
 from contactlab.command_line.report_formats import report_formats
 from contactlab.command_line.surroundings import say, study_session
 from contactlab.errors import SweepFileError
@@ -95,10 +96,9 @@ def _of_model(
     workers: int | None,
 ) -> "PartsReport":
     """Remove one part of a model after the other."""
-    from contactlab.commands.tune import seconds_of
     from contactlab.run.worker_pool import worker_count
     from contactlab.studies.search.model_ablation import PartsRequest, ablate_model
     from contactlab.tasks.session import Session
 
-    request = PartsRequest(source, assign, task, seconds_of(max_time))
+    request = PartsRequest(source, assign, task, read_seconds(max_time))
     return ablate_model(request, Session(folder.resolve(), worker_count(workers), notify=say))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Unpack
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Given, Option, Show, command, flag
 from contactlab.command_line.judgements import printed
+from contactlab.command_line.quantities import read_seconds
 from contactlab.command_line.report_formats import print_markdown, print_text
 from contactlab.command_line.surroundings import say, surroundings
 from contactlab.errors import OutputError, SceneError
@@ -252,7 +253,6 @@ def examine(
         EngineError: nothing moves, or another engine than MuJoCo is requested.
         OutputError: the report or the model cannot be written.
     """
-    from contactlab.commands.tune import seconds_of
     from contactlab.studies.examine.examination import ExamineRequest, sections_of
 
     opt.load_plugins(plugin)
@@ -265,6 +265,6 @@ def examine(
         sections=sections_of(section),
         write=None if write is None else Path(write),
         apply=tuple(apply),
-        max_cpu=seconds_of(max_cpu, "--max-cpu"),
+        max_cpu=read_seconds(max_cpu, "--max-cpu"),
     )
     return examined(request, output, workers, allow_code=allow_code, page=not section, live=live)

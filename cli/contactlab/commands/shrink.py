@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Option, command
+from contactlab.command_line.quantities import read_seconds
 from contactlab.command_line.report_formats import report_formats
 from contactlab.command_line.surroundings import say
 
@@ -39,7 +40,6 @@ def shrink(
         OutputError: the folder cannot be written, or is not empty.
     """
     from contactlab import resources
-    from contactlab.commands.tune import seconds_of
     from contactlab.errors import OutputError
     from contactlab.store.finished_store import Store
     from contactlab.studies.shrink.shrinking import ShrinkRequest
@@ -50,5 +50,5 @@ def shrink(
     folder = Path(output) if output else resources.RESULTS / "shrink" / opened.record(run).run_id
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise OutputError(f"{folder} is not empty; choose another folder with -o")
-    request = ShrinkRequest(opened, run, folder, seconds_of(max_time))
+    request = ShrinkRequest(opened, run, folder, read_seconds(max_time))
     return shrunk(request, say)

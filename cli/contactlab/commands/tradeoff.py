@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Unpack
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, Option, command
+from contactlab.command_line.quantities import read_error, read_seconds
 from contactlab.command_line.report_formats import print_markdown, print_text
 from contactlab.command_line.surroundings import say, study_session
 from contactlab.command_line.terminal import print_report_json
@@ -151,7 +152,7 @@ def _of_model(
     """Search the settings of a model, or reuse the report of `tune`."""
     import shutil
 
-    from contactlab.commands.tune import read_error, search_settings, seconds_of
+    from contactlab.commands.tune import search_settings
     from contactlab.schema.tune_report import FOLDER
     from contactlab.studies.search.tune_request import TuneRequest
 
@@ -162,7 +163,7 @@ def _of_model(
     copied = None if model is None else Path(model)
     _check_outputs(figure, None, copied)
     folder = opt.study_folder("tradeoff", source, None if output is None else str(output))
-    request = TuneRequest(source, task, read_error(error), max_time=seconds_of(max_time))
+    request = TuneRequest(source, task, read_error(error), max_time=read_seconds(max_time))
     known = opt.study_folder("tune", source, None), folder
     report = search_settings(request, folder, workers, figure, allow_code=allow_code, known=known)
     if copied is not None and report.recommended is not None:

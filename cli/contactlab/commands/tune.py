@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, Unpack
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, Option, command, flag
+from contactlab.command_line.quantities import read_error, read_length, read_seconds
 from contactlab.command_line.report_formats import print_text, report_formats
 from contactlab.command_line.surroundings import say
 from contactlab.command_line.terminal import echo_bytes
@@ -16,9 +17,6 @@ from contactlab.errors import SweepFileError
 if TYPE_CHECKING:
     from contactlab.schema.tune_report import TuneReport
     from contactlab.studies.search.tune_request import TuneRequest
-
-_TIME = "a time, such as 90s, 5min or 1h"
-_ERROR = "a share, such as 2%, or with --error-at a number in the unit of the observed output"
 
 
 def _folder(given: Given) -> Path:
@@ -116,7 +114,7 @@ def tune(
         real_time=_positive_rate(real_time),
         observed=observed if error_at else (),
         error_at=error_at,
-        max_time=seconds_of(max_time),
+        max_time=read_seconds(max_time),
         drop_sensors=drop_sensors,
         skip_pairs_beyond=read_length(skip_pairs_beyond, "--skip-pairs-beyond", "5cm or 0.05"),
         simplify_hulls=read_length(simplify_hulls, "--simplify-hulls", "1mm or 0.001"),
@@ -152,40 +150,6 @@ def search_settings(
         save_figure(specification(report), Path(figure))
         say(f"drew {figure}")
     return report
-
-
-def read_error(error: float | str | None) -> float | None:
-    """Return the target error as a number; 2% is 0.02."""
-    from contactlab.schema.setting_values import read_quantity
-
-    if error is None:
-        return None
-    value, unit = read_quantity(str(error))
-    if not 0 < value < math.inf or unit not in ("", "m", "rad", "1"):
-        raise SweepFileError(f"--error {error}: write {_ERROR}")
-    return value
-
-
-def seconds_of(text: float | str, option: str = "--max-time") -> float:
-    """Return the time limit of an option [s]."""
-    from contactlab.schema.setting_values import read_quantity
-
-    value, unit = read_quantity(str(text))
-    if not 0 < value < math.inf or unit not in ("", "s"):
-        raise SweepFileError(f"{option} {text}: write {_TIME}")
-    return value
-
-
-def read_length(text: float | str | None, option: str, such_as: str) -> float | None:
-    """Return the length of an option [m]."""
-    from contactlab.schema.setting_values import read_quantity
-
-    if text is None:
-        return None
-    value, unit = read_quantity(str(text))
-    if not 0 < value < math.inf or unit not in ("", "m"):
-        raise SweepFileError(f"{option} {text}: write a length, such as {such_as}")
-    return value
 
 
 def _positive_rate(rate: float | None) -> float | None:
