@@ -8,12 +8,17 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from tests.studies.verification.planted import BARE_JAWS
 
 from contactlab.errors import ExpectationError, SweepFileError
 from contactlab.plan.task_options import TaskOptions, read_task_options
 from contactlab.schema.tune_report import TuneReport
 from contactlab.studies.search.search_chart import merge_candidates, specification
+from contactlab.studies.search.time_limit import TimeLimit
 from contactlab.studies.search.tuning import TuneRequest, tune_model
+from contactlab.studies.search.tuning_problem import TuningProblem
+from contactlab.studies.verification.grip_measures import compare_grips
+from contactlab.tasks.checked_model import open_model
 from contactlab.tasks.session import Session
 
 PLANTED = Path(__file__).parent / "planted"
@@ -70,6 +75,23 @@ def test_needless_steps_go_and_lines_that_save_nothing_stay(tmp_path: Path) -> N
     assert str(made.opt.timestep) in rows[1]["settings"]
     drawn = str(specification(report).to_dict())
     assert "tolerance 10 %" in drawn
+
+
+@pytest.mark.long
+def test_a_gripper_keeps_its_contacts_without_an_object(tmp_path: Path) -> None:
+    """Without its pads' contacts its motion is the same, bit for bit, but it holds nothing."""
+    (tmp_path / "jaws.xml").write_text(BARE_JAWS)
+    request = TuneRequest(str(tmp_path / "jaws.xml"), task=SHORT, max_time=60.0)
+    examined = open_model(request.model, Session(tmp_path / "out"), SHORT)
+    problem = TuningProblem(request, examined, 1, TimeLimit(time.monotonic(), 60.0))
+    assert problem.unused.masked == ()
+    assert problem.unused.excluded == (("left", "right"),)
+    (tmp_path / "off.xml").write_text(
+        BARE_JAWS.replace("<worldbody>", '<option><flag contact="disable"/></option><worldbody>')
+    )
+    changed = open_model(str(tmp_path / "off.xml"), Session(tmp_path / "off"), SHORT)
+    measures = list(compare_grips(examined, changed, problem.original_runs.grips))
+    assert {each.name for each in measures if each.worse} == {"grip creep", "pull-out force"}
 
 
 @pytest.mark.long

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from tests.studies.verification.planted import BARE_JAWS
 
 from contactlab.engines import engine_of
 from contactlab.engines.engine import Buffers, PreparedRuns
@@ -111,6 +112,15 @@ def test_without_them_states_stay_bit_equal_from_fresh_seeds(
     seeds = range(100, 103)
     for one, other in zip(driven(written, seeds), driven(path, seeds), strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def test_pads_of_a_gripper_stay_collidable() -> None:
+    """Pads that cannot touch each other touch an object that is not in the file."""
+    model = mujoco.MjModel.from_xml_string(BARE_JAWS)
+    assert set(unreachable_edits(model, []).masked) == {"left", "right"}
+    found = unreachable_edits(model, [], with_masks=False)
+    assert found.masked == ()
+    assert found.excluded == (("left", "right"),)
 
 
 def test_pairs_come_near_as_the_distance_of_all_geoms_says(workshop: Path) -> None:

@@ -38,6 +38,29 @@ PINCH = """
 """
 """Two jaws hold a box of 50 g with 5 N each. Without noslip, regularized friction creeps."""
 
+BARE_JAWS = """
+<mujoco model="bare_jaws">
+  <option timestep="0.002" cone="elliptic" impratio="10"/>
+  <worldbody>
+    <body name="hand" pos="0 0 .3">
+      <body name="left" pos="0 .05 0">
+        <joint name="left" type="slide" axis="0 -1 0" range="0 .035" damping="5"/>
+        <geom name="left" type="box" size=".01 .005 .03" mass=".05"/>
+      </body>
+      <body name="right" pos="0 -.05 0">
+        <joint name="right" type="slide" axis="0 1 0" range="0 .035" damping="5"/>
+        <geom name="right" type="box" size=".01 .005 .03" mass=".05"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <position name="left" joint="left" kp="2000" ctrlrange="0 .035" forcerange="-5 5"/>
+    <position name="right" joint="right" kp="2000" ctrlrange="0 .035" forcerange="-5 5"/>
+  </actuator>
+</mujoco>
+"""
+"""Jaws without an object. Their limits keep them 20 mm apart, so nothing touches in this file."""
+
 ARM = """
 <mujoco model="arm">
   <option timestep="0.002" integrator="implicitfast"/>

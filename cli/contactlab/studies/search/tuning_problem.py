@@ -35,7 +35,8 @@ from contactlab.studies.search.unused_pairs import (
     unused_flags,
     with_flags,
 )
-from contactlab.studies.verification.panel import ERROR_FLOOR
+from contactlab.studies.verification.grip_measures import judge_original_grips
+from contactlab.studies.verification.panel import ERROR_FLOOR, OriginalRuns
 from contactlab.tasks.checked_model import CheckedModel
 from contactlab.tasks.reference_error import TaskReference
 from contactlab.tasks.stress_motions import (
@@ -75,6 +76,7 @@ class TuningProblem:
         motions: phases of the task, with as many seeds as the work allows.
         model: the model compiled from its files, without recording.
         cost: counts the work of models.
+        original_runs: runs of the model as written that verifications compare with.
         work: counted time that the search may take [s].
         reference: the reference that errors are measured from.
         steps: usable timesteps, in fine steps.
@@ -89,6 +91,7 @@ class TuningProblem:
         """Count the work, and run the reference; find the unused parts."""
         self._request, self.examined, self.threads = request, examined, threads
         self._time_limit = allowed
+        self.original_runs = OriginalRuns()
         task = examined.task
         if request.error_at is not None:
             task = task.model_copy(update={"observed": ()})
@@ -254,7 +257,10 @@ class TuningProblem:
     def _find_unused(self) -> ModelEdits:
         """Find parts that change no state: without them the motion is the same, bit for bit."""
         model = self.model
-        edits = unreachable_edits(model, [part.positions for part in self.reference.phases])
+        runs = [part.positions for part in self.reference.phases]
+        edits = unreachable_edits(model, runs)
+        if edits.masked and self._is_gripper:
+            edits = unreachable_edits(model, runs, with_masks=False)
         flags = unused_flags(self.examined.scene.source.model)
         self.model = with_flags(model, flags)
         edits = replace(edits, unflagged=flags)
@@ -275,6 +281,12 @@ class TuningProblem:
         self.models[_UNUSED] = lighter
         return edits
 
+    @cached_property
+    def _is_gripper(self) -> bool:
+        """Whether the model can hold an object, which need not be in its file."""
+        held = judge_original_grips(self.examined, self.original_runs.grips)
+        return any(report.keyframe is None for report in held)
+
     def _skip(self, name: str, reason: str) -> None:
         self.skipped.append(SkippedParameter(name, reason))
 
@@ -292,7 +304,10 @@ class TuningProblem:
     @cached_property
     def far_pairs(self) -> ModelEdits:
         """Edits that remove collisions of far pairs, without those that are provably unused."""
-        edits = exclusion_edits(self.own_model, filtered_pairs(self.own_model), self.far_geom_pairs)
+        model, pairs, apart = self.own_model, filtered_pairs(self.own_model), self.far_geom_pairs
+        edits = exclusion_edits(model, pairs, apart)
+        if edits.masked and self._is_gripper:
+            edits = exclusion_edits(model, pairs, apart, with_masks=False)
         # Provable edits come first, and are reported separately.
         proved = {*self.unused.masked}, {*self.unused.excluded}
         return ModelEdits(

@@ -21,29 +21,39 @@ _FULL = (mujoco.mjtWarning.mjWARN_CONTACTFULL, mujoco.mjtWarning.mjWARN_CNSTRFUL
 _SDF = int(mujoco.mjtGeom.mjGEOM_SDF)
 
 
-def unreachable_edits(model: mujoco.MjModel, runs: Sequence[Floats]) -> ModelEdits:
+def unreachable_edits(
+    model: mujoco.MjModel, runs: Sequence[Floats], *, with_masks: bool = True
+) -> ModelEdits:
     """Return edits that remove collisions of geoms that provably cannot touch.
 
     The proof uses joint ranges; for other joints, the visited configurations `runs` (T, nq).
     """
     pairs = filtered_pairs(model)
-    return exclusion_edits(model, pairs, unreachable_pairs(model, pairs, runs))
+    apart = unreachable_pairs(model, pairs, runs)
+    return exclusion_edits(model, pairs, apart, with_masks=with_masks)
 
 
 def exclusion_edits(
-    model: mujoco.MjModel, pairs: Sequence[GeomPair], apart: Collection[GeomPair]
+    model: mujoco.MjModel,
+    pairs: Sequence[GeomPair],
+    apart: Collection[GeomPair],
+    *,
+    with_masks: bool = True,
 ) -> ModelEdits:
     """Return edits that remove collisions of pairs that stay apart.
 
     Geoms that touch nothing are masked, so they touch nothing that is added to the model later.
     Otherwise pairs of bodies without touching geoms are excluded. Geoms that a flex may touch stay,
-    and so do unnamed bodies.
+    and so do unnamed bodies. Without masks pairs of bodies alone are excluded: a gripper touches
+    objects that are not in its file.
     """
     touching = [pair for pair in pairs if pair not in apart]
     flexes = np.bitwise_or.reduce([*model.flex_contype, *model.flex_conaffinity, 0])
     kinds = np.asarray(model.geom_contype) | np.asarray(model.geom_conaffinity)
     masked = {
-        geom for geom in set(chain(*pairs)) - set(chain(*touching)) if not kinds[geom] & flexes
+        geom
+        for geom in set(chain(*pairs)) - set(chain(*touching))
+        if with_masks and not kinds[geom] & flexes
     }
     left = _body_pairs(model, [pair for pair in pairs if masked.isdisjoint(pair)])
     excluded = [map(model.body, bodies) for bodies in sorted(left - _body_pairs(model, touching))]

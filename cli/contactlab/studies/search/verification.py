@@ -13,11 +13,12 @@ from shutil import rmtree
 
 from contactlab.budget import ErrorBudget, Motion, Settings, error_budget, judge
 from contactlab.errors import SceneError
+from contactlab.reporting.verified_measures import describe_measure
 from contactlab.scene.model_names import printed_geom_name
 from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.schema.task import Task
 from contactlab.schema.tune_report import MODEL, CurrentVerdict, Target, Verification
-from contactlab.schema.verification import VerifiedChange
+from contactlab.schema.verification import VerifiedChange, VerifiedMeasure
 from contactlab.studies.search.configuration import (
     INTEGRATOR,
     Configuration,
@@ -46,10 +47,10 @@ from contactlab.studies.search.tune_request import TuneRequest
 from contactlab.studies.search.tuning_problem import TuningProblem
 from contactlab.studies.search.unused_pairs import pairs_within
 from contactlab.studies.verification import (
-    OriginalRuns,
     VerificationRequest,
     verify_change,
 )
+from contactlab.studies.verification.grip_measures import compare_grips
 from contactlab.studies.verification.panel import ERROR_FLOOR
 from contactlab.tasks.checked_model import CheckedModel, open_model
 from contactlab.tasks.reference_error import ErrorEstimate, TaskReference
@@ -162,7 +163,6 @@ class CandidateVerifier:
         self.is_late = False
         self._reserve = 0.0  # s: what the longest verification has taken
         self._current_verdicts = dict[tuple[int, ...], _Judgement]()
-        self._original_runs = OriginalRuns()
 
     @property
     def _examined(self) -> CheckedModel:
@@ -266,6 +266,9 @@ class CandidateVerifier:
         except SceneError as refused:
             self._reject(tried, str(refused).splitlines()[0])
             return None
+        if lost := self._find_lost_grip(written):
+            self._reject(tried, f"worse than as written: {describe_measure(lost)}")
+            return None
         self._time_candidate(tried)
         known, error = self.current_verdict(), tried.error
         assert error
@@ -286,6 +289,15 @@ class CandidateVerifier:
                 panel=None,
             ),
         )
+
+    def _find_lost_grip(self, written: WrittenModel) -> VerifiedMeasure | None:
+        """Return the first measure of a grip that became worse.
+
+        The task of a gripper without an object loads no pad, so equal bits prove nothing of grips.
+        """
+        changed = open_model(written.reference, self._session, self._request.task)
+        measures = compare_grips(self._examined, changed, self._problem.original_runs.grips)
+        return next((measure for measure in measures if measure.worse), None)
 
     def _stays_exact(self, tried: Evaluation) -> bool:
         """Return whether a candidate moves as the model as written on runs of no search."""
@@ -494,7 +506,7 @@ class CandidateVerifier:
                 allowed_error=self._limit_of(goal) if asked else 0.0,
                 stop_early=True,
                 most_seeds=self._problem.seeds,
-                runs=self._original_runs,
+                runs=self._problem.original_runs,
                 left=lambda: self._time_limit.remaining,
             )
         )

@@ -25,18 +25,25 @@ def compare_grips(
     the object at all, it counts as dropped. `known` has the original's reports by keyframe;
     missing ones are added.
     """
+    for before in judge_original_grips(original, known):
+        request = GripRequest(
+            changed.reference, keyframe=before.keyframe, fixes=False, placements=False
+        )
+        yield from _compare_reports(before, _judge_possible_grip(request))
+
+
+def judge_original_grips(
+    original: CheckedModel, known: dict[str | None, GripReport | None]
+) -> Iterator[GripReport]:
+    """Yield the grips in which the original holds an object or lets it creep; `known` as above."""
     model, start = original.motions[0].model, original.task.start
     for request in grip_requests(original.reference, model, start):
         quiet = GripRequest(request.model, keyframe=request.keyframe, fixes=False, placements=False)
         if request.keyframe not in known:
             known[request.keyframe] = _judge_possible_grip(quiet)
-        before = known[request.keyframe]
-        if before is None or before.verdict == "drops":
-            continue
-        other = GripRequest(
-            changed.reference, keyframe=request.keyframe, fixes=False, placements=False
-        )
-        yield from _compare_reports(before, _judge_possible_grip(other))
+        report = known[request.keyframe]
+        if report is not None and report.verdict != "drops":
+            yield report
 
 
 def _judge_possible_grip(request: GripRequest) -> GripReport | None:
