@@ -8,6 +8,7 @@ turns; medians of the rounds' ratios are shown, with the least and the most.
 """
 
 import argparse
+import copy
 import itertools
 import os
 import tempfile
@@ -64,7 +65,7 @@ def write_columns(folder: Path) -> None:
 
 def step_bare(runs: PreparedRuns) -> Callable[[], None]:
     """Return what steps the runs, and records nothing."""
-    bare = [runs.scene.compile_without_sensors(run) for run in runs.resolved]
+    bare = [copy.copy(runs.scene.written_model(run)) for run in runs.resolved]
 
     def step() -> None:
         for run, model in enumerate(bare):

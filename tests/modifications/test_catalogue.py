@@ -1,10 +1,12 @@
 """The catalogue of modifications: each entry is well formed, and each consumer reads it."""
 
+import copy
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 
 import mujoco
+import numpy as np
 import pytest
 from tests.budget_motions import walker
 from tests.docs.modifications_page import PAGE
@@ -21,7 +23,14 @@ from contactlab.modifications.catalogue import (
     list_rows,
 )
 from contactlab.modifications.catalogue_page import modifications_page
-from contactlab.modifications.modification import ANY_LABEL, Candidate, Lever, Modification, Row
+from contactlab.modifications.modification import (
+    ANY_LABEL,
+    NO_EDITS,
+    Candidate,
+    Lever,
+    Modification,
+    Row,
+)
 from contactlab.scene.model_edits import FLAG_NAMES, is_writable
 from contactlab.studies.search.search_space import propose_parameters
 
@@ -68,6 +77,29 @@ def test_each_entry_names_things_that_exist(entry: Modification) -> None:
         assert not fix.exercised or fix.exercised in rows
         # A fix with a name for `--apply` makes another model.
         assert fix.changes_model == (entry.kind == "model")
+
+
+def changed_fields(model: mujoco.MjModel, made: mujoco.MjModel) -> set[str]:
+    names = (name for name in dir(model) if isinstance(getattr(model, name, None), np.ndarray))
+    return {name for name in names if not np.array_equal(getattr(model, name), getattr(made, name))}
+
+
+@pytest.mark.parametrize("entry", CATALOGUE.values(), ids=lambda entry: entry.name)
+def test_fields_that_a_fix_changes_are_written(entry: Modification) -> None:
+    """Only options and flags are written from `change`; a fix of fields says how."""
+    model = walker().model
+    for fix in entry.fixes:
+        made = copy.copy(model)
+        fix.change(made)
+        written = fix.edits != NO_EDITS or fix.values
+        assert written or not changed_fields(model, made), fix.name
+
+
+def test_a_changed_field_is_seen() -> None:
+    model = walker().model
+    made = copy.copy(model)
+    made.dof_damping[0] += 1
+    assert changed_fields(model, made) == {"dof_damping"}
 
 
 def test_names_are_unique_in_each_use() -> None:

@@ -10,7 +10,8 @@ import pytest
 
 from contactlab.plan.task_options import read_task_options
 from contactlab.scene.scene import Scene
-from contactlab.studies.examine.examination import SECTIONS, ExamineRequest, run
+from contactlab.schema.examination import SectionName
+from contactlab.studies.examine.examination import ExamineRequest, run
 from contactlab.tasks.session import Session
 
 MODEL = """
@@ -43,7 +44,7 @@ def test_a_model_is_compiled_and_its_runs_are_resolved_once(
     counts = Counter[str]()
     count_calls(monkeypatch, counts, mujoco.MjSpec, "compile")
     count_calls(monkeypatch, counts, Scene, "resolve")
-    sections = tuple(section for section in SECTIONS if section != "checks")
+    sections: tuple[SectionName, ...] = ("labels", "budget", "facts", "contacts", "fixes")
     request = ExamineRequest(
         str(path), task=read_task_options(drive="none", duration="0.1s"), sections=sections
     )
