@@ -417,16 +417,15 @@ def track_actuator(
 
     def drive(time: float) -> None:
         data.ctrl[actuator] = rest + size * (1 if wave == "step" else np.sin(2 * np.pi * time))
+        # After a step of RK4 the length is that of its last stage.
+        for update in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_tendon):
+            update(model, data)
+        mujoco.mj_transmission(model, data)
         own.append(data.time)
-        lengths.append(model_length(data))
+        lengths.append(float(data.actuator_length[actuator]))
 
-    def model_length(data: mujoco.MjData) -> float:
-        return float(data.actuator_length[actuator])
-
-    mujoco.mj_forward(model, data)
     run_for(model, data, 1.0 + model.opt.timestep, drive)
-    # Lengths are those of the step before.
-    return np.interp(times, np.array(own[:-1]) - own[0], lengths[1:])
+    return np.interp(times, np.array(own) - own[0], lengths)
 
 
 def compare_tracking(before: str, after: str, keyframe: str | None) -> tuple[list[Measure], int]:

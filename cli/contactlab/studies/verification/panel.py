@@ -36,7 +36,7 @@ from contactlab.studies.verification.runs import (
     PairedRun,
     build_doubled_run,
     build_load_runs,
-    build_tracking_run,
+    build_tracking_runs,
     pair_motions,
 )
 from contactlab.studies.verification.state_tables import StateTable
@@ -351,7 +351,7 @@ class _Panel:
         if len(chosen) < count:
             reason = f"{len(chosen)} of {count} actuators were moved alone"
             self._skip_run("step and sine of the other actuators", reason)
-        if run := build_tracking_run(own, other, chosen.tolist()):
+        for run in build_tracking_runs(own, other, chosen.tolist()):
             yield from self._compare_states(run)
 
     def _measure_errors(

@@ -15,6 +15,7 @@ import numpy as np
 
 from contactlab.budget.motion import INTEGRATION, Motion
 from contactlab.budget.restarts import reference_motion
+from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.drive.signals import control_ranges
 from contactlab.tasks.stress_motions import TILT_DEGREES, double_inputs, tilt_gravity
 
@@ -22,8 +23,9 @@ REFERENCE_RATE = 4
 """Steps of the reference in one step of the original. A first-order error shrinks to a quarter."""
 REST_SECONDS = 2.0
 """Long enough for a creep of .1 mm/s to move a body by .2 mm, far above rounding."""
-TRACKING_SECONDS = 2.0
-"""A step for the first half, then one period of a sine of 1 Hz."""
+TRACKING_SECONDS = 1.0
+"""One period of a sine of 1 Hz, and as long for a step. Each begins at the start of the task, so
+that the drift after a step does not hide the delay of a sine."""
 TRACKING_SHARE = 0.1
 """Share of a control's range that the step and the sine go through. A tenth stays within the limits
 of nearly every joint, and is large against friction and backlash."""
@@ -147,16 +149,16 @@ def without_actuation(model: mujoco.MjModel) -> mujoco.MjModel:
     return model
 
 
-def build_tracking_run(
+def build_tracking_runs(
     original: Motion, changed: Motion, actuators: Sequence[int]
-) -> PairedRun | None:
-    """Return a run with one row for each actuator, which moves alone; None without actuators.
+) -> list[PairedRun]:
+    """Return a run of steps and one of sines, with one row for each actuator, which moves alone.
 
-    Its control makes a step of `TRACKING_SHARE` of its range for the first second, then a sine of
-    1 Hz of the same size about the control that the start has.
+    Its control makes a step of `TRACKING_SHARE` of its range, or a sine of 1 Hz of the same size
+    about the control that the start has.
     """
     if not len(actuators):
-        return None
+        return []
     model = original.model
     begin = hold_inputs(original, TRACKING_SECONDS, lambda own: own)
     ranges = control_ranges(model)
@@ -165,18 +167,22 @@ def build_tracking_run(
     room = np.where(rest < ranges.mean(axis=1), 1.0, -1.0)
     sizes = TRACKING_SHARE * (ranges[:, 1] - ranges[:, 0]) * room
 
-    def excite_actuators(motion: Motion) -> Motion:
+    def excite_actuators(motion: Motion, wave: Callable[[Floats], Floats]) -> Motion:
         held = hold_inputs(motion, TRACKING_SECONDS, lambda own: own)
         times = np.arange(held.steps) * float(held.model.opt.timestep)
-        wave = np.where(times < 1.0, 1.0, np.sin(2 * np.pi * (times - 1.0)))
         inputs = np.repeat(held.inputs[:1], len(actuators), axis=0)
         for row, actuator in enumerate(actuators):
-            inputs[row, :, actuator] += sizes[actuator] * wave
+            inputs[row, :, actuator] += sizes[actuator] * wave(times)
         starts = np.repeat(held.starts[:1], len(actuators), axis=0)
         return replace(held, starts=starts, inputs=inputs)
 
-    pair = pair_motions(
-        "step and sine", *(excite_actuators(motion) for motion in (original, changed))
-    )
+    def make_sine(times: Floats) -> Floats:
+        return np.asarray(np.sin(2 * np.pi * times), np.float64)
+
+    waves: dict[str, Callable[[Floats], Floats]] = {"step": np.ones_like, "sine of 1 Hz": make_sine}
     names = tuple(model.actuator(each).name or f"actuator[{each}]" for each in actuators)
-    return replace(pair, actuators=names)
+    runs = list[PairedRun]()
+    for name, wave in waves.items():
+        pair = (excite_actuators(motion, wave) for motion in (original, changed))
+        runs.append(replace(pair_motions(name, *pair), actuators=names))
+    return runs
