@@ -137,6 +137,16 @@ def test_an_overlap_of_the_start_is_the_first_cause(word: VerdictWord) -> None:
     assert report.why[0] == OVERLAP.sentence
 
 
+@pytest.mark.parametrize("removes", ["verdict", "labels", "overlap"])
+def test_the_headline_names_a_start_that_alone_removes_the_verdict(removes: str) -> None:
+    raised = fix("a raised start", removes=removes, changed_keyframes=(("home", (0.3,)),))
+    overlap = OVERLAP.model_copy(update={"place": "contact world - mug"})
+    report = conclude(examined("depends", labels=(LABEL,), facts=(overlap,), fixes=(raised,)))
+    named = report.headline == "fails: its start overlaps by 20 mm at contact world - mug"
+    assert named == (removes != "overlap")
+    assert report.why[0] == overlap.sentence
+
+
 def test_the_main_numerical_setting_is_the_cause() -> None:
     report = examined("inaccurate")
     assert "the time step is too long at floor - mug" in conclude(report).why[0]

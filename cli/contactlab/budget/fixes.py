@@ -302,7 +302,13 @@ def try_fixes(
         candidates = candidates_against(motions, verdict)
     possible = sorted(
         (one for one in candidates if _is_possible(one, word, rows, motions)),
-        key=lambda one: (one.rate > _ALWAYS_TRIED_RATE, one.changes_model, one.rate),
+        # What is wrong may follow from the start, so a better start is tried first.
+        key=lambda one: (
+            not one.edits.posed,
+            one.rate > _ALWAYS_TRIED_RATE,
+            one.changes_model,
+            one.rate,
+        ),
     )
     if not possible:
         return ()

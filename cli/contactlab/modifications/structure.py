@@ -19,6 +19,13 @@ MODIFICATIONS = (
         part_fixes=(PartFix("start", ("keyframe",)),),
     ),
     Modification(
+        "root height",
+        "Raises the roots of floating robots at the start, until nothing of them is in the floor.",
+        ("keyframe",),
+        "model",
+        part_fixes=(PartFix("raise", ("keyframe",)),),
+    ),
+    Modification(
         "contacts between links",
         "Removes contacts between links that joints hold in each other.",
         ("exclude",),

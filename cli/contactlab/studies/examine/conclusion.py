@@ -63,18 +63,30 @@ def _failed_checks(report: Examination) -> list[str]:
 def _headline(report: Examination, verdict: VerdictWord) -> str:
     reason = next(iter(judged_reasons(report)), None)
     tolerance = f"(tolerance {format_percent(report.task.tolerance)})"
+    if start := _start_cause(report):
+        return f"{verdict}: {start}"
     if verdict == "fails":
         labels = list(dict.fromkeys(label.label for label in judged_labels(report)))
         causes = [*labels, *(f"check {name}" for name in _failed_checks(report))]
         named, more = causes[:_MOST_NAMED], len(causes) - _MOST_NAMED
         rest = f" and {more} more" if more > 0 else ""
-        start = "; the start overlaps" if _overlaps(report) else ""
-        return f"fails: {' and '.join(named)}{rest}{start}"
+        return f"fails: {' and '.join(named)}{rest}"
     if reason is None:
         return f"ok: {_why_ok(report, tolerance)}"
     if verdict == "depends":
         return f"depends on {find_row(reason.row).subject}: {reason.sentence}"
     return f"{verdict}: {reason.sentence}{'' if reason.row == 'warning' else f' {tolerance}'}"
+
+
+def _start_cause(report: Examination) -> str:
+    """Return the overlap of a start in words, if another start alone removes the verdict."""
+    repairs = [fix for fix in report.fixes if fix.changed_keyframes and fix.removes != "overlap"]
+    overlaps = [fact for fact in report.facts if fact.kind == "overlap"]
+    if not repairs:
+        return ""
+    if not overlaps:
+        return "its start is one that limits, contacts or equalities do not allow"
+    return f"its start overlaps by {1e3 * overlaps[0].value:.3g} mm at {overlaps[0].place}"
 
 
 def _why_ok(report: Examination, tolerance: str) -> str:
@@ -210,10 +222,11 @@ def _time(report: Examination, phase: BudgetPhase) -> str:
 
 def _fix(report: Examination, verdict: VerdictWord, tried: int, not_tried: int) -> str:
     if report.fixes:
-        summary = fix_summary(first_fix(report.fixes), report)
+        first = first_fix(report.fixes)
+        summary = fix_summary(first, report)
         return (
             f"none if that choice is intended; otherwise {summary}"
-            if verdict == "depends"
+            if verdict == "depends" and not first.changed_keyframes
             else summary
         )
     if verdict == "ok":

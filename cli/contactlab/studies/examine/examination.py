@@ -262,11 +262,13 @@ def _search_fixes(
 
     trial = Trial(SETTINGS, None, MOST_FIXES, request.apply, threads, left)
 
-    def labelled(settings: Values) -> Iterator[tuple[RunLabel, ...]]:
+    def labelled(settings: Values, file: Path | None) -> Iterator[tuple[RunLabel, ...]]:
         first, *others = (*task.seeds, *with_new_seeds(task).seeds)
-        records = list[EvidenceRecord]()
+        records, model = list[EvidenceRecord](), examined
+        if file is not None:  # its file has the settings
+            model, settings = open_model(str(file), examined.session, request.task), {}
         for seeds in ([first], others):
-            runs = examined.run(_CHANGED, "With a fix", settings, seeds=seeds, trace="none")
+            runs = model.run(_CHANGED, "With a fix", settings, seeds=seeds, trace="none")
             records += [run.record for run in runs]
             yield run_labels(task, records)
 

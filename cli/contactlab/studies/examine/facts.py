@@ -100,7 +100,7 @@ def half_extent(model: mujoco.MjModel, geom: int) -> float:
 
 
 def _of_depth(deepest: Sequence[_Contact], overlap: Sequence[_Contact]) -> Iterator[Fact]:
-    if (worst := _worst(overlap)) and worst.share > _DEEP:
+    if worst := _worst([contact for contact in overlap if contact.share > _DEEP]):
         yield Fact(
             kind="overlap",
             place=worst.pair,
@@ -134,7 +134,7 @@ def _of_margin(depths: Sequence[_Contact], forces: Sequence[_Contact]) -> Iterat
 
 
 def _worst(contacts: Sequence[_Contact]) -> _Contact | None:
-    return max(contacts, key=lambda contact: contact.share, default=None)
+    return max(contacts, key=lambda contact: contact.amount, default=None)
 
 
 def _in_words(contact: _Contact) -> str:

@@ -78,12 +78,13 @@ class TaskRepeats(NamedTuple):
 
     Attributes:
         moved: returns its motions.
-        labelled: yields the labels of its first run with settings, then of all runs.
+        labelled: yields the labels of its first run with settings, or of the file of a model with
+            another start, then of all runs.
         labels: labels of the runs as written.
     """
 
     moved: Moved
-    labelled: Callable[[Values], Iterable[Sequence[RunLabel]]] = lambda _: [()]
+    labelled: Callable[[Values, Path | None], Iterable[Sequence[RunLabel]]] = lambda _, __: [()]
     labels: Sequence[RunLabel] = ()
 
 
@@ -113,18 +114,25 @@ class FixSearch:
         shapes = [*filter(self._can_begin, primitives(scene, values, motions, verdict))]
         physical = [*starts, *shapes]
         self._candidates = (*starts, *candidates_against(motions, verdict), *shapes)
-        found = try_fixes(motions, verdict, candidates=self._candidates, trial=self._trial)
+        self.label_trials, self.not_tried = 0, list[str]()
+        posed = [start for start in starts if start.edits.posed]
+        self.without_labels = [*self._without_labels(posed)][:1]
+        found = tuple[TriedFix, ...]()
+        if not self.without_labels:
+            found = try_fixes(motions, verdict, candidates=self._candidates, trial=self._trial)
         ended = [fix for fix in found if fix.is_complete]
-        self.not_tried = [fix.name for fix in found if not fix.is_complete]
+        self.not_tried += [fix.name for fix in found if not fix.is_complete]
         self.helping = self._by_labels([fix for fix in ended if fix.removes])
         self.tried = [*self.helping, *(fix for fix in ended if not fix.removes)]
-        self.label_trials = 0
-        self.without_labels = [] if self.helping else [*self._without_labels()]
-        known = {fix.name for fix in self.helping} | {*self.not_tried}
+        if not self.helping and not self.without_labels:
+            against = candidates_against_labels(motions, verdict, repeats.labels)
+            self.without_labels = [*self._without_labels(against)]
+        helping = (*self.helping, *self.without_labels)
+        known = {fix.name for fix in helping} | {*self.not_tried}
         self._parting = [
             candidate
             for candidate in physical
-            if candidate.edits.separates_links
+            if candidate.edits.fixes_start
             and candidate.name not in known
             and self._parts(candidate)
         ]
@@ -167,7 +175,7 @@ class FixSearch:
         steps = 2 * _RUNS * rate * steps_of(self._motions)
         if fix.edits.fitted or steps * pace(self._motions) > self._trial.left():
             return None
-        *_, labels = self._repeats.labelled({**self._values, **fix.edits.settings})
+        *_, labels = self._repeats.labelled({**self._values, **fix.edits.settings}, None)
         return tuple(labels)
 
     def _named(self, name: str) -> Candidate:
@@ -199,12 +207,11 @@ class FixSearch:
                 yield candidate
             yield joined([base, candidate])
 
-    def _without_labels(self) -> Iterator[TriedFix]:
+    def _without_labels(self, candidates: Sequence[Candidate]) -> Iterator[TriedFix]:
         """Yield the first fix of each kind (same model, other model) that leaves no label."""
-        if self._verdict.word not in ("ok", "depends"):
+        if self._verdict.word not in ("ok", "depends") or not self._repeats.labels:
             return
         kinds = set[bool]()
-        candidates = candidates_against_labels(self._motions, self._verdict, self._repeats.labels)
         for candidate in candidates:
             if candidate.changes_model in kinds:
                 continue
@@ -215,7 +222,8 @@ class FixSearch:
             options = options_changed(model, changed_model(model, candidate))
             edits = replace(candidate.edits, settings={**options, **candidate.edits.settings})
             self.label_trials += 1
-            if any(self._repeats.labelled({**self._values, **edits.settings})):
+            file = None if candidate.same_states else self._other(candidate)
+            if any(self._repeats.labelled({**self._values, **edits.settings}, file)):
                 continue
             if all(self._is_no_worse(motions) for motions in self._motions_of(candidate)):
                 kinds.add(candidate.changes_model)

@@ -9,15 +9,18 @@ beyond its limits, in another body, or off its equalities where a run begins may
 from collections.abc import Callable, Iterator, Sequence
 
 import mujoco
+import numpy as np
 
 from contactlab.budget import Motion, Verdict
 from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.verdict import VerdictWord
+from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.modifications.modification import Candidate
 from contactlab.scene.closed_start import OPEN_TOLERANCE, closed_start, moving_extent
 from contactlab.scene.model_draft import CompiledFiles, ModelEdits, edit_spec
 from contactlab.scene.model_names import name_of
+from contactlab.scene.raised_start import deepest_overlap, raised_start
 from contactlab.scene.scene import Scene
 from contactlab.schema.task import QPOS0
 from contactlab.tasks.session import Values
@@ -53,11 +56,23 @@ def separated(
 
 def _moved(scene: Scene, values: Values, motion: Motion, word: VerdictWord) -> Iterator[Candidate]:
     """Yield the change by which a run begins where limits, contacts and equalities allow it."""
-    positions = closed_start(motion.model, motion.starts[0], INTEGRATION)
-    if positions is None:
-        return
+    model, start = motion.model, motion.starts[0]
     keyframe = scene.resolve(values, 0, None).keyframe
     written = _HELD if keyframe == QPOS0 else keyframe
+    raised = raised_start(model, start, INTEGRATION)
+    if raised is not None:
+        overlap = 1e3 * deepest_overlap(_begun(motion))
+        yield Candidate(
+            f"a start raised out of an overlap of {overlap:.3g} mm",
+            word,
+            apply="raise",
+            edits=ModelEdits(posed=((written, tuple(raised.tolist())),)),
+            must_come_nearer=False,  # its states are others
+        )
+        start = _with_positions(motion, raised)
+    positions = closed_start(model, start, INTEGRATION)
+    if positions is None:
+        return
     yield Candidate(
         "a start that its limits, contacts and equalities allow",
         word,
@@ -65,6 +80,15 @@ def _moved(scene: Scene, values: Values, motion: Motion, word: VerdictWord) -> I
         edits=ModelEdits(posed=((written, tuple(positions.tolist())),)),
         must_come_nearer=False,  # its states are others
     )
+
+
+def _with_positions(motion: Motion, positions: Floats) -> Floats:
+    """Return the start of a motion with other positions."""
+    data = _begun(motion)
+    data.qpos[:] = positions
+    start = np.empty_like(motion.starts[0])
+    mujoco.mj_getState(motion.model, data, start, INTEGRATION)
+    return start
 
 
 def _without_contacts(

@@ -119,6 +119,7 @@ class FixVerifier:
                 changed=self._open_edited(name, edits),
                 same_model=numerical and computed,
                 keeps_motion=keeps_motion,
+                keeps_start=not edits.posed,
                 must_improve=_LOOP_MEASURES if in_loop and keeps_motion else (),
                 allowed_error=self.examined.task.tolerance if numerical else 0.0,
                 stop_early=True,

@@ -85,7 +85,7 @@ def _is_free(model: mujoco.MjModel, body: int) -> bool:
 
 def _overlap_text(linted: LintedModel, found: Sequence[_Overlap]) -> str:
     """Return the deepest overlap in words, and the number of other overlaps."""
-    worst = max(found, key=lambda overlap: overlap.share)
+    worst = max(found, key=lambda overlap: overlap.depth)
     bodies = [linted.name("body", int(linted.model.geom_bodyid[geom])) for geom in worst.geoms]
     geoms = " - ".join(linted.name("geom", geom) for geom in worst.geoms)
     more = f"; {len(found) - 1} more pairs of bodies overlap" if len(found) > 1 else ""
@@ -96,7 +96,7 @@ def _overlap_text(linted: LintedModel, found: Sequence[_Overlap]) -> str:
 
 
 def _overlap_place(linted: LintedModel, found: Sequence[_Overlap]) -> Place:
-    worst = max(found, key=lambda overlap: overlap.share)
+    worst = max(found, key=lambda overlap: overlap.depth)
     return linted.place("body", max(int(linted.model.geom_bodyid[geom]) for geom in worst.geoms))
 
 

@@ -92,6 +92,8 @@ class VerificationRequest:
             another model, and has its own reference for the numerical error.
         keeps_motion: False if the change is meant to move bodies otherwise, as one that removes a
             failure is. Then ends of bodies are not compared.
+        keeps_start: False if the change only begins elsewhere. Then joint limits, rest, energy and
+            tracking are not compared: they depend on where a body falls from and comes to rest.
         must_improve: names of measures; the largest of them has to become better by more than its
             spread.
         allowed_error: error that the change may cost, as a share of each motion. 0 demands that it
@@ -108,6 +110,7 @@ class VerificationRequest:
     changed: CheckedModel
     same_model: bool = True
     keeps_motion: bool = True
+    keeps_start: bool = True
     must_improve: tuple[str, ...] = ()
     allowed_error: float = 0.0
     stop_early: bool = False
@@ -318,7 +321,11 @@ class _Panel:
         self._equal_runs.append(tables.original.bits == tables.changed.bits)
         request = self._request
         yield from compare_run(
-            run, tables, request.allowed_error, keeps_motion=request.keeps_motion
+            run,
+            tables,
+            request.allowed_error,
+            keeps_motion=request.keeps_motion,
+            keeps_start=request.keeps_start,
         )
 
     def _count_lost_seeds(self, run: PairedRun) -> VerifiedMeasure:

@@ -13,6 +13,7 @@ from contactlab.schema.verification import VerifiedMeasure
 from contactlab.studies.verification.runs import PairedRun
 from contactlab.studies.verification.state_tables import (
     EXTREME_UNITS,
+    LIMIT_EXCESSES,
     SAMPLES,
     StateTable,
     tabulate_states,
@@ -83,7 +84,12 @@ def tabulate_run(
 
 
 def compare_run(
-    run: PairedRun, tables: Tables, allowed: float, *, keeps_motion: bool = True
+    run: PairedRun,
+    tables: Tables,
+    allowed: float,
+    *,
+    keeps_motion: bool = True,
+    keeps_start: bool = True,
 ) -> Iterator[VerifiedMeasure]:
     """Yield the measures of a run.
 
@@ -93,6 +99,8 @@ def compare_run(
         allowed: error that the change may cost, as a share of each motion; 0 by default.
         keeps_motion: False if the change is meant to move bodies otherwise; then ends of bodies,
             energies, and lengths of actuators in a loop are not compared.
+        keeps_start: False if the change only begins elsewhere. Then joint limits, rest, energy and
+            tracking are not compared: the model is the same, and comes to rest in another place.
     """
     model = run.original.model
     scale = float(model.stat.meansize)
@@ -103,13 +111,9 @@ def compare_run(
     good &= ~tables.reference.failed
     if not good.any():
         return
-    for name, unit in EXTREME_UNITS.items():
-        extremes = [table.extremes[name] for table in tables.in_order]
-        values = [each.values[good] for each in extremes]
-        if not any(each.any() for each in values[:2]):
-            continue
-        floor = LENGTH_TOLERANCE * scale if unit == "m" else ANGLE_TOLERANCE
-        yield _average_measure(name, run.name, unit, values, floor, extremes[1].place)
+    yield from _compare_extremes(run, tables, good, keeps_start=keeps_start)
+    if not keeps_start:
+        return
     if run.at_rest:
         values = [table.resting_depth[good] for table in tables.in_order]
         if any(each.any() for each in values[:2]):
@@ -125,6 +129,21 @@ def compare_run(
         yield from _compare_tracking(run, tables, good, allowed)
     elif keeps_motion:
         yield from _compare_places(run, tables, good, scale, allowed)
+
+
+def _compare_extremes(
+    run: PairedRun, tables: Tables, good: np.ndarray, *, keeps_start: bool
+) -> Iterator[VerifiedMeasure]:
+    scale = float(run.original.model.stat.meansize)
+    for name, unit in EXTREME_UNITS.items():
+        extremes = [table.extremes[name] for table in tables.in_order]
+        values = [each.values[good] for each in extremes]
+        if (name in LIMIT_EXCESSES and not keeps_start) or not any(
+            each.any() for each in values[:2]
+        ):
+            continue
+        floor = LENGTH_TOLERANCE * scale if unit == "m" else ANGLE_TOLERANCE
+        yield _average_measure(name, run.name, unit, values, floor, extremes[1].place)
 
 
 def _build_measure(

@@ -72,6 +72,8 @@ EXTREME_UNITS = {
     "hinge beyond its limit": "rad",
 }
 """The extremes that a table has, with their units."""
+LIMIT_EXCESSES = {"slide beyond its limit", "hinge beyond its limit"}
+"""Extremes that depend on how a body moves, not on whether its start is possible."""
 
 
 def tabulate_states(

@@ -1,0 +1,106 @@
+"""Raises roots that begin in the floor: a robot whose keyframe lies too low keeps its posture.
+
+Each floating robot is moved against gravity by its own overlap, until nothing of it is in what
+cannot move. Only its free joint, or the slide at its root, changes.
+"""
+
+import mujoco
+import numpy as np
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.scene.closed_start import OPEN_TOLERANCE, moving_extent
+
+_DIGITS = 5
+_MOST_ROUNDS = 20  # the deepest contact of a round may hide others, such as those of stairs
+_STEEP = 0.1  # of the unit normal along gravity: a steeper contact is a wall, not a floor
+_ROUNDING = 1e-9  # m, of sums of positions: less is a touch
+_FREE, _SLIDE = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+_ALIGNED = 1 - 1e-6  # cosine of a slide along gravity
+
+
+def raised_start(model: mujoco.MjModel, start: Floats, spec: int) -> Floats | None:
+    """Return the (nq,) positions of a start with its roots raised out of the floor.
+
+    `spec` lists the state elements in `start`. The height of a root is rounded up to five digits.
+    The result is None if nothing is deep in anything, or if something still is after the raise.
+    """
+    gravity = np.array(model.opt.gravity)
+    size = float(np.linalg.norm(gravity))
+    data = mujoco.MjData(model)
+    mujoco.mj_setState(model, data, start, spec)
+    mujoco.mj_fwdPosition(model, data)
+    allowed = OPEN_TOLERANCE * moving_extent(model, data)
+    if not size or deepest_overlap(data) <= allowed:
+        return None
+    up, heights = -gravity / size, dict[int, float]()
+    for _ in range(_MOST_ROUNDS):
+        heights = _missing_heights(model, data, up)
+        if not heights:
+            break
+        for joint, height in heights.items():
+            _raise_root(model, data, joint, height * up)
+        mujoco.mj_fwdPosition(model, data)
+    return None if heights or deepest_overlap(data) > allowed else data.qpos.copy()
+
+
+def deepest_overlap(data: mujoco.MjData) -> float:
+    """Return how deep the deepest contact is [m]; 0 if nothing overlaps."""
+    return float(max(-data.contact.dist.min(initial=0.0), 0.0))
+
+
+def _missing_heights(model: mujoco.MjModel, data: mujoco.MjData, up: Floats) -> dict[int, float]:
+    """Return by how much the root of each joint has to rise [m] to leave what cannot move."""
+    heights = dict[int, float]()
+    for place in np.flatnonzero(data.contact.dist < -_ROUNDING).tolist():
+        geoms = data.contact.geom[place]
+        if geoms.min() < 0:
+            continue
+        bodies = model.geom_bodyid[geoms]
+        fixed = model.body_weldid[bodies] == 0
+        if fixed.sum() != 1:
+            continue
+        # The normal points from the first geom to the second.
+        normal = data.contact.frame[place, :3] * (1 if fixed[0] else -1)
+        slope, joint = float(normal @ up), _root_joint(model, int(bodies[~fixed][0]), up)
+        if joint < 0 or slope < _STEEP:
+            continue
+        height = -float(data.contact.dist[place]) / slope
+        heights[joint] = max(heights.get(joint, 0.0), height)
+    return heights
+
+
+def _root_joint(model: mujoco.MjModel, body: int, up: Floats) -> int:
+    """Return the joint that can raise the root of a body: free, or a slide along gravity; or -1."""
+    root = int(model.body_rootid[body])
+    first = int(model.body_jntadr[root])
+    for joint in range(first, first + int(model.body_jntnum[root])):
+        kind, axis = int(model.jnt_type[joint]), np.array(model.jnt_axis[joint])
+        if kind == _FREE:
+            return joint
+        mujoco.mju_rotVecQuat(axis, axis.copy(), np.array(model.body_quat[root]))
+        if kind == _SLIDE and abs(float(axis @ up)) > _ALIGNED:
+            return joint
+    return -1
+
+
+def _raise_root(model: mujoco.MjModel, data: mujoco.MjData, joint: int, lift: Floats) -> None:
+    """Move a root by a lift [m], rounded up to five digits of each coordinate."""
+    place = int(model.jnt_qposadr[joint])
+    if int(model.jnt_type[joint]) == _FREE:
+        for axis in np.flatnonzero(np.abs(lift) > 1e-9 * np.abs(lift).max()).tolist():
+            data.qpos[place + axis] = _round_away(data.qpos[place + axis], float(lift[axis]))
+        return
+    axis = np.array(model.jnt_axis[joint])
+    body = int(model.jnt_bodyid[joint])
+    mujoco.mju_rotVecQuat(axis, axis.copy(), np.array(model.body_quat[body]))
+    data.qpos[place] = _round_away(data.qpos[place], float(axis @ lift))
+
+
+def _round_away(value: float, change: float) -> float:
+    """Return a changed value, rounded to five digits in the direction of the change."""
+    changed = value + change
+    decimals = _DIGITS - 1 - int(np.floor(np.log10(max(abs(changed), abs(change), 1e-9))))
+    unit = 10.0**-decimals
+    slack = 1e-6  # of a unit, which is far below `_ROUNDING`: a sum is not exact
+    rounded = np.ceil(changed / unit - slack) if change > 0 else np.floor(changed / unit + slack)
+    return round(float(rounded * unit), max(decimals, 0))
