@@ -6,9 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import mujoco
+import numpy as np
 import pytest
 
 from contactlab.plan.task_options import read_task_options
+from contactlab.scene.model_draft import ModelEdits
+from contactlab.scene.model_writer import write_model
 from contactlab.scene.scene import Scene
 from contactlab.schema.examination import SectionName
 from contactlab.studies.examine.examination import ExamineRequest, run
@@ -62,3 +65,32 @@ def test_the_count_sees_a_second_opening(tmp_path: Path, monkeypatch: pytest.Mon
     count_calls(monkeypatch, counts, mujoco.MjSpec, "compile")
     scenes = [Scene.open(str(path)) for _ in range(2)]
     assert counts["compile"] == 2 * len(scenes)
+
+
+def test_a_written_model_is_compiled_once_more_to_be_opened(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only recording sensors are added to the model that its writer compiled."""
+    path = tmp_path / "ball.xml"
+    path.write_text(MODEL)
+    written = write_model(
+        Scene.open(str(path)), ModelEdits({"cone": "elliptic"}), tmp_path / "changed"
+    )
+    reference = written.reference
+    counts = Counter[str]()
+    count_calls(monkeypatch, counts, mujoco.MjSpec, "compile")
+    shared = Scene.open(reference).base({})
+    assert counts["compile"] == 1
+    del written
+    alone = Scene.open(reference).base({})
+    assert counts["compile"] == 3
+    assert model_bytes(shared.model) == model_bytes(alone.model)
+    assert shared.pairs == alone.pairs
+    assert shared.settings == alone.settings
+
+
+def model_bytes(model: mujoco.MjModel) -> bytes:
+    """Return a model as MuJoCo saves it."""
+    saved = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, saved)
+    return saved.tobytes()

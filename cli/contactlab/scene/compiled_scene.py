@@ -15,7 +15,13 @@ from numpy.typing import NDArray
 
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.mjcf import AT_REST, CONTACT, OPTIONS
-from contactlab.scene.compile_model import SensorLayout, add_sensors, compile_model, find_layout
+from contactlab.scene.compile_model import (
+    SensorLayout,
+    add_sensors,
+    compile_model,
+    find_layout,
+    name_sensors,
+)
 from contactlab.scene.contact_at_rest import write_at_rest
 from contactlab.scene.contact_pairs import (
     MonitoredPair,
@@ -178,6 +184,21 @@ class PreparedModel:
 _OPEN = WeakValueDictionary[tuple[object, ...], CompiledScene]()
 _LAST = deque[CompiledScene](maxlen=1)  # stays open between two scenes of a command
 
+_WRITTEN = WeakValueDictionary[tuple[object, ...], mujoco.MjModel]()
+"""Models that a writer compiled from files in this process, as long as the writer keeps them."""
+
+
+def share_written(source: SceneSource, model: mujoco.MjModel) -> None:
+    """Let scenes of written files, without structure values, use the model compiled from them.
+
+    The model has all effects, names for its sensors, and none of the recording sensors.
+    """
+    _WRITTEN[_content_key(source)] = model
+
+
+def _content_key(source: SceneSource) -> tuple[object, ...]:
+    return source.content.hash, source.content.model
+
 
 def open_structure(
     source: SceneSource, structure: Mapping[str, object], without: frozenset[str]
@@ -187,7 +208,7 @@ def open_structure(
     A store's copy whose files have the bytes of an open scene's is the same model, so that it is
     not compiled again.
     """
-    key = (source.content.hash, source.content.model, tuple(structure.items()), without)
+    key = (*_content_key(source), tuple(structure.items()), without)
     compiled = _OPEN.get(key) if source.content.copied else None
     if compiled is None:
         compiled = _OPEN[key] = compile_scene(source, structure, without)
@@ -199,7 +220,8 @@ def compile_scene(
     source: SceneSource, structure: Mapping[str, object], without: Collection[str] = ()
 ) -> CompiledScene:
     """Compile one structure of a scene without some effects. A SceneError explains a failure."""
-    plain = compile_model(source, structure, lambda _: None)
+    written = None if structure else _WRITTEN.get(_content_key(source))
+    plain = written or compile_model(source, structure, name_sensors)
     free = _conserves_momentum(plain)
     with source.named_in_errors():
         subject = _find_subject(plain, source.manifest)

@@ -39,6 +39,7 @@ from contactlab.scene.model_text import (
     remove_element,
     with_attributes,
 )
+from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource
 
@@ -128,11 +129,14 @@ def _find_element(spec: mujoco.MjSpec, kind: str, name: str) -> Any:  # noqa: AN
 class CompiledFiles(NamedTuple):
     """A model with and without settings, and the lines of its elements, by kind and name.
 
-    The line is 0 for elements without a line in MuJoCo.
+    The line is 0 for elements without a line in MuJoCo. `compiled` is the model as MuJoCo compiled
+    it for `run`, which is never edited.
     """
 
     model: mujoco.MjModel
     plain: mujoco.MjModel
+    compiled: mujoco.MjModel
+    run: RunSpec
     lines: Mapping[str, Mapping[str, int]]
 
     @classmethod
@@ -165,7 +169,8 @@ class CompiledFiles(NamedTuple):
             else:
                 model = recordable_model(spec.compile(), source)
         base = replace(scene.base(run.structure), model=model)
-        return cls(base.prepare(run.edits()).model, base.prepare(plain.edits()).model, lines)
+        meant, unchanged = (base.prepare(each.edits()).model for each in (run, plain))
+        return cls(meant, unchanged, model, run, lines)
 
 
 def _element_lines(spec: mujoco.MjSpec) -> dict[str, dict[str, int]]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from contactlab.errors import OutputError, SceneError
 from contactlab.numerical_tolerance import SUM_ROUNDING
+from contactlab.scene.compiled_scene import share_written
 from contactlab.scene.model_draft import (
     Change,
     CompiledFiles,
@@ -40,6 +41,7 @@ class WrittenModel:
     folder: Path  # folder of the original files; paths in the patch and changes are relative to it
     patch: bytes  # turns the original files into the written ones, by `patch -p1`; empty for a URDF
     changes: tuple[Change, ...]  # changes by file and line
+    compiled: mujoco.MjModel  # of the files, which scenes of them share while this is kept
 
     @property
     def path(self) -> Path:
@@ -95,7 +97,10 @@ def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -
             folder=source.content.root / start.relative_to(copied.content.root),
             patch=b"".join(patch) if copied.content.model == source.content.model else b"",
             changes=tuple(draft.list_changes(start)),
+            compiled=compiled.compiled,
         )
+        if not compiled.run.structure and not compiled.run.without:
+            share_written(written.source, written.compiled)
         patch_path = written.path.with_suffix(".patch")
         patch_path.unlink(missing_ok=True)
         if written.patch:
