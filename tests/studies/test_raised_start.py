@@ -123,7 +123,7 @@ SUNK = """<mujoco><worldbody><geom name="floor" type="plane" size="2 2 .1"/>
 
 @pytest.mark.long
 def test_a_sunk_box_is_told_of_its_start_and_the_written_model_is_ok(tmp_path: Path) -> None:
-    path, new = tmp_path / "box.xml", tmp_path / "new.xml"
+    path, new = tmp_path / "box.xml", tmp_path / "new/box.xml"
     path.write_text(SUNK.format(height=0.02))
     report = contactlab.examine(path, output=tmp_path / "box.json", write=new, apply=["raise"])
     headline = "depends: its start overlaps by 30 mm at contact world - box"
