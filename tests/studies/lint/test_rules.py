@@ -167,6 +167,14 @@ CASES: Mapping[str, Planted] = {
         'body name="upper"',
         mends=False,
     ),
+    "coincident-geoms": Planted(
+        {
+            '<geom name="lower"': '<geom name="seen" type="capsule" fromto=".1 0 0 .3 0 0" '
+            'size=".02" mass="0"/>\n          <geom name="lower"'
+        },
+        'name="lower"',
+        mends=False,
+    ),
     "hull-fills-mesh": Planted({"<worldbody>": "{corner}<worldbody>"}, "corner", False),
     "memory": Planted(
         {'memory="1M"': 'memory="50K"'}
@@ -232,6 +240,14 @@ def _file(tmp_path: Path) -> None:
 @pytest.mark.parametrize("robot", [ROBOT, _URDF], ids=["mjcf", "urdf"])
 def test_clean_twins_have_nothing(linted: Linted, robot: str) -> None:
     assert rules_of(linted(robot)) <= {"inertia-shape"}  # a ball of 1 kg and 1 kg m^2, of a URDF
+
+
+@pytest.mark.parametrize("copy", ['contype="0" conaffinity="0"', 'pos="0 0 .001"'])
+def test_a_visual_or_displaced_copy_is_not_coincident(linted: Linted, copy: str) -> None:
+    box = '<geom type="box" size=".02 .02 .02" {}/>'
+    boxes = f"{box.format('')}\n          {box.format(copy)}\n          "
+    text = ROBOT.replace('<geom name="lower"', f'{boxes}<geom name="lower"')
+    assert "coincident-geoms" not in rules_of(linted(text))
 
 
 @pytest.mark.parametrize("rule", CASES)

@@ -171,6 +171,31 @@ def overlap_in_qpos0(linted: LintedModel) -> Iterator[Fault]:
         yield Fault(message, _overlap_place(linted, found))
 
 
+@rule("coincident-geoms", "warn")
+def coincident_geoms(linted: LintedModel) -> Iterator[Fault]:
+    """Two equal geoms of one body lie in one place, and both collide."""
+    model = linted.model
+    masks = np.stack([model.geom_contype, model.geom_conaffinity], axis=1)
+    places = np.concatenate([model.geom_pos, model.geom_quat, model.geom_size], axis=1)
+    rows = np.column_stack([model.geom_bodyid, model.geom_type, model.geom_dataid, masks])
+    # Meters and parts of a unit quaternion: the numbers of a copied line agree to rounding.
+    keys = np.column_stack([rows, np.round(places, 9)])
+    firsts, doubled = dict[bytes, int](), list[tuple[int, int]]()
+    for geom in np.flatnonzero(masks.any(axis=1)).tolist():
+        first = firsts.setdefault((keys[geom] + 0.0).tobytes(), geom)
+        if first != geom:
+            doubled.append((first, geom))
+    if doubled:
+        first, second = (linted.name("geom", geom) for geom in doubled[0])
+        more = f"; and {len(doubled) - 1} more" if len(doubled) > 1 else ""
+        yield Fault(
+            f"geoms {first} and {second} are equal, lie in one place, and both collide{more}: each "
+            "touch makes two contacts, which are twice as stiff; let one of them have contype 0 "
+            "and conaffinity 0",
+            linted.place("geom", doubled[0][1]),
+        )
+
+
 @rule("hull-fills-mesh", "note")
 def hull_fills_mesh(linted: LintedModel) -> Iterator[Fault]:
     """A mesh collides as its convex hull, which fills much that the mesh leaves open."""
