@@ -169,7 +169,7 @@ def build_tracking_runs(
 
     def excite_actuators(motion: Motion, wave: Callable[[Floats], Floats]) -> Motion:
         held = hold_inputs(motion, TRACKING_SECONDS, lambda own: own)
-        times = np.arange(held.steps) * float(held.model.opt.timestep)
+        times: Floats = np.float64(held.model.opt.timestep) * np.arange(held.steps)
         inputs = np.repeat(held.inputs[:1], len(actuators), axis=0)
         for row, actuator in enumerate(actuators):
             inputs[row, :, actuator] += sizes[actuator] * wave(times)
