@@ -28,17 +28,20 @@ class Stretch(NamedTuple):
     steps: int  # n, of the run
 
 
+Impulses = dict[str, Floats]
+"""(n, nv) generalized impulses since the start, after each step of the run, by their source."""
+
+
 def find_force_place(
-    stretch: Stretch, models: tuple[mujoco.MjModel, mujoco.MjModel], timestep: float, body: int
+    stretch: Stretch, model: mujoco.MjModel, impulses: tuple[Impulses, Impulses], body: int
 ) -> str:
     """Find the contact, joint, tendon or equality with the largest difference of impulse.
 
     Impulses are compared in what they give that body: J M^-1 of their sums since the window began,
     at its first state, as velocity and spin times radius of gyration. So forces, torques and
-    tendons have one unit. `timestep` is the run's.
+    tendons have one unit. `model` is that of the first impulses.
     """
-    one, other = (_impulses(stretch, model, timestep) for model in models)
-    model = models[0]
+    one, other = impulses
     data = mujoco.MjData(model)
     mujoco.mj_setState(model, data, stretch.state, INTEGRATION)
     mujoco.mj_forward(model, data)
@@ -67,8 +70,8 @@ def find_force_place(
     return name if largest.get(name, 0) > 0 else ""
 
 
-def _impulses(stretch: Stretch, model: mujoco.MjModel, timestep: float) -> dict[str, Floats]:
-    """Return (n, nv) generalized impulses since the start, after each step, by their source."""
+def sum_impulses(stretch: Stretch, model: mujoco.MjModel, timestep: float) -> Impulses:
+    """Return the impulses of a model in a stretch; `timestep` is the run's."""
     data, rate = mujoco.MjData(model), max(1, round(timestep / model.opt.timestep))
     mujoco.mj_setState(model, data, stretch.state, INTEGRATION)
     sums: dict[str, Floats] = defaultdict(lambda: np.zeros(model.nv))

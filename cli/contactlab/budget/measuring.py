@@ -20,7 +20,12 @@ from contactlab.budget.defects import (
     to_the_limit,
 )
 from contactlab.budget.exercised_rows import exercised_rows
-from contactlab.budget.force_places import Stretch, find_force_place
+from contactlab.budget.force_places import (
+    Impulses,
+    Stretch,
+    find_force_place,
+    sum_impulses,
+)
 from contactlab.budget.motion import GRAVITY_AS_REAL, Motion, pulls, without_delays
 from contactlab.budget.readings import Origin, PhaseBudget, Reading
 from contactlab.budget.restarts import reference_of, run_at_once, scale_of_impulses
@@ -158,6 +163,7 @@ class PhaseMeasure:
         self._run: Run = replay(motion, settings.window, settings.workers, known)
         self._observer = Observer(motion.model, motion.starts[0], self._bodies, settings.workers)
         self._bases, self._stores = dict[str, mujoco.MjModel](), dict[str, ConstraintEnergy]()
+        self._impulses = dict[tuple[str, int, int], Impulses]()
         gravity = 0.0 if is_disabled(motion.model, "gravity") else 1.0
         self._pulls = pulls(motion, gravity * motion.model.opt.gravity)[..., self._bodies]
         self._usual = self._usual_changes()
@@ -240,6 +246,7 @@ class PhaseMeasure:
         )
         self._bases.clear()
         self._stores.clear()  # nothing that waits holds models
+        self._impulses.clear()
         return told
 
     def _worst(self, values: Floats) -> int:
@@ -489,12 +496,22 @@ class PhaseMeasure:
         if not self._settings.places or not apart[seed, window, body]:
             return reading
         models = next(self._varied(row)), self._other(row)
-        return replace(reading, place=self._place(seed, window, models, body))
+        base = row.against if row.both is None else ""
+        return replace(reading, place=self._place(seed, window, models, body, base))
 
     def _place(
-        self, seed: int, window: int, models: tuple[mujoco.MjModel, mujoco.MjModel], body: int
+        self,
+        seed: int,
+        window: int,
+        models: tuple[mujoco.MjModel, mujoco.MjModel],
+        body: int,
+        base: str = "",
     ) -> str:
-        run = self._run
+        """Return where the forces of two models differ; `base` is the name of the second, if any.
+
+        Many rows are compared with one base in one window, whose impulses are added up once.
+        """
+        run, timestep, key = self._run, self._model.opt.timestep, (base, seed, window)
         span = run.begins[window] + np.arange(run.steps)
         stretch = Stretch(
             run.starts[seed, window],
@@ -502,7 +519,11 @@ class PhaseMeasure:
             self._undelayed.spec,
             run.steps,
         )
-        return find_force_place(stretch, models, self._model.opt.timestep, int(self._bodies[body]))
+        other = self._impulses.get(key) or sum_impulses(stretch, models[1], timestep)
+        if base:
+            self._impulses[key] = other
+        impulses = sum_impulses(stretch, models[0], timestep), other
+        return find_force_place(stretch, models[0], impulses, int(self._bodies[body]))
 
     def _failing(self, warnings: Sequence[EngineWarning], reading: Reading) -> Reading:
         """Return the run's reading, infinite if the engine warned."""
