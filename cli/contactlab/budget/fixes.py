@@ -302,7 +302,7 @@ def try_fixes(
         candidates = candidates_against(motions, verdict)
     possible = sorted(
         (one for one in candidates if _is_possible(one, word, rows, motions)),
-        # What is wrong may follow from the start, so a better start is tried first.
+        # Other faults may follow from the start, so a better start is tried first.
         key=lambda one: (
             not one.edits.posed,
             one.rate > _ALWAYS_TRIED_RATE,

@@ -177,7 +177,7 @@ class PhaseMeasure:
         return changes_of([self._run], self._observer) / float(self._model.opt.timestep)
 
     def _places_of(self, observed: Sequence[str]) -> np.ndarray:
-        """Return (C,) numbers of the observed bodies among those that move and have mass."""
+        # (C,), among the bodies that move and have mass.
         if not self._bodies.size:
             raise EngineError("nothing of the model moves that has mass, so there is no motion")
         found = np.flatnonzero([not observed or name in observed for name in self._names])
@@ -509,7 +509,7 @@ class PhaseMeasure:
     ) -> str:
         """Return where the forces of two models differ; `base` is the name of the second, if any.
 
-        Many rows are compared with one base in one window, whose impulses are added up once.
+        Many rows are compared with one base in one window; its impulses are added up once.
         """
         run, timestep, key = self._run, self._model.opt.timestep, (base, seed, window)
         span = run.begins[window] + np.arange(run.steps)

@@ -20,7 +20,7 @@ def judged_labels(report: Examination) -> Sequence[RunLabel]:
 
 
 def judged_reasons(report: Examination) -> Sequence[BudgetReason]:
-    """Return the reasons of the budget, except those whose check was waived or not selected."""
+    """Return the reasons of the budget, except those of waived and unselected checks."""
     if report.budget is None or not report.findings:
         return report.budget.reasons if report.budget else ()
     failed, selected = failed_names(report.findings), judges_task(report)

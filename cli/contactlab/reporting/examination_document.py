@@ -125,7 +125,7 @@ def findings_of_examination(report: Examination) -> Report:
 
 
 def _verdict_finding(report: Examination) -> Iterator[Finding]:
-    """Yield the verdict as a finding, for a report without checks."""
+    # For a report without checks.
     if report.verdict is not None:
         yield Finding(
             name="verdict",

@@ -1,7 +1,7 @@
-"""Raises roots that begin in the floor: a robot whose keyframe lies too low keeps its posture.
+"""Raises roots that begin in the floor: a start that is too low keeps its posture.
 
-Each floating robot is moved against gravity by its own overlap, until nothing of it is in what
-cannot move. Only its free joint, or the slide at its root, changes.
+Each floating robot is moved against gravity by its own overlap, until nothing of it overlaps a
+fixed geom. Only its free joint, or the slide at its root, changes.
 """
 
 import mujoco
@@ -22,7 +22,7 @@ def raised_start(model: mujoco.MjModel, start: Floats, spec: int) -> Floats | No
     """Return the (nq,) positions of a start with its roots raised out of the floor.
 
     `spec` lists the state elements in `start`. The height of a root is rounded up to five digits.
-    The result is None if nothing is deep in anything, or if something still is after the raise.
+    Returns None if nothing overlaps deeply, or if something still does after the raise.
     """
     gravity = np.array(model.opt.gravity)
     size = float(np.linalg.norm(gravity))
@@ -48,8 +48,8 @@ def deepest_overlap(data: mujoco.MjData) -> float:
     return float(max(-data.contact.dist.min(initial=0.0), 0.0))
 
 
+# [m], by the joint that raises a root.
 def _missing_heights(model: mujoco.MjModel, data: mujoco.MjData, up: Floats) -> dict[int, float]:
-    """Return by how much the root of each joint has to rise [m] to leave what cannot move."""
     heights = dict[int, float]()
     for place in np.flatnonzero(data.contact.dist < -_ROUNDING).tolist():
         geoms = data.contact.geom[place]
@@ -70,7 +70,7 @@ def _missing_heights(model: mujoco.MjModel, data: mujoco.MjData, up: Floats) -> 
 
 
 def _root_joint(model: mujoco.MjModel, body: int, up: Floats) -> int:
-    """Return the joint that can raise the root of a body: free, or a slide along gravity; or -1."""
+    # A free joint, or a slide along gravity; -1 if the root has neither.
     root = int(model.body_rootid[body])
     first = int(model.body_jntadr[root])
     for joint in range(first, first + int(model.body_jntnum[root])):
@@ -84,7 +84,6 @@ def _root_joint(model: mujoco.MjModel, body: int, up: Floats) -> int:
 
 
 def _raise_root(model: mujoco.MjModel, data: mujoco.MjData, joint: int, lift: Floats) -> None:
-    """Move a root by a lift [m], rounded up to five digits of each coordinate."""
     place = int(model.jnt_qposadr[joint])
     if int(model.jnt_type[joint]) == _FREE:
         for axis in np.flatnonzero(np.abs(lift) > 1e-9 * np.abs(lift).max()).tolist():
@@ -97,7 +96,7 @@ def _raise_root(model: mujoco.MjModel, data: mujoco.MjData, joint: int, lift: Fl
 
 
 def _round_away(value: float, change: float) -> float:
-    """Return a changed value, rounded to five digits in the direction of the change."""
+    # To five digits, in the direction of the change.
     changed = value + change
     decimals = _DIGITS - 1 - int(np.floor(np.log10(max(abs(changed), abs(change), 1e-9))))
     unit = 10.0**-decimals

@@ -11,4 +11,4 @@ modeling choice decides. `ok`: none of these.
 """
 
 PASSING_VERDICTS: frozenset[VerdictWord] = frozenset({"ok", "depends"})
-"""The verdicts with which a command ends with 0: a modeling choice may be intended."""
+"""Verdicts of a command that exits with 0: a modeling choice may be intended."""

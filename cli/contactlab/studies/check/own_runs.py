@@ -54,7 +54,7 @@ def check_task(checked: CheckedModel) -> Measured:
 
 
 def _measure_error(checked: CheckedModel, phase: PhaseBudget) -> Measure:
-    """Return the numerical error of a phase, or its upper bound if the references differ."""
+    # Its upper bound if the references differ.
     tolerance, error, bound = checked.task.tolerance, phase.run.error, ""
     if phase.warnings:
         error = math.inf

@@ -53,7 +53,7 @@ def _verdict(report: Examination) -> VerdictWord:
 
 
 def _failed_checks(report: Examination) -> list[str]:
-    """Return the names of failed checks, except those that labels and the budget explain."""
+    # Except those that labels and the budget explain.
     explained = {check_of_reason(reason.row) for reason in judged_reasons(report)}
     if judged_labels(report):
         explained.add("failure_labels")
@@ -79,7 +79,7 @@ def _headline(report: Examination, verdict: VerdictWord) -> str:
 
 
 def _start_cause(report: Examination) -> str:
-    """Return the overlap of a start in words, if another start alone removes the verdict."""
+    # Empty unless another start alone removes the verdict.
     repairs = [fix for fix in report.fixes if fix.changed_keyframes and fix.removes != "overlap"]
     overlaps = [fact for fact in report.facts if fact.kind == "overlap"]
     if not repairs:

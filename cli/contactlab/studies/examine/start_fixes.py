@@ -83,7 +83,6 @@ def _moved(scene: Scene, values: Values, motion: Motion, word: VerdictWord) -> I
 
 
 def _with_positions(motion: Motion, positions: Floats) -> Floats:
-    """Return the start of a motion with other positions."""
     data = _begun(motion)
     data.qpos[:] = positions
     start = np.empty_like(motion.starts[0])

@@ -283,7 +283,7 @@ class TuningProblem:
 
     @cached_property
     def _is_gripper(self) -> bool:
-        """Whether the model can hold an object, which need not be in its file."""
+        # The object need not be in its file.
         held = judge_original_grips(self.examined, self.original_runs.grips)
         return any(report.keyframe is None for report in held)
 

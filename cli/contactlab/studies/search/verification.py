@@ -291,10 +291,7 @@ class CandidateVerifier:
         )
 
     def _find_lost_grip(self, written: WrittenModel) -> VerifiedMeasure | None:
-        """Return the first measure of a grip that became worse.
-
-        The task of a gripper without an object loads no pad, so equal bits prove nothing of grips.
-        """
+        # The task of a gripper without an object loads no pad: equal bits prove nothing of grips.
         changed = open_model(written.reference, self._session, self._request.task)
         measures = compare_grips(self._examined, changed, self._problem.original_runs.grips)
         return next((measure for measure in measures if measure.worse), None)

@@ -35,7 +35,7 @@ def compare_grips(
 def judge_original_grips(
     original: CheckedModel, known: dict[str | None, GripReport | None]
 ) -> Iterator[GripReport]:
-    """Yield the grips in which the original holds an object or lets it creep; `known` as above."""
+    """Yield the original's grips that hold an object or let it creep; `known` as above."""
     model, start = original.motions[0].model, original.task.start
     for request in grip_requests(original.reference, model, start):
         quiet = GripRequest(request.model, keyframe=request.keyframe, fixes=False, placements=False)
