@@ -1,6 +1,7 @@
 """A model under examination: its task, its runs, its motions and their budget, each made once."""
 
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -16,7 +17,7 @@ from contactlab.budget import (
     judge,
 )
 from contactlab.engines.closed_loop import allowed_policy
-from contactlab.errors import EngineError, SceneError, SweepFileError
+from contactlab.errors import EngineError, ModelWarning, SceneError, SweepFileError
 from contactlab.judge.limits import LIMITS
 from contactlab.measure import THRESHOLDS
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
@@ -261,6 +262,18 @@ class CheckedModel:
     def stores(self, *names: str) -> tuple[str, ...]:
         """Return which of these stores were written."""
         return tuple(name for name in names if name in self._written)
+
+
+def open_changed_model(
+    reference: str, session: Session, options: TaskOptions = AS_INFERRED
+) -> CheckedModel:
+    """Open the written file of a changed model, as `open_model` does, without its warnings.
+
+    They are those of the original, which were shown when that was opened.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ModelWarning)
+        return open_model(reference, session, options)
 
 
 def open_model(

@@ -38,7 +38,7 @@ from contactlab.studies.examine.linted_file import file_facts, find_broken_start
 from contactlab.studies.examine.resting_contacts import resting_contacts
 from contactlab.studies.examine.verified_fixes import FixVerifier
 from contactlab.studies.grip.grip_fact import grip_facts
-from contactlab.tasks.checked_model import CheckedModel, open_model
+from contactlab.tasks.checked_model import CheckedModel, open_changed_model, open_model
 from contactlab.tasks.session import Session, Values
 from contactlab.tasks.task_motions import Change, with_new_seeds
 from contactlab.tasks.task_verdict import run_labels
@@ -266,7 +266,7 @@ def _search_fixes(
         first, *others = (*task.seeds, *with_new_seeds(task).seeds)
         records, model = list[EvidenceRecord](), examined
         if file is not None:  # its file has the settings
-            model, settings = open_model(str(file), examined.session, request.task), {}
+            model, settings = open_changed_model(str(file), examined.session, request.task), {}
         for seeds in ([first], others):
             runs = model.run(_CHANGED, "With a fix", settings, seeds=seeds, trace="none")
             records += [run.record for run in runs]
@@ -285,7 +285,7 @@ def _make_verifier(
     begun: float,
 ) -> FixVerifier:
     def open_changed(reference: str) -> CheckedModel:
-        return open_model(reference, examined.session, request.task)
+        return open_changed_model(reference, examined.session, request.task)
 
     until = begun + _VERIFYING * request.max_cpu
     return FixVerifier(examined, search, examined.judged, labels, open_changed, until)

@@ -52,7 +52,7 @@ from contactlab.studies.verification import (
 )
 from contactlab.studies.verification.grip_measures import compare_grips
 from contactlab.studies.verification.panel import ERROR_FLOOR
-from contactlab.tasks.checked_model import CheckedModel, open_model
+from contactlab.tasks.checked_model import CheckedModel, open_changed_model
 from contactlab.tasks.reference_error import ErrorEstimate, TaskReference
 from contactlab.tasks.session import Session
 from contactlab.tasks.stress_motions import double_inputs, state_bytes, tilt_gravity
@@ -292,7 +292,7 @@ class CandidateVerifier:
 
     def _find_lost_grip(self, written: WrittenModel) -> VerifiedMeasure | None:
         # The task of a gripper without an object loads no pad: equal bits prove nothing of grips.
-        changed = open_model(written.reference, self._session, self._request.task)
+        changed = open_changed_model(written.reference, self._session, self._request.task)
         measures = compare_grips(self._examined, changed, self._problem.original_runs.grips)
         return next((measure for measure in measures if measure.worse), None)
 
@@ -455,7 +455,7 @@ class CandidateVerifier:
     ) -> Verification:
         """Judge a written model with a known error on fresh seeds."""
         self._session.notify(f"verifying {self._settings_text(tried)}")
-        examined = open_model(written.reference, self._session, self._request.task)
+        examined = open_changed_model(written.reference, self._session, self._request.task)
         task = self._own_task(self._problem.seeds)
         said = self._judge_task(examined, task)
         timely = self._search.max_cost is not None

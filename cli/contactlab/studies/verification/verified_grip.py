@@ -12,7 +12,7 @@ from contactlab.schema.grip import GripFix, GripReport
 from contactlab.schema.verification import VerifiedChange
 from contactlab.studies.grip.gripping import GripRequest, judge_grip
 from contactlab.studies.verification.panel import OriginalRuns, VerificationRequest, verify_change
-from contactlab.tasks.checked_model import open_model
+from contactlab.tasks.checked_model import open_changed_model, open_model
 from contactlab.tasks.session import Session
 
 _DEEPEST = 0.5
@@ -75,9 +75,8 @@ def _verify_fix(request: GripRequest, fix: GripFix, runs: OriginalRuns) -> Verif
         session = Session(Path(folder) / "results")
         scene = SceneLoader(Path()).open(request.model).with_effects("all")
         written = write_model(scene, ModelEdits(dict(fix.options)), Path(folder) / "changed")
-        original, changed = (
-            open_model(model, session) for model in (request.model, written.reference)
-        )
+        original = open_model(request.model, session)
+        changed = open_changed_model(written.reference, session)
         asked = VerificationRequest(
             original=original,
             changed=changed,
