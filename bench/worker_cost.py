@@ -75,7 +75,7 @@ def worked(worker: Worker, jobs: Iterable[Job]) -> float:
     """Return what a worker takes for jobs [s]."""
     begin = time.thread_time()
     for job in jobs:
-        worker.run_job(job)
+        worker.run(job)
     return time.thread_time() - begin
 
 

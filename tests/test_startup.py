@@ -46,13 +46,13 @@ ROWS = """
 import contactlab.startup
 import json
 from contactlab.store.store_writer import StoreWriter
-append = StoreWriter.append
+append = StoreWriter.append_rows
 def watched(writer, rows, shared=b""):
     for row in rows:
         assert None not in json.loads(row).values()
         print(len(row))
     append(writer, rows, shared)
-StoreWriter.append = watched
+StoreWriter.append_rows = watched
 """
 # Prints a line for each Python that starts, and one for each process that is forked from it. Where
 # there is a display, GLFW starts more.

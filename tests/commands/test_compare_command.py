@@ -135,8 +135,13 @@ def test_a_changed_scene_is_not_comparable_by_id(
     ],
 )
 def test_a_changed_scene_by_axes(
-    contactlab: Run, slides: dict[str, Path], name: str, line: str
+    contactlab: Run,
+    slides: dict[str, Path],
+    name: str,
+    line: str,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setenv("COLUMNS", "200")  # cells of tables wrap between words
     arguments = ["compare", str(slides["a"]), str(slides[name]), "--match", "axes"]
     code, out, err = contactlab(*arguments)
     assert code == 1
@@ -200,7 +205,8 @@ def test_files_are_written_by_their_endings(
     options = [part for name in names for part in ("-o", name)]
     code, out, _ = contactlab("compare", str(slides["a"]), str(slides["b"]), *options)
     assert code == 0
-    assert (tmp_path / "out/a.txt").read_text() == out
+    # The file has another width than the terminal.
+    assert (tmp_path / "out/a.txt").read_text().split() == out.split()
     assert (tmp_path / "out/a.md").read_text().startswith("### ✅ same")
     assert json.loads((tmp_path / "out/a.json").read_text())["exit_code"] == 0
     assert "<testsuites>" in (tmp_path / "out/a.xml").read_text()

@@ -77,7 +77,7 @@ def test_a_sweep_speaks_of_its_address(contactlab: Any, small: Path, at: str) ->
 def test_refused_in_one_message(contactlab: Any, small: Path, at: str, connect: Any) -> None:
     address = parse_address(at)
     assert isinstance(address, ObjectAddress)
-    connect(address).put("thesis.tex", b"dear")
+    connect(address).put_file("thesis.tex", b"dear")
     for target, code, said in (
         (at, 2, f"error: {at} holds other files (thesis.tex); choose another place with -o"),
         ("s3://no-such-bucket/a", 2, "there is no bucket s3://no-such-bucket"),
@@ -98,7 +98,7 @@ def test_refused_in_one_message(contactlab: Any, small: Path, at: str, connect: 
 def test_an_unfinished_one(contactlab: Any, at: str, connect: Any) -> None:
     address = parse_address(at)
     assert isinstance(address, ObjectAddress)
-    connect(address).delete(["manifest.json"])
+    connect(address).delete_files(["manifest.json"])
     result = contactlab("show", at)
     assert result.code == 3
     assert f"{at} is unfinished; run its sweep again to resume it" in result.err

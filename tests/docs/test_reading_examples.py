@@ -92,6 +92,6 @@ def test_a_trace_is_found_by_the_start_of_its_run(store: Store) -> None:
         store.trace(record.run_id[:8]).qpos, store.trace(record).qpos, strict=True
     )
     with pytest.raises(StoreError, match="no pair 'floor-bal' was recorded; did you mean"):
-        store.trace(record).find_pair("floor-bal")
+        store.trace(record).pair("floor-bal")
     with pytest.raises(StoreError, match="no pair 'x' was recorded; recorded pairs: floor-ball"):
-        store.trace(record).find_pair("x")
+        store.trace(record).pair("x")

@@ -29,7 +29,7 @@ FAULTS: dict[int, str] = {int(index): fault for index, fault in PLAN["runs"].ite
 doomed: dict[int, str] = {}
 
 plans = Preparer.plan_job
-run_job = Worker.run_job
+run_job = Worker.run
 begin = Worker.__init__
 check_runs = MujocoEngine.check_runs
 
@@ -127,6 +127,6 @@ module: Any = working
 # What hangs in checks keeps nobody waiting for ten time limits.
 module._SECOND_PASS_LIMITS = 2
 worker: Any = Worker
-worker.run_job = inflated_run
+worker.run = inflated_run
 if PLAN["spare_bytes"] is not None:
     worker.__init__ = bounded_begin

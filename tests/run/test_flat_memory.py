@@ -83,7 +83,7 @@ def test_a_worker_does_not_grow(
 ) -> None:
     workers: list[Worker] = []
     jobs: list[Job] = []
-    run_job = Worker.run_job
+    run_job = Worker.run
 
     def watched(self: Worker, job: Job) -> Any:
         workers.append(self)
@@ -91,16 +91,16 @@ def test_a_worker_does_not_grow(
         return run_job(self, job)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Worker, "run_job", watched)
+        patch.setattr(Worker, "run", watched)
         for work in ("LEAST_WORK", "SMALL_WORK"):
             patch.setattr(planned_runs, work, 0)
         sweeper.run(f"{SWEEP}trace: {trace}\n")
     todo = fresh(jobs, models)
     for job in islice(todo, WARM):
-        workers[0].run_job(job)
+        workers[0].run(job)
     objects, given = allocated()
     for job in islice(todo, MEASURED):
-        assert len(workers[0].run_job(job)) == ONE_JOB
+        assert len(workers[0].run(job)) == ONE_JOB
     more_objects, more_given = allocated()
     runs = MEASURED * ONE_JOB
     # Whatever is kept of each run is an object a run or more; an array of it is 100 bytes or more.

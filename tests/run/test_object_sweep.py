@@ -115,7 +115,7 @@ class FarMachine:
         folder = Path("/nowhere/scenes") / task.scene_folder.name
         worker = Worker(replace(sent, scene_folder=folder), None)
         for job in jobs:
-            yield worker.run_job(job)
+            yield worker.run(job)
 
 
 @pytest.mark.night

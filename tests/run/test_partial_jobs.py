@@ -39,7 +39,7 @@ class OneJob:
 
     def run(self, task: Task, jobs: Iterable[Job], stop: Stop) -> Iterator[list[Finished]]:
         job = tuple(run for job in jobs for run in job)
-        found = Worker(task, None, self.proceed).run_job(job)
+        found = Worker(task, None, self.proceed).run(job)
         self.rows = [{**json.loads(each.shared or "{}"), **json.loads(each.row)} for each in found]
         yield found
         stop.request_stop()

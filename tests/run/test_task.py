@@ -124,7 +124,7 @@ def test_a_grip_of_motors_is_judged_with_its_squeeze(tmp_path: Path) -> None:
     _, forces = plain(path, store, record)
     trace = store.trace(record)
     last = len(forces) - 1
-    pairs = [trace.find_pair(name) for name in record.pairs]
+    pairs = [trace.pair(name) for name in record.pairs]
     own = sum(pair.normal[pair.steps == last].sum() for pair in pairs)
     assert own == pytest.approx(forces[-1].sum(), rel=1e-12)
     assert own == pytest.approx(16, rel=0.05)

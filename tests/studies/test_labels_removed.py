@@ -46,7 +46,7 @@ def changes_of(
     def moved(values: Any, change: Any, _other: Path | None) -> Iterator[list[Motion]]:
         yield task_motions(scene, values, task, change=change)
 
-    def labelled(values: Any) -> Iterator[Sequence[RunLabel]]:
+    def labelled(values: Any, _file: Path | None = None) -> Iterator[Sequence[RunLabel]]:
         yield () if any(name.startswith(tuple(keeps)) for name in values) else (label,)
 
     trial = Trial(requested=requested, workers=1, left=lambda: left(motions))
@@ -155,7 +155,7 @@ def test_what_leaves_no_label_leads(tmp_path: Path) -> None:
     def moved(values: Any, change: Any, _other: Path | None) -> Iterator[list[Motion]]:
         yield task_motions(scene, values, task, change=change)
 
-    def labelled(values: Any) -> Iterator[Sequence[RunLabel]]:
+    def labelled(values: Any, _file: Path | None = None) -> Iterator[Sequence[RunLabel]]:
         yield () if {"timestep", "integrator"} <= {*values} else (CHATTER,)
 
     trial = Trial(settings, most=1, workers=1)

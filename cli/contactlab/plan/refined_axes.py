@@ -4,6 +4,7 @@ import math
 from typing import cast
 
 from contactlab.plan.names import add_not_swept
+from contactlab.plan.refinement import first_stride
 from contactlab.plan.rows import SweepContext, listed_values
 from contactlab.plan.sides import check_limit
 from contactlab.plan.yaml_document import Document
@@ -35,18 +36,6 @@ def write_out_refined(document: Document) -> None:
                 form[key] = [*cast("list[object]", parts)[:-1], full]
     if starts and not limit:
         refine.setdefault("start", max(starts))
-
-
-def first_stride(refine: Refine) -> int | None:
-    """Return the steps of the first cells, a power of two; None if no such cells exist."""
-    steps = refine.to - 1
-    if refine.start is None:
-        least = steps
-        while least % 2 == 0 and least // 2 >= COARSE - 1:
-            least //= 2
-        return steps // least
-    stride, rest = divmod(steps, refine.start - 1)
-    return stride if not rest and stride and not stride & (stride - 1) else None
 
 
 def smallest_run_count(refine: Refine, runs: int) -> int:

@@ -16,6 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.schema.sweep_schema import COARSE, Refine
+
 Codes = NDArray[np.int32]
 Mask = NDArray[np.bool_]
 UNKNOWN = -1
@@ -196,3 +198,15 @@ def group_lattices(
             found[key] = Lattice(shared, seed, np.full(shape, UNKNOWN, np.int64))
         found[key].places[tuple(point)] = place
     return [*found.values()]
+
+
+def first_stride(refine: Refine) -> int | None:
+    """Return the steps of the first cells, a power of two; None if no such cells exist."""
+    steps = refine.to - 1
+    if refine.start is None:
+        least = steps
+        while least % 2 == 0 and least // 2 >= COARSE - 1:
+            least //= 2
+        return steps // least
+    stride, rest = divmod(steps, refine.start - 1)
+    return stride if not rest and stride and not stride & (stride - 1) else None

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.measure import labels_with
-from contactlab.plan.refined_axes import first_stride
 from contactlab.plan.refinement import (
     UNKNOWN,
     Codes,
+    first_stride,
     group_lattices,
     halve_cells,
     infer_codes,

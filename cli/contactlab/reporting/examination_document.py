@@ -226,11 +226,14 @@ def _finding_blocks(report: Examination, *, every: bool) -> Iterator[Block]:
     if shown:
         rows = tuple(Row((outcome_mark(one.outcome), one.full_message)) for one in shown)
         yield Table((Column(""), Column("")), rows)
+    notes = [f"{check.name}: {note}" for check in report.checks for note in check.notes]
+    if every and notes:
+        yield Items(tuple(notes))
 
 
 def _check_section(check: CheckResult) -> Section:
     """Return a check with its question, its reason, its measures and the place of its evidence."""
-    lines = [f"question: {check.question}", check.reason, *check.notes]
+    lines = [f"question: {check.question}", check.reason]
     lines += [f"evidence: {', '.join(check.stores)}"] if check.stores else []
     blocks: list[Block] = [Items(tuple(filter(None, lines)))]
     if check.measures:

@@ -19,13 +19,10 @@ from contactlab.rendering.document import (
     document_of,
     table_of,
 )
-from contactlab.reporting.boundaries import boundary_lines, describe_coverage, find_boundaries
-from contactlab.reporting.chosen_runs import known_shares, share_lines, worst_lines
 from contactlab.reporting.finding import write_finding, write_headline
 from contactlab.reporting.label_shares import share_words, stable_share
 from contactlab.reporting.map_axes import by_importance
 from contactlab.reporting.report_columns import GridAxis, RunLabels, read_axes, read_run_labels
-from contactlab.reporting.sensitivity import budget_lines, find_sensitivities, sensitivity_lines
 from contactlab.reporting.start_noise import distance_to_reality
 from contactlab.schema.evidence import StoreManifest
 from contactlab.store.finished_store import Store
@@ -96,6 +93,16 @@ def _chosen_runs(store: Store) -> Iterator[str]:
     """Yield the results of a sweep that chose its runs by the results of others."""
     if not any(map(store.manifest.sweep.resolved.get, _CHOOSING)):
         return
+    # These load the reader of sweep files, which other summaries do not need.
+    # ruff: noqa: PLC0415 - as above
+    from contactlab.reporting.boundaries import boundary_lines, describe_coverage, find_boundaries
+    from contactlab.reporting.chosen_runs import known_shares, share_lines, worst_lines
+    from contactlab.reporting.sensitivity import (
+        budget_lines,
+        find_sensitivities,
+        sensitivity_lines,
+    )
+
     if known := known_shares(store):
         yield from share_lines(*known)
     yield from worst_lines(store)

@@ -12,12 +12,12 @@ from pydantic_core import from_json
 
 from contactlab.measure import labels_with
 from contactlab.plan.grid import Plan
-from contactlab.plan.refined_axes import first_stride
 from contactlab.plan.refinement import (
     UNKNOWN,
     Codes,
     Lattice,
     corners_of,
+    first_stride,
     group_lattices,
     halve_cells,
     next_points,

@@ -210,7 +210,7 @@ def simulated_problems(store: Store, count: int, *, allow_code: bool = False) ->
                 continue
             values = canonical_values(scene, record.axes)
             (run,) = scene.plan_runs(values, [record.seed], record.duration, record.index)
-            (finished,) = worker.run_job((replace(run, run_id=record.run_id),))
+            (finished,) = worker.run((replace(run, run_id=record.run_id),))
             again = from_json(finished.row)
             before = f"run {record.run_id}: simulated again, "
             for name in (known for known in names if again.get(known) != stored[known]):

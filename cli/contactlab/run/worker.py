@@ -107,7 +107,7 @@ class Worker:
         source = self.scene.source
         self._model_xml = b"" if source.model.suffix == BINARY else source.model.read_bytes()
 
-    def run_job(self, job: Job) -> list[Finished]:
+    def run(self, job: Job) -> list[Finished]:
         """Perform the task's purpose on the runs of a job, or on some of them if it should stop."""
         if not self._proceed():
             return []

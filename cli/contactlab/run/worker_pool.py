@@ -55,7 +55,7 @@ class LocalPool:
         """Yield the results of jobs as they finish; see `Executor`."""
         if self.workers == 0:
             worker = Worker(task, None, lambda: not stop.is_set)
-            yield from map(worker.run_job, takewhile(lambda _: not stop.is_set, jobs))
+            yield from map(worker.run, takewhile(lambda _: not stop.is_set, jobs))
             return
         with (
             tempfile.TemporaryDirectory(prefix="contactlab-") as folder,
@@ -244,7 +244,7 @@ def _run_job(worker: Worker, job: Job) -> Result | Exception:
     runs at once.
     """
     try:
-        return worker.run_job(job)
+        return worker.run(job)
     except Exception as error:  # noqa: BLE001 - raised again in the process that sent the job
         if isinstance(error, MemoryError) or _NO_MEMORY.search(str(error)):
             text = " / ".join(str(error).split("\n")) or "the worker cannot get more"

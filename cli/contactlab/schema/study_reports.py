@@ -70,6 +70,10 @@ class SmallestSet(Model):
     on: tuple[str, ...]
     off: tuple[str, ...] = about("Effects of the base that it turns off.")
     added: tuple[str, ...] = about("Effects that it adds to the base.")
+    kept: dict[str, str] = about(
+        "Effects that stay, since another load needs them, with the measure that was worse.",
+        default={},
+    )
     settings: dict[str, Setting] = about("Its settings, as axes of a sweep.")
     mjcf: tuple[str, ...] = about("Its changes of the model files: the line, and its new element.")
     no_patch_reason: str | None = about(

@@ -125,7 +125,7 @@ class StoredTrace:
     }
     """The unit of each array; for coordinates, of slide and of hinge joints."""
 
-    def find_pair(self, name: str) -> StoredPair:
+    def pair(self, name: str) -> StoredPair:
         """Return a pair by its name. Raises a StoreError if no monitored pair has it."""
         pairs = {pair.name: pair for pair in self.pairs}
         otherwise = f"; recorded pairs: {', '.join(pairs) or 'none'}"

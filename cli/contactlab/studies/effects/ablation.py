@@ -40,6 +40,7 @@ from contactlab.studies.effects.effect_toggles import (
 )
 from contactlab.studies.effects.effects_request import AblationSetup, EffectsRequest
 from contactlab.studies.verification import VerificationRequest, verify_change
+from contactlab.studies.verification.panel import OriginalRuns
 from contactlab.tasks.checked_model import CheckedModel
 from contactlab.tasks.session import Session, Values
 
@@ -146,12 +147,13 @@ def find_smallest_set(request: EffectsRequest, session: Session) -> EffectsRepor
         for toggle in toggles.values()
     ]
     search = SmallestSetSearch(trials, outcomes[BASE])
-    free = search.find_smallest(proven, _rank_worthwhile(findings, setup))
+    ranked = _rank_worthwhile(findings, setup)
+    free = search.find_smallest(proven, ranked)
     needed = [finding.effect for finding in findings if finding.verdict == "needed"]
     free, interactions = search.find_interactions(free, needed)
+    chosen = _keep_loaded_effects(trials, toggles, free, ranked)
+    free = chosen.free
     saving = trials.timed("saving", [BASE, free]) if free else {}
-    settings = {axis: value for name in free for axis, value in toggles[name].values.items()}
-    written = _write_set(setup, settings, session.folder / "written-model")
     report = EffectsReport(
         scene=setup.scene.name,
         scene_hash=setup.scene.hash,
@@ -166,9 +168,9 @@ def find_smallest_set(request: EffectsRequest, session: Session) -> EffectsRepor
         provenance=find_provenance(),
         effects=tuple(findings),
         interactions=interactions,
-        smallest_set=_smallest_set(toggles, free, proven, settings, written),
+        smallest_set=_smallest_set(toggles, chosen, proven),
         time_ratio=cost_ratio(saving[BASE], saving[free]) if free else None,
-        verification=_verify_set(trials, free, settings, written),
+        verification=_verify_set(trials, chosen),
         stores=tuple(trials.stores),
     )
     session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
@@ -258,6 +260,46 @@ def _rank_worthwhile(findings: Sequence[EffectFinding], setup: AblationSetup) ->
     return [finding.effect for finding in ranked]
 
 
+@dataclass(frozen=True)
+class _ChosenSet:
+    """The effects that go together.
+
+    Attributes:
+        free: the changed effects.
+        settings: their settings.
+        written: the model with them, or the reason why its files cannot have them.
+        panel: the written model compared with the base under other loads, if that was possible.
+        kept: effects that stay, with the measure that was worse without them.
+    """
+
+    free: Changed
+    settings: Values
+    written: WrittenModel | SceneError
+    panel: VerifiedChange | None
+    kept: Mapping[str, str]
+
+
+def _keep_loaded_effects(
+    trials: ConfigurationRunner, toggles: Mapping[str, Toggle], free: Changed, ranked: Sequence[str]
+) -> _ChosenSet:
+    # Effects go back, those that save least first, until no measure of another load is worse.
+    setup, session = trials.setup, trials.session
+    returnable = [name for name in ranked if name in free]
+    kept, runs = dict[str, str](), OriginalRuns()
+    while True:
+        settings = {axis: value for name in free for axis, value in toggles[name].values.items()}
+        written = _write_set(setup, settings, session.folder / "written-model")
+        panel = None
+        if isinstance(written, WrittenModel) and free and {*setup.tolerances} != {REALITY}:
+            text = setup.written(written.reference, {**settings, **dict.fromkeys(free)})
+            panel = _compare_loads(setup, text, session, runs)
+        if panel is None or panel.passed or not returnable:
+            return _ChosenSet(free, settings, written, panel, kept)
+        name = returnable.pop()
+        kept[name] = panel.sentence
+        free = tuple(other for other in free if other != name)
+
+
 def _write_set(setup: AblationSetup, settings: Values, folder: Path) -> WrittenModel | SceneError:
     """Write the model with settings; return the error if its files cannot have them."""
     try:
@@ -267,18 +309,16 @@ def _write_set(setup: AblationSetup, settings: Values, folder: Path) -> WrittenM
 
 
 def _smallest_set(
-    toggles: Mapping[str, Toggle],
-    free: Changed,
-    proven: Changed,
-    settings: Values,
-    written: WrittenModel | SceneError,
+    toggles: Mapping[str, Toggle], chosen: _ChosenSet, proven: Changed
 ) -> SmallestSet:
+    free, settings, written = chosen.free, chosen.settings, chosen.written
     made = [name for name in free if toggles[name].values.items() <= settings.items()]
     present = [name for name, toggle in toggles.items() if toggle.on]
     return SmallestSet(
         on=tuple(sorted({*present} ^ {*made})),
         off=tuple(name for name in made if toggles[name].on),
         added=tuple(name for name in made if not toggles[name].on),
+        kept=dict(chosen.kept),
         settings=_as_written(settings),
         mjcf=written.lines if isinstance(written, WrittenModel) else (),
         no_patch_reason=str(written) if isinstance(written, SceneError) else None,
@@ -286,14 +326,12 @@ def _smallest_set(
     )
 
 
-def _verify_set(
-    trials: ConfigurationRunner, free: Changed, settings: Values, written: WrittenModel | SceneError
-) -> Verification:
+def _verify_set(trials: ConfigurationRunner, chosen: _ChosenSet) -> Verification:
     """Run the smallest set and the base configuration with fresh seeds, in fresh scenarios.
 
     The set is run as settings and, if it could be written, as the written model.
     """
-    setup = trials.setup
+    setup, free, settings, written = trials.setup, chosen.free, chosen.settings, chosen.written
     first = max(setup.seeds) + 1
     seeds, scenarios = tuple(range(first, first + FRESH_SEEDS)), setup.fresh_scenarios
     fresh = replace(setup, seeds=seeds, scenarios=scenarios)
@@ -307,7 +345,7 @@ def _verify_set(
     farther = partial(difference, setup.tolerances, outcomes[BASE], matters="if farther")
     change = farther(outcomes[free], free)
     timed = trials.timed("fresh-timing", [BASE, free], seeds)
-    pasted, as_text = None, fresh
+    pasted = None
     if isinstance(written, WrittenModel):
         as_text = fresh.written(written.reference, {**settings, **dict.fromkeys(free)})
         text = "The model with the smallest set in its files"
@@ -317,9 +355,7 @@ def _verify_set(
         (comparison for comparison in (change, pasted) if comparison and comparison.is_significant),
         None,
     )
-    panel = None
-    if pasted is not None and failed is None and {*setup.tolerances} != {REALITY}:
-        panel = _compare_loads(setup, as_text, trials.session)
+    panel = chosen.panel
     harm = panel is not None and not panel.passed
     reason = f"as text, {failed.reason}" if failed and failed is pasted else change.reason
     return Verification(
@@ -328,14 +364,16 @@ def _verify_set(
         runs=len(outcomes[free].flat),
         holds_as_written=pasted and not pasted.is_significant,
         holds=failed is None and not harm,
-        reason=f"worse than the base: {panel.sentence}" if panel and harm else reason,
+        reason=f"worse than the base: {panel.sentence}"
+        if panel and harm and not failed
+        else reason,
         measures=panel,
         time_ratio=cost_ratio(timed[BASE], timed[free]),
     )
 
 
 def _compare_loads(
-    setup: AblationSetup, written: AblationSetup, session: Session
+    setup: AblationSetup, written: AblationSetup, session: Session, runs: OriginalRuns
 ) -> VerifiedChange | None:
     """Compare a written model with the base where runs of its task do not load it.
 
@@ -362,6 +400,7 @@ def _compare_loads(
         allowed_error=original.task.tolerance,
         stop_early=True,
         with_labels=False,
+        runs=runs,
     )
     try:
         return verify_change(request)

@@ -67,6 +67,8 @@ def _ratio_text(ratio: TimeRatio | None) -> str:
 def _smallest_set(report: EffectsReport, folder: Path | None) -> Iterator[Block]:
     smallest, verification = report.smallest_set, report.verification
     yield Sentence(f"smallest set: {', '.join(smallest.on)}")
+    for name, measure in smallest.kept.items():
+        yield Sentence(f"{name} stays: without it, {measure}")
     if report.time_ratio is not None:
         yield Sentence(f"time of the smallest set: {_ratio_text(report.time_ratio)}")
     if verification.runs:

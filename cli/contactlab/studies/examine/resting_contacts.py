@@ -95,7 +95,7 @@ def resting_pairs(examined: CheckedModel) -> Iterator[RestingPair]:
     end = round((len(trace.time) - 1) * first.end / examined.task.duration)
     fifth = end // 5
     for pair in examined.base.pairs:
-        stored, used = trace.find_pair(pair.name), record.pairs[pair.name]
+        stored, used = trace.pair(pair.name), record.pairs[pair.name]
         last = (stored.steps >= end - fifth) & (stored.steps < end)
         count, loads = stored.contacts[last], stored.normal[last]
         points = stored.points[np.repeat(last, stored.contacts), DISTANCE]
