@@ -57,9 +57,13 @@ def separated(
 def _moved(scene: Scene, values: Values, motion: Motion, word: VerdictWord) -> Iterator[Candidate]:
     """Yield the change by which a run begins where limits, contacts and equalities allow it."""
     model, start = motion.model, motion.starts[0]
+    raised = raised_start(model, start, INTEGRATION)
+    opened = start if raised is None else _with_positions(motion, raised)
+    positions = closed_start(model, opened, INTEGRATION)
+    if raised is None and positions is None:
+        return
     keyframe = scene.resolve(values, 0, None).keyframe
     written = _HELD if keyframe == QPOS0 else keyframe
-    raised = raised_start(model, start, INTEGRATION)
     if raised is not None:
         overlap = 1e3 * deepest_overlap(_begun(motion))
         yield Candidate(
@@ -69,8 +73,6 @@ def _moved(scene: Scene, values: Values, motion: Motion, word: VerdictWord) -> I
             edits=ModelEdits(posed=((written, tuple(raised.tolist())),)),
             must_come_nearer=False,  # its states are others
         )
-        start = _with_positions(motion, raised)
-    positions = closed_start(model, start, INTEGRATION)
     if positions is None:
         return
     yield Candidate(
