@@ -135,7 +135,7 @@ def test_another_process_makes_the_same_runs(install: Install, tmp_path: Path) -
         assert other.time == pytest.approx(one.time, abs=1e-12)
         for name in ("qpos", "qvel"):
             assert getattr(one, name).tobytes() == getattr(other, name).tobytes()
-        ours_pair, their_pair = one.pair("floor-cart"), other.find_pair("floor-cart")
+        ours_pair, their_pair = one.pair("floor-cart"), other.pair("floor-cart")
         for name in ours_pair.units:
             assert getattr(ours_pair, name).tobytes() == getattr(their_pair, name).tobytes()
         for metric in ("penetration_max", "slip_distance", "solver_iterations_mean"):

@@ -108,7 +108,7 @@ def test_a_set_is_verified_by_seeds_that_found_nothing(
     """Ten fresh ones, none of which any run of the search had."""
     trials: Any = SimpleNamespace(setup=replace(setup, seeds=seeds))
     found = ablation._verify_set(  # pyright: ignore[reportPrivateUsage]
-        trials, ablation._ChosenSet((), {}, SceneError("not written"), None, {})
+        trials, ablation.ChosenSet((), {}, SceneError("not written"), None, {})
     )
     assert len({*found.seeds} - {*seeds}) == len(found.seeds) == ablation.FRESH_SEEDS
 

@@ -261,7 +261,7 @@ def _rank_worthwhile(findings: Sequence[EffectFinding], setup: AblationSetup) ->
 
 
 @dataclass(frozen=True)
-class _ChosenSet:
+class ChosenSet:
     """The effects that go together.
 
     Attributes:
@@ -281,7 +281,7 @@ class _ChosenSet:
 
 def _keep_loaded_effects(
     trials: ConfigurationRunner, toggles: Mapping[str, Toggle], free: Changed, ranked: Sequence[str]
-) -> _ChosenSet:
+) -> ChosenSet:
     # Effects go back, those that save least first, until no measure of another load is worse.
     setup, session = trials.setup, trials.session
     returnable = [name for name in ranked if name in free]
@@ -294,7 +294,7 @@ def _keep_loaded_effects(
             text = setup.written(written.reference, {**settings, **dict.fromkeys(free)})
             panel = _compare_loads(setup, text, session, runs)
         if panel is None or panel.passed or not returnable:
-            return _ChosenSet(free, settings, written, panel, kept)
+            return ChosenSet(free, settings, written, panel, kept)
         name = returnable.pop()
         kept[name] = panel.sentence
         free = tuple(other for other in free if other != name)
@@ -308,9 +308,7 @@ def _write_set(setup: AblationSetup, settings: Values, folder: Path) -> WrittenM
         return error
 
 
-def _smallest_set(
-    toggles: Mapping[str, Toggle], chosen: _ChosenSet, proven: Changed
-) -> SmallestSet:
+def _smallest_set(toggles: Mapping[str, Toggle], chosen: ChosenSet, proven: Changed) -> SmallestSet:
     free, settings, written = chosen.free, chosen.settings, chosen.written
     made = [name for name in free if toggles[name].values.items() <= settings.items()]
     present = [name for name, toggle in toggles.items() if toggle.on]
@@ -326,7 +324,7 @@ def _smallest_set(
     )
 
 
-def _verify_set(trials: ConfigurationRunner, chosen: _ChosenSet) -> Verification:
+def _verify_set(trials: ConfigurationRunner, chosen: ChosenSet) -> Verification:
     """Run the smallest set and the base configuration with fresh seeds, in fresh scenarios.
 
     The set is run as settings and, if it could be written, as the written model.
