@@ -153,7 +153,9 @@ def _head_sections(report: Examination, model: str) -> Iterator[Section]:
         blocks += _lines(first, _MOST_FIRST_LINES)
         if first.verification is not None:
             blocks.append(Sentence(f"verified: {first.verification.sentence}"))
-    blocks += [Sentence(f"no fix: {fix.name}: {fix.reason}") for fix in report.rejected_fixes]
+    # The line of the fix names the first one if no fix remains.
+    rejected = report.rejected_fixes if report.fixes else report.rejected_fixes[1:]
+    blocks += [Sentence(f"no fix: {fix.name}: {fix.reason}") for fix in rejected]
     yield Section(tuple(blocks), "causes", follows=True)
 
 
