@@ -71,7 +71,9 @@ def test_a_sweep_is_run_timed_and_weighed(contactlab: Run, swing: Path, tmp_path
     head, subject, rest = out.partition("swing: 6 configurations")
     assert head.startswith("qpos0, 0.3 s without controls; 1 seed; observed: all bodies")
     assert "\nas written: numerics ok" in head
-    assert (subject + rest).startswith(same)
+    # Lines wrap elsewhere, since the path of the store has another length.
+    words = same.split()
+    assert (subject + rest).split()[: len(words)] == words
 
 
 def test_a_store_is_weighed_as_json(contactlab: Run, swung: str) -> None:
