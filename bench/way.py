@@ -130,6 +130,19 @@ MODEL = """
 """
 
 
+def follow_command(way: Way, words: Sequence[str]) -> str:
+    """Run a command in this process, followed by a way, and return its output."""
+    sys.argv = ["contactlab", *words]
+    output = io.StringIO()
+    with contextlib.redirect_stdout(output), contextlib.suppress(SystemExit):
+        sys.setprofile(way)
+        try:
+            command()
+        finally:
+            sys.setprofile(None)
+    return output.getvalue()
+
+
 def follow_model(file: Path | None) -> Way:
     """Examine a model in this process and return the way of its path."""
     way = Way(MODEL_NAME)
@@ -137,16 +150,9 @@ def follow_model(file: Path | None) -> Way:
         model = Path(folder) / MODEL_NAME
         model.write_text(file.read_text(encoding="utf-8") if file else MODEL, encoding="utf-8")
         words = ("examine", str(model), "-o", str(Path(folder) / "results"))
-        sys.argv = ["contactlab", *words]
-        output = io.StringIO()
-        with contextlib.redirect_stdout(output), contextlib.suppress(SystemExit):
-            sys.setprofile(way)
-            try:
-                command()
-            finally:
-                sys.setprofile(None)
-        if "task:" not in output.getvalue():
-            raise RuntimeError(f"the examination failed: {output.getvalue()}")
+        printed = follow_command(way, words)
+        if "task:" not in printed:
+            raise RuntimeError(f"the examination failed: {printed}")
     return way
 
 
@@ -158,16 +164,9 @@ def follow(axis: str) -> Way:
         sweep = Path(folder) / "way.yaml"
         sweep.write_text(SWEEP.format(axis=axis, text=text), encoding="utf-8")
         store = Path(folder) / "store"
-        sys.argv = ["contactlab", "sweep", str(sweep), "-o", str(store), "--workers", "0"]
-        output = io.StringIO()
-        with contextlib.redirect_stdout(output), contextlib.suppress(SystemExit):
-            sys.setprofile(way)
-            try:
-                command()
-            finally:
-                sys.setprofile(None)
+        printed = follow_command(way, ("sweep", str(sweep), "-o", str(store), "--workers", "0"))
         if not (store / "manifest.json").is_file():
-            raise RuntimeError(f"the sweep failed: {output.getvalue()}")
+            raise RuntimeError(f"the sweep failed: {printed}")
     return way
 
 
