@@ -111,6 +111,15 @@ def test_the_exit_code_is_zero_exactly_for_ok_and_depends(report: Examination) -
         assert report.passed == all(one.outcome != "failed" for one in report.findings)
 
 
+def test_a_choice_that_passes_explains_no_failed_check() -> None:
+    report = examined("depends")
+    assert report.passed
+    failed = (finding("numerical_error", "failed"),)
+    again = conclude(report.model_copy(update={"findings": failed}))
+    assert again.verdict == "fails"
+    assert_formats_agree(again)
+
+
 @given(report=reports())
 def test_a_waived_failure_does_not_fail_the_verdict(report: Examination) -> None:
     waived = [

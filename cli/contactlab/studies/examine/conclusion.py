@@ -53,8 +53,9 @@ def _verdict(report: Examination) -> VerdictWord:
 
 
 def _failed_checks(report: Examination) -> list[str]:
-    # Except those that labels and the budget explain.
-    explained = {check_of_reason(reason.row) for reason in judged_reasons(report)}
+    # Except those that labels and the budget explain. A reason that passes explains no failure.
+    reasons = [one for one in judged_reasons(report) if one.verdict not in PASSING_VERDICTS]
+    explained = {check_of_reason(reason.row) for reason in reasons}
     if judged_labels(report):
         explained.add("failure_labels")
     return [name for name in failed_names(report.findings) if name not in _OF_TASK & explained]
