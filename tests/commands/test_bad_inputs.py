@@ -148,9 +148,7 @@ OF_OPTIONS = [
     Bad("compare a", "needs CANDIDATE", "contactlab compare --help"),
     Bad("compare a b --until tomorrow", "--until tomorrow", "such as 2030-12-31"),
     Bad("baseline updat a b", "'updat'", "did you mean 'update'?"),
-    Bad(
-        "tune sound.xml --skip-pairs-beyond near", "--skip-pairs-beyond near", "such as 5cm or 0.05"
-    ),
+    Bad("tune sound.xml --apply far-pairs=near", "far-pairs, length near", "such as 5cm or 0.05"),
     Bad("tune sound.xml --max-time soon", "--max-time soon", "such as 90s, 5min or 1h"),
     Bad("tune sound.xml --error 1kg", "--error 1kg", "write a share, such as 2%"),
     Bad("tune sound.xml --error-at start", "--error-at start", "end, peak"),

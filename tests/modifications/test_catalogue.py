@@ -20,6 +20,8 @@ from contactlab.modifications.catalogue import (
     find_softness_rows,
     is_numerical_label,
     list_candidates,
+    list_features,
+    list_reductions,
     list_rows,
 )
 from contactlab.modifications.catalogue_page import modifications_page
@@ -31,12 +33,24 @@ from contactlab.modifications.modification import (
     Modification,
     Row,
 )
+from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.model_edits import FLAG_NAMES, is_writable
 from contactlab.studies.search.search_space import propose_parameters
 
-ELEMENTS = {"keyframe", "exclude", "freejoint", "geom type", "ctrl"}
+ELEMENTS = {
+    "keyframe",
+    "exclude",
+    "freejoint",
+    "geom type",
+    "ctrl",
+    "flag",
+    "maxhullvert",
+    "sensor",
+}
 """Elements and attributes of a file that entries edit, besides settings and fields."""
 UNWRITTEN = {"flex_solref", "geom_contype", "geom_conaffinity"}
+OF_THE_MODEL = {"filterparent", "constraint", "invdiscrete"}
+"""Effects of sweeps that define a model itself."""
 """Fields that entries edit and no setting can name."""
 MODEL = mujoco.MjModel.from_xml_string("<mujoco/>")
 
@@ -157,6 +171,27 @@ def test_levers_propose_only_values_on_their_side() -> None:
     assert [values["tolerance"] for values in found["tolerance"].values] == [1e-6, 1e-4]
     assert found["condim"].values == [{"geom_condim[floor]": 4}, {"geom_condim[floor]": 3}]
     assert "impratio" not in found
+
+
+def test_each_effect_of_sweeps_has_one_entry() -> None:
+    names = [feature.name for feature in list_features()]
+    assert len(names) == len({*names})
+    assert {*EFFECTS} - {*names} == OF_THE_MODEL & {*EFFECTS}
+
+
+def test_a_feature_of_fields_clears_those_that_act() -> None:
+    model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody>
+      <body><joint name="heavy" armature=".5"/><geom size=".1"/></body>
+      <body><joint name="light"/><geom size=".1"/></body></worldbody></mujoco>""")
+    (armature,) = (one for one in list_features() if one.name == "armature")
+    assert armature.settings_without(model) == {"dof_armature[heavy]": 0.0}
+    model.dof_armature[:] = 0
+    assert armature.settings_without(model) == {}
+
+
+def test_reductions_without_a_proof_are_applied_by_name() -> None:
+    named = {one.name: one.distance for one in list_reductions() if not one.is_exact}
+    assert named == {"far-pairs": 0.05, "hulls": 0.001, "sensors": None}
 
 
 def test_levers_and_removals_name_things_that_exist() -> None:

@@ -15,6 +15,7 @@ from contactlab.command_line.terminal import echo_bytes
 from contactlab.errors import SweepFileError
 
 if TYPE_CHECKING:
+    from contactlab.modifications.modification import ReductionName
     from contactlab.schema.tune_report import TuneReport
     from contactlab.studies.search.tune_request import TuneRequest
 
@@ -62,25 +63,15 @@ def tune(
         Option(None, "Measure the error of observed bodies, sites or sensors: end or peak."),
     ] = None,
     max_time: opt.MaxTime = "2min",
-    drop_sensors: Annotated[
-        bool, flag("Remove the model's sensors, if your program does not read them.")
-    ] = False,
-    skip_pairs_beyond: Annotated[
-        float | str | None,
+    apply: Annotated[
+        Sequence[str],
         Option(
-            "LENGTH",
-            "Ignore collisions between bodies that stayed this far apart in every run, e.g. 5cm.",
-            kind=str,
+            "NAME",
+            "Also apply sensors, far-pairs[=5cm] or hulls[=1mm], which no proof allows; may be "
+            "repeated.",
+            kind=list[str],
         ),
-    ] = None,
-    simplify_hulls: Annotated[
-        float | str | None,
-        Option(
-            "LENGTH",
-            "Simplify convex hulls, moving the surface by at most this distance, e.g. 1mm.",
-            kind=str,
-        ),
-    ] = None,
+    ] = (),
     patch: Annotated[bool, flag("Print only the patch.")] = False,
     figure: opt.Figure = None,
     workers: opt.Workers = None,
@@ -115,9 +106,7 @@ def tune(
         observed=observed if error_at else (),
         error_at=error_at,
         max_time=read_seconds(max_time),
-        drop_sensors=drop_sensors,
-        skip_pairs_beyond=read_length(skip_pairs_beyond, "--skip-pairs-beyond", "5cm or 0.05"),
-        simplify_hulls=read_length(simplify_hulls, "--simplify-hulls", "1mm or 0.001"),
+        apply=_read_reductions((apply,) if isinstance(apply, str) else apply),
     )
     opt.load_plugins(plugin)
     folder = opt.study_folder("tune", model, output)
@@ -156,3 +145,20 @@ def _positive_rate(rate: float | None) -> float | None:
     if rate is not None and not 0 < rate < math.inf:
         raise SweepFileError(f"--real-time {rate:g}: write a number above 0, such as 5")
     return rate
+
+
+def _read_reductions(words: Sequence[str]) -> "dict[ReductionName, float | None]":
+    # Each word is NAME or NAME=LENGTH; the values are distances [m].
+    from contactlab.modifications.catalogue import list_reductions
+
+    known = {one.name: one for one in list_reductions() if not one.is_exact}
+    found: dict[ReductionName, float | None] = {}
+    for word in words:
+        name, equals, length = word.partition("=")
+        SweepFileError.unless_known(name, known, f"--apply: no '{name}'")
+        reduction = known[name]
+        if equals and reduction.distance is None:
+            raise SweepFileError(f"--apply {word}: {name} has no length; write --apply {name}")
+        given = read_length(length, f"--apply {name}, length", "5cm or 0.05") if equals else None
+        found[reduction.name] = reduction.distance if given is None else given
+    return found

@@ -10,9 +10,11 @@ from typing import get_args
 from contactlab.modifications import contacts, mechanics, numerics, structure
 from contactlab.modifications.modification import (
     Candidate,
+    Feature,
     Lever,
     Modification,
     PartFix,
+    Reduction,
     Row,
     RowKind,
 )
@@ -59,6 +61,26 @@ def list_levers(search: str) -> tuple[Lever, ...]:
     """Return the levers of the search of `tune` that are tried in one way."""
     levers = [lever for entry in CATALOGUE.values() for lever in entry.levers]
     return tuple(sorted((one for one in levers if one.search == search), key=lambda one: one.order))
+
+
+def list_features() -> tuple[Feature, ...]:
+    """Return the features that `effects` leaves out, or adds, as a whole."""
+    return tuple(feature for entry in CATALOGUE.values() for feature in entry.features)
+
+
+def list_reductions() -> tuple[Reduction, ...]:
+    """Return the parts that `tune` leaves out."""
+    return tuple(one for entry in CATALOGUE.values() for one in entry.reductions)
+
+
+def find_safeguards() -> frozenset[str]:
+    """Return the names of features that stay whatever they save."""
+    return frozenset(
+        feature.name
+        for entry in CATALOGUE.values()
+        for feature in entry.features
+        if entry.safeguard or feature.safeguard
+    )
 
 
 def find_softness_rows(label: str) -> tuple[str, ...]:

@@ -46,8 +46,12 @@ def _list_uses(entry: Modification) -> Iterator[str]:
         yield f"row {', '.join(row.name for row in entry.rows)}"
     if entry.levers:
         yield f"lever {', '.join(f'`{lever.setting}`' for lever in entry.levers)}"
+    if entry.features:
+        yield f"feature {', '.join(feature.name for feature in entry.features)}"
     if entry.removals:
         yield f"part {', '.join(removal.kind for removal in entry.removals)}"
+    if words := [one.name for one in entry.reductions if not one.is_exact]:
+        yield f"`tune --apply {', '.join(words)}`"
     if entry.grip_fixes:
         causes = dict.fromkeys(fix.against for fix in entry.grip_fixes)
         yield f"fix of a grip against {', '.join(causes)}"

@@ -38,6 +38,7 @@ from contactlab.modifications.model_predicates import (
 )
 from contactlab.modifications.modification import (
     Candidate,
+    Feature,
     GripFix,
     Lever,
     Modification,
@@ -106,6 +107,7 @@ MODIFICATIONS = (
                 cost_falls=False,
             ),
         ),
+        features=(Feature("elliptic", on={"elliptic": True}),),
     ),
     Modification(
         "impratio",
@@ -144,6 +146,7 @@ MODIFICATIONS = (
                 order=2,
             ),
         ),
+        features=(Feature("impratio", off={"impratio": 1.0}, on={"impratio": 10.0}),),
         grip_fixes=(GripFix(_name_stiff_grip, "regularized", stiffen_grip),),
     ),
     Modification(
@@ -189,6 +192,7 @@ MODIFICATIONS = (
                 order=1,
             ),
         ),
+        features=(Feature("noslip", on={"noslip": True}),),
         grip_fixes=(
             GripFix(lambda _: f"noslip {GRIP_NOSLIP}", "regularized", add_grip_noslip),
             GripFix(
@@ -227,6 +231,21 @@ MODIFICATIONS = (
                 order=3,
             ),
         ),
+        features=(Feature("multiccd"),),
+    ),
+    Modification(
+        "native convex collision",
+        "Finds contacts of convex shapes by another library.",
+        ("nativeccd",),
+        "computation",
+        features=(Feature("nativeccd"),),
+    ),
+    Modification(
+        "midphase",
+        "Compares all geoms of two bodies, without a tree that sorts them.",
+        ("midphase",),
+        "computation",
+        features=(Feature("midphase"),),
     ),
     Modification(
         "exact diagonal",
@@ -234,6 +253,7 @@ MODIFICATIONS = (
         ("diagexact",),
         "computation",
         levers=(Lever("diagexact", (False,), applies=has_flag("diagexact"), order=3),),
+        features=(Feature("diagexact", on={"diagexact": True}),),
     ),
     Modification(
         "speculative contacts",
@@ -241,6 +261,7 @@ MODIFICATIONS = (
         ("speculative",),
         "computation",
         levers=(Lever("speculative", (False,), applies=has_flag("speculative"), order=3),),
+        features=(Feature("speculative", on={"speculative": True}),),
     ),
     Modification(
         "collision detection",
@@ -248,6 +269,7 @@ MODIFICATIONS = (
         ("contact",),
         "computation",
         levers=(Lever("contact", (False,), applies=_has_useless_collision, order=4),),
+        features=(Feature("contact", safeguard=True),),
     ),
     Modification(
         "contact softness",
@@ -315,6 +337,9 @@ MODIFICATIONS = (
                 rows=("contact softness",),
             ),
         ),
+        features=(
+            Feature("margin", fields=("geom_margin", "geom_gap", "pair_margin", "pair_gap")),
+        ),
     ),
     Modification(
         "contact dimensions",
@@ -349,6 +374,12 @@ MODIFICATIONS = (
                 write=reduce_condim,
                 order=5,
             ),
+        ),
+        features=(
+            # What stands on a slope shows friction, and a task may have no slope.
+            Feature("tangential_friction", safeguard=True),
+            Feature("torsional_friction", on={"torsional_friction": True}),
+            Feature("rolling_friction", on={"rolling_friction": True}),
         ),
         grip_fixes=(
             GripFix(

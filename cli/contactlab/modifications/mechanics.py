@@ -23,6 +23,7 @@ from contactlab.modifications.model_predicates import (
 )
 from contactlab.modifications.modification import (
     ANY_LABEL,
+    Feature,
     GripFix,
     Modification,
     PartFix,
@@ -164,6 +165,7 @@ MODIFICATIONS = (
                 has_friction_loss_force,
             ),
         ),
+        features=(Feature("frictionloss"),),
     ),
     Modification(
         "servo gains",
@@ -183,6 +185,9 @@ MODIFICATIONS = (
         "Removes the force of actuators.",
         ("actuator_gainprm", "actuator_biasprm"),
         "model",
+        # A program may command any of them.
+        safeguard=True,
+        features=(Feature("actuation"),),
         removals=(
             PartRemoval(
                 "actuator",
@@ -204,6 +209,7 @@ MODIFICATIONS = (
         ("dof_armature",),
         "model",
         part_fixes=(PartFix("armature", ("dof_armature",), labels=(ANY_LABEL,)),),
+        features=(Feature("armature", fields=("dof_armature",)),),
     ),
     Modification(
         "damping",
@@ -221,6 +227,7 @@ MODIFICATIONS = (
             ),
         ),
         part_fixes=(PartFix("damping", ("dof_damping",), labels=(ANY_LABEL,)),),
+        features=(Feature("damper"),),
     ),
     Modification(
         "springs",
@@ -237,6 +244,7 @@ MODIFICATIONS = (
                 has_force("qfrc_spring"),
             ),
         ),
+        features=(Feature("spring"),),
     ),
     Modification(
         "fluid",
@@ -246,6 +254,7 @@ MODIFICATIONS = (
         rows=(
             Row("fluid", "no fluid", "effect", (remove_fluid,), has_fluid, has_force("qfrc_fluid")),
         ),
+        features=(Feature("air"),),
     ),
     Modification(
         "limits",
@@ -263,6 +272,7 @@ MODIFICATIONS = (
                 has_limit_force,
             ),
         ),
+        features=(Feature("limit"),),
         removals=(PartRemoval("limit", ("jnt_limited",), find_limited_joints),),
     ),
     Modification(
@@ -280,6 +290,7 @@ MODIFICATIONS = (
                 has_tendon_force,
             ),
         ),
+        features=(Feature("tendon"),),
         removals=(PartRemoval("tendon", _TENDON_FIELDS, lambda model: range(model.ntendon)),),
     ),
     Modification(
@@ -297,6 +308,7 @@ MODIFICATIONS = (
                 has_equality_force,
             ),
         ),
+        features=(Feature("equality", safeguard=True),),
     ),
     Modification(
         "gravity compensation",
@@ -313,6 +325,7 @@ MODIFICATIONS = (
                 has_force("qfrc_gravcomp"),
             ),
         ),
+        features=(Feature("gravity compensation", fields=("body_gravcomp",)),),
     ),
     Modification(
         "clamps",
@@ -330,6 +343,7 @@ MODIFICATIONS = (
                 is_clamped,
             ),
         ),
+        features=(Feature("clampctrl"),),
     ),
     Modification(
         "gravity",
@@ -337,6 +351,7 @@ MODIFICATIONS = (
         ("gravity",),
         "model",
         rows=(Row("gravity", "no gravity", "effect", (remove_gravity,), has_gravity),),
+        features=(Feature("gravity", off={"gravity": 0.0}, safeguard=True),),
     ),
     Modification(
         "mass",

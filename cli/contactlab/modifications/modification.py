@@ -1,17 +1,18 @@
 """The type of a modification: one entry of the catalogue, with its use by each command.
 
 An entry names a thing that can be changed in a model. Rows of the error budget, fixes, levers of
-the search, parts that are removed, and fixes of a grip are uses of it.
+the search, features and parts that are left out, and fixes of a grip are uses of it.
 """
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import mujoco
+import numpy as np
 
-from contactlab.scene.model_draft import ModelEdits
+from contactlab.scene.model_draft import ModelEdits, object_name
 from contactlab.schema.parts_report import PartKind
 from contactlab.schema.verdict import VerdictWord
 
@@ -20,6 +21,8 @@ ModelChange = Callable[[mujoco.MjModel, mujoco.MjModel], None]
 ModelPredicate = Callable[[mujoco.MjModel], bool]
 StatePredicate = Callable[[mujoco.MjModel, mujoco.MjData], bool]
 """Returns whether a state after a step loads a setting, so that its change can matter."""
+Settings = Mapping[str, object]
+"""Values by the names of settings, as in a sweep."""
 RowKind = Literal["numerics", "model", "effect", "unknown"]
 Kind = Literal["computation", "model"]
 NO_EDITS = ModelEdits()
@@ -167,10 +170,6 @@ class PartFix:
     rows: Sequence[str] = ()
 
 
-Settings = Mapping[str, object]
-"""Values by the names of settings, as in a sweep."""
-
-
 @dataclass(frozen=True)
 class Lever:
     """A setting that the search of `tune` may change to save time.
@@ -201,6 +200,62 @@ class Lever:
     search: Literal["values", "step", "runs"] = "values"
     write: Callable[[mujoco.MjModel, object], Settings] | None = None
     order: int = 0
+
+
+ReductionName = Literal["unused", "far-pairs", "hulls", "sensors"]
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """Parts that `tune` leaves out in addition to its settings.
+
+    Attributes:
+        name: for `--apply`, unless it is always tried.
+        is_exact: whether no state depends on the parts, so that it is tried without `--apply`.
+        distance: default of `--apply NAME=LENGTH` [m]; None for a name without a length.
+    """
+
+    name: ReductionName
+    is_exact: bool = False
+    distance: float | None = None
+
+
+@dataclass(frozen=True)
+class Feature:
+    """A feature that `effects` leaves out of a model as a whole, or adds to it.
+
+    Attributes:
+        name: in reports; that of the effect, if sweeps can switch it.
+        applies: whether a model may have it.
+        off: values of axes that leave it out; by default its own axis.
+        on: values of axes that add it; empty if studies do not.
+        fields: fields that become 0 for each object with another value, in place of `off`.
+        safeguard: whether it may carry loads that a task does not show, so that it stays.
+    """
+
+    name: str
+    applies: ModelPredicate = applies_to_all
+    off: Settings = field(default_factory=dict[str, object])
+    on: Settings = field(default_factory=dict[str, object])
+    fields: Sequence[str] = ()
+    safeguard: bool = False
+
+    @property
+    def off_values(self) -> Settings:
+        """The values of axes that leave it out of any model."""
+        return self.off or {self.name: False}
+
+    def settings_without(self, model: mujoco.MjModel) -> Settings:
+        """Return the settings that leave it out of a model; none if the model has nothing of it."""
+        if not self.applies(model):
+            return {}
+        if not self.fields:
+            return self.off_values
+        return {
+            f"{name}[{object_name(model, name, int(row))}]": 0.0
+            for name in self.fields
+            for row in np.flatnonzero(getattr(model, name, ()))
+        }
 
 
 @dataclass(frozen=True)
@@ -252,7 +307,9 @@ class Modification:
         fixes: its fixes that are the same for every model.
         part_fixes: its fixes of some parts of a model.
         levers: its settings in the search of `tune`.
+        features: its features that `effects` leaves out, or adds, as a whole.
         removals: its parts that `effects` removes one by one.
+        reductions: its parts that `tune` leaves out.
         grip_fixes: its fixes of a grip.
     """
 
@@ -265,7 +322,9 @@ class Modification:
     fixes: Sequence[Candidate] = ()
     part_fixes: Sequence[PartFix] = ()
     levers: Sequence[Lever] = ()
+    features: Sequence[Feature] = ()
     removals: Sequence[PartRemoval] = ()
+    reductions: Sequence[Reduction] = ()
     grip_fixes: Sequence[GripFix] = ()
 
     @property

@@ -25,6 +25,7 @@ from contactlab.modifications.model_predicates import (
 from contactlab.modifications.modification import (
     ANY_LABEL,
     Candidate,
+    Feature,
     Lever,
     ModelPredicate,
     Modification,
@@ -187,6 +188,7 @@ MODIFICATIONS = (
         ("island",),
         "computation",
         levers=(Lever("island", (True, False), applies=_has_islands, order=3),),
+        features=(Feature("island"),),
     ),
     Modification(
         "eulerdamp",
@@ -203,6 +205,7 @@ MODIFICATIONS = (
                 order=4,
             ),
         ),
+        features=(Feature("eulerdamp"),),
     ),
     Modification(
         "sleep",
@@ -242,6 +245,7 @@ MODIFICATIONS = (
                 write=lambda _model, _value: SLEEP_SETTINGS,
             ),
         ),
+        features=(Feature("sleep", on=SLEEP_SETTINGS),),
     ),
     Modification(
         "sleep tolerance",
@@ -299,6 +303,7 @@ MODIFICATIONS = (
                 search="step",
             ),
         ),
+        features=(Feature("implicit", on={"implicit": True}),),
     ),
     Modification(
         "refsafe",
@@ -318,5 +323,14 @@ MODIFICATIONS = (
             ),
         ),
         part_fixes=(PartFix("solref-step", _PART_SOLREF_FIELDS, exercised="refsafe"),),
+        features=(Feature("refsafe"),),
+    ),
+    Modification(
+        "warm start",
+        "Starts the solver from nothing, not from the solution of the last step.",
+        ("warmstart",),
+        "computation",
+        safeguard=True,
+        features=(Feature("warmstart"),),
     ),
 )

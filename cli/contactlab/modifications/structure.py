@@ -1,7 +1,13 @@
 """Modifications of the structure of a model: its start, its collision shapes, its parts."""
 
 from contactlab.modifications.model_predicates import find_colliding_geoms
-from contactlab.modifications.modification import Modification, PartFix, PartRemoval
+from contactlab.modifications.modification import (
+    Feature,
+    Modification,
+    PartFix,
+    PartRemoval,
+    Reduction,
+)
 
 MODIFICATIONS = (
     Modification(
@@ -9,7 +15,40 @@ MODIFICATIONS = (
         "Removes all collisions of a geom.",
         ("geom_contype", "geom_conaffinity"),
         "model",
+        # A push that the task does not have may need it.
+        safeguard=True,
         removals=(PartRemoval("geom", ("geom_contype", "geom_conaffinity"), find_colliding_geoms),),
+    ),
+    Modification(
+        "unused parts",
+        "Removes collisions that are impossible by proof, and flags that no state depends on.",
+        ("geom_contype", "geom_conaffinity", "exclude", "flag"),
+        "computation",
+        features=(Feature("energy"),),
+        reductions=(Reduction("unused", is_exact=True),),
+    ),
+    Modification(
+        "far pairs",
+        "Ignores collisions of parts that stayed this far from each other in every run.",
+        ("geom_contype", "geom_conaffinity", "exclude"),
+        "model",
+        reductions=(Reduction("far-pairs", distance=0.05),),
+    ),
+    Modification(
+        "hull vertices",
+        "Simplifies convex hulls of meshes, moving the surface by at most this distance.",
+        ("maxhullvert",),
+        "model",
+        # The printers and mills that parts are made with are no more exact.
+        reductions=(Reduction("hulls", distance=0.001),),
+    ),
+    Modification(
+        "sensors",
+        "Removes sensors, which a program may read.",
+        ("sensor",),
+        "model",
+        features=(Feature("sensor"),),
+        reductions=(Reduction("sensors"),),
     ),
     Modification(
         "start state",

@@ -137,7 +137,7 @@ TUMBLING = """<mujoco>
 def test_a_coarser_step_is_recommended_only_on_request(tmp_path: Path) -> None:
     """An impact at 8 ms has an error; by default it may not grow, and --error allows it to."""
     task = read_task_options(drive="none", duration="0.5s")
-    asked: dict[str, Any] = {"task": task, "skip_pairs_beyond": 0.05}
+    asked: dict[str, Any] = {"task": task, "apply": {"far-pairs": 0.05}}
     (tmp_path / "default").mkdir()
     report = tuned(TUMBLING, tmp_path / "default", **asked)
     assert report.current.error

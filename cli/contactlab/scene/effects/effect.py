@@ -1,7 +1,7 @@
 """Effects, and ways to turn one on and off: by flags, options, or contact dimensions."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import mujoco
@@ -51,25 +51,19 @@ class Effect:
     kind: Kind  # whether it belongs to the physics, to the numerics, or to the recording
     what: str  # its description
     switch: Switch  # the functions that turn it on and off
-    studied: bool = True  # whether studies change it; some effects define the model itself
     called_by: str = ""  # the part of a scene that needs it
     unused: Proof = proof_of_absence  # a proof that nothing changes without it
     # The feature that runs must exercise to show the effect; None if every run shows it.
     feature: Feature | None = None
-    # Axis values with which a study turns it on; empty if studies do not.
-    on: Mapping[str, object] = field(default_factory=dict[str, object])
-    # Axis values with which a study turns it off; its own axis, if left out.
-    off: Mapping[str, object] = field(default_factory=dict[str, object])
 
     def needed_by(
         self,
         called_by: str,
         unused: Proof = proof_of_absence,
         feature: Feature | None = None,
-        **toggles: Mapping[str, object],
     ) -> "Effect":
-        """Return it with its need, and its axis values on and off in studies."""
-        return replace(self, called_by=called_by, unused=unused, feature=feature, **toggles)
+        """Return it with its need."""
+        return replace(self, called_by=called_by, unused=unused, feature=feature)
 
 
 @dataclass(frozen=True, slots=True)

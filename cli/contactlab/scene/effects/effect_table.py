@@ -39,8 +39,8 @@ EFFECTS: Registry[Effect] = Registry("effect")
 """Every effect that this version of MuJoCo has, in the order of records and tables."""
 
 
-def _flag_effect(name: str, kind: Kind, what: str, *, studied: bool = True) -> Effect:
-    return Effect(name, kind, what, flag_switch(name), studied=studied)
+def _flag_effect(name: str, kind: Kind, what: str) -> Effect:
+    return Effect(name, kind, what, flag_switch(name))
 
 
 _EFFECT_LIST = (
@@ -59,25 +59,22 @@ _EFFECT_LIST = (
         "bodies that may spin in their contacts",
         proofs.no_turning,
         feature="spin",
-        on={"torsional_friction": True},
     ),
     Effect("rolling_friction", "physical", "torque against rolling", condim_switch(6, 4)).needed_by(
-        "bodies that may roll", proofs.no_turning, feature="rolling", on={"rolling_friction": True}
+        "bodies that may roll", proofs.no_turning, feature="rolling"
     ),
     Effect(
         "elliptic",
         "numerical",
         "friction of one size in all directions, not a pyramid",
         option_switch(off={"cone": "pyramidal"}, on={"cone": "elliptic"}),
-    ).needed_by("contacts with friction", feature="friction", on={"elliptic": True}),
+    ).needed_by("contacts with friction", feature="friction"),
     Effect(
         "noslip",
         "numerical",
         "a second solve against the creep of soft friction",
         option_switch(off={"noslip_iterations": 0}, on={"noslip_iterations": 3}),
-    ).needed_by(
-        "friction that may creep", proofs.no_noslip, feature="friction", on={"noslip": True}
-    ),
+    ).needed_by("friction that may creep", proofs.no_noslip, feature="friction"),
     Effect(
         "impratio",
         "numerical",
@@ -91,8 +88,6 @@ _EFFECT_LIST = (
         "friction that may creep",
         proofs.no_friction,
         feature="friction",
-        on={"impratio": 10.0},
-        off={"impratio": 1.0},
     ),
     _flag_effect(
         "multiccd", "numerical", "several contacts between two convex shapes that meet in a face"
@@ -112,27 +107,21 @@ _EFFECT_LIST = (
         "bodies that may move farther than their size in a step",
         proofs.no_contact,
         feature="contact",
-        on={"speculative": True},
     ),
     _flag_effect(
         "midphase", "numerical", "sorting the geoms of a body before they are compared"
     ).needed_by("bodies of several geoms", proofs.no_crowd, feature="contact"),
+    _flag_effect("filterparent", "physical", "no contact between a body and its parent").needed_by(
+        "geoms that can touch"
+    ),
     _flag_effect(
-        "filterparent", "physical", "no contact between a body and its parent", studied=False
-    ).needed_by("geoms that can touch"),
-    _flag_effect(
-        "constraint",
-        "physical",
-        "all that is solved: contact, limits, equalities, friction loss",
-        studied=False,
+        "constraint", "physical", "all that is solved: contact, limits, equalities, friction loss"
     ).needed_by("anything to solve"),
     _flag_effect("island", "numerical", "groups of bodies that touch are solved apart").needed_by(
         "several trees of bodies", proofs.one_tree
     ),
     # Sleeping bodies form an island, so sleep turns islands on again.
-    _flag_effect("sleep", "numerical", "bodies at rest are left alone").needed_by(
-        "bodies at rest", on={"sleep": True, "island": True}
-    ),
+    _flag_effect("sleep", "numerical", "bodies at rest are left alone").needed_by("bodies at rest"),
     _flag_effect(
         "warmstart", "numerical", "the solver starts from the last step's solution"
     ).needed_by("anything to solve", proofs.no_constraint),
@@ -141,12 +130,11 @@ _EFFECT_LIST = (
     ),
     _flag_effect(
         "diagexact", "numerical", "the exact inertia behind each contact, not its estimate"
-    ).needed_by("chains of bodies", proofs.no_constraint, on={"diagexact": True}),
+    ).needed_by("chains of bodies", proofs.no_constraint),
     _flag_effect("gravity", "physical", "weight").needed_by(
         "gravity above zero",
         proof_from_condition("gravity is zero", lambda run: not run.model.opt.gravity.any()),
         feature="motion",
-        off={"gravity": 0.0},
     ),
     Effect(
         "air",
@@ -215,10 +203,10 @@ _EFFECT_LIST = (
             off={"integrator": "Euler"},
             on={"integrator": "implicitfast"},
         ),
-    ).needed_by("damping and actuators that are stiff for the timestep", on={"implicit": True}),
-    _flag_effect(
-        "invdiscrete", "numerical", "inverse dynamics of whole steps", studied=False
-    ).needed_by("inverse dynamics"),
+    ).needed_by("damping and actuators that are stiff for the timestep"),
+    _flag_effect("invdiscrete", "numerical", "inverse dynamics of whole steps").needed_by(
+        "inverse dynamics"
+    ),
     Effect(
         "sensor",
         "recording",

@@ -7,6 +7,7 @@ from itertools import combinations
 from pathlib import Path
 
 from contactlab.errors import EngineError, SceneError
+from contactlab.modifications.catalogue import find_safeguards
 from contactlab.run.evidence_record import find_engine, find_provenance
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.model_draft import ModelEdits
@@ -118,8 +119,6 @@ def merge_names(*names: Collection[str]) -> Changed:
 
 REPORT = "effects.json"
 FRESH_SEEDS = 10
-SAFEGUARDS = frozenset({"refsafe", "warmstart", "clampctrl"})
-"""Effects that guard against conditions that a few runs of one drive may not meet; all stay."""
 
 
 def find_smallest_set(request: EffectsRequest, session: Session) -> EffectsReport:
@@ -135,7 +134,7 @@ def find_smallest_set(request: EffectsRequest, session: Session) -> EffectsRepor
     toggles = {toggle.effect: toggle for toggle in find_toggles(setup)}
     trials = ConfigurationRunner(setup, toggles, session, request.rounds)
     proven = merge_names(
-        [name for name, toggle in toggles.items() if toggle.proof and name not in SAFEGUARDS]
+        [name for name, toggle in toggles.items() if toggle.proof and name not in find_safeguards()]
     )
     singles = [(name,) for name, toggle in toggles.items() if toggle.proof is None]
     configurations = [BASE, *singles, *([proven] if proven else [])]
@@ -244,7 +243,7 @@ def _rank_worthwhile(findings: Sequence[EffectFinding], setup: AblationSetup) ->
     worthwhile = [
         finding
         for finding in findings
-        if finding.effect not in SAFEGUARDS
+        if finding.effect not in find_safeguards()
         and (
             finding.verdict == "saves time"
             or (finding.verdict == "missing" and {*setup.tolerances} == {REALITY})

@@ -13,8 +13,9 @@ import mujoco
 import numpy as np
 
 from contactlab.measure import METRICS, Requirement
-from contactlab.scene.effects.effect import Effect, EffectState
-from contactlab.scene.effects.effect_table import EFFECTS
+from contactlab.modifications.catalogue import list_features
+from contactlab.modifications.modification import Feature
+from contactlab.scene.effects.effect import EffectState
 from contactlab.schema.drive import NoiseDrive, parse_drive
 from contactlab.schema.study_reports import MetricChange
 from contactlab.schema.time_ratio import TimeRatio
@@ -43,8 +44,8 @@ class Toggle(NamedTuple):
 def find_toggles(setup: AblationSetup) -> tuple[Toggle, ...]:
     """Return a toggle of every effect that can be toggled in the base configuration."""
     written, proven = list(_choices(setup, "all")), list(_choices(setup, "auto"))
-    toggles = (_toggle(effect, written, proven) for effect in EFFECTS.values() if effect.studied)
-    return tuple(filter(None, toggles))
+    known = [feature for feature in list_features() if feature.name in written[0]]
+    return tuple(filter(None, (_toggle(feature, written, proven) for feature in known)))
 
 
 def _choices(setup: AblationSetup, rest: str) -> Iterator[States]:
@@ -54,13 +55,13 @@ def _choices(setup: AblationSetup, rest: str) -> Iterator[States]:
         yield scene.prepare(run, scene.initial_states([run])).effects
 
 
-def _toggle(effect: Effect, written: list[States], proven: list[States]) -> Toggle | None:
-    name = effect.name
+def _toggle(feature: Feature, written: list[States], proven: list[States]) -> Toggle | None:
+    name = feature.name
     if not any(states[name].on for states in written):
-        return Toggle(name, False, effect.on, None) if effect.on else None
+        return Toggle(name, False, feature.on, None) if feature.on else None
     unused = not any(states[name].on for states in proven)
     proof = proven[0][name].reason if unused and written[0][name].on else None
-    return Toggle(name, True, effect.off or {name: False}, proof)
+    return Toggle(name, True, feature.off_values, proof)
 
 
 def settings_sweep(settings: Values, proven: Iterable[str]) -> tuple[str, ...]:

@@ -3,10 +3,10 @@
 import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import mujoco
 
+from contactlab.modifications.modification import ReductionName
 from contactlab.scene.model_edits import (
     FLAG_NAMES,
     EditTargets,
@@ -17,10 +17,9 @@ from contactlab.scene.model_edits import (
 )
 from contactlab.store.table_layout import axis_cell
 
-Reduction = Literal["unused", "apart", "hulls"]
-"""Parts that a configuration removes: whatever changes no state, collisions of far pairs, and
-vertices of convex hulls."""
-Reductions = frozenset[Reduction]
+Reductions = frozenset[ReductionName]
+"""Parts that a configuration leaves out. Sensors go with the unused parts: no state depends on
+them."""
 AS_WRITTEN: Reductions = frozenset()
 Key = tuple[object, ...]
 """Identifies a configuration."""

@@ -7,6 +7,7 @@ from shutil import copytree
 
 from pydantic import ValidationError
 
+from contactlab.modifications.modification import ReductionName
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.tune_report import (
     EQUAL_ERROR_FOLDER,
@@ -65,9 +66,20 @@ def _read_report(place: Path) -> TuneReport | None:
     return report if all((place / file).is_file() for file in files) else None
 
 
+def _applied_reductions(report: TuneReport) -> dict[ReductionName, float | None]:
+    found = dict[ReductionName, float | None]()
+    if report.far_pairs and report.far_pairs.removed:
+        found["far-pairs"] = report.far_pairs.distance
+    if report.simplified_hulls:
+        found["hulls"] = report.simplified_hulls.max_distance
+    if report.removed_sensors:
+        found["sensors"] = None
+    return found
+
+
 def _is_same_question(request: TuneRequest, report: TuneReport) -> bool:
     """Return whether a report of the same model and task has the same target and options."""
-    target, apart, hulls = report.target, report.far_pairs, report.simplified_hulls
+    target = report.target
     given = target.limit if target.kind in ("error", "forward error") else None
     asked = request.error
     if asked is not None and request.error_at is None:
@@ -79,8 +91,6 @@ def _is_same_question(request: TuneRequest, report: TuneReport) -> bool:
         and (
             (asked, request.real_time, tuple(request.observed), request.error_at)
             == (given, target.real_time, target.observed, target.error_at)
-            and request.skip_pairs_beyond == (apart.distance if apart and apart.removed else None)
-            and request.simplify_hulls == (hulls.max_distance if hulls else None)
-            and request.drop_sensors == bool(report.removed_sensors)
+            and dict(request.apply) == _applied_reductions(report)
         )
     )

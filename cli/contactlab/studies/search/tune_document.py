@@ -186,7 +186,7 @@ def _far_pairs_text(pairs: FarPairs) -> str:
     if pairs.removed:
         return f"assumed: {text}. If they meet, they now pass through each other"
     ratio = f" at x{pairs.cost:.2g} work" if pairs.cost else ""
-    option = f"--skip-pairs-beyond {distance.replace(' ', '')}"
+    option = f"--apply far-pairs={distance.replace(' ', '')}"
     return f"option: {text}. {option} ignores their collisions{ratio}"
 
 

@@ -1,9 +1,10 @@
 """The request of a tune study, and checks for contradictory options."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from contactlab.errors import SweepFileError
+from contactlab.modifications.modification import ReductionName
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.studies.search.forward_error import ErrorTime
 
@@ -21,9 +22,7 @@ class TuneRequest:
         observed: bodies, sites and sensors of a forward error.
         error_at: when the forward error is measured; None for the error budget.
         max_time: wall time limit [s].
-        drop_sensors: whether to remove sensors.
-        skip_pairs_beyond: distance [m]: remove collisions between geoms that stayed farther apart.
-        simplify_hulls: distance [m]: allow hulls with fewer vertices, within this distance.
+        apply: reductions that are no proof, by name, with their distance [m] if they have one.
     """
 
     model: str
@@ -33,9 +32,9 @@ class TuneRequest:
     observed: Sequence[str] = ()
     error_at: ErrorTime | None = None
     max_time: float = 120.0
-    drop_sensors: bool = False
-    skip_pairs_beyond: float | None = None
-    simplify_hulls: float | None = None
+    apply: Mapping[ReductionName, float | None] = field(
+        default_factory=dict[ReductionName, float | None]
+    )
 
 
 def refuse_contradictions(request: TuneRequest) -> None:

@@ -47,7 +47,7 @@ from contactlab.studies.search.settings_search import (
 )
 from contactlab.studies.search.time_limit import TimeLimit
 from contactlab.studies.search.tune_request import TuneRequest, refuse_contradictions
-from contactlab.studies.search.tuning_problem import OFFERED_DISTANCE, TuningProblem
+from contactlab.studies.search.tuning_problem import TuningProblem
 from contactlab.studies.search.verification import CandidateVerifier, Goal, VerifiedCandidate
 from contactlab.studies.verification.panel import ERROR_FLOOR
 from contactlab.tasks.checked_model import open_model
@@ -305,13 +305,13 @@ class TuningStudy:
 
     def _report_far_pairs(self, made: Sequence[Evaluation]) -> FarPairs | None:
         """Return the far pairs, and the time without them, for the first verified candidate."""
-        asked, cost = self._request.skip_pairs_beyond is not None, None
+        asked, cost = "far-pairs" in self._request.apply, None
         problem = self._problem
         if not asked and self._time_limit.remaining < 0:
             return None
         sparser = problem.model_without_far_pairs()
         if sparser is None or (
-            asked and not any("apart" in one.configuration.reductions for one in made)
+            asked and not any("far-pairs" in one.configuration.reductions for one in made)
         ):
             return None
         if not asked:
@@ -323,7 +323,7 @@ class TuningStudy:
             )
             cost = without / own
         return FarPairs(
-            distance=self._request.skip_pairs_beyond or OFFERED_DISTANCE,
+            distance=problem.far_distance,
             geoms=problem.far_pairs.masked,
             bodies=problem.far_pairs.excluded,
             removed=asked,
@@ -333,10 +333,9 @@ class TuningStudy:
     def _report_hulls(self, made: Sequence[VerifiedCandidate]) -> SimplifiedHulls | None:
         if not any("hulls" in answer.evaluation.configuration.reductions for answer in made):
             return None
-        assert self._request.simplify_hulls is not None
-        return SimplifiedHulls(
-            max_distance=self._request.simplify_hulls, meshes=dict(self._problem.hull_vertices)
-        )
+        distance = self._request.apply["hulls"]
+        assert distance is not None
+        return SimplifiedHulls(max_distance=distance, meshes=dict(self._problem.hull_vertices))
 
     def _limiting_factor(self, nearest: Evaluation) -> str:
         """Return the body, time and row that keep the target from being met."""
@@ -389,7 +388,7 @@ class TuningStudy:
             exact=tried.exact,
             cost=tried.cost,
             removes_unused="unused" in choice.reductions,
-            removes_far_pairs="apart" in choice.reductions,
+            removes_far_pairs="far-pairs" in choice.reductions,
             simplifies_hulls="hulls" in choice.reductions,
             error=error.error,
             low=error.low,

@@ -11,6 +11,7 @@ import mujoco
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
 from contactlab.errors import EngineError, SceneError
+from contactlab.modifications.catalogue import list_reductions
 from contactlab.scene.model_draft import CompiledFiles, ModelEdits, drop_textures, edit_spec
 from contactlab.scene.scene import Scene
 from contactlab.scene.unreachable import GeomPair, filtered_pairs
@@ -50,8 +51,6 @@ WORK_SHARE = 0.25
 """Share of the time limit that the search may take, in counted time. The rest is for the written
 model, for fresh seeds, and for other programs: the search ends at the same trial when it has a
 third of a core."""
-OFFERED_DISTANCE = 0.05
-"""m: distance for which the saving without collisions is reported."""
 MAX_STEP_SECONDS = 0.04
 """Longest timestep [s]: the length of a window."""
 LIMITED = ("reference", "seeds", "windows")
@@ -67,6 +66,7 @@ _MAX_DIGITS, _ROUNDED = 6, 1e-7
 """Most digits of a written timestep; relative difference below which fewer digits are the same."""
 _MANY_VERTICES = 32
 _UNUSED: Reductions = frozenset({"unused"})
+_SPARSER: Reductions = frozenset({"unused", "far-pairs"})
 
 
 class TuningProblem:
@@ -108,8 +108,8 @@ class TuningProblem:
         self.unused = self._find_unused()
         self.models[AS_WRITTEN] = self.model
         self.start: Reductions = _UNUSED if _UNUSED in self.models else AS_WRITTEN
-        if request.skip_pairs_beyond is not None and self.model_without_far_pairs() is not None:
-            self.start = frozenset({"unused", "apart"})
+        if "far-pairs" in request.apply and self.model_without_far_pairs() is not None:
+            self.start = _SPARSER
         self.hull_vertices: Mapping[str, int] = {}
         self.simplified = self._simplify_hulls()
 
@@ -264,10 +264,10 @@ class TuningProblem:
         flags = unused_flags(self.examined.scene.source.model)
         self.model = with_flags(model, flags)
         edits = replace(edits, unflagged=flags)
-        if self._request.drop_sensors:
+        if "sensors" in self._request.apply:
             edits = replace(edits, sensors=own_sensors(model))
         elif own_sensors(model):
-            self._skip("sensors", "your program may read them; --drop-sensors removes them")
+            self._skip("sensors", "your program may read them; --apply sensors removes them")
         if edits == ModelEdits():
             return edits
         try:
@@ -290,10 +290,18 @@ class TuningProblem:
     def _skip(self, name: str, reason: str) -> None:
         self.skipped.append(SkippedParameter(name, reason))
 
+    @property
+    def far_distance(self) -> float:
+        """Distance of far pairs [m]: the requested one, or the one that is offered."""
+        offered = next(one.distance for one in list_reductions() if one.name == "far-pairs")
+        distance = self._request.apply.get("far-pairs", offered)
+        assert distance is not None
+        return distance
+
     @cached_property
     def far_geom_pairs(self) -> frozenset[GeomPair]:
         """Pairs of geoms that never came nearer than the requested, or offered, distance."""
-        model, distance = self.own_model, self._request.skip_pairs_beyond or OFFERED_DISTANCE
+        model, distance = self.own_model, self.far_distance
         moved = [*map(tilt_gravity, self.motions), *map(double_inputs, self.motions)]
         runs = [part.positions for part in self.reference.phases]
         near = pairs_within(model, [*runs, *visited_positions(moved, self.threads)], distance)
@@ -317,7 +325,7 @@ class TuningProblem:
 
     def model_without_far_pairs(self) -> mujoco.MjModel | None:
         """Return the model without collisions of far pairs, or None."""
-        reductions: Reductions = frozenset({"unused", "apart"})
+        reductions = _SPARSER
         if not (self.far_pairs.masked or self.far_pairs.excluded):
             return None
         if reductions not in self.models:
@@ -331,13 +339,13 @@ class TuningProblem:
 
     def _simplify_hulls(self) -> Reductions | None:
         """Compile the model with simplified hulls, if requested."""
-        model, within = self.model, self._request.simplify_hulls
+        model, within = self.model, self._request.apply.get("hulls")
         if within is None:
             sizes = [len(hull_vertices(model, mesh)) for mesh in colliding_meshes(model)]
             if large := [size for size in sizes if size > _MANY_VERTICES]:
                 most = f"{min(large)} to {max(large)}" if len(large) > 1 else f"{large[0]}"
                 reason = f"{len(large)} of {len(sizes)}: {most} vertices"
-                self._skip("hulls", f"{reason}; --simplify-hulls 1mm tries fewer")
+                self._skip("hulls", f"{reason}; --apply hulls tries fewer")
             return None
         base = self.edits_of(self.start)
         reductions = Reductions({*self.start, "hulls"})
@@ -357,7 +365,7 @@ class TuningProblem:
     def edits_of(self, reductions: Reductions) -> ModelEdits:
         """Return the edits of reductions."""
         edits = self.unused if "unused" in reductions else ModelEdits()
-        if "apart" in reductions:
+        if "far-pairs" in reductions:
             edits = replace(
                 edits,
                 masked=(*edits.masked, *self.far_pairs.masked),

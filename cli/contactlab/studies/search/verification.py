@@ -469,7 +469,7 @@ class CandidateVerifier:
             )
         if (
             holds
-            and "apart" in tried.configuration.reductions
+            and "far-pairs" in tried.configuration.reductions
             and (touched := self._touching_pair())
         ):
             holds, why = False, f"{touched} touch, but stayed apart before"
