@@ -108,6 +108,26 @@ def _load_description(report: str) -> Any:  # noqa: ANN401, C901, PLR0912 - a fu
             from contactlab.studies.lint.linting import describe_lint as describe
         case "Examination":
             from contactlab.reporting.examination_document import describe_examination as describe
+        case "Explanation":
+            from contactlab.reporting.explanation_document import describe_explanation as describe
+        case "SweepForecast":
+            from contactlab.reporting.store_reports_document import describe_forecast as describe
+        case "StoreVerification":
+            from contactlab.reporting.store_reports_document import (
+                describe_verification as describe,
+            )
+        case "RunReplay":
+            from contactlab.reporting.store_reports_document import describe_replay as describe
+        case "Bisection":
+            from contactlab.reporting.store_reports_document import describe_bisection as describe
+        case "WrittenLock":
+            from contactlab.reporting.store_reports_document import describe_lock as describe
+        case "WrittenBaseline":
+            from contactlab.reporting.store_reports_document import describe_baseline as describe
+        case "ExpandedTraces":
+            from contactlab.reporting.store_reports_document import describe_expansion as describe
+        case "WrittenBundle":
+            from contactlab.reporting.store_reports_document import describe_bundle as describe
         case _:
             raise KeyError(report)
     return describe
@@ -128,6 +148,15 @@ _DESCRIBED = (
     "DiffReport",
     "LintReport",
     "Examination",
+    "Explanation",
+    "SweepForecast",
+    "StoreVerification",
+    "RunReplay",
+    "Bisection",
+    "WrittenLock",
+    "WrittenBaseline",
+    "ExpandedTraces",
+    "WrittenBundle",
 )
 
 

@@ -70,11 +70,12 @@ def test_no_store(contactlab: Run, tmp_path: Path, arguments: list[str]) -> None
 def test_a_sound_store(contactlab: Run, store: Path) -> None:
     digest = sha256_of(store / "manifest.json")
     physics = Store.open(store).physics
-    sound = f"store is sound: 4 runs, 4 traces\nphysics {physics}\ndigest {digest}\n"
+    sound = f"store is sound: 4 runs, 4 traces\nphysics  {physics}\ndigest   {digest}\n"
     assert contactlab("verify", str(store), "--simulate", "2") == (0, sound, "")
     code, out, _ = contactlab("verify", str(store), "--format", "json")
     told: dict[str, object] = {"sound": True, "problems": [], "unverified": [], "runs": 4}
     told |= {"digest": digest, "physics": physics}
+    told |= {"store": "store", "traces": 4, "traces_left_out": False}
     assert (code, json.loads(out)) == (0, told)
 
 
@@ -158,7 +159,7 @@ def test_replay_finds_the_first_difference(
     code, out, err = contactlab("replay", str(store), run_id)
     assert (code, err) == (1, "error: the trajectory differs from the stored one\n")
     assert out.startswith(f"run {run_id}: differs\n")
-    assert f"\n  first after step {touched + 1} by " in out
+    assert f"\nfirst   after step {touched + 1} by " in out
     result = json.loads(contactlab("replay", str(store), run_id, "--format", "json")[1])
     assert (result["equal"], result["step"]) == (False, touched + 1)
     assert result["difference"] > 0
@@ -197,8 +198,8 @@ def test_replay_of_a_changed_hash(contactlab: Run, store: Path, run_id: str) -> 
     (store / "manifest.json").write_text(json.dumps(manifest))
     code, out, _ = contactlab("replay", str(store), run_id)
     assert code == 1
-    assert "first after step" not in out
-    assert f"\n  stored {'0' * 32}\n" in out
+    assert "after step" not in out
+    assert f"\nstored  {'0' * 32} with mujoco" in out
 
 
 def test_replay_of_a_changed_scene(

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import contactlab
+from contactlab.studies.explain.definitions import define_word
 
 PACKAGE = Path(contactlab.__file__).parent
 REPOSITORY = Path(__file__).parents[2]
@@ -149,3 +150,9 @@ def table_words(header: Sequence[str], rows: Sequence[Sequence[object]]) -> Iter
     for place, head in enumerate(header):
         if head in WORD_COLUMNS:
             yield from {str(row[place]) for row in rows} - {"", "-"}
+
+
+def definition_text(word: str) -> str:
+    """Return every meaning of a word, line by line."""
+    meanings = define_word(word)
+    return "\n\n".join("\n".join((each.title, *each.texts)) for each in meanings)

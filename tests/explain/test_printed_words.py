@@ -8,6 +8,7 @@ import pytest
 from tests.docs.glossary_page import PAGE
 from tests.explain.printed_words import (
     PACKAGE,
+    definition_text,
     head_words,
     page_words,
     schema_words,
@@ -17,7 +18,7 @@ from tests.explain.printed_words import (
 from contactlab.errors import SweepFileError
 from contactlab.measure import METRICS
 from contactlab.studies.check.check_entries import CHECKS
-from contactlab.studies.explain.definitions import define_word, is_defined, words_of
+from contactlab.studies.explain.definitions import is_defined, words_of
 from contactlab.studies.explain.glossary import glossary_page, read_glossary
 from contactlab.writers.signs import ORDER, outcome_mark
 
@@ -73,7 +74,7 @@ def test_a_planted_word_is_found(tmp_path: Path) -> None:
 def test_every_term_and_synonym_answers() -> None:
     for term in read_glossary():
         for word in (term.word, *term.synonyms):
-            assert f"{term.word}: {term.context}\n{term.definition}" in define_word(word)
+            assert f"{term.word}: {term.context}\n{term.definition}" in definition_text(word)
 
 
 def test_terms_are_sentences_and_stand_once_in_a_context() -> None:
@@ -86,17 +87,17 @@ def test_terms_are_sentences_and_stand_once_in_a_context() -> None:
 
 
 def test_a_word_is_found_however_it_is_written() -> None:
-    assert define_word("Numerical Error") == define_word("numerical error")
-    assert define_word("duration [s]") == define_word("duration")
+    assert definition_text("Numerical Error") == definition_text("numerical error")
+    assert definition_text("duration [s]") == definition_text("duration")
     assert words_of(["numerical", "error"]) == ["numerical error"]
     assert words_of(["chatter", "creep"]) == ["chatter", "creep"]
-    assert "an axis of the scene ball_drop" in define_word("drop_height")
+    assert "an axis of the scene ball_drop" in definition_text("drop_height")
 
 
 def test_an_unknown_word_suggests_the_nearest() -> None:
     for typed, nearest in (("inacurate", "inaccurate"), ("numerical eror", "numerical error")):
         with pytest.raises(SweepFileError, match=f"did you mean '{nearest}'"):
-            define_word(typed)
+            definition_text(typed)
 
 
 def test_the_page_of_the_glossary_is_current() -> None:

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from tests.explain.printed_words import definition_text
 from typer.testing import CliRunner
 
 from contactlab.command_line.main import command_line
@@ -12,7 +13,6 @@ from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import find_problems
-from contactlab.studies.explain.definitions import define_word
 
 pytestmark = pytest.mark.usefixtures("forgotten")
 
@@ -115,11 +115,11 @@ def test_a_sweep_has_its_engine_metric_and_label(store: Store) -> None:
 
 def test_explain_gives_its_meaning_advice_and_limit(file: Path) -> None:
     load_plugins([file])
-    text = define_word("too_high")
+    text = definition_text("too_high")
     assert "A body starts higher than accepted." in text
     assert f"change: {ADVICE}" in text
     assert "limit start_height: 0.01 m" in text
-    assert f"over it, a run is too_high: {ADVICE}" in define_word("start_height")
+    assert f"over it, a run is too_high: {ADVICE}" in definition_text("start_height")
 
 
 @pytest.mark.long

@@ -1,10 +1,13 @@
 """Small reports of all kinds, to be rendered."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from contactlab.schema.check_report import StabilityReport, StabilityResult
 from contactlab.schema.engine_panel import EnginePanel, PanelRun, PanelTask
+from contactlab.schema.examination import RestingContact
+from contactlab.schema.explanation import Explanation, WordMeaning
 from contactlab.schema.gradients import (
     Band,
     Difference,
@@ -26,6 +29,15 @@ from contactlab.schema.grip import (
 from contactlab.schema.parts_report import PartEffect, PartsReport
 from contactlab.schema.report_model import Described
 from contactlab.schema.shrink_report import ShrinkReport
+from contactlab.schema.store_reports import (
+    Bisection,
+    ExpandedTraces,
+    PlannedAxis,
+    RunReplay,
+    StoreVerification,
+    SweepForecast,
+    WrittenBundle,
+)
 from contactlab.schema.study_reports import FitReport, FittedSetting
 from contactlab.schema.task import Phase, Task
 
@@ -146,7 +158,69 @@ def parts() -> PartsReport:
     )  # fmt: skip
 
 
+def forecast() -> SweepForecast:
+    sizes = {"messages": (1.25e6, 3.5e9), "compact": (1e5, 2e6)}
+    return SweepForecast(
+        axes=(PlannedAxis(name="timestep", role="numerical", count=2, values="0.001, 0.002"),),
+        seeds=3, runs=1200, least_runs=300, steps=120_000, seconds=(4.0, 130.0),
+        accuracy_seconds=2.5, timing_seconds=0.0, checks_seconds=7200.0,
+        bytes=sizes["messages"], bytes_by_format=sizes, trace="unstable+1000",
+        trace_format="messages", warnings=("12 of 1,200 runs have a long timestep",),
+    )  # fmt: skip
+
+
+def verification(*, sound: bool) -> StoreVerification:
+    return StoreVerification(
+        store="results/mug", sound=sound, problems=() if sound else ("traces/a.mcap: missing",),
+        unverified=("records of 3 runs: 1 was drawn",), runs=4, traces=1, traces_left_out=sound,
+        digest=HASH, physics=HASH if sound else "",
+    )  # fmt: skip
+
+
+def replay(*, equal: bool) -> RunReplay:
+    return RunReplay(
+        run_id="ab12", equal=equal, stored_hash="1" * 16, hash=HASH,
+        step=None if equal else 17, difference=None if equal else 0.00123,
+        stored_engine="mujoco 4.0.0", damage=None if equal else "a.mcap: changed",
+    )  # fmt: skip
+
+
+def bisection() -> Bisection:
+    return Bisection(
+        before="3.11.0", after="4.0.0", skipped={"3.12.0": "no such wheel"}, steps=2,
+        comparison=None, folder=Path("results/bisect/test_a"),
+    )  # fmt: skip
+
+
+def explanation(*, contacts: bool) -> Explanation:
+    if not contacts:
+        texts = ("Contacts press and part in turn.", "limit chatter_rate: 20 1/s. By eye.")
+        meaning = WordMeaning(word="chatter", title="chatter: a label", texts=texts)
+        return Explanation(meanings=(meaning, meaning.model_copy(update={"texts": ()})))
+    contact = RestingContact(
+        name="box - floor", solref=(0.02, 1.0), phase="held", contacts=4, load=4.9, depth=1.5e-4,
+        expected_depth=1.4e-4, stiffness=5e4, damping=320, damping_ratio=1.0, restitution=0.0,
+        bounced=None, longest_step=0.01, timestep=0.002,
+    )  # fmt: skip
+    alike = contact.model_copy(update={"name": "box - wall"})
+    loose = contact.model_copy(update={"name": "lid - box", "expected_depth": None})
+    return Explanation(
+        task="from its start, held", contacts=(contact, alike, loose), requested=("stiffness",)
+    )
+
+
 REPORTS: Mapping[str, Described] = {
+    "forecast": forecast(),
+    "forecast of a grid": forecast().model_copy(update={"least_runs": None, "runs": 12}),
+    "sound store": verification(sound=True),
+    "damaged store": verification(sound=False),
+    "equal replay": replay(equal=True),
+    "other replay": replay(equal=False),
+    "bisection": bisection(),
+    "meanings": explanation(contacts=False),
+    "contacts": explanation(contacts=True),
+    "expansion": ExpandedTraces(folder=Path("messages"), traces=2, bytes=4_300_000),
+    "bundle": WrittenBundle(folder=Path("bundle"), runs=1, refused={}),
     "grip": grip(),
     "gradients of one place": gradients(mapped=False),
     "gradients of a map": gradients(mapped=True),

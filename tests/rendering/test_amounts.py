@@ -7,9 +7,37 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.rendering.amounts import format_amount, format_digits, format_interval
+from contactlab.rendering.amounts import (
+    format_amount,
+    format_digits,
+    format_interval,
+    format_setting,
+)
 
-UNITS = ("%", "x", "count", "N", "mm", "mm/s", "ms", "us", "s", "m", "", "1")
+UNITS = ("%", "x", "count", "N", "B", "mm", "mm/s", "ms", "us", "s", "m", "", "1")
+
+
+@pytest.mark.parametrize("size", [4_300, 123_456, 43_000_000, 999e6, 1e9, 92e9, 553e9])
+def test_sizes_are_millions_or_billions_of_bytes(size: float) -> None:
+    number, unit = format_amount(size, "B").split()
+    assert float(number) * {"MB": 1e6, "GB": 1e9}[unit] == pytest.approx(size, rel=5e-3)
+    assert (unit == "GB") == (size >= 1e9)
+
+
+@pytest.mark.parametrize("seconds", [0.3, 98, 119, 5930, 5950, 3e5, 4e5, 3e9])
+def test_long_times_are_minutes_hours_and_days(seconds: float) -> None:
+    number, unit = format_amount(seconds, "long").split()
+    read = {"s": 1, "min": 60, "h": 3600, "days": 86_400}
+    assert float(number.replace(",", "")) * read[unit] == pytest.approx(seconds, rel=0.11)
+    assert "e+" not in number
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [((0.02, 1.0), "0.02 1"), ("elliptic", "elliptic"), (1 / 3, "0.333333"), (True, "True")],
+)
+def test_a_setting_is_written_as_in_a_model(value: object, said: str) -> None:
+    assert format_setting(value) == said
 
 
 @pytest.mark.parametrize(

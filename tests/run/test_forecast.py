@@ -11,6 +11,7 @@ from contactlab.run import forecast as forecasts
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
+from contactlab.schema.store_reports import SweepForecast
 
 # Runs of 200 steps at most take as long in all as the sweep does in the mean.
 TIMESTEPS, HEIGHTS = [1e-3, 2e-3, 4e-3], [0.1, 0.2, 0.3, 0.4, 0.5]
@@ -71,7 +72,7 @@ def test_checks_of_all_runs_are_counted(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr(forecasts, "_step_cost", lambda *_: 1e-6)
     monkeypatch.setattr(forecasts, "_check_cost", lambda *_: 1e-2)
     sweep = {"version": 1, "scene": "ball_drop", "duration": 0.1, "seeds": 3}
-    told = dict[str, forecasts.Forecast]()
+    told = dict[str, SweepForecast]()
     for checks in ("all", "none"):
         plan = read_sweep({**sweep, "checks": checks}, SceneLoader(None).vocabulary).plan
         told[checks] = forecasts.forecast_sweep(plan, Scene.open("ball_drop"), 1)

@@ -88,10 +88,10 @@ def print_report(form: ReportFormat, report_of: ReportOf, result: object, given:
     show(text.removesuffix("\n"))
 
 
-def printed(report_of: ReportOf) -> dict[str, Show]:
-    """Return how a command's reports are printed, by format."""
-    forms: tuple[ReportFormat, ...] = (*_FORMATS.values(), "github")
-    return {form: partial(print_report, form, report_of) for form in forms}
+def printed(report_of: ReportOf, *forms: ReportFormat) -> dict[str, Show]:
+    """Return the printers of a command's findings, by format: of all formats by default."""
+    chosen = forms or (*_FORMATS.values(), "github")
+    return {form: partial(print_report, form, report_of) for form in chosen}
 
 
 def failure(report: Concluded, given: Given) -> ContactlabError | None:

@@ -1,6 +1,7 @@
 """Prints reports in any format, from the one document that describes each."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -49,6 +50,21 @@ def report_formats(folder: FolderOf | None = None) -> Mapping[str, Show]:
         "json": print_report_json,
         "markdown": print_markdown(folder),
     }
+
+
+def formats_by_type(formats: Mapping[str, Mapping[str, Show]]) -> Mapping[str, Show]:
+    """Return the printers of a command that returns results of several types, by format.
+
+    Args:
+        formats: printers by format, for the name of each type. The first type has all formats;
+            another one is printed as text in those that it lacks.
+    """
+
+    def show(form: str, result: object, given: Given) -> None:
+        own = formats[type(result).__name__]
+        own.get(form, own["text"])(result, given)
+
+    return {form: partial(show, form) for form in next(iter(formats.values()))}
 
 
 def _placed(folder: FolderOf | None, given: Given) -> Mapping[str, Path]:

@@ -50,13 +50,6 @@ def summary_text(store: "Store", given: Given) -> None:
     print_document(describe_store(store))
 
 
-def format_value(value: object) -> str:
-    """Return the value of a setting or an axis: `0.02 1`, `elliptic`."""
-    if isinstance(value, tuple):
-        return " ".join(format_value(item) for item in value)
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
 def expectations(store: "Store", given: Given) -> "Report":
     """Return the report of the expectations of a sweep."""
     del given

@@ -1,52 +1,20 @@
 """`contactlab bisect`: the release of MuJoCo that changed an outcome."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Given, Option, command
-from contactlab.command_line.judgements import compared, policy_of, print_report
+from contactlab.command_line.declaration import Argument, Option, command
+from contactlab.command_line.judgements import policy_of
+from contactlab.command_line.report_formats import report_formats
 from contactlab.command_line.surroundings import say
-from contactlab.command_line.terminal import echo, print_json
 from contactlab.commands.lock import sweep_words
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
-    from contactlab.schema.comparison import ComparisonReport
-    from contactlab.studies.lock.bisection import Culprit
-
-
-class Bisection(NamedTuple):
-    """The release that changed an outcome, and the folder of the results of each release."""
-
-    found: "Culprit"
-    comparison: "ComparisonReport | None"  # with the release before; None of a test
-    folder: Path
-
-
-def _text(result: Bisection, given: Given) -> None:
-    from contactlab.judge.wording import plural
-
-    found = result.found
-    tried = plural(found.steps, "release")
-    echo(
-        f"MuJoCo {found.after} changed it, after {found.before} ({tried} between the ends were run)"
-    )
-    for version, reason in found.skipped.items():
-        echo(f"or {version}, which does not run: {reason}")
-    if result.comparison is not None:
-        print_report("text", compared, result.comparison, given)
-    else:
-        echo(f"output of pytest: {result.folder / found.after / 'pytest.txt'}")
-
-
-def _json(result: Bisection, given: Given) -> None:
-    del given
-    report = result.comparison and result.comparison.model_dump(mode="json")
-    print_json({**asdict(result.found), "comparison": report, "folder": str(result.folder)})
+    from contactlab.schema.store_reports import Bisection
 
 
 @command(
@@ -56,7 +24,7 @@ def _json(result: Bisection, given: Given) -> None:
         "bisect tests/test_grasp.py::test_held --good 3.11.0 --bad 4.0.0",
     ),
     codes="0 found, 1 both ends agree, 2 bad input, 130 interrupted: run it again to resume",
-    formats={"text": _text, "json": _json},
+    formats=report_formats(),
 )
 def bisect(
     source: Annotated[
@@ -85,7 +53,7 @@ def bisect(
         Option("FOLDER", "Folder for the results of each release.", kind=Path, short="-o"),
     ] = None,
     allow_code: opt.AllowCode = False,
-) -> Bisection:
+) -> "Bisection":
     """Find the release of MuJoCo that changed an outcome.
 
     Raises:
@@ -93,6 +61,7 @@ def bisect(
         EngineError: a release cannot be installed.
     """
     from contactlab.resources import find_sweep
+    from contactlab.schema.store_reports import Bisection
     from contactlab.studies.lock import bisection
     from contactlab.studies.lock.versions import find_releases, run_sweep, run_test
 
@@ -126,4 +95,5 @@ def bisect(
     else:
         subject.begin(good, bad)
         found = bisection.find_change(listed, subject.differs, say)
-    return Bisection(found, None if is_test else subject.shown(found), place)
+    comparison = None if is_test else subject.shown(found)
+    return Bisection(**dict(found), comparison=comparison, folder=place)

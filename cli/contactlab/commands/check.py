@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Unpack
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Option, command
-from contactlab.commands.examine import FORMATS, examined
+from contactlab.commands.examine import EXAMINATION_FORMATS, examined
 
 if TYPE_CHECKING:
     from contactlab.schema.examination import Examination
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 @command(
     "examine",
     examples=("check robot.xml", "check menagerie:franka_emika_panda --format junit"),
-    formats=FORMATS,
+    formats=EXAMINATION_FORMATS,
 )
 def check(
     model: opt.Model,

@@ -10,7 +10,7 @@ from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Given, Option, Show, command, flag
 from contactlab.command_line.judgements import printed
 from contactlab.command_line.quantities import read_seconds
-from contactlab.command_line.report_formats import print_markdown, print_text
+from contactlab.command_line.report_formats import print_markdown, print_text, report_formats
 from contactlab.command_line.surroundings import say, surroundings
 from contactlab.errors import OutputError, SceneError
 
@@ -32,14 +32,12 @@ def _findings(report: "Examination", given: Given) -> "Report":
     return findings_of_examination(report)
 
 
-_OF_JOBS = printed(_findings)
-FORMATS: Mapping[str, Show] = {
+EXAMINATION_FORMATS: Mapping[str, Show] = {
     "text": print_text(),
     "full": print_text(details=True, phases=True),
-    "json": _OF_JOBS["json"],
+    **report_formats(),
     "markdown": print_markdown(details=True, name="model"),
-    "junit": _OF_JOBS["junit"],
-    "github": _OF_JOBS["github"],
+    **printed(_findings, "junit", "github"),
 }
 """Formats of an examination, for any of its sections."""
 
@@ -197,7 +195,7 @@ def _filmed(report: "Examination", file: Path) -> Path | None:
 @command(
     "examine",
     examples=("examine robot.xml", "robot.xml --tolerance 30% --write fixed/robot.xml"),
-    formats=FORMATS,
+    formats=EXAMINATION_FORMATS,
 )
 def examine(
     model: opt.Model,

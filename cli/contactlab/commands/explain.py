@@ -3,32 +3,19 @@
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, command
+from contactlab.command_line.report_formats import report_formats
 from contactlab.command_line.surroundings import study_session
-from contactlab.command_line.terminal import echo
 from contactlab.errors import ExpectationError, SweepFileError
 
-
-class Explanation(NamedTuple):
-    """Definitions of words, or the contacts of a model, as text."""
-
-    text: str
-    missed: Sequence[str] = ()  # requested values that a run with these settings does not reach
-
-    def __str__(self) -> str:
-        """Return the text."""
-        return self.text
+if TYPE_CHECKING:
+    from contactlab.schema.explanation import Explanation
 
 
-def _text(found: Explanation, given: Given) -> None:
-    del given
-    echo(found.text)
-
-
-def _failure(found: Explanation, given: Given) -> ExpectationError | None:
+def _failure(found: "Explanation", given: Given) -> ExpectationError | None:
     del given
     if not found.missed:
         return None
@@ -44,7 +31,7 @@ def _failure(found: Explanation, given: Given) -> ExpectationError | None:
         'explain depth_at_rest=".1 mm" MODEL   # the solref for it, verified by a run',
     ),
     codes="0 printed, 1 a run does not reach it, 2 bad input",
-    formats={"text": _text},
+    formats=report_formats(),
     failure=_failure,
 )
 def explain(
@@ -61,7 +48,7 @@ def explain(
     drive: opt.Drive = None,
     duration: opt.Duration = None,
     plugin: opt.Plugins = (),
-) -> Explanation:
+) -> "Explanation":
     """Explain a word of the output, or the contacts of a model.
 
     Raises:
@@ -69,6 +56,7 @@ def explain(
         SceneError: the model does not compile.
     """
     from contactlab.resources import scene_names
+    from contactlab.schema.explanation import Explanation
     from contactlab.studies.explain.contact_words import WORDS, explain_contacts, read_words
     from contactlab.studies.explain.definitions import define_word, is_defined, words_of
 
@@ -80,7 +68,7 @@ def explain(
     if len(models) > 1:
         raise SweepFileError(f"{' and '.join(models)}: name one model; each has its own contacts")
     if not assign and (len(names) > 1 or is_defined(names[0]) or not models):
-        return Explanation("\n\n".join(map(define_word, names)))
+        return Explanation(meanings=tuple(found for name in names for found in define_word(name)))
     if len(names) != 1:
         raise SweepFileError(f"{' '.join(assign)}: name one model after it")
     task = opt.task_of(keyframe, drive, duration)
@@ -88,6 +76,4 @@ def explain(
     wanted = read_words({name: text for name, text in split.items() if name in WORDS})
     other = [f"{name}={text}" for name, text in split.items() if name not in WORDS]
     with tempfile.TemporaryDirectory() as folder, study_session(Path(folder), 0) as session:
-        lines, missed = explain_contacts(names[0], other, wanted, session, task)
-    shown = ["verified by a run with these settings"] * bool(wanted and not missed)
-    return Explanation("\n".join([*lines, *shown]), missed)
+        return explain_contacts(names[0], other, wanted, session, task)

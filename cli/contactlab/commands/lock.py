@@ -1,12 +1,11 @@
 """`contactlab lock`: freeze outcomes, and check that they still hold."""
 
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Given, Option, Show, command, flag
+from contactlab.command_line.declaration import Argument, Given, Option, command, flag
 from contactlab.command_line.judgements import (
     compared,
     failure,
@@ -15,36 +14,19 @@ from contactlab.command_line.judgements import (
     printed,
     publish,
 )
+from contactlab.command_line.report_formats import formats_by_type, report_formats
 from contactlab.command_line.surroundings import say
-from contactlab.command_line.terminal import echo, print_json
 from contactlab.errors import ContactlabError, OutputError, SweepFileError
+from contactlab.printable import shell_word
 
 if TYPE_CHECKING:
     from contactlab.schema.comparison import ComparisonReport
-
-
-class WrittenLock(NamedTuple):
-    """A written lock, and the store of its outcomes."""
-
-    file: Path
-    store: Path
-    runs: int
-
-
-def _shown(form: str, show: Show, result: "WrittenLock | ComparisonReport", given: Given) -> None:
-    """Print a lock, or the result of its check."""
-    if not isinstance(result, WrittenLock):
-        show(result, given)
-    elif form == "json":
-        print_json({"file": str(result.file), "store": str(result.store), "runs": result.runs})
-    else:
-        echo(f"{result.file} holds the outcomes of {result.runs} runs of {result.store}")
-        how = [f"--file {given['file']}"] if given["file"] else []
-        how += ["--allow-code"] if given["allow_code"] else []
-        echo(" ".join([f"check them: contactlab lock {given['source']} --check", *how]))
+    from contactlab.schema.store_reports import WrittenLock
 
 
 def _failure(result: "WrittenLock | ComparisonReport", given: Given) -> ContactlabError | None:
+    from contactlab.schema.store_reports import WrittenLock
+
     return None if isinstance(result, WrittenLock) else failure(result, given)
 
 
@@ -56,7 +38,9 @@ def _failure(result: "WrittenLock | ComparisonReport", given: Given) -> Contactl
         "lock sweeps/gripper.yaml --check --set seeds=[10,11,12]",
     ),
     codes="0 written or unchanged, 1 an outcome changed, 2 bad input, 3 it cannot be judged",
-    formats={form: partial(_shown, form, show) for form, show in printed(compared).items()},
+    formats=formats_by_type(
+        {"ComparisonReport": printed(compared), "WrittenLock": report_formats()}
+    ),
     failure=_failure,
 )
 def lock(
@@ -89,6 +73,7 @@ def lock(
         OutputError: a file cannot be written.
     """
     from contactlab.resources import find_sweep
+    from contactlab.schema.store_reports import WrittenLock
     from contactlab.store.finished_store import Store
     from contactlab.studies.lock.judgement import judge_lock
     from contactlab.studies.lock.lock_file import gated_metrics, lock_of, read_lock, write_lock
@@ -110,7 +95,10 @@ def lock(
     if known is None:
         made = lock_of(opened, gated_metrics(opened, rules), chaotic=chaotic)
         write_lock(path, made, str(source))
-        return WrittenLock(path, store, opened.manifest.runs)
+        options = [f"--file {shell_word(path)}"] if file else []
+        options += ["--allow-code"] if allow_code else []
+        check_it = " ".join([f"contactlab lock {shell_word(source)} --check", *options])
+        return WrittenLock(file=path, store=store, runs=opened.manifest.runs, check=check_it)
     report = judge_lock(known, str(path), opened, rules)
     publish(report, targets)
     return report

@@ -1,15 +1,14 @@
 """`contactlab parity`: whether another engine agrees with MuJoCo."""
 
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Given, Option, Show, command
+from contactlab.command_line.declaration import Argument, Given, Option, command
 from contactlab.command_line.judgements import failure, policy_of, printed
+from contactlab.command_line.report_formats import formats_by_type, report_formats
 from contactlab.command_line.surroundings import say, surroundings
-from contactlab.command_line.terminal import echo
 from contactlab.errors import (
     ContactlabError,
     EngineError,
@@ -20,18 +19,11 @@ from contactlab.errors import (
 if TYPE_CHECKING:
     from contactlab.engines.engine import SimulationEngine
     from contactlab.plan.overrides import Overrides
+    from contactlab.schema.store_reports import WrittenBundle
     from contactlab.studies.parity.panel import Panel
     from contactlab.studies.parity.parity_report import ParityReport, RunParity
     from contactlab.studies.parity.sweep_parity import ParityRequest
     from contactlab.writers import Report
-
-
-class WrittenBundle(NamedTuple):
-    """A folder of runs for an engine on another machine."""
-
-    folder: Path
-    runs: int
-    refused: dict[str, str]  # run id to the reason of its refusal
 
 
 def _report_of(report: "ParityReport", given: Given) -> "Report":
@@ -41,17 +33,9 @@ def _report_of(report: "ParityReport", given: Given) -> "Report":
     return report_of(report)
 
 
-def _shown(show: Show, result: "ParityReport | WrittenBundle", given: Given) -> None:
-    """Print a report, or the number of runs of a bundle."""
-    from contactlab.judge.wording import plural
-
-    if isinstance(result, WrittenBundle):
-        echo(f"{plural(result.runs, 'run')} in {result.folder}, for its check_newton.py")
-    else:
-        show(result, given)
-
-
 def _failure(result: "ParityReport | WrittenBundle", given: Given) -> ContactlabError | None:
+    from contactlab.schema.store_reports import WrittenBundle
+
     return None if isinstance(result, WrittenBundle) else failure(result, given)
 
 
@@ -63,7 +47,9 @@ def _failure(result: "ParityReport | WrittenBundle", given: Given) -> Contactlab
         "parity --from bundle",
     ),
     codes="0 it agrees with MuJoCo, 1 not, 2 bad input, 3 it cannot be judged, 130 interrupted",
-    formats={form: partial(_shown, show) for form, show in printed(_report_of).items()},
+    formats=formats_by_type(
+        {"ParityReport": printed(_report_of), "WrittenBundle": report_formats()}
+    ),
     failure=_failure,
 )
 def parity(
@@ -155,15 +141,16 @@ def _panel(
 
 def _write_bundle(
     name: str, overrides: "Overrides", drive: str | None, folder: Path
-) -> WrittenBundle:
+) -> "WrittenBundle":
     from contactlab.judge.wording import plural
+    from contactlab.schema.store_reports import WrittenBundle
     from contactlab.studies.parity.bundle import ENGINE, write_bundle
 
     panel = _panel(name, ENGINE, overrides, (), drive)
     made = write_bundle(panel, overrides, drive, folder)
     for why in dict.fromkeys(made.refused.values()):
         say(f"{plural(list(made.refused.values()).count(why), 'run')} refused: {why}")
-    return WrittenBundle(folder, len(made.runs), dict(made.refused))
+    return WrittenBundle(folder=folder, runs=len(made.runs), refused=dict(made.refused))
 
 
 def _bundled(folder: Path, policy: str | Path | None) -> "ParityRequest":

@@ -3,89 +3,52 @@
 from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Given, Option, Show, command, flag
+from contactlab.command_line.declaration import Argument, Given, Option, command, flag
 from contactlab.command_line.judgements import printed
+from contactlab.command_line.report_formats import formats_by_type, report_formats
 from contactlab.command_line.store_summary import (
     expectations,
-    format_value,
     summary_csv,
     summary_json,
     summary_text,
     unexpected,
 )
 from contactlab.command_line.surroundings import rerun_with_mujoco, say, surroundings
-from contactlab.command_line.terminal import echo, print_json, print_table
 from contactlab.errors import ContactlabError, SweepFileError
 
 if TYPE_CHECKING:
-    from contactlab.plan.grid import Plan
-    from contactlab.run.forecast import Forecast
     from contactlab.run.sweep_request import SweepRequest
     from contactlab.run.tasks import Executor
+    from contactlab.schema.store_reports import SweepForecast
     from contactlab.store.finished_store import Store
 
 
-class PlannedSweep(NamedTuple):
-    """Runs of a sweep that is only planned, with the time and disk space that they take."""
-
-    plan: "Plan"
-    forecast: "Forecast"
-
-
-def _text(result: "Store | PlannedSweep", given: Given) -> None:
-    if isinstance(result, PlannedSweep):
-        _print_plan(result.plan, result.forecast)
-    else:
-        summary_text(result, given)
-
-
-def _json(result: "Store | PlannedSweep", given: Given) -> None:
-    if isinstance(result, PlannedSweep):
-        keys = ("name", "role", "count", "values")
-        listed = [dict(zip(keys, axis, strict=True)) for axis in _axes(result.plan)]
-        seeds = len(result.plan.sweep.seed_values)
-        print_json({"axes": listed, "seeds": seeds, **vars(result.forecast)})
-    else:
-        summary_json(result, given)
-
-
-def _csv(result: "Store | PlannedSweep", given: Given) -> None:
-    if isinstance(result, PlannedSweep):
-        _print_plan(result.plan, result.forecast)
-    else:
-        summary_csv(result, given)
-
-
-def _judged(show: Show, result: "Store | PlannedSweep", given: Given) -> None:
-    if isinstance(result, PlannedSweep):
-        _print_plan(result.plan, result.forecast)
-    else:
-        show(result, given)
-
-
-def _failure(result: "Store | PlannedSweep", given: Given) -> ContactlabError | None:
+def _failure(result: "Store | SweepForecast", given: Given) -> ContactlabError | None:
     """Return the error of lost runs, or of runs that are not as the sweep expects."""
+    from contactlab.store.finished_store import Store
+
     del given
-    return None if isinstance(result, PlannedSweep) else unexpected(result)
-
-
-_OF_JOBS = printed(expectations)
+    return unexpected(result) if isinstance(result, Store) else None
 
 
 @command(
     "run",
     examples=("sweep grasp", "sweep grid.yaml --set timestep=1e-3 --workers 4"),
-    formats={
-        "text": _text,
-        "json": _json,
-        "csv": _csv,
-        **{form: partial(_judged, _OF_JOBS[form]) for form in ("markdown", "junit", "github")},
-    },
+    formats=formats_by_type(
+        {
+            "Store": {
+                "text": summary_text,
+                "json": summary_json,
+                "csv": summary_csv,
+                **printed(expectations, "markdown", "junit", "github"),
+            },
+            "SweepForecast": report_formats(),
+        }
+    ),
     failure=_failure,
 )
 def sweep(
@@ -128,7 +91,7 @@ def sweep(
 
     The source may also be the content of a sweep file, as data. The store is `results/NAME` unless
     `output` names another, and is returned open. With `plan` nothing runs, and the result is a
-    PlannedSweep.
+    SweepForecast.
 
     Raises:
         SweepFileError: the sweep or a setting has mistakes; the message lists all.
@@ -171,9 +134,7 @@ def sweep(
     for warning in request.plan.warnings:
         say(str(warning))
     if plan:
-        return PlannedSweep(
-            request.plan, forecast_sweep(request.plan, request.scene, request.workers)
-        )
+        return forecast_sweep(request.plan, request.scene, request.workers)
     if request.plan.count > CONFIRM_ABOVE and not yes:
         raise SweepFileError(
             f"the sweep has {request.plan.count:,} runs; look at it with --plan, then run it with "
@@ -235,57 +196,3 @@ def _cluster(
     if name not in found:
         raise SweepFileError(f"no executor '{name}'; installed are {', '.join(['local', *found])}")
     return found[name].load()(address, workers)
-
-
-def _axes(plan: "Plan") -> list[tuple[str, str, int, str]]:
-    return [(axis.name, axis.role, axis.count, _range(axis.values)) for axis in plan.axes]
-
-
-def _print_plan(plan: "Plan", forecast: "Forecast") -> None:
-    from contactlab.plan.kept_traces import MANY_RUNS, OF_MANY
-
-    print_table(("axis", "role", "values", "range"), _axes(plan))
-    part, least = 1.0, ""
-    if refine := plan.sweep.refining:
-        from contactlab.plan.refined_axes import smallest_run_count
-
-        runs = smallest_run_count(refine, forecast.runs)
-        part, least = runs / forecast.runs, f"{runs:,} to "
-    echo(f"runs   {least}{forecast.runs:,} (seeds {len(plan.sweep.seed_values)})")
-    echo(f"steps  {f'{part * forecast.steps:,.0f} to ' if least else ''}{forecast.steps:,}")
-    echo(f"time   {_seconds(part * forecast.seconds[0])} to {_seconds(forecast.seconds[1])}")
-    passes = {
-        "accuracy": forecast.accuracy_seconds,
-        "timing": forecast.timing_seconds,
-        "checks of all runs, or more": forecast.checks_seconds,
-    }
-    for name, seconds in passes.items():
-        if seconds:
-            echo(f"       {_seconds(seconds)} of it for {name}")
-    echo(f"disk   {_sizes((part * forecast.bytes[0], forecast.bytes[1]))} of traces")
-    for form, size in forecast.bytes_by_format.items():
-        if form != plan.sweep.trace_format and size[1]:
-            echo(f"       {_sizes(size)} with trace_format: {form}")
-    if forecast.runs > MANY_RUNS and plan.sweep.trace == OF_MANY:
-        echo(f"traces {OF_MANY}: those of unstable runs and 1,000 others; `trace: all` keeps all")
-    for warning in forecast.warnings:
-        echo(f"warning: {warning}")
-
-
-def _range(values: tuple[object, ...]) -> str:
-    shown = values if len(values) <= 6 else (*values[:2], "...", values[-1])
-    return ", ".join(format_value(value) for value in shown)
-
-
-def _sizes(least_most: tuple[float, float]) -> str:
-    least, most = (
-        f"{size / 1e9:.3g} GB" if size >= 1e9 else f"{size / 1e6:.3g} MB" for size in least_most
-    )
-    return f"{least} to {most}"
-
-
-def _seconds(seconds: float) -> str:
-    for unit, size in (("s", 1), ("min", 60), ("h", 3600)):
-        if seconds < 99 * size:
-            return f"{seconds / size:.2g} {unit}"
-    return f"{seconds / 86_400:,.0f} days"

@@ -1,33 +1,22 @@
 """Work with the traces of a store."""
 
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Given, Option, command
-from contactlab.command_line.terminal import echo
+from contactlab.command_line.declaration import Argument, Option, command
+from contactlab.command_line.report_formats import report_formats
 from contactlab.errors import OutputError, StoreError
 
-
-class ExpandedTraces(NamedTuple):
-    """Traces as messages, in a folder."""
-
-    folder: Path
-    traces: int
-    bytes: int
-
-
-def _text(done: ExpandedTraces, given: Given) -> None:
-    del given
-    count = "1 trace" if done.traces == 1 else f"{done.traces:,} traces"
-    echo(f"{count} as messages in {done.folder}: {done.bytes / 1e6:.2g} MB")
+if TYPE_CHECKING:
+    from contactlab.schema.store_reports import ExpandedTraces
 
 
 @command(
     "read",
     name="traces expand",
     examples=("traces expand results/grasp 3ead3115 -o messages",),
-    formats={"text": _text},
+    formats=report_formats(),
 )
 def expand(
     store: opt.StoreArgument,
@@ -45,13 +34,14 @@ def expand(
             short="-o",
         ),
     ] = None,
-) -> ExpandedTraces:
+) -> "ExpandedTraces":
     """Write traces as messages, which viewers open, with every bit of a compact trace.
 
     Raises:
         StoreError: there is no such store or run, or it has no trace.
         OutputError: the folder is in the store, or cannot be written.
     """
+    from contactlab.schema.store_reports import ExpandedTraces
     from contactlab.store.atomic_files import atomic_write, write_errors
     from contactlab.store.finished_store import Store
 
@@ -73,4 +63,4 @@ def expand(
         with atomic_write(folder / f"{record.run_id}.mcap") as temporary:
             temporary.write_bytes(content)
         size += len(content)
-    return ExpandedTraces(folder, len(records), size)
+    return ExpandedTraces(folder=folder, traces=len(records), bytes=size)

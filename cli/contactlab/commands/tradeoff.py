@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Unpack
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, Option, command
 from contactlab.command_line.quantities import read_error, read_seconds
-from contactlab.command_line.report_formats import print_markdown, print_text
+from contactlab.command_line.report_formats import formats_by_type, report_formats
 from contactlab.command_line.surroundings import say, study_session
-from contactlab.command_line.terminal import print_report_json
 from contactlab.errors import OutputError, SweepFileError
 from contactlab.printable import shell_word
 from contactlab.resources import RESULTS
@@ -21,18 +20,6 @@ if TYPE_CHECKING:
     from contactlab.store.store_files import Address
 
 
-def _text(report: "TradeoffReport | TuneReport", given: Given) -> None:
-    from contactlab.schema.tune_report import TuneReport
-
-    print_text(_folder if isinstance(report, TuneReport) else None)(report, given)
-
-
-def _markdown(report: "TradeoffReport | TuneReport", given: Given) -> None:
-    from contactlab.schema.tune_report import TuneReport
-
-    print_markdown(_folder if isinstance(report, TuneReport) else None)(report, given)
-
-
 def _folder(given: Given) -> Path:
     return opt.study_folder("tradeoff", given["source"], given["output"])
 
@@ -40,7 +27,9 @@ def _folder(given: Given) -> Path:
 @command(
     "examine",
     examples=("tradeoff results/bounce --tolerance oracle_error=1%",),
-    formats={"text": _text, "json": print_report_json, "markdown": _markdown},
+    formats=formats_by_type(
+        {"TradeoffReport": report_formats(), "TuneReport": report_formats(_folder)}
+    ),
 )
 def tradeoff(
     source: Annotated[

@@ -1,12 +1,12 @@
 """`contactlab verify`: check that a store is intact."""
 
 from itertools import islice
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Given, Option, command
+from contactlab.command_line.report_formats import report_formats
 from contactlab.command_line.surroundings import say
-from contactlab.command_line.terminal import echo, print_json
 from contactlab.errors import CommandLineError, StoreError
 from contactlab.printable import in_one_line
 
@@ -14,52 +14,22 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-
-class Soundness(NamedTuple):
-    """Verdict on a store, and the extent of the check."""
-
-    sound: bool
-    problems: list[str]
-    unverified: list[str]  # parts that could not be checked here
-    runs: int
-    digest: str
-    physics: str  # digest of the results, without clocks; empty for a store without a table
+    from contactlab.schema.store_reports import StoreVerification
 
 
-def _text(result: Soundness, given: Given) -> None:
-    if not result.sound:
-        for problem in result.problems:
-            echo(in_one_line(problem))
-        return
-    from contactlab.store.finished_store import Store
-
-    store = opt.address_of(given["store"])
-    manifest = Store.unchecked(store).manifest
-    left_out = " left out" if manifest.traces_left_out else ""
-    echo(f"{store} is sound: {manifest.runs} runs, {manifest.traces} traces{left_out}")
-    for reason in result.unverified:
-        echo(f"not verified: {reason}")
-    echo(f"physics {result.physics}")
-    echo(f"digest {result.digest}")
-
-
-def _json(result: Soundness, given: Given) -> None:
+def _failure(result: "StoreVerification", given: Given) -> StoreError | None:
     del given
-    print_json(result._asdict())
-
-
-def _failure(result: Soundness, given: Given) -> StoreError | None:
     if result.sound:
         return None
     found = len(result.problems)
     count = "1 problem" if found == 1 else f"{found} problems"
-    return StoreError(f"{opt.address_of(given['store'])} is not sound: {count}")
+    return StoreError(f"{result.store} is not sound: {count}")
 
 
 @command(
     "read",
     examples=("verify results/grasp --simulate 20",),
-    formats={"text": _text, "json": _json},
+    formats=report_formats(),
     failure=_failure,
 )
 def verify(
@@ -70,7 +40,7 @@ def verify(
         str | None, Option("SHARE", "Check a random sample of this size: 1%.")
     ] = None,
     allow_code: opt.AllowCode = False,
-) -> Soundness:
+) -> "StoreVerification":
     """Check the files of a store, and recompute its results.
 
     With `sample`, records and traces are checked for this share of the runs, drawn again each time.
@@ -80,6 +50,7 @@ def verify(
         CommandLineError: the sample is not a share.
         StoreError: there is no store.
     """
+    from contactlab.schema.store_reports import StoreVerification
     from contactlab.store.finished_store import Store
     from contactlab.store.verify_store import MOST_PROBLEMS, find_problems, unverifiable_parts
 
@@ -111,7 +82,17 @@ def verify(
         again = simulated_problems(opened, simulate, allow_code=allow_code)
         problems += again if simulate and not problems else ()
     physics = "" if problems else opened.physics
-    return Soundness(not problems, problems, left, opened.manifest.runs, opened.digest, physics)
+    return StoreVerification(
+        store=str(address),
+        sound=not problems,
+        problems=tuple(map(in_one_line, problems)),
+        unverified=tuple(left),
+        runs=opened.manifest.runs,
+        traces=opened.manifest.traces,
+        traces_left_out=opened.manifest.traces_left_out,
+        digest=opened.digest,
+        physics=physics,
+    )
 
 
 def _share(text: str) -> float:

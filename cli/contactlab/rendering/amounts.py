@@ -5,6 +5,9 @@ import math
 _SCALED = {"mm": 1e3, "mm/s": 1e3, "ms": 1e3, "us": 1e6}
 """Units that are printed for SI numbers, and the factor from the SI unit."""
 _MOST_DIGITS = 9  # more are rounding
+_LONG_UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0}
+"""Units of long times [s]; from 99 of one on, the next one is shown."""
+_DAY_SECONDS = 86_400
 _TWO_DIGITS = 0.1  # below it, two decimals show fewer than two significant digits
 
 
@@ -16,7 +19,8 @@ def format_amount(
     Args:
         value: in SI units; of a share or a ratio, 0.5 is a half. None is unknown.
         unit: `%` for a share, `x` for a ratio of times, `count` for a whole number with its
-            thousands, `N` with a prefix as needed, `mm`, `mm/s`, `ms` or `us` for small SI numbers;
+            thousands, `N` with a prefix as needed, `B` for a size in MB or GB, `long` for a time
+            in s, min, h or days, `mm`, `mm/s`, `ms` or `us` for small SI numbers;
             any other unit is written after the number, and "" and "1" are not.
         digits: significant digits; 2 of shares and forces, 3 of other numbers. Digits before the
             point are never lost below 1e5.
@@ -33,6 +37,11 @@ def format_amount(
             text = f"{value:,.0f}"
         case "N":
             text = _format_force(value, digits or 2)
+        case "B":
+            power, name = (1e9, "GB") if value >= 1e9 else (1e6, "MB")
+            text = f"{format_digits(value / power, digits or 3)} {name}"
+        case "long":
+            text = _format_long_time(value)
         case "" | "1":
             text = format_digits(value, digits or 3)
         case _:
@@ -50,6 +59,13 @@ def format_interval(low: float | None, high: float | None, unit: str = "%") -> s
     suffix = "" if unit == "x" else f" {unit}"
     first, last = format_amount(low, unit), format_amount(high, unit)
     return f"{first.removesuffix(suffix).removeprefix('x')} to {last.removeprefix('x')}"
+
+
+def format_setting(value: object, digits: int = 6) -> str:
+    """Return the value of a setting or an axis: `0.02 1`, `elliptic`."""
+    if isinstance(value, tuple):
+        return " ".join(format_setting(item, digits) for item in value)
+    return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
 
 
 def format_above(share: float, limit: float) -> str:
@@ -73,3 +89,11 @@ def format_digits(number: float, digits: int = 3) -> str:
 def _format_force(force: float, digits: int) -> str:
     power = min(3, max(0, math.floor(math.log10(force) / 3))) if force > 0 else 0
     return f"{format_digits(force / 1e3**power, digits)} {('N', 'kN', 'MN', 'GN')[power]}"
+
+
+def _format_long_time(seconds: float) -> str:
+    most = 99
+    for unit, size in _LONG_UNITS.items():
+        if seconds < most * size:
+            return f"{seconds / size:.2g} {unit}"
+    return f"{seconds / _DAY_SECONDS:,.0f} days"

@@ -18,6 +18,7 @@ from contactlab.plan.refinement import (
     smallest_detected_island,
 )
 from contactlab.plan.sides import fields_read_by, side_of
+from contactlab.rendering.amounts import format_setting
 from contactlab.reporting.report_columns import in_small_units, number_with_unit
 from contactlab.schema.evidence import WholeGrid
 from contactlab.schema.sweep_schema import Limit, Sweep
@@ -125,7 +126,7 @@ def boundary_lines(found: Boundaries) -> Iterator[str]:
     for sides in found.sides[:_MOST_LINES]:
         if len(found.sides) > 1:
             yield ", ".join(
-                f"{name} {_format_value(value)}" for name, value in sides.shared.items()
+                f"{name} {format_setting(value, 4)}" for name, value in sides.shared.items()
             )
         yield from _axis_lines(axes, sides.names, sides.codes)
     if len(found.sides) > _MOST_LINES:
@@ -229,7 +230,7 @@ def _limit_lines(found: Boundaries, limit: Limit) -> Iterator[str]:
         scenario: int(np.argmin(np.append(good[order], False))) for scenario, good in sound.items()
     }
     for scenario, count in [*counts.items()][:_MOST_LIMITS]:
-        of = ", ".join(f"{name} {_format_value(value)}" for name, value in scenario)
+        of = ", ".join(f"{name} {format_setting(value, 4)}" for name, value in scenario)
         yield f"{_limit_line(axis, limit, order, count)}{f', for {of}' if of else ''}"
         if again := int(sound[scenario][order[count:]].sum()):
             yield f"  beyond it {again:,} of {len(order) - count:,} pass again"
@@ -247,7 +248,3 @@ def _limit_line(axis: _AxisText, limit: Limit, order: Sequence[int], count: int)
     if count == len(order):
         return f"{sought}: {axis.at(order[-1])}, the last of the sweep"
     return f"{sought}: {axis.at(order[count - 1])}; {axis.at(order[count])} fails"
-
-
-def _format_value(value: object) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -8,6 +8,7 @@ from contactlab.measure import labels_with
 from contactlab.plan.sampled_shares import configuration_of
 from contactlab.plan.search import searched_axes
 from contactlab.plan.sides import counts_for_share, fields_read_by
+from contactlab.rendering.amounts import format_setting
 from contactlab.schema.sweep_schema import Sweep, Until
 from contactlab.shares import anytime
 from contactlab.store.finished_store import Store
@@ -94,12 +95,12 @@ def worst_lines(store: Store) -> Iterator[str]:
     unit = columns.described[metric].unit
     most_lines = 12
     for key, row in [*worst.items()][:most_lines]:
-        at = ", ".join(f"{name} {_format_value(row[name])}" for name in axes)
+        at = ", ".join(f"{name} {format_setting(row[name], 4)}" for name in axes)
         of = ", ".join(
-            f"{name} {_format_value(row[name])}" for name in others if columns.varies(name)
+            f"{name} {format_setting(row[name], 4)}" for name in others if columns.varies(name)
         )
         sought = f"{'largest' if sweep.search.maximise else 'least'} {metric}"
-        value = f"{_format_value(row[metric])}{f' {unit}' if unit != '1' else ''}"
+        value = f"{format_setting(row[metric], 4)}{f' {unit}' if unit != '1' else ''}"
         run = str(row["run_id"])[:_ID_DIGITS]
         of = f" of {of}" if of else ""
         yield f"{sought}{of}: {value} at {at}, run {run}, in {trials[key]:,} trials"
@@ -111,7 +112,3 @@ def _is_worse(value: float, other: object, sweep: Sweep) -> bool:
     assert sweep.search is not None
     assert isinstance(other, float | int)
     return value > other if sweep.search.maximise else value < other
-
-
-def _format_value(value: object) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -101,18 +101,18 @@ def not_tried_line(report: Examination) -> str:
     return f"not tried within the CPU limit: {', '.join(named)}{rest}; --max-cpu 5min allows more"
 
 
-def grouped_contacts(contacts: Iterable[RestingContact]) -> list[list[str]]:
-    """Say the settings of contacts in units of the world; those that are alike are said once."""
-    names: dict[tuple[str, ...], list[str]] = {}
+def grouped_contacts(
+    contacts: Iterable[RestingContact],
+) -> dict[str, tuple[tuple[str, str], ...]]:
+    """Return the settings of contacts by name, in units of the world; those alike stand once."""
+    names: dict[tuple[tuple[str, str], ...], list[str]] = {}
     for contact in contacts:
-        head, *rest = contact_lines(contact)
-        solref = head.removeprefix(f"{contact.name}:").strip()
-        names.setdefault((solref, *rest), []).append(contact.name)
-    return [[f"{', '.join(of) + ':':<14} {solref}", *rest] for (solref, *rest), of in names.items()]
+        names.setdefault(contact_facts(contact), []).append(contact.name)
+    return {", ".join(alike): facts for facts, alike in names.items()}
 
 
-def contact_lines(contact: RestingContact) -> list[str]:
-    """Say a contact's settings in units of the world."""
+def contact_facts(contact: RestingContact) -> tuple[tuple[str, str], ...]:
+    """Return the settings of a contact in units of the world, each after its name."""
     rest = {"depth_at_rest": f"it does not rest at the end of its {contact.phase} phase"}
     if contact.expected_depth is not None:
         depth = contact.expected_depth
@@ -126,11 +126,11 @@ def contact_lines(contact: RestingContact) -> list[str]:
         }
     most, now = contact.longest_step * 1e3, contact.timestep * 1e3
     said = {
-        f"{contact.name}:": f'solref="{" ".join(f"{number:.6g}" for number in contact.solref)}"',
+        "solref": " ".join(f"{number:.6g}" for number in contact.solref),
         **rest,
         "in an impact": f"{contact.stiffness:.4g} N/m, {contact.damping:.4g} N s/m, ratio "
         f"{contact.damping_ratio:.4g}",
         "restitution": f"{contact.restitution:.3g}, without gravity",
         "timestep": f"at most {most:.4g} ms; it is {now:.4g} ms",
     }
-    return [f"{name:<14} {text}" for name, text in said.items()]
+    return tuple(said.items())

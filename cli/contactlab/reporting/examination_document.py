@@ -87,8 +87,8 @@ def describe_examination(
     sections.append(Section(tuple(map(Sentence, told)), "facts"))
     if details_or_alone:
         sections += [
-            Section((Code(tuple(lines), indent=0),), "contacts")
-            for lines in grouped_contacts(report.contacts)
+            Section((Facts(facts),), "contacts", title=names)
+            for names, facts in grouped_contacts(report.contacts).items()
         ]
     others = (fix for fix in report.fixes if fix is not first_fix(report.fixes))
     sections += [

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
+from contactlab.rendering.amounts import format_setting
 from contactlab.reporting.report_columns import summary_metrics
 from contactlab.schema.evidence import ParameterBudget, ParameterRow
 from contactlab.schema.sweep_schema import MOST_SENSITIVITIES, Sweep
@@ -117,7 +118,7 @@ def sensitivity_lines(found: Sensitivity) -> Iterator[str]:
 def budget_sentence(budget: ParameterBudget, store: Store) -> str:
     """Return the run of a budget in words, with its numerical error."""
     varying = [*budget.shared.items(), *budget.middle.items()]
-    at = ", ".join(f"{n} {_format_value(v)}" for n, v in varying if store.columns.varies(n))
+    at = ", ".join(f"{n} {format_setting(v, 4)}" for n, v in varying if store.columns.varies(n))
     return f"error budget of the run at {at}: numerical error {_format_error(budget.run)}"
 
 
@@ -147,7 +148,3 @@ def axes_of_starts(budget: ParameterBudget) -> list[str]:
 
 def _format_error(share: float | None) -> str:
     return "not measured, because the engine gave up" if share is None else f"{share:.2%}"
-
-
-def _format_value(value: object) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)

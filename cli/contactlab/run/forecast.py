@@ -1,7 +1,7 @@
 """Forecast of a sweep before it runs: number of runs, time, disk, and suspicious settings."""
 
 import time
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Hashable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -15,10 +15,13 @@ from contactlab.engines import engine_of
 from contactlab.engines.engine import ChecksRuns, PreparedRuns, bytes_of_run
 from contactlab.plan.grid import Plan
 from contactlab.plan.kept_traces import KeptTraces
+from contactlab.plan.refined_axes import smallest_run_count
+from contactlab.rendering.amounts import format_setting
 from contactlab.run.planned_runs import RunIndex, reference_models
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
+from contactlab.schema.store_reports import PlannedAxis, SweepForecast
 
 # Above this product of step and natural frequency, contacts gain energy under the Euler family.
 _MAX_STEP_RATE = 0.8
@@ -31,26 +34,6 @@ _CHECK_REPETITIONS, _CHECKED_STEPS = 8, 2
 _OVERHEAD_FACTORS = (1.2, 2.5)
 # Size of a trace, least and most, as a share of the recorded arrays.
 _COMPRESSED_SHARES = {"messages": (0.1, 0.6), "compact": (0.03, 0.2)}
-
-
-@dataclass(frozen=True)
-class Forecast:
-    """The expected cost of a sweep of distinct runs, and warnings about suspicious settings.
-
-    Wall time [s] and size of the traces are estimated from below and above. Parts of the time are
-    for references and errors, for times and work, and (at least) for checks of all runs. The size
-    is also given for every `trace_format`, and is 0 if no trace is kept.
-    """
-
-    runs: int
-    steps: int
-    seconds: tuple[float, float]
-    accuracy_seconds: float
-    timing_seconds: float
-    checks_seconds: float
-    bytes: tuple[float, float]
-    bytes_by_format: Mapping[str, tuple[float, float]]
-    warnings: tuple[str, ...]
 
 
 @dataclass
@@ -68,7 +51,7 @@ class _RunSums:
     sampled: list[RunSpec] = field(default_factory=list[RunSpec])
 
 
-def forecast_sweep(plan: Plan, scene: Scene, workers: int) -> Forecast:
+def forecast_sweep(plan: Plan, scene: Scene, workers: int) -> SweepForecast:
     """Estimate the cost of a sweep from a few hundred steps of a few of its runs."""
     index = RunIndex(plan, scene)
     sums, sweep, workers = _sum_runs(index, scene), plan.sweep, max(1, workers)
@@ -97,8 +80,17 @@ def forecast_sweep(plan: Plan, scene: Scene, workers: int) -> Forecast:
         form: (sums.bytes * fewest * low, sums.bytes * all_kept * high)
         for form, (low, high) in _COMPRESSED_SHARES.items()
     }
-    return Forecast(
+    refine = sweep.refining
+    return SweepForecast(
+        axes=tuple(
+            PlannedAxis(
+                name=axis.name, role=axis.role, count=axis.count, values=_values_text(axis.values)
+            )
+            for axis in plan.axes
+        ),
+        seeds=len(sweep.seed_values),
         runs=len(index),
+        least_runs=smallest_run_count(refine, len(index)) if refine else None,
         steps=sums.steps,
         seconds=(
             least * share * _OVERHEAD_FACTORS[0] + checks + passes,
@@ -109,8 +101,15 @@ def forecast_sweep(plan: Plan, scene: Scene, workers: int) -> Forecast:
         checks_seconds=checks,
         bytes=sizes[sweep.trace_format],
         bytes_by_format=sizes,
+        trace=sweep.trace,
+        trace_format=sweep.trace_format,
         warnings=tuple(_forecast_warnings(plan, len(index), sums)),
     )
+
+
+def _values_text(values: tuple[object, ...]) -> str:
+    shown = values if len(values) <= 6 else (*values[:2], "...", values[-1])
+    return ", ".join(map(format_setting, shown))
 
 
 def _sum_runs(index: RunIndex, scene: Scene) -> _RunSums:

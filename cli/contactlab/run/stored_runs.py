@@ -32,24 +32,9 @@ from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import EvidenceRecord
+from contactlab.schema.store_reports import RunReplay
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import trace_damage
-
-
-@dataclass(frozen=True)
-class ReplayResult:
-    """A replay, compared with the stored run, which it should reproduce bit for bit."""
-
-    run_id: str
-    equal: bool
-    stored_hash: str | None
-    hash: str
-    # The first step that ends in different states; None if they are equal, without a trace, or if
-    # the trace is equal although its hash is not.
-    step: int | None
-    difference: float | None  # largest difference of a coordinate there [m, rad, m/s or rad/s]
-    stored_engine: str
-    damage: str | None = None  # the damage of the stored trace; the replay does not use it
 
 
 @dataclass(frozen=True)
@@ -124,7 +109,7 @@ def canonical_values(scene: Scene, axes: Mapping[str, object]) -> dict[str, obje
     return {name: _parse_value(scene, name, value) for name, value in axes.items()}
 
 
-def replay_run(store: Store, run: str, *, allow_code: bool = False) -> ReplayResult:
+def replay_run(store: Store, run: str, *, allow_code: bool = False) -> RunReplay:
     """Simulate a stored run again. Return whether it is equal, or where it first differs.
 
     A SceneError says that it is an episode of an environment with code that is not allowed.
@@ -141,7 +126,16 @@ def replay_run(store: Store, run: str, *, allow_code: bool = False) -> ReplayRes
     if new != old and damage is None:
         step, difference = _first_difference(store, record, rollout)
     engine = f"{record.engine.name} {record.engine.version}"
-    return ReplayResult(record.run_id, new == old, old, new, step, difference, engine, damage)
+    return RunReplay(
+        run_id=record.run_id,
+        equal=new == old,
+        stored_hash=old,
+        hash=new,
+        step=step,
+        difference=difference,
+        stored_engine=engine,
+        damage=damage,
+    )
 
 
 def stored_start(

@@ -8,7 +8,8 @@ from contactlab.errors import SceneError, SweepFileError
 from contactlab.mjcf import AT_REST
 from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
-from contactlab.reporting.examination import contact_lines, grouped_contacts
+from contactlab.schema.examination import RestingContact
+from contactlab.schema.explanation import Explanation
 from contactlab.schema.setting_values import without_unit
 from contactlab.studies.examine.resting_contacts import RestingPair, resting_contacts, resting_pairs
 from contactlab.tasks.checked_model import CheckedModel, open_model
@@ -40,10 +41,10 @@ def explain_contacts(
     words: Mapping[str, float],
     session: Session,
     options: TaskOptions = AS_INFERRED,
-) -> tuple[list[str], list[str]]:
-    """Return the contacts of a model, or settings for requested values, after the line of its task.
+) -> Explanation:
+    """Return the contacts of a model, or those with settings for requested values.
 
-    A run with the settings verifies the values; the second list has those that it does not reach.
+    A run with the settings verifies the values; the report names those that it does not reach.
 
     Raises:
         SceneError: the values have no meaning for the model.
@@ -60,12 +61,7 @@ def explain_contacts(
         )
     head = examined.task.line
     if not words:
-        contacts = resting_contacts(examined)
-        lines = [line for said in grouped_contacts(contacts) for line in said]
-        return [
-            head,
-            *(lines or ["no body in contact can move, so no contact has a stiffness"]),
-        ], []
+        return Explanation(task=head, contacts=tuple(resting_contacts(examined)))
     pairs = list(resting_pairs(examined))
     if words.keys() & AT_REST.keys():
         pairs = [pair for pair in pairs if pair.load]
@@ -74,15 +70,17 @@ def explain_contacts(
             f"{model}: no pair rests at the end of the first phase, so there is no depth or "
             "stiffness. Give a restitution, or a model that comes to rest"
         )
-    lines, missed = [head], list[str]()
+    contacts, missed = list[RestingContact](), list[str]()
     for pair in pairs:
         solref = " ".join(f"{number:.8g}" for number in pair.solved(words))
         changed = with_settings(f'solref="{solref}"')
         again = next(found for found in resting_pairs(changed) if found.law.name == pair.law.name)
         timestep = changed.resolved.timestep
-        lines += contact_lines(again.contact(timestep))
+        contacts.append(again.contact(timestep))
         missed += _missed_values(again, words, timestep)
-    return lines, missed
+    return Explanation(
+        task=head, contacts=tuple(contacts), requested=tuple(words), missed=tuple(missed)
+    )
 
 
 def _missed_values(pair: RestingPair, words: Mapping[str, float], timestep: float) -> Iterator[str]:

@@ -20,6 +20,7 @@ from contactlab.scene.effects.effect import Effect
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.parameters import PARAMETERS, Parameter
 from contactlab.scene.scene_source import find_scene
+from contactlab.schema.explanation import WordMeaning
 from contactlab.store.table_layout import FIXED_COLUMNS, LOOP_COLUMNS, PLUGINS_COLUMN, Column
 from contactlab.studies.check.check_entries import CHECKS, Check
 from contactlab.studies.explain.glossary import Term, read_glossary
@@ -37,8 +38,8 @@ def is_defined(word: str) -> bool:
     return _definition_key(word) in _collect_definitions() or _definition_key(word) in _scene_axes()
 
 
-def define_word(word: str) -> str:
-    """Return every definition of a word, as text.
+def define_word(word: str) -> tuple[WordMeaning, ...]:
+    """Return every meaning of a word.
 
     Case does not matter, nor does a unit in brackets, as in `depth [m]`.
 
@@ -55,7 +56,10 @@ def define_word(word: str) -> str:
             f"'{word}' has no definition",
             "; `contactlab list` says where names are listed, docs/glossary.md has all terms",
         )
-    return "\n\n".join("\n".join(lines()) for lines in meanings or ())
+    return tuple(
+        WordMeaning(word=word, title=title, texts=tuple(texts))
+        for title, *texts in (lines() for lines in meanings or ())
+    )
 
 
 def words_of(names: list[str]) -> list[str]:

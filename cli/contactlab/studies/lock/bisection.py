@@ -14,28 +14,16 @@ from contactlab.comparison.compare_stores import compare
 from contactlab.errors import ContactlabError, ExpectationError, PolicyError, StoppedError
 from contactlab.schema.comparison import ComparePolicy, ComparisonReport
 from contactlab.schema.finding import Finding
+from contactlab.schema.store_reports import ChangingRelease
 from contactlab.store.atomic_files import atomic_write, sha256_of
 
 # Checks that count as an outcome: those of the first of these groups that differ at the ends.
 _KINDS = (frozenset({"runs", "labels"}), frozenset({"metrics"}))
 
 
-@dataclass(frozen=True)
-class Culprit:
-    """Two releases with different outcomes, and the number of releases that were run.
-
-    The releases between them could not be run; each has the reason.
-    """
-
-    before: str
-    after: str
-    skipped: dict[str, str]
-    steps: int
-
-
 def find_change(
     versions: Sequence[str], differs: Callable[[str], bool], notify: Callable[[str], None]
-) -> Culprit:
+) -> ChangingRelease:
     """Find neighbors, one with the outcome of the first version, the other without it.
 
     The first and the last differ. For n versions, ceil(log2(n - 1)) are run, and more only if some
@@ -57,7 +45,9 @@ def find_change(
         notify(f"{version}: {'not ' if is_other else ''}as in {versions[0]}")
         same, other = (same, middle) if is_other else (middle, other)
     between = {name: skipped[name] for name in versions[same + 1 : other]}
-    return Culprit(versions[same], versions[other], between, steps)
+    return ChangingRelease(
+        before=versions[same], after=versions[other], skipped=between, steps=steps
+    )
 
 
 @dataclass
@@ -95,7 +85,7 @@ class SweepOutcomes:
         """Return whether any of these outcomes differs from that of the first release."""
         return bool(self._has_changed(self.compared(self.good, version)))
 
-    def shown(self, found: Culprit) -> ComparisonReport:
+    def shown(self, found: ChangingRelease) -> ComparisonReport:
         """Return the comparison of two neighbours, with the outcomes that changed."""
         report = self.compared(found.before, found.after)
         if not self._has_changed(

@@ -1,0 +1,76 @@
+"""Describes the record of a run: its label, coverage, metrics, settings and pairs."""
+
+from collections.abc import Iterator
+
+from contactlab.printable import shell_word
+from contactlab.rendering.amounts import format_percent, format_setting
+from contactlab.rendering.document import Commands, Document, Facts, Headline, document_of, table_of
+from contactlab.reporting.coverage_rows import coverage_rows
+from contactlab.reporting.told_geoms import told_geoms
+from contactlab.schema.evidence import EvidenceRecord
+from contactlab.store.finished_store import Store
+
+
+def describe_run(store: Store, record: EvidenceRecord) -> Document:
+    """Describe a run of a store, the reasons of its label first."""
+    named = told_geoms(store, {0: record})[0]
+    labels = [(entry.label, entry.step, named(entry.reason)) for entry in record.labels]
+    tables = [table_of(("label", "first step", "reason"), labels)]
+    if record.coverage is not None:
+        rows = [tuple(map(named, row)) for row in coverage_rows(record.coverage, record.pairs)]
+        tables.append(table_of(("exercised", "not at all", "share of range or time"), rows))
+    measured = {name: value for name, value in record.metrics.items() if value is not None}
+    metrics = [(name, f"{value:.6g}", record.units[name]) for name, value in measured.items()]
+    tables.append(table_of(("metric", "value", "unit"), metrics))
+    settings = [
+        (name, format_setting(value), "swept" if name in record.axes else "")
+        for name, value in {**record.settings, **record.axes}.items()
+    ]
+    tables.append(table_of(("setting", "value", ""), settings))
+    pairs = [
+        (
+            named(name),
+            pair.condim,
+            *map(format_setting, (pair.friction, pair.solref, pair.solimp)),
+            pair.margin,
+        )
+        for name, pair in record.pairs.items()
+    ]
+    tables.append(table_of(("pair", "condim", "friction", "solref", "solimp", "margin"), pairs))
+    return document_of(
+        [Headline(f"run {record.run_id}: {record.label}"), Facts((*_run_facts(store, record),))],
+        *([table] for table in tables if table.rows),
+        [Commands((*_next_commands(store, record),))],
+    )
+
+
+def _run_facts(store: Store, record: EvidenceRecord) -> Iterator[tuple[str, str]]:
+    yield "scene", f"{record.scene} ({record.scene_hash}), seed {record.seed}"
+    yield "engine", f"{record.engine.name} {record.engine.version}"
+    yield "steps", f"{record.steps} of {record.steps_asked}, status {record.status}"
+    if record.expectation_met is not None:
+        reason = f": {record.expectation_reason}" if record.expectation_reason else ""
+        yield "expected", f"{'met' if record.expectation_met else 'not met'}{reason}"
+    if record.cost is not None:
+        yield "cost", f"{record.cost.cpu_per_sim_s:.3g} CPU seconds per simulated second"
+        if record.cost.latency_used is not None:
+            used = format_percent(record.cost.latency_used)
+            yield "latency", f"{used} of the budget, on average"
+    if record.edited_geoms:
+        yield "edited", ", ".join(record.edited_geoms)
+    yield "trajectory", str(record.trajectory_hash)
+    if record.trace is not None:
+        yield "trace", str(store.address / record.trace.file)
+    if record.loop is not None:
+        success = "" if record.success is None else f", {'' if record.success else 'no '}success"
+        reward = "" if record.total_reward is None else f", return {record.total_reward:.6g}"
+        yield "loop", f"episode {record.seed}{success}{reward}"
+        yield "unchecked", str(record.loop.unchecked)
+
+
+def _next_commands(store: Store, record: EvidenceRecord) -> Iterator[tuple[str, str]]:
+    named = f"{shell_word(store.address)} {record.run_id}"
+    if record.trace is not None:
+        yield "see it", f"contactlab render {named} -o run.mcap"
+    if record.loop is None:
+        yield "replay", f"contactlab replay {named}"
