@@ -54,9 +54,9 @@ _URDF = """<robot name="arm">
   <link name="lower"><inertial><mass value="1"/>
     <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
   <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
-    <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+    <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="0" velocity="1"/></joint>
   <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/>
-    <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+    <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="0" velocity="1"/></joint>
 </robot>
 """
 
@@ -81,6 +81,38 @@ _OTHER = '<body name="other" pos=".2 .01 1.1"><freejoint/><geom name="other" siz
 _HAND = (
     '\n<body name="hand"><joint axis="0 1 0"/><geom name="hand" pos="-.2 0 0" size=".03"/></body>'
 )
+# Wheels whose axles a fixed frame holds, 10 mm in the floor.
+_CART = (
+    '<body name="wheel" pos="0 .5 .09"><joint axis="0 1 0"/><geom name="wheel" size=".1"/></body>'
+)
+_SUNK = '<body name="sunk" pos=".5 .5 -.2"><freejoint/><geom name="sunk" size=".1"/></body>'
+_HOOK = """<site name="top" pos="0 0 2"/>
+    <body name="load" pos="0 0 1.6"><freejoint/><geom name="load" size=".1" mass="20"/></body>
+    <body name="hook" pos="0 0 1.7"><freejoint/><geom name="hook" size=".01" mass=".01"
+      contype="0" conaffinity="0"/><site name="eye"/></body>"""
+_ROPE = """<tendon><spatial name="rope" limited="true" range="0 .3"><site site="top"/>
+    <site site="eye"/></spatial></tendon>
+  <equality><weld name="grasp" body1="hook" body2="load"/></equality>"""
+_JAWS = """<mujoco><worldbody><body name="hand">
+  <body name="left" pos="0 .05 0"><joint name="left" type="slide" axis="0 -1 0" range="0 .05"/>
+    <geom name="left" type="box" size=".01 .005 .03" mass=".05"/></body>
+  <body name="right" pos="0 -.05 0"><joint name="right" type="slide" axis="0 1 0" range="0 .05"/>
+    <geom name="right" type="box" size=".01 .005 .03" mass=".05"/></body>
+</body></worldbody><actuator>
+  <position name="left" joint="left" kp="2000"/><position name="right" joint="right" kp="2000"/>
+</actuator></mujoco>
+"""
+_WHEEL = """<link name="{0}"><inertial><mass value="1"/>
+    <inertia ixx=".01" iyy=".01" izz=".01" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><geometry><sphere radius=".1"/></geometry></collision></link>
+  <joint name="{0}" type="continuous"><parent link="base"/><child link="{0}"/>
+    <origin xyz="{1} 0 -.2"/><axis xyz="0 1 0"/></joint>"""
+_ROVER = f"""<robot name="rover">
+  <link name="base"><collision><geometry><box size=".6 .2 .1"/></geometry></collision></link>
+  {_WHEEL.format("front", ".2")}
+  {_WHEEL.format("rear", "-.2")}
+</robot>
+"""
 CASES: Mapping[str, Planted] = {
     "keyframe-length": Planted({'qpos="0 0"': 'qpos="0"'}, "<key", mends=False),
     "keyframe-range": Planted({'qpos="0 0"': 'qpos="0 1.5"'}, "<key"),
@@ -173,6 +205,60 @@ CASES: Mapping[str, Planted] = {
             'size=".02" mass="0"/>\n          <geom name="lower"'
         },
         'name="lower"',
+    ),
+    "pressing": Planted(
+        {'<body name="base"': f'{_CART}\n    <body name="base"'}
+        | {'qpos="0 0"': 'qpos="0 0 0"', 'ctrl="0"': 'ctrl="0"'},
+        'body name="wheel"',
+        mends=False,
+    ),
+    "below-floor": Planted(
+        {'<body name="base"': f'{_SUNK}\n    <body name="base"'}
+        | {'<key name="home" qpos="0 0" ctrl="0"/>': ""},
+        'body name="sunk"',
+        mends=False,
+    ),
+    "no-actuators": Planted(
+        {
+            '<position name="lift" joint="shoulder" kp="10" ctrlrange="-1 1"/>': "",
+            'ctrl="0"': "",
+            'damping="1"': 'damping="1" actuatorfrcrange="-5 5"',
+        },
+        'name="shoulder"',
+        mends=False,
+    ),
+    "urdf-actuators": Planted({'effort="0"': 'effort="5"'}, 'name="shoulder"', False, _URDF),
+    "welded-root": Planted({}, 'link name="front"', False, _ROVER),
+    "nothing-below": Planted(
+        {
+            '<body name="base" pos="0 0 1">': '<body name="base" pos="0 0 1"><freejoint/>'
+            '<geom name="trunk" size=".05"/>',
+            'type="plane"': 'type="plane" contype="0" conaffinity="0"',
+            'qpos="0 0"': 'qpos="0 0 1 1 0 0 0 0 0"',
+        },
+        'body name="base"',
+        mends=False,
+    ),
+    "control-range": Planted({'ctrlrange="-1 1"': 'ctrlrange="-90 90"'}, "<position", False),
+    "jaw-force": Planted({}, "<position", False, _JAWS),
+    "light-link": Planted(
+        {
+            '<body name="base"': f'{_HOOK}\n    <body name="base"',
+            "<actuator>": f"{_ROPE}\n  <actuator>",
+            '<key name="home" qpos="0 0" ctrl="0"/>': "",
+        },
+        'body name="hook"',
+        mends=False,
+    ),
+    "pyramid-friction": Planted({'type="plane"': 'type="plane" friction="20"'}, 'name="floor"'),
+    "hfield-cell": Planted(
+        {
+            "<worldbody>": '<asset><hfield name="hills" nrow="3" ncol="3" size="1 1 .1 .1" '
+            'elevation="0 0 0 0 1 0 0 0 0"/></asset>\n  <worldbody>',
+            '<body name="base"': '<geom name="hills" type="hfield" hfield="hills" pos="0 0 -1"/>'
+            '\n    <body name="base"',
+        },
+        'geom name="hills"',
         mends=False,
     ),
     "hull-fills-mesh": Planted({"<worldbody>": "{corner}<worldbody>"}, "corner", False),
@@ -248,6 +334,39 @@ def test_a_visual_or_displaced_copy_is_not_coincident(linted: Linted, copy: str)
     boxes = f"{box.format('')}\n          {box.format(copy)}\n          "
     text = ROBOT.replace('<geom name="lower"', f'{boxes}<geom name="lower"')
     assert "coincident-geoms" not in rules_of(linted(text))
+
+
+SOUND: Mapping[str, Mapping[str, str]] = {
+    "pressing": {'pos="0 .5 .09"': 'pos="0 .5 .1"'},
+    "below-floor": {'pos=".5 .5 -.2"': 'pos=".5 .5 .01"'},
+    "no-actuators": {'damping="1" actuatorfrcrange="-5 5"': 'damping="1"'},
+    "welded-root": {_WHEEL.format("rear", "-.2"): ""},
+    "nothing-below": {'contype="0" conaffinity="0"': ""},
+    "control-range": {'ctrlrange="-90 90"': 'ctrlrange="-2 2"'},
+    "jaw-force": {'kp="2000"': 'kp="2000" forcerange="-10 10"'},
+    "light-link": {'mass=".01"': 'mass="5"'},
+    "pyramid-friction": {'friction="20"': 'friction="1.5"'},
+    "hfield-cell": {'size="1 1 .1 .1"': 'size=".1 .1 .1 .1"'},
+}
+"""Replacements in a planted model that make a sound one, which is like it."""
+
+
+@pytest.mark.parametrize("rule", SOUND)
+def test_a_rule_finds_nothing_in_a_sound_model(linted: Linted, rule: str, tmp_path: Path) -> None:
+    text = planted(CASES[rule], tmp_path)
+    for old, new in SOUND[rule].items():
+        assert old in text
+        text = text.replace(old, new)
+    assert rule not in rules_of(linted(text))
+
+
+def test_motors_may_press(linted: Linted) -> None:
+    """Jaws that a servo closes on each other press with many times their weight."""
+    key = '<keyframe><key name="closed" qpos=".046 .046" ctrl=".05 .05"/></keyframe></mujoco>'
+    text = _JAWS.replace("</mujoco>", key)
+    assert "pressing" not in rules_of(linted(text))
+    springs = text.replace('range="0 .05"/>', 'range="0 .05" stiffness="2000" springref=".05"/>')
+    assert "pressing" not in rules_of(linted(springs))
 
 
 @pytest.mark.parametrize("rule", CASES)

@@ -6,13 +6,29 @@ from contactlab.studies.lint import (
     contacts,
     files,
     gains,
+    loads,
     masses,
     names,
     options,
     overlaps,
+    servos,
     starts,
+    structure,
 )
 
-TOPICS = capacity, contacts, files, gains, masses, names, options, overlaps, starts
+TOPICS = (
+    capacity,
+    contacts,
+    files,
+    gains,
+    loads,
+    masses,
+    names,
+    options,
+    overlaps,
+    servos,
+    starts,
+    structure,
+)
 """Modules that declare rules."""
 settle()

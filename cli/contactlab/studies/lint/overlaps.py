@@ -7,8 +7,10 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from contactlab.contact.trace_arrays import Floats
+from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.body_inertia import hull_volume, mesh_vertices
-from contactlab.scene.contact_pairs import half_extents
+from contactlab.scene.contact_pairs import half_extents, touch_mask
 from contactlab.schema.task import QPOS0
 from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel, Place
 from contactlab.studies.lint.rules import rule
@@ -46,7 +48,7 @@ def _find_overlaps(linted: LintedModel, *, thrown: bool) -> dict[tuple[int, int]
             overlap = _Overlap(start, (geoms[0], geoms[1]), -distance, -distance / half)
             low, high = sorted(int(model.geom_bodyid[geom]) for geom in geoms)
             known = found.get((low, high))
-            if overlap.share > max(deep_share, known.share if known else 0.0):
+            if overlap.share > deep_share and overlap.depth > (known.depth if known else 0.0):
                 rows = contact_rows(model, data, contact) if thrown else None
                 if rows is None or not is_in_equilibrium(model, data, rows):
                     found[low, high] = overlap
@@ -171,21 +173,98 @@ def overlap_in_qpos0(linted: LintedModel) -> Iterator[Fault]:
         yield Fault(message, _overlap_place(linted, found))
 
 
-@rule("coincident-geoms", "warn")
+@rule("below-floor", "warn")
+def below_floor(linted: LintedModel) -> Iterator[Fault]:
+    """A floating body begins with its center of mass below a plane that it can touch."""
+    model, touch = linted.model, touch_mask(linted.model)
+    planes = np.flatnonzero(model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE)).tolist()
+    for start, data in linted.starts.items():
+        for joint in np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)).tolist():
+            body = int(model.jnt_bodyid[joint])
+            own = model.body_rootid[model.geom_bodyid] == model.body_rootid[body]
+            for plane in planes:
+                normal = data.geom_xmat[plane].reshape(3, 3)[:, 2]
+                below = float(normal @ (data.geom_xpos[plane] - data.subtree_com[body]))
+                if below > COARSE_ROUNDING * model.stat.extent and touch[plane, own].any():
+                    name, floor = linted.name("body", body), linted.name("geom", plane)
+                    yield Fault(
+                        f"at {start}, the center of mass of {name} is {1e3 * below:.3g} mm below "
+                        f"{floor}, which throws it out; raise it",
+                        linted.place("body", body),
+                    )
+                    return
+
+
+@rule("pressing", "warn")
+def pressing(linted: LintedModel) -> Iterator[Fault]:
+    """Joints hold bodies in each other, which press with many times the weight, without a motor."""
+    model, found = linted.model, dict[tuple[int, int], tuple[float, str]]()
+    gravity = float(np.linalg.norm(model.opt.gravity))
+    weight = gravity * float(model.body_mass[model.body_weldid > 0].sum())
+    if not weight:
+        return
+    idle, force, halves = model.__copy__(), np.empty(6), half_extents(model)
+    idle.opt.disableflags |= _MOTORS
+    for start, state in linted.starts.items():
+        data = mujoco.MjData(idle)
+        data.qpos[:] = state.qpos
+        mujoco.mj_forward(idle, data)
+        loads = dict[tuple[int, int], float]()
+        for contact in range(data.ncon):
+            rows, geoms = contact_rows(idle, data, contact), data.contact.geom[contact]
+            if rows is None or geoms.min() < 0 or not is_in_equilibrium(idle, data, rows):
+                continue
+            mujoco.mj_contactForce(idle, data, contact, force)
+            low, high = sorted(map(int, model.geom_bodyid[geoms]))
+            joined = _are_joined(linted, low, high) or _is_mounted(linted, low, high)
+            on_floor = bool(np.isinf(halves[geoms]).any())  # a floor is no base of its robots
+            if on_floor or not joined:
+                loads[low, high] = loads.get((low, high), 0.0) + float(force[0])
+        for pair, load in loads.items():
+            if load / weight > max(_MANY_WEIGHTS, found.get(pair, (0.0, ""))[0]):
+                found[pair] = load / weight, start
+    if found:
+        pair, (times, start) = max(found.items(), key=lambda one: one[1][0])
+        one, two = (linted.name("body", body) for body in pair)
+        more = f"; so do {len(found) - 1} more pairs" if len(found) > 1 else ""
+        size = "over 1,000" if times > _COUNTED_WEIGHTS else f"{times:.3g}"
+        yield Fault(
+            f"at {start}, {one} and {two} press on each other with {size} times the weight of all "
+            f"that moves, and no motor presses them{more}: joints hold them in each other; move "
+            "them apart, or exclude their contact",
+            linted.place("body", pair[1]),
+        )
+
+
+_MANY_WEIGHTS, _COUNTED_WEIGHTS = 10.0, 1e3  # larger multiples say no more
+_MOTORS = int(mujoco.mjtDisableBit.mjDSBL_ACTUATION) | int(
+    getattr(mujoco.mjtDisableBit, "mjDSBL_SPRING", 0)
+)
+
+
+@rule("coincident-geoms", "warn", voids_runs=True)
 def coincident_geoms(linted: LintedModel) -> Iterator[Fault]:
-    """Two equal geoms of one body lie in one place, and both collide."""
-    model = linted.model
-    masks = np.stack([model.geom_contype, model.geom_conaffinity], axis=1)
-    places = np.concatenate([model.geom_pos, model.geom_quat, model.geom_size], axis=1)
-    rows = np.column_stack([model.geom_bodyid, model.geom_type, model.geom_dataid, masks])
-    # Meters and parts of a unit quaternion: the numbers of a copied line agree to rounding.
-    keys = np.column_stack([rows, np.round(places, 9)])
-    firsts, doubled = dict[bytes, int](), list[tuple[int, int]]()
-    for geom in np.flatnonzero(masks.any(axis=1)).tolist():
-        first = firsts.setdefault((keys[geom] + 0.0).tobytes(), geom)
-        if first != geom:
-            doubled.append((first, geom))
+    """Two equal geoms of one rigid part lie in one place, and both collide with the same."""
+    model, data = linted.model, linted.reference
+    solid = np.flatnonzero((model.geom_contype | model.geom_conaffinity) != 0)
+    parts = model.body_weldid[model.geom_bodyid]
+    lows, highs = _boxes_in_parts(model, data)
+    touch = touch_mask(model)
+    doubled = list[tuple[int, int]]()
+    for place, first in enumerate(solid.tolist()):
+        if any(first == second for _, second in doubled):
+            continue
+        rest = solid[place + 1 :]
+        rest = rest[(parts[rest] == parts[first]) & (parts[rest] > 0)]
+        apart = np.maximum(np.abs(lows[rest] - lows[first]), np.abs(highs[rest] - highs[first]))
+        alike = apart.max(axis=1, initial=0.0) <= _SAME * (highs[first] - lows[first]).min()
+        shared = (touch[rest] & touch[first]).any(axis=1)
+        doubled += [(first, second) for second in rest[alike & shared].tolist()]
     if doubled:
+        edits = dict[Edit, None]()
+        for _, second in doubled:
+            copied = linted.name("geom", second)
+            edits |= dict.fromkeys(linted.set("geom", copied, contype="0", conaffinity="0"))
         first, second = (linted.name("geom", geom) for geom in doubled[0])
         more = f"; and {len(doubled) - 1} more" if len(doubled) > 1 else ""
         yield Fault(
@@ -193,7 +272,22 @@ def coincident_geoms(linted: LintedModel) -> Iterator[Fault]:
             "touch makes two contacts, which are twice as stiff; let one of them have contype 0 "
             "and conaffinity 0",
             linted.place("geom", doubled[0][1]),
+            tuple(edits),
         )
+
+
+_SAME = 0.01  # of the smallest side, by which boxes around a copy and its original may differ
+
+
+def _boxes_in_parts(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Floats, Floats]:
+    """Return the least and largest corner of each geom (ngeom, 3) in the frame of its part [m]."""
+    part = model.body_weldid[model.geom_bodyid]
+    turn = np.asarray(data.xmat)[part].reshape(-1, 3, 3).transpose(0, 2, 1)
+    own = turn @ np.asarray(data.geom_xmat).reshape(-1, 3, 3)
+    offset = (turn @ (data.geom_xpos - data.xpos[part])[..., None])[..., 0]
+    center = offset + (own @ model.geom_aabb[:, :3, None])[..., 0]
+    half = (np.abs(own) @ model.geom_aabb[:, 3:, None])[..., 0]
+    return center - half, center + half
 
 
 @rule("hull-fills-mesh", "note")

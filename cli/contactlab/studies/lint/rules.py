@@ -21,12 +21,14 @@ class Rule:
         level: of its findings: a gate is an error, which no author intends.
         function: yields the faults of a model.
         of_refused: whether it also judges models that MuJoCo does not compile.
+        voids_runs: whether runs of such a model say nothing of the one that its author meant.
     """
 
     name: str
     level: Level
     function: RuleFunction
     of_refused: bool = False
+    voids_runs: bool = False
 
     @property
     def about(self) -> str:
@@ -43,7 +45,7 @@ RULES: Registry[Rule] = Registry("rule")
 
 
 def rule(
-    name: str, level: Level, *, of_refused: bool = False
+    name: str, level: Level, *, of_refused: bool = False, voids_runs: bool = False
 ) -> Callable[[RuleFunction], RuleFunction]:
     """Declare a rule: the function yields the faults of a `LintedModel`.
 
@@ -51,7 +53,7 @@ def rule(
     """
 
     def declare(function: RuleFunction) -> RuleFunction:
-        RULES.add(Rule(name, level, function, of_refused))
+        RULES.add(Rule(name, level, function, of_refused, voids_runs))
         return function
 
     return declare

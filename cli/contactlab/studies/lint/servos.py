@@ -1,0 +1,173 @@
+"""Servo rules: targets that a joint cannot reach, and jaws that nothing limits."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from contactlab.contact.contact_laws import rest_penetration
+from contactlab.contact.trace_arrays import Floats
+from contactlab.scene.contact_pairs import half_extents
+from contactlab.studies.lint.linted_model import Fault, LintedModel
+from contactlab.studies.lint.rules import rule
+
+_SCALAR = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
+_JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
+_FIXED_GAIN = int(mujoco.mjtGain.mjGAIN_FIXED)
+_AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
+
+
+class _Servo(NamedTuple):
+    """A servo of the position of a slide or hinge."""
+
+    actuator: int
+    joint: int
+    gain: float  # force per joint position [N/m or Nm/rad]
+    gear: float
+
+
+def _list_servos(model: mujoco.MjModel) -> Iterator[_Servo]:
+    """Yield the actuators whose force is that of a spring between a joint and the control."""
+    for actuator in range(model.nu):
+        joint, gear = (
+            int(model.actuator_trnid[actuator, 0]),
+            float(model.actuator_gear[actuator, 0]),
+        )
+        at_joint = model.actuator_trntype[actuator] == _JOINT and joint >= 0
+        gain = float(model.actuator_gainprm[actuator, 0])
+        pulls_back = -float(model.actuator_biasprm[actuator, 1])
+        spring = (
+            model.actuator_gaintype[actuator] == _FIXED_GAIN
+            and model.actuator_biastype[actuator] == _AFFINE
+            and gain > 0
+            and np.isclose(gain, pulls_back)
+        )
+        if at_joint and spring and gear and model.jnt_type[joint] in _SCALAR:
+            yield _Servo(actuator, joint, gain * gear**2, gear)
+
+
+@rule("control-range", "warn")
+def control_range(linted: LintedModel) -> Iterator[Fault]:
+    """A position servo takes targets far beyond the range of its joint."""
+    model, found = linted.model, list[tuple[_Servo, float]]()
+    for servo in _list_servos(model):
+        if not (model.actuator_ctrllimited[servo.actuator] and model.jnt_limited[servo.joint]):
+            continue
+        targets = np.sort(model.actuator_ctrlrange[servo.actuator] / servo.gear)
+        low, high = model.jnt_range[servo.joint]
+        beyond = max(low - targets[0], targets[1] - high)
+        far_ranges = 1.0  # ranges of the joint: a servo that pushes against a stop asks for less
+        if np.isfinite(beyond) and high > low and beyond > far_ranges * (high - low):
+            found.append((servo, float(beyond / (high - low))))
+    if found:
+        servo, ranges = max(found, key=lambda one: one[1])
+        more = f"; and {len(found) - 1} more" if len(found) > 1 else ""
+        low, high = model.actuator_ctrlrange[servo.actuator] / servo.gear
+        own = model.jnt_range[servo.joint]
+        yield Fault(
+            f"servo {linted.name('actuator', servo.actuator)} takes targets from {low:.4g} to "
+            f"{high:.4g}, {ranges:.3g} ranges beyond joint {linted.name('joint', servo.joint)}, "
+            f"which moves from {own[0]:.4g} to {own[1]:.4g}{more}; are these degrees or "
+            "percent?",
+            linted.place("actuator", servo.actuator),
+        )
+
+
+@rule("jaw-force", "warn")
+def jaw_force(linted: LintedModel) -> Iterator[Fault]:
+    """Jaws of position servos without a force range press through what they hold."""
+    model, data = linted.model, linted.reference
+    halves, found = half_extents(model), list[tuple[float, float, _Servo, int]]()
+    for servo in _list_servos(model):
+        geom = _find_jaw_geom(model, data, servo.joint)
+        limited = (
+            model.actuator_forcelimited[servo.actuator] or model.jnt_actfrclimited[servo.joint]
+        )
+        if geom < 0 or limited:
+            continue
+        span = model.jnt_range[servo.joint]
+        if model.actuator_ctrllimited[servo.actuator]:
+            ends = np.sort(model.actuator_ctrlrange[servo.actuator] / servo.gear)
+            span = np.clip(ends, *span) if model.jnt_limited[servo.joint] else ends
+        lever = np.linalg.norm(_joint_motion(model, data, servo.joint, geom))
+        # Closed on an object that fills half of the opening.
+        force = servo.gain * float(span[1] - span[0]) / 2 / float(lever)
+        body = int(model.geom_bodyid[geom])
+        depth = float(
+            rest_penetration(
+                force,
+                model.body_invweight0[body, 0],
+                model.geom_solref[geom],
+                model.geom_solimp[geom],
+            )
+        )
+        if depth > halves[geom]:
+            found.append((depth, force, servo, geom))
+    if found:
+        depth, force, servo, geom = max(found, key=lambda one: one[0])
+        more = f"; and {len(found) - 1} more" if len(found) > 1 else ""
+        name, jaw = linted.name("actuator", servo.actuator), linted.name("geom", geom)
+        yield Fault(
+            f"servo {name} of a jaw has no force range: closed on an object that fills half of its "
+            f"opening it presses with {force:.3g} N, at which {jaw} sinks in by "
+            f"{1e3 * depth:.3g} mm{more}; write a forcerange, such as that of the real gripper",
+            linted.place("actuator", servo.actuator),
+        )
+
+
+def _joint_motion(model: mujoco.MjModel, data: mujoco.MjData, joint: int, geom: int) -> Floats:
+    """Return the velocity (3,) of a geom's center when a joint moves at 1 [m/rad, or 1]."""
+    jacobian = np.empty((3, model.nv))
+    body = int(model.geom_bodyid[geom])
+    mujoco.mj_jac(model, data, jacobian, None, data.geom_xpos[geom], body)
+    return jacobian[:, model.jnt_dofadr[joint]]
+
+
+def _find_jaw_geom(model: mujoco.MjModel, data: mujoco.MjData, joint: int) -> int:
+    """Return the geom of a jaw that a joint closes on another jaw; -1 if it closes nothing.
+
+    Both jaws end a chain, one body carries both, and each one's joint moves its geom along the line
+    between them by most of the gap.
+    """
+    body = int(model.jnt_bodyid[joint])
+    if (model.body_parentid == body).any() or model.body_jntnum[body] != 1:
+        return -1
+    parent = model.body_weldid[model.body_parentid[body]]
+    for other in range(1, model.nbody):
+        beside = other != body and model.body_weldid[model.body_parentid[other]] == parent
+        if not beside or model.body_jntnum[other] != 1 or (model.body_parentid == other).any():
+            continue
+        second = int(model.body_jntadr[other])
+        if model.jnt_type[second] not in _SCALAR:
+            continue
+        for geom in _colliding_geoms(model, body):
+            for facing in _colliding_geoms(model, other):
+                if _closes(model, data, (joint, geom), (second, facing)):
+                    return geom
+    return -1
+
+
+def _colliding_geoms(model: mujoco.MjModel, body: int) -> list[int]:
+    own = model.geom_bodyid == body
+    return np.flatnonzero(own & ((model.geom_contype | model.geom_conaffinity) != 0)).tolist()
+
+
+def _closes(
+    model: mujoco.MjModel, data: mujoco.MjData, one: tuple[int, int], other: tuple[int, int]
+) -> bool:
+    """Return whether two joints move two geoms towards each other, until they nearly meet."""
+    way = data.geom_xpos[other[1]] - data.geom_xpos[one[1]]
+    gap = float(np.linalg.norm(way))
+    if not gap:
+        return False
+    reach = 0.0
+    for joint, geom in (one, other):
+        motion = _joint_motion(model, data, joint, geom)
+        along, size = abs(float(motion @ way)) / gap, float(np.linalg.norm(motion))
+        straight = 0.7  # cosine between the motion of a jaw and the line to the other one
+        if not size or along < straight * size or not model.jnt_limited[joint]:
+            return False
+        reach += along * float(np.ptp(model.jnt_range[joint]))
+    met_share = 0.5  # of the gap between centers, which the width of jaws and object fill
+    return reach >= met_share * gap

@@ -1,0 +1,162 @@
+"""Structure rules: models whose runs say nothing of the robot that their author meant."""
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.scene.contact_pairs import touch_mask
+from contactlab.studies.lint.linted_model import Fault, LintedModel
+from contactlab.studies.lint.rules import rule
+
+_FREE = int(mujoco.mjtJoint.mjJNT_FREE)
+_HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
+_SCALAR = (int(mujoco.mjtJoint.mjJNT_SLIDE), _HINGE)
+_AT_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+
+
+@rule("no-actuators", "warn", voids_runs=True)
+def no_actuators(linted: LintedModel) -> Iterator[Fault]:
+    """Joints have motors by their attributes, and no actuator drives any of them."""
+    model = linted.model
+    scalar = np.isin(model.jnt_type, _SCALAR)
+    motors = model.jnt_actfrclimited.astype(bool) | model.jnt_actgravcomp.astype(bool)
+    driven = np.flatnonzero(scalar & motors)
+    if model.nu or linted.is_urdf or not driven.size:
+        return
+    first = linted.name("joint", int(driven[0]))
+    yield Fault(
+        f"no actuators: {_count(driven.size, 'joint')} such as {first} limit or compensate the "
+        "force of a motor, and nothing drives them, so the robot hangs limp; add an <actuator> for "
+        "each",
+        linted.place("joint", int(driven[0])),
+    )
+
+
+@rule("urdf-actuators", "note")
+def urdf_actuators(linted: LintedModel) -> Iterator[Fault]:
+    """Joints of a URDF have efforts, and MuJoCo's import makes no actuators of them."""
+    driven = np.flatnonzero(linted.model.jnt_actfrclimited)
+    if linted.is_urdf and not linted.model.nu and driven.size:
+        yield Fault(
+            f"no actuators: MuJoCo reads the efforts of {_count(driven.size, 'joint')} as limits, "
+            "and the robot hangs limp; add <actuator> in an MJCF that attaches this URDF",
+            linted.place("joint", int(driven[0])),
+        )
+
+
+@rule("welded-root", "warn", voids_runs=True)
+def welded_root(linted: LintedModel) -> Iterator[Fault]:
+    """The import welds the root of a URDF to the world, and the robot stands on limbs."""
+    model = linted.model
+    if not linted.is_urdf or (model.jnt_type == _FREE).any():
+        return
+    data = linted.reference
+    lows, extent = _lowest_points(model, data), float(model.stat.extent)
+    roots = np.flatnonzero((model.body_parentid == 0) & (np.arange(model.nbody) > 0))
+    tree = np.array([_ancestor(model, body, roots) for body in range(model.nbody)])
+    limbs = [int(root) for root in roots if model.body_dofnum[root] and (tree == root).any()]
+    bottom = {limb: lows[tree[model.geom_bodyid] == limb].min(initial=np.inf) for limb in limbs}
+    level_share = 0.1  # of the robot's extent, in which feet of one stance lie
+    lowest = min(bottom.values(), default=np.inf)
+    base = lows[tree[model.geom_bodyid] < 0].min(initial=0.0)
+    if not np.isfinite(lowest) or lowest > base - level_share * extent:
+        return
+    feet = [limb for limb in limbs if bottom[limb] <= lowest + level_share * extent]
+    if _stands_on(model, data, feet, tree):
+        name = linted.name("body", feet[0])
+        yield Fault(
+            f"the import welds the root of this URDF to the world: the robot hangs in the air on "
+            f"its root, and its {len(feet)} limbs such as {name} end "
+            f"{1e3 * (base - lowest):.3g} mm below it; add a floating joint above the root, or "
+            "attach the URDF to a body with a free joint in MJCF",
+            linted.place("body", name),
+        )
+
+
+def _stands_on(model: mujoco.MjModel, data: mujoco.MjData, feet: list[int], tree: NDArray) -> bool:
+    # Three limbs under the center of mass, two with wheels, or two legs of three joints each.
+    # A gripper that points down has two fingers of fewer joints.
+    joints = {foot: np.flatnonzero(tree[model.jnt_bodyid] == foot) for foot in feet}
+    wheels = [foot for foot in feet if _ends_in_wheel(model, data, joints[foot])]
+    legs = [foot for foot in feet if len(joints[foot]) > 2]
+    return len(wheels) > 1 or len(legs) > 1 or _surrounds(model, data, feet, tree)
+
+
+def _ends_in_wheel(model: mujoco.MjModel, data: mujoco.MjData, joints: NDArray) -> bool:
+    if not joints.size:
+        return False
+    last = int(joints[-1])
+    level = abs(float(data.xaxis[last, 2])) < 0.1  # an axle is level, to six degrees
+    return model.jnt_type[last] == _HINGE and not model.jnt_limited[last] and level
+
+
+def _surrounds(model: mujoco.MjModel, data: mujoco.MjData, feet: list[int], tree: NDArray) -> bool:
+    # Whether the lowest geoms of at least three limbs lie on all sides of the center of mass.
+    if len(feet) < 3:
+        return False
+    lows = _lowest_points(model, data)
+    ends = []
+    for foot in feet:
+        own = np.flatnonzero(tree[model.geom_bodyid] == foot)
+        ends.append(data.geom_xpos[own[lows[own].argmin()], :2])
+    masses = model.body_mass[1:, None]
+    center = (masses * data.xipos[1:, :2]).sum(axis=0) / max(masses.sum(), mujoco.mjMINVAL)
+    away = np.array(ends) - center
+    angles = np.sort(np.arctan2(away[:, 1], away[:, 0]))
+    gaps = np.diff(np.append(angles, angles[0] + 2 * np.pi))
+    return bool(gaps.max() <= np.pi)
+
+
+def _ancestor(model: mujoco.MjModel, body: int, roots: NDArray) -> int:
+    # The root below the world that carries a body by a joint; -1 for the world and parts of it.
+    root = int(model.body_rootid[body])
+    return root if root in roots and model.body_weldid[body] else -1
+
+
+def _lowest_points(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
+    """Return the least height of each geom's bounding box (ngeom,) [m]; -inf for planes."""
+    center, half = model.geom_aabb[:, :3], model.geom_aabb[:, 3:]
+    third = np.asarray(data.geom_xmat)[:, 6:]
+    low = data.geom_xpos[:, 2] + (third * center).sum(axis=1) - np.abs(third * half).sum(axis=1)
+    return np.where(model.geom_rbound > 0, low, -np.inf)
+
+
+@rule("nothing-below", "warn", voids_runs=True)
+def nothing_below(linted: LintedModel) -> Iterator[Fault]:
+    """Nothing can stop the fall of a driven robot with a floating base."""
+    model = linted.model
+    falls = np.linalg.norm(model.opt.gravity) > 0 and not (
+        model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    )
+    carried = model.opt.density > 0 or model.body_gravcomp.any() or model.neq or model.nmocap
+    if not falls or carried or model.ntendon or model.nflex:
+        return
+    driven = _driven_joints(model)
+    others = [kind for kind in model.actuator_trntype.tolist() if kind not in _AT_JOINT]
+    for joint in np.flatnonzero(model.jnt_type == _FREE).tolist():
+        root = int(model.jnt_bodyid[joint])
+        own = model.body_rootid[model.geom_bodyid] == model.body_rootid[root]
+        moved = model.body_rootid[model.jnt_bodyid[driven]] == model.body_rootid[root]
+        if not moved.any() or others or touch_mask(model)[own][:, ~own].any():
+            continue
+        name = linted.name("body", root)
+        yield Fault(
+            f"nothing is below the floating base {name}: none of its geoms can "
+            "touch a floor or another body, so it falls for ever; examine the scene that includes "
+            "it, or add a floor",
+            linted.place("body", root),
+        )
+        return
+
+
+def _driven_joints(model: mujoco.MjModel) -> NDArray[np.int32]:
+    at_joint = np.isin(model.actuator_trntype, _AT_JOINT)
+    joints = np.asarray(model.actuator_trnid)[at_joint, 0]
+    return joints[np.isin(model.jnt_type[joints], _SCALAR)]
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' if number != 1 else ''}"
