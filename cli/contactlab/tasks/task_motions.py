@@ -48,6 +48,15 @@ def with_new_seeds(task: Task) -> Task:
     return task.model_copy(update={"seeds": tuple(seed + count for seed in task.seeds)})
 
 
+def shorten_task(task: Task, share: float) -> Task:
+    """Return the task with the first share of each of its phases, which begin as before."""
+    phases = tuple(
+        phase.model_copy(update={"end": phase.begin + share * (phase.end - phase.begin)})
+        for phase in task.phases
+    )
+    return task.model_copy(update={"phases": phases})
+
+
 def task_motions(
     scene: Scene,
     values: Values,

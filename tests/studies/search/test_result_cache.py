@@ -192,7 +192,7 @@ def test_what_no_time_was_left_to_judge_is_not_told_to_be_kept(
     assert told.startswith("No change recommended.")
     kept = (*kept, SkippedSetting(name="tuned", reason=UNVERIFIED))
     assert sentence_of(report.model_copy(update={**ended, "not_changed": kept})) == (
-        "Numerical error is 1 %. The time limit left no time to verify a candidate that may be "
+        "Numerical error is 1 %. No time was left to verify a candidate that may be "
         "faster: timestep 0.008, x0.25 work, error 2 %. Allow more with --max-time."
     )
 
@@ -208,7 +208,7 @@ def test_what_may_keep_the_aim_is_told_apart_from_what_failed(
     kept = (SkippedSetting(name="tuned", reason=UNVERIFIED),)
     told = sentence_of(report.model_copy(update={**missed, "not_changed": kept}))
     assert told.endswith(
-        "The time limit left no time to verify a candidate for the target of 2 %: timestep 0.001, "
+        "No time was left to verify a candidate for the target of 2 %: timestep 0.001, "
         "error 1.5 % at x2 work. Allow more with --max-time."
     )
     told = sentence_of(report.model_copy(update=missed))
@@ -221,7 +221,7 @@ def test_what_may_keep_the_aim_is_told_apart_from_what_failed(
     missed = {**missed, "current": now, "candidates": (now, near), "closest": None}
     told = sentence_of(report.model_copy(update={**missed, "not_changed": kept}))
     assert told == (
-        "Numerical error is 50 %, above the tolerance of 10 %. The time limit left no time to "
+        "Numerical error is 50 %, above the tolerance of 10 %. No time was left to "
         "verify a candidate that may be within the tolerance: timestep 0.001, x2 work, error "
         "1.5 %. Allow more with --max-time."
     )

@@ -21,7 +21,8 @@ from contactlab.studies.search.step_work import UNIT_SECONDS, StepWork
 
 SAMPLE_SECONDS = 0.04
 """s between the states where steps are counted, and length of these steps, if they are few."""
-_SAMPLES = 12  # states of each phase: contacts come and go, and fewer would miss some of them
+MAX_SAMPLES, _MIN_SAMPLES = 12, 3
+"""States of each phase: contacts come and go, and fewer would miss some of them."""
 _MIN_STEPS, _MAX_STEPS = 3, 8
 """Steps from each state. The first one, which begins without a warm start, is not counted; the work
 of later ones hardly differs."""
@@ -34,19 +35,34 @@ class CountedCost:
 
     Attributes:
         pass_seconds: counted time of the task for one seed of the model as written [s].
+        step_seconds: counted time of one of its steps [s].
+        sample_seconds: counted time of one sample of a phase [s].
     """
 
-    def __init__(self, motions: Sequence[Motion], base: mujoco.MjModel, workers: int) -> None:
-        """Run the motions once, and count the model as written, compiled from its files."""
+    def __init__(
+        self,
+        motions: Sequence[Motion],
+        base: mujoco.MjModel,
+        workers: int,
+        samples: int = MAX_SAMPLES,
+    ) -> None:
+        """Run the motions once, and count the model as written, compiled from its files.
+
+        `samples` is the number of states of each phase, within bounds.
+        """
         self._motions = [without_delays(motion) for motion in motions]
+        samples = min(MAX_SAMPLES, max(_MIN_SAMPLES, samples))
         self._starts = [
-            _sample_states(replay(motion, SAMPLE_SECONDS, workers)) for motion in motions
+            _sample_states(replay(motion, SAMPLE_SECONDS, workers), samples) for motion in motions
         ]
         self._own_step = float(motions[0].model.opt.timestep)
         self.fine_step = self._own_step
         length = sum(motion.steps for motion in motions) * self._own_step
         self._base_seconds = self.count_seconds(base, self._own_step)
         self.pass_seconds = length * self._base_seconds
+        self.step_seconds = self._own_step * self._base_seconds
+        counted = min(_MAX_STEPS, max(_MIN_STEPS, round(SAMPLE_SECONDS / self._own_step)))
+        self.sample_seconds = counted * self.step_seconds
 
     def count_cost(self, model: mujoco.MjModel, multiple: int) -> float:
         """Return the counted work per simulated second, over that of the model as written.
@@ -78,13 +94,13 @@ class CountedCost:
         return per_step / timestep
 
 
-def _sample_states(run: Run) -> list[tuple[int, int, Floats]]:
+def _sample_states(run: Run, samples: int) -> list[tuple[int, int, Floats]]:
     """Return seeds, steps and states of a run, evenly spread over its seeds and its length."""
     seeds, windows = np.nonzero(run.valid & np.isfinite(run.starts).all(axis=2))
     if not len(seeds):
         return [(0, 0, run.starts[0, 0])]
     order = np.lexsort((seeds, windows))
-    chosen = order[np.unique(np.linspace(0, len(order) - 1, _SAMPLES).astype(int))]
+    chosen = order[np.unique(np.linspace(0, len(order) - 1, samples).astype(int))]
     return [
         (int(seeds[row]), int(run.begins[windows[row]]), run.starts[seeds[row], windows[row]])
         for row in chosen

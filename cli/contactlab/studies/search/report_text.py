@@ -7,9 +7,9 @@ from contactlab.schema.tune_report import Candidate, TuneReport
 from contactlab.studies.search.configuration import format_settings
 from contactlab.studies.search.settings_search import EQUAL_ERROR_RATIO
 
-UNVERIFIED = "the time limit left no time to verify the next candidate"
+UNVERIFIED = "no time was left to verify the next candidate"
 """Why the search ended without a verdict."""
-_NOT_VERIFIED = "The time limit left no time to verify"
+_NOT_VERIFIED = "No time was left to verify"
 _MORE_TIME = "Allow more with --max-time."
 
 

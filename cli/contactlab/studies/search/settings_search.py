@@ -7,6 +7,7 @@ and timestep; then settings that save work within the allowed error. A time limi
 early.
 """
 
+import itertools
 import math
 import time
 from collections import ChainMap
@@ -292,10 +293,11 @@ class Search:
 
     def without_lossy(self, choice: Configuration) -> Configuration:
         """Return a configuration without settings that add error, except integrator and step."""
+        lossless = self._lossless.settings
         kept = {
-            name: value
+            name: value if name == INTEGRATOR else lossless[name]
             for name, value in choice.settings.items()
-            if name == INTEGRATOR or self._lossless.settings.get(name) == value
+            if name == INTEGRATOR or name in lossless
         }
         return replace(choice, settings=kept)
 
@@ -353,7 +355,26 @@ class Search:
             base = self._add_parameters(
                 base, self.space.parameters, lambda one: self._error_of(one) <= most
             )
-        return self._drop_useless(base, most)
+        base = self._drop_useless(base, most)
+        self._evaluate_milder(base)
+        return base
+
+    def _evaluate_milder(self, choice: Configuration) -> None:
+        """Evaluate a configuration with ever milder values, in case it fails on fresh seeds."""
+        milder = self._milder_choice(choice)
+        while milder != choice and self._saves_work(milder, self.current):
+            self._evaluate(milder)
+            choice, milder = milder, self._milder_choice(milder)
+
+    def _milder_choice(self, choice: Configuration) -> Configuration:
+        """Return a configuration with the next milder value of each parameter that has one."""
+        for parameter in self.space.parameters:
+            values = list(parameter.values) if parameter.cost_falls else []
+            for value, milder in itertools.pairwise(values[::-1]):
+                if value.items() <= choice.settings.items():
+                    choice = choice.with_settings(milder)
+                    break
+        return choice
 
     def _find_exact(self) -> Configuration:
         """Return the cheapest configuration whose motion is that of the model as written.
@@ -416,14 +437,21 @@ class Search:
         the combination, or saves nothing in it, is dropped.
         """
         found = list[tuple[float, Settings]]()
-        for parameter in parameters:
-            if settings := self._best_value(base, parameter, good):
-                found.append((self._cost_of(base.with_settings(settings)), settings))
+        ended = False
+        try:
+            for parameter in parameters:
+                if settings := self._best_value(base, parameter, good):
+                    found.append((self._cost_of(base.with_settings(settings)), settings))
+        except OutOfWorkError:
+            # Good values of a slow model are worth little alone.
+            ended, self._allowed = True, self.done + sum(cost for cost, _ in found)
         both = base
         for _, settings in sorted(found, key=lambda pair: pair[0]):
             more = both.with_settings(settings)
             if self._saves_work(more, both) and good(more):
                 both = more
+        if ended:
+            raise OutOfWorkError
         return both
 
     def _best_value(

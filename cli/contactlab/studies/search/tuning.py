@@ -47,7 +47,7 @@ from contactlab.studies.search.settings_search import (
 )
 from contactlab.studies.search.time_limit import TimeLimit
 from contactlab.studies.search.tune_request import TuneRequest, refuse_contradictions
-from contactlab.studies.search.tuning_problem import TuningProblem
+from contactlab.studies.search.tuning_problem import SEARCH_SHARE, TuningProblem
 from contactlab.studies.search.verification import CandidateVerifier, Goal, VerifiedCandidate
 from contactlab.studies.verification.panel import ERROR_FLOOR
 from contactlab.tasks.checked_model import open_model
@@ -55,9 +55,6 @@ from contactlab.tasks.session import Session
 from contactlab.tasks.stress_motions import join_seeds
 from contactlab.tasks.task_motions import with_new_seeds
 
-_SEARCH_SHARE = 0.5
-"""Share of the time limit after which the search ends, whatever it has counted: the rest is for
-verification. The counted work ends it sooner unless the machine is busy."""
 _TIMING_SHARE = 0.3  # share of the remaining time for timing a verified candidate
 _TIMING_SEED_FACTOR = 6  # seeds of the clock, in multiples of the search's seeds, if seeds differ
 _LARGE_SAVING = 0.8  # cost above which the unconstrained cost is reported
@@ -123,7 +120,7 @@ class TuningStudy:
             (),
             self._max_cost(),
             problem.search_passes,
-            allowed.begin + _SEARCH_SHARE * allowed.seconds,
+            allowed.begin + SEARCH_SHARE * allowed.seconds,
             problem.moves_alike,
         )
         self._divergence: Divergence | None = None
@@ -245,7 +242,7 @@ class TuningStudy:
             else (),
             trials=len(search.evaluations),
             planned_trials=max(len(search.evaluations), search.trials * len(self._goals)),
-            ended="time" if verifier.is_late else search.ending,
+            ended=verifier.ending if verifier.ending != "complete" else search.ending,
             max_time=self._request.max_time,
             seconds=time.monotonic() - self._time_limit.begin,
         )
@@ -254,11 +251,12 @@ class TuningStudy:
     def _verify_goals(self) -> tuple[VerifiedCandidate | None, VerifiedCandidate | None]:
         """Return the recommended candidate, and the one of equal error if it is faster."""
         by_folder = {goal.folder: goal for goal in self._goals}
-        best = self._verifier.verify_best(by_folder[FOLDER])
+        verdicts = max(1, self._problem.max_verdicts // len(self._goals))
+        best = self._verifier.verify_best(by_folder[FOLDER], verdicts)
         own = by_folder.get(EQUAL_ERROR_FOLDER)
         if own is None or (best and self._is_as_good(best.evaluation, own.bound)):
             return best, None
-        return best, self._verifier.verify_best(own)
+        return best, self._verifier.verify_best(own, verdicts)
 
     def _is_as_good(self, tried: Evaluation, bound: Bound) -> bool:
         """Return whether an evaluation costs no more than the best candidate of another bound."""

@@ -9,6 +9,7 @@ from functools import cached_property
 import mujoco
 
 from contactlab.budget import Motion
+from contactlab.budget.measuring import WINDOW
 from contactlab.budget.motion import INTEGRATION
 from contactlab.errors import EngineError, SceneError
 from contactlab.modifications.catalogue import list_reductions
@@ -38,6 +39,7 @@ from contactlab.studies.search.unused_pairs import (
 )
 from contactlab.studies.verification.grip_measures import judge_original_grips
 from contactlab.studies.verification.panel import ERROR_FLOOR, OriginalRuns
+from contactlab.studies.verification.panel_cost import PanelCost, estimate_panel
 from contactlab.tasks.checked_model import CheckedModel
 from contactlab.tasks.reference_error import TaskReference
 from contactlab.tasks.stress_motions import (
@@ -46,20 +48,30 @@ from contactlab.tasks.stress_motions import (
     tilt_gravity,
     visited_positions,
 )
+from contactlab.tasks.task_motions import shorten_task
 
 WORK_SHARE = 0.25
-"""Share of the time limit that the search may take, in counted time. The rest is for the written
-model, for fresh seeds, and for other programs: the search ends at the same trial when it has a
-third of a core."""
+"""Share of the time limit that a study may take, in counted time of one core. So it ends at the
+same trial, with the same answer, when it has a quarter of a core."""
+SEARCH_SHARE = 0.4
+"""Share of that work, and of the time limit, for the search. The rest is for verification."""
+_FIRST_VERIFICATION_SHARE = 0.8
+"""Share of the work of verification for the first candidate. The rest is for those that follow if
+it fails."""
 MAX_STEP_SECONDS = 0.04
 """Longest timestep [s]: the length of a window."""
-LIMITED = ("reference", "seeds", "windows")
+LIMITED = ("reference", "seeds", "windows", "length", "verification")
 """Names of report entries on the effects of the time limit."""
 _SUBSTEPS = (2, 4, 5, 8, 10, 16, 20)
 _REFERENCE_ERROR_SHARE = 0.2  # share of the limit that the reference's own error may have
-_REFERENCE_SHARE, _MAX_SEED_SHARE = 0.15, 0.4
-"""Shares of the work for references: of all seeds, and of one."""
+_REFERENCE_SHARE, _MAX_SEED_SHARE = 0.3, 0.4
+"""Shares of the search's work for references: of all seeds, and of one."""
 _SEARCH_PASSES = 80  # approximate simulations of the task per search
+_FEWEST_PASSES = 30  # below, runs are shortened: exact savings, the solver, and a few steps
+_COUNT_SHARE = 0.3  # of the search's work, for counting costs
+_REJECTED_SHARE = 0.5  # of a verification's time until the first worse measure rejects a candidate
+_FRESH_PASSES = 16  # simulations of the task per seed, for references and errors on fresh seeds
+_FEWEST_WINDOWS = 3  # in the shortest phase
 _FIRST_STEPS = 20  # steps in which a model that moves otherwise usually shows it
 _MAX_WINDOW_STRIDE = 4  # at least one in this many windows is used
 _MAX_DIGITS, _ROUNDED = 6, 1e-7
@@ -78,6 +90,10 @@ class TuningProblem:
         cost: counts the work of models.
         original_runs: runs of the model as written that verifications compare with.
         work: counted time that the search may take [s].
+        task: the model's task, shortened if the model is slow.
+        length_share: share of the length of all runs.
+        verified_seeds: seeds of the comparison with the model as written.
+        max_verdicts: candidates that may be verified.
         reference: the reference that errors are measured from.
         steps: usable timesteps, in fine steps.
         models: compiled models by reductions.
@@ -92,15 +108,19 @@ class TuningProblem:
         self._request, self.examined, self.threads = request, examined, threads
         self._time_limit = allowed
         self.original_runs = OriginalRuns()
-        task = examined.task
+        self.task = examined.task
         if request.error_at is not None:
-            task = task.model_copy(update={"observed": ()})
-        self.motions = examined.motions_of(task)
+            self.task = self.task.model_copy(update={"observed": ()})
+        self.motions = examined.motions_of(self.task)
         self.model = self._compile_edited(ModelEdits())
-        self.cost = CountedCost(self.motions, self.model, threads)
-        self.work = WORK_SHARE * request.max_time
-        self._window_stride = self._plan_windows()
         self.skipped = list[SkippedParameter]()
+        self.work = SEARCH_SHARE * WORK_SHARE * request.max_time
+        one = [first_seeds(motion, 1) for motion in self.motions]
+        self.cost = CountedCost(one, self.model, threads)
+        self._window_stride = self._plan_windows()
+        self.verified_seeds, self.length_share = self._plan_length()
+        self.max_verdicts = self._plan_verdicts()
+        self._shorten_motions()
         self.reference = self._converged_reference()
         self.cost.fine_step = self.reference.step
         self.steps = self._usable_steps(self.reference.substeps)
@@ -146,17 +166,78 @@ class TuningProblem:
         finer, at = self.reference.substeps, self._request.error_at
         return ForwardError(motions, finer, self.observed, at, self.threads)
 
+    @property
+    def window_stride(self) -> int:
+        """One in how many windows is used."""
+        return self._window_stride
+
     def _plan_windows(self) -> int:
         """Take as many seeds as the work allows; return that one in how many windows is used."""
-        takes, allowed = self.cost.pass_seconds, self.work / _SEARCH_PASSES
+        takes, allowed = self.cost.pass_seconds, self._trial_work / _SEARCH_PASSES
         seeds = min(self.seeds, max(1, int(_MAX_WINDOW_STRIDE * allowed / takes)))
         self.motions = [first_seeds(motion, seeds) for motion in self.motions]
         return min(_MAX_WINDOW_STRIDE, max(1, math.ceil(seeds * takes / allowed)))
 
+    def _plan_length(self) -> tuple[int, float]:
+        """Return the seeds of the verification, and the share of the length of all runs.
+
+        Both fit into the counted work. Seeds are reduced first.
+        """
+        if self._request.error_at is not None:
+            return self.seeds, 1.0
+        allowed = _FIRST_VERIFICATION_SHARE * self._verification_work
+        seeds = self.seeds
+        while seeds > 1 and self._estimate_panel(seeds, 1.0).first > allowed:
+            seeds -= 1
+        whole = self._estimate_panel(seeds, 1.0).first
+        rest = self._estimate_panel(seeds, 0.0).first
+        verified = (allowed - rest) / (whole - rest)
+        passes = self.search_passes / _FEWEST_PASSES
+        shortest = min(phase.end - phase.begin for phase in self.task.phases)
+        fewest = min(1.0, _FEWEST_WINDOWS * WINDOW / shortest)
+        return seeds, max(fewest, min(1.0, verified, passes))
+
+    def _plan_verdicts(self) -> int:
+        """Return how many candidates may be verified within the counted work."""
+        cost = self._estimate_panel(self.verified_seeds, self.length_share)
+        left = self._verification_work - cost.first
+        return 2 + max(0, int(left / (_REJECTED_SHARE * cost.next)))
+
+    @property
+    def _verification_work(self) -> float:
+        return self.work / SEARCH_SHARE * (1 - SEARCH_SHARE)
+
+    def _estimate_panel(self, seeds: int, share: float) -> PanelCost:
+        found = estimate_panel(self.own_model, self.task, seeds, share, self.cost.step_seconds)
+        fresh = _FRESH_PASSES * share * self.seeds * self.cost.pass_seconds
+        return replace(found, first=found.first + fresh)
+
+    def _shorten_motions(self) -> None:
+        """Shorten all runs if the model is slow, and count its work from what is left of them."""
+        seeds, share = self.seeds, self.length_share
+        if share < 1:
+            whole, self.task = self.task.duration, shorten_task(self.task, share)
+            self.motions = [
+                first_seeds(motion, seeds) for motion in self.examined.motions_of(self.task)
+            ]
+            reason = f"runs of {share * whole:.2g} s for {whole:g} s; --max-time allows no more"
+            self._skip("length", reason)
+        if self.verified_seeds < seeds:
+            reason = f"{self.verified_seeds} of {seeds} seeds were compared"
+            self._skip("verification", f"{reason}; --max-time allows no more")
+        allowed = _COUNT_SHARE * self.work / _SEARCH_PASSES
+        samples = int(allowed / (self.cost.sample_seconds * len(self.motions)))
+        self.cost = CountedCost(self.motions, self.model, self.threads, samples)
+
     @property
     def search_passes(self) -> float:
         """Error estimates of the model as written that the work allows."""
-        return self.work * self._window_stride / (self.cost.pass_seconds * self.seeds)
+        each = self.cost.pass_seconds * self.seeds / self._window_stride
+        return self._trial_work / each
+
+    @property
+    def _trial_work(self) -> float:
+        return (1 - _REFERENCE_SHARE - _COUNT_SHARE) * self.work
 
     def _usable_steps(self, substeps: int) -> tuple[int, ...]:
         own = float(self.own_model.opt.timestep)

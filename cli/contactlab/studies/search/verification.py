@@ -36,6 +36,7 @@ from contactlab.studies.search.settings_search import (
     SAVING,
     STEP_MARGIN,
     Bound,
+    Ending,
     ErrorEstimator,
     Evaluation,
     OutOfTimeError,
@@ -141,7 +142,7 @@ class CandidateVerifier:
     Attributes:
         skipped: candidates that failed or were not verified, and why.
         rejected: keys of candidates that failed on fresh seeds.
-        is_late: whether the time limit ended verification early.
+        ending: whether work or time ended verification early.
     """
 
     def __init__(
@@ -160,7 +161,7 @@ class CandidateVerifier:
         self._time_limit, self._time_candidate = allowed, time_candidate
         self.skipped = list[SkippedParameter]()
         self.rejected = set[Key]()
-        self.is_late = False
+        self.ending: Ending = "complete"
         self._reserve = 0.0  # s: what the longest verification has taken
         self._current_verdicts = dict[tuple[int, ...], _Judgement]()
 
@@ -173,16 +174,16 @@ class CandidateVerifier:
         """The model as written."""
         return self._search.evaluations[self._search.current.key]
 
-    def verify_best(self, goal: Goal) -> VerifiedCandidate | None:
+    def verify_best(self, goal: Goal, verdicts: int) -> VerifiedCandidate | None:
         """Verify candidates, best first; return the first that holds, or None.
 
-        The time of one verification is kept in reserve. If time is over, the exact savings are
-        returned.
+        At most so many `verdicts` are made. The time of one verification is kept in reserve. If
+        either is over, the exact savings are returned.
         """
         below, done = FailureBound(), {self.current.configuration.key}
         simpler: Evaluation | None = None
         try:
-            for _ in range(_MAX_VERDICTS):
+            for _ in range(min(verdicts, _MAX_VERDICTS)):
                 self._check_time(self._reserve)
                 measured = self._next_within_limit(goal, done, below, simpler)
                 simpler = None
@@ -205,11 +206,16 @@ class CandidateVerifier:
                     simpler = self._simpler_variant(tried, goal, done)
                     if simpler is None:
                         below = below.tightened_by(tried, part)
+            else:
+                self._end_early(goal, "work")
         except OutOfTimeError:
-            self.is_late = True
-            self.skipped.append(SkippedParameter(goal.folder, UNVERIFIED))
+            self._end_early(goal, "time")
         rmtree(self._session.folder / goal.folder, ignore_errors=True)
         return self._verify_exact(goal)
+
+    def _end_early(self, goal: Goal, ending: Ending) -> None:
+        self.ending = ending
+        self.skipped.append(SkippedParameter(goal.folder, UNVERIFIED))
 
     def _simpler_variant(self, tried: Evaluation, goal: Goal, done: set[Key]) -> Evaluation | None:
         """Return a candidate without the settings that add error, if that serves the goal."""
@@ -415,9 +421,7 @@ class CandidateVerifier:
     @cached_property
     def task(self) -> Task:
         """The task with as many fresh seeds as the search has seeds."""
-        task = with_new_seeds(self._examined.task)
-        if self._request.error_at is not None:
-            task = task.model_copy(update={"observed": ()})
+        task = with_new_seeds(self._problem.task)
         return task.model_copy(update={"seeds": task.seeds[: self._problem.seeds]})
 
     @cached_property
@@ -428,7 +432,10 @@ class CandidateVerifier:
     @cached_property
     def _fresh_reference(self) -> TaskReference:
         return TaskReference.run_references(
-            self.motions, self._problem.reference.substeps, self._problem.threads
+            self.motions,
+            self._problem.reference.substeps,
+            self._problem.threads,
+            self._problem.window_stride,
         )
 
     @cached_property
@@ -502,7 +509,8 @@ class CandidateVerifier:
                 changed=changed,
                 allowed_error=self._limit_of(goal) if asked else 0.0,
                 stop_early=True,
-                most_seeds=self._problem.seeds,
+                most_seeds=min(self._problem.seeds, self._problem.verified_seeds),
+                length_share=self._problem.length_share,
                 runs=self._problem.original_runs,
                 left=lambda: self._time_limit.remaining,
             )
@@ -535,7 +543,7 @@ class CandidateVerifier:
 
     def _own_task(self, seeds: int) -> Task:
         """Return the task with the first seeds of the search."""
-        task = self._examined.task
+        task = self._problem.task
         return task.model_copy(update={"seeds": task.seeds[:seeds]})
 
     def judge_current(self) -> None:

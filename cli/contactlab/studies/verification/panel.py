@@ -27,6 +27,7 @@ from contactlab.schema.task import Task
 from contactlab.schema.verification import SkippedRun, VerifiedChange, VerifiedMeasure
 from contactlab.studies.verification.grip_measures import compare_grips
 from contactlab.studies.verification.loop_runs import LoopRuns, has_policy
+from contactlab.studies.verification.panel_cost import MAX_TRACKED_ACTUATORS
 from contactlab.studies.verification.run_measures import (
     RELATIVE_TOLERANCE,
     compare_run,
@@ -42,12 +43,9 @@ from contactlab.studies.verification.runs import (
 from contactlab.studies.verification.state_tables import StateTable
 from contactlab.tasks.checked_model import CheckedModel
 from contactlab.tasks.reference_error import ErrorEstimate, TaskReference
-from contactlab.tasks.task_motions import with_new_seeds
+from contactlab.tasks.task_motions import shorten_task, with_new_seeds
 from contactlab.tasks.task_verdict import run_labels
 
-MAX_TRACKED_ACTUATORS = 24
-"""Actuators that are moved alone, evenly spread. It covers an arm, a hand or a humanoid; a body of
-a hundred muscles would cost minutes, and its muscles are alike."""
 ERROR_FLOOR = 1e-3
 """Numerical error that no setting is rejected for: a tenth of a percent of the real forces is far
 below the error of any measured parameter."""
@@ -101,6 +99,7 @@ class VerificationRequest:
         stop_early: True to stop at the first measure that is worse.
         with_labels: False if the caller compares the labels of runs.
         most_seeds: most seeds of the task, on its own and fresh; None for all.
+        length_share: share of the length of each run, if a model is too slow for whole runs.
         runs: of the original; pass the same object to verify several changes of one model.
         notify: called with the name of each run as it begins.
         left: returns the time that is left [s]; runs that would begin later are skipped.
@@ -116,6 +115,7 @@ class VerificationRequest:
     stop_early: bool = False
     with_labels: bool = True
     most_seeds: int | None = None
+    length_share: float = 1.0
     runs: OriginalRuns = field(default_factory=OriginalRuns)
     notify: Callable[[str], None] = lambda _: None
     left: Callable[[], float] = lambda: math.inf
@@ -138,7 +138,7 @@ def verify_change(request: VerificationRequest) -> VerifiedChange:
     summary = summarize_measures(measures)
     if panel.ended_early and not worse:
         summary += "; the time limit ended it early"
-    task = _choose_seeds(request)
+    task = _shorten_task(request)
     return VerifiedChange(
         seeds=task.seeds,
         fresh_seeds=with_new_seeds(task).seeds,
@@ -201,8 +201,8 @@ def worst_measure(measures: Sequence[VerifiedMeasure]) -> VerifiedMeasure:
     return max(measures, key=measure_change)
 
 
-def _choose_seeds(request: VerificationRequest) -> Task:
-    task = request.original.task
+def _shorten_task(request: VerificationRequest) -> Task:
+    task = shorten_task(request.original.task, request.length_share)
     return task.model_copy(update={"seeds": task.seeds[: request.most_seeds]})
 
 
@@ -215,7 +215,7 @@ class _Panel:
         self.skipped = list[SkippedRun]()
         self.ended_early = False
         self._equal_runs = list[bool]()
-        task = _choose_seeds(request)
+        task = _shorten_task(request)
         self._tasks = {"task": task, "task on fresh seeds": with_new_seeds(task)}
         self._in_loop = has_policy(request.original)
 
@@ -239,7 +239,7 @@ class _Panel:
         first = motions["task"]
         comparable = self._has_same_layout(first)
         if comparable:
-            for run in build_load_runs(first[0][0], first[1][0]):
+            for run in build_load_runs(first[0][0], first[1][0], self._request.length_share):
                 yield from self._compare_states(run)
             yield from self._compare_tracking(first)
         for name, (own, other) in motions.items():
@@ -358,7 +358,8 @@ class _Panel:
         if len(chosen) < count:
             reason = f"{len(chosen)} of {count} actuators were moved alone"
             self._skip_run("step and sine of the other actuators", reason)
-        for run in build_tracking_runs(own, other, chosen.tolist()):
+        share = self._request.length_share
+        for run in build_tracking_runs(own, other, chosen.tolist(), share):
             yield from self._compare_states(run)
 
     def _measure_errors(
@@ -399,8 +400,8 @@ class _Panel:
             return
         known = self._request.runs.labels
         if name not in known:
-            known[name] = _count_failure_labels(self._original, task)
-        before, after = known[name], _count_failure_labels(self._changed, task)
+            known[name] = self._count_failure_labels(self._original, task)
+        before, after = known[name], self._count_failure_labels(self._changed, task)
         for label in sorted({*before, *after}):
             yield VerifiedMeasure(
                 name=f"label {label}",
@@ -414,17 +415,20 @@ class _Panel:
                 worse=not before[label] and after[label] > 0,
             )
 
-
-def _count_failure_labels(checked: CheckedModel, task: Task) -> Counter[str]:
-    with TemporaryDirectory(prefix="contactlab-") as folder:
-        alone = replace(checked, session=replace(checked.session, folder=Path(folder)))
-        runs = alone.run("labels", "Verified against the original", seeds=task.seeds, trace="none")
-        labels = run_labels(task, [run.record for run in runs])
-    counts = Counter[str]()
-    for each in labels:
-        if LABELS[each.label].severity in JUDGING_SEVERITIES:
-            counts[each.label] += each.runs
-    return counts
+    def _count_failure_labels(self, checked: CheckedModel, task: Task) -> Counter[str]:
+        share = self._request.length_share
+        with TemporaryDirectory(prefix="contactlab-") as folder:
+            alone = replace(checked, session=replace(checked.session, folder=Path(folder)))
+            if share < 1:
+                alone = replace(alone, duration=share * checked.task.duration)
+            what = "Verified against the original"
+            runs = alone.run("labels", what, seeds=task.seeds, trace="none")
+            labels = run_labels(task, [run.record for run in runs])
+        counts = Counter[str]()
+        for each in labels:
+            if LABELS[each.label].severity in JUDGING_SEVERITIES:
+                counts[each.label] += each.runs
+        return counts
 
 
 def _measure_error_pair(

@@ -89,14 +89,15 @@ def nudge_start(motion: Motion) -> Motion:
     return replace(motion, starts=starts)
 
 
-def build_load_runs(original: Motion, changed: Motion) -> list[PairedRun]:
+def build_load_runs(original: Motion, changed: Motion, share: float = 1.0) -> list[PairedRun]:
     """Return the runs that load a model otherwise than its task does, from the task's start.
 
     They are: rest under constant controls, rest with gravity tilted two ways, and the passive
-    model. `original` and `changed` are the first phase of the task.
+    model. `original` and `changed` are the first phase of the task; `share` shortens the runs.
     """
     found = list[PairedRun]()
-    rests = [hold_inputs(motion, REST_SECONDS, lambda own: own) for motion in (original, changed)]
+    length = share * REST_SECONDS
+    rests = [hold_inputs(motion, length, lambda own: own) for motion in (original, changed)]
     found.append(pair_motions("at rest", *rests, at_rest=True))
     # At 20 degrees friction carries tan(20 degrees) = .36 of the weight, which most pads hold.
     for name, sign in (
@@ -105,9 +106,7 @@ def build_load_runs(original: Motion, changed: Motion) -> list[PairedRun]:
     ):
         pair = (tilt_gravity(motion, sign) for motion in rests)
         found.append(pair_motions(name, *pair, at_rest=True))
-    passive = (
-        hold_inputs(motion, REST_SECONDS, without_actuation) for motion in (original, changed)
-    )
+    passive = (hold_inputs(motion, length, without_actuation) for motion in (original, changed))
     found.append(replace(pair_motions("passive", *passive), passive=True))
     return found
 
@@ -150,17 +149,17 @@ def without_actuation(model: mujoco.MjModel) -> mujoco.MjModel:
 
 
 def build_tracking_runs(
-    original: Motion, changed: Motion, actuators: Sequence[int]
+    original: Motion, changed: Motion, actuators: Sequence[int], share: float = 1.0
 ) -> list[PairedRun]:
     """Return a run of steps and one of sines, with one row for each actuator, which moves alone.
 
     Its control makes a step of `TRACKING_SHARE` of its range, or a sine of 1 Hz of the same size
-    about the control that the start has.
+    about the control that the start has. `share` shortens the runs.
     """
     if not len(actuators):
         return []
-    model = original.model
-    begin = hold_inputs(original, TRACKING_SECONDS, lambda own: own)
+    model, length = original.model, share * TRACKING_SECONDS
+    begin = hold_inputs(original, length, lambda own: own)
     ranges = control_ranges(model)
     # Away from the nearer end of the range, so that a step never meets it.
     rest = begin.inputs[0, 0]
@@ -168,7 +167,7 @@ def build_tracking_runs(
     sizes = TRACKING_SHARE * (ranges[:, 1] - ranges[:, 0]) * room
 
     def excite_actuators(motion: Motion, wave: Callable[[Floats], Floats]) -> Motion:
-        held = hold_inputs(motion, TRACKING_SECONDS, lambda own: own)
+        held = hold_inputs(motion, length, lambda own: own)
         times: Floats = np.float64(held.model.opt.timestep) * np.arange(held.steps)
         inputs = np.repeat(held.inputs[:1], len(actuators), axis=0)
         for row, actuator in enumerate(actuators):

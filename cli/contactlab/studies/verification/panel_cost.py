@@ -1,0 +1,89 @@
+"""Estimates the time of a verification from counted work, so that it is planned, not timed."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import mujoco
+
+from contactlab.schema.task import Task
+from contactlab.studies.verification.runs import (
+    REFERENCE_RATE,
+    REST_SECONDS,
+    TRACKING_SECONDS,
+)
+from contactlab.studies.verification.state_tables import CONTACT_STATES, SAMPLES
+
+MAX_TRACKED_ACTUATORS = 24
+"""Actuators that are moved alone, evenly spread. It covers an arm, a hand or a humanoid; a body of
+a hundred muscles would cost minutes, and its muscles are alike."""
+_STATE_SECONDS = 5e-5
+"""s of Python for the evaluation of one state, measured for robots of 5 to 30 joints."""
+_STATE_STEPS = 0.5
+"""Share of a step that the positions and contacts of a state take."""
+_SAMPLE_STATES = 3
+"""States that are evaluated for one sample of bodies and energies."""
+_LOAD_RUNS = 4
+_ERROR_RATE = 12
+"""Steps of the reference of numerical errors, and of its windows, in one step of the original."""
+_VERDICT_RATE = 12
+"""Steps of the original that a verdict takes for each step of the task."""
+_RECORDED_STEP_SECONDS = 5e-5
+"""s of one step with labels."""
+_VERDICT_SECONDS = 1.0
+"""s of a verdict besides its steps."""
+
+
+@dataclass(frozen=True)
+class PanelCost:
+    """Estimated time of verifications on one core [s].
+
+    Attributes:
+        first: of the first change of a model.
+        next: of each further change, since the runs of the original are kept.
+    """
+
+    first: float
+    next: float
+
+
+def estimate_panel(
+    model: mujoco.MjModel, task: Task, seeds: int, share: float, step_seconds: float
+) -> PanelCost:
+    """Estimate the time of a verification with its verdict.
+
+    Args:
+        model: the original.
+        task: its task.
+        seeds: number of seeds.
+        share: share of the length of each run.
+        step_seconds: time of one step of the original [s].
+    """
+    step = float(model.opt.timestep)
+    first = later = 0.0
+    for seconds, rows in _list_runs(model, task, seeds):
+        steps = rows * share * seconds / step
+        states = min(CONTACT_STATES, steps) + _SAMPLE_STATES * (SAMPLES + 1) * rows
+        evaluation = states * (_STATE_SECONDS + _STATE_STEPS * step_seconds)
+        later += steps * step_seconds + evaluation
+        first += (REFERENCE_RATE + 3) * steps * step_seconds + 4 * evaluation
+    steps = seeds * share * task.duration / step
+    errors = 2 * steps * step_seconds
+    labels = 2 * steps * (step_seconds + _RECORDED_STEP_SECONDS)
+    verdict = _VERDICT_RATE * steps * step_seconds + _VERDICT_SECONDS
+    later += 2 * errors + labels + verdict
+    first += (_ERROR_RATE + 2) * errors + 2 * labels + 2 * verdict
+    return PanelCost(first, later)
+
+
+def _list_runs(model: mujoco.MjModel, task: Task, seeds: int) -> Iterator[tuple[float, int]]:
+    # The length [s] and the rows of each run whose states are compared.
+    for _ in range(_LOAD_RUNS):
+        yield REST_SECONDS, seeds
+    for phase in task.phases:
+        yield phase.end - phase.begin, seeds
+        yield phase.end - phase.begin, seeds
+    yield task.phases[-1].end - task.phases[-1].begin, seeds
+    if model.nu:
+        actuators = min(int(model.nu), MAX_TRACKED_ACTUATORS)
+        yield TRACKING_SECONDS, actuators
+        yield TRACKING_SECONDS, actuators
