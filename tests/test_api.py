@@ -58,8 +58,8 @@ def test_reading_loads_no_engine(store: Store, again: Store) -> None:
 
 
 def test_its_functions_are_named_after_commands() -> None:
-    # Packages have the names of two commands, and three functions are no commands.
-    commands = set(command_modules()) - {"engines", "schema"}
+    # Packages have the names of three commands, and three functions are no commands.
+    commands = set(command_modules()) - {"advisories", "engines", "schema"}
     assert set(FUNCTIONS) == commands | {"open", "progress", "record"}
     assert all(
         callable(getattr(contactlab, name)) for name in {*FUNCTIONS} - {"baseline", "traces"}

@@ -41,6 +41,10 @@ class SceneError(ContactlabError):
     """A scene, its manifest or its model cannot be used as asked."""
 
 
+class AdvisoryError(ContactlabError):
+    """An advisory has mistakes, or its witness cannot be run here."""
+
+
 class PolicyError(ContactlabError):
     """A policy refers to something that the compared stores do not have."""
 

@@ -7,6 +7,7 @@ works, and one that uses the part names the extra.
 """
 
 from functools import partial
+from pathlib import Path
 from types import ModuleType
 from typing import Any, get_args
 
@@ -70,6 +71,12 @@ def _load_parity_schema() -> Any:  # noqa: ANN401 - a class
     return ParityReport
 
 
+def _load_advisories() -> Path:
+    from contactlab.resources import ADVISORIES
+
+    return ADVISORIES
+
+
 def _load_fork_server() -> ModuleType:
     from contactlab.run import preloaded
 
@@ -78,6 +85,8 @@ def _load_fork_server() -> ModuleType:
 
 def _load_description(report: str) -> Any:  # noqa: ANN401, C901, PLR0912 - a function of a report; a table
     match report:
+        case "AdvisoriesCheck":
+            from contactlab.studies.advisories.check_document import describe_check as describe
         case "BudgetReport":
             from contactlab.reporting.budget_document import describe_budget as describe
         case "EffectsReport":
@@ -134,6 +143,7 @@ def _load_description(report: str) -> Any:  # noqa: ANN401, C901, PLR0912 - a fu
 
 
 _DESCRIBED = (
+    "AdvisoriesCheck",
     "BudgetReport",
     "EffectsReport",
     "EnginePanel",
@@ -175,6 +185,7 @@ def add_parts() -> None:
     add_part("schema", _load_parity_schema, "parity")
     for report in _DESCRIBED:
         add_part("description", partial(_load_description, report), report)
+    add_part("advisory_folder", _load_advisories, "contactlab")
     add_part("fork server", _load_fork_server, "preloaded")
 
 

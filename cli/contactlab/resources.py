@@ -20,6 +20,7 @@ _CHECKOUT = Path(__file__).resolve().parents[2]
 _ROOT = _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT
 
 
+ADVISORIES = _ROOT / "advisories"  # known faults of engines
 MODELS, SWEEPS, SCHEMAS = _ROOT / "models", _ROOT / "sweeps", _ROOT / "schemas"
 """The folders of shipped scenes, one folder each, of sweep files and of published schemas."""
 ADAPTERS = _ROOT / "adapters"  # of engines that run in environments of their own

@@ -46,7 +46,7 @@ SECTIONS = {
         "stores",
         "clusters",
     ),
-    "Beyond": ("engines", "lock", "parity", "plugins"),
+    "Beyond": ("advisories", "engines", "lock", "parity", "plugins"),
     "Concepts": (
         "evidence",
         "accuracy",

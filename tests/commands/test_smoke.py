@@ -60,6 +60,7 @@ SMOKES: dict[str, tuple[str, int, str]] = {
     "gradients": ("{folder}/ball.xml --output-coordinate nothing", 2, "no such coordinate"),
     "grip": ("{folder}/ball.xml", 2, "no actuator"),
     "engines": ("add nobody", 2, "nobody"),
+    "advisories": ("", 0, "CL-2026-0001"),
     "traces": ("expand {store}", 0, ""),
 }
 

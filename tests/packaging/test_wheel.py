@@ -15,7 +15,7 @@ pytestmark = pytest.mark.night
 
 ROOT = Path(__file__).parents[2]
 IGNORED = {"__pycache__", "node_modules", "package-lock.json", ".venv", ".stubs", "results"}
-DATA = ("adapters", "models", "sweeps", "schemas")
+DATA = ("adapters", "advisories", "models", "sweeps", "schemas")
 
 
 def build(target: str, folder: Path) -> Path:

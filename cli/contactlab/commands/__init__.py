@@ -4,6 +4,7 @@ from types import ModuleType
 from typing import Literal
 
 CommandModule = Literal[
+    "advisories",
     "baseline",
     "bisect",
     "check",
@@ -41,6 +42,8 @@ CommandModule = Literal[
 def load_command(name: CommandModule) -> ModuleType:  # noqa: C901, PLR0912, PLR0915 - a table
     """Import and return the module of a command."""
     match name:
+        case "advisories":
+            from contactlab.commands import advisories as module
         case "baseline":
             from contactlab.commands import baseline as module
         case "bisect":

@@ -18,6 +18,7 @@ from typing import NamedTuple, NoReturn
 from contactlab import resources
 from contactlab.errors import EngineError
 from contactlab.run.evidence_record import find_engine
+from contactlab.schema.advisory import numbers_of
 
 _PACKAGE = __name__.partition(".")[0]
 _VERSION = re.compile(r"\d+(\.\w+)+")
@@ -36,11 +37,6 @@ class Interpreter(NamedTuple):
 
     python: Path
     mujoco: str
-
-
-def numbers_of(version: str) -> tuple[int, ...]:
-    """Return the numbers of a version, without its other parts."""
-    return tuple(int(part) for part in version.split(".") if part.isdigit())
 
 
 def find_interpreter(request: str, notify: Callable[[str], None]) -> Interpreter | None:

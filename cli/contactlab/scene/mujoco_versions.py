@@ -11,6 +11,7 @@ from typing import Any
 
 import mujoco
 
+from contactlab.schema.advisory import numbers_of
 from contactlab.schema.vocabulary import AxisSpec
 
 VERSION: str = mujoco.__version__
@@ -124,12 +125,7 @@ def _unsupported_features() -> list[NewFeature]:
 
 
 def _is_at_least(version: str) -> bool:
-    return _version_numbers(VERSION) >= _version_numbers(version)
-
-
-@cache
-def _version_numbers(version: str) -> tuple[int, ...]:
-    return tuple(int(part) for part in version.split(".")[:3] if part.isdigit())
+    return numbers_of(VERSION) >= numbers_of(version)
 
 
 def silence_mujoco() -> None:

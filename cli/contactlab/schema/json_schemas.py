@@ -7,6 +7,8 @@ from typing import cast
 from pydantic import BaseModel
 
 from contactlab.plugins import extensions
+from contactlab.schema.advisory import Advisory
+from contactlab.schema.advisory_report import AdvisoriesCheck
 from contactlab.schema.check_report import Reference
 from contactlab.schema.comparison import ComparePolicy, ComparisonReport
 from contactlab.schema.diff_report import DiffReport
@@ -30,6 +32,7 @@ WRITTEN: Mapping[str, type[BaseModel]] = {
     "sweep.schema.json": Sweep,
     "scene.schema.json": SceneManifest,
     "policy.schema.json": ComparePolicy,
+    "advisory.schema.json": Advisory,
 }
 # Files that contactlab writes, for programs; null says that something does not apply.
 EMITTED: Mapping[str, type[BaseModel]] = {
@@ -50,6 +53,7 @@ EMITTED: Mapping[str, type[BaseModel]] = {
     "engine-panel.schema.json": EnginePanel,
     "grip.schema.json": GripReport,
     "shrink.schema.json": ShrinkReport,
+    "advisories-check.schema.json": AdvisoriesCheck,
 }
 
 Node = dict[str, object]

@@ -10,7 +10,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from contactlab.errors import EngineError, StoppedError, SweepFileError
-from contactlab.run.mujoco_environment import OLDEST, find_interpreter, numbers_of, run_installer
+from contactlab.run.mujoco_environment import OLDEST, find_interpreter, run_installer
+from contactlab.schema.advisory import numbers_of
 from contactlab.store.atomic_files import write_errors
 
 _LISTED = re.compile(r"^Available versions: (.+)$", re.MULTILINE)
@@ -34,6 +35,14 @@ def find_releases(first: str, last: str, given: Sequence[str] = ()) -> list[str]
         EngineError.unless_known(moment, known, f"no release {moment} of MuJoCo for this Python")
     start, end = known.index(first), known.index(last)
     return known[start : end + 1] if start <= end else known[end : start + 1][::-1]
+
+
+def list_supported_releases() -> list[str]:
+    """Return the releases of MuJoCo that contactlab runs on and pip finds wheels of, in order."""
+    oldest = numbers_of(OLDEST)
+    return sorted(
+        (release for release in _list_releases() if numbers_of(release) >= oldest), key=numbers_of
+    )
 
 
 def _list_releases() -> set[str]:

@@ -1,0 +1,1 @@
+"""Known faults of engines: their files, and the models that meet them."""

@@ -1,0 +1,100 @@
+"""Reads advisories: those of contactlab, of installed packages, and files that a user names."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+from pydantic import ValidationError
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from contactlab.advisories.field_expressions import FieldExpression
+from contactlab.errors import AdvisoryError, no_file
+from contactlab.expression import ExpressionError
+from contactlab.modifications.catalogue import CATALOGUE
+from contactlab.plugins import extensions
+from contactlab.schema.advisory import Advisory
+from contactlab.schema.strict_model import check_extent
+
+ENTRY_POINTS = "advisory_folder"
+"""Kind of the extensions that name folders of advisories: a path or a package each."""
+
+
+@cache
+def list_advisories() -> tuple[Advisory, ...]:
+    """Return the advisories of contactlab and of installed packages, by id.
+
+    Raises:
+        AdvisoryError: a file is wrong, or two advisories have one id.
+    """
+    folders = (extension.load() for extension in extensions(ENTRY_POINTS).values())
+    files = [
+        file
+        for folder in folders
+        for path in (folder.__path__ if isinstance(folder, ModuleType) else [folder])
+        for file in sorted(Path(path).glob("*.yaml"))
+    ]
+    return read_advisories(files)
+
+
+def read_advisories(files: Iterable[Path]) -> tuple[Advisory, ...]:
+    """Return the advisories of some files, by id.
+
+    Raises:
+        AdvisoryError: a file is wrong, or two advisories have one id.
+    """
+    found = dict[str, Advisory]()
+    for file in files:
+        advisory = read_advisory(file)
+        if advisory.id in found:
+            raise AdvisoryError(f"{file}: there is another {advisory.id}; give it the next number")
+        found[advisory.id] = advisory
+    return tuple(found[name] for name in sorted(found))
+
+
+def read_advisory(file: Path) -> Advisory:
+    """Return the advisory of a file; an AdvisoryError lists what is wrong in it."""
+    try:
+        text = file.read_text(encoding="utf-8")
+        check_extent(text)
+        advisory = Advisory.model_validate(YAML(typ="safe", pure=True).load(text))
+    except (FileNotFoundError, IsADirectoryError) as error:
+        raise AdvisoryError(no_file(file, "advisory", {".yaml"})) from error
+    except ValidationError as error:
+        lines = (
+            f"{file}: {'.'.join(map(str, entry['loc']))}: {entry['msg']}"
+            for entry in error.errors()
+        )
+        raise AdvisoryError("\n".join(lines)) from error
+    except (OSError, YAMLError, ValueError) as error:
+        raise AdvisoryError(f"{file}: not YAML: {error}") from error
+    if mistakes := [*_find_mistakes(advisory)]:
+        raise AdvisoryError("\n".join(f"{file}: {mistake}" for mistake in mistakes))
+    return advisory
+
+
+def _find_mistakes(advisory: Advisory) -> Iterator[str]:
+    """Yield what the types of an advisory do not say: expressions, workarounds and values."""
+    witness = advisory.witness
+    for key, text in (("applies", advisory.applies), ("witness.measure", witness.measure)):
+        try:
+            FieldExpression(text)
+        except ExpressionError as error:
+            yield f"{key}: {error}: {text}"
+    if abs(witness.wrong - witness.right) <= 2 * witness.tolerance:
+        yield (
+            f"witness: right {witness.right:g} and wrong {witness.wrong:g} are within twice the "
+            f"tolerance {witness.tolerance:g}; measure something that differs more"
+        )
+    if not (advisory.workarounds or advisory.advice):
+        yield "workarounds: name a modification, or write advice"
+    for workaround in advisory.workarounds:
+        name = workaround.modification
+        if name not in CATALOGUE:
+            yield f"workarounds: no modification '{name}'; docs/modifications.md lists them"
+            continue
+        edits: Sequence[str] = CATALOGUE[name].edits
+        for setting in workaround.settings:
+            if setting.partition("[")[0] not in edits:
+                yield (f"workarounds: '{name}' does not set {setting}; it sets {', '.join(edits)}")

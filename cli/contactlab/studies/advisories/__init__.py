@@ -1,0 +1,1 @@
+"""Replays witnesses of advisories under releases of MuJoCo."""

@@ -1,0 +1,85 @@
+"""Checks advisories: each witness under each release shows its fault where it should only."""
+
+import json
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from contactlab.advisories.witness_runs import fault_share
+from contactlab.schema.advisory import Advisory, numbers_of
+from contactlab.schema.advisory_report import AdvisoriesCheck, WitnessOutcome, WitnessResult
+from contactlab.studies.lock.versions import run_python
+
+_PROCESS = "contactlab.studies.advisories.witness_process"
+_SHOWN = 0.5
+"""Share of the way from the right to the wrong value from which a value shows the fault."""
+
+
+def check_advisories(
+    advisories: Sequence[Advisory],
+    releases: Sequence[str],
+    notify: Callable[[str], None] = lambda _: None,
+) -> AdvisoriesCheck:
+    """Replay the witnesses of advisories under releases of MuJoCo.
+
+    Raises:
+        EngineError: a release cannot be installed.
+    """
+    ordered = sorted(releases, key=numbers_of)
+    found = list[WitnessResult]()
+    with TemporaryDirectory(prefix="contactlab-") as folder:
+        files = {str(Path(folder) / f"{each.id}.yaml"): each for each in advisories}
+        for file, advisory in files.items():
+            # JSON is YAML.
+            Path(file).write_text(advisory.model_dump_json(exclude_none=True), encoding="utf-8")
+        for release in ordered:
+            notify(f"MuJoCo {release}")
+            lines = _replay_files(list(files), release, notify)
+            found += [_judge(advisory, release, lines[file]) for file, advisory in files.items()]
+    found.sort(key=lambda result: result.advisory)
+    return AdvisoriesCheck(releases=tuple(ordered), results=tuple(found))
+
+
+def _replay_files(
+    files: Sequence[str], release: str, notify: Callable[[str], None]
+) -> Mapping[str, dict[str, Any]]:
+    """Return the last line of each file; a new process continues after one that ends early."""
+    last, left = dict[str, dict[str, Any]](), list(files)
+    while left:
+        done = run_python(["-P", "-m", _PROCESS, *left], release, notify)
+        lines = [*_read_lines(done.stdout)]
+        last |= {line["file"]: line for line in lines}
+        started = lines[-1]["file"] if lines else left[0]
+        last.setdefault(started, {"file": started})
+        left = left[left.index(started) + 1 :]
+    return last
+
+
+def _read_lines(text: str) -> Iterator[dict[str, Any]]:
+    for line in text.splitlines():
+        if line.startswith('{"file"'):
+            yield json.loads(line)
+
+
+def _judge(advisory: Advisory, release: str, line: Mapping[str, Any]) -> WitnessResult:
+    return WitnessResult(
+        advisory=advisory.id,
+        release=release,
+        affected=advisory.affects(release),
+        outcome=_find_outcome(advisory, line),
+        measured=line.get("measured"),
+        meets=line.get("meets", False),
+        reason=line.get("reason", ""),
+    )
+
+
+def _find_outcome(advisory: Advisory, line: Mapping[str, Any]) -> WitnessOutcome:
+    witness = advisory.witness
+    if "measured" not in line:
+        return "crashed" if advisory.severity == "crash" or "reason" not in line else "not run"
+    measured = math.nan if line["measured"] is None else float(line["measured"])
+    if abs(measured - witness.right) <= witness.tolerance:
+        return "not shown"
+    return "shown" if fault_share(witness, measured) >= _SHOWN else "unclear"
