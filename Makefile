@@ -10,7 +10,8 @@ WHERE_NPM_IS := $(NODE_MODULES) $(LIVE)
 endif
 INSTALL ?= $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # Neighbouring tests share what they made; who gets idle takes half of what another has left.
-PYTEST := $(BIN)/python -m pytest -n auto --dist worksteal
+# Bytecode is kept whatever the environment says: tests start hundreds of processes that load it.
+PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n auto --dist worksteal
 
 .PHONY: bounce test test-rest test-all test-night test-lowest check lint format stubs schemas guards robot-wheels picture rates changelog constraints wheel
 .PHONY: atlas atlas-compare attack bench kernel live site verdicts clean

@@ -25,7 +25,7 @@ _SECONDS, _SEEDS, _HELD = 2.0, 4, 0.02
 _STEPS = 0.01, 0.005, 0.0025, 0.00125
 _EULER, _RK4 = int(mujoco.mjtIntegrator.mjINT_EULER), int(mujoco.mjtIntegrator.mjINT_RK4)
 _LEAST, _MOST, _APART = 1.7, 3.0, 0.1
-_REFERENCE = measuring.reference_of
+_REFERENCE = measuring.build_reference_model
 PLAIN = Settings(energy=False, places=False, excess=False)
 
 
@@ -67,7 +67,7 @@ def main() -> None:
         motion = driven(model, _STEPS[1], _EULER)
         longer = share(motion, replace(PLAIN, window=0.08))
         finer = share(motion, replace(PLAIN, finer=8))
-        with patch.object(measuring, "reference_of", smooth_reference):
+        with patch.object(measuring, "build_reference_model", smooth_reference):
             other = share(motion)
         print(f"{name}: Euler {' '.join(f'{x:.3g}' for x in euler)} %, ratios ", end="")
         print(f"{' '.join(f'{x:.2f}' for x in ratios)}; RK4 {' '.join(f'{x:.3g}' for x in rk4)} %")

@@ -2,6 +2,9 @@
 
 Run: python -m bench.overhead [--rounds 3] [--minutes 3] [--quick] [--native] [--case NAME]
 
+The rounds are not those of `contactlab.timing`: its clock is the CPU time of a thread, and a turn
+here is a command with its workers, at two sizes.
+
 Every figure is CPU time, user and system, of all processes: the command, the fork server and the
 workers. What is compared takes turns within each round, so that the ratios of one round saw the
 same machine; a round is printed as it ends, then the medians of the rounds' ratios, with the least

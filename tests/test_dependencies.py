@@ -4,10 +4,11 @@ import importlib.util
 import subprocess
 import sys
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 
 import pytest
-from bench.dependencies import cycles, imports, module_files, named_imports, reachable
+from bench.dependencies import Graph, cycles, imports, module_files, named_imports, reachable
 from bench.dependencies import watched_imports as watched
 
 import contactlab
@@ -15,9 +16,14 @@ from contactlab.commands import CommandModule, load_command
 from contactlab.registry import own_parts
 
 PACKAGE = Path(contactlab.__file__).parent
-GRAPH = imports(PACKAGE)
 # Packages whose modules declare entries of registries when they are imported.
 DECLARING = ("measure", "engines", "studies.lint", "studies.check")
+
+
+@cache
+def graph() -> Graph:
+    """Return the imports of all modules, which only the process that runs these tests reads."""
+    return imports(PACKAGE)
 
 
 def package(folder: Path, files: Mapping[str, str]) -> Path:
@@ -79,12 +85,12 @@ def test_other_uses_of_a_name_are_none(tmp_path: Path, code: str) -> None:
 
 
 def test_no_modules_depend_on_each_other() -> None:
-    assert cycles(GRAPH) == []
+    assert cycles(graph()) == []
 
 
 def test_no_module_imports_the_functions_of_the_whole_package() -> None:
     """They import commands, which the layers do not see."""
-    assert [name for name, imported in GRAPH.items() if "contactlab" in imported] == []
+    assert [name for name, imported in graph().items() if "contactlab" in imported] == []
 
 
 def test_a_cycle_through_a_function_is_found(tmp_path: Path) -> None:
@@ -103,7 +109,7 @@ def test_a_cycle_through_a_function_is_found(tmp_path: Path) -> None:
 def test_a_package_imports_each_module_that_declares_entries(name: str) -> None:
     """One that is forgotten would have its entries only where something else imports it."""
     first = f"contactlab.{name}"
-    reached = reachable(GRAPH, first)
+    reached = reachable(graph(), first)
     words = ("check", "engine", "label", "metric", "oracle", "rule")
     declaring = [
         module
@@ -116,7 +122,7 @@ def test_a_package_imports_each_module_that_declares_entries(name: str) -> None:
 
 
 def test_every_module_of_commands_is_registered() -> None:
-    files = {name.rpartition(".")[2] for name in GRAPH if name.startswith("contactlab.commands.")}
+    files = {name.rpartition(".")[2] for name in graph() if name.startswith("contactlab.commands.")}
     assert [*own_parts("command module")] == sorted(files)
 
 

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from tests.budget.test_rows import servo
 from tests.budget_motions import motion_of, walker
+from tests.budget_reasons import budget_reason
 
 from contactlab.budget import Motion, Settings, Trial, error_budget, judge, try_fixes
 from contactlab.budget.field_changes import field_changes, joint_inertias
 from contactlab.budget.reference_distance import FINEST, ChangedModel, distances_to_reference
-from contactlab.budget.verdict import Reason, Verdict, VerdictWord
+from contactlab.budget.verdict import Verdict, VerdictWord
 from contactlab.modifications.modification import Candidate
 
 FAST = Settings(energy=False)
@@ -21,7 +22,7 @@ FAST = Settings(energy=False)
 def against(
     motion: Motion, place: str, word: VerdictWord = "inaccurate", row: str = "numerical error"
 ) -> dict[str, Candidate]:
-    reason = Reason(word, motion.name, row, 0.5, "", place, 0.0, "")
+    reason = budget_reason(word, motion.name, row, 0.5, "", place)
     found = field_changes([motion], Verdict(word, 0.1, (reason,)))
     return {change.apply: change for change in found}
 

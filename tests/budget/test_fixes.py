@@ -14,6 +14,7 @@ import pytest
 from jsonschema import Draft202012Validator
 from tests.budget.test_rows import servo
 from tests.budget_motions import motion_of, walker
+from tests.budget_reasons import budget_reason
 
 from contactlab.budget import (
     Motion,
@@ -33,7 +34,7 @@ from contactlab.budget.fixes import (
 )
 from contactlab.budget.measuring import PhaseMeasure
 from contactlab.budget.time_ratios import measure_time_ratios
-from contactlab.budget.verdict import Reason, Verdict
+from contactlab.budget.verdict import Verdict
 from contactlab.budget.windows import replay
 from contactlab.modifications.catalogue import list_candidates
 from contactlab.modifications.contacts import MARGIN
@@ -204,7 +205,7 @@ def test_time_constants_that_the_step_raises_may_be_written_as_it_has_them() -> 
 def test_what_a_step_does_not_hold_is_tried_stiffer_after_finer_steps() -> None:
     """A servo that diverges stays so whatever is stiffer at its step."""
     motion, tried = servo(), list[str]()
-    reason = Reason("depends", motion.name, "limit softness", 0.2, "", "", 0.0, "")
+    reason = budget_reason("depends", motion.name, "limit softness", 0.2, "", "")
     some = [
         build_candidate(name, "solref", (), word="depends", rate=rate)
         for name, rate in (("stiff", 1), ("stiffer", 1), ("finer", 2))

@@ -25,15 +25,21 @@ def test_it_prints_a_verdict_and_writes_data(contactlab: Run, tmp_path: Path) ->
     assert max(map(len, out.splitlines())) <= 80
 
 
-def test_creep_ends_with_one_and_names_lines(contactlab: Run, tmp_path: Path) -> None:
+@pytest.mark.parametrize("fixes", [False, pytest.param(True, marks=pytest.mark.long)])
+def test_creep_ends_with_one_and_names_lines(
+    contactlab: Run, tmp_path: Path, *, fixes: bool
+) -> None:
+    """Trials of fixes take seconds, and do not change the verdict or the exit code."""
     path = tmp_path / "bar.xml"
     path.write_text(claw_with_bar(8, 0.1), encoding="utf-8")
-    code, out, err = contactlab("grip", str(path), "--keyframe", "held", "--format", "json")
+    words = () if fixes else ("--no-fixes",)
+    code, out, err = contactlab("grip", str(path), "--keyframe", "held", "--format", "json", *words)
     report = json.loads(out)
     assert code == 1
     assert "creeps body bar" in err
     assert report["keyframe"] == "held"
-    assert any("bar.xml:" in line for each in report["fixes"] for line in each["lines"])
+    lines = [line for each in report["fixes"] for line in each["lines"]]
+    assert any("bar.xml:" in line for line in lines) == fixes
 
 
 @pytest.mark.parametrize(

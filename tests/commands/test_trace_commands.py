@@ -52,7 +52,7 @@ def test_expanded_traces_are_the_messages_of_the_other_sweep(
     done = contactlab("traces", "expand", str(compact))
     folder = compact.with_name("compact-all-messages")
     assert done.code == 0
-    assert done.out.startswith(f"4 traces as messages in {folder}: ")
+    assert " ".join(done.out.split()).startswith(f"4 traces as messages in {folder}: ")
     assert files(folder) == files(messages)
     assert files(compact).keys() == files(messages).keys()
     assert all(len(each) < len(files(messages)[name]) for name, each in files(compact).items())

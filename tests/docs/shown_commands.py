@@ -116,11 +116,11 @@ def _in_notebook_code(text: str, name: str) -> Iterator[ShownCommand]:
 
 
 def _in_python(text: str, name: str) -> Iterator[ShownCommand]:
-    tree = ast.parse(text)
-    inner = {
-        part for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values
-    }
-    for node in ast.walk(tree):
+    if f"{_NAME} " not in text:  # as in most modules, which would take seconds to parse
+        return
+    nodes = [*ast.walk(ast.parse(text))]
+    inner = {part for node in nodes if isinstance(node, ast.JoinedStr) for part in node.values}
+    for node in nodes:
         said = None if node in inner else _text(node)
         if said is not None and _NAME in said:
             line = getattr(node, "lineno", 1)

@@ -6,9 +6,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from tests.budget_reasons import budget_reason
 
 from contactlab.budget import Verdict
-from contactlab.budget.verdict import Reason
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.model_draft import PRIMITIVES
 from contactlab.scene.model_writer import write_model
@@ -32,7 +32,7 @@ def proposed(text: str, folder: Path, body: str = "brick"):  # noqa: ANN201 - sc
     path.write_text(text)
     scene = SceneLoader(Path()).open(str(path)).with_effects("all")
     motions = task_motions(scene, {}, scene.task({}, 0.02))
-    verdict = Verdict("inaccurate", 0.1, (Reason("inaccurate", "", "run", 1, body, "", 0, ""),))
+    verdict = Verdict("inaccurate", 0.1, (budget_reason("inaccurate", "", "run", 1, body, ""),))
     return scene, [*primitives(scene, {}, motions, verdict)]
 
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from tests.budget_reasons import budget_reason
 
 from contactlab.budget import Verdict
-from contactlab.budget.verdict import Reason
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
@@ -37,7 +37,7 @@ def scene_of(text: str, folder: Path):  # noqa: ANN201 - a scene
 
 
 def verdict_of(place: str) -> Verdict:
-    return Verdict("inaccurate", 0.1, (Reason("inaccurate", "", "run", 1, "", place, 0.0, ""),))
+    return Verdict("inaccurate", 0.1, (budget_reason("inaccurate", "", "run", 1, "", place),))
 
 
 def excluded(text: str, folder: Path, place: str) -> list[tuple[str, str]]:

@@ -5,13 +5,15 @@ from pathlib import Path
 
 import pytest
 from tests.verdicts.__main__ import main, of_corpus, of_public
-from tests.verdicts.corpus import read_corpus
+from tests.verdicts.corpus import Case, read_corpus
 from tests.verdicts.judge import Job, Verdict
 
-OPEN, HELD_BACK = (
-    [case for part in read_corpus() if part.held_back is held_back for case in part.cases]
-    for held_back in (False, True)
-)
+
+def cases(*, held_back: bool) -> list[Case]:
+    """Return the cases of the open parts, or of those that are held back."""
+    return [case for part in read_corpus() if part.held_back is held_back for case in part.cases]
+
+
 FLAGGED, CALM = Verdict("tunneling", "because"), Verdict("stable", "No other label applies.")
 
 
@@ -26,7 +28,7 @@ FLAGGED, CALM = Verdict("tunneling", "because"), Verdict("stable", "No other lab
     ],
 )
 def test_corpus_is_compared_with_the_truth(healthy: bool, verdict: Verdict, outcome: str) -> None:
-    assert of_corpus(OPEN[0], verdict, "open", healthy=healthy).outcome == outcome
+    assert of_corpus(cases(held_back=False)[0], verdict, "open", healthy=healthy).outcome == outcome
 
 
 def test_flag_of_a_public_model_is_false_unless_it_was_measured() -> None:
@@ -48,7 +50,7 @@ def test_what_is_held_back_is_shown_on_request_only(
     main(["--only", name, "--jobs", "2", "--json", str(kept)])
     rows = json.loads(kept.read_text(encoding="utf-8"))
     rows = [row for row in rows if row["part"] != "public"]
-    mine = [case.name for case in OPEN if name in case.name]
+    mine = [case.name for case in cases(held_back=False) if name in case.name]
     assert [row["name"] for row in rows] == [title for title in mine for _ in range(2)]
-    assert not {row["name"] for row in rows} & {case.name for case in HELD_BACK}
+    assert not {row["name"] for row in rows} & {case.name for case in cases(held_back=True)}
     assert mine[0] in capsys.readouterr().out

@@ -1,4 +1,10 @@
-"""The timing pass: every run alone, interleaved with the others, with nothing recorded."""
+"""The timing pass: every run alone, interleaved with the others, with nothing recorded.
+
+It has its own rounds besides those of `contactlab.timing`, which compare models with the first one.
+Here each run has an absolute time per simulated second and the distribution of its single steps,
+and groups that cannot win end early. Both are columns of stores, and `timing_settings` hashes this
+protocol: times of another one could not be compared with stored ones.
+"""
 
 import base64
 import gc

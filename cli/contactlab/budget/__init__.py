@@ -7,14 +7,13 @@ from contactlab.budget.measuring import Settings, affordable
 from contactlab.budget.motion import Motion, motion_of_run
 from contactlab.budget.readings import ErrorBudget, PhaseBudget, Reading
 from contactlab.budget.report import budget_report
-from contactlab.budget.verdict import Reason, Verdict, judge
+from contactlab.budget.verdict import Verdict, judge
 
 __all__ = [
     "ErrorBudget",
     "Motion",
     "PhaseBudget",
     "Reading",
-    "Reason",
     "Settings",
     "Trial",
     "TriedFix",

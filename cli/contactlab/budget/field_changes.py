@@ -21,7 +21,7 @@ import mujoco
 import numpy as np
 
 from contactlab.budget.motion import INTEGRATION, Motion
-from contactlab.budget.verdict import Reason, Verdict, VerdictWord
+from contactlab.budget.verdict import Verdict, VerdictWord
 from contactlab.budget.windows import joint_name
 from contactlab.contact.trace_arrays import Floats
 from contactlab.modifications.catalogue import list_part_fixes
@@ -37,6 +37,7 @@ from contactlab.scene.part_bodies import (
     bodies_of_tendon,
     is_mocap_driven,
 )
+from contactlab.schema.error_budget import BudgetReason
 
 _AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
 _STIFFNESS, _DAMPING = 1, 2  # places of their negatives in biasprm
@@ -77,13 +78,13 @@ def field_changes(motions: Sequence[Motion], verdict: Verdict) -> tuple[Candidat
     motion, word = motions[0], verdict.word
     if word == "ok":
         return ()
-    reasons = [reason for reason in verdict.reasons if reason.word == verdict.reasons[0].word]
+    reasons = [reason for reason in verdict.reasons if reason.verdict == verdict.reasons[0].verdict]
     if word == "depends":
         return tuple(_stiffer(motion.model, reasons, verdict.tolerance))
     return tuple(_slower_servos(motion, reasons))
 
 
-def _slower_servos(motion: Motion, reasons: Sequence[Reason]) -> Iterator[Candidate]:
+def _slower_servos(motion: Motion, reasons: Sequence[BudgetReason]) -> Iterator[Candidate]:
     """Yield changes by which the step holds the first servo that reasons point to, then all.
 
     A wheel, a leg or a finger seldom has a motor that no other has.
@@ -165,13 +166,13 @@ class _Servo(NamedTuple):
         return part or 1 / (2 * self.damped)
 
 
-def _points_to(model: mujoco.MjModel, reason: Reason, servo: _Servo) -> bool:
+def _points_to(model: mujoco.MjModel, reason: BudgetReason, servo: _Servo) -> bool:
     """Return whether a reason names the joint of a servo, or is of a body that it moves."""
     body = name_of(model, "body", int(model.jnt_bodyid[servo.joint]))
     return reason.place == joint_name(model, servo.joint) or body in _bodies(model, reason)
 
 
-def _bodies(model: mujoco.MjModel, reason: Reason) -> Iterator[str]:
+def _bodies(model: mujoco.MjModel, reason: BudgetReason) -> Iterator[str]:
     """Yield the bodies of a reason: the one that moves, and those of its place."""
     yield reason.body
     kind, _, name = reason.place.partition(" ")
@@ -275,7 +276,7 @@ def _find_soft_fields(row: str) -> tuple[str, ...]:
 
 
 def _stiffer(
-    model: mujoco.MjModel, reasons: Sequence[Reason], tolerance: float
+    model: mujoco.MjModel, reasons: Sequence[BudgetReason], tolerance: float
 ) -> Iterator[Candidate]:
     """Yield a shorter solref of the parts that are named, and of all of their kind.
 
@@ -337,7 +338,7 @@ def _of_solref(
     return build_candidate(name, word, found, word="depends", rate=rate)
 
 
-def _named_parts(model: mujoco.MjModel, reason: Reason) -> Iterator[tuple[str, int]]:
+def _named_parts(model: mujoco.MjModel, reason: BudgetReason) -> Iterator[tuple[str, int]]:
     """Yield fields and rows of the parts that a reason names."""
     kind, _, name = reason.place.partition(" ")
     if kind == "contact":

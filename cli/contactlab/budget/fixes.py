@@ -24,7 +24,7 @@ from contactlab.budget.readings import ErrorBudget
 from contactlab.budget.reference_distance import FINEST, ChangedModel, distances_to_reference
 from contactlab.budget.restarts import refine_motion
 from contactlab.budget.time_ratios import measure_time_ratios
-from contactlab.budget.verdict import Reason, Verdict, VerdictWord, judge
+from contactlab.budget.verdict import Verdict, VerdictWord, judge
 from contactlab.budget.windows import replay
 from contactlab.mjcf import OPTIONS
 from contactlab.modifications.catalogue import (
@@ -50,6 +50,7 @@ from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_edits import FIELD_KINDS, FLAG_NAMES, read_flag, read_option
 from contactlab.scene.model_names import name_of
+from contactlab.schema.error_budget import BudgetReason
 from contactlab.schema.time_ratio import TimeRatio, cost_class
 
 _MAX_REFINEMENT = 64  # most steps per step of the run that are tried
@@ -196,7 +197,7 @@ def _finer(model: mujoco.MjModel, verdict: Verdict) -> Iterator[Candidate]:
     If refsafe raises time constants, it is half of the shortest. Otherwise the error is taken to be
     proportional to the step.
     """
-    shares = [abs(reason.error) for reason in verdict.reasons if reason.word == "inaccurate"]
+    shares = [abs(reason.error) for reason in verdict.reasons if reason.verdict == "inaccurate"]
     needed = max(filter(math.isfinite, shares), default=0.0) / verdict.tolerance
     if raises_time_constants(model):
         needed = 2 * float(model.opt.timestep) / find_shortest_time_constant(model)
@@ -297,7 +298,7 @@ def try_fixes(
     if verdict.word == "ok":
         return ()
     word: VerdictWord = "depends" if verdict.word == "depends" else "inaccurate"
-    rows = sorted({reason.row for reason in verdict.reasons if reason.word == "depends"})
+    rows = sorted({reason.row for reason in verdict.reasons if reason.verdict == "depends"})
     if candidates is None:
         candidates = candidates_against(motions, verdict)
     possible = sorted(
@@ -623,7 +624,7 @@ def _measure_time_ratio(
     )
 
 
-def sentence(reason: Reason, tried: Sequence[TriedFix]) -> str:
+def sentence(reason: BudgetReason, tried: Sequence[TriedFix]) -> str:
     """Return a reason with the fix that removes it, and its time ratio."""
     found = [fix for fix in tried if fix.removes]
     if not found:

@@ -28,7 +28,7 @@ from contactlab.budget.force_places import (
 )
 from contactlab.budget.motion import GRAVITY_AS_REAL, Motion, pulls, without_delays
 from contactlab.budget.readings import Origin, PhaseBudget, Reading
-from contactlab.budget.restarts import reference_of, run_at_once, scale_of_impulses
+from contactlab.budget.restarts import build_reference_model, run_at_once, scale_of_impulses
 from contactlab.budget.time_ratios import measure_time_ratios
 from contactlab.budget.windows import (
     EngineWarning,
@@ -263,7 +263,7 @@ class PhaseMeasure:
             return run_at_once(self._model)
         if name == "RK4":
             return self._smooth(1)
-        return reference_of(self._model, 1 if name == "step" else self._settings.finer)
+        return build_reference_model(self._model, 1 if name == "step" else self._settings.finer)
 
     def _stored(self, name: str) -> ConstraintEnergy:
         """Return the calculator of stored energies for a copy of a base."""
@@ -404,7 +404,7 @@ class PhaseMeasure:
         )
 
     def _smooth(self, rate: int) -> mujoco.MjModel:
-        smooth = reference_of(self._model, rate)
+        smooth = build_reference_model(self._model, rate)
         smooth.opt.integrator = _RK4
         return smooth
 
@@ -448,7 +448,7 @@ class PhaseMeasure:
         windows = Windows(self._undelayed, self._run, settings.workers, look.block)
         if settings.check:
             rate = 2 * settings.finer
-            finest = self._around(windows, reference_of(self._model, rate), rate)
+            finest = self._around(windows, build_reference_model(self._model, rate), rate)
             found.checked[place] = defects(look.reference, finest)
             found.finer[place] = defects(look.run, finest)
         if settings.excess:

@@ -13,7 +13,12 @@ import numpy as np
 from contactlab.budget.defects import defects, paths
 from contactlab.budget.measuring import Settings
 from contactlab.budget.motion import GRAVITY_AS_REAL, Motion, without_delays
-from contactlab.budget.restarts import reference_of, refine_motion, run_at_once, scale_of_impulses
+from contactlab.budget.restarts import (
+    build_reference_model,
+    refine_motion,
+    run_at_once,
+    scale_of_impulses,
+)
 from contactlab.budget.windows import (
     Observer,
     Run,
@@ -52,7 +57,7 @@ def distances_to_reference(
     first, in place; it has `finest` steps per step of the run. Bodies that are not observed do not
     count. A distance is infinite if the engine fails in the changed model or the finest motion.
     """
-    undelayed, fine_model = without_delays(motion), reference_of(motion.model, finest)
+    undelayed, fine_model = without_delays(motion), build_reference_model(motion.model, finest)
     target(fine_model)
     run = _finest_run(undelayed, fine_model, settings, finest)
     bodies = judged_bodies(motion.model)

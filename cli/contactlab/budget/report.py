@@ -5,11 +5,10 @@ from collections.abc import Sequence
 
 from contactlab.budget.fixes import TriedFix
 from contactlab.budget.readings import ErrorBudget, PhaseBudget, Reading
-from contactlab.budget.verdict import Reason, Verdict
+from contactlab.budget.verdict import Verdict
 from contactlab.schema.error_budget import (
     BudgetFix,
     BudgetPhase,
-    BudgetReason,
     BudgetReport,
     BudgetRow,
     BudgetWarning,
@@ -24,22 +23,9 @@ def budget_report(
     return BudgetReport(
         tolerance=verdict.tolerance,
         verdict=verdict.word,
-        reasons=tuple(map(_reason, verdict.reasons)),
+        reasons=verdict.reasons,
         fixes=tuple(map(fix_report, tried)),
         phases=tuple(map(_phase, budget.phases)),
-    )
-
-
-def _reason(reason: Reason) -> BudgetReason:
-    return BudgetReason(
-        verdict=reason.word,
-        phase=reason.phase,
-        row=reason.row,
-        error=reason.error,
-        body=reason.body,
-        place=reason.place,
-        time=reason.time,
-        sentence=reason.sentence,
     )
 
 

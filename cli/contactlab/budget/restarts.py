@@ -32,7 +32,7 @@ def refine_motion(motion: Motion, model: mujoco.MjModel, rate: int) -> Motion:
     return replace(motion, model=model, inputs=motion.inputs.repeat(rate, axis=1))
 
 
-def reference_of(model: mujoco.MjModel, rate: int) -> mujoco.MjModel:
+def build_reference_model(model: mujoco.MjModel, rate: int) -> mujoco.MjModel:
     """Return a model with the run's own integrator, finer steps and a converged solver.
 
     Bodies do not sleep, and controls act at once: see `without_delays`. `rate` is how many of its
@@ -56,7 +56,7 @@ def run_at_once(model: mujoco.MjModel) -> mujoco.MjModel:
 def reference_motion(motion: Motion, rate: int) -> Motion:
     """Return a motion of the reference model, with `rate` of its steps in one of the motion's."""
     own = without_delays(motion)
-    return refine_motion(own, reference_of(own.model, rate), rate)
+    return refine_motion(own, build_reference_model(own.model, rate), rate)
 
 
 def whole_windows(run: Run) -> np.ndarray:

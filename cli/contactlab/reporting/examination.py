@@ -1,6 +1,7 @@
 """Words for parts of an examination, for its text and its page."""
 
 from collections.abc import Iterable, Sequence
+from math import isinf
 
 from contactlab.judge.conclusion import failed_names
 from contactlab.rendering.amounts import format_percent
@@ -73,7 +74,7 @@ def fix_summary(fix: Fix, report: Examination) -> str:
         number = _CHANGED_NUMBERS.get(reason.row, "numerical error")
         if reason.verdict == "depends":
             number = f"effect of {reason.row}"
-        before = "infinite" if reason.error is None else format_percent(abs(reason.error))
+        before = "infinite" if isinf(reason.error) else format_percent(abs(reason.error))
         effect = f"{number} falls from {before} to {format_percent(fix.error)}"
     if fix.removes == "labels":
         effect = "no failure label is left"

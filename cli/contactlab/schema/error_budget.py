@@ -4,7 +4,7 @@ from typing import Literal
 
 from contactlab.schema.evidence import Setting
 from contactlab.schema.report_model import ReportModel
-from contactlab.schema.strict_model import FiniteOrNull, Model, about
+from contactlab.schema.strict_model import FiniteOrNull, InfiniteAsNull, Model, about
 from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.verdict import VerdictWord
 
@@ -88,11 +88,11 @@ class BudgetReason(Model):
     verdict: VerdictWord = about("The verdict that it alone would give.")
     phase: str
     row: str = about("A row, or `energy`, `reference`, `warning`.")
-    error: FiniteOrNull = about("The number, as a share; null if infinite.")
-    body: str
-    place: str
-    time: FiniteOrNull
-    sentence: str
+    error: InfiniteAsNull = about("The number, as a share; null if infinite.")
+    body: str = about("Body where it is largest; empty if not known.")
+    place: str = about("Place where it is largest; empty if not known.")
+    time: FiniteOrNull = about("Time when it is largest [s]; null if not known.")
+    sentence: str = about("The reason in at most ten words.")
 
 
 class BudgetFix(Model):

@@ -6,7 +6,15 @@ import sys
 from collections.abc import Sequence
 from typing import Annotated, Any, cast, dataclass_transform
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    WithJsonSchema,
+)
 from pydantic_core import PydanticCustomError
 
 from contactlab.schema.setting_values import MEASURED_TEXT, without_unit
@@ -27,6 +35,20 @@ def _null_unless_finite(value: object) -> object:
 
 FiniteOrNull = Annotated[float | None, BeforeValidator(_null_unless_finite)]
 """A measured number of a report: NaN and infinity become null here, and nowhere else."""
+
+
+def _infinite_if_null(value: object) -> object:
+    return math.inf if value is None else value
+
+
+InfiniteAsNull = Annotated[
+    float,
+    Field(allow_inf_nan=True),
+    BeforeValidator(_infinite_if_null),
+    PlainSerializer(finite_or_none, return_type=float | None),
+    WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "null"}]}),
+]
+"""A measured number that may be infinite, which JSON writes as null."""
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
 MEASURED = {"type": ["number", "string"], "pattern": f"^({MEASURED_TEXT.pattern}|{_PERCENT})$"}
 """JSON schema of a number, or of a text with a unit."""

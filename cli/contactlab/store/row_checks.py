@@ -5,7 +5,7 @@ found here. Every row that violates a rule is found; a row that is found may sti
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from functools import cached_property, reduce
+from functools import cache, cached_property, reduce
 from types import NoneType, UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
@@ -54,11 +54,7 @@ class RowChecks:
 
     def __init__(self, sweep: SweepIdentity, shared: Mapping[str, Any]) -> None:
         self._asked, self._shared = sweep.resolved, shared
-        self._fields = [_FieldCheck(field) for field in PLAIN_FIELDS.values()]
-        self._parts = {
-            part: [_FieldCheck(field) for field in inner.values()]
-            for part, inner in FIELDS_OF_PARTS.items()
-        }
+        self._fields, self._parts = _checks_of_fields()
 
     def find_suspects(self, rows: pa.RecordBatch) -> Truths:
         """Return (n,) a mask of rows that may violate a rule; there is at least one row."""
@@ -164,6 +160,19 @@ class _FieldCheck:
         if not wrong:
             return np.zeros(len(column), bool)
         return np.array([text in wrong for text in column.to_pylist()])
+
+
+@cache
+def _checks_of_fields() -> tuple[list[_FieldCheck], dict[str, list[_FieldCheck]]]:
+    """Return the checks of plain fields, and of the fields of each part.
+
+    They do not depend on a store, and their models take longer to build than most stores to check.
+    """
+    parts = {
+        part: [_FieldCheck(field) for field in inner.values()]
+        for part, inner in FIELDS_OF_PARTS.items()
+    }
+    return [_FieldCheck(field) for field in PLAIN_FIELDS.values()], parts
 
 
 def _is_unrestricted(info: FieldInfo) -> bool:

@@ -18,8 +18,8 @@ from contactlab.budget.measuring import WINDOW
 from contactlab.budget.motion import GRAVITY_AS_REAL, pulls, without_delays
 from contactlab.budget.restarts import (
     MIN_WINDOW_STEPS,
+    build_reference_model,
     held_inputs,
-    reference_of,
     refine_motion,
     run_at_once,
     scale_of_impulses,
@@ -64,7 +64,7 @@ class PhaseReference:
         self._motion = without_delays(motion)
         self._substeps, self._workers = finer, workers
         self.step = float(motion.model.opt.timestep) / finer
-        self._reference_model = reference_of(motion.model, finer)
+        self._reference_model = build_reference_model(motion.model, finer)
         steps = max(1, round(WINDOW / motion.model.opt.timestep))
         fine = refine_motion(self._motion, self._reference_model, finer)
         window = min(steps, motion.steps) * float(motion.model.opt.timestep)

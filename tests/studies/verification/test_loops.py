@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-import pytest
-
 from contactlab.plan.task_options import TaskOptions
 from contactlab.schema.drive import PolicyDrive, parse_drive
 from contactlab.schema.verification import VerifiedChange
@@ -83,10 +81,9 @@ def test_armature_may_end_an_oscillation(tmp_path: Path) -> None:
     assert found.passed, found.sentence
 
 
-@pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
-def test_an_equal_loop_improves_nothing(integrator: str, tmp_path: Path) -> None:
-    """Without joint damping, implicitfast computes what Euler does."""
-    found = _verify(tmp_path, 0.5 * INERTIA / 0.002, LOOP_MEASURES, integrator=integrator)
+def test_an_equal_loop_improves_nothing(tmp_path: Path) -> None:
+    """Without joint damping, implicitfast computes what Euler does, to the bit."""
+    found = _verify(tmp_path, 0.5 * INERTIA / 0.002, LOOP_MEASURES, integrator="implicitfast")
     assert found.identical
     assert not found.passed
     assert found.sentence.startswith("no better")

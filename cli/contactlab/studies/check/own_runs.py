@@ -151,7 +151,7 @@ def check_repeat(checked: CheckedModel) -> Measured:
     return Measured(measures, [note], checked.stores(TASK_STORE, "repeat"))
 
 
-def reference_of(run: CheckedRun) -> Reference:
+def describe_reference(run: CheckedRun) -> Reference:
     """Return the reference that another engine must reproduce: a run of the model."""
     record = run.record
     metrics = {

@@ -161,7 +161,7 @@ def _place_line(report: Examination, reason: BudgetReason, phase: BudgetPhase) -
         case "warning":
             return f"its forces first differ from those of the reference{at}"
         case "energy":
-            verb = "gains" if (reason.error or 0.0) > 0 else "loses"
+            verb = "gains" if reason.error > 0 else "loses"
             return f"the run {verb} energy that the exact motion does not, most{at}"
         case "reference":
             error = format_percent(_error_of(phase))

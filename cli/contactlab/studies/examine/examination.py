@@ -30,7 +30,7 @@ from contactlab.schema.task import QPOS0
 from contactlab.store.table_layout import record_to_row
 from contactlab.studies.check.check_entries import CHECKS, Check
 from contactlab.studies.check.chosen_checks import chosen_checks, judged_findings
-from contactlab.studies.check.own_runs import reference_of
+from contactlab.studies.check.own_runs import describe_reference
 from contactlab.studies.examine.conclusion import conclude
 from contactlab.studies.examine.facts import facts
 from contactlab.studies.examine.fixes import FixSearch, TaskRepeats
@@ -229,7 +229,7 @@ def _checked(
     )
     idle = Exercised.of_rows(record_to_row(run.record) for run in examined.runs).idle_parts()
     if "repeat" in checks and examined.runs[0].record.trajectory_hash is not None:
-        reference = reference_of(examined.runs[0]).model_dump_json(indent=2) + "\n"
+        reference = describe_reference(examined.runs[0]).model_dump_json(indent=2) + "\n"
         examined.session.write({REFERENCE: reference})
     return report.model_copy(
         update={

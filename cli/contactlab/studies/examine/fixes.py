@@ -27,7 +27,7 @@ from contactlab.budget.fixes import (
 )
 from contactlab.budget.measuring import evaluations, pace, steps_of
 from contactlab.budget.report import fix_report
-from contactlab.budget.verdict import Reason, VerdictWord
+from contactlab.budget.verdict import VerdictWord
 from contactlab.budget.windows import joint_name
 from contactlab.errors import SceneError
 from contactlab.modifications.catalogue import (
@@ -42,6 +42,7 @@ from contactlab.modifications.numerics import CONVERGED_SOLVER, HALF_STEP, RUN
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.scene.scene import Scene
+from contactlab.schema.error_budget import BudgetReason
 from contactlab.schema.examination import MOST_FIXES, Fix, RunLabel
 from contactlab.studies.examine.facts import facts
 from contactlab.studies.examine.primitive_fixes import primitives
@@ -455,7 +456,7 @@ def candidates_against_labels(
 
 def _softness(
     model: mujoco.MjModel, verdict: Verdict, labels: Sequence[RunLabel]
-) -> Iterator[Reason]:
+) -> Iterator[BudgetReason]:
     """Yield a reason for each modeling choice that a label of softness concerns, and its places."""
     shares = {reason.row: reason.error for reason in reversed(verdict.reasons)}
     for label in labels:
@@ -473,7 +474,7 @@ def _places_of(model: mujoco.MjModel, label: RunLabel, row: str) -> list[str]:
     return [joint_name(model, joint) for joint in limited if row == "limit softness"]
 
 
-def _of_joints(model: mujoco.MjModel, labels: Sequence[RunLabel]) -> Iterator[Reason]:
+def _of_joints(model: mujoco.MjModel, labels: Sequence[RunLabel]) -> Iterator[BudgetReason]:
     """Yield a reason for each joint of a body that numerical labels name."""
     for label in labels:
         if not is_numerical_label(label.label):
@@ -489,9 +490,18 @@ def _joints_of(model: mujoco.MjModel, label: RunLabel) -> Iterator[int]:
         yield from range(first, first + count)
 
 
-def _reason(word: VerdictWord, label: RunLabel, row: str, share: float, place: str) -> Reason:
+def _reason(word: VerdictWord, label: RunLabel, row: str, share: float, place: str) -> BudgetReason:
     body, time = next(iter(label.bodies), ""), label.time or 0.0
-    return Reason(word, label.phase, row, share, body, place, time, label.reason)
+    return BudgetReason(
+        verdict=word,
+        phase=label.phase,
+        row=row,
+        error=share,
+        body=body,
+        place=place,
+        time=time,
+        sentence=label.reason,
+    )
 
 
 def _untimed(

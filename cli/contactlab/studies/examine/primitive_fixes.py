@@ -31,7 +31,7 @@ def primitives(
 
     They are those whose hull a primitive resembles.
     """
-    bodies = {reason.body for reason in verdict.reasons if reason.word != "depends"}
+    bodies = {reason.body for reason in verdict.reasons if reason.verdict != "depends"}
     touching = sorted(_touching(motions[0], bodies)) if verdict.word != "depends" else []
     if not touching:
         return

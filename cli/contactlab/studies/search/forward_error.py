@@ -13,7 +13,12 @@ import numpy as np
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION, without_delays
-from contactlab.budget.restarts import held_inputs, reference_of, refine_motion, run_at_once
+from contactlab.budget.restarts import (
+    build_reference_model,
+    held_inputs,
+    refine_motion,
+    run_at_once,
+)
 from contactlab.budget.windows import replay
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
@@ -162,7 +167,7 @@ class ForwardError:
 
     def _states_at(self, integrator: int, rate: int) -> Floats:
         """Return the states of the motion by an integrator, at `rate` substeps."""
-        model = reference_of(self._motion.model, rate)
+        model = build_reference_model(self._motion.model, rate)
         model.opt.integrator = integrator
         motion = refine_motion(self._motion, model, rate)
         return replay(motion, motion.steps * float(model.opt.timestep), self._workers).kept[:, :-1]

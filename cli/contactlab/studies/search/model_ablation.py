@@ -17,7 +17,7 @@ import numpy as np
 from contactlab.budget import Motion
 from contactlab.budget.exercised_rows import exercised_rows
 from contactlab.budget.motion import INTEGRATION
-from contactlab.budget.restarts import reference_of
+from contactlab.budget.restarts import build_reference_model
 from contactlab.budget.windows import without_sensors
 from contactlab.modifications.catalogue import CATALOGUE, list_rows
 from contactlab.modifications.mechanics import TENDON_FORCE_FIELDS
@@ -89,14 +89,14 @@ def ablate_model(request: PartsRequest, session: Session) -> PartsReport:
     parts = find_features(loaded, [part.positions for part in reference.phases], threads)
     clock = Clock(reference, motions[0].model)
     measured, timed_out = list[tuple[Feature, ErrorEstimate | None, TimeRatio | None]](), False
-    same = reference.velocities_around(reference_of)
+    same = reference.velocities_around(build_reference_model)
     for part in parts:
         timed_out = timed_out or time.monotonic() > begin + _MEASURING_SHARE * request.max_time
         estimate = ratio = None
         if part.exercised and not part.proof and not timed_out:
 
             def without(model: mujoco.MjModel, own: Removal = part.removal) -> mujoco.MjModel:
-                changed = reference_of(model, 1)
+                changed = build_reference_model(model, 1)
                 own(changed)
                 return changed
 
