@@ -83,8 +83,8 @@ PAGES: Mapping[str, Callable[[Path], Path]] = {
     "examination": _examination_page,
 }
 _WITH_DATA = "sweep bounce"
-LONG = {"sweep bounce", "examination"}
-"""Those that take seconds: the first reads all data, the last measures an error budget."""
+LONG = {"sweep bounce", "sweep tradeoff-stack", "examination"}
+"""Those that take seconds: they read all data, sweep 48 runs, or measure an error budget."""
 
 
 def page_items(name: str, folder: Path) -> tuple[Items, Items]:

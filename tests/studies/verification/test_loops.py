@@ -54,7 +54,8 @@ def _verify(
         text = model.format(**{**own, **values})
         (folder / name / "wheel.xml").write_text(text)
         session = Session(folder / name / "results", allow_code=True)
-        return open_model(str(folder / name / "wheel.xml"), session, TaskOptions(drive=drive))
+        options = TaskOptions(drive=drive, duration=1.0)
+        return open_model(str(folder / name / "wheel.xml"), session, options)
 
     original, changed = open_wheel("original"), open_wheel("changed", **change)
     assert has_policy(original)
