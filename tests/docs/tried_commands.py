@@ -299,7 +299,8 @@ def _nothing_begins(refused: list[tuple[str, list[str]]]) -> Generator[None]:
     steps += [(type(engine), "roll_out") for engine in ENGINES.values()]
     steps += [(windows, "Batch"), (mujoco_batch, "Batch")]
     others = [(LocalPool, "run"), (connection, "_connect_ray"), (urllib.request, "urlopen")]
-    others += [(subprocess, "run"), (subprocess.Popen, "__init__")]
+    # `--mujoco` replaces the process by another Python, if its environment exists already.
+    others += [(subprocess, "run"), (subprocess.Popen, "__init__"), (os, "execve")]
     with contextlib.ExitStack() as stack:
         for owner, name in [*steps, *others]:
             stack.enter_context(patch.object(owner, name, begin))

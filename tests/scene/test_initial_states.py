@@ -31,6 +31,7 @@ MODEL = """
 </mujoco>
 """
 INITIAL = """
+keyframe: qpos0
 initial:
   speed: {default: 2.0, unit: m/s, description: s, sets: {box.vx: speed * cos(radians(heading))}}
   heading: {default: 60.0, unit: deg, description: h, sets: {box.vy: speed * sin(radians(heading))}}

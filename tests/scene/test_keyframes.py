@@ -72,7 +72,7 @@ def test_what_starts_from_no_keyframe_has_the_id_of_a_model_without(make_scene: 
 
 
 def test_a_manifest_says_where_to_start(make_scene: Make) -> None:
-    for line, expected in (("", 0.0), ("keyframe: far\n", 9.0)):
+    for line, expected in (("keyframe: qpos0\n", 0.0), ("keyframe: far\n", 9.0)):
         scene = make_scene(MODEL, line)
         start = scene.initial_states([scene.resolve({}, 0, None)])
         assert start.qpos.tolist() == [[expected]]

@@ -72,7 +72,8 @@ def check_axis(context: SweepContext, name: str, place: Place, kind: str = "axis
     """Add a mistake if the scene does not have this axis."""
     if context.find_axis(name) is None:
         keys = () if place.source.numbered else Sweep.model_fields
-        known = ["seeds"] if name == "seed" else [*context.vocabulary.axes, *keys]
+        offered = (*context.vocabulary.axes, *keys, *context.vocabulary.coordinates)
+        known = ["seeds"] if name == "seed" else [*offered]
         if name == _KEYFRAME:
             message, hint = "the model has no keyframes", "leave it out: runs start at qpos0"
             context.document.add_mistake(f"unknown-{kind}", place, message, hint)

@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 
 from contactlab.schema.task import SEEDS
-from contactlab.schema.vocabulary import Vocabulary
+from contactlab.schema.vocabulary import DROP_HEIGHT, Vocabulary
 
 SCHEMA_NAME = "contactlab-sweep.schema.json"
 _SEED_COUNT = len(SEEDS)
@@ -39,6 +39,7 @@ def starter_text(
             settings, vocabulary, ("keyframe", "solver", "solimp", "impratio")
         )
     ]
+    can_drop = DROP_HEIGHT in vocabulary.axes and vocabulary.find(DROP_HEIGHT) is not None
     expected = "stable" if "stable" in vocabulary.labels else next(iter(vocabulary.labels), "")
     driven = f"drive: {drive}" if drive else "# drive: none"
     timestep = _yaml_value(settings.get("timestep", 1e-3))
@@ -59,6 +60,7 @@ def starter_text(
         "# A knob is a setting that you may choose; a scenario is an external condition.",
         "axes:" if axes else "axes: {}",
         *(f"  {line}" for line in axes),
+        *(["  # drop_height: [0, 0.1]   # m above the start"] if can_drop else []),
         *(f"  # {line}" for line in further),
         "",
         "# zip:                  # axes that advance together",
@@ -162,4 +164,7 @@ def _axis_list(vocabulary: Vocabulary) -> list[str]:
             subsequent_indent="#" + " " * (len(begin) - 1),
             break_on_hyphens=False,
         )
+    if vocabulary.coordinates:
+        some = ", ".join(vocabulary.coordinates[:4])
+        lines.append(f"#   and each coordinate or velocity of a joint at the start: {some}, ...")
     return lines

@@ -236,7 +236,7 @@ class _RunCheck:
         if not driven and not self._scene.is_timed:
             return
         start = tuple(run.settings.get(name) for name in START_SETTINGS)
-        key = (shape, tuple(run.initial.values()), start, run.timestep if driven else None)
+        key = (shape, tuple(sorted(run.initial.items())), start, run.timestep if driven else None)
         if key not in self._checked:
             self._scene.check_start(run)
             # Initial states that are remembered as checked.

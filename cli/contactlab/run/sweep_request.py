@@ -21,7 +21,7 @@ from contactlab.scene.scene import Scene
 from contactlab.scene.task import check_motion
 from contactlab.schema.drive import Drive, drive_text
 from contactlab.schema.sweep_schema import effects_base
-from contactlab.schema.vocabulary import Vocabulary
+from contactlab.schema.vocabulary import AxisSpec, Vocabulary
 from contactlab.store.control_tables import read_control_table
 from contactlab.store.store_files import Address
 from contactlab.store.table_layout import RESERVED_COLUMNS
@@ -175,7 +175,13 @@ class SceneLoader:
     def vocabulary(self, reference: str, *, lenient: bool = False) -> Vocabulary:
         """Return every name that a sweep of the scene may use; lenient, also of newer versions."""
         scene = self._open_undriven(reference)
-        axes, find = scene.catalogue.names, partial(scene.catalogue.find, lenient=lenient)
+        taken = RESERVED_COLUMNS | set(METRICS)
+
+        def find(name: str) -> AxisSpec | None:
+            # A coordinate with the name of a column is no axis.
+            if name in taken and scene.catalogue.sets_start(name):
+                return None
+            return scene.catalogue.find(name, lenient=lenient)
 
         def broken(text: str, duration: float | None) -> str | None:
             most = duration or self.open(reference).duration
@@ -183,7 +189,7 @@ class SceneLoader:
 
         manifest = scene.source.manifest
         return Vocabulary(
-            axes,
+            scene.catalogue.names,
             find,
             [*METRICS],
             [*LABELS],
@@ -194,6 +200,7 @@ class SceneLoader:
             else dict.fromkeys(_ORACLE_METRICS, _NO_ORACLE),
             asks=bool(manifest and manifest.must),
             mistake_in_requirement=broken,
+            coordinates=[name for name in scene.catalogue.coordinate_names if name not in taken],
         )
 
 

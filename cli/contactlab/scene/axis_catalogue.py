@@ -1,7 +1,7 @@
 """Catalogue of every axis that one scene offers."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Protocol
 
 from contactlab.errors import SceneError, did_you_mean
@@ -10,6 +10,11 @@ from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.drive.located_drive import DRIVE_AXES
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.model_edits import LOOP_ENGINE, field_axis
+from contactlab.scene.model_names import (
+    coordinate_unit,
+    free_body_heights,
+    start_coordinates,
+)
 from contactlab.scene.mujoco_versions import in_this_version, missing_flags
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.task import keyframe_names
@@ -22,7 +27,7 @@ from contactlab.schema.setting_values import (
 )
 from contactlab.schema.sweep_schema import effect_switches
 from contactlab.schema.task import QPOS0
-from contactlab.schema.vocabulary import RECORDED_RUN, AxisSpec
+from contactlab.schema.vocabulary import DROP_HEIGHT, RECORDED_RUN, AxisSpec
 
 
 class EngineTraits(Protocol):
@@ -39,7 +44,8 @@ Engines = Mapping[str, EngineTraits]
 class SceneCatalogue:
     """The axes of a scene: its initial and structure values, parameters, effects.
 
-    Model fields such as `dof_damping[hinge]` are found but not listed.
+    Model fields such as `dof_damping[hinge]`, and coordinates of the start such as `trunk.z`,
+    `trunk.vz`, `knee` and `knee.v`, are found but not listed.
     """
 
     def __init__(
@@ -55,16 +61,30 @@ class SceneCatalogue:
             text = f"recorded run, out of {len(recorded)}, to start from and to compare with"
             parse, known = number_parser(known=recorded), tuple(recorded)
             self._list_axes[RECORDED_RUN] = AxisSpec(RECORDED_RUN, "", text, parse, known=known)
+        self._start_axes = {
+            axis.name: axis for axis in _list_start_axes(base) if axis.name not in self._list_axes
+        }
+        if DROP_HEIGHT in self._start_axes:
+            self._list_axes[DROP_HEIGHT] = self._start_axes[DROP_HEIGHT]
 
     @property
     def names(self) -> Sequence[str]:
         """Names to list and to suggest."""
         return tuple(self._list_axes)
 
+    @property
+    def coordinate_names(self) -> Sequence[str]:
+        """Names of the coordinates and velocities of the start that are axes."""
+        return tuple(name for name in self._start_axes if name != DROP_HEIGHT)
+
+    def sets_start(self, name: str) -> bool:
+        """Return whether an axis sets a coordinate of the start, or raises free bodies."""
+        return name in self._start_axes
+
     def find(self, name: str, *, lenient: bool = False) -> AxisSpec | None:
         """Return the axis with a name, or None. If lenient, it accepts values of newer versions."""
         try:
-            listed = self._list_axes.get(name) or DRIVE_AXES.get(name)
+            listed = self._list_axes.get(name) or DRIVE_AXES.get(name) or self._start_axes.get(name)
             axis = listed or _axis_of_missing_flag(name) or field_axis(self._model, name)
         except ValueError:
             return None
@@ -85,6 +105,19 @@ class SceneCatalogue:
             except ValueError as error:
                 raise SceneError(f"effects: {name}: {error}") from error
         return switched
+
+
+def _list_start_axes(base: CompiledScene) -> Iterator[AxisSpec]:
+    """Yield the axes of coordinates and velocities at the start, then that of free bodies."""
+    heights = free_body_heights(base.model)
+    for name, index in start_coordinates(base.model).items():
+        text = "velocity at the start" if index >= base.model.nq else "coordinate at the start"
+        raised = (DROP_HEIGHT,) if index in heights else ()
+        unit = coordinate_unit(base.model, index)
+        yield AxisSpec(name, unit, text, number_parser(), conflicts=raised)
+    if heights:
+        text = "height of the free bodies above their start as written"
+        yield AxisSpec(DROP_HEIGHT, "m", text, number_parser())
 
 
 def _axis_of_missing_flag(name: str) -> AxisSpec | None:

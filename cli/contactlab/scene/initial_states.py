@@ -14,7 +14,13 @@ from contactlab.contact.trace_setup import Joints
 from contactlab.expression import Expression
 from contactlab.numerical_tolerance import ROUNDING
 from contactlab.scene.keyframes import start_data
-from contactlab.scene.model_names import STATE_PARTS, match_coordinates, part_starts
+from contactlab.scene.model_names import (
+    STATE_PARTS,
+    free_body_heights,
+    match_coordinates,
+    part_starts,
+    start_coordinates,
+)
 from contactlab.scene.timed_inputs import (
     ControlProfile,
     Signals,
@@ -24,7 +30,7 @@ from contactlab.scene.timed_inputs import (
     read_formula,
 )
 from contactlab.schema.scene_manifest import SceneManifest
-from contactlab.schema.vocabulary import RECORDED_RUN
+from contactlab.schema.vocabulary import DROP_HEIGHT, RECORDED_RUN
 
 if TYPE_CHECKING:
     from contactlab.scene.recording import RecordedRuns
@@ -166,6 +172,9 @@ class InitialStateRule:
     # Indices that a seed perturbs, with the largest change [m, rad, m/s or rad/s].
     perturbed: Mapping[int, float]
     quaternions: tuple[int, ...]  # start indices of unit quaternions
+    # Indices of coordinates and velocities that an axis of their name sets, after the formulas.
+    coordinates: Mapping[str, int]
+    heights: tuple[int, ...]  # indices of the heights of free bodies, raised by `DROP_HEIGHT`
     recorded: "RecordedRuns | None" = None  # runs that start as recorded
     first_as_written: bool = False  # whether the seed 0 perturbs nothing
 
@@ -178,6 +187,7 @@ class InitialStateRule:
         A SceneError names coordinates of the manifest that the model lacks.
         """
         data = start_data(model, keyframe)
+        own_values = manifest.initial if manifest else {}
         poses = np.concatenate([data.mocap_pos.ravel(), data.mocap_quat.ravel()])
         fields = (data.qpos, data.qvel, data.act, data.ctrl, data.xfrc_applied.ravel(), poses)
         return cls(
@@ -187,6 +197,12 @@ class InitialStateRule:
             profiles=read_control(model, manifest),
             perturbed=_perturbed_coordinates(model, manifest),
             quaternions=quaternion_indices(model),
+            coordinates={
+                name: index
+                for name, index in start_coordinates(model).items()
+                if name not in own_values
+            },
+            heights=() if DROP_HEIGHT in own_values else tuple(free_body_heights(model)),
             first_as_written=manifest is None,
         )
 
@@ -227,10 +243,14 @@ def initial_states(
             np.copyto(row[: len(start)], start, where=np.isfinite(start))
         for formula, indices in formulas:
             row[indices] = evaluate_formula(formula, initial)
+        for name in initial.keys() & rule.coordinates.keys():
+            row[rule.coordinates[name]] = initial[name]
+        row[list(rule.heights)] += initial.get(DROP_HEIGHT, 0.0)
         if places and factor and (seed or not rule.first_as_written):
             row[places] += sizes * factor * np.random.default_rng(seed).uniform(-1, 1, len(places))
     # Dividing by a norm of exactly 1 is harmless, but dividing by 1 + 1e-16 would change bits.
-    for address in rule.quaternions if rule.formulas or rule.perturbed else ():
+    edited = rule.formulas or rule.perturbed or any(initial for initial, _, _ in runs)
+    for address in rule.quaternions if edited else ():
         part = states[:, address : address + 4]
         norm = np.linalg.norm(part, axis=1, keepdims=True)
         np.divide(part, norm, out=part, where=np.abs(norm - 1) > ROUNDING)

@@ -12,14 +12,13 @@ from contactlab.schema.task import QPOS0
 def default_keyframe(model: mujoco.MjModel, manifest: SceneManifest | None) -> str:
     """Return the keyframe that runs start from unless their sweep sets another.
 
-    The manifest names it; a SceneError is raised if the model lacks it. Without a manifest it is
-    the model's first keyframe with controls, or its first one: in the reference configuration,
-    links often intersect and joints exceed their limits.
+    A manifest may name it; a SceneError is raised if the model lacks it. Otherwise it is the
+    model's first keyframe with controls, or its first one: in the reference configuration, links
+    often intersect and joints exceed their limits.
     """
-    if manifest is None:
+    if manifest is None or manifest.keyframe is None:
         return default_start_keyframe(model)
-    known = keyframe_names(model)
-    keyframe = manifest.keyframe or QPOS0
+    known, keyframe = keyframe_names(model), manifest.keyframe
     SceneError.unless_known(keyframe, (*known, QPOS0), f"the model has no keyframe '{keyframe}'")
     return keyframe
 

@@ -183,6 +183,35 @@ def mocap_coordinates(model: mujoco.MjModel) -> dict[str, int]:
     return found
 
 
+def start_coordinates(model: mujoco.MjModel) -> dict[str, int]:
+    """Return the index of every coordinate and velocity of the joints in a run's start, by name."""
+    return dict(_joint_coordinates(model, part_starts(model)))
+
+
+def coordinate_unit(model: mujoco.MjModel, index: int) -> str:
+    """Return the unit of a number of (qpos, qvel), by its index; 1 for parts of quaternions."""
+    speed = index >= model.nq
+    starts = model.jnt_dofadr if speed else model.jnt_qposadr
+    joint = int(np.searchsorted(starts, index - model.nq * speed, side="right")) - 1
+    offset = index - model.nq * speed - int(starts[joint])
+    match int(model.jnt_type[joint]):
+        case mujoco.mjtJoint.mjJNT_FREE:
+            unit = "m" if offset < 3 else "rad" if speed else "1"
+        case mujoco.mjtJoint.mjJNT_BALL:
+            unit = "rad" if speed else "1"
+        case mujoco.mjtJoint.mjJNT_SLIDE:
+            unit = "m"
+        case _:
+            unit = "rad"
+    return f"{unit}/s" if speed else unit
+
+
+def free_body_heights(model: mujoco.MjModel) -> list[int]:
+    """Return the indices of the z coordinates of free joints in qpos."""
+    free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
+    return (model.jnt_qposadr[free] + 2).tolist()
+
+
 def match_coordinates(model: mujoco.MjModel, pattern: str, *, mocap: bool = False) -> list[int]:
     """Return the coordinates, and optionally mocap poses, that match a pattern such as `box*.x`.
 

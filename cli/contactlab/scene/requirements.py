@@ -1,5 +1,6 @@
 """Resolves requirements of runs against the bodies, sites and contact pairs of a model."""
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import cast
@@ -75,7 +76,7 @@ def expected_of_runs(
 def check_requirements(base: CompiledScene, manifest: SceneManifest) -> None:
     """Check the requirements of a manifest. Raises a SceneError with the mistake."""
     for place, text in enumerate(manifest.must):
-        if mistake := mistake_in_requirement(text, base, manifest, manifest.duration):
+        if mistake := mistake_in_requirement(text, base, manifest, manifest.duration or math.inf):
             raise SceneError(f"must.{place}: {mistake}")
 
 

@@ -187,7 +187,8 @@ class Scene:
         inferred = infer_task(
             model, start=str(self.base({}).settings.get("keyframe", QPOS0)), drive=requested
         )
-        self.duration = manifest.duration if manifest else end or inferred.duration
+        declared = manifest.duration if manifest else end
+        self.duration = declared or inferred.duration
         with self.source.named_in_errors():
             run = self.resolve({}, 0, None)
             driving = self._driving_of(run) if is_driven(run.drive) else None
@@ -258,7 +259,7 @@ class Scene:
             if axis in structure:
                 number = as_number(value)
                 structure[axis] = int(number) if isinstance(structure[axis], int) else number
-            elif axis in initial:
+            elif axis in initial or self.catalogue.sets_start(axis):
                 initial[axis] = as_number(value)
             elif axis in DRIVE_AXES:
                 driving[axis] = value

@@ -236,7 +236,7 @@ def find_hold(
     _, stop = holding.hold_window(
         {name: setting.default for name, setting in manifest.initial.items()}
     )
-    if stop > manifest.duration:
+    if manifest.duration is not None and stop > manifest.duration:
         raise SceneError(
             f"hold ends at {stop:g} s, after the run, which takes {manifest.duration:g} s"
         )

@@ -161,15 +161,20 @@ class SceneManifest(Model):
     """Simulation and judgement of a scene's model (`scene.yaml` next to the MJCF)."""
 
     version: Literal[1]
-    title: str
-    description: str
+    title: str = ""
+    description: str = ""
     model: str = about("The MJCF or URDF file, relative to here.", default="scene.xml")
     environment: Word | None = about(
         "Source of the model instead: FILE.py:FACTORY, or an id of Gymnasium.", default=None
     )
-    duration: float = about("Simulated time of a run [s].", gt=0)
+    duration: float | None = about(
+        "Simulated time of a run [s]; by default that of the model's task.", default=None, gt=0
+    )
     subject: str | None = about("The body that the mass axis sets.", default=None)
-    keyframe: str | None = about("Keyframe to start from.", default=None)
+    keyframe: str | None = about(
+        "Keyframe to start from, or qpos0; by default the one of the model without a manifest.",
+        default=None,
+    )
     pairs: tuple[PairEntry, ...] = ()
     initial: dict[str, InitialValue] = Field(default_factory=dict)
     structure: dict[str, StructureValue] = Field(default_factory=dict)

@@ -13,6 +13,8 @@ Role = Literal["knob", "scenario"]
 TraceFormat = Literal["messages", "compact"]
 RECORDED_RUN = "recorded_run"
 """The axis of recorded runs; each is a scenario."""
+DROP_HEIGHT = "drop_height"
+"""The axis that raises the free bodies of a model at the start; a scene may define its own."""
 MOST_VALUES = 1_000_000
 Count = Annotated[Whole, Field(ge=2, le=MOST_VALUES)]
 # Numbers, or texts with a unit, which are written out before.
@@ -62,6 +64,8 @@ class Vocabulary:
     """Units of metrics and thresholds, by name."""
     lacking: Mapping[str, str] = field(default_factory=dict[str, str])
     """Metrics that no run of the scene has, and why."""
+    coordinates: Sequence[str] = ()
+    """Axes that set a coordinate or velocity of the start; suggested, but not listed."""
     asks: bool = False
     """Whether the scene itself has requirements."""
     mistake_in_requirement: Callable[[str, float | None], str | None] | None = None

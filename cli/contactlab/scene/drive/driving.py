@@ -60,14 +60,14 @@ class Driving:
         )
         kept = rule.held_ctrl
         self._rest = neutral_controls(model, rule.qpos) if kept is None else kept
-        self._loads = dict[tuple[float, ...], Load]()
-        self._shared = dict[tuple[float, ...], Signals]()
+        self._loads = dict[tuple[tuple[str, float], ...], Load]()
+        self._shared = dict[tuple[object, ...], Signals]()
 
     def find_load(self, run: RunSpec) -> Load | None:
         """Return the load that holds a run's unperturbed start, if the drive holds it."""
         if self._drive != "hold":
             return None
-        key = tuple(run.initial.values())
+        key = tuple(sorted(run.initial.items()))
         if key not in self._loads:
             start = initial_states(self._rule, [(run.initial, 0, 0.0)])
             ctrl = start.ctrl[0]
@@ -135,6 +135,6 @@ class Driving:
         return signals.exclude_inputs(np.isin(signals.places, other)) if other.size else signals
 
 
-def _signal_key(run: RunSpec) -> tuple[float, ...]:
+def _signal_key(run: RunSpec) -> tuple[object, ...]:
     """Return the key of runs with signals that differ only by their seeds."""
-    return run.timestep, run.duration, *run.initial.values()
+    return run.timestep, run.duration, *sorted(run.initial.items())

@@ -88,9 +88,9 @@ class DifferentiatedScene:
             for each, place in coordinate_indices(self.model).items()
             if not each.endswith(_QUATERNION)
         }
-        spec = self.scene.catalogue.find(name)
-        if spec is None and name in known:
+        if name in known and name not in self.scene.catalogue.names:
             return Parameter(name, known[name], lambda value: value)
+        spec = self.scene.catalogue.find(name)
         if spec is None:
             some = (
                 f"; write one of {', '.join(list(known)[:8])}, or of `contactlab list axes SCENE`"
