@@ -133,7 +133,7 @@ def make_checks(steps: int, residual: float = 0.0, backward: float | None = None
     return SelfChecks(
         residual=np.full((1, steps), residual),
         jacobian=none,
-        jacobian_steps=np.zeros(1, np.intp),
+        jacobian_steps=np.zeros((1, 1), np.intp),
         overlap=none,
         apart=none,
         geometry_steps=np.zeros(1, np.intp),

@@ -246,7 +246,7 @@ class PairSeries:
     mode: NDArray[np.int8]  # (n, N) NO_CONTACT, STICK or SLIDE, with hysteresis (see `measure`)
 
 
-BY_RUN = ("residual", "jacobian", "overlap", "apart", "squeeze", "repeats")
+BY_RUN = ("residual", "jacobian_steps", "jacobian", "overlap", "apart", "squeeze", "repeats")
 
 
 class BackwardError(NamedTuple):
@@ -267,10 +267,10 @@ class SelfChecks:
     residual: Floats
     """(n, N) disagreement of forces and accelerations, over the largest constraint force of the run
     [1]; 0 to rounding for a solver that converged."""
+    jacobian_steps: NDArray[np.intp]  # (n, K) steps with the largest residuals
     jacobian: Floats
-    """(n, K) relative difference of the accelerations from a dense and a sparse constraint
-    Jacobian, at sampled states [1]."""
-    jacobian_steps: NDArray[np.intp]  # (K,) the steps of these states
+    """(n, K) share of the constraint forces of these steps that is wrong because of the form of the
+    constraint Jacobian, dense or sparse, that the run uses [1]."""
     overlap: Floats  # (n, L) deepest geometric overlap of a monitored pair without a contact [m]
     apart: Floats
     """(n, L) largest excess of a pair's geometric distance over that of its contact [m]."""

@@ -29,11 +29,15 @@ from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.scene.model_edits import read_flag
 from contactlab.scene.run_setup import lighter_mass
 
-_JACOBIAN_SAMPLES = 16
+_JACOBIAN_SAMPLES = 4  # steps of a run, those with the largest residuals
 _GEOMETRY_SAMPLES = 128
 # Forces and accelerations below this share of the run's largest may be rounding.
 _MIN_SHARE_OF_LARGEST = 1e-3
 _SOLVER_TOLERANCE = 1e-12
+# Residual of a solved equation of motion; wrong factors leave 1e-2 or more, right ones 1e-12.
+_SOLVED = 1e-6
+_NEGLIGIBLE_RESIDUAL = 0.01  # a tenth of the tolerance: such steps are not solved again
+_MEMORY_WARNINGS = mujoco.mjtWarning.mjWARN_CONTACTFULL, mujoco.mjtWarning.mjWARN_CNSTRFULL
 _MAX_SOLVER_ITERATIONS = 1000
 _WHOLE_STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _DENSE_JACOBIAN = int(mujoco.mjtJacobian.mjJAC_DENSE)
@@ -59,7 +63,6 @@ def run_checks(
     judge: BackwardErrorFunction | None = None,
 ) -> SelfChecks:
     """Return the self-checks of completed runs; see `ChecksRuns.check_runs`."""
-    jacobian_steps = _spread_steps(trace.steps, _JACOBIAN_SAMPLES)
     geometry_steps = _spread_steps(trace.steps, _GEOMETRY_SAMPLES)
     found, backward = list[tuple[Floats | float, ...]](), list[BackwardError]()
     # Complete each run before the next one, so that its time limit covers nothing else.
@@ -67,31 +70,25 @@ def run_checks(
         if run and not proceed():
             break
         states, again = _roll_out_again(model, runs.starts.select_run(run), trace.steps)
-        jacobian = _jacobian_difference(model, trace, runs.starts, run, jacobian_steps)
         geometry = _distance_errors(runs.base, model, trace, run, geometry_steps)
         squeeze = _squeeze_forces(runs.base, model, trace.qpos[run, -1])
         parts = trace.time[run][:, None], trace.qpos[run], trace.qvel[run]
         first = np.concatenate(parts, axis=1)[1:]
         repeats = bool((first == states[1:, : first.shape[1]]).all())
-        # Noslip intentionally changes forces after the solver.
         gap = again["solver_fwdinv"][:, 1]
-        if model.opt.noslip_iterations:
-            residual = np.full(len(gap), np.nan)
-        else:
-            force = np.linalg.norm(again["qfrc_constraint"], axis=1)
-            least = max(
-                _MIN_SHARE_OF_LARGEST * force.max(initial=0),
-                _MIN_SHARE_OF_LARGEST
-                * np.linalg.norm(model.opt.gravity)
-                * np.linalg.norm(model.dof_M0),
-            )
-            residual = gap / np.maximum(force, max(least, np.finfo(float).tiny))
-        found.append((residual, jacobian, *geometry, squeeze, repeats))
+        # Noslip intentionally changes forces after the solver.
+        gap = np.full(len(gap), np.nan) if model.opt.noslip_iterations else gap
+        force = np.linalg.norm(again["qfrc_constraint"], axis=1)
+        weight = np.linalg.norm(model.opt.gravity) * np.linalg.norm(model.dof_M0)
+        floor = max(_MIN_SHARE_OF_LARGEST * weight, np.finfo(float).tiny)
+        least = max(_MIN_SHARE_OF_LARGEST * force.max(initial=0), floor)
+        residual = gap / np.maximum(force, least)
+        jacobian = _jacobian_errors(model, trace, runs.starts, run, gap / np.maximum(force, floor))
+        found.append((residual, *jacobian, *geometry, squeeze, repeats))
         if judge is not None:
             backward.append(judge(runs, run, states))
     return SelfChecks(
         backward=tuple(backward),
-        jacobian_steps=jacobian_steps,
         geometry_steps=geometry_steps,
         **dict(zip(BY_RUN, map(np.array, zip(*found, strict=True)), strict=True)),
     )
@@ -126,30 +123,61 @@ def _roll_out_again(
     return states, {field: array[0] for field, array in found.items()}
 
 
-def _jacobian_difference(
-    model: mujoco.MjModel, trace: Trace, starts: InitialStates, run: int, steps: NDArray[np.intp]
-) -> Floats:
-    """Return (K,) relative differences of accelerations with a dense and a sparse Jacobian."""
-    acting = starts.input_rows(run, model.opt.timestep, steps)
-    found: list[Floats] = []
-    for kind in (_DENSE_JACOBIAN, _SPARSE_JACOBIAN):
+def _jacobian_errors(
+    model: mujoco.MjModel, trace: Trace, starts: InitialStates, run: int, residual: Floats
+) -> tuple[NDArray[np.intp], Floats]:
+    """Return the (K,) steps with the largest of (N,) residuals, and what of them the Jacobian left.
+
+    That is the residual if the form of the Jacobian that the run uses does not solve the equation
+    of motion and the other form does; 0 if the run's form does; and NaN if the other form does not
+    either, or overflows. All solutions together take at most as many iterations as the run.
+    """
+    worst = np.argsort(-np.nan_to_num(residual, nan=np.inf), kind="stable")[:_JACOBIAN_SAMPLES]
+    errors = np.zeros(len(worst))
+    iterations = int(trace.iterations[run].sum()) // max(2 * len(worst), 1)
+    acting = starts.input_rows(run, model.opt.timestep, worst)
+    own_form, other_form = _DENSE_JACOBIAN, _SPARSE_JACOBIAN
+    if mujoco.mj_isSparse(model):
+        own_form, other_form = other_form, own_form
+
+    def solve_step(form: int, inputs: Floats, step: int) -> tuple[float, bool]:
         solved = copy.copy(model)
-        solved.opt.jacobian, solved.opt.tolerance = kind, _SOLVER_TOLERANCE
-        solved.opt.iterations = _MAX_SOLVER_ITERATIONS
-        data, accelerations = mujoco.MjData(solved), np.empty((len(steps), 2, model.nv))
-        for row, step, inputs in zip(accelerations, steps, acting, strict=True):
-            apply_inputs(solved, data, inputs)
-            data.qpos[:], data.qvel[:] = trace.qpos[run, step], trace.qvel[run, step]
-            # From a cold start, with and without constraints.
-            data.qacc_warmstart[:] = 0
-            mujoco.mj_forward(solved, data)
-            row[:] = data.qacc, data.qacc_smooth
-        found.append(accelerations)
-    dense, sparse = found
-    size = np.abs(dense).max(axis=(1, 2), initial=0)
-    # Near rest, or without gravity, an acceleration may be rounding alone.
-    scale = np.maximum(size, max(_MIN_SHARE_OF_LARGEST * size.max(initial=0), np.finfo(float).tiny))
-    return np.abs(dense[:, 0] - sparse[:, 0]).max(axis=1, initial=0) / scale
+        solved.opt.jacobian, solved.opt.tolerance = form, _SOLVER_TOLERANCE
+        solved.opt.iterations = min(iterations, _MAX_SOLVER_ITERATIONS)
+        solved.opt.noslip_iterations = 0
+        data = mujoco.MjData(solved)
+        apply_inputs(solved, data, inputs)
+        data.qpos[:], data.qvel[:] = trace.qpos[run, step], trace.qvel[run, step]
+        mujoco.mj_forward(solved, data)
+        full = any(data.warning[kind].number for kind in _MEMORY_WARNINGS)
+        return measure_equation_error(solved, data), full
+
+    for place, (step, inputs) in enumerate(zip(worst.tolist(), acting, strict=True)):
+        if residual[step] <= _NEGLIGIBLE_RESIDUAL:
+            continue
+        left, _ = solve_step(own_form, inputs, step)
+        if left <= _SOLVED:
+            continue
+        others, full = solve_step(other_form, inputs, step)
+        decided = others <= _SOLVED and not full
+        known = left if np.isnan(residual[step]) else residual[step]
+        errors[place] = known if decided else np.nan
+    return worst, errors
+
+
+def measure_equation_error(model: mujoco.MjModel, data: mujoco.MjData) -> float:
+    """Return the residual of M a = f + J^T f_c(J a - a_ref) over its largest force.
+
+    It uses no factorization and no result of a solver except the acceleration.
+    """
+    mass, relative = np.zeros((model.nv, model.nv)), np.zeros(data.nefc)
+    mujoco.mj_fullM(model, data, mass)
+    acceleration = data.qacc.copy()
+    mujoco.mj_mulJacVec(model, data, relative, acceleration)
+    mujoco.mj_constraintUpdate(model, data, relative - data.efc_aref, None, False)
+    parts = mass @ acceleration, data.qfrc_smooth, data.qfrc_constraint
+    size = max(np.abs(parts).max(initial=0), np.finfo(float).tiny)
+    return float(np.abs(parts[0] - parts[1] - parts[2]).max(initial=0) / size)
 
 
 def _distance_errors(

@@ -20,7 +20,7 @@ from contactlab.schema.setting_values import as_number
 
 # A converged solver: few problems need more iterations, and a tolerance of rounding ends others.
 # A dense Jacobian takes too long above this number of degrees of freedom.
-_ITERATIONS, _LINE_SEARCHES, _SMALL, _DENSE_UP_TO = 100, 50, 1e-12, 400
+_ITERATIONS, _LINE_SEARCHES, _SMALL, DENSE_UP_TO = 100, 50, 1e-12, 400
 
 
 def keep_model(_model: mujoco.MjModel, _own: mujoco.MjModel) -> None:
@@ -74,11 +74,12 @@ def converge_solver(model: mujoco.MjModel, _own: mujoco.MjModel | None = None) -
     option.iterations = max(_ITERATIONS, option.iterations)
     option.ls_iterations = max(_LINE_SEARCHES, option.ls_iterations)
     option.tolerance = _SMALL
-    if _has_branches(model) and model.nv <= _DENSE_UP_TO:
+    if has_branches(model) and model.nv <= DENSE_UP_TO:
         option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
 
 
-def _has_branches(model: mujoco.MjModel) -> bool:
+def has_branches(model: mujoco.MjModel) -> bool:
+    """Return whether a kinematic tree branches."""
     parents = model.dof_parentid[model.dof_parentid >= 0]
     return bool((np.bincount(parents, minlength=1) > 1).any())
 

@@ -5,8 +5,10 @@ import math
 import mujoco
 
 from contactlab.modifications.model_changes import (
+    DENSE_UP_TO,
     choose_other_integrator,
     converge_solver,
+    has_branches,
     keep_awake,
     keep_model,
     raise_time_constants,
@@ -61,6 +63,14 @@ def _may_sleep(model: mujoco.MjModel) -> bool:
 
 def _words_of(name: str) -> tuple[str, ...]:
     return tuple(word for word in WORDS[name] if word != "auto")
+
+
+def _takes_sparse_jacobian(model: mujoco.MjModel) -> bool:
+    return bool(mujoco.mj_isSparse(model)) and has_branches(model) and model.nv <= DENSE_UP_TO
+
+
+def _use_dense_jacobian(model: mujoco.MjModel) -> None:
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
 
 
 def _has_islands(_model: mujoco.MjModel) -> bool:
@@ -142,6 +152,18 @@ MODIFICATIONS = (
         "Stores the constraint Jacobian as a dense or a sparse matrix.",
         ("jacobian",),
         "computation",
+        fixes=(
+            Candidate(
+                "a dense Jacobian",
+                "inaccurate",
+                _use_dense_jacobian,
+                applies=_takes_sparse_jacobian,
+                exercised="solver",
+                labels=("solver_inconsistent",),
+                label_applies=_takes_sparse_jacobian,
+                order=-1,  # it computes the same steps
+            ),
+        ),
         levers=(Lever("jacobian", _words_of("jacobian"), cost_falls=False),),
     ),
     Modification(
