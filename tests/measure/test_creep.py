@@ -38,20 +38,20 @@ def test_stack_on_a_slope_creeps_by_its_size(
     sweeper: Any, impratio: int, mass: int, creeps: bool
 ) -> None:
     row = row_of(sweeper, SLOPE.format(impratio=impratio, upper=UPPER(mass) if mass else ""))
-    assert (row["crept"] > 0.1) == creeps, row["crept"]
+    assert (row["crept"] > 0.03) == creeps, row["crept"]
     assert ("creep" in row["labels"]) == creeps
 
 
-def test_creep_is_slip_for_the_time_of_the_run_over_the_size(sweeper: Any) -> None:
+def test_creep_is_the_speed_of_slip_over_the_size(sweeper: Any) -> None:
     row = row_of(sweeper, SLOPE.format(impratio=1, upper=""))
     # The crate slips as it moves, and its reach from its frame is that of the sphere about it.
-    assert row["crept"] == pytest.approx(row["creep_speed"] * 4 / (0.2 * np.sqrt(3)), rel=0.01)
+    assert row["crept"] == pytest.approx(row["creep_speed"] / (0.2 * np.sqrt(3)), rel=0.01)
 
 
 def test_what_rolls_does_not_creep(sweeper: Any) -> None:
     row = row_of(sweeper, ROLLING)
     assert row["drift"] > 3
-    assert row["crept"] < 0.01
+    assert row["crept"] < 0.0025
 
 
 def test_what_a_belt_carries_does_not_creep(sweeper: Any) -> None:

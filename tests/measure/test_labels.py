@@ -270,15 +270,16 @@ class TestDepth:
         trace = trace_of(pairs=(pair_of(1, 100, normal=1.0, distance=-depth),))
         assert only(trace, setup_of(trace, **accepted)).label == label
 
+    @pytest.mark.parametrize("steps", [250, 1000, 2500])
     @pytest.mark.parametrize(
-        ("rate", "label"), [(2.1e-4, "penetration_growth"), (1.9e-4, "stable")]
+        ("rate", "label"), [(1.25e-4, "penetration_growth"), (1.15e-4, "stable")]
     )
-    def test_growth(
-        self, pair_of: Any, trace_of: Any, setup_of: Any, rate: float, label: str
+    def test_growth_is_a_rate_whatever_the_duration(
+        self, pair_of: Any, trace_of: Any, setup_of: Any, rate: float, label: str, steps: int
     ) -> None:
-        """In two seconds, what it gains is a tenth of 4 mm at 0.2 mm/s."""
-        depth = (1e-3 + rate * np.arange(1000) * 2e-3)[None, :, None]
-        trace = trace_of(1, 1000, pairs=(pair_of(1, 1000, normal=1.0, distance=-depth),))
+        """Per second, 3 % of 4 mm are 0.12 mm."""
+        depth = (1e-4 + rate * np.arange(steps) * 2e-3)[None, :, None]
+        trace = trace_of(1, steps, pairs=(pair_of(1, steps, normal=1.0, distance=-depth),))
         assert only(trace, setup_of(trace, thickness=np.array([4e-3]))).label == label
 
     @pytest.mark.parametrize(("power", "label"), [(1.0, "stable"), (0.5, "penetration_growth")])

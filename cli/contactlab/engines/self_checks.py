@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import (
     BY_RUN,
+    DISTANCE,
     FORCE,
+    FOUND,
     SLOT_WIDTH,
     BackwardError,
     Floats,
@@ -206,11 +208,12 @@ def _distance_errors(
             # This function shares no code with contacts.
             distance = min(mujoco.mj_geomDistance(model, data, *geom, 1, None) for geom in geoms)
             slots = recorded.slots[run, step]
-            touching = slots[:, 0] > 0
-            if not touching.any():
+            # Contacts in a gap zone carry nothing, whatever their distance.
+            carrying = slots[:, FORCE.start] > 0
+            if not slots[:, FOUND].any():
                 overlap[sample] = max(overlap[sample], -distance)
-            elif distance > 0 and not speculative:
-                apart[sample] = max(apart[sample], distance - slots[touching, 7].min())
+            elif distance > 0 and carrying.any() and not speculative:
+                apart[sample] = max(apart[sample], distance - slots[carrying, DISTANCE].min())
     return overlap, apart
 
 

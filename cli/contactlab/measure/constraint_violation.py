@@ -1,15 +1,15 @@
 """Violation of constraints other than contacts: limits of joints and tendons, equalities."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.contact.trace_setup import DEGREES, QUARTER_TURN, Mechanism, Part
+from contactlab.contact.trace_setup import DEGREES, QUARTER_TURN, Part
 from contactlab.measure.backward_error import TOLERANCE, numerical_error_text, unresolved_runs
 from contactlab.measure.context import Context, cached, first_step, runs_where, worst_pair
 from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Threshold, label, metric
+from contactlab.measure.friction import RATE
 
 _PEAK_THRESHOLD = Threshold(
     "constraint_violation",
@@ -51,25 +51,31 @@ def _find_violations(context: Context) -> list[_Violation]:
         for one, (peak, rest) in zip(mechanism.equalities, gaps, strict=True):
             most = peak * np.nan if one.elastic else peak
             found.append(_Violation(one.name, one.unit, one.scale, most, rest, bodies=one.bodies))
-    found += _brake_violations(context, mechanism)
     return [
         violation for violation in found if violation is not None and np.isfinite(violation.scale)
     ]
 
 
-def _brake_violations(context: Context, mechanism: Mechanism) -> Iterator[_Violation]:
-    """Yield the distance that parts held by friction loss would creep during the run."""
-    if context.trace.creep is None:
+def _creeping_brakes(runs: MeasuredRuns) -> OnsetIterator:
+    """Find parts that friction loss could hold, but that move on at a steady speed."""
+    trace, mechanism = runs.context.trace, runs.context.setup.mechanism
+    if trace.creep is None or mechanism is None:
         return
-    moved = context.trace.creep * context.seconds[:, None]
     braked = [joint for joint in mechanism.joints for _ in range(DEGREES[joint.kind])]
     braked += mechanism.tendons
-    for place in np.flatnonzero(moved.any(axis=0)).tolist():
-        part, crept = braked[place], moved[:, place]
+    for place in np.flatnonzero(trace.creep.any(axis=0)).tolist():
+        part = braked[place]
         turns = part.kind in {"ball", "hinge"}
-        scale, unit = (QUARTER_TURN, "rad") if turns else (part.reach or context.setup.size, "m")
-        name, peak = f"the friction loss of {part.name}", crept * np.nan
-        yield _Violation(name, unit, scale, peak, crept, bodies=part.bodies)
+        scale, unit = (
+            (QUARTER_TURN, "rad") if turns else (part.reach or runs.context.setup.size, "m")
+        )
+        limit = runs.limits[RATE.name] * scale
+        for run in runs_where(trace.creep[:, place] > limit):
+            moves = (
+                f"the friction loss of {part.name} lets it move at {trace.creep[run, place]:.3g}"
+            )
+            reason = f"{moves} {unit}/s (limit {limit:.3g} {unit}/s)"
+            yield run, Onset(reason, 3 * trace.steps // 4, part.bodies)
 
 
 def _joint_positions(context: Context, joint: Part) -> Floats:
@@ -114,12 +120,9 @@ def constraint_violation(context: Context) -> Floats:
     )
 
 
-@metric("1", "lower", 1e-9)
+@metric("1", "lower", 1e-9, version=2)
 def constraint_violation_rest(context: Context) -> Floats:
-    """Median violation of a limit or an equality in the last quarter; see constraint_violation.
-
-    Also the creep of parts that friction loss could hold, over reach or a quarter turn.
-    """
+    """Median violation of a limit or an equality in the last quarter; see constraint_violation."""
     return worst_pair(
         context, [violation.rest / violation.scale for violation in _find_violations(context)]
     )
@@ -128,7 +131,7 @@ def constraint_violation_rest(context: Context) -> Floats:
 @label(
     "bad",
     rank=5,
-    thresholds=(_PEAK_THRESHOLD, TOLERANCE),
+    thresholds=(_PEAK_THRESHOLD, TOLERANCE, RATE),
     letter="V",
     colour="#703efa",
     advice="a shorter time constant of limit or equality, or less load",
@@ -151,6 +154,7 @@ def constraint_violated(runs: MeasuredRuns) -> OnsetIterator:
             beyond = None if each.course is None else each.course[run, begin:] > most
             step = begin + (0 if beyond is None else first_step(beyond))
             yield run, Onset(f"{reason} (limit {most:.3g} {each.unit})", step, tuple(bodies))
+    yield from _creeping_brakes(runs)
     # A limit yields in a run that is not the motion of its model.
     context, limit = runs.context, runs.limits[TOLERANCE.name]
     for run in () if context.setup.steered else unresolved_runs(context):

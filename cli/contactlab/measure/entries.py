@@ -36,6 +36,8 @@ SEVERITIES: Mapping[Severity, str] = {
     "good": "no other label applies",
 }
 """The bands of labels with their meanings, worst first."""
+FAILING_SEVERITIES = {"void", "bad", "poor"}
+"""The bands that make a verdict `fails`; the others are notes."""
 Trait = Literal["grip", "no impact", "numerical", "required"]
 _COLOUR_CODE = re.compile("#[0-9a-f]{6}")
 _UNIT_TOLERANCES = {

@@ -20,7 +20,7 @@ from contactlab.contact.trace_arrays import (
     fast_median,
     squared_lengths,
 )
-from contactlab.measure.backward_error import TOLERANCE, resolved_runs
+from contactlab.measure.backward_error import resolved_runs
 from contactlab.measure.context import (
     Context,
     bearing,
@@ -39,6 +39,13 @@ from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Thres
 from contactlab.measure.stick_slip import HELD_USAGE, IMPACT, Spans, find_spans, mode_changes
 
 _CREEP_SPEED = Threshold("creep_speed", None, "m/s", "Set it if sticking bodies should stay.")
+RATE = Threshold(
+    "creep_rate",
+    0.03,
+    "1/s",
+    "Sizes of a body per second: what creeps, sinks or yields by a tenth of its size in the 3 s of "
+    "an ordinary task does not rest.",
+)
 _MODE_SWITCHES = Threshold(
     "mode_switches",
     5,
@@ -121,9 +128,9 @@ def _creep_speeds(context: Context) -> Floats:
     return (series.slip[..., last] * sticking).sum(axis=-1) / count(sticking)
 
 
-@metric("1", "lower", 1e-9, kind="detail")
+@metric("1/s", "lower", 1e-9, version=2, kind="detail")
 def crept(context: Context) -> Floats:
-    """Creep distance of sticking bodies during the run, over their size.
+    """Creep speed of sticking bodies, over their size.
 
     Median slip of pairs that stick through the last half, by less than 0.9 of the friction bound,
     and neither roll nor slow down. Each pair counts over the greatest extent of its smaller geom;
@@ -137,7 +144,7 @@ def crept(context: Context) -> Floats:
 
 @cached
 def _creep_shares(context: Context) -> dict[str, Floats]:
-    """Return (n,) the creep distance of each pair, and of each free body, over its size."""
+    """Return (n,) the creep speed of each pair, and of each free body, over its size."""
     steps, mechanism, pairs = context.trace.steps, context.setup.mechanism, context.pairs
     half, late = slice(steps // 2, None), slice(3 * steps // 4, None)
     series, extents = context.net.series, context.setup.thickness[pairs.places, None, None]
@@ -148,21 +155,25 @@ def _creep_shares(context: Context) -> dict[str, Floats]:
     # A settling pair slows down.
     before = fast_median(series.slip[..., half.start : late.start])
     steady = (np.abs(before - speed) < _MAX_SPEED_CHANGE * speed) & (share(held) > 0.9)
-    ways = (steady * context.seconds * speed)[pairs.rows]
+    ways = (steady * speed)[pairs.rows]
     shares = dict(zip(pairs.names, ways / context.setup.reaches[:, None], strict=True))
     together = sum(ways, np.zeros(context.trace.runs))
     joints = {joint.place: joint for joint in mechanism.joints} if mechanism else {}
     for body in context.setup.free_bodies:
         place = context.position(body)
-        moved = 4 * np.sqrt(squared_lengths(place[:, -1] - place[:, late.start]))
+        moved = np.sqrt(squared_lengths(place[:, -1] - place[:, late.start]))
+        moved = moved / np.maximum(context.seconds / 4, np.finfo(float).tiny)
         size = 2 * joints[body.qpos].reach if joints else np.inf
         shares[body.name] = np.minimum(moved, together) / size
     return shares
 
 
-@metric("1", "lower", 1e-6)
+@metric("1", "lower", 1e-6, version=2)
 def cone_violation(context: Context) -> Floats:
-    """Share by which one contact's force exceeds its cone: 2-norm if elliptic, 1-norm if not."""
+    """Share by which contact forces exceed their cone, except the worst hundredth of contacts.
+
+    By the 2-norm if the cone is elliptic, and the 1-norm if not.
+    """
     return worst_pair(context, context.net.excess)
 
 
@@ -181,7 +192,7 @@ def normal_impulse(context: Context) -> Floats:
 @label(
     "poor",
     rank=1,
-    thresholds=(_CREEP_SPEED, TOLERANCE),
+    thresholds=(_CREEP_SPEED, RATE),
     letter="R",
     colour="#480f50",
     advice="an elliptic cone with impratio 10, or a shorter time constant of solref",
@@ -194,10 +205,10 @@ def creep(runs: MeasuredRuns) -> OnsetIterator:
         bodies = bodies_beyond(runs.context, _creep_speeds(runs.context), run, limit)
         yield run, Onset(reason, runs.context.last_fifth.start, bodies)
     judged = not _SCENE_THRESHOLDS.isdisjoint(runs.context.setup.thresholds)
-    for run, way, limit in () if judged else runs.over("crept", TOLERANCE.name):
+    for run, way, limit in () if judged else runs.over("crept", RATE.name):
         crept = _creep_shares(runs.context)
         name = max(crept, key=lambda pair: np.nan_to_num(crept[pair][run]))
-        reason = f"{name} sticks, but would creep by {way:.3g} of its size (limit {limit:g})"
+        reason = f"{name} sticks, but creeps by {way:.3g} of its size a second (limit {limit:g})"
         far = (part for part, ways in crept.items() if ways[run] > limit)
         bodies = dict.fromkeys(body for part in far for body in _bodies_of_part(runs.context, part))
         yield run, Onset(reason, runs.context.last_fifth.start, tuple(bodies))

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.rotations import rotate_vectors
 from contactlab.contact.trace_arrays import NORMAL, Floats, fast_median
-from contactlab.measure.backward_error import TOLERANCE, resolved_runs
+from contactlab.measure.backward_error import resolved_runs
 from contactlab.measure.context import (
     Context,
     bodies_beyond,
@@ -20,6 +20,7 @@ from contactlab.measure.context import (
     worst_pair,
 )
 from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Threshold, label, metric
+from contactlab.measure.friction import RATE
 from contactlab.measure.stick_slip import find_spans
 from contactlab.numerical_tolerance import COARSE_ROUNDING
 
@@ -214,7 +215,7 @@ def contact_at_distance(runs: MeasuredRuns) -> OnsetIterator:
     "poor",
     rank=11,
     name="penetration_growth",
-    thresholds=(TOLERANCE,),
+    thresholds=(RATE,),
     letter="G",
     colour="#681800",
     advice="more load than solref carries: a shorter time constant, or less force",
@@ -224,15 +225,15 @@ def sinking(runs: MeasuredRuns) -> OnsetIterator:
     """A resting pair keeps sinking into each other, under constant controls."""
     if runs.context.setup.steered:
         return
-    context, limit = runs.context, runs.limits[TOLERANCE.name]
-    if not context.pairs.places:
+    context, limit = runs.context, runs.limits[RATE.name]
+    quarter = context.trace.steps // 4 * context.trace.timestep
+    if not context.pairs.places or not quarter.all():
         return
-    # A pair sinks four times as far in the whole run as in a quarter of it.
-    parts = 4 * _depth_gains(context) / context.setup.thickness[context.pairs.places, None]
+    parts = _depth_gains(context) / quarter / context.setup.thickness[context.pairs.places, None]
     worst = worst_pair(context, parts)
     for run in runs_where(worst > limit):
         name = name_of_worst(context, parts, run)
-        reason = f"{name} would sink by {worst[run]:.3g} of its half extent during the run"
+        reason = f"{name} sinks by {worst[run]:.3g} of its half extent a second"
         bodies = bodies_beyond(context, parts, run, limit)
         yield run, Onset(f"{reason} (limit {limit:g})", context.trace.steps // 2, bodies)
 

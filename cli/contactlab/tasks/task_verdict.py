@@ -14,6 +14,7 @@ import numpy as np
 from contactlab.budget import ErrorBudget, PhaseBudget, Settings, error_budget, judge
 from contactlab.errors import SweepFileError
 from contactlab.measure.backward_error import step_dependent
+from contactlab.measure.entries import FAILING_SEVERITIES, LABELS
 from contactlab.mjcf import MODEL_ENGINE
 from contactlab.plan.task_options import TaskOptions
 from contactlab.rendering.amounts import format_percent
@@ -26,8 +27,6 @@ from contactlab.schema.task_verdict import PhaseVerdict, TaskVerdict
 from contactlab.store.finished_store import Store
 from contactlab.tasks.session import Session, Values
 from contactlab.tasks.task_motions import task_motions
-
-_STABLE = "stable"
 
 
 def refuse_lengths(options: TaskOptions) -> None:
@@ -120,11 +119,12 @@ def run_labels(
 ) -> tuple[RunLabel, ...]:
     """Return the failure labels of runs, by label and the phase in which it begins.
 
-    Labels of bodies that are not observed are left out. So is a dependence of single runs on the
-    step, if the error budget of all seeds is within the tolerance.
+    Labels of bodies that are not observed are left out. So are labels that only note something,
+    such as a limit of the recorder; and a dependence of single runs on the step, if the error
+    budget of all seeds is within the tolerance.
     """
     found: dict[tuple[str, str], RunLabel] = {}
-    judged = {_STABLE}
+    judged = {name for name, label in LABELS.items() if label.severity not in FAILING_SEVERITIES}
     if budget is not None and all(phase.run.error <= task.tolerance for phase in budget.phases):
         judged.add(step_dependent.__name__)
     for record in records:

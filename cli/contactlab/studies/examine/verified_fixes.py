@@ -9,7 +9,6 @@ from pathlib import Path
 
 from contactlab.budget.verdict import Verdict
 from contactlab.errors import SceneError
-from contactlab.measure import LABELS
 from contactlab.measure.assessment import NUMERICAL_CAUSE
 from contactlab.reporting.examination import first_fix
 from contactlab.scene.model_draft import ModelEdits
@@ -17,7 +16,6 @@ from contactlab.schema.examination import Fix, RejectedFix, RunLabel
 from contactlab.schema.verification import VerifiedChange
 from contactlab.studies.examine.fixes import FixSearch
 from contactlab.studies.verification import (
-    JUDGING_SEVERITIES,
     OriginalRuns,
     VerificationRequest,
     has_policy,
@@ -154,6 +152,5 @@ def _runs_with(found: VerifiedChange, label: str) -> float:
 def _count_failures(labels: Sequence[RunLabel]) -> Counter[str]:
     counts = Counter[str]()
     for label in labels:
-        if LABELS[label.label].severity in JUDGING_SEVERITIES:
-            counts[label.label] += label.runs
+        counts[label.label] += label.runs
     return counts

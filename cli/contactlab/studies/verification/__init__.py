@@ -1,7 +1,6 @@
 """Verifies a changed model: no measure may become worse than that of the original."""
 
 from contactlab.studies.verification.loop_runs import has_policy as has_policy
-from contactlab.studies.verification.panel import JUDGING_SEVERITIES as JUDGING_SEVERITIES
 from contactlab.studies.verification.panel import OriginalRuns as OriginalRuns
 from contactlab.studies.verification.panel import VerificationRequest as VerificationRequest
 from contactlab.studies.verification.panel import verify_change as verify_change

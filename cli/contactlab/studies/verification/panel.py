@@ -19,7 +19,6 @@ import numpy as np
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.restarts import run_at_once
-from contactlab.measure import LABELS
 from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.reporting.verified_measures import describe_measure, measure_change
 from contactlab.schema.grip import GripReport
@@ -51,7 +50,6 @@ ERROR_FLOOR = 1e-3
 below the error of any measured parameter."""
 _RATES = (8, 10, 12, 16, 20, 25, 32)
 """Steps of the reference in one step of the original. One of them fits nearly any usual ratio."""
-JUDGING_SEVERITIES = {"void", "bad", "poor"}
 """Severities of labels that say that something is wrong."""
 
 
@@ -426,8 +424,7 @@ class _Panel:
             labels = run_labels(task, [run.record for run in runs])
         counts = Counter[str]()
         for each in labels:
-            if LABELS[each.label].severity in JUDGING_SEVERITIES:
-                counts[each.label] += each.runs
+            counts[each.label] += each.runs
         return counts
 
 
