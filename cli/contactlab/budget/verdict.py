@@ -35,17 +35,17 @@ def judge(
     was found.
     """
     reasons = sorted(
-        (reason for phase in budget.phases for reason in _reasons(phase, tolerance, intended)),
+        (reason for phase in budget.phases for reason in _list_reasons(phase, tolerance, intended)),
         key=lambda reason: (_ORDER.index(reason.verdict), -abs(reason.error)),
     )
     word = reasons[0].verdict if reasons else "ok"
     return Verdict(word, tolerance, tuple(reasons))
 
 
-def _reasons(
+def _list_reasons(
     phase: PhaseBudget, tolerance: float, intended: Sequence[str]
 ) -> Iterator[BudgetReason]:
-    yield from _warnings(phase)
+    yield from _warning_reasons(phase)
     yield from _numerical_reasons(phase, tolerance)
     alternatives = {row.name: row.alternative for row in list_rows()}
     for row in phase.rows:
@@ -54,10 +54,10 @@ def _reasons(
             alternative = alternatives.get(row.name, row.name)
             size = format_above(row.error, tolerance)
             sentence = f"{alternative} changes {where.body}'s motion by {size}"
-            yield _reason("depends", phase, row.name, row.error, where, sentence)
+            yield _build_reason("depends", phase, row.name, row.error, where, sentence)
 
 
-def _reason(
+def _build_reason(
     verdict: VerdictWord,
     phase: PhaseBudget,
     row: str,
@@ -75,13 +75,13 @@ def _reason(
     )
 
 
-def _warnings(phase: PhaseBudget) -> Iterator[BudgetReason]:
+def _warning_reasons(phase: PhaseBudget) -> Iterator[BudgetReason]:
     body = phase.bodies[phase.run.body]
     for warning in phase.warnings:
         at = f" at {warning.place}" if warning.place else ""
         where = Origin(body, warning.cause or warning.place, warning.time)
         sentence = f"MuJoCo warned of {warning.kind}{at}"
-        yield _reason("inaccurate", phase, "warning", np.inf, where, sentence)
+        yield _build_reason("inaccurate", phase, "warning", np.inf, where, sentence)
 
 
 def _numerical_reasons(phase: PhaseBudget, tolerance: float) -> Iterator[BudgetReason]:
@@ -89,20 +89,20 @@ def _numerical_reasons(phase: PhaseBudget, tolerance: float) -> Iterator[BudgetR
     where = Origin(phase.bodies[run.body], run.place, run.time)
     if run.error > tolerance and not phase.warnings:
         sentence = f"numerical error {format_above(run.error, tolerance)} in {where.body}"
-        yield _reason("inaccurate", phase, run.name, run.error, where, sentence)
+        yield _build_reason("inaccurate", phase, run.name, run.error, where, sentence)
     drift = phase.energy_drift
     if abs(drift) > tolerance:
         origin = phase.energy_origin
         sign = "+" if drift > 0 else "-"
         size = format_above(abs(drift), tolerance)
         sentence = f"energy drift {sign}{size}, most in {origin.body}"
-        yield _reason("inaccurate", phase, "energy", drift, origin, sentence)
+        yield _build_reason("inaccurate", phase, "energy", drift, origin, sentence)
     if phase.invalid_windows:
         sentence = f"the reference fails in {format_percent(phase.invalid_windows)} of the windows"
-        yield _reason("undecided", phase, "reference", phase.invalid_windows, where, sentence)
+        yield _build_reason("undecided", phase, "reference", phase.invalid_windows, where, sentence)
     elif run.error <= tolerance < phase.upper_bound:
         sentence = "the reference fails at an eighth of the time step"
         if np.isfinite(phase.upper_bound):
             size = format_above(phase.upper_bound, tolerance)
             sentence = f"the numerical error may be up to {size} in {where.body}"
-        yield _reason("undecided", phase, "reference", phase.upper_bound, where, sentence)
+        yield _build_reason("undecided", phase, "reference", phase.upper_bound, where, sentence)

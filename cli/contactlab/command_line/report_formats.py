@@ -60,11 +60,11 @@ def formats_by_type(formats: Mapping[str, Mapping[str, Show]]) -> Mapping[str, S
             another one is printed as text in those that it lacks.
     """
 
-    def show(form: str, result: object, given: Given) -> None:
+    def print_result(form: str, result: object, given: Given) -> None:
         own = formats[type(result).__name__]
         own.get(form, own["text"])(result, given)
 
-    return {form: partial(show, form) for form in next(iter(formats.values()))}
+    return {form: partial(print_result, form) for form in next(iter(formats.values()))}
 
 
 def _placed(folder: FolderOf | None, given: Given) -> Mapping[str, Path]:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def _print_nothing(result: None, given: Given) -> None:
-    """Print nothing after a viewer was closed."""
+    # A viewer was closed.
     del result, given
 
 

@@ -9,8 +9,8 @@ from contactlab.schema.strict_model import Model, about
 class WordMeaning(Model):
     """One meaning of a word."""
 
-    word: str = about("The word, as it was asked for.")
-    title: str = about("The word as it is printed, and its kind.")
+    word: str = about("The requested word.")
+    title: str = about("The printed word, and its kind.")
     texts: tuple[str, ...] = about("The definition, then limits, values and advice.", default=())
 
 

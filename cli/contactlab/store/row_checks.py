@@ -164,10 +164,7 @@ class _FieldCheck:
 
 @cache
 def _checks_of_fields() -> tuple[list[_FieldCheck], dict[str, list[_FieldCheck]]]:
-    """Return the checks of plain fields, and of the fields of each part.
-
-    They do not depend on a store, and their models take longer to build than most stores to check.
-    """
+    # They do not depend on a store, and their models take longer to build than stores to check.
     parts = {
         part: [_FieldCheck(field) for field in inner.values()]
         for part, inner in FIELDS_OF_PARTS.items()
