@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from contactlab.store.store_files import ObjectAddress
 
 # A busy machine is no defect of the code under test. HYPOTHESIS_PROFILE=thorough, as in `make
-# test-night`, looks at twice as many examples; brief, as in `make test-lowest`, at a fifth.
+# test-night`, looks at three times as many examples; brief, as in `make test-lowest`, at a third.
 settings.register_profile("brief", deadline=None, max_examples=10)
-settings.register_profile("patient", deadline=None, max_examples=50)
+settings.register_profile("patient", deadline=None, max_examples=30)
 settings.register_profile("thorough", deadline=None, max_examples=100)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "patient"))
 

@@ -102,7 +102,11 @@ def test_any_ball_has_restitutions_derivative(seed: int, by: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("by", "expected"), [("push", 0.5), ("friction.slide", -GRAVITY / 2)], ids=["push", "friction"]
+    ("by", "expected"),
+    [
+        pytest.param("push", 0.5, id="push", marks=pytest.mark.long),
+        pytest.param("friction.slide", -GRAVITY / 2, id="friction"),
+    ],
 )
 def test_a_push_that_slips_has_newtons_derivative(by: str, expected: float) -> None:
     """What slides all the time has x = (F / m - mu g) T^2 / 2, with m = 1 kg, and here T = .5 s.

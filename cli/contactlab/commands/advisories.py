@@ -1,4 +1,4 @@
-"""Known faults of engines: lists advisories, and checks their witnesses under releases."""
+"""List known faults of engines, and check their witnesses."""
 
 from collections.abc import Sequence
 from pathlib import Path

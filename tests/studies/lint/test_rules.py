@@ -467,8 +467,23 @@ SLIDER = """<mujoco><option timestep="{h}" integrator="{integrator}"/><worldbody
 </worldbody><actuator><velocity joint="x" kv="{c}"/></actuator></mujoco>"""
 
 
-@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
-@pytest.mark.parametrize(("k", "c", "d"), [(1e5, 0, 0), (0, 1e3, 0), (1e5, 300, 200), (0, 0, 1e4)])
+@pytest.mark.parametrize(
+    "integrator",
+    [
+        "Euler",
+        "implicitfast",
+        pytest.param("RK4", marks=pytest.mark.long),
+    ],
+)
+@pytest.mark.parametrize(
+    ("k", "c", "d"),
+    [
+        (1e5, 300, 200),
+        (0, 0, 1e4),
+        pytest.param(1e5, 0, 0, marks=pytest.mark.long),
+        pytest.param(0, 1e3, 0, marks=pytest.mark.long),
+    ],
+)
 def test_the_step_that_holds_a_slider_is_where_plain_mujoco_begins_to_grow(
     linted: Linted, integrator: str, k: float, c: float, d: float
 ) -> None:
