@@ -7,14 +7,20 @@ import mujoco
 import pytest
 from ruamel.yaml import YAML
 
+import contactlab
 from contactlab import resources
 from contactlab.advisories.advisory_files import list_advisories, read_advisories, read_advisory
 from contactlab.advisories.met_advisories import InstalledEngine, find_met_advisories
 from contactlab.advisories.witness_runs import fault_share, replay_witness
 from contactlab.errors import AdvisoryError
 from contactlab.parts import register_parts
+from contactlab.scene.scene_source import find_scene
 from contactlab.schema.advisory import Advisory, AffectedReleases
 from contactlab.studies.advisories.checking import check_advisories
+from contactlab.studies.examine.engine_faults import (
+    list_advisory_facts,
+    list_workaround_candidates,
+)
 from contactlab.studies.lock.versions import list_supported_releases
 
 register_parts()
@@ -174,6 +180,54 @@ def test_a_process_that_ends_is_a_crash_and_the_rest_is_replayed(
     read = [read_advisory(written(tmp_path, id=f"LAB-2026-000{n}")) for n in (1, 2, 3)]
     report = check_advisories(read, [mujoco.__version__])
     assert [result.outcome for result in report.results] == ["shown", "crashed", "shown"]
+
+
+AFFECTED = """<mujoco><option jacobian="sparse"/><worldbody>
+  <body name="ball" pos="0 0 1"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
+
+
+@pytest.fixture
+def sparse_is_wrong(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Advisory:
+    """An advisory of all releases, about sparse Jacobians; and a model in the current folder."""
+    ways = [{"modification": "jacobian", "settings": {"jacobian": "dense"}}]
+    changes = {"affected": [{"introduced": "0"}], "applies": "sparse_jacobian", "workarounds": ways}
+    advisory = read_advisory(written(tmp_path, **changes))
+    monkeypatch.setattr("contactlab.advisories.met_advisories.list_advisories", lambda: (advisory,))
+    (tmp_path / "ball.xml").write_text(AFFECTED)
+    monkeypatch.chdir(tmp_path)
+    return advisory
+
+
+def test_a_sweep_and_its_plan_say_which_advisories_are_met(sparse_is_wrong: Advisory) -> None:
+    data = {
+        "version": 1,
+        "scene": "ball.xml",
+        "duration": 0.01,
+        "axes": {"jacobian": ["sparse", "dense", "auto"]},
+    }
+    plan = contactlab.sweep(data, plan=True, workers=0)
+    (warning,) = [each for each in plan.warnings if sparse_is_wrong.id in each]
+    assert warning.startswith("1 of 3 models: meets LAB-2026-0001")
+    assert "avoided by jacobian=dense" in warning
+    store = contactlab.sweep(data, workers=0)
+    assert store.manifest.advisories == (sparse_is_wrong.id,)
+    axes = {**data, "axes": {"jacobian": ["dense", "auto"]}}
+    other = contactlab.sweep(axes, workers=0, output="other")
+    assert other.manifest.advisories == ()
+    assert "advisories" not in Path("other/manifest.json").read_text(encoding="utf-8")
+
+
+def test_an_examination_offers_the_workaround_first(sparse_is_wrong: Advisory) -> None:
+    scene = find_scene("ball.xml")
+    model = mujoco.MjModel.from_xml_string(AFFECTED)
+    (fact,) = list_advisory_facts(model, scene)
+    assert fact.place == sparse_is_wrong.id
+    (candidate,) = list_workaround_candidates(model, scene, "inaccurate")
+    candidate.change(model)
+    assert model.opt.jacobian == mujoco.mjtJacobian.mjJAC_DENSE
+    assert candidate.edits.settings == {"jacobian": "dense"}
+    assert not candidate.changes_model
+    assert not [*list_advisory_facts(model, scene)]
 
 
 @pytest.mark.night

@@ -1,15 +1,24 @@
 """Finds the advisories that a model meets under an engine."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from typing import NamedTuple
 
 import mujoco
 
 from contactlab.advisories.advisory_files import list_advisories
-from contactlab.advisories.field_expressions import Elements, FieldExpression, ModelFacts
+from contactlab.advisories.field_expressions import (
+    Elements,
+    FieldExpression,
+    ModelFacts,
+    list_elements,
+)
+from contactlab.errors import SceneError
 from contactlab.expression import NoValueError
 from contactlab.mjcf import MODEL_ENGINE
+from contactlab.scene.model_xml import parse
 from contactlab.scene.mujoco_versions import VERSION
+from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource
 from contactlab.schema.advisory import Advisory
 
 
@@ -18,6 +27,17 @@ class InstalledEngine(NamedTuple):
 
     name: str = MODEL_ENGINE
     version: str = VERSION
+
+
+def list_model_elements(source: SceneSource) -> Elements:
+    """Return the elements of the model files of a scene; none of files that are not XML."""
+    files = (source.content.root / name for name in source.content.files)
+    found = list[tuple[str, Mapping[str, str]]]()
+    for path in files:
+        if path.suffix in MODEL_SUFFIXES:
+            with suppress(SceneError):
+                found += list_elements(parse(path))
+    return found
 
 
 def may_meet(advisory: Advisory, facts: ModelFacts) -> bool:
@@ -50,3 +70,22 @@ def find_met_advisories(
         and advisory.affects(engine.version)
         and may_meet(advisory, facts)
     )
+
+
+def describe_met_advisory(
+    advisory: Advisory,
+    engine: InstalledEngine = InstalledEngine(),  # noqa: B008 - immutable
+) -> str:
+    """Say in a sentence that a model meets an advisory, and how to avoid the fault."""
+    fixed = advisory.find_fixed_release(engine.version)
+    state = f"fixed in {fixed}" if fixed else "not fixed yet"
+    known = f"{advisory.severity} in {advisory.engine} {engine.version}, {state}"
+    return f"meets {advisory.id} ({known}): {advisory.title}; {describe_remedy(advisory)}"
+
+
+def describe_remedy(advisory: Advisory) -> str:
+    """Return the settings that avoid the fault of an advisory, or its advice."""
+    if not advisory.workarounds:
+        return advisory.advice
+    settings = advisory.workarounds[0].settings.items()
+    return f"avoided by {' '.join(f'{name}={value}' for name, value in settings)}"

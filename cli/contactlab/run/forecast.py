@@ -9,6 +9,7 @@ import numpy as np
 
 from contactlab.accuracy.discretization import reference_steps
 from contactlab.accuracy.timing import timing_seconds
+from contactlab.advisories.met_advisories import describe_met_advisory
 from contactlab.budget import backward_error
 from contactlab.contact.contact_laws import refsafe_solref, stiffness_damping
 from contactlab.engines import engine_of
@@ -18,6 +19,7 @@ from contactlab.plan.kept_traces import KeptTraces
 from contactlab.plan.refined_axes import smallest_run_count
 from contactlab.rendering.amounts import format_setting
 from contactlab.run.planned_runs import RunIndex, reference_models
+from contactlab.run.sweep_advisories import find_sweep_advisories
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
@@ -103,7 +105,13 @@ def forecast_sweep(plan: Plan, scene: Scene, workers: int) -> SweepForecast:
         bytes_by_format=sizes,
         trace=sweep.trace,
         trace_format=sweep.trace_format,
-        warnings=tuple(_forecast_warnings(plan, len(index), sums)),
+        warnings=(
+            *_forecast_warnings(plan, len(index), sums),
+            *(
+                f"{share}: {describe_met_advisory(each)}"
+                for each, share in find_sweep_advisories(index, scene)
+            ),
+        ),
     )
 
 

@@ -98,7 +98,7 @@ def merge_stores(
         times = min(each.started for each in manifests), max(each.finished for each in manifests)
         tables = {store.address: store.path / TABLE for store in stores}
         written = joined_provenance([each.provenance for each in manifests])
-        store.join_tables(tables, written, times, _merge_conclusion(stores[0], identity))
+        store.join_tables(tables, written, times, _merge_conclusion(stores, identity))
     return gaps
 
 
@@ -207,18 +207,20 @@ def _is_merged(target: Address, identity: SweepIdentity) -> bool:
     return True
 
 
-def _merge_conclusion(store: Store, identity: SweepIdentity) -> Conclusion:
+def _merge_conclusion(stores: Sequence[Store], identity: SweepIdentity) -> Conclusion:
     """Return the function that concludes over all runs together, once they are stored."""
+    store = stores[0]
+    met = sorted({name for each in stores for name in each.manifest.advisories})
     expected = any(expectation.get("mean") for expectation in identity.resolved["expect"])
     if not expected or identity.whole:
-        return partial(conclude_runs, None, ())
+        return partial(conclude_runs, None, (), met)
     if isinstance(identity.resolved.get("include"), dict):
         raise StoreError(
             "the sweep expects means, and a file next to it names runs, which shards do not hold; "
             "run the sweep on one machine"
         )
     scene = stored_sweep_scene(identity, store.scene_folder)
-    return partial(conclude_runs, plan_again(identity, scene), ())
+    return partial(conclude_runs, plan_again(identity, scene), (), met)
 
 
 def joined_provenance(several: Sequence[Provenance]) -> Provenance:

@@ -83,10 +83,17 @@ def _outside_bounds(name: str, value: float | None, bounds: Bounds) -> Iterator[
 
 
 def conclude_runs(
-    plan: Plan | None, budgets: Sequence[ParameterBudget], table: "RunColumns"
+    plan: Plan | None,
+    budgets: Sequence[ParameterBudget],
+    advisories: Sequence[str],
+    table: "RunColumns",
 ) -> dict[str, object]:
     """Return the manifest entries about all runs of a plan's store together."""
-    return {"unmet_means": tuple(unmet_means(plan, table)), "parameter_budgets": tuple(budgets)}
+    return {
+        "unmet_means": tuple(unmet_means(plan, table)),
+        "parameter_budgets": tuple(budgets),
+        "advisories": tuple(advisories),
+    }
 
 
 def unmet_means(plan: Plan | None, table: "RunColumns") -> Iterator[str]:

@@ -24,6 +24,7 @@ from contactlab.run.passes import SweepSession, run_passes
 from contactlab.run.planned_runs import RunIndex, pack_jobs
 from contactlab.run.run_verdicts import conclude_runs
 from contactlab.run.shards import shard_of_sweep
+from contactlab.run.sweep_advisories import find_sweep_advisories
 from contactlab.run.sweep_request import SweepRequest
 from contactlab.run.tasks import (
     BeginCallback,
@@ -123,7 +124,8 @@ def run_sweep(
         shared = shared_fields(identity)
         # A shard cannot conclude over all runs.
         plan, budgets = (None, ()) if request.shard else (request.plan, parameter_budgets(session))
-        conclusion = partial(conclude_runs, plan, [*budgets])
+        met = tuple(each.id for each, _ in find_sweep_advisories(index, request.scene))
+        conclusion = partial(conclude_runs, plan, [*budgets], met)
         return store.finish_store(columns, shared, task.provenance, values, identity, conclusion)
 
 

@@ -432,6 +432,12 @@ class StoreManifest(Model):
         default=(),
         exclude_if=lambda budgets: not budgets,
     )
+    advisories: tuple[str, ...] = about(
+        "Ids of the advisories that models of the sweep meet under their engines; of many models, "
+        "some are examined.",
+        default=(),
+        exclude_if=lambda ids: not ids,
+    )
     files: dict[InnerName, Sha256] = about("SHA-256 of every file but traces and this one.")
     records: Sha256 = about("Digest of every record in plan order, whatever the table's encoding.")
     physics: Sha256 | None = about(

@@ -38,6 +38,7 @@ class Fact(Model):
         "inertia",
         "grip",
         "file",
+        "advisory",
     ]
     place: str = about("The contact, the joint, the body, or the line of a file.")
     value: float

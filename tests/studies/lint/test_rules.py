@@ -13,6 +13,7 @@ import pytest
 from tests.studies.lint.conftest import Linted, only, rules_of
 
 from contactlab.scene.scene_source import find_scene
+from contactlab.schema.advisory import Advisory, AffectedReleases, Witness, Workaround
 from contactlab.studies.lint.linted_model import edited, linted_model
 from contactlab.studies.lint.linting import lint
 from contactlab.studies.lint.rules import RULES
@@ -267,6 +268,7 @@ CASES: Mapping[str, Planted] = {
         | {'<geom name="lower"': f'{_CONTACTS}\n          <geom name="lower"'},
         "<size",
     ),
+    "advisory": Planted({'timestep="0.002"': 'timestep="0.002" jacobian="sparse"'}, "<option"),
     "unnamed": Planted({'<position name="lift"': "<position"}, "<position"),
     "unread": Planted(
         {'mesh="none"': "", '<geom name="lower"': '<geom mesh="none" name="lower"'}, "lower", False
@@ -313,6 +315,27 @@ def planted(case: Planted, folder: Path) -> str:
             '<geom name="lower"', f'{corner}\n          <geom name="lower"'
         )
     return text.replace("{folder}", str(folder))
+
+
+_ADVISORY = Advisory(
+    id="LAB-2026-0001",
+    title="Sparse Jacobians are wrong",
+    consequence="It is for tests only.",
+    affected=(AffectedReleases(introduced="0"),),
+    severity="wrong result",
+    applies="sparse_jacobian",
+    witness=Witness(
+        model="<mujoco/>", measure="nv", right=1, wrong=0, tolerance=0, reason="It is made up."
+    ),
+    workarounds=(Workaround(modification="jacobian", settings={"jacobian": "dense"}),),
+)
+
+
+@pytest.fixture(autouse=True)
+def _advisories(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        "contactlab.advisories.met_advisories.list_advisories", lambda: (_ADVISORY,)
+    )
 
 
 @pytest.fixture(autouse=True)

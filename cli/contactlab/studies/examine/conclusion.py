@@ -114,7 +114,8 @@ def _error_of(phase: BudgetPhase) -> float:
 def _why(report: Examination, verdict: VerdictWord) -> Iterator[str]:
     """Yield the causes, the main one first."""
     if verdict != "ok":
-        yield from (fact.sentence for fact in report.facts if fact.kind == "overlap")
+        for kind in ("overlap", "advisory"):
+            yield from (fact.sentence for fact in report.facts if fact.kind == kind)
     failed = {*_failed_checks(report)}
     failures = [
         *(label_line(label, len(report.task.seeds)) for label in labels_in_why(report)),
@@ -234,6 +235,8 @@ def _fix(report: Examination, verdict: VerdictWord, tried: int, not_tried: int) 
         return "not needed"
     start = report.task.start if report.task.start == QPOS0 else f"keyframe {report.task.start}"
     first = f"move the bodies apart in {start} first; " if _overlaps(report) else ""
+    met = [fact.place for fact in report.facts if fact.kind == "advisory"]
+    first += f"avoid {' and '.join(met)} first; " if met else ""
     return first + _no_fix(report, tried, not_tried)
 
 

@@ -32,6 +32,7 @@ from contactlab.studies.check.check_entries import CHECKS, Check
 from contactlab.studies.check.chosen_checks import chosen_checks, judged_findings
 from contactlab.studies.check.own_runs import describe_reference
 from contactlab.studies.examine.conclusion import conclude
+from contactlab.studies.examine.engine_faults import list_advisory_facts
 from contactlab.studies.examine.facts import facts
 from contactlab.studies.examine.fixes import FixSearch, TaskRepeats
 from contactlab.studies.examine.linted_file import file_facts, find_broken_start
@@ -179,7 +180,10 @@ def _measured(
     if "facts" in request.sections:
         begins = {phase.name: phase.begin for phase in task.phases}
         times = [begins.get(motion.name, 0.0) for motion in examined.motions]
-        found = facts(examined.motions, times)
+        found = (
+            *list_advisory_facts(examined.motions[0].model, examined.scene.source),
+            *facts(examined.motions, times),
+        )
         if not request.assign:
             found += grip_facts(request.model, examined.motions[0].model, task.start)
             found += tuple(file_facts(examined.scene.source, request.model))

@@ -44,6 +44,7 @@ from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.scene.scene import Scene
 from contactlab.schema.error_budget import BudgetReason
 from contactlab.schema.examination import MOST_FIXES, Fix, RunLabel
+from contactlab.studies.examine.engine_faults import list_workaround_candidates
 from contactlab.studies.examine.facts import facts
 from contactlab.studies.examine.primitive_fixes import primitives
 from contactlab.studies.examine.start_fixes import separated
@@ -114,10 +115,13 @@ class FixSearch:
         starts = [*filter(self._can_begin, separated(scene, values, motions, verdict))]
         shapes = [*filter(self._can_begin, primitives(scene, values, motions, verdict))]
         physical = [*starts, *shapes]
-        self._candidates = (*starts, *candidates_against(motions, verdict), *shapes)
+        word: VerdictWord = "depends" if verdict.word == "depends" else "inaccurate"
+        advised = [*list_workaround_candidates(motions[0].model, scene.source, word)]
+        against = candidates_against(motions, verdict)
+        self._candidates = (*starts, *advised, *against, *shapes)
         self.label_trials, self.not_tried = 0, list[str]()
         posed = [start for start in starts if start.edits.posed]
-        self.without_labels = [*self._without_labels(posed)][:1]
+        self.without_labels = [*self._without_labels([*posed, *advised])][:1]
         found = tuple[TriedFix, ...]()
         if not self.without_labels:
             found = try_fixes(motions, verdict, candidates=self._candidates, trial=self._trial)

@@ -2,6 +2,7 @@
 
 from contactlab.registry import settle
 from contactlab.studies.lint import (
+    advisories,
     capacity,
     contacts,
     files,
@@ -17,6 +18,7 @@ from contactlab.studies.lint import (
 )
 
 TOPICS = (
+    advisories,
     capacity,
     contacts,
     files,

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import mujoco
 
+from contactlab.advisories.field_expressions import Elements, list_elements
 from contactlab.scene.body_inertia import inertia_faults
 from contactlab.scene.compile_model import InertiaFault, compile_error, written_inertia_faults
 from contactlab.scene.model_files import plain_name
@@ -273,6 +274,11 @@ class LintedModel:
         change = with_attributes(self._texts[file], self._elements[file][element], values)
         text = " ".join(change.text.decode(errors="replace").split())
         return (Edit(self.place_at(origin), text, change),)
+
+    @cached_property
+    def elements(self) -> Elements:
+        """Elements of all model files, with their paths and attributes."""
+        return [found for root in self._roots.values() for found in list_elements(root)]
 
     def tags(self) -> Iterator[tuple[ET.Element, Origin]]:
         """Yield every element of the scene's files as written, with its origin."""

@@ -1,0 +1,41 @@
+"""Advisories that the models of a sweep meet under their engines."""
+
+from collections import Counter
+from collections.abc import Iterator
+
+from contactlab.advisories.met_advisories import (
+    InstalledEngine,
+    find_met_advisories,
+    list_model_elements,
+)
+from contactlab.engines import engine_of
+from contactlab.run.planned_runs import RunIndex
+from contactlab.scene.run_spec import RunSpec
+from contactlab.scene.scene import Scene
+from contactlab.schema.advisory import Advisory
+
+_MOST_MODELS = 64
+"""Models of a sweep that are examined, evenly spread: each takes about a millisecond."""
+
+
+def find_sweep_advisories(index: RunIndex, scene: Scene) -> tuple[tuple[Advisory, str], ...]:
+    """Return the advisories that models of a sweep meet, each with how many of them do, in words.
+
+    Of many models, some are examined, evenly spread over the sweep.
+    """
+    elements = list_model_elements(scene.source)
+    counts, found, models = Counter[str](), dict[str, Advisory](), 0
+    for run in _spread_rows(index):
+        engine = engine_of(run)
+        model = scene.base_of(run).prepare(run.edits()).model
+        installed = InstalledEngine(engine.name, engine.version)
+        met = find_met_advisories(model, installed, elements)
+        found |= {each.id: each for each in met}
+        counts.update(each.id for each in met)
+        models += 1
+    return tuple((found[name], f"{counts[name]} of {models} models") for name in sorted(found))
+
+
+def _spread_rows(index: RunIndex) -> Iterator[RunSpec]:
+    rows = [run for run, _ in index.iterate_rows()]
+    yield from rows[:: max(1, -(-len(rows) // _MOST_MODELS))]

@@ -1,0 +1,36 @@
+"""The rule of advisories: known faults of the installed engine that a model meets."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+
+from contactlab.advisories.met_advisories import describe_met_advisory, find_met_advisories
+from contactlab.mjcf import OPTIONS
+from contactlab.scene.model_draft import mjcf_text
+from contactlab.scene.model_edits import FLAG_NAMES
+from contactlab.schema.advisory import Advisory
+from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel
+from contactlab.studies.lint.rules import rule
+
+
+@rule("advisory", "note")
+def advisory(linted: LintedModel) -> Iterator[Fault]:
+    """The model meets a known fault of the installed engine."""
+    for each in find_met_advisories(linted.model, elements=linted.elements):
+        place = linted.place_of("option")
+        yield Fault(describe_met_advisory(each), place, _list_edits(linted, each))
+
+
+def _list_edits(linted: LintedModel, met: Advisory) -> tuple[Edit, ...]:
+    """Return the edits of the first workaround, if it consists of options and flags."""
+    settings = met.workarounds[0].settings if met.workarounds else {}
+    if not settings.keys() <= {*OPTIONS, *FLAG_NAMES}:
+        return ()
+    flags = {name: "enable" if value else "disable" for name, value in settings.items()}
+    flags = {name: word for name, word in flags.items() if name in FLAG_NAMES}
+    options = {name: mjcf_text(settings[name]) for name in settings if name in OPTIONS}
+    edits = linted.set_in("option", **options) if options else ()
+    if flags:
+        element = ET.Element("option")
+        ET.SubElement(element, "flag", flags)
+        edits += linted.add(element)
+    return edits
