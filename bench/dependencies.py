@@ -13,7 +13,8 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
@@ -56,21 +57,30 @@ def _module_name(package: Path, file: Path) -> str:
 
 
 @cache
-def _tree(file: Path) -> ast.Module:
-    return ast.parse(file.read_text(encoding="utf-8"))
+def _parents_of_nodes(file: Path) -> Mapping[ast.AST, ast.AST]:
+    # Of all nodes but the module, breadth first. To walk the package takes most of the time.
+    parents = dict[ast.AST, ast.AST]()
+    waiting = deque[ast.AST]([ast.parse(file.read_text(encoding="utf-8"))])
+    while waiting:
+        node = waiting.popleft()
+        for child in ast.iter_child_nodes(node):
+            parents[child] = node
+            waiting.append(child)
+    return parents
 
 
 def imports(package: Path) -> Graph:
     """Return the modules of a package that each of them imports, inside functions too."""
     files = module_files(package)
     return {
-        name: frozenset(_imported(_tree(file), set(files)) - {name}) for name, file in files.items()
+        name: frozenset(_imported(_parents_of_nodes(file), set(files)) - {name})
+        for name, file in files.items()
     }
 
 
-def _imported(tree: ast.Module, modules: set[str]) -> set[str]:
+def _imported(nodes: Iterable[ast.AST], modules: set[str]) -> set[str]:
     found = set[str]()
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -105,13 +115,14 @@ def named_imports(package: Path) -> list[NamedImport]:
     return [
         NamedImport(file.relative_to(package.parent).as_posix(), node.lineno, ast.unparse(node))
         for file in module_files(package).values()
-        for node in _named(_tree(file), package.name, modules)
+        for node in _named(_parents_of_nodes(file), package.name, modules)
     ]
 
 
-def _named(tree: ast.Module, root: str, modules: set[str]) -> Iterator[ast.expr | ast.alias]:
+def _named(
+    parents: Mapping[ast.AST, ast.AST], root: str, modules: set[str]
+) -> Iterator[ast.expr | ast.alias]:
     """Yield the places of a module that name, import or look up a module by a string."""
-    parents = {child: node for node in ast.walk(tree) for child in ast.iter_child_nodes(node)}
     for node, parent in parents.items():
         if isinstance(node, (ast.Name, ast.Attribute)):
             if _imports_or_finds(node, parent, root) or _reads_loaded_modules(node, parent):
