@@ -10,9 +10,10 @@ from typing import Any
 from contactlab.advisories.witness_runs import fault_share
 from contactlab.schema.advisory import Advisory, numbers_of
 from contactlab.schema.advisory_report import AdvisoriesCheck, WitnessOutcome, WitnessResult
+from contactlab.studies.advisories import witness_process
 from contactlab.studies.lock.versions import run_python
 
-_PROCESS = "contactlab.studies.advisories.witness_process"
+_PROCESS = witness_process.__name__
 _SHOWN = 0.5
 """Share of the way from the right to the wrong value from which a value shows the fault."""
 
