@@ -90,7 +90,7 @@ def _load_description(report: str) -> Any:  # noqa: ANN401, C901, PLR0912, PLR09
         case "BudgetReport":
             from contactlab.reporting.budget_document import describe_budget as describe
         case "EffectsReport":
-            from contactlab.studies.effects.effects_document import describe_effects as describe
+            from contactlab.studies.effects.parts_document import describe_effects as describe
         case "EnginePanel":
             from contactlab.studies.engine_panel.panel_document import describe_panel as describe
         case "FitReport":
@@ -101,8 +101,10 @@ def _load_description(report: str) -> Any:  # noqa: ANN401, C901, PLR0912, PLR09
             )
         case "GripReport":
             from contactlab.studies.grip.grip_document import describe_grip as describe
-        case "PartsReport":
-            from contactlab.studies.search.parts_document import describe_parts as describe
+        case "RecordedEffectsReport":
+            from contactlab.studies.effects.effects_document import (
+                describe_recorded_effects as describe,
+            )
         case "ShrinkReport":
             from contactlab.studies.shrink.shrink_document import describe_shrinking as describe
         case "StabilityReport":
@@ -150,7 +152,7 @@ _DESCRIBED = (
     "FitReport",
     "GradientsReport",
     "GripReport",
-    "PartsReport",
+    "RecordedEffectsReport",
     "ShrinkReport",
     "StabilityReport",
     "TradeoffReport",

@@ -1,6 +1,5 @@
 """`contactlab effects` from the command line."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -8,11 +7,12 @@ import pytest
 from typer.testing import CliRunner
 
 from contactlab.command_line.main import command_line
-from contactlab.schema.study_reports import EffectsReport
-from contactlab.store.finished_store import Store
-from contactlab.store.verify_store import find_problems
+from contactlab.schema.effects_report import EffectsReport
 
-SLIDE = "version: 1\nscene: box_slide\nduration: 0.2\ntolerances: {drift: 0.01}\n"
+SLIDE = (
+    "version: 1\nscene: box_slide\nduration: 0.2\n"
+    "axes: {direction: {values: [0, 45], role: scenario}}\n"
+)
 
 
 def run(*args: str) -> Any:
@@ -20,25 +20,22 @@ def run(*args: str) -> Any:
 
 
 @pytest.mark.long
-def test_report_figure_and_evidence(tmp_path: Path) -> None:
+def test_a_sweep_is_taken_apart_in_its_scenarios(tmp_path: Path) -> None:
     sweep, figure = tmp_path / "s.yaml", tmp_path / "bars.png"
     sweep.write_text(SLIDE)
     out = tmp_path / "out"
-    done = run(str(sweep), "--seeds", "1", "-o", str(out), "--figure", str(figure))
+    done = run(str(sweep), "-o", str(out), "--max-time", "60s", "--figure", str(figure))
     assert done.exit_code == 0, done.output
-    assert "smallest set: " in done.output
-    assert "holds in 10 fresh runs" in done.output
-    assert "effects: {base: auto" in done.output
     assert figure.read_bytes().startswith(b"\x89PNG")
     report = EffectsReport.model_validate_json((out / "effects.json").read_text())
-    assert {"effects", "smallest_set", "time_ratio"} <= json.loads(
-        (out / "effects.json").read_text()
-    ).keys()
-    assert all(each.time_ratio is not None for each in report.effects if each.verdict != "unused")
-    assert report.time_ratio is not None
-    for name in report.stores:
-        assert find_problems(out / name) == []
-    assert Store.open(out / "one-by-one").manifest.sweep.resolved["effects"] == {"base": "all"}
+    assert report.scenarios == 2
+    found = {each.name: each for each in report.effects}
+    # The box slides until friction stops it.
+    assert found["tangential_friction"].verdict == "needed"
+    assert not found["tangential_friction"].can_go
+    ratios = [each.time_ratio.ratio for each in report.effects if each.time_ratio]
+    assert report.sentence in " ".join(done.output.split())
+    assert ratios == sorted(ratios)
 
 
 def test_mistakes_are_named(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from contactlab.schema.check_report import StabilityReport, StabilityResult
+from contactlab.schema.effects_report import EffectsReport, PartEffect
 from contactlab.schema.engine_panel import EnginePanel, PanelRun, PanelTask
 from contactlab.schema.examination import RestingContact
 from contactlab.schema.explanation import Explanation, WordMeaning
@@ -26,7 +27,6 @@ from contactlab.schema.grip import (
     GripReport,
     GripTrial,
 )
-from contactlab.schema.parts_report import PartEffect, PartsReport
 from contactlab.schema.report_model import Described
 from contactlab.schema.shrink_report import ShrinkReport
 from contactlab.schema.store_reports import (
@@ -40,6 +40,7 @@ from contactlab.schema.store_reports import (
 )
 from contactlab.schema.study_reports import FitReport, FittedSetting
 from contactlab.schema.task import Phase, Task
+from contactlab.schema.time_ratio import TimeRatio
 
 HASH = "0" * 16
 
@@ -142,19 +143,22 @@ def fitted() -> FitReport:
     )  # fmt: skip
 
 
-def parts() -> PartsReport:
-    effect: dict[str, Any] = {"time": None, "time_ratio": None}
-    return PartsReport(
-        model="robot.xml", scene_hash=HASH, mujoco="4.0.0", task=task(), tilt=5.0, tolerance=0.1,
-        parts=(
-            PartEffect(kind="geom", name="toe", verdict="needed", exercised=True, error=0.25,
-                       body="foot", phase="held", reason="", **effect),
-            PartEffect(kind="pair", name="a - b", verdict="unused", exercised=False, error=None,
-                       body="", phase="", reason="they cannot touch", **effect),
-            PartEffect(kind="limit", name="knee", verdict="not measured", exercised=True,
-                       error=None, body="", phase="", reason="", **effect),
+def effects() -> EffectsReport:
+    ratio = TimeRatio.of(0.75, 0.5, 1.0)
+    return EffectsReport(
+        model="robot.xml", scene_hash=HASH, mujoco="4.0.0", task=task(), scenarios=1, tilt=5.0,
+        tolerance=0.1,
+        effects=(
+            PartEffect(kind="geom", name="toe", verdict="needed", error=0.25, body="foot",
+                       phase="held", time_ratio=ratio, reason="", can_go=False),
+            PartEffect(kind="pair", name="2 pairs of bodies", verdict="unused", error=None,
+                       members=("a - b", "a - c"), time_ratio=ratio, reason="they cannot touch",
+                       can_go=True),
+            PartEffect(kind="limit", name="knee", verdict="not measured", error=None,
+                       time_ratio=None, reason="", can_go=False),
         ),
-        noise_floor=None, timed_out=True, seconds=12.0,
+        noise_floor=None, smaller=None, kept={"noslip": "creep 0 -> 1 mm/s"},
+        sentence="No smaller model", timed_out=True, seconds=12.0,
     )  # fmt: skip
 
 
@@ -228,5 +232,5 @@ REPORTS: Mapping[str, Described] = {
     "shrink": shrunk(),
     "stability": stability(),
     "fit": fitted(),
-    "parts": parts(),
+    "effects": effects(),
 }

@@ -7,9 +7,9 @@ import pytest
 from contactlab.budget import Motion
 from contactlab.budget.motion import GRAVITY_AS_REAL, INTEGRATION
 from contactlab.budget.restarts import held_inputs
-from contactlab.studies.search.clock import whole_run
 from contactlab.studies.search.configuration import Configuration
 from contactlab.tasks.reference_error import TaskReference
+from contactlab.tasks.task_clock import whole_run
 
 FALL = """<mujoco><option timestep="0.002"/><worldbody>
 <body name="ball"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""

@@ -1,4 +1,4 @@
-"""`contactlab effects`: the effects and parts that a model needs, and the time of each."""
+"""`contactlab effects`: the features and parts that a model needs, and the time of each."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,24 +9,24 @@ from contactlab.command_line.declaration import Argument, Given, Option, command
 from contactlab.command_line.quantities import read_seconds
 from contactlab.command_line.report_formats import report_formats
 from contactlab.command_line.surroundings import say, study_session
-from contactlab.errors import SweepFileError
+from contactlab.errors import OutputError, SweepFileError
 
 if TYPE_CHECKING:
     from contactlab.plan.task_options import TaskOptions
-    from contactlab.schema.parts_report import PartsReport
-    from contactlab.schema.study_reports import EffectsReport
+    from contactlab.schema.effects_report import EffectsReport
+    from contactlab.schema.study_reports import RecordedEffectsReport
 
 _SEEDS = 6
 
 
-def _folder(given: Given) -> Path:
+def _choose_folder(given: Given) -> Path:
     return opt.study_folder("effects", given["source"], given["output"])
 
 
 @command(
     "examine",
-    examples=("effects grasp_mug",),
-    formats=report_formats(_folder),
+    examples=("effects robot.xml", "effects robot.xml --write small/robot.xml --keep sensors"),
+    formats=report_formats(_choose_folder),
 )
 def effects(
     source: Annotated[
@@ -36,47 +36,91 @@ def effects(
     *,
     set: opt.Set = (),
     output: opt.StudyFolder = None,
-    seeds: Annotated[
-        int | None,
-        Option(None, "Runs per scenario and effect of a scene or sweep; default 6.", least=1),
+    write: Annotated[
+        str | Path | None,
+        Option("FILE", "Write the smaller model to this file.", kind=str),
     ] = None,
+    keep: Annotated[
+        Sequence[str],
+        Option("NAME", "Keep this feature or part; may be repeated.", kind=list[str]),
+    ] = (),
     max_time: opt.MaxTime = "2min",
     metric: Annotated[
         Literal["reality"] | None,
-        Option(None, "Find the effects that bring runs closer to recorded runs."),
+        Option(None, "Find the effects of a scene that bring runs closer to recorded runs."),
     ] = None,
     figure: opt.Figure = None,
     workers: opt.Workers = None,
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
     **task: Unpack[opt.TaskParameters],
-) -> "EffectsReport | PartsReport":
-    """Measure the influence and the time of each effect or part.
+) -> "EffectsReport | RecordedEffectsReport":
+    """Find the features and parts that a model needs, and write a smaller model.
 
-    For a model file, each feature and part is removed alone: in the task, with gravity tilted, and
-    with twice the inputs. For a scene or sweep, the smallest set of effects that keeps every result
-    is searched. Results go to `results/effects/NAME` unless `output` is given.
+    Each is left out alone: in the task, with gravity tilted, and with twice the inputs. Those that
+    may go together, and save more than 3 % of the time, are left out of the smaller model, which is
+    verified next to the original. Results go to `results/effects/NAME` unless `output` is given.
 
     Raises:
-        SceneError: there is no such scene.
+        SceneError: there is no such scene, or no part of a name to keep.
         SweepFileError: the sweep or a setting is wrong.
+        OutputError: the file of the smaller model exists or is not an .xml file.
     """
-    from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie
-    from contactlab.studies.effects.ablation import find_smallest_set
-    from contactlab.studies.effects.effects_request import EffectsRequest
+    from contactlab.run.worker_pool import worker_count
+    from contactlab.studies.effects.effects_study import EffectsRequest, study_effects
+    from contactlab.tasks.session import Session
 
     opt.load_plugins(plugin)
     opt.check_figure(figure)
     asked = opt.task_of(**task)
     folder = opt.study_folder("effects", source, output)
-    if is_menagerie(str(source)) or Path(str(source)).suffix in MODEL_SUFFIXES:
-        for name, value in (("seeds", seeds), ("metric", metric), ("figure", figure)):
-            if value is not None:
-                raise SweepFileError(f"--{name} needs a scene or a sweep; leave it out for a model")
-        return _of_model(str(source), opt.assigned(set), asked, max_time, folder, workers)
-    count = _SEEDS if seeds is None else seeds
-    request = EffectsRequest(str(source), opt.assigned(set), count, task=asked, metric=metric)
-    with study_session(folder, workers, allow_code=allow_code) as session:
+    if metric is not None:
+        return _compare_recordings(str(source), opt.assigned(set), asked, folder, workers, figure)
+    if write is not None:
+        _check_model_file(Path(write))
+    request = EffectsRequest(
+        source=str(source),
+        assign=opt.assigned(set),
+        task=asked,
+        max_time=read_seconds(max_time),
+        keep=(keep,) if isinstance(keep, str) else tuple(keep),
+        write=None if write is None else Path(write),
+    )
+    count = worker_count(workers)
+    session = Session(folder.resolve(), count, notify=say, allow_code=allow_code)
+    report = study_effects(request, session)
+    if figure is not None:
+        from contactlab.charts import save_figure
+        from contactlab.studies.effects.parts_chart import specification
+
+        save_figure(specification(report), Path(figure))
+        say(f"drew {figure}")
+    return report
+
+
+def _check_model_file(model: Path) -> None:
+    if model.exists():
+        raise OutputError(f"{model} exists; choose another file with --write")
+    if model.suffix != ".xml":
+        raise OutputError(f"--write {model}: a model is written as MJCF; write a name as new.xml")
+
+
+def _compare_recordings(
+    source: str,
+    assign: Sequence[str],
+    task: "TaskOptions",
+    folder: Path,
+    workers: int | None,
+    figure: str | Path | None,
+) -> "RecordedEffectsReport":
+    from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie
+    from contactlab.studies.effects.ablation import find_smallest_set
+    from contactlab.studies.effects.effects_request import EffectsRequest
+
+    if is_menagerie(source) or Path(source).suffix in MODEL_SUFFIXES:
+        raise SweepFileError("--metric needs a scene or a sweep with a recording")
+    request = EffectsRequest(source, assign, _SEEDS, task=task, metric="reality")
+    with study_session(folder, workers) as session:
         report = find_smallest_set(request, session)
     if figure is not None:
         from contactlab.charts import save_figure
@@ -85,20 +129,3 @@ def effects(
         save_figure(specification(report), Path(figure))
         say(f"drew {figure}")
     return report
-
-
-def _of_model(
-    source: str,
-    assign: Sequence[str],
-    task: "TaskOptions",
-    max_time: float | str,
-    folder: Path,
-    workers: int | None,
-) -> "PartsReport":
-    """Remove one part of a model after the other."""
-    from contactlab.run.worker_pool import worker_count
-    from contactlab.studies.search.model_ablation import PartsRequest, ablate_model
-    from contactlab.tasks.session import Session
-
-    request = PartsRequest(source, assign, task, read_seconds(max_time))
-    return ablate_model(request, Session(folder.resolve(), worker_count(workers), notify=say))

@@ -33,6 +33,7 @@ from contactlab.modifications.model_predicates import (
     has_no_flex,
     has_nonzero,
     has_possible_contacts,
+    lacks_surroundings,
     may_collide,
     may_slip,
 )
@@ -65,7 +66,8 @@ def _name_stiff_grip(model: mujoco.MjModel) -> str:
 
 
 def _has_useless_collision(model: mujoco.MjModel) -> bool:
-    return read_flag(model, "contact") and not has_possible_contacts(model)
+    possible = has_possible_contacts(model) or lacks_surroundings(model)
+    return read_flag(model, "contact") and not possible
 
 
 def _has_pyramids(model: mujoco.MjModel) -> bool:
@@ -376,7 +378,7 @@ MODIFICATIONS = (
             ),
         ),
         features=(
-            # What stands on a slope shows friction, and a task may have no slope.
+            # A body that stands on a slope shows friction, and a task may have no slope.
             Feature("tangential_friction", safeguard=True),
             Feature("torsional_friction", on={"torsional_friction": True}),
             Feature("rolling_friction", on={"rolling_friction": True}),

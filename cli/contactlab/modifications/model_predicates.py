@@ -176,6 +176,30 @@ def has_possible_contacts(model: mujoco.MjModel) -> bool:
     return bool(filtered_pairs(model) or model.npair or model.nflex)
 
 
+def lacks_surroundings(model: mujoco.MjModel) -> bool:
+    """Return whether something falls in a model, and nothing is fixed that it could fall on.
+
+    Its floor is in another file, so that geoms that touch nothing here touch it there.
+    """
+    solid = (model.geom_contype | model.geom_conaffinity) != 0
+    if (model.body_weldid[model.geom_bodyid[solid]] == 0).any() or not has_gravity(model):
+        return False
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    slides = (model.jnt_type == int(mujoco.mjtJoint.mjJNT_SLIDE)) & (
+        np.abs(data.xaxis @ model.opt.gravity) > _ALONG * read_gravity(model)
+    )
+    driven = model.actuator_trnid[model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT), 0]
+    held = (model.jnt_limited != 0) | (model.jnt_stiffness != 0)
+    held[driven] = True
+    falls = (model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)) | (slides & ~held)
+    return bool(falls.any()) and bool(solid.any())
+
+
+_ALONG = 0.5
+"""Least share of gravity along a slide joint that lets a body fall: 60 degrees from vertical."""
+
+
 def has_flag(name: str) -> ModelPredicate:
     """Return whether a flag of this MuJoCo is on in a model."""
     return lambda model: name in FLAG_NAMES and read_flag(model, name)

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from contactlab.scene.model_draft import ModelEdits, object_name
-from contactlab.schema.parts_report import PartKind
+from contactlab.schema.effects_report import PartKind
 from contactlab.schema.verdict import VerdictWord
 
 ModelChange = Callable[[mujoco.MjModel, mujoco.MjModel], None]

@@ -7,7 +7,7 @@ override defaults and classes.
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -73,6 +73,8 @@ class ModelEdits:
     sensors: tuple[str, ...] = ()
     # Most vertices of the convex hulls of meshes, by name.
     hulls: Mapping[str, int] = field(default_factory=dict[str, int])
+    pairs: tuple[str, ...] = ()  # explicit <pair> elements to remove
+    tendons: tuple[str, ...] = ()  # tendons to remove
     # Flags that are switched off although no compiled scene has them: energy, fwdinv.
     unflagged: tuple[str, ...] = ()
 
@@ -81,6 +83,19 @@ class ModelEdits:
         """Whether more than settings and flags changes."""
         settings_only = ModelEdits(self.settings, unflagged=self.unflagged)
         return self != settings_only
+
+    def joined_with(self, other: "ModelEdits") -> "ModelEdits":
+        """Return both changes together; those of the other replace own settings and hulls."""
+        joined = {
+            each.name: tuple(dict.fromkeys((*getattr(self, each.name), *getattr(other, each.name))))
+            for each in fields(self)
+            if each.name not in ("settings", "hulls")
+        }
+        return ModelEdits(
+            settings={**self.settings, **other.settings},
+            hulls={**self.hulls, **other.hulls},
+            **joined,
+        )
 
     @property
     def separates_links(self) -> bool:
@@ -202,8 +217,13 @@ def edit_spec(spec: mujoco.MjSpec, edits: ModelEdits) -> None:
     _set_keyframe_positions(spec, edits.posed)
     for name, count in edits.hulls.items():
         _find_element(spec, "mesh", name).maxhullvert = count
-    for name in edits.sensors:
-        spec.delete(_find_element(spec, "sensor", name))
+    for kind, names in (
+        ("sensor", edits.sensors),
+        ("pair", edits.pairs),
+        ("tendon", edits.tendons),
+    ):
+        for name in names:
+            spec.delete(_find_element(spec, kind, name))
 
 
 def drop_textures(spec: mujoco.MjSpec) -> None:

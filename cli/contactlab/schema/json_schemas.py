@@ -12,6 +12,7 @@ from contactlab.schema.advisory_report import AdvisoriesCheck
 from contactlab.schema.check_report import Reference
 from contactlab.schema.comparison import ComparePolicy, ComparisonReport
 from contactlab.schema.diff_report import DiffReport
+from contactlab.schema.effects_report import EffectsReport
 from contactlab.schema.engine_panel import EnginePanel
 from contactlab.schema.error_budget import BudgetReport
 from contactlab.schema.evidence import EvidenceRecord, StoreManifest
@@ -19,10 +20,9 @@ from contactlab.schema.examination import Examination
 from contactlab.schema.gradients import GradientsReport
 from contactlab.schema.grip import GripReport
 from contactlab.schema.lint_report import LintReport
-from contactlab.schema.parts_report import PartsReport
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.shrink_report import ShrinkReport
-from contactlab.schema.study_reports import EffectsReport, FitReport
+from contactlab.schema.study_reports import FitReport, RecordedEffectsReport
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.schema.tune_report import TuneReport
@@ -46,7 +46,7 @@ EMITTED: Mapping[str, type[BaseModel]] = {
     "diff.schema.json": DiffReport,
     "reference.schema.json": Reference,
     "effects.schema.json": EffectsReport,
-    "parts.schema.json": PartsReport,
+    "recorded-effects.schema.json": RecordedEffectsReport,
     "tune.schema.json": TuneReport,
     "fit.schema.json": FitReport,
     "gradients.schema.json": GradientsReport,

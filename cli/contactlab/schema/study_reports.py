@@ -100,7 +100,7 @@ class Verification(Model):
     )
 
 
-class EffectsReport(ReportModel):
+class RecordedEffectsReport(ReportModel):
     """Every effect of one scene (`effects.json`). Units are SI; each change states its own."""
 
     effects_version: Literal[2] = EFFECTS_VERSION

@@ -4,12 +4,12 @@ from collections.abc import Callable
 
 import pytest
 
-from contactlab.schema.study_reports import EffectsReport
+from contactlab.schema.study_reports import RecordedEffectsReport
 from contactlab.studies.effects import ablation
 from contactlab.studies.effects.effects_request import EffectsRequest
 from contactlab.tasks.session import Session
 
-Ablate = Callable[..., EffectsReport]
+Ablate = Callable[..., RecordedEffectsReport]
 
 
 @pytest.fixture(scope="session")
@@ -23,7 +23,7 @@ def ablate(tmp_path_factory: pytest.TempPathFactory) -> Ablate:
         seeds: int = 2,
         rounds: int | None = None,
         workers: int = 0,
-    ) -> EffectsReport:
+    ) -> RecordedEffectsReport:
         folder = tmp_path_factory.mktemp("ablation")
         source = folder / name
         source.write_text(text)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from contactlab.plan.task_options import TaskOptions
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
-from contactlab.schema.study_reports import EffectsReport
+from contactlab.schema.study_reports import RecordedEffectsReport
 from contactlab.studies.effects import ablation
 from contactlab.studies.effects.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.effect_toggles import MOTION, difference, judged_metrics
@@ -36,7 +36,7 @@ GRIPPER = """<mujoco>
 </mujoco>"""
 
 
-def ablated(tmp_path: Path) -> EffectsReport:
+def ablated(tmp_path: Path) -> RecordedEffectsReport:
     (tmp_path / "gripper.xml").write_text(GRIPPER)
     request = EffectsRequest(
         str(tmp_path / "gripper.xml"), seeds=2, rounds=None, task=TaskOptions(drive="exercise")

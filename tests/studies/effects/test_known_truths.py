@@ -5,25 +5,25 @@ from collections.abc import Callable
 import pytest
 
 from contactlab.scene.model_edits import FLAG_NAMES
-from contactlab.schema.study_reports import EffectFinding, EffectsReport
+from contactlab.schema.study_reports import EffectFinding, RecordedEffectsReport
 
-Ablate = Callable[..., EffectsReport]
+Ablate = Callable[..., RecordedEffectsReport]
 # What holds everywhere: these change how results are found, or what is recorded of them.
 ANYWHERE = ("midphase", "island", "energy")
 
 
-def needs(report: EffectsReport) -> dict[str, str]:
+def needs(report: RecordedEffectsReport) -> dict[str, str]:
     """Return every verdict."""
     return {each.effect: each.verdict for each in report.effects}
 
 
-def finding(report: EffectsReport, effect: str) -> EffectFinding:
+def finding(report: RecordedEffectsReport, effect: str) -> EffectFinding:
     """Return what is found of one effect."""
     (found,) = [each for each in report.effects if each.effect == effect]
     return found
 
 
-def is_free(report: EffectsReport, *names: str) -> bool:
+def is_free(report: RecordedEffectsReport, *names: str) -> bool:
     """Say whether some effects are free, by proof or by runs."""
     return {needs(report)[name] for name in names} <= {"below the tolerance", "unused"}
 

@@ -5,11 +5,11 @@ from collections.abc import Callable
 import pytest
 
 from contactlab.scene.scene import Scene
-from contactlab.schema.study_reports import EffectsReport
+from contactlab.schema.study_reports import RecordedEffectsReport
 
 pytestmark = pytest.mark.long
 
-Ablate = Callable[..., EffectsReport]
+Ablate = Callable[..., RecordedEffectsReport]
 FEATURES = {
     "air",
     "limit",
@@ -50,19 +50,19 @@ USED = MODEL.format(
 
 
 @pytest.fixture(scope="module")
-def report(ablate: Ablate) -> EffectsReport:
+def report(ablate: Ablate) -> RecordedEffectsReport:
     """Return the ablation of the model that uses nothing."""
     return ablate(UNUSED, "keyframe=start", name="unused.xml")
 
 
-def test_unused_features_are_stripped_and_metrics_hold(report: EffectsReport) -> None:
+def test_unused_features_are_stripped_and_metrics_hold(report: RecordedEffectsReport) -> None:
     assert {*report.smallest_set.off} >= FEATURES - NOT_EXERCISED | {"sensor"}
     assert report.verification.holds
     assert report.verification.reason == "no metric changes by its tolerance"
     assert all("duration" not in name for name in report.smallest_set.settings)
 
 
-def test_what_no_run_exercised_is_kept(report: EffectsReport) -> None:
+def test_what_no_run_exercised_is_kept(report: RecordedEffectsReport) -> None:
     found = {each.effect: each for each in report.effects}
     assert {found[name].verdict for name in NOT_EXERCISED} == {"not exercised"}
     assert {*report.smallest_set.on} >= NOT_EXERCISED
@@ -70,7 +70,7 @@ def test_what_no_run_exercised_is_kept(report: EffectsReport) -> None:
     assert all("limit" not in line for line in report.smallest_set.mjcf)
 
 
-def test_the_stripped_model_computes_none_of_it(report: EffectsReport) -> None:
+def test_the_stripped_model_computes_none_of_it(report: RecordedEffectsReport) -> None:
     scene = Scene.open(report.source)
     values = {**report.base, **report.smallest_set.settings}
     run = scene.resolve(values, 0, None)

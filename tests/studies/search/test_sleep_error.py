@@ -11,9 +11,9 @@ from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
 from contactlab.modifications.model_predicates import may_sleep
 from contactlab.scene.mujoco_versions import has_batch
-from contactlab.studies.search.clock import Clock
 from contactlab.studies.search.sleep_error import SleepAwareError
 from contactlab.tasks.reference_error import TaskReference
+from contactlab.tasks.task_clock import Clock
 
 SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 pytestmark = pytest.mark.skipif(not SLEEP, reason="this MuJoCo has no sleep")

@@ -11,10 +11,10 @@ from tests.studies.verification.planted import BARE_JAWS
 
 from contactlab.engines import engine_of
 from contactlab.engines.engine import Buffers, PreparedRuns
+from contactlab.modifications.unused_pairs import exclusion_edits, pairs_within, unreachable_edits
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.scene import Scene
 from contactlab.scene.unreachable import filtered_pairs, unreachable_pairs
-from contactlab.studies.search.unused_pairs import exclusion_edits, pairs_within, unreachable_edits
 
 # An arm that turns by 1.5 rad either way, a post at 1.4 rad, a wall out of reach, a lamp above all;
 # and a box on the floor, which may be anywhere.

@@ -16,9 +16,9 @@ from contactlab.schema.coverage import Exercised
 from contactlab.schema.evidence import Setting
 from contactlab.schema.study_reports import (
     EffectFinding,
-    EffectsReport,
     EffectVerdict,
     Interaction,
+    RecordedEffectsReport,
     SmallestSet,
     Verification,
 )
@@ -117,11 +117,11 @@ def merge_names(*names: Collection[str]) -> Changed:
     return tuple(sorted({name for group in names for name in group}))
 
 
-REPORT = "effects.json"
+REPORT = "recorded-effects.json"
 FRESH_SEEDS = 10
 
 
-def find_smallest_set(request: EffectsRequest, session: Session) -> EffectsReport:
+def find_smallest_set(request: EffectsRequest, session: Session) -> RecordedEffectsReport:
     """Change one effect at a time, search for the smallest set, and verify it.
 
     The report is written to `effects.json` next to the stores. Raises a SweepFileError if the sweep
@@ -130,7 +130,7 @@ def find_smallest_set(request: EffectsRequest, session: Session) -> EffectsRepor
     was stopped.
     """
     setup = request.setup
-    session.claim("effects", request.source)
+    session.claim("recorded-effects", request.source)
     toggles = {toggle.effect: toggle for toggle in find_toggles(setup)}
     trials = ConfigurationRunner(setup, toggles, session, request.rounds)
     proven = merge_names(
@@ -153,7 +153,7 @@ def find_smallest_set(request: EffectsRequest, session: Session) -> EffectsRepor
     chosen = _keep_loaded_effects(trials, toggles, free, ranked)
     free = chosen.free
     saving = trials.timed("saving", [BASE, free]) if free else {}
-    report = EffectsReport(
+    report = RecordedEffectsReport(
         scene=setup.scene.name,
         scene_hash=setup.scene.hash,
         source=request.source,

@@ -5,7 +5,7 @@ from typing import Any
 import altair as alt
 
 from contactlab.charts import Rows, layer_of
-from contactlab.schema.study_reports import EffectFinding, EffectsReport
+from contactlab.schema.study_reports import EffectFinding, RecordedEffectsReport
 
 # Bars end here; a changed label, or a metric that appears, is beyond any tolerance.
 _MOST_TOLERANCES = 1e3
@@ -22,7 +22,7 @@ _COLOURS = {
 }
 
 
-def specification(report: EffectsReport) -> alt.TopLevelMixin:
+def specification(report: RecordedEffectsReport) -> alt.TopLevelMixin:
     """Return the chart of a report: two columns of bars, one row per effect."""
     rows = [_row(finding) for finding in report.effects if finding.verdict != "unused"]
     y = alt.Y("effect:N").sort([row["effect"] for row in rows])
@@ -75,7 +75,7 @@ def _costs(rows: Rows, y: alt.Y, colour: alt.Color) -> _Layers:
     return alt.layer(bars, spans).properties(width=320)
 
 
-def _title(report: EffectsReport) -> alt.TitleParams:
+def _title(report: RecordedEffectsReport) -> alt.TitleParams:
     saving = report.time_ratio
     cost = "" if saving is None else f"; the smallest set takes {saving.ratio:.2f} of the time"
     count = len(report.scenarios) * len(report.seeds)

@@ -13,13 +13,15 @@ from contactlab.rendering.document import (
     document_of,
     table_of,
 )
-from contactlab.schema.study_reports import EffectFinding, EffectsReport
+from contactlab.schema.study_reports import EffectFinding, RecordedEffectsReport
 from contactlab.schema.time_ratio import TimeRatio
 
 _MOST_LINES = 12  # of the model's changes
 
 
-def describe_effects(report: EffectsReport, *, folder: Path | None = None) -> Document:
+def describe_recorded_effects(
+    report: RecordedEffectsReport, *, folder: Path | None = None
+) -> Document:
     """Describe effects that were changed alone, and the smallest set.
 
     Args:
@@ -64,7 +66,7 @@ def _ratio_text(ratio: TimeRatio | None) -> str:
     return "" if ratio is None else ratio.text
 
 
-def _smallest_set(report: EffectsReport, folder: Path | None) -> Iterator[Block]:
+def _smallest_set(report: RecordedEffectsReport, folder: Path | None) -> Iterator[Block]:
     smallest, verification = report.smallest_set, report.verification
     yield Sentence(f"smallest set: {', '.join(smallest.on)}")
     for name, measure in smallest.kept.items():

@@ -183,3 +183,13 @@ def _half_way(first: Values, second: Values) -> dict[str, object]:
             whole = value.is_integer() and other.is_integer() and abs(value - other) <= 1
             middle[name] = value if whole else (value + other) / 2
     return middle
+
+
+def read_setup(source: str, assign: Sequence[str], options: TaskOptions) -> AblationSetup:
+    """Return the scene, base configuration and scenarios of a sweep file.
+
+    Raises:
+        SceneError: there is no such scene.
+        SweepFileError: the sweep or a setting is wrong.
+    """
+    return EffectsRequest(source, assign, task=options).setup

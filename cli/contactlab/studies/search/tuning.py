@@ -32,7 +32,6 @@ from contactlab.schema.tune_report import (
     TuneReport,
 )
 from contactlab.store.table_layout import axis_cell
-from contactlab.studies.search.clock import Clock
 from contactlab.studies.search.configuration import changed_settings
 from contactlab.studies.search.forward_error import Divergence, join_phases, measure_divergence
 from contactlab.studies.search.report_text import sentence_of
@@ -53,6 +52,7 @@ from contactlab.studies.verification.panel import ERROR_FLOOR
 from contactlab.tasks.checked_model import open_model
 from contactlab.tasks.session import Session
 from contactlab.tasks.stress_motions import join_seeds
+from contactlab.tasks.task_clock import Clock
 from contactlab.tasks.task_motions import with_new_seeds
 
 _TIMING_SHARE = 0.3  # share of the remaining time for timing a verified candidate

@@ -10,10 +10,17 @@ import mujoco
 
 from contactlab.budget import Motion
 from contactlab.budget.measuring import WINDOW
-from contactlab.budget.motion import INTEGRATION
 from contactlab.errors import EngineError, SceneError
 from contactlab.modifications.catalogue import list_reductions
-from contactlab.scene.model_draft import CompiledFiles, ModelEdits, drop_textures, edit_spec
+from contactlab.modifications.unused_pairs import (
+    exclusion_edits,
+    own_sensors,
+    pairs_within,
+    unreachable_edits,
+    unused_flags,
+    with_flags,
+)
+from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.scene import Scene
 from contactlab.scene.unreachable import GeomPair, filtered_pairs
 from contactlab.studies.search.configuration import AS_WRITTEN, Configuration, Reductions
@@ -29,18 +36,11 @@ from contactlab.studies.search.simplified_hulls import (
 from contactlab.studies.search.sleep_error import SleepAwareError
 from contactlab.studies.search.time_limit import TimeLimit
 from contactlab.studies.search.tune_request import TuneRequest
-from contactlab.studies.search.unused_pairs import (
-    exclusion_edits,
-    own_sensors,
-    pairs_within,
-    unreachable_edits,
-    unused_flags,
-    with_flags,
-)
-from contactlab.studies.verification.grip_measures import judge_original_grips
+from contactlab.studies.verification.grip_measures import needs_masks
 from contactlab.studies.verification.panel import ERROR_FLOOR, OriginalRuns
 from contactlab.studies.verification.panel_cost import PanelCost, estimate_panel
 from contactlab.tasks.checked_model import CheckedModel
+from contactlab.tasks.compiled_changes import compile_changed
 from contactlab.tasks.reference_error import TaskReference
 from contactlab.tasks.stress_motions import (
     double_inputs,
@@ -112,7 +112,7 @@ class TuningProblem:
         if request.error_at is not None:
             self.task = self.task.model_copy(update={"observed": ()})
         self.motions = examined.motions_of(self.task)
-        self.model = self._compile_edited(ModelEdits())
+        self.model = compile_changed(self.examined, ModelEdits())
         self.skipped = list[SkippedParameter]()
         self.work = SEARCH_SHARE * WORK_SHARE * request.max_time
         one = [first_seeds(motion, 1) for motion in self.motions]
@@ -246,21 +246,6 @@ class TuningProblem:
         # Errors of the step of the reference itself cannot be measured.
         return tuple(step for step in found if step >= min(substeps, 2))
 
-    def _compile_edited(self, edits: ModelEdits) -> mujoco.MjModel:
-        """Return the model of the scene's files with edits, without recording and textures."""
-        scene = self.examined.scene.with_effects("all")
-
-        def edit(spec: mujoco.MjSpec) -> None:
-            edit_spec(spec, edits)
-            drop_textures(spec)
-
-        files = CompiledFiles.from_scene(scene, scene.source, self.examined.values, edit)
-        size = mujoco.mj_stateSize(files.model, INTEGRATION)
-        own = self.own_model
-        if size != mujoco.mj_stateSize(own, INTEGRATION):
-            return own
-        return files.model
-
     def _converged_reference(self) -> TaskReference:
         """Return a reference that is fine enough."""
         coarse = TaskReference.run_references(self.motions, 1, self.threads, self._window_stride)
@@ -340,7 +325,7 @@ class TuningProblem:
         model = self.model
         runs = [part.positions for part in self.reference.phases]
         edits = unreachable_edits(model, runs)
-        if edits.masked and self._is_gripper:
+        if edits.masked and self._needs_masks_kept:
             edits = unreachable_edits(model, runs, with_masks=False)
         flags = unused_flags(self.examined.scene.source.model)
         self.model = with_flags(model, flags)
@@ -352,7 +337,7 @@ class TuningProblem:
         if edits == ModelEdits():
             return edits
         try:
-            lighter = self._compile_edited(edits)
+            lighter = compile_changed(self.examined, edits)
         except SceneError as error:
             self._skip("impossible collisions", str(error).splitlines()[0])
             return ModelEdits()
@@ -363,10 +348,8 @@ class TuningProblem:
         return edits
 
     @cached_property
-    def _is_gripper(self) -> bool:
-        # The object need not be in its file.
-        held = judge_original_grips(self.examined, self.original_runs.grips)
-        return any(report.keyframe is None for report in held)
+    def _needs_masks_kept(self) -> bool:
+        return needs_masks(self.examined, self.original_runs.grips)
 
     def _skip(self, name: str, reason: str) -> None:
         self.skipped.append(SkippedParameter(name, reason))
@@ -395,7 +378,7 @@ class TuningProblem:
         """Edits that remove collisions of far pairs, without those that are provably unused."""
         model, pairs, apart = self.own_model, filtered_pairs(self.own_model), self.far_geom_pairs
         edits = exclusion_edits(model, pairs, apart)
-        if edits.masked and self._is_gripper:
+        if edits.masked and self._needs_masks_kept:
             edits = exclusion_edits(model, pairs, apart, with_masks=False)
         # Provable edits come first, and are reported separately.
         proved = {*self.unused.masked}, {*self.unused.excluded}
@@ -411,7 +394,7 @@ class TuningProblem:
             return None
         if reductions not in self.models:
             try:
-                self.models[reductions] = self._compile_edited(self.edits_of(reductions))
+                self.models[reductions] = compile_changed(self.examined, self.edits_of(reductions))
             except SceneError as error:
                 self._skip("far pairs", str(error).splitlines()[0])
                 self.far_pairs = ModelEdits()
@@ -432,12 +415,14 @@ class TuningProblem:
         reductions = Reductions({*self.start, "hulls"})
         try:
             self.hull_vertices = fewest_vertices(
-                model, lambda hulls: self._compile_edited(replace(base, hulls=hulls)), within
+                model,
+                lambda hulls: compile_changed(self.examined, replace(base, hulls=hulls)),
+                within,
             )
             if not self.hull_vertices:
                 self._skip("hulls", f"no hull with fewer vertices is within {1e3 * within:g} mm")
                 return None
-            self.models[reductions] = self._compile_edited(self.edits_of(reductions))
+            self.models[reductions] = compile_changed(self.examined, self.edits_of(reductions))
         except SceneError as error:
             self._skip("hulls", str(error).splitlines()[0])
             return None

@@ -13,6 +13,7 @@ from shutil import rmtree
 
 from contactlab.budget import ErrorBudget, Motion, Settings, error_budget, judge
 from contactlab.errors import SceneError
+from contactlab.modifications.unused_pairs import pairs_within
 from contactlab.reporting.verified_measures import describe_measure
 from contactlab.scene.model_names import printed_geom_name
 from contactlab.scene.model_writer import WrittenModel, write_model
@@ -46,7 +47,6 @@ from contactlab.studies.search.settings_search import (
 from contactlab.studies.search.time_limit import TimeLimit
 from contactlab.studies.search.tune_request import TuneRequest
 from contactlab.studies.search.tuning_problem import TuningProblem
-from contactlab.studies.search.unused_pairs import pairs_within
 from contactlab.studies.verification import (
     VerificationRequest,
     verify_change,

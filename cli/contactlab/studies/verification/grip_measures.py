@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 
 from contactlab.errors import SceneError
+from contactlab.modifications.model_predicates import lacks_surroundings
 from contactlab.schema.grip import GripReport
 from contactlab.schema.verification import VerifiedMeasure
 from contactlab.studies.grip.grip_fact import grip_requests
@@ -44,6 +45,16 @@ def judge_original_grips(
         report = known[request.keyframe]
         if report is not None and report.verdict != "drops":
             yield report
+
+
+def needs_masks(original: CheckedModel, known: dict[str | None, GripReport | None]) -> bool:
+    """Return whether geoms that touch nothing in a file touch objects of other files.
+
+    So do the pads of a gripper, and the feet of a walker without a floor. `known` as above.
+    """
+    if lacks_surroundings(original.motions[0].model):
+        return True
+    return any(report.keyframe is None for report in judge_original_grips(original, known))
 
 
 def _judge_possible_grip(request: GripRequest) -> GripReport | None:

@@ -372,7 +372,9 @@ class _Panel:
             return
         before, after, spread, place = errors
         floor = max(ERROR_FLOOR, self._request.allowed_error)
-        tolerance = max(spread, RELATIVE_TOLERANCE * before, floor - before)
+        tolerance = 0.0
+        if math.isfinite(before):
+            tolerance = max(spread, RELATIVE_TOLERANCE * before, floor - before)
         yield VerifiedMeasure(
             name="numerical error",
             run=name,
@@ -446,7 +448,8 @@ def _measure_error_pair(
     if not shared:
         references = TaskReference.run_references(other, rate, threads).complete_phases()
     after = references.estimate_error(run_at_once(other[0].model), round(rate * ratio))
-    return before.error, after.error, before.high - before.low, after.body
+    spread = before.high - before.low if math.isfinite(before.error) else 0.0
+    return before.error, after.error, spread, after.body
 
 
 def _is_whole(value: float) -> bool:

@@ -9,8 +9,8 @@ import pytest
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
 from contactlab.schema.time_ratio import TimeRatio
-from contactlab.studies.search.clock import Clock, Segment, TimedModel
 from contactlab.tasks.reference_error import TaskReference
+from contactlab.tasks.task_clock import Clock, Segment, TimedModel
 
 SWING = """<mujoco><option timestep="0.002"/><worldbody><body><joint axis="0 1 0"/>
 <geom type="capsule" size=".02" fromto="0 0 0 1 0 0"/></body></worldbody></mujoco>"""

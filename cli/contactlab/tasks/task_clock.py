@@ -117,10 +117,12 @@ class Clock:
             _MAX_SEGMENT_SECONDS, max(_MIN_SEGMENT_SECONDS, wanted / self._segment_count)
         )
 
-    def time_ratios(self, models: Sequence[ModelAtStep]) -> list[TimeRatio]:
+    def time_ratios(
+        self, models: Sequence[ModelAtStep], protocol: TimingProtocol = _SEGMENT_PROTOCOL
+    ) -> list[TimeRatio]:
         """Return the times of models over the time of the model as written, for the same motion."""
         made = [(self._written, self._reference.substeps), *models]
-        taken = time_rounds([self._timer(*each) for each in made], _SEGMENT_PROTOCOL)
+        taken = time_rounds([self._timer(*each) for each in made], protocol)
         self.base_seconds = float(np.median(taken[:, 0]))
         return ratios_of_rounds(taken)
 

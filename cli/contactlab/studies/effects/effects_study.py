@@ -1,0 +1,271 @@
+"""The influence and the cost of each feature and part of a model, and the model without the rest.
+
+Each is left out alone from the model as written, in windows along the motion of that model: in the
+task, with gravity tilted, and with twice the controls and pushes. Those that cost most come first.
+"""
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import mujoco
+
+from contactlab.budget import Motion
+from contactlab.budget.motion import INTEGRATION
+from contactlab.budget.restarts import build_reference_model
+from contactlab.errors import SceneError, SweepFileError
+from contactlab.modifications.unused_pairs import unused_flags, with_flags
+from contactlab.plan.task_options import AS_INFERRED, TaskOptions
+from contactlab.scene.model_draft import ModelEdits
+from contactlab.scene.mujoco_versions import VERSION
+from contactlab.schema.effects_report import REPORT, EffectsReport, PartEffect
+from contactlab.schema.time_ratio import TimeRatio
+from contactlab.studies.effects.examined_scenarios import Scenarios, open_scenarios
+from contactlab.studies.effects.model_parts import ModelPart, change_model, find_parts
+from contactlab.studies.effects.part_errors import MeasuredPart, PartErrors
+from contactlab.studies.effects.smaller_model import SmallerSearch, describe_result
+from contactlab.studies.verification.grip_measures import needs_masks
+from contactlab.studies.verification.panel import OriginalRuns
+from contactlab.tasks.compiled_changes import compile_changed
+from contactlab.tasks.reference_error import TaskReference
+from contactlab.tasks.session import Session
+from contactlab.tasks.stress_motions import (
+    TILT_DEGREES,
+    double_inputs,
+    tilt_gravity,
+    visited_positions,
+)
+from contactlab.tasks.task_clock import Clock
+from contactlab.timing.interleaved import TimingProtocol
+
+_MEASURING_SHARE = 0.5
+"""Share of the time limit for parts: the rest is for the smaller model."""
+_PASS_SHARE = 0.01
+"""Share of the time limit that one part may take on the average. Models have 20 to 50 of them."""
+_MAX_WINDOW_STRIDE = 8  # at least one in this many windows is used
+_PROBED_STEPS = 30  # steps that say how long one takes
+_SCREENING = TimingProtocol(rounds=6, looks=1)
+"""Rounds of parts that may go; whole runs time the model without all of them more closely."""
+_GLANCE = TimingProtocol(rounds=2, looks=1)
+"""Rounds of parts that stay in any case."""
+
+
+@dataclass(frozen=True)
+class EffectsRequest:
+    """The model to take apart.
+
+    Attributes:
+        source: a model, a scene, or a sweep file.
+        assign: settings, `NAME=VALUE` each.
+        task: options that replace parts of the task; of its limits, only the tolerance.
+        max_time: wall time limit [s].
+        keep: names of features and parts that stay.
+        write: file of the smaller model; by default it is in the session's folder.
+    """
+
+    source: str
+    assign: Sequence[str] = ()
+    task: TaskOptions = AS_INFERRED
+    max_time: float = 120.0
+    keep: Sequence[str] = ()
+    write: Path | None = None
+
+
+def study_effects(request: EffectsRequest, session: Session) -> EffectsReport:
+    """Leave out one part after the other, write the smaller model and the report.
+
+    Raises:
+        SceneError: there is no such model, it does not compile, or it has no part to keep by a
+            name.
+        SweepFileError: the sweep or a setting is wrong, or the tolerance is not a share.
+        EngineError: nothing moves, or another engine is requested.
+        OutputError: the folder cannot be written, or has another model's results.
+    """
+    begin = time.monotonic()
+    if request.task.limits:
+        name = next(iter(request.task.limits))
+        raise SweepFileError(f"--tolerance {name}=: write a share of the real forces, as 5%")
+    scenarios = open_scenarios(request.source, request.assign, request.task, session)
+    examined = scenarios.models[0]
+    session.claim("effects", request.source)
+    session.notify(f"leaving out parts of {request.source}: {examined.task.line}")
+    study = EffectsStudy(request, scenarios, begin)
+    study.measure_parts()
+    search = SmallerSearch(
+        scenarios=scenarios,
+        session=session,
+        clock=study.clock,
+        errors=study.errors,
+        base=study.base,
+        runs=study.runs,
+        until=begin + request.max_time,
+        write=request.write,
+    )
+    tolerance = examined.task.tolerance
+    smaller = search.find_smaller(
+        [(one.part, one.ratio, one.error) for one in study.measured if one.can_go(tolerance)]
+    )
+    ranked = sorted(study.measured, key=lambda one: _rank_part(one, tolerance))
+    effects = tuple(_describe_part(one, tolerance) for one in ranked)
+    report = EffectsReport(
+        model=request.source,
+        scene_hash=examined.scene.hash,
+        mujoco=VERSION,
+        task=examined.task,
+        scenarios=len(scenarios.models),
+        tilt=TILT_DEGREES,
+        tolerance=tolerance,
+        effects=effects,
+        noise_floor=study.noise_floor,
+        smaller=smaller,
+        kept=search.kept,
+        sentence=describe_result(smaller, search),
+        timed_out=any(one.late for one in study.measured) or search.is_late,
+        seconds=time.monotonic() - begin,
+    )
+    session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
+    return report
+
+
+class EffectsStudy:
+    """The measurement of the parts of one model.
+
+    Attributes:
+        base: the model as written, compiled from its files.
+        errors: of models without parts.
+        clock: that times models without parts.
+        runs: of the model as written, for its verification.
+        measured: the parts.
+        noise_floor: time of the model as written over its own.
+    """
+
+    def __init__(self, request: EffectsRequest, scenarios: Scenarios, begin: float) -> None:
+        """Run the reference, and find the parts."""
+        examined = scenarios.models[0]
+        self._examined, self._limit = examined, begin + _MEASURING_SHARE * request.max_time
+        self.runs = OriginalRuns()
+        self.base = with_flags(
+            compile_changed(examined, ModelEdits()), unused_flags(examined.scene.source.model)
+        )
+        motions, stride = _plan_work(scenarios.motions, request.max_time, examined.threads)
+        loaded = [*motions, *map(tilt_gravity, motions), *map(double_inputs, motions)]
+        reference = TaskReference.run_references(loaded, 1, examined.threads, stride)
+        reference = reference.complete_phases()
+        same = reference.velocities_around(build_reference_model)
+        self.errors = PartErrors(reference, same, motions, examined.threads)
+        self.clock = Clock(reference, self.base)
+        positions = [
+            *(part.positions for part in reference.phases),
+            *visited_positions(loaded, examined.threads),
+        ]
+        parts = find_parts(
+            examined,
+            self.base,
+            loaded,
+            positions,
+            request.keep,
+            with_masks=not needs_masks(examined, self.runs.grips),
+        )
+        _refuse_unknown_names(request.keep, parts, self.base)
+        self.measured = [MeasuredPart(part) for part in parts]
+        self.noise_floor: TimeRatio | None = None
+
+    def measure_parts(self) -> None:
+        """Time the parts that may go, then measure errors, from the largest saving on."""
+        may_go = [
+            one
+            for one in self.measured
+            if one.part.edits is not None
+            and not one.part.kept
+            and (one.part.exercised or one.part.proof)
+        ]
+        models = [self._compile_without(one.part) for one in may_go]
+        timed = [(one, model) for one, model in zip(may_go, models, strict=True) if model]
+        made = [*(model for _, model in timed), change_model(self.base)]
+        *ratios, self.noise_floor = self.clock.time_ratios(
+            [(model, 1) for model in made], _SCREENING
+        )
+        for (one, _), ratio in zip(timed, ratios, strict=True):
+            one.ratio = ratio
+        others = [one for one in self.measured if one not in may_go and one.part.exercised]
+        may_go.sort(key=lambda one: 1.0 if one.ratio is None else one.ratio.ratio)
+        for one in (*may_go, *others):
+            if one.verdict_at != "not measured":
+                continue
+            one.late = time.monotonic() > self._limit
+            if not one.late:
+                one.error = self.errors.estimate_error([one.part])
+        shown = [one for one in others if one.error is not None]
+        if shown and time.monotonic() < self._limit:
+            models = [(change_model(self.base, one.part.change), 1) for one in shown]
+            for one, ratio in zip(shown, self.clock.time_ratios(models, _GLANCE), strict=True):
+                one.ratio = ratio
+
+    def _compile_without(self, part: ModelPart) -> mujoco.MjModel | None:
+        if not part.recompiles:
+            return change_model(self.base, part.change)
+        assert part.edits
+        try:
+            return compile_changed(self._examined, part.edits)
+        except SceneError:
+            return None
+
+
+def _plan_work(
+    motions: Sequence[Motion], max_time: float, threads: int
+) -> tuple[list[Motion], int]:
+    # As many seeds as the time allows, then fewer windows.
+    steps = 3 * sum(motion.steps for motion in motions)  # unchanged, tilted, doubled
+    seconds = steps * _measure_step_seconds(motions[-1]) / threads
+    allowed = _PASS_SHARE * max_time
+    most = min(motion.seeds for motion in motions)
+    seeds = min(most, max(1, int(_MAX_WINDOW_STRIDE * allowed / seconds)))
+    stride = min(_MAX_WINDOW_STRIDE, max(1, math.ceil(seeds * seconds / allowed)))
+    fewer = [
+        replace(motion, starts=motion.starts[:seeds], inputs=motion.inputs[:seeds])
+        for motion in motions
+    ]
+    return fewer, stride
+
+
+def _measure_step_seconds(motion: Motion) -> float:
+    data = mujoco.MjData(motion.model)
+    mujoco.mj_setState(motion.model, data, motion.starts[0], INTEGRATION)
+    begin = time.thread_time()
+    mujoco.mj_step(motion.model, data, nstep=_PROBED_STEPS)
+    return (time.thread_time() - begin) / _PROBED_STEPS
+
+
+def _refuse_unknown_names(
+    keep: Sequence[str], parts: Sequence[ModelPart], model: mujoco.MjModel
+) -> None:
+    bodies = [model.body(body).name for body in range(model.nbody)]
+    geoms = [model.geom(geom).name for geom in range(model.ngeom)]
+    known = {*bodies, *geoms, *(name for part in parts for name in (part.name, *part.members))}
+    for name in keep:
+        SceneError.unless_known(name, known, f"--keep: no feature or part '{name}'")
+
+
+def _rank_part(one: MeasuredPart, tolerance: float) -> tuple[bool, float]:
+    ratio = 1.0 if one.ratio is None else one.ratio.ratio
+    return one.find_verdict(tolerance) in ("not exercised", "not measured"), ratio
+
+
+def _describe_part(one: MeasuredPart, tolerance: float) -> PartEffect:
+    part, estimate = one.part, one.error
+    return PartEffect(
+        kind=part.kind,
+        name=part.name,
+        adds=part.adds,
+        members=part.members,
+        verdict=one.find_verdict(tolerance),
+        error=estimate.error if estimate else None,
+        body=estimate.body if estimate else "",
+        phase=estimate.phase if estimate else "",
+        time=estimate.time if estimate else None,
+        time_ratio=one.ratio,
+        reason=part.proof or part.kept,
+        can_go=one.can_go(tolerance),
+    )

@@ -1,0 +1,107 @@
+"""Describes features and parts of a model in one table, and the smaller model."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from contactlab.printable import shell_word, shortened
+from contactlab.rendering.amounts import format_percent
+from contactlab.rendering.document import (
+    Block,
+    Code,
+    Document,
+    Headline,
+    Sentence,
+    document_of,
+    table_of,
+)
+from contactlab.schema.effects_report import REPORT, EffectsReport, PartEffect
+from contactlab.schema.time_ratio import TimeRatio
+
+_HEADS = ("feature or part", "verdict", "error", "worst body", "time")
+_NAME_WIDTH, _BODY_WIDTH = 27, 15  # so that a row fits into 80 columns
+_MOST_LINES = 12  # of the model's changes
+_MOST_NAMES = 12  # of parts in a sentence
+
+
+def describe_effects(report: EffectsReport, *, folder: Path | None = None) -> Document:
+    """Describe features and parts that were left out, and the smaller model.
+
+    Args:
+        report: the effects.
+        folder: of the report, if it was written.
+    """
+    runs = f" in {report.scenarios} scenarios" * (report.scenarios > 1)
+    how = (
+        f"{report.model}: each feature and part left out alone{runs}, in the task, with gravity "
+        f"tilted by {report.tilt:g} degrees, and with twice the controls and pushes"
+    )
+    blocks: list[Block] = [Sentence(report.task.line), Sentence(how), Headline(report.sentence)]
+    shown = [each for each in report.effects if each.error is not None or each.time_ratio]
+    rows = [_describe_row(each) for each in shown]
+    if report.noise_floor:
+        rows.append(("noise floor", "", "", "", _format_ratio(report.noise_floor)))
+    if rows:
+        blocks.append(table_of(_HEADS, rows))
+    blocks += map(Sentence, _list_sentences(report, shown))
+    blocks += _describe_smaller(report, folder)
+    if report.timed_out:
+        blocks.append(Sentence("The time limit was reached; raise it with --max-time."))
+    if folder:
+        blocks.append(Sentence(f"{REPORT} in {folder}"))
+    return document_of(blocks)
+
+
+def _describe_row(part: PartEffect) -> tuple[str, ...]:
+    error = "" if part.error is None else format_percent(part.error)
+    name = f"add {part.name}" if part.adds else part.name
+    kind = "" if part.kind == "feature" or part.members else f"{part.kind} "
+    time = _format_ratio(part.time_ratio) if part.time_ratio else ""
+    named = _shorten_name(kind + name, _NAME_WIDTH)
+    return named, part.verdict, error, _shorten_name(part.body, _BODY_WIDTH), time
+
+
+def _shorten_name(text: str, width: int) -> str:
+    return text if len(text) <= width else f"{text[: width - 1]}…"
+
+
+def _format_ratio(ratio: TimeRatio) -> str:
+    return f"x{ratio.ratio:.2f}"
+
+
+def _list_sentences(report: EffectsReport, shown: list[PartEffect]) -> Iterator[str]:
+    for part in shown:
+        if part.members:
+            yield f"{part.name}: {_join_names(part.members)} ({part.reason})"
+    safe = [part for part in shown if part.verdict == "below the tolerance" and part.reason]
+    for reason in dict.fromkeys(part.reason for part in safe):
+        names = [part.name for part in safe if part.reason == reason]
+        yield f"kept as {reason}: {_join_names(names)}"
+    for name, measure in report.kept.items():
+        yield f"{name} stays: without it, {measure}"
+    hidden = [part for part in report.effects if part not in shown]
+    for verdict in dict.fromkeys(part.verdict for part in hidden):
+        own = [part for part in hidden if part.verdict == verdict]
+        kinds = dict.fromkeys(part.kind for part in own)
+        texts = [
+            f"{kind} {_join_names([part.name for part in own if part.kind == kind])}"
+            for kind in kinds
+        ]
+        yield f"{verdict}: {'; '.join(texts)}"
+
+
+def _join_names(names: "list[str] | tuple[str, ...]") -> str:
+    more = len(names) - _MOST_NAMES
+    return ", ".join(names[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
+
+
+def _describe_smaller(report: EffectsReport, folder: Path | None) -> Iterator[Block]:
+    smaller = report.smaller
+    if smaller is None:
+        return
+    yield Sentence(f"verified: {smaller.sentence}")
+    path = Path(smaller.file) if folder is None else folder / smaller.file
+    yield Code(tuple(shortened(smaller.lines, _MOST_LINES, f"the patch next to {path}")))
+    yield Sentence(f"wrote {path}")
+    yield Code((f"next: contactlab {shell_word(path)}",), indent=0)
+    if any(part.kind == "sensor" and part.can_go for part in report.effects):
+        yield Sentence("Your program may read sensors: --keep sensors keeps all, --keep NAME one.")

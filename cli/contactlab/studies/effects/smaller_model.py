@@ -1,0 +1,244 @@
+"""The smaller model: without the parts that may go together, written and verified together.
+
+Parts that add error go back, those that save least first, until no measure is worse than that of
+the model as written.
+"""
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from operator import eq
+from pathlib import Path
+from shutil import rmtree
+
+import mujoco
+
+from contactlab.budget import Motion
+from contactlab.errors import EngineError, SceneError
+from contactlab.reporting.verified_measures import describe_measure
+from contactlab.scene.model_draft import ModelEdits
+from contactlab.scene.model_writer import WrittenModel, write_model
+from contactlab.schema.effects_report import FOLDER, SmallerModel
+from contactlab.schema.time_ratio import LEAST_SAVING, TimeRatio
+from contactlab.schema.verification import VerifiedChange
+from contactlab.studies.effects.examined_scenarios import Scenarios
+from contactlab.studies.effects.model_parts import ModelPart, change_model
+from contactlab.studies.effects.part_errors import PartErrors
+from contactlab.studies.verification import OriginalRuns, VerificationRequest, verify_change
+from contactlab.studies.verification.grip_measures import compare_grips
+from contactlab.tasks.checked_model import CheckedModel
+from contactlab.tasks.compiled_changes import compile_changed
+from contactlab.tasks.reference_error import ErrorEstimate
+from contactlab.tasks.session import Session
+from contactlab.tasks.stress_motions import double_inputs, state_bytes, tilt_gravity
+from contactlab.tasks.task_clock import Clock
+from contactlab.tasks.task_motions import with_new_seeds
+from contactlab.timing.interleaved import TimingProtocol
+
+_SEEDS_TIMED = 6  # times new seeds are drawn for whole runs; seeds differ more than turns do
+_TIMING_SHARE = 0.3  # share of the remaining time for timing the written model
+_JOINT = TimingProtocol(rounds=6, looks=1)
+_LEAST_GAIN = 0.005
+"""Least share of the time that an exact feature saves: it costs a changed line, and no error."""
+_LEAST_WORTH = 0.02
+"""Least share of the time that a part saves which adds error."""
+EXACT = (
+    "the motion is that of the model as written, bit for bit, in the task, on fresh seeds, tilted, "
+    "and with twice the inputs"
+)
+Measured = tuple[ModelPart, TimeRatio | None, ErrorEstimate | None]
+
+
+@dataclass
+class SmallerSearch:
+    """Finds, writes and verifies the smaller model.
+
+    Attributes:
+        scenarios: the model as written.
+        session: the folder of results.
+        clock: that times models.
+        errors: that measures models without parts together.
+        base: the model as written, compiled from its files.
+        runs: of the model as written, for its verification.
+        until: end of the time limit, on the clock of `time.monotonic`.
+        write: file of the model; None for the session's folder.
+        kept: parts that stay, since another load needs them, with the measure that was worse.
+        is_late: whether the time limit ended the verification.
+    """
+
+    scenarios: Scenarios
+    session: Session
+    clock: Clock
+    errors: PartErrors
+    base: mujoco.MjModel
+    runs: OriginalRuns
+    until: float
+    write: Path | None = None
+    kept: dict[str, str] = field(default_factory=dict[str, str])
+    is_late: bool = False
+
+    def find_smaller(self, free: Sequence[Measured]) -> SmallerModel | None:
+        """Return the smaller model; None if no set of parts saves enough and passes."""
+        rmtree(self.session.folder / FOLDER, ignore_errors=True)
+        chosen = sorted(filter(_is_worthwhile, free), key=_ratio_of)
+        while chosen:
+            parts = [part for part, *_ in chosen]
+            error = self._estimate_joint_error(parts)
+            if error is not None and error.error > self.scenarios.models[0].task.tolerance:
+                self._put_back(chosen, f"together they differ by {error.error:.2g} in {error.body}")
+                continue
+            edits = _join_edits(parts)
+            try:
+                made = self._compile_without(edits, parts)
+                (ratio,) = self.clock.time_ratios([(made, 1)], _JOINT)
+                if ratio.ratio > 1 - LEAST_SAVING:
+                    return None
+                written = write_model(self._original.scene, edits, self._folder, self._name)
+            except SceneError as refused:
+                self._put_back(chosen, str(refused).splitlines()[0])
+                continue
+            changed = self.scenarios.open_written(written, edits)
+            verified, sentence, passed = self._verify_model(changed)
+            if passed:
+                timed = self._time_whole_runs(made)
+                if timed.ratio > 1 - LEAST_SAVING:
+                    self._discard_files(written)
+                    return None
+                return SmallerModel(
+                    left_out=tuple(part.name for part in parts),
+                    error=error.error if error else 0.0,
+                    time_ratio=timed,
+                    file=self._file_of(written),
+                    lines=written.lines,
+                    verified=verified,
+                    sentence=sentence,
+                )
+            self._discard_files(written)
+            if self.is_late:
+                # Nothing but equal bits can be verified in no time.
+                lossy = [one for one in chosen if not one[0].proof]
+                chosen = [one for one in chosen if one[0].proof] if lossy else []
+                continue
+            self._put_back(chosen, sentence)
+        return None
+
+    @property
+    def _original(self) -> CheckedModel:
+        return self.scenarios.models[0]
+
+    @property
+    def _folder(self) -> Path:
+        return self.session.folder / FOLDER if self.write is None else self.write.parent
+
+    @property
+    def _name(self) -> str:
+        return "" if self.write is None else self.write.name
+
+    def _file_of(self, written: WrittenModel) -> str:
+        path = written.path
+        own = self.session.folder.resolve()
+        return str(path.relative_to(own)) if path.is_relative_to(own) else str(path)
+
+    def _discard_files(self, written: WrittenModel) -> None:
+        if self.write is None:
+            rmtree(self._folder, ignore_errors=True)
+            return
+        for path in (written.path, written.path.with_suffix(".patch")):
+            path.unlink(missing_ok=True)
+
+    def _put_back(self, chosen: list[Measured], reason: str) -> None:
+        # The part that saves least stays, of those that add error if there are any.
+        lossy = [one for one in chosen if not one[0].proof] or chosen
+        least = max(lossy, key=_ratio_of)
+        chosen.remove(least)
+        self.kept[least[0].name] = reason
+
+    def _estimate_joint_error(self, parts: Sequence[ModelPart]) -> ErrorEstimate | None:
+        lossy = [part for part in parts if not part.proof]
+        return self.errors.estimate_error(lossy) if lossy else None
+
+    def _compile_without(self, edits: ModelEdits, parts: Sequence[ModelPart]) -> mujoco.MjModel:
+        if any(part.recompiles for part in parts):
+            return compile_changed(self._original, edits)
+        return change_model(self.base, *(part.change for part in parts))
+
+    def _verify_model(self, changed: CheckedModel) -> tuple[VerifiedChange | None, str, bool]:
+        # The measures are None if each bit of the motion is equal.
+        original = self._original
+        self.session.notify("verifying the smaller model")
+        if self._moves_alike(changed):
+            grips = compare_grips(original, changed, self.runs.grips)
+            lost = next((measure for measure in grips if measure.worse), None)
+            return None, describe_measure(lost) if lost else EXACT, lost is None
+        request = VerificationRequest(
+            original=original,
+            changed=changed,
+            same_model=False,
+            allowed_error=original.task.tolerance,
+            stop_early=True,
+            runs=self.runs,
+            left=lambda: self.until - time.monotonic(),
+        )
+        try:
+            found = verify_change(request)
+        except EngineError as error:
+            return None, str(error).splitlines()[0], False
+        self.is_late = found.passed and found.ended_early
+        return found, found.sentence, found.passed and not found.ended_early
+
+    def _moves_alike(self, changed: CheckedModel) -> bool:
+        pairs = zip(_load_motions(self._original), _load_motions(changed), strict=True)
+        threads = self._original.threads
+        return all(
+            all(map(eq, state_bytes([own], threads), state_bytes([other], threads)))
+            for own, other in pairs
+        )
+
+    def _time_whole_runs(self, made: mujoco.MjModel) -> TimeRatio:
+        until = time.monotonic() + max(0.0, _TIMING_SHARE * (self.until - time.monotonic()))
+        (ratio,) = self.clock.time_whole_runs([(made, 1)], self._list_tasks(), until)
+        return ratio
+
+    def _list_tasks(self) -> Iterator[Sequence[Motion]]:
+        yield self._original.motions
+        task = self._original.task
+        for _ in range(_SEEDS_TIMED):
+            task = with_new_seeds(task)
+            yield self._original.motions_of(task)
+
+
+def _load_motions(checked: CheckedModel) -> Iterator[Motion]:
+    for task in (checked.task, with_new_seeds(checked.task)):
+        for motion in checked.motions_of(task):
+            yield from (motion, tilt_gravity(motion), double_inputs(motion))
+
+
+def _is_worthwhile(one: Measured) -> bool:
+    part, ratio, _ = one
+    if ratio is None:
+        return False
+    if part.proof and part.kind != "feature":
+        return not ratio.is_greater()
+    return ratio.ratio < 1 - _LEAST_GAIN if part.proof else ratio.is_less(by=_LEAST_WORTH)
+
+
+def _ratio_of(one: Measured) -> float:
+    return 1.0 if one[1] is None else one[1].ratio
+
+
+def _join_edits(parts: Sequence[ModelPart]) -> ModelEdits:
+    joined = ModelEdits()
+    for part in parts:
+        assert part.edits
+        joined = joined.joined_with(part.edits)
+    return joined
+
+
+def describe_result(smaller: SmallerModel | None, search: SmallerSearch) -> str:
+    """Return the result in a sentence."""
+    if smaller is not None:
+        names = ", ".join(smaller.left_out)
+        return f"The smaller model, without {names}, takes {smaller.time_ratio.text} of the time"
+    if search.is_late:
+        return "No smaller model: the time limit ended its verification"
+    return f"No smaller model: no set of parts saves more than {LEAST_SAVING:.0%}"
