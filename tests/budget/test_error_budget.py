@@ -99,7 +99,8 @@ def test_a_check_reaches_the_limit_of_fine_references() -> None:
     ("share", "most", "word"),
     [
         (0.08, 0.1, "ok"),
-        (0.08, 0.11, "undecided"),
+        (0.08, 0.17, "ok"),
+        (0.08, 0.19, "undecided"),
         (0.001, np.inf, "undecided"),
         (0.08, np.nan, "ok"),
         (0.11, 0.3, "inaccurate"),

@@ -114,6 +114,16 @@ class PhaseBudget:
             return float("nan")
         return float((reading.errors * self.masses).sum() / self.masses.sum())
 
+    def disagrees(self, tolerance: float) -> bool:
+        """Whether the numerical error of some seeds is above the tolerance, and of others not."""
+        above = self.run.seeds > tolerance
+        return bool(above.any() and not above.all())
+
+    @property
+    def doubt(self) -> float:
+        """How far the numerical error may be above the measured one, a share; NaN if unchecked."""
+        return self.upper_bound - self.run.error if np.isfinite(self.run.error) else 0.0
+
     @property
     def energy_drift(self) -> float:
         """The larger energy drift: the mean over seeds of the absolute drift.

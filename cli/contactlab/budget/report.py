@@ -25,7 +25,7 @@ def budget_report(
         verdict=verdict.word,
         reasons=verdict.reasons,
         fixes=tuple(map(fix_report, tried)),
-        phases=tuple(map(_phase, budget.phases)),
+        phases=tuple(_phase(phase, verdict.tolerance) for phase in budget.phases),
     )
 
 
@@ -44,12 +44,13 @@ def fix_report(fix: TriedFix) -> BudgetFix:
     )
 
 
-def _phase(phase: PhaseBudget) -> BudgetPhase:
+def _phase(phase: PhaseBudget, tolerance: float) -> BudgetPhase:
     return BudgetPhase(
         name=phase.name,
         timestep=phase.timestep,
         steps=phase.steps,
         seeds=len(phase.energy),
+        seeds_above=int((phase.run.seeds > tolerance).sum()),
         window=phase.window,
         windows=phase.windows,
         bodies=phase.bodies,

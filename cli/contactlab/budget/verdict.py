@@ -100,7 +100,7 @@ def _numerical_reasons(phase: PhaseBudget, tolerance: float) -> Iterator[BudgetR
     if phase.invalid_windows:
         sentence = f"the reference fails in {format_percent(phase.invalid_windows)} of the windows"
         yield _build_reason("undecided", phase, "reference", phase.invalid_windows, where, sentence)
-    elif run.error <= tolerance < phase.upper_bound:
+    elif run.error <= tolerance < phase.doubt:
         sentence = "the reference fails at an eighth of the time step"
         if np.isfinite(phase.upper_bound):
             size = format_above(phase.upper_bound, tolerance)

@@ -126,6 +126,11 @@ Require = Annotated[
 ]
 
 
+Seeds = Annotated[
+    int | None, Option("N", "Number of seeds, one run each; judged runs have 3 to 9.", least=1)
+]
+
+
 class TaskParameters(TypedDict, total=False):
     """Options that replace parts of a model's task; see `task_of`."""
 
@@ -135,6 +140,7 @@ class TaskParameters(TypedDict, total=False):
     observe: Observe
     tolerance: Tolerance
     require: Require
+    seeds: Seeds
 
 
 AllowCode = Annotated[
@@ -254,6 +260,7 @@ def task_of(
     observe: Sequence[str] = (),
     tolerance: Tolerances = (),
     require: Sequence[str] = (),
+    seeds: int | None = None,
 ) -> "TaskOptions":
     """Read the task of a command's parameters; a SweepFileError names the wrong one."""
     from contactlab.plan.task_options import read_task_options
@@ -267,6 +274,7 @@ def task_of(
         [observe] if isinstance(observe, str) else observe,
         [tolerance] if isinstance(tolerance, str) else tolerance,
         [require] if isinstance(require, str) else require,
+        seeds,
     )
     if any(task.units.values()):
         _check_units(task)

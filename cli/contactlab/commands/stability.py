@@ -61,7 +61,7 @@ def stability(
         return examined(request, output, workers, allow_code=allow_code)
     cases = find_cases(named)
     given = [*opt.assigned(set), *asked.settings, *asked.observe, *asked.limits]
-    if given or asked.drive or asked.tolerance:
+    if given or asked.drive or asked.tolerance or asked.seeds:
         raise SweepFileError(
             f"the case '{cases[0].name}' already defines its settings and drive; use a model "
             "instead, or edit the sweep of the case"

@@ -186,7 +186,7 @@ def _check_task_options(task: "TaskOptions", store: str) -> None:
     """Refuse task options that cannot change the runs of a store."""
     measured = "the runs of a store exist already; write --tolerance METRIC=VALUE, such as slip=1mm"
     opt.refuse_parts(task, ["tolerance"], measured)
-    parts = ["keyframe", "drive", "duration", "observe", "require"]
+    parts = ["keyframe", "drive", "duration", "observe", "require", "seeds"]
     opt.refuse_parts(task, parts, f"the runs of {store} exist already; give their sweep instead")
 
 

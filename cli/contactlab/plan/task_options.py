@@ -1,4 +1,4 @@
-"""Options for the task: --keyframe, --drive, --duration, --observe, --tolerance, --require.
+"""Options for the task: --keyframe, --drive, --duration, --observe, --tolerance, --seeds, ...
 
 Numbers may have units everywhere: `2s`, `1mm`, `5deg`, `10%`.
 """
@@ -31,6 +31,7 @@ class TaskOptions:
     require: tuple[str, ...] = ()  # requirements, as text
     # Units of limits as written, by name; empty for plain numbers.
     units: dict[str, str] = field(default_factory=dict[str, str], compare=False)
+    seeds: int | None = None  # number of seeds, from 0 on
 
     @property
     def settings(self) -> list[str]:
@@ -56,6 +57,7 @@ def read_task_options(
     observe: Sequence[str] | None = None,
     tolerance: Sequence[str] | None = None,
     require: Sequence[str] = (),
+    seeds: int | None = None,
 ) -> TaskOptions:
     """Read the options of a command; a SweepFileError says which is wrong and how to write it.
 
@@ -98,4 +100,5 @@ def read_task_options(
         limits,
         tuple(require),
         units,
+        seeds,
     )

@@ -59,6 +59,7 @@ class BudgetPhase(Model):
     timestep: float = about("Of the run [s].")
     steps: int = about("Of each seed.")
     seeds: int
+    seeds_above: int = about("Seeds with a numerical error above the tolerance.", default=0)
     window: float = about("Length of windows [s].")
     windows: int = about("Number of windows of each seed.")
     bodies: tuple[str, ...] = about("The observed bodies, which move and have mass.")

@@ -13,7 +13,7 @@ from contactlab import resources
 from contactlab.errors import SceneError, StoreError
 from contactlab.pareto.analysis import analyze_tradeoff
 from contactlab.pareto.criteria import Criteria, find_error_metric, find_store
-from contactlab.plan.overrides import Overrides
+from contactlab.plan.overrides import FlagSetting, Overrides
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.run.planned_runs import stored_sweep_scene
 from contactlab.run.stored_runs import canonical_values
@@ -116,7 +116,9 @@ def _sweep(request: TradeoffRequest, session: Session) -> SweepRequest:
         workers=session.workers,
         drive=request.task.drive,
     )
-    added = _added(read().plan.sweep, request.criteria)
+    added = [*_added(read().plan.sweep, request.criteria)]
+    if request.task.seeds is not None:
+        added.append(FlagSetting(f"seeds={request.task.seeds}", "--seeds"))
     return read(overrides=Overrides(assign=(*added, *request.task.settings)))
 
 

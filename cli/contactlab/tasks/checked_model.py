@@ -31,7 +31,7 @@ from contactlab.schema.check_report import Measure
 from contactlab.schema.drive import drive_data
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.finding import Level
-from contactlab.schema.task import Task
+from contactlab.schema.task import SEEDS, Task
 from contactlab.schema.task_verdict import TaskVerdict
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredTrace
@@ -41,6 +41,8 @@ from contactlab.tasks.task_verdict import moves, refuse_lengths, verdict_of
 
 TASK_STORE = "run"
 """Name of the store of the task's runs, one for each of its seeds."""
+MOST_SEEDS = 9
+"""Seeds up to which a task is extended while they disagree about the tolerance."""
 _FEWEST_STEPS = 5  # of a phase, whose last fifth says what rests
 
 
@@ -103,7 +105,10 @@ class CheckedModel:
     def task(self) -> Task:
         """Task on which the model is judged."""
         watch, within = self.options.observe, self.options.tolerance
-        return self.scene.task(self.values, self.duration, watch=watch, within=within)
+        seeds = range(self.options.seeds) if self.options.seeds else SEEDS
+        return self.scene.task(
+            self.values, self.duration, watch=watch, within=within, seeds=tuple(seeds)
+        )
 
     @cached_property
     def resolved(self) -> RunSpec:
@@ -168,6 +173,30 @@ class CheckedModel:
         return error_budget(
             self.motions, rows=self._measured, settings=self.settings, workers=self.threads
         )
+
+    def add_seeds(self) -> None:
+        """Add three seeds to the task while some are above the tolerance and others are not.
+
+        Up to nine, unless their number was requested. Rows of the budget stay those of the first
+        seeds.
+        """
+        while (
+            self.moves
+            and self.options.seeds is None
+            and len(self.task.seeds) < MOST_SEEDS
+            and any(phase.disagrees(self.task.tolerance) for phase in self.budget.phases)
+        ):
+            seeds = tuple(range(len(self.task.seeds) + len(SEEDS)))
+            known = self.budget.phases
+            self.task = self.task.model_copy(update={"seeds": seeds})
+            self.motions = self.motions_of(self.task)
+            more = error_budget(self.motions, rows=(), settings=self.settings, workers=self.threads)
+            self.budget = ErrorBudget(
+                tuple(
+                    replace(phase, rows=before.rows)
+                    for phase, before in zip(more.phases, known, strict=True)
+                )
+            )
 
     @cached_property
     def _measured(self) -> Sequence[str]:

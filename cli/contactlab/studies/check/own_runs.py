@@ -60,7 +60,7 @@ def _measure_error(checked: CheckedModel, phase: PhaseBudget) -> Measure:
         error = math.inf
     elif phase.invalid_windows:
         error = math.nan  # not measured, which exceeds every limit
-    elif error <= tolerance < phase.upper_bound:
+    elif error <= tolerance < phase.doubt:
         error, bound = phase.upper_bound, ", at most"
     where = f"{phase.bodies[phase.run.body]}, {phase.name}{bound}"
     return checked.measure("numerical_error", error, where, limit=tolerance)

@@ -135,6 +135,7 @@ def _numerics(report: Examination, verdict: VerdictWord) -> Iterator[str]:
             yield from (finding.full_message for finding in waived)
             return
         phase = max(report.budget.phases, key=_error_of)
+        yield from _disagreements(report)
         if verdict == "ok":
             place = phase.numerical_error.place
             where = f"; the numerical error is largest at {place}, {_time(report, phase)}"
@@ -142,12 +143,27 @@ def _numerics(report: Examination, verdict: VerdictWord) -> Iterator[str]:
         elif NUMERICAL_CHECK not in _failed_checks(report):
             yield _choices_line(report, ())
         return
+    yield from _disagreements(report)
     first, *others = reasons
     phase = next(each for each in report.budget.phases if each.name == first.phase)
     if verdict != "fails":
         yield _place_line(report, first, phase)
     if first.verdict == "depends":
         yield _choices_line(report, others if verdict == "depends" else (first, *others))
+
+
+def _disagreements(report: Examination) -> Iterator[str]:
+    """Yield how near to the tolerance the numerical error is, if seeds disagree about it."""
+    assert report.budget is not None
+    for phase in report.budget.phases:
+        interval, above = phase.numerical_error.seeds, phase.seeds_above
+        if interval and 0 < above < phase.seeds:
+            low, high = map(format_percent, interval)
+            limit = format_percent(report.budget.tolerance)
+            yield (
+                f"near the tolerance: numerical errors of {low} to {high} over {phase.seeds} seeds "
+                f"in phase {phase.name}, {above} of them above {limit}"
+            )
 
 
 def _place_line(report: Examination, reason: BudgetReason, phase: BudgetPhase) -> str:

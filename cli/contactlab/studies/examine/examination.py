@@ -126,9 +126,12 @@ def run(request: ExamineRequest, session: Session) -> Examination:
         rows=None if wanted & {"budget", "fixes"} else (),
         seconds=_BUDGETING * request.max_cpu,
     )
-    task = examined.task
     if wanted & _OF_MOTIONS and not examined.moves:
-        examined.motions_of(task)  # which says why there are none, before anything is run
+        # It says why there are none, before anything is run.
+        examined.motions_of(examined.task)
+    if wanted != {"contacts"}:
+        examined.add_seeds()
+    task = examined.task
     session.claim(RESULTS, request.model)
     session.notify(f"examining {request.model}")
     report = Examination(model=request.model, mujoco=VERSION, task=task, sections=request.sections)
