@@ -205,7 +205,7 @@ def test_a_sweep_and_its_plan_say_which_advisories_are_met(sparse_is_wrong: Advi
         "duration": 0.01,
         "axes": {"jacobian": ["sparse", "dense", "auto"]},
     }
-    plan = contactlab.sweep(data, plan=True, workers=0)
+    plan: Any = contactlab.sweep(data, plan=True, workers=0)
     (warning,) = [each for each in plan.warnings if sparse_is_wrong.id in each]
     assert warning.startswith("1 of 3 models: meets LAB-2026-0001")
     assert "avoided by jacobian=dense" in warning
