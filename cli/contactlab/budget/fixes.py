@@ -48,7 +48,13 @@ from contactlab.modifications.modification import (
 from contactlab.modifications.numerics import HALF_STEP, RUN, RUNGE_KUTTA
 from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.model_draft import ModelEdits
-from contactlab.scene.model_edits import FIELD_KINDS, FLAG_NAMES, read_flag, read_option
+from contactlab.scene.model_edits import (
+    FIELD_KINDS,
+    FLAG_NAMES,
+    read_flag,
+    read_option,
+    set_timestep,
+)
 from contactlab.scene.model_names import name_of
 from contactlab.schema.error_budget import BudgetReason
 from contactlab.schema.time_ratio import TimeRatio, cost_class
@@ -605,7 +611,7 @@ def changed_model(model: mujoco.MjModel, candidate: Candidate) -> mujoco.MjModel
     """Return a changed copy of a model."""
     made = copy.copy(candidate.compiled or model)
     candidate.change(made)
-    made.opt.timestep = model.opt.timestep / candidate.rate
+    set_timestep(made, model.opt.timestep / candidate.rate)
     return made
 
 

@@ -14,6 +14,7 @@ from contactlab.budget.motion import Motion, forget_delays, without_delays
 from contactlab.budget.windows import Run, without_sensors
 from contactlab.contact.trace_arrays import Floats
 from contactlab.modifications.model_changes import converge_solver
+from contactlab.scene.model_edits import set_timestep
 
 MIN_WINDOW_STEPS = 2
 """Steps per window, so that rounding a window to whole steps leaves something to compare."""
@@ -41,7 +42,7 @@ def build_reference_model(model: mujoco.MjModel, rate: int) -> mujoco.MjModel:
     fine = without_sensors(model)
     converge_solver(fine)
     forget_delays(fine)
-    fine.opt.timestep = model.opt.timestep / rate
+    set_timestep(fine, model.opt.timestep / rate)
     fine.opt.enableflags &= ~int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
     return fine
 

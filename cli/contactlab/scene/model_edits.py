@@ -190,6 +190,7 @@ def write_settings(
             flags[name] = bool(value)
         if name in OPTIONS:
             write_option(model, name, value)
+            derived |= name == "timestep" and _has_step_factors(model)
         elif name in CONTACT:
             for field, row in _setting_rows(name, value).items():
                 getattr(model, field)[targets.rows_of_targets(field)] = row
@@ -220,6 +221,18 @@ def derive_fields(model: mujoco.MjModel) -> None:
     mujoco.mj_setConst(model, mujoco.MjData(model))
     if not own:
         model.stat.meaninertia = _mean_inertia(model)
+
+
+def set_timestep(model: mujoco.MjModel, timestep: float) -> None:
+    """Write a timestep [s] into a model, with the factors that depend on it."""
+    model.opt.timestep = timestep
+    if _has_step_factors(model):
+        derive_fields(model)
+
+
+def _has_step_factors(model: mujoco.MjModel) -> bool:
+    # Those of elastic flexes, by which MuJoCo integrates them implicitly since 4.0.
+    return getattr(model, "nefm0L", 0) > 0
 
 
 def _mean_inertia(model: mujoco.MjModel) -> float:

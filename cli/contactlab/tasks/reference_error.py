@@ -29,6 +29,7 @@ from contactlab.budget.restarts import (
 from contactlab.budget.windows import Observer, Run, body_name, judged_bodies, replay
 from contactlab.contact.trace_arrays import Floats
 from contactlab.modifications.model_predicates import is_disabled
+from contactlab.scene.model_edits import set_timestep
 
 _REFERENCE_POINTS = (
     4  # points of the reference within a step of the candidate, on either side of an end
@@ -215,7 +216,7 @@ class PhaseReference:
     ) -> Motion:
         """Return M motions, as seeds of one motion, that begin where (M, 2) windows do."""
         own = run_at_once(model)
-        own.opt.timestep = multiple * self.step
+        set_timestep(own, multiple * self.step)
         starts, inputs = self.starts_and_inputs(multiple, which, steps)
         return replace(self._motion, model=own, starts=starts, inputs=inputs)
 

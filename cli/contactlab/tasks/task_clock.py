@@ -20,6 +20,7 @@ from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.restarts import motion_at_steps
 from contactlab.contact.trace_arrays import Floats
+from contactlab.scene.model_edits import set_timestep
 from contactlab.schema.time_ratio import TimeRatio
 from contactlab.tasks.reference_error import TaskReference
 from contactlab.timing.interleaved import (
@@ -158,7 +159,7 @@ class Clock:
         return [(self._with_step(*each), each[1]) for each in models]
 
     def _with_step(self, model: mujoco.MjModel, multiple: int) -> mujoco.MjModel:
-        model.opt.timestep = multiple * self._reference.step
+        set_timestep(model, multiple * self._reference.step)
         model.opt.disableflags &= ~_AUTORESET_OFF  # as in files; recording never resets
         return model
 

@@ -194,9 +194,20 @@ def _slips(model: mujoco.MjModel, data: mujoco.MjData) -> dict[tuple[int, int], 
             continue
         for way, geom in zip(ways, (one, two), strict=True):
             mujoco.mj_jac(model, data, way, None, contact.pos, int(model.geom_bodyid[geom]))
-        speed, normal = (ways[1] - ways[0]) @ data.qvel, contact.frame[:3]
+        belts = [_surface_velocity(model, data, geom, contact.pos) for geom in (one, two)]
+        speed, normal = (ways[1] - ways[0]) @ data.qvel + belts[1] - belts[0], contact.frame[:3]
         found.setdefault(pair, []).append(speed - normal * (normal @ speed))
     return {pair: np.mean(speeds, axis=0) for pair, speeds in found.items() if pair not in slides}
+
+
+def _surface_velocity(
+    model: mujoco.MjModel, data: mujoco.MjData, geom: int, place: Floats
+) -> Floats:
+    """Return (3,) the velocity of a geom's surface along the geom, like a belt's, at a place."""
+    surface = getattr(model, "geom_surfacevel", np.zeros((model.ngeom, 6)))[geom]
+    turned = data.geom_xmat[geom].reshape(3, 3)
+    linear, angular = turned @ surface[:3], turned @ surface[3:]
+    return linear + np.cross(angular, place - data.geom_xpos[geom])
 
 
 def _of_limits(motion: Motion) -> Iterator[Fact]:

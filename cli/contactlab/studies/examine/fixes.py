@@ -40,6 +40,7 @@ from contactlab.modifications.contacts import MARGIN
 from contactlab.modifications.modification import ANY_LABEL, NO_EDITS, Candidate
 from contactlab.modifications.numerics import CONVERGED_SOLVER, HALF_STEP, RUN
 from contactlab.scene.model_draft import ModelEdits
+from contactlab.scene.model_edits import set_timestep
 from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.scene.scene import Scene
 from contactlab.schema.error_budget import BudgetReason
@@ -246,7 +247,7 @@ class FixSearch:
         def change(own: mujoco.MjModel) -> mujoco.MjModel:
             made = copy.copy(candidate.compiled or own)
             candidate.change(made)
-            made.opt.timestep = own.opt.timestep
+            set_timestep(made, own.opt.timestep)
             return made
 
         return self._repeats.moved({**self._values, **options}, change, None)

@@ -16,7 +16,7 @@ from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION, without_delays
 from contactlab.budget.windows import Run, replay
 from contactlab.contact.trace_arrays import Floats
-from contactlab.scene.model_edits import read_flag
+from contactlab.scene.model_edits import read_flag, set_timestep
 from contactlab.studies.search.step_work import UNIT_SECONDS, StepWork
 
 SAMPLE_SECONDS = 0.04
@@ -74,7 +74,7 @@ class CountedCost:
     def count_seconds(self, model: mujoco.MjModel, timestep: float) -> float:
         """Return the counted time per simulated second of a model at a timestep [s]."""
         made = copy.copy(model)
-        made.opt.timestep = timestep
+        set_timestep(made, timestep)
         made.opt.disableflags &= ~_AUTORESET_OFF  # as in files; recording never resets
         data, work = mujoco.MjData(made), StepWork(made)
         steps = min(_MAX_STEPS, max(_MIN_STEPS, round(SAMPLE_SECONDS / timestep)))

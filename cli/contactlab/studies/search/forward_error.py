@@ -22,6 +22,7 @@ from contactlab.budget.restarts import (
 from contactlab.budget.windows import replay
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
+from contactlab.scene.model_edits import set_timestep
 from contactlab.scene.model_names import find_id
 from contactlab.tasks.reference_error import ErrorEstimate
 
@@ -175,7 +176,7 @@ class ForwardError:
     def estimate_error(self, model: mujoco.MjModel, multiple: int) -> ErrorEstimate:
         """Return the largest distance of an observed output, over seeds."""
         own = run_at_once(model)
-        own.opt.timestep = multiple * self.step
+        set_timestep(own, multiple * self.step)
         steps = self._motion.steps * self._finer // multiple
         every = np.arange(self._motion.seeds)
         start = np.zeros_like(every)
