@@ -14,6 +14,7 @@ from contactlab.budget import ErrorBudget, Motion, PhaseBudget, Settings, error_
 from contactlab.budget.defects import to_the_limit
 from contactlab.budget.measuring import PhaseMeasure
 from contactlab.budget.motion import INTEGRATION
+from contactlab.budget.windows import Windows
 from contactlab.errors import EngineError
 from contactlab.modifications.catalogue import list_rows
 
@@ -436,3 +437,40 @@ def test_a_motion_says_what_is_wrong_with_it(change: dict[str, Any], message: st
 def test_an_unknown_row_names_its_neighbour() -> None:
     with pytest.raises(EngineError, match="friction loss"):
         error_budget([walker()], rows=["friction los"])
+
+
+def test_equal_models_of_several_rows_are_rolled_out_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The solver is as converged in its row as in that of the step: one roll serves both."""
+    motion, rolls = walker(0.01), list[int]()
+    wanted = [row for row in list_rows() if row.name in ("step", "solver")]
+
+    roll = Windows.roll
+
+    def count_rolls(self: Windows, model: mujoco.MjModel, rate: int, **options: Any) -> Any:
+        rolls.append(rate)
+        return roll(self, model, rate, **options)
+
+    monkeypatch.setattr(Windows, "roll", count_rolls)
+    both = PhaseMeasure(motion, wanted, PLAIN).budget()
+    assert rolls == [4, 1], "the reference, and the run with a converged solver"
+    for row, reading in zip(wanted, both.rows, strict=True):
+        (alone,) = measured(motion, rows=[row.name]).rows
+        assert reading.exercised
+        np.testing.assert_array_equal(reading.errors, alone.errors)
+
+
+def test_a_row_is_timed_in_the_phase_in_which_it_is_largest() -> None:
+    """A row that is small in a phase is not worth the time there."""
+    still = replace(walker(0.01), name="still")
+    moving = replace(still, inputs=np.ones_like(still.inputs), name="moving")
+    timed = replace(PLAIN, timed=True)
+    budget = error_budget([still, moving], rows=["cone", "gravity"], settings=timed, workers=1)
+    for name in ("cone", "gravity"):
+        worst, reading = budget.worst(name) or (None, None)
+        assert worst is not None
+        assert reading is not None
+        assert reading.time_ratio is not None
+        others = [row for phase in budget.phases if phase is not worst for row in phase.rows]
+        assert all(row.time_ratio is None for row in others if row.name == name)

@@ -6,6 +6,7 @@ import json
 import math
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 from weakref import WeakSet
 
@@ -42,6 +43,7 @@ from contactlab.modifications.modification import Candidate
 from contactlab.rendering.amounts import format_percent
 from contactlab.rendering.text import render_text
 from contactlab.reporting.budget_document import describe_budget
+from contactlab.scene.model_draft import ModelEdits
 from contactlab.schema.error_budget import BudgetReport
 from contactlab.schema.json_schemas import json_schemas
 
@@ -153,6 +155,32 @@ def test_a_ball_that_bears_before_it_touches_is_mended_by_no_margin() -> None:
     assert tried.removes
     touching = motion_of(xml.format(0), 0.2)
     assert all(one.apply != MARGIN for one in candidates_against([touching], verdict))
+
+
+def test_a_fix_that_a_load_rejects_is_judged_no_further() -> None:
+    """It is no fix, it takes a fraction of the steps, and others are tried in its place."""
+    xml = """<mujoco><option timestep=".002"/><worldbody><geom type="plane" size="1 1 .1"/>
+        <body pos="0 0 .1"><freejoint/><geom size=".1" margin=".02"/></body></worldbody></mujoco>"""
+    motion = motion_of(xml, 0.2)
+    verdict = judge(error_budget([motion], rows=["contact softness"], settings=FAST))
+    (own,) = (one for one in candidates_against([motion], verdict) if one.apply == MARGIN)
+    asked = list[str]()
+
+    def find_harm(candidate: Candidate, edits: ModelEdits) -> bool:
+        asked.append(candidate.name)
+        assert edits.settings
+        return True
+
+    counted = Trial(FAST, finds_harm=find_harm)
+    (harmful,) = try_fixes([motion], verdict, candidates=[own], trial=counted)
+    (whole,) = try_fixes([motion], verdict, candidates=[own], trial=Trial(FAST))
+    assert asked == [own.name]
+    assert (harmful.harms, harmful.removes, harmful.safely) == (True, False, False)
+    assert (whole.harms, whole.removes) == (False, True)
+    assert harmful.error == whole.error  # the reading of a row needs no finer reference
+    requested = replace(counted, requested=[own.apply])
+    (applied,) = try_fixes([motion], verdict, candidates=[own], trial=requested)
+    assert applied.removes, "a user who asks for a change gets its whole budget"
 
 
 def test_a_rotor_on_gimbals_is_computed_by_fine_steps_of_runge_kutta() -> None:

@@ -6,12 +6,18 @@ docs/budget-derivation.md derives the definitions and studies each choice.
 import os
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
+
+import mujoco
 
 from contactlab.budget.measuring import PhaseMeasure, Settings
 from contactlab.budget.motion import Motion
-from contactlab.budget.readings import ErrorBudget
+from contactlab.budget.readings import ErrorBudget, PhaseBudget
+from contactlab.budget.time_ratios import measure_time_ratios
+from contactlab.budget.windows import replay, without_sensors
 from contactlab.errors import EngineError
 from contactlab.modifications.catalogue import list_rows
+from contactlab.modifications.modification import Row
 from contactlab.scene.mujoco_versions import silence_mujoco
 
 SETTINGS = Settings()
@@ -43,4 +49,37 @@ def error_budget(
     settings = replace(settings, workers=workers or os.cpu_count() or 1)
     # One after the other: each holds models.
     phases = (PhaseMeasure(motion, wanted, settings).budget() for motion in motions)
-    return ErrorBudget(tuple(phases))
+    budget = ErrorBudget(tuple(phases))
+    if not settings.timed:
+        return budget
+    timed = map(partial(_time_rows, budget, wanted, settings), motions, budget.phases)
+    return ErrorBudget(tuple(timed))
+
+
+def _time_rows(
+    budget: ErrorBudget,
+    rows: Sequence[Row],
+    settings: Settings,
+    motion: Motion,
+    phase: PhaseBudget,
+) -> PhaseBudget:
+    """Return a phase with the time ratios of the rows that are largest in it."""
+
+    def change_model(row: Row) -> mujoco.MjModel:
+        changed = without_sensors(motion.model)
+        row.changes[0](changed, motion.model)
+        return changed
+
+    loaded = {reading.name for reading in phase.rows if reading.exercised}
+    made = {
+        row.name: (partial(change_model, row), 1)
+        for row in rows
+        if row.timed and row.name in loaded
+        if (worst := budget.worst(row.name)) and worst[0] is phase
+    }
+    if not made:
+        return phase
+    run = replay(motion, settings.window, settings.workers)
+    ratios = measure_time_ratios(motion, run, made)
+    timed = (replace(reading, time_ratio=ratios.get(reading.name)) for reading in phase.rows)
+    return replace(phase, rows=tuple(timed))

@@ -84,6 +84,8 @@ class TriedFix:
         distance_before: the same of the model as written.
         is_complete: whether the trial was finished; False if its time ran out.
         safely: whether it removes the verdict under half of the tolerance, too.
+        harms: whether a load rejects it. It removes the verdict at a first look, and was not judged
+            further.
     """
 
     name: str
@@ -97,6 +99,7 @@ class TriedFix:
     distance_before: float
     is_complete: bool = True
     safely: bool = False
+    harms: bool = False
 
     @property
     def changes_model(self) -> bool:
@@ -268,6 +271,7 @@ class Trial:
         workers: threads; one for each processor if None.
         left: returns the CPU time that trials may still take [s]. A trial that would take more is
             skipped or cut short, unless it was requested.
+        finds_harm: returns whether the loads of a verification reject a candidate with its edits.
     """
 
     settings: Settings = SETTINGS
@@ -276,6 +280,7 @@ class Trial:
     requested: Sequence[str] = ()
     workers: int | None = None
     left: Callable[[], float] = lambda: math.inf
+    finds_harm: Callable[[Candidate, ModelEdits], bool] = lambda _candidate, _edits: False
 
 
 TRIAL = Trial()
@@ -299,7 +304,9 @@ def try_fixes(
     A candidate is not tried if it moves the model as the model as written, or another candidate,
     does; if it includes a fix that is enough alone; if it has a finer step than a fix that removes
     the verdict under half of the tolerance, or than one that separates overlapping links; or if it
-    changes softness where another computation of the same model removes the verdict.
+    changes softness where another computation of the same model removes the verdict. A fix that a
+    load rejects counts as one that removes the verdict, but not as one that is enough alone; after
+    `trial.most` of them none is tried.
     """
     if verdict.word == "ok":
         return ()
@@ -331,12 +338,14 @@ def try_fixes(
         candidate = possible.pop(0)
         own = apart_of.get(candidate.name, math.nan)
         if candidate.apply and candidate.apply in trial.requested:
-            untimed = judged._replace(trial=replace(trial, left=TRIAL.left))
-            tried.append(untimed.judge_fix(candidate, before, own))
+            alone = replace(trial, left=TRIAL.left, finds_harm=TRIAL.finds_harm)
+            tried.append(judged._replace(trial=alone).judge_fix(candidate, before, own))
             continue
-        removing = [fix for fix in tried if fix.removes]
+        removing = [fix for fix in tried if fix.removes or fix.harms]
         safely = any(fix.safely for fix in removing)
-        enough = trial.most is not None and len(removing) >= trial.most and safely
+        harmful = sum(fix.harms for fix in tried)
+        most = math.inf if trial.most is None else trial.most
+        enough = harmful >= most or (len(removing) >= most and safely)
         alike = _is_alike(candidate, own, moved)
         if enough or alike or _is_redundant(candidate, word, removing):
             continue
@@ -418,6 +427,10 @@ class _FixJudge(NamedTuple):
         return replace(self.trial.settings, places=False, timed=False, workers=workers)
 
     @property
+    def _quick(self) -> Settings:
+        return replace(self._settings, check=False, energy=False)
+
+    @property
     def _phases(self) -> set[str]:
         """Phases that failed."""
         return {reason.phase for reason in self.verdict.reasons}
@@ -493,36 +506,48 @@ class _FixJudge(NamedTuple):
                 change(model, own)
 
     def judge_fix(self, candidate: Candidate, before: float, apart: float) -> TriedFix:
-        """Judge a candidate: by the phases that failed, by all phases, and by new seeds."""
+        """Judge a candidate: by the phases that failed, by all phases, and by new seeds.
+
+        Against a modeling choice, a first look at the phases that failed is followed by the loads
+        of a verification. They reject most of the changes that move a model otherwise, and take a
+        tenth of the steps of a whole budget.
+        """
         if candidate.must_come_nearer and candidate.same_states and math.isnan(apart):
             return self.not_ended(candidate)  # no time was left to compare it
         row = self.verdict.reasons[0].row if self.word == "depends" else RUN.name
         enough = before if candidate.changes_model else min(before, self.verdict.tolerance)
         word, shares, removes, safely = self.verdict.word, list[float](), False, True
+        first, harms = self.motions[0], False
+        options = options_changed(first.model, changed_model(first.model, candidate))
+        edits = replace(candidate.edits, settings={**options, **candidate.edits.settings})
         if not candidate.must_come_nearer or math.isinf(before) or apart < enough:
             steps = steps_of(self.motions) * candidate.rate * (2 if self.trial.moved else 1)
-            for motions in self._parts(candidate):
-                measured = self._budget(motions, steps)
-                if measured is None:
+            for place, motions in enumerate(self._parts(candidate)):
+                looked = self._look_first(motions)
+                if looked is None:
                     return self.not_ended(candidate)
+                phases, budget, found = looked
+                removes, screened = self._removes(found), self.word == "depends" and not place
+                harms = removes and screened and self.trial.finds_harm(candidate, edits)
+                if removes and not harms:
+                    measured = self._budget_of(phases, motions, steps)
+                    if measured is None:
+                        return self.not_ended(candidate)
+                    budget, found = measured
                 steps -= steps_of(motions)
-                budget, found = measured
                 worst = budget.worst(row)
                 shares += [worst[1].error] if worst and worst[1].exercised else []
                 word, removes = found.word, self._removes(found)
                 safely &= self._removes(judge(budget, _SAFE_SHARE * self.verdict.tolerance))
-                if not removes:
+                if not removes or harms:
                     break
         # If the changed model no longer has the row, its distance to the reference remains.
         share = max(shares, default=apart if candidate.must_come_nearer else math.nan)
-        first = self.motions[0]
-        options = options_changed(first.model, changed_model(first.model, candidate))
-        edits = replace(candidate.edits, settings={**options, **candidate.edits.settings})
-        timed = removes and candidate.same_states
+        timed = removes and not harms and candidate.same_states
         ratio = _measure_time_ratio(first, candidate, self._settings) if timed else None
         return TriedFix(
             name=candidate.name,
-            removes=removes,
+            removes=removes and not harms,
             word=word,
             error=share,
             time_ratio=ratio,
@@ -530,7 +555,8 @@ class _FixJudge(NamedTuple):
             apply=candidate.apply,
             distance=apart,
             distance_before=before,
-            safely=removes and safely,
+            safely=removes and safely and not harms,
+            harms=harms,
         )
 
     def _parts(self, candidate: Candidate) -> Iterator[Sequence[Motion]]:
@@ -550,17 +576,16 @@ class _FixJudge(NamedTuple):
     def _removes(self, found: Verdict) -> bool:
         return found.word == "ok" or (self.word == "inaccurate" and found.word == "depends")
 
-    def _budget(
-        self, motions: Sequence[Motion], steps: float
-    ) -> tuple[ErrorBudget, Verdict] | None:
-        """Return the budget of a changed model; of one seed or at h/4 alone if that is decisive.
+    def _look_first(
+        self, motions: Sequence[Motion]
+    ) -> tuple[list[PhaseMeasure], ErrorBudget, Verdict] | None:
+        """Return a first budget of a changed model at h/4; of one seed if that is decisive.
 
         An error is the mean over S seeds, so one seed decides if it alone is S times too large. In
         the limit of fine steps an error is at least half of that at h/4. None if there is no time
-        for it, or for all `steps` that have to be judged before the fix is proved.
+        for it.
         """
         within, settings = self.verdict.tolerance, self._settings
-        quick = replace(settings, check=False, energy=False)
         first = [
             replace(motion, starts=motion.starts[:1], inputs=motion.inputs[:1])
             for motion in motions
@@ -568,9 +593,9 @@ class _FixJudge(NamedTuple):
         seeds, model = max(motion.seeds for motion in motions), motions[0].model
         rows = [row for row in list_rows() if row.name in self.rows]
         phases, begun = list[PhaseMeasure](), [None for _ in motions]
+        budget, found = ErrorBudget(()), self.verdict
         for some, most in ((first, 2 * seeds), (motions, 2)):
-            looks = evaluations(model, quick, rows) * steps_of(some)
-            if not self._affords(looks):
+            if not self._affords(evaluations(model, self._quick, rows) * steps_of(some)):
                 return None
             begun = [phase.looked for phase in phases] or begun
             phases.clear()  # so that those of one seed end before others begin
@@ -579,14 +604,25 @@ class _FixJudge(NamedTuple):
                 for motion, looked in zip(some, begun, strict=True)
             ]
             budget = ErrorBudget(tuple(phase.first_look() for phase in phases))
-            found = budget, judge(budget, most * within)
-            if not self._removes(found[1]):
-                return found
-        whole = evaluations(model, settings, rows, drifts=drifts(self.verdict))
-        if not self._affords(whole * steps - looks):
+            found = judge(budget, most * within)
+            if not self._removes(found):
+                break
+        return phases, budget, found
+
+    def _budget_of(
+        self, phases: Sequence[PhaseMeasure], motions: Sequence[Motion], steps: float
+    ) -> tuple[ErrorBudget, Verdict] | None:
+        """Return the budget of a changed model after a first look at its phases.
+
+        None if there is no time for all `steps` that have to be judged before the fix is proved.
+        """
+        model = motions[0].model
+        rows = [row for row in list_rows() if row.name in self.rows]
+        whole = evaluations(model, self._settings, rows, drifts=drifts(self.verdict)) * steps
+        if not self._affords(whole - evaluations(model, self._quick, rows) * steps_of(motions)):
             return None
         budget = ErrorBudget(tuple(phase.budget() for phase in phases))
-        return budget, judge(budget, within)
+        return budget, judge(budget, self.verdict.tolerance)
 
 
 def drifts(verdict: Verdict) -> bool:

@@ -2,9 +2,10 @@
 
 import math
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from hashlib import blake2b
 from typing import NamedTuple
 
 import mujoco
@@ -29,7 +30,6 @@ from contactlab.budget.force_places import (
 from contactlab.budget.motion import GRAVITY_AS_REAL, Motion, pulls, without_delays
 from contactlab.budget.readings import Origin, PhaseBudget, Reading
 from contactlab.budget.restarts import build_reference_model, run_at_once, scale_of_impulses
-from contactlab.budget.time_ratios import measure_time_ratios
 from contactlab.budget.windows import (
     EngineWarning,
     Observer,
@@ -53,7 +53,6 @@ from contactlab.modifications.model_predicates import (
 )
 from contactlab.modifications.modification import ModelChange, Row
 from contactlab.modifications.numerics import RUN
-from contactlab.schema.time_ratio import TimeRatio
 
 WINDOW = 0.04  # s; docs/budget-derivation.md compares others
 FINER = 4
@@ -64,6 +63,7 @@ _WORTH_A_LOOK = 0.01
 # Largest relative change of an energy drift when the reference is refined.
 _ITS_OWN = 0.5
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
+_SHARED_NUMBERS = 1 << 23  # velocities of rolls that rows share: 64 MiB, as much as is recorded
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Settings:
         energy: whether a second reference, with RK4, shows energy that both lose.
         places: whether it is looked for where forces differ most.
         excess: whether the run's own path is measured; if not, its excess and its peak are NaN.
-        timed: whether changes are timed.
+        timed: whether the change of each row is timed, in the phase in which it is largest.
         workers: threads.
     """
 
@@ -200,11 +200,7 @@ class PhaseMeasure:
         found = self.looked.found
         for look in self.looked.looks:
             self._measure_more(look, found)
-        whole = self._told(found, excess=self._settings.excess)
-        cost = self._time_ratios(self._there)
-        return replace(
-            whole, rows=tuple(replace(row, time_ratio=cost.get(row.name)) for row in whole.rows)
-        )
+        return self._told(found, excess=self._settings.excess)
 
     @cached_property
     def _there(self) -> list[Row]:
@@ -293,16 +289,6 @@ class PhaseMeasure:
         change(changed, self._model)
         return changed
 
-    def _time_ratios(self, rows: Sequence[Row]) -> Mapping[str, TimeRatio]:
-        if not self._settings.timed:
-            return {}
-        made = {
-            row.name: (partial(self._changed, self._model, row.changes[0]), 1)
-            for row in rows
-            if row.timed
-        }
-        return measure_time_ratios(self._motion, self._run, made)
-
     @cached_property
     def looked(self) -> "Looked":
         """First pass over all windows with references at h/4, and data for the second pass."""
@@ -317,18 +303,16 @@ class PhaseMeasure:
             windows = Windows(self._undelayed, run, settings.workers, block)
             around, lost = self._measure_run(windows, block, found)
             looks.append(_Look(block, around["run"], around["reference"]))
+            rolls = _SharedRolls(partial(self._around, windows))
             if any(row.against == "step" for row in rows):
-                around["step"] = self._around(windows, self._base("step"), 1)
+                around["step"] = rolls(self._base("step"), 1)
             for row in rows:
                 if row is RUN:
                     continue
                 other, rate = around[row.against], self._rate(row)
                 if row.both is not None:
-                    other = self._around(windows, self._other(row), rate)
-                apart = [
-                    defects(self._around(windows, model, rate), other)
-                    for model in self._varied(row)
-                ]
+                    other = rolls(self._other(row), rate)
+                apart = [defects(rolls(model, rate), other) for model in self._varied(row)]
                 largest = np.max(apart, axis=0)
                 largest[lost] = 0
                 found.apart[row.name][tuple(block.T)] = largest
@@ -623,6 +607,24 @@ class PhaseMeasure:
     def _checked(self, found: "_Found") -> np.ndarray:
         """Return (S, W) whether a window was gone through by both references."""
         return ~np.isnan(found.checked[..., 0]) & ~found.lost
+
+
+class _SharedRolls:
+    """Rolls of models through one block of windows, which equal models of several rows share."""
+
+    def __init__(self, roll: Callable[[mujoco.MjModel, int], Floats]) -> None:
+        self._roll, self._known, self._numbers = roll, dict[tuple[bytes, int], Floats](), 0
+
+    def __call__(self, model: mujoco.MjModel, rate: int) -> Floats:
+        buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+        mujoco.mj_saveModel(model, None, buffer)
+        key = blake2b(buffer.data).digest(), rate
+        if key in self._known:
+            return self._known[key]
+        seen = self._roll(model, rate)
+        if self._numbers + seen.size <= _SHARED_NUMBERS:
+            self._known[key], self._numbers = seen, self._numbers + seen.size
+        return seen
 
 
 class _Look(NamedTuple):

@@ -14,7 +14,6 @@ from contactlab.budget import (
     Motion,
     Settings,
     Trial,
-    Verdict,
     budget_report,
 )
 from contactlab.errors import SweepFileError
@@ -176,9 +175,9 @@ def _measured(
         if task.start != QPOS0:
             cause = find_broken_start(examined.scene.source, request.model, task.start)
         if not cause:
-            search = _search_fixes(request, examined, verdict, report.labels, until)
-            verifier = _make_verifier(request, examined, search, report.labels, begun)
-            fixes = verifier.recommend_fixes()
+            verifier = _make_verifier(request, examined, report.labels, begun)
+            search = _search_fixes(request, examined, report.labels, verifier, until)
+            fixes = verifier.recommend_fixes(search)
     tried = search.tried if search else ()
     if "facts" in request.sections:
         begins = {phase.name: phase.begin for phase in task.phases}
@@ -204,7 +203,7 @@ def _measured(
     report = conclude(report, fixes_tried=trials, fixes_not_tried=skipped)
     if cause:
         report = report.model_copy(update={"fix": cause})
-    return _written(request, examined, report, verifier)
+    return _written(request, examined, report, verifier, search)
 
 
 def sections_of(names: Sequence[str]) -> tuple[SectionName, ...]:
@@ -250,12 +249,12 @@ def _checked(
 def _search_fixes(
     request: ExamineRequest,
     examined: CheckedModel,
-    verdict: Verdict,
     labels: Sequence[RunLabel],
+    verifier: FixVerifier,
     until: float,
 ) -> FixSearch:
     """Return the fixes that were tried, and those that help on new seeds too."""
-    task, threads = examined.task, examined.threads
+    task, threads, verdict = examined.task, examined.threads, examined.judged
     if verdict.reasons:
         request.begins(f"{verdict.reasons[0].sentence}; searching a fix")
 
@@ -280,14 +279,13 @@ def _search_fixes(
             yield run_labels(task, records)
 
     scene, values = examined.scene.with_effects("all"), examined.values
-    repeats = TaskRepeats(moved, labelled, labels)
+    repeats = TaskRepeats(moved, labelled, labels, verifier.finds_harm)
     return FixSearch(scene, values, examined.motions, verdict, trial, repeats)
 
 
 def _make_verifier(
     request: ExamineRequest,
     examined: CheckedModel,
-    search: FixSearch,
     labels: Sequence[RunLabel],
     begun: float,
 ) -> FixVerifier:
@@ -295,7 +293,7 @@ def _make_verifier(
         return open_changed_model(reference, examined.session, request.task)
 
     until = begun + _VERIFYING * request.max_cpu
-    return FixVerifier(examined, search, examined.judged, labels, open_changed, until)
+    return FixVerifier(examined, examined.judged, labels, open_changed, until)
 
 
 def _written(
@@ -303,13 +301,14 @@ def _written(
     examined: CheckedModel,
     report: Examination,
     verifier: FixVerifier | None,
+    search: FixSearch | None,
 ) -> Examination:
     """Write the model with the applied fixes, or the first that keeps the model; or say why not."""
     if request.write is None:
         return report
     made, reason = None, report.fix
-    if verifier is not None:
-        made, reason = verifier.write_fix(request.write, requested=bool(request.apply))
+    if verifier is not None and search is not None:
+        made, reason = verifier.write_fix(search, request.write, requested=bool(request.apply))
     if made is None:
         examined.session.notify(f"{request.write} is not written: {reason}")
         return report

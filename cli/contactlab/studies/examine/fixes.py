@@ -6,6 +6,7 @@ import shutil
 import weakref
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import Literal, NamedTuple
@@ -84,11 +85,13 @@ class TaskRepeats(NamedTuple):
         labelled: yields the labels of its first run with settings, or of the file of a model with
             another start, then of all runs.
         labels: labels of the runs as written.
+        finds_harm: returns whether the loads of a verification reject a fix.
     """
 
     moved: Moved
     labelled: Callable[[Values, Path | None], Iterable[Sequence[RunLabel]]] = lambda _, __: [()]
     labels: Sequence[RunLabel] = ()
+    finds_harm: Callable[["FixSearch", Candidate, ModelEdits], bool] = lambda _, __, ___: False
 
 
 class FixSearch:
@@ -130,7 +133,8 @@ class FixSearch:
         self.not_tried += [fix.name for fix in found if not fix.is_complete]
         self.helping = self._by_labels([fix for fix in ended if fix.removes])
         self.tried = [*self.helping, *(fix for fix in ended if not fix.removes)]
-        if not self.helping and not self.without_labels:
+        harmful = any(fix.harms for fix in ended)
+        if not self.helping and not self.without_labels and not harmful:
             against = candidates_against_labels(motions, verdict, repeats.labels)
             self.without_labels = [*self._without_labels(against)]
         helping = (*self.helping, *self.without_labels)
@@ -146,7 +150,8 @@ class FixSearch:
     @property
     def _trial(self) -> Trial:
         """How candidates are tried; made on demand, since it refers to this object."""
-        return replace(self._limits, moved=self._motions_of)
+        harms = partial(self._repeats.finds_harm, self)
+        return replace(self._limits, moved=self._motions_of, finds_harm=harms)
 
     def _by_labels(self, helping: Sequence[TriedFix]) -> list[TriedFix]:
         """Return the fixes, led by one that leaves no label, if there is one.

@@ -10,6 +10,7 @@ from pathlib import Path
 from contactlab.budget.verdict import Verdict
 from contactlab.errors import SceneError
 from contactlab.measure.assessment import NUMERICAL_CAUSE
+from contactlab.modifications.modification import Candidate
 from contactlab.reporting.examination import first_fix
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.schema.examination import Fix, RejectedFix, RunLabel
@@ -17,9 +18,9 @@ from contactlab.schema.verification import VerifiedChange
 from contactlab.studies.examine.fixes import FixSearch
 from contactlab.studies.verification import (
     OriginalRuns,
+    Verification,
     VerificationRequest,
     has_policy,
-    verify_change,
 )
 from contactlab.tasks.checked_model import CheckedModel
 
@@ -33,7 +34,6 @@ class FixVerifier:
 
     Attributes:
         examined: the model.
-        search: its fixes.
         verdict: the verdict that they are against.
         labels: failure labels of the model's runs.
         open_changed: opens the file of a changed model under the same task.
@@ -42,32 +42,47 @@ class FixVerifier:
     """
 
     examined: CheckedModel
-    search: FixSearch
     verdict: Verdict
     labels: Sequence[RunLabel]
     open_changed: Callable[[str], CheckedModel]
     until: float
     rejected: list[RejectedFix] = field(default_factory=list[RejectedFix])
+    _begun: dict[str, Verification] = field(default_factory=dict[str, Verification])
     _known: dict[str, VerifiedChange] = field(default_factory=dict[str, VerifiedChange])
     _runs: OriginalRuns = field(default_factory=OriginalRuns)
 
-    def recommend_fixes(self) -> tuple[Fix, ...]:
+    def finds_harm(self, search: FixSearch, candidate: Candidate, edits: ModelEdits) -> bool:
+        """Return whether a load rejects a fix against the verdict, before it is judged further."""
+        request = self._request(search, candidate.name, edits, self.until, removes_verdict=True)
+        self._begun[candidate.name] = Verification(request)
+        harms = self._begun[candidate.name].run_loads()
+        if harms:
+            found = self._begun.pop(candidate.name).complete_runs()
+            self.rejected.append(RejectedFix(name=candidate.name, reason=found.sentence))
+        return harms
+
+    def recommend_fixes(self, search: FixSearch) -> tuple[Fix, ...]:
         """Return the fixes to report; the first has passed its verification.
 
         Those that did not pass are dropped from the search.
         """
-        while fixes := self.search.reported_fixes():
+        while fixes := search.reported_fixes():
             first = first_fix(fixes)
-            edits = self.search.find_edits(first.name)
+            edits = search.find_edits(first.name)
             removes_verdict = first.removes == "verdict"
-            found = self._verify(first.name, edits, self.until, removes_verdict=removes_verdict)
+            request = self._request(
+                search, first.name, edits, self.until, removes_verdict=removes_verdict
+            )
+            found = self._verify(first.name, request)
             if found.passed:
                 verified = first.model_copy(update={"verification": found})
                 return tuple(verified if fix is first else fix for fix in fixes)
-            self._drop(first.name, found)
+            self._drop(search, first.name, found)
         return ()
 
-    def write_fix(self, file: Path, *, requested: bool) -> tuple[Path | None, str]:
+    def write_fix(
+        self, search: FixSearch, file: Path, *, requested: bool
+    ) -> tuple[Path | None, str]:
         """Write the model with the requested fixes, or with the first that keeps it and passes.
 
         Returns:
@@ -79,53 +94,70 @@ class FixVerifier:
             OutputError: the file cannot be written.
         """
         while True:
-            name, edits, reason = self.search.choose_edits()
+            name, edits, reason = search.choose_edits()
             if reason:
                 return None, reason
-            removes_verdict = name not in {fix.name for fix in self.search.without_labels}
-            found = self._verify(name, edits, math.inf, removes_verdict=removes_verdict)
+            removes_verdict = name not in {fix.name for fix in search.without_labels}
+            request = self._request(search, name, edits, math.inf, removes_verdict=removes_verdict)
+            found = self._verify(name, request)
             if found.passed:
-                return self.search.write_edits(edits, file.parent, file.name).path, ""
+                return search.write_edits(edits, file.parent, file.name).path, ""
             if requested:
                 return None, f"{name}: {found.sentence}"
-            self._drop(name, found)
+            self._drop(search, name, found)
 
-    def _drop(self, name: str, found: VerifiedChange) -> None:
+    def _drop(self, search: FixSearch, name: str, found: VerifiedChange) -> None:
         self.rejected.append(RejectedFix(name=name, reason=found.sentence))
-        self.search.drop_fix(name)
+        search.drop_fix(name)
 
-    def _verify(
-        self, name: str, edits: ModelEdits, until: float, *, removes_verdict: bool
-    ) -> VerifiedChange:
-        known = self._known.get(name)
-        if known is not None and not known.ended_early:
-            return known
+    @property
+    def _caused_labels(self) -> set[str]:
+        """Labels of the original that are due to its numerics."""
+        return {label.label for label in self.labels if NUMERICAL_CAUSE in label.reason}
+
+    def _request(
+        self,
+        search: FixSearch,
+        name: str,
+        edits: ModelEdits,
+        until: float,
+        *,
+        removes_verdict: bool,
+    ) -> VerificationRequest:
         numerical = removes_verdict and self.verdict.word in _NUMERICAL
-        computed = not self.search.changes_model(name)
+        computed = numerical and not search.changes_model(name)
         in_loop = has_policy(self.examined)
-        caused = {label.label for label in self.labels if NUMERICAL_CAUSE in label.reason}
         # A fix that removes a failure moves bodies otherwise, and so does another model in a loop,
         # which may end an oscillation.
         keeps_motion = (
-            numerical and not caused and not edits.fixes_start and (computed or not in_loop)
+            numerical
+            and not self._caused_labels
+            and not edits.fixes_start
+            and (computed or not in_loop)
         )
         if self.labels:
             self._runs.labels.setdefault("task", _count_failures(self.labels))
-        found = verify_change(
-            VerificationRequest(
-                original=self.examined,
-                changed=self._open_edited(name, edits),
-                same_model=numerical and computed,
-                keeps_motion=keeps_motion,
-                keeps_start=not edits.posed,
-                must_improve=_LOOP_MEASURES if in_loop and keeps_motion else (),
-                allowed_error=self.examined.task.tolerance if numerical else 0.0,
-                stop_early=True,
-                runs=self._runs,
-                left=lambda: until - time.process_time(),
-            )
+        return VerificationRequest(
+            original=self.examined,
+            changed=self._open_edited(search, name, edits),
+            same_model=computed,
+            keeps_motion=keeps_motion,
+            keeps_start=not edits.posed,
+            must_improve=_LOOP_MEASURES if in_loop and keeps_motion else (),
+            allowed_error=self.examined.task.tolerance if numerical else 0.0,
+            stop_early=True,
+            runs=self._runs,
+            left=lambda: until - time.process_time(),
         )
-        left = [label for label in caused if numerical and _runs_with(found, label)]
+
+    def _verify(self, name: str, request: VerificationRequest) -> VerifiedChange:
+        known = self._known.get(name)
+        if known is not None and not known.ended_early:
+            return known
+        begun = self._begun.pop(name, None) or Verification(request)
+        found = begun.complete_runs()
+        numerical = request.allowed_error > 0
+        left = [label for label in self._caused_labels if numerical and _runs_with(found, label)]
         if found.passed and left:
             sentence = f"it leaves {' and '.join(sorted(left))}"
             found = found.model_copy(update={"passed": False, "sentence": sentence})
@@ -135,9 +167,9 @@ class FixVerifier:
         self._known[name] = found
         return found
 
-    def _open_edited(self, name: str, edits: ModelEdits) -> CheckedModel:
+    def _open_edited(self, search: FixSearch, name: str, edits: ModelEdits) -> CheckedModel:
         try:
-            return self.open_changed(self.search.write_once(name, edits).reference)
+            return self.open_changed(search.write_once(name, edits).reference)
         except SceneError:
             # Some models cannot be written with a change, such as flexes, but run with settings.
             return replace(self.examined, values={**self.examined.values, **edits.settings})

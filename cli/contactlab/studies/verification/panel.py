@@ -125,28 +125,58 @@ def verify_change(request: VerificationRequest) -> VerifiedChange:
     Raises:
         EngineError: nothing moves in the original, or another engine than MuJoCo simulates it.
     """
-    panel = _Panel(request)
-    measures = list[VerifiedMeasure]()
-    for measure in panel.measure_all():
-        measures.append(measure)
-        if measure.worse and request.stop_early:
-            break
-    worse = [measure for measure in measures if measure.worse]
-    idle = not worse and not _is_improved(measures, request.must_improve)
-    summary = summarize_measures(measures)
-    if panel.ended_early and not worse:
-        summary += "; the time limit ended it early"
-    task = _shorten_task(request)
-    return VerifiedChange(
-        seeds=task.seeds,
-        fresh_seeds=with_new_seeds(task).seeds,
-        measures=tuple(measures),
-        skipped=tuple(panel.skipped),
-        identical=panel.identical and not worse,
-        passed=not worse and not idle,
-        sentence=_idle_sentence(measures, request.must_improve) if idle else summary,
-        ended_early=panel.ended_early,
-    )
+    return Verification(request).complete_runs()
+
+
+class Verification:
+    """The verification of one change, whose loads may come long before its other runs."""
+
+    def __init__(self, request: VerificationRequest) -> None:
+        """Run nothing yet."""
+        self._request, self._panel = request, _Panel(request)
+        self._measures = list[VerifiedMeasure]()
+        self._loads, self._others = self._panel.measure_loads(), self._panel.measure_others()
+
+    def run_loads(self) -> bool:
+        """Run the loads, which need no seeds of the task; return whether a measure is worse."""
+        self._compare(self._loads)
+        return self._harms
+
+    def complete_runs(self) -> VerifiedChange:
+        """Run all that was not run, and return the result.
+
+        Raises:
+            EngineError: nothing moves in the original, or another engine than MuJoCo simulates it.
+        """
+        for runs in (self._loads, self._others):
+            if not (self._harms and self._request.stop_early):
+                self._compare(runs)
+        measures, request, panel = self._measures, self._request, self._panel
+        idle = not self._harms and not _is_improved(measures, request.must_improve)
+        summary = summarize_measures(measures)
+        if panel.ended_early and not self._harms:
+            summary += "; the time limit ended it early"
+        task = _shorten_task(request)
+        return VerifiedChange(
+            seeds=task.seeds,
+            fresh_seeds=with_new_seeds(task).seeds,
+            measures=tuple(measures),
+            skipped=tuple(panel.skipped),
+            identical=panel.identical and not self._harms,
+            passed=not self._harms and not idle,
+            sentence=_idle_sentence(measures, request.must_improve) if idle else summary,
+            ended_early=panel.ended_early,
+        )
+
+    @property
+    def _harms(self) -> bool:
+        return any(measure.worse for measure in self._measures)
+
+    def _compare(self, runs: Iterator[VerifiedMeasure]) -> None:
+        for measure in runs:
+            self._measures.append(measure)
+            if measure.worse and self._request.stop_early:
+                return
 
 
 def _is_improved(measures: Sequence[VerifiedMeasure], names: Sequence[str]) -> bool:
@@ -215,6 +245,7 @@ class _Panel:
         self._equal_runs = list[bool]()
         task = _shorten_task(request)
         self._tasks = {"task": task, "task on fresh seeds": with_new_seeds(task)}
+        self._motions = dict[str, tuple[list[Motion], list[Motion]]]()
         self._in_loop = has_policy(request.original)
 
     @property
@@ -222,8 +253,17 @@ class _Panel:
         """Whether runs were compared, and all have equal bits."""
         return bool(self._equal_runs) and all(self._equal_runs)
 
-    def measure_all(self) -> Iterator[VerifiedMeasure]:
-        """Yield all measures, those first that find most harm for their time."""
+    def measure_loads(self) -> Iterator[VerifiedMeasure]:
+        """Yield the measures of loads, which find most harm for their time."""
+        # Without its policy, a model does not hold itself under a load.
+        if self._in_loop or not self._has_same_layout(self._motions_of("task")):
+            return
+        own, other = (motions[0] for motions in self._motions_of("task"))
+        for run in build_load_runs(own, other, self._request.length_share):
+            yield from self._compare_states(run)
+
+    def measure_others(self) -> Iterator[VerifiedMeasure]:
+        """Yield all other measures."""
         if self._in_loop:
             yield from self._measure_loops()
         else:
@@ -233,13 +273,11 @@ class _Panel:
             yield from self._compare_labels(name, task)
 
     def _measure_motions(self) -> Iterator[VerifiedMeasure]:
-        motions = {name: self._both_motions(task) for name, task in self._tasks.items()}
-        first = motions["task"]
+        first = self._motions_of("task")
         comparable = self._has_same_layout(first)
         if comparable:
-            for run in build_load_runs(first[0][0], first[1][0], self._request.length_share):
-                yield from self._compare_states(run)
             yield from self._compare_tracking(first)
+        motions = {name: self._motions_of(name) for name in self._tasks}
         for name, (own, other) in motions.items():
             yield from self._measure_errors(name, own, other)
         if comparable:
@@ -281,8 +319,12 @@ class _Panel:
         for run in loops.build_tilted_runs(self._tasks["task"]):
             yield from self._compare_states(run)
 
-    def _both_motions(self, task: Task) -> tuple[list[Motion], list[Motion]]:
-        return self._original.motions_of(task), self._changed.motions_of(task)
+    def _motions_of(self, name: str) -> tuple[list[Motion], list[Motion]]:
+        # Of the original and of the changed model.
+        if name not in self._motions:
+            task = self._tasks[name]
+            self._motions[name] = self._original.motions_of(task), self._changed.motions_of(task)
+        return self._motions[name]
 
     def _skip_run(self, run: str, reason: str) -> None:
         if all(skipped.run != run for skipped in self.skipped):
