@@ -60,8 +60,13 @@ def written(folder: Path, **changes: Any) -> Path:
 def test_a_witness_shows_its_fault_here_only_if_this_release_has_it(file: Path) -> None:
     advisory = read_advisory(file)
     assert advisory.id == file.stem
-    run = replay_witness(advisory)
-    if advisory.affects(mujoco.__version__):
+    affected = advisory.affects(mujoco.__version__)
+    try:
+        run = replay_witness(advisory)
+    except AdvisoryError:  # a fix may be that the model is refused
+        assert advisory.severity == "crash" or not affected
+        return
+    if affected:
         assert run.meets
         assert fault_share(advisory.witness, run.measured) >= 0.5
     else:
