@@ -11,8 +11,6 @@ from contactlab.measure import METRICS
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
 
-pytestmark = pytest.mark.long
-
 STEPS = 400
 FALL = """
 <mujoco><option timestep="0.002" {option}/>
@@ -33,6 +31,10 @@ ARM = """
 <tendon><fixed name="both"><joint joint="a" coef="1"/></fixed></tendon>
 <actuator><motor joint="a" ctrlrange="-9 9"/><position name="p" joint="a" kp="3"/></actuator>
 </mujoco>"""
+# The elbow is bound to the shoulder, so that what the joint motors do loads an equality.
+BOUND = ARM.replace('<joint axis="0 1 0" damping=".1"/>', '<joint name="b" axis="0 1 0"/>').replace(
+    "<tendon>", '<equality><joint joint1="b" joint2="a" polycoef="0 -.5"/></equality><tendon>'
+)
 FREE = """
 <mujoco><option gravity="0 0 0" {option}/>
 <worldbody>
@@ -45,9 +47,14 @@ CASES = {
     "rk4": (FALL, 'integrator="RK4"'),
     "arm": (ARM, ""),
     "arm rk4": (ARM, 'integrator="RK4"'),
+    "bound arm": (BOUND, ""),
     "arm implicit": (ARM, 'integrator="implicit"'),
     "free": (FREE, ""),
 }
+
+
+QUICK = "bound arm"
+"""The case with contacts, controls, a tendon and an equality."""
 
 
 def _controls(model: mujoco.MjModel) -> np.ndarray:
@@ -93,7 +100,7 @@ def _recorded(folder: Path, text: str) -> tuple[Store, EvidenceRecord]:
     return store, next(iter(store.records()))
 
 
-@pytest.fixture(params=["kernel", "python"])
+@pytest.fixture(params=["kernel", pytest.param("python", marks=pytest.mark.long)])
 def _reading(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Read contacts by the kernel, and without it."""
     if request.param == "python":
@@ -101,7 +108,10 @@ def _reading(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.usefixtures("_reading")
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case",
+    [pytest.param(case, marks=() if case == QUICK else pytest.mark.long) for case in CASES],
+)
 def test_a_loop_leaves_the_bits_of_a_sweep(tmp_path: Path, case: str) -> None:
     text, option = CASES[case]
     store, swept = _swept(tmp_path, text.format(option=option))

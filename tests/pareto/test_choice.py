@@ -69,6 +69,23 @@ def test_the_recommendation_is_the_slow_loops(
     assert found == slow(rows, least_margin)
 
 
+@pytest.mark.parametrize(("chosen", "after"), [(0, 2), (1, 2), (2, 3), (3, None)])
+def test_the_next_step_is_the_cheapest_that_is_relevantly_more_accurate(
+    weighed: Weigh, chosen: int, after: int | None
+) -> None:
+    """By a factor of 1.05 at least: an error of 0.97 is no step down from 1, one of 0.9 is."""
+    errors = (1.0, 0.97, 0.9, 0.3)
+    rows = [
+        {"oracle_error": error, "depth": 1.0, "time_median": 1.0 + place, "label": "stable",
+         "timestep": 1e-3 * (4 - place), "scenario": 0, "seed": 0}
+        for place, error in enumerate(errors)
+    ]  # fmt: skip
+    front = feasible_front(weighed(rows, **LIMITS))
+    assert [numbers(each)[1] for each in front] == [*errors]
+    found = next_more_accurate(front, front[chosen])
+    assert found == (None if after is None else front[after])
+
+
 @pytest.mark.long
 @given(rows=sweeps())
 def test_nothing_feasible_is_more_accurate_and_no_more_expensive(

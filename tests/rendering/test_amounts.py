@@ -17,6 +17,17 @@ from contactlab.rendering.amounts import (
 UNITS = ("%", "x", "count", "N", "B", "mm", "mm/s", "ms", "us", "s", "m", "", "1")
 
 
+@given(power=st.floats(0, 11.9))
+def test_a_force_has_the_prefix_that_leaves_one_to_three_digits_before_the_point(
+    power: float,
+) -> None:
+    number, unit = format_amount(10**power, "N").split()
+    assert float(number) * {"N": 1, "kN": 1e3, "MN": 1e6, "GN": 1e9}[unit] == pytest.approx(
+        10**power, rel=0.051
+    )
+    assert 1 <= float(number) <= 1000
+
+
 @pytest.mark.parametrize("size", [4_300, 123_456, 43_000_000, 999e6, 1e9, 92e9, 553e9])
 def test_sizes_are_millions_or_billions_of_bytes(size: float) -> None:
     number, unit = format_amount(size, "B").split()

@@ -13,6 +13,7 @@ from contactlab.live.browser_build import find_build
 from contactlab.live.browser_models import BrowserModel
 from contactlab.live.browser_models import model_changes as changes_of
 from contactlab.live.live_runs import LiveRuns
+from contactlab.live.sliders import offered_values
 from contactlab.scene.model_draft import fields_of
 from contactlab.scene.scene import Scene
 from contactlab.schema.examination import Examination, Fix
@@ -142,6 +143,22 @@ def test_sliders_are_the_swept_axes_first_with_values_between_theirs(store: Stor
     heights = [float(stop.text) for stop in sliders[names.index("drop_height")].stops]
     assert heights == sorted(heights)
     assert (heights[0], heights[-1], len(heights)) == (0.5, 1.0, 9)
+
+
+def test_a_slider_of_many_values_has_that_of_every_run(tmp_path: Path) -> None:
+    """A slider has 33 values spread over those of a sweep, besides the run's own."""
+    heights = [round(0.5 + 0.01 * place, 2) for place in range(50)]
+    text = SWEEP.replace("[0.2, 0.9]", "[0.2]").replace("[1.0e-3, 2.0e-3]", "[2.0e-3]")
+    many = run(text.replace("values: [0.5, 1.0]", f"values: {heights}"), tmp_path)
+    scene = Scene.open("ball_drop")
+    for record in many.records():
+        offered = offered_values(scene, many.columns, record, record.axes)
+        spec, own, values = next(each for each in offered if each[0].name == "drop_height")
+        assert own == record.axes[spec.name]
+        assert own in values
+        assert values == sorted(values, key=lambda value: float(str(value)))
+        assert {heights[0], heights[-1]} <= {*values}
+        assert 33 <= len(values) <= 34
 
 
 def test_what_is_stored_of_a_motion_is_its_end_and_poses(store: Store) -> None:
