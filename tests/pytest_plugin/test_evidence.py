@@ -7,6 +7,7 @@ import mujoco
 import pytest
 
 from contactlab.errors import OutputError
+from contactlab.store.verify_store import write_baseline
 from contactlab.testing import evidence
 from contactlab.testing.evidence import ContactEvidence
 
@@ -53,3 +54,31 @@ def test_only_whole_episodes_without_labels_are_stable(
     said = str(raised.value)
     assert ("stopped: cut after 50 steps" in said) == cut
     assert (" at step " in said) == (label is not None)
+
+
+@pytest.mark.parametrize(
+    ("height", "episodes", "said"),
+    [(0.06, 1, ""), (0.03, 1, "worse: "), (0.06, 2, "not comparable: ")],
+)
+def test_only_evidence_that_is_no_worse_is_within_a_baseline(
+    tmp_path: Path, height: float, episodes: int, said: str
+) -> None:
+    """Neither a deeper mug is, nor a recording that cannot be compared."""
+
+    def record_shelf(name: str, height: float, episodes: int) -> ContactEvidence:
+        model = mujoco.MjModel.from_xml_string(SHELF.format(height=height))
+        data, recorded = mujoco.MjData(model), ContactEvidence(tmp_path / name)
+        with recorded.record(model, data) as recording:
+            for _ in range(episodes):
+                recording.step(50)
+                mujoco.mj_resetData(model, data)
+        return recorded
+
+    record_shelf("before", 0.06, 1)
+    write_baseline(tmp_path / "before", tmp_path / "baseline")
+    recorded = record_shelf("now", height, episodes)
+    if not said:
+        assert recorded.within(tmp_path / "baseline")
+        return
+    with pytest.raises(AssertionError, match=f"^{said}"):
+        recorded.within(tmp_path / "baseline")

@@ -38,6 +38,16 @@ def test_without_gravity_what_falls_is_apart_by_all_that_is_real() -> None:
     assert (apart.body, apart.phase) == ("ball", "whole")
 
 
+@pytest.mark.parametrize("finer", [1, 4])
+def test_positions_are_those_of_the_fine_motion_at_the_steps_of_the_run(finer: int) -> None:
+    """After n fine steps h of a semi-implicit method, a ball fell by g h^2 n (n + 1) / 2."""
+    falling = motion(FALL, 0.4, seeds=2)
+    (phase,) = TaskReference.run_references([falling], finer, 1).phases
+    h, steps = 0.002 / finer, finer * np.arange(falling.steps)
+    fallen = -9.81 * h**2 * steps * (steps + 1) / 2
+    assert phase.positions[:, 2] == pytest.approx(np.tile(fallen, 2), rel=1e-9)
+
+
 @pytest.mark.parametrize("every", [2, 3, 4])
 def test_fewer_windows_count_the_first_once(every: int) -> None:
     """A throw is real once, in the first window; its fall is the same in each of them."""

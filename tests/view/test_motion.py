@@ -108,6 +108,19 @@ def test_usual_arrows_are_seen_and_none_is_longer_than_the_stage(
     assert longest == radius
 
 
+def test_arrows_are_forces_to_scale_and_cut_at_their_longest(
+    make_trace: Callable[..., Any], make_motion: Callable[..., Any]
+) -> None:
+    trace, _ = make_trace(pairs=("a-b",), steps=40)
+    motion = make_motion(trace, [0, 7, 8, 30, 40])
+    lengths = np.linalg.norm(motion.arrows, axis=1)
+    forces = np.linalg.norm(motion.forces.force, axis=1)
+    assert {True, False} == {*(forces * motion.scale > motion.longest)}, "of both kinds"
+    assert lengths == pytest.approx(np.minimum(forces * motion.scale, motion.longest))
+    along = (motion.arrows * motion.forces.force).sum(axis=1)
+    assert along == pytest.approx(lengths * forces)
+
+
 def test_moments_are_where_labels_begin_and_force_peaks(drawn: Callable[[str], Any]) -> None:
     run = drawn("ball")
     motion = read_motion(run.start.prepared, run.trace, 60)

@@ -95,6 +95,25 @@ def write_mcap(path: Path, columns: Mapping[str, np.ndarray]) -> None:
         writer.finish()
 
 
+@pytest.mark.parametrize("named", [False, True])
+def test_the_log_time_of_a_message_counts_if_it_has_no_other(tmp_path: Path, named: bool) -> None:
+    """Log times are in nanoseconds; a message is a number by name, or lists as of joint states."""
+    path, times, levels = tmp_path / "log.mcap", (0.0, 0.25, 1.5), (0.1, -0.2, 0.3)
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema("row", "jsonschema", b"{}")
+        channel = writer.register_channel("/controls", "json", schema)
+        for time, level in zip(times, levels, strict=True):
+            row = {"servo": level} if named else {"name": ["servo"], "position": [level]}
+            log_time = round(time * 1e9)
+            writer.add_message(channel, log_time, json.dumps(row).encode(), log_time)
+        writer.finish()
+    found = read_control_table(path)
+    assert found["time"] == pytest.approx(times, abs=1e-12)
+    assert found["servo"] == pytest.approx(levels)
+
+
 def test_columns_name_actuators_joints_and_bodies(scene: Scene, tmp_path: Path) -> None:
     text = "time,turn,elbow.ctrl,box.fz,hand.x,hand.qw,box.z,bend.qpos\n"
     text += "5,.1,.2,3,1,1,.5,-.4\n6,.3,.2,3,2,1,9,9\n"
