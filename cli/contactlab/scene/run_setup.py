@@ -68,7 +68,7 @@ def measurement_key(run: RunSpec, model: mujoco.MjModel) -> Hashable:
 def _model_kind(model: mujoco.MjModel) -> Hashable:
     """Return the model's part of the key, which runs of the model share."""
     acts = is_passive(model), is_conservative(model), has_other_forces(model), has_springs(model)
-    acts += (has_moving_surfaces(model),)
+    acts += (has_moving_surfaces(model), has_yielding_springs(model))
     # Inputs that decide a pair's solimp width.
     mixed = model.geom_solimp[:, 2], model.geom_solmix, model.geom_priority
     widths = *mixed, model.pair_solimp[:, 2], model.opt.o_solimp[2:3]
@@ -100,6 +100,7 @@ def make_setup(
         exact=float(base.model.opt.ccd_tolerance),
         steered=any(drive_word(run.drive) not in _STEADY_DRIVES for run in runs),
         conveying=any(map(has_moving_surfaces, distinct)),
+        yielding=any(map(has_yielding_springs, distinct)),
         passive=passive,
         conservative=passive and all(map(is_conservative, distinct)),
         free_bodies=tuple(bodies.values()),
@@ -188,6 +189,12 @@ def has_springs(model: mujoco.MjModel) -> bool:
     of_flexes = model.flex_edgestiffness, model.flex_stiffness, model.flex_bending
     stiff = (model.jnt_stiffness, model.tendon_stiffness, *of_flexes)
     return any(bool(stiffness.any()) for stiffness in stiff)
+
+
+def has_yielding_springs(model: mujoco.MjModel) -> bool:
+    """Return whether springs yield, which takes energy for good; since 4.0."""
+    names = "jnt_springyield", "tendon_springyield", "flex_yield"
+    return any(bool(np.any(getattr(model, name, 0))) for name in names)
 
 
 def has_other_forces(model: mujoco.MjModel) -> bool:

@@ -242,6 +242,14 @@ CASES: Mapping[str, Planted] = {
     ),
     "control-range": Planted({'ctrlrange="-1 1"': 'ctrlrange="-90 90"'}, "<position", False),
     "jaw-force": Planted({}, "<position", False, _JAWS),
+    "activation-step": Planted(
+        {
+            '<position name="lift" joint="shoulder" kp="10" ctrlrange="-1 1"/>': "<general "
+            'name="lift" joint="shoulder" ctrlrange="-1 1" dyntype="filter" dynprm=".001"/>'
+        },
+        "<general",
+        mends=False,
+    ),
     "light-link": Planted(
         {
             '<body name="base"': f'{_HOOK}\n    <body name="base"',
@@ -366,6 +374,7 @@ SOUND: Mapping[str, Mapping[str, str]] = {
     "welded-root": {_WHEEL.format("rear", "-.2"): ""},
     "nothing-below": {'contype="0" conaffinity="0"': ""},
     "control-range": {'ctrlrange="-90 90"': 'ctrlrange="-2 2"'},
+    "activation-step": {'dyntype="filter"': 'dyntype="filterexact"'},
     "jaw-force": {'kp="2000"': 'kp="2000" forcerange="-10 10"'},
     "light-link": {'mass=".01"': 'mass="5"'},
     "pyramid-friction": {'friction="20"': 'friction="1.5"'},

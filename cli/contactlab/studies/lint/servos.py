@@ -1,4 +1,4 @@
-"""Servo rules: targets that a joint cannot reach, and jaws that nothing limits."""
+"""Servo rules: targets that a joint cannot reach, jaws that nothing limits, fast activations."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -8,6 +8,7 @@ import numpy as np
 
 from contactlab.contact.contact_laws import rest_penetration
 from contactlab.contact.trace_arrays import Floats
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.contact_pairs import half_extents
 from contactlab.studies.lint.linted_model import Fault, LintedModel
 from contactlab.studies.lint.rules import rule
@@ -15,6 +16,7 @@ from contactlab.studies.lint.rules import rule
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
 _JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
 _FIXED_GAIN = int(mujoco.mjtGain.mjGAIN_FIXED)
+_FILTER, _MUSCLE = int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_MUSCLE)
 _AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
 
 
@@ -113,6 +115,34 @@ def jaw_force(linted: LintedModel) -> Iterator[Fault]:
             f"opening it presses with {force:.3g} N, at which {jaw} sinks in by "
             f"{1e3 * depth:.3g} mm{more}; write a forcerange, such as that of the real gripper",
             linted.place("actuator", servo.actuator),
+        )
+
+
+@rule("activation-step", "warn")
+def activation_step(linted: LintedModel) -> Iterator[Fault]:
+    """An activation is faster than the timestep, which integrates it explicitly."""
+    model, found = linted.model, list[tuple[float, int]]()
+    step = float(model.opt.timestep)
+    for actuator in range(model.nu):
+        dynamics = int(model.actuator_dyntype[actuator])
+        # A muscle has one constant to activate and one to deactivate.
+        count = 2 if dynamics == _MUSCLE else 1
+        shortest = float(model.actuator_dynprm[actuator, :count].min())
+        if dynamics in (_FILTER, _MUSCLE) and shortest < step * (1 - SUM_ROUNDING):
+            found.append((shortest, actuator))
+    if found:
+        shortest, actuator = min(found)
+        more = f"; and {len(found) - 1} more" if len(found) > 1 else ""
+        overshoots = 2.0  # explicit steps of a first-order lag grow beyond two time constants
+        what = "diverges" if step > overshoots * shortest else "overshoots"
+        instead = (
+            "" if model.actuator_dyntype[actuator] == _MUSCLE else 'dyntype="filterexact", or '
+        )
+        yield Fault(
+            f"the activation of {linted.name('actuator', actuator)} has a time constant of "
+            f"{1e3 * shortest:.3g} ms, and a step of {1e3 * step:.3g} ms {what}{more}; write "
+            f"{instead}a timestep of at most {1e3 * shortest:.3g} ms",
+            linted.place("actuator", actuator),
         )
 
 
