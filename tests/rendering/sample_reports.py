@@ -167,7 +167,7 @@ def forecast() -> SweepForecast:
     return SweepForecast(
         axes=(PlannedAxis(name="timestep", role="numerical", count=2, values="0.001, 0.002"),),
         seeds=3, runs=1200, least_runs=300, steps=120_000, seconds=(4.0, 130.0),
-        accuracy_seconds=2.5, timing_seconds=0.0, checks_seconds=7200.0,
+        accuracy_seconds=2.5, timing_seconds=0.0, memory_bytes=6e8,
         bytes=sizes["messages"], bytes_by_format=sizes, trace="unstable+1000",
         trace_format="messages", warnings=("12 of 1,200 runs have a long timestep",),
     )  # fmt: skip

@@ -1,20 +1,35 @@
-"""A forecast adds up all runs of a plan, and samples them evenly."""
+"""A forecast adds up all runs of a plan, and measures some of them."""
 
-from collections.abc import Mapping
+import json
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from contactlab.engines.engine import bytes_of_run
-from contactlab.plan.sweep_file import read_sweep
+import contactlab
+from contactlab.rendering.text import render_text
+from contactlab.reporting.store_reports_document import describe_forecast
 from contactlab.run import forecast as forecasts
-from contactlab.run.sweep_request import SceneLoader
+from contactlab.run.planned_runs import RunIndex
+from contactlab.run.sampled_cost import SampledCost, sample_cost
+from contactlab.run.sweep_request import SweepRequest, read_request
 from contactlab.scene.run_spec import RunSpec
-from contactlab.scene.scene import Scene
-from contactlab.schema.store_reports import SweepForecast
 
-# Runs of 200 steps at most take as long in all as the sweep does in the mean.
 TIMESTEPS, HEIGHTS = [1e-3, 2e-3, 4e-3], [0.1, 0.2, 0.3, 0.4, 0.5]
+SWEEP: dict[str, Any] = {
+    "version": 1,
+    "scene": "ball_drop",
+    "duration": 0.1,
+    "axes": {"timestep": TIMESTEPS, "drop_height": HEIGHTS},
+}
+FACTOR = 1.5  # of the estimated time, as the forecast documents it
+SIZE_FACTOR = 1.25
+
+
+def requested(folder: Path, workers: int = 1, **keys: Any) -> SweepRequest:
+    return read_request(
+        {**SWEEP, **keys}, "drops", folder / "store", folder=folder, workers=workers
+    )
 
 
 @pytest.mark.parametrize("seeds", [1, 3, 5])
@@ -22,7 +37,6 @@ TIMESTEPS, HEIGHTS = [1e-3, 2e-3, 4e-3], [0.1, 0.2, 0.3, 0.4, 0.5]
     ("trace", "fewest", "most"),
     [
         ("all", 1.0, 1.0),
-        ("none", 0.0, 0.0),
         ("sample:6", 6.0, 6.0),
         ("sample:10000", 1.0, 1.0),
         ("flagged", 0.0, 1.0),
@@ -30,51 +44,76 @@ TIMESTEPS, HEIGHTS = [1e-3, 2e-3, 4e-3], [0.1, 0.2, 0.3, 0.4, 0.5]
     ],
 )
 def test_a_forecast_is_the_sum_over_its_runs(
-    monkeypatch: pytest.MonkeyPatch, seeds: int, trace: str, fewest: float, most: float
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    seeds: int,
+    trace: str,
+    fewest: float,
+    most: float,
 ) -> None:
-    """Steps and bytes of each run, one by one; what a step costs is asked of every twelfth of n.
+    """Steps of each run, one by one, times the cost of a step; runs are sampled evenly."""
+    sampled = list[RunSpec]()
 
-    Every n // 12-th run of the plan is asked about, the first one among them.
-    """
-    asked = list[Mapping[str, object]]()
+    def cost(_request: object, _index: object, runs: list[RunSpec]) -> SampledCost:
+        sampled.extend(runs)
+        return SampledCost(1e-3, {"messages": 100.0, "compact": 10.0})
 
-    def cost(_: Scene, run: RunSpec) -> float:
-        asked.append(run.values)
-        return 1e-6
-
-    monkeypatch.setattr(forecasts, "_step_cost", cost)
-    sweep: dict[str, Any] = {
-        "version": 1,
-        "scene": "ball_drop",
-        "duration": 0.1,
-        "seeds": seeds,
-        "axes": {"timestep": TIMESTEPS, "drop_height": HEIGHTS},
-        "trace": trace,
-    }
-    plan = read_sweep(sweep, SceneLoader(None).vocabulary).plan
-    scene = Scene.open("ball_drop")
-    told = forecasts.forecast_sweep(plan, scene, 1)
+    monkeypatch.setattr(forecasts, "sample_cost", cost)
+    request = requested(tmp_path, seeds=seeds, trace=trace)
+    forecast = forecasts.forecast_sweep(request)
+    plan, scene = request.plan, request.scene
     runs = [scene.resolve(run.values, run.seed, 0.1) for run in plan.iterate_runs()]
     steps = sum(run.steps for run in runs)
-    assert (told.runs, told.steps) == (15 * seeds, steps)
+    assert (forecast.runs, forecast.steps) == (15 * seeds, steps)
+    assert forecast.seconds
+    estimate = 0.5 + 1e-3 * steps  # the start of the command, and the steps
+    assert forecast.seconds == pytest.approx((estimate / FACTOR, FACTOR * estimate))
     least, all_kept = (kept / len(runs) if kept > 1 else kept for kept in (fewest, most))
-    size = sum(bytes_of_run(scene.base_of(run).model, run.steps) for run in runs)
-    expected = 0.1 * least * size, 0.6 * all_kept * size
-    assert told.bytes_by_format["messages"] == pytest.approx(expected)
-    assert told.bytes == told.bytes_by_format[plan.sweep.trace_format]
-    assert asked == [run.values for run in runs[:: len(runs) // 12]]
-    # Recording and measures take 0.2 to 1.5 times what stepping takes.
-    assert told.seconds == pytest.approx((1.2e-6 * steps, 2.5e-6 * steps))
+    expected = 100 * steps * least / SIZE_FACTOR, 100 * steps * all_kept * SIZE_FACTOR
+    assert forecast.bytes_by_format["messages"] == pytest.approx(expected)
+    assert forecast.bytes == forecast.bytes_by_format[plan.sweep.trace_format]
+    stride = max(1, len(runs) // 48)
+    assert [run.values for run in sampled] == [run.values for run in runs[::stride]]
 
 
-def test_checks_of_all_runs_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each takes what it takes beside its steps, and eight times these."""
-    monkeypatch.setattr(forecasts, "_step_cost", lambda *_: 1e-6)
-    monkeypatch.setattr(forecasts, "_check_cost", lambda *_: 1e-2)
-    sweep = {"version": 1, "scene": "ball_drop", "duration": 0.1, "seeds": 3}
-    told = dict[str, SweepForecast]()
-    for checks in ("all", "none"):
-        plan = read_sweep({**sweep, "checks": checks}, SceneLoader(None).vocabulary).plan
-        told[checks] = forecasts.forecast_sweep(plan, Scene.open("ball_drop"), 1)
-    more = told["all"].seconds[0] - told["none"].seconds[0]
-    assert more == told["all"].checks_seconds == pytest.approx(3e-2 + 8e-6 * told["all"].steps)
+def test_two_workers_take_half_of_the_recording(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(forecasts, "sample_cost", lambda *_: SampledCost(1.0, {}))
+    monkeypatch.setattr("os.cpu_count", lambda: 8)
+    one, two = (forecasts.forecast_sweep(requested(tmp_path, count)) for count in (1, 2))
+    assert one.seconds
+    assert two.seconds
+    assert one.seconds[1] - 0.5 * FACTOR == pytest.approx(2 * (two.seconds[1] - 0.5 * FACTOR))
+
+
+def test_the_size_of_traces_is_that_of_the_store(tmp_path: Path) -> None:
+    """All runs are short enough to be sampled, so the sizes differ by lengths of names alone."""
+    for form in ("messages", "compact"):
+        request = requested(tmp_path, trace="all", trace_format=form)
+        index = RunIndex(request.plan, request.scene)
+        runs = list(index.iterate_runs())
+        cost = sample_cost(request, index, runs)
+        store = tmp_path / form
+        sweep = {**SWEEP, "trace": "all", "trace_format": form}
+        contactlab.sweep(sweep, output=str(store), workers=0)
+        size = sum(file.stat().st_size for file in (store / "traces").rglob("*.mcap"))
+        steps = sum(run.steps for run in runs)
+        assert cost.trace_bytes[form] * steps == pytest.approx(size, rel=0.25)
+        assert cost.cpu_seconds > 0
+        assert not (tmp_path / "store").exists()
+
+
+def test_code_that_is_not_allowed_is_not_run(tmp_path: Path) -> None:
+    (tmp_path / "policy.py").write_text("raise SystemExit('it ran')\n")
+    (tmp_path / "cart.xml").write_text(
+        "<mujoco><worldbody><body><joint name='x' type='slide'/><geom size='.1'/></body>"
+        "</worldbody><actuator><motor joint='x'/></actuator></mujoco>"
+    )
+    request = requested(
+        tmp_path, scene="cart.xml", axes={"timestep": TIMESTEPS}, drive={"policy": "policy.py:P"}
+    )
+    forecast = forecasts.forecast_sweep(request)
+    assert (forecast.seconds, forecast.bytes, forecast.memory_bytes) == (None, None, None)
+    assert "--allow-code" in render_text(describe_forecast(forecast))
+    assert json.loads(forecast.model_dump_json())["runs"] == 3

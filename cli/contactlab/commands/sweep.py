@@ -134,7 +134,7 @@ def sweep(
     for warning in request.plan.warnings:
         say(str(warning))
     if plan:
-        return forecast_sweep(request.plan, request.scene, request.workers)
+        return forecast_sweep(replace(request, allow_code=allow_code))
     if request.plan.count > CONFIRM_ABOVE and not yes:
         raise SweepFileError(
             f"the sweep has {request.plan.count:,} runs; look at it with --plan, then run it with "

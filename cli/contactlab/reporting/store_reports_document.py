@@ -46,16 +46,19 @@ def _forecast_facts(report: SweepForecast) -> Iterator[tuple[str, str]]:
         runs, steps = f"{report.least_runs:,} to {runs}", f"{part * report.steps:,.0f} to {steps}"
     yield "runs", f"{runs} (seeds {report.seeds})"
     yield "steps", steps
+    if report.seconds is None or report.bytes is None or report.memory_bytes is None:
+        yield "time", "unknown: the runs execute code; add --allow-code to measure some of them"
+        return
     least, most = report.seconds
     yield "time", _range_text((part * least, most), "long")
     passes = {
         "accuracy": report.accuracy_seconds,
         "timing": report.timing_seconds,
-        "checks of all runs, or more": report.checks_seconds,
     }
     for name, seconds in passes.items():
         if seconds:
             yield "", f"{format_amount(seconds, 'long')} of it for {name}"
+    yield "memory", f"at most {format_amount(report.memory_bytes, 'B')}"
     least, most = report.bytes
     yield "disk", f"{_range_text((part * least, most), 'B')} of traces"
     for form, size in report.bytes_by_format.items():

@@ -1,7 +1,8 @@
 """Forecast of a sweep before it runs: number of runs, time, disk, and suspicious settings."""
 
-import time
-from collections.abc import Hashable, Iterator
+import os
+import resource
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -10,32 +11,34 @@ import numpy as np
 from contactlab.accuracy.discretization import reference_steps
 from contactlab.accuracy.timing import timing_seconds
 from contactlab.advisories.met_advisories import describe_met_advisory
-from contactlab.budget import backward_error
 from contactlab.contact.contact_laws import refsafe_solref, stiffness_damping
 from contactlab.engines import engine_of
-from contactlab.engines.engine import ChecksRuns, PreparedRuns, bytes_of_run
+from contactlab.engines.engine import PreparedRuns
 from contactlab.plan.grid import Plan
 from contactlab.plan.kept_traces import KeptTraces
 from contactlab.plan.refined_axes import smallest_run_count
 from contactlab.rendering.amounts import format_setting
 from contactlab.run.planned_runs import RunIndex, reference_models
+from contactlab.run.sampled_cost import sample_cost
 from contactlab.run.sweep_advisories import find_sweep_advisories
+from contactlab.run.sweep_request import SweepRequest
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
+from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.store_reports import PlannedAxis, SweepForecast
 
 # Above this product of step and natural frequency, contacts gain energy under the Euler family.
 _MAX_STEP_RATE = 0.8
-_RUN_SAMPLES = 12
+_RUN_SAMPLES = 48
 _SAMPLE_STEPS = 200
 _MAX_CACHED = 1 << 12
-# Steps for a checked run, in runs: a repetition, and windows of the run and of its references.
-_CHECK_REPETITIONS, _CHECKED_STEPS = 8, 2
-# Time with recording, metrics and traces over the time of stepping, least and most.
-_OVERHEAD_FACTORS = (1.2, 2.5)
-# Size of a trace, least and most, as a share of the recorded arrays.
-_COMPRESSED_SHARES = {"messages": (0.1, 0.6), "compact": (0.03, 0.2)}
+# Sampled runs and busy machines: of the shipped sweeps all take within this factor of the estimate.
+_TIME_FACTOR = 1.5
+# Traces of sampled runs differ in size from those of the others by about as much.
+_SIZE_FACTOR = 1.25
+# From the start of the command to the first job, and from the last one to the finished store.
+_START_SECONDS = 0.5
 
 
 @dataclass
@@ -47,41 +50,53 @@ class _RunSums:
     """
 
     steps: int = 0
-    bytes: int = 0
     fast: int = 0
     clamped: int = 0
     sampled: list[RunSpec] = field(default_factory=list[RunSpec])
 
 
-def forecast_sweep(plan: Plan, scene: Scene, workers: int) -> SweepForecast:
-    """Estimate the cost of a sweep from a few hundred steps of a few of its runs."""
+def forecast_sweep(request: SweepRequest) -> SweepForecast:
+    """Estimate the cost of a sweep by recording a few of its runs.
+
+    A sweep whose runs execute code that is not allowed has no estimate of time, memory and disk.
+    """
+    plan, scene, workers = request.plan, request.scene, max(1, request.workers)
     index = RunIndex(plan, scene)
-    sums, sweep, workers = _sum_runs(index, scene), plan.sweep, max(1, workers)
-    per_step = [_step_cost(scene, resolved) for resolved in sums.sampled] or [0.0]
-    least, likely, most = np.quantile(per_step, (0.25, 0.5, 0.75)).tolist()
-    share = sums.steps / workers
+    sums, sweep = _sum_runs(index), plan.sweep
+    cost = None
+    if sums.sampled and not (_runs_code(scene) and not request.allow_code):
+        cost = sample_cost(request, index, sums.sampled)
     accuracy = timing = 0.0
     if sweep.accuracy or sweep.timing:
+        steps_cost = np.median([_step_cost(scene, run) for run in sums.sampled[::4]]).item()
         planned = list(index.iterate_runs())
         resolved = {run.run_id: run for run in planned}
         if sweep.accuracy:
             models = reference_models(scene, sweep, planned)
             steps = reference_steps(sweep.accuracy.refine, resolved, models, scene)
-            accuracy = likely * steps / workers
+            accuracy = steps_cost * steps / workers
         if sweep.timing:
             steps = [run.steps for run in resolved.values()]
             # Workers run these once more to count work, before they are timed.
-            timing = likely * share + timing_seconds(sweep.timing, steps, likely)
-    checks = 0.0
-    if sweep.checks == "all" and sums.sampled:
-        alone = _check_cost(scene, sums.sampled[0])
-        checks = (alone * len(index) + _CHECK_REPETITIONS * likely * sums.steps) / workers
-    passes = accuracy + timing
-    fewest, all_kept = KeptTraces.read_rule(sweep.trace).share_bounds(len(index))
-    sizes = {
-        form: (sums.bytes * fewest * low, sums.bytes * all_kept * high)
-        for form, (low, high) in _COMPRESSED_SHARES.items()
-    }
+            timing = steps_cost * sums.steps / workers
+            timing += timing_seconds(sweep.timing, steps, steps_cost)
+    seconds = memory = None
+    sizes = dict[str, tuple[float, float]]()
+    if cost:
+        recording = cost.cpu_seconds * sums.steps / min(workers, len(index), os.cpu_count() or 1)
+        total = _START_SECONDS + recording + accuracy + timing
+        seconds = total / _TIME_FACTOR, total * _TIME_FACTOR
+        fewest, all_kept = KeptTraces.read_rule(sweep.trace).share_bounds(len(index))
+        sizes = {
+            form: (
+                bytes_per_step * sums.steps * fewest / _SIZE_FACTOR,
+                bytes_per_step * sums.steps * all_kept * _SIZE_FACTOR,
+            )
+            for form, bytes_per_step in cost.trace_bytes.items()
+        }
+        # Linux reports the largest resident memory of this process in KiB. It has recorded runs as
+        # a worker does; workers share what they load.
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 * (1 + request.workers)
     refine = sweep.refining
     return SweepForecast(
         axes=tuple(
@@ -94,14 +109,11 @@ def forecast_sweep(plan: Plan, scene: Scene, workers: int) -> SweepForecast:
         runs=len(index),
         least_runs=smallest_run_count(refine, len(index)) if refine else None,
         steps=sums.steps,
-        seconds=(
-            least * share * _OVERHEAD_FACTORS[0] + checks + passes,
-            (most * share + checks) * _OVERHEAD_FACTORS[1] + passes,
-        ),
+        seconds=seconds,
         accuracy_seconds=accuracy,
         timing_seconds=timing,
-        checks_seconds=checks,
-        bytes=sizes[sweep.trace_format],
+        memory_bytes=memory,
+        bytes=sizes.get(sweep.trace_format, (0.0, 0.0)) if cost else None,
         bytes_by_format=sizes,
         trace=sweep.trace,
         trace_format=sweep.trace_format,
@@ -120,16 +132,12 @@ def _values_text(values: tuple[object, ...]) -> str:
     return ", ".join(map(format_setting, shown))
 
 
-def _sum_runs(index: RunIndex, scene: Scene) -> _RunSums:
-    sums, sizes = _RunSums(), dict[Hashable, int]()
+def _sum_runs(index: RunIndex) -> _RunSums:
+    sums = _RunSums()
     stride, runs = max(1, len(index) // _RUN_SAMPLES), 0
     for run, count in index.iterate_rows():
         steps, solref = run.steps, run.settings.get("solref")
         sums.steps += count * steps
-        shape = (*run.structure.values(), run.without, steps)
-        if shape not in sizes:
-            sizes[shape] = bytes_of_run(scene.base_of(run).model, steps)
-        sums.bytes += count * sizes[shape]
         if isinstance(solref, tuple):
             used = refsafe_solref(solref, run.timestep) if run.flags["refsafe"] else solref
             sums.fast += count * (
@@ -151,14 +159,9 @@ def _step_cost(scene: Scene, resolved: RunSpec) -> float:
     return engine_of(resolved).seconds_per_step(first_steps)
 
 
-def _check_cost(scene: Scene, resolved: RunSpec) -> float:
-    """Return the CPU time of the check of a run, besides its steps [s]."""
-    if not isinstance(engine_of(resolved), ChecksRuns):
-        return 0.0
-    runs = PreparedRuns.of(scene, resolved)
-    begin = time.thread_time()
-    backward_error(replace(runs, steps=min(runs.steps, _CHECKED_STEPS)), 0)
-    return time.thread_time() - begin
+def _runs_code(scene: Scene) -> bool:
+    """Return whether runs of a scene execute the code of a policy or of an environment."""
+    return isinstance(scene.drive.drive, PolicyDrive) or scene.source.environment is not None
 
 
 def _forecast_warnings(plan: Plan, runs: int, sums: _RunSums) -> Iterator[str]:

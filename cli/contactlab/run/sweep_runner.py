@@ -39,6 +39,7 @@ from contactlab.run.tasks import (
 )
 from contactlab.run.worker import Worker
 from contactlab.run.worker_pool import LocalPool
+from contactlab.scene.drive.located_drive import LocatedDrive
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.model_edits import MODEL_ENGINE
 from contactlab.scene.run_spec import RunSpec
@@ -51,7 +52,7 @@ from contactlab.schema.evidence import (
     SweepIdentity,
 )
 from contactlab.schema.sweep_schema import Sweep
-from contactlab.store.store_writer import open_writer
+from contactlab.store.store_writer import StoreWriter, open_writer
 from contactlab.store.table_layout import (
     PLUGINS_COLUMN,
     REAL,
@@ -102,17 +103,7 @@ def run_sweep(
             stored = min(len(index), store.runs)
             begin(stored, stored)
             return store
-        task = Task(
-            sweep=request.plan.sweep,
-            expected=request.plan.expected,
-            identity=identity,
-            store=where.resolve() if isinstance(where := request.store, Path) else where,
-            scene_folder=store.scene_folder.resolve(),
-            provenance=find_provenance(),
-            plugins=loaded_plugins(),
-            policy=policy,
-            environment=request.scene.source.environment,
-        )
+        task = make_task(request, identity, store, policy)
         executor, stop = request.cluster or LocalPool(request.workers), stop or Stop()
         session = SweepSession(task, request.scene, store, index, executor, stop, begin, progress)
         if chosen := chosen_runs(request.plan, index):
@@ -193,6 +184,26 @@ def _run_missing(session: SweepSession) -> None:
             [record.row for record in finished], finished[0].shared if finished else b""
         )
         session.progress(finished)
+
+
+def make_task(
+    request: SweepRequest,
+    identity: SweepIdentity,
+    store: StoreWriter,
+    policy: LocatedDrive | None,
+) -> Task:
+    """Return the data that all jobs of a sweep share; the code of a policy must be allowed."""
+    return Task(
+        sweep=request.plan.sweep,
+        expected=request.plan.expected,
+        identity=identity,
+        store=where.resolve() if isinstance(where := request.store, Path) else where,
+        scene_folder=store.scene_folder.resolve(),
+        provenance=find_provenance(),
+        plugins=loaded_plugins(),
+        policy=policy,
+        environment=request.scene.source.environment,
+    )
 
 
 def identity_of(request: SweepRequest, index: RunIndex) -> SweepIdentity:

@@ -20,11 +20,12 @@ class PlannedAxis(Model):
 class SweepForecast(ReportModel):
     """The expected cost of a sweep of distinct runs, and warnings about suspicious settings.
 
-    Wall time and size of the traces are estimated from below and above. Parts of the time are for
-    references and errors, for times and work, and (at least) for checks of all runs.
+    Wall time and size of the traces are estimated from below and above, by recording some of the
+    runs. They are null if the runs execute code that is not allowed. Parts of the time are for
+    references and errors, and for times and work.
     """
 
-    forecast_version: Literal[1] = 1
+    forecast_version: Literal[2] = 2
     axes: tuple[PlannedAxis, ...]
     seeds: int = about("Number of seeds.")
     runs: int = about("Number of distinct runs, at most.")
@@ -32,11 +33,13 @@ class SweepForecast(ReportModel):
         "Number of runs, at least, of a sweep that refines; null otherwise.", default=None
     )
     steps: int = about("Steps of all runs.")
-    seconds: tuple[float, float] = about("Wall time of all runs, least and most [s].")
+    seconds: tuple[float, float] | None = about("Wall time of all runs, least and most [s].")
     accuracy_seconds: float
     timing_seconds: float
-    checks_seconds: float
-    bytes: tuple[float, float] = about("Size of the traces, least and most; 0 without traces.")
+    memory_bytes: float | None = about("Memory of all processes, at most.")
+    bytes: tuple[float, float] | None = about(
+        "Size of the traces, least and most; 0 without traces."
+    )
     bytes_by_format: dict[str, tuple[float, float]] = about("The same for every `trace_format`.")
     trace: str = about("The rule that chooses the runs that keep a trace.")
     trace_format: str

@@ -1,0 +1,108 @@
+"""Measures what a sweep's runs cost, by recording some of them into a temporary store."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from contactlab.engines.closed_loop import allowed_policy
+from contactlab.run.planned_runs import RunIndex, pack_jobs
+from contactlab.run.sweep_request import SweepRequest
+from contactlab.run.sweep_runner import identity_of, make_task
+from contactlab.run.worker import Worker
+from contactlab.scene.run_spec import RunSpec
+from contactlab.store.store_files import TRACES
+from contactlab.store.store_writer import StoreWriter, open_writer
+
+_SAMPLE_CPU_SECONDS = 2.0  # about as long as a person waits for a plan
+_FEWEST_RUNS = 4  # settings differ between runs, so fewer tell nothing of the others
+_WARM_UP_STEPS = 100  # compile the model, and load what the first run of a process loads
+_TRIAL_STEPS = 500  # of one run, to find how many steps can be sampled
+_FORM_RUNS = 3  # runs that are encoded in each form of traces
+
+
+@dataclass(frozen=True)
+class SampledCost:
+    """The cost of recorded runs, per step: stepping, measures, checks and traces included."""
+
+    cpu_seconds: float
+    trace_bytes: dict[str, float]  # by `trace_format`
+
+
+def sample_cost(request: SweepRequest, index: RunIndex, runs: Sequence[RunSpec]) -> SampledCost:
+    """Record some runs of a sweep as its workers would, and return what a step costs.
+
+    Runs are shortened, and some are left out, if all of them would take longer than two seconds of
+    CPU time.
+    """
+    runs = [replace(run, run_id=f"{place:016x}", index=place) for place, run in enumerate(runs)]
+    with TemporaryDirectory() as folder:
+        first = _shorten([runs[0]], _WARM_UP_STEPS)
+        trial = _shorten([runs[0]], _TRIAL_STEPS)
+        worker = _open_worker(request, index, Path(folder) / "own")
+        _record_jobs(worker, request, first)
+        ((seconds, steps),) = _record_jobs(worker, request, trial)
+        chosen = _affordable_runs(runs, _SAMPLE_CPU_SECONDS * steps / max(seconds, 1e-9))
+        seconds, steps = np.sum(_record_jobs(worker, request, chosen), axis=0).tolist()
+        forms = {}
+        if request.plan.sweep.trace != "none":
+            few = chosen[:: max(1, len(chosen) // _FORM_RUNS)]
+            for form in ("messages", "compact"):
+                forms[form] = _trace_bytes_per_step(request, index, Path(folder) / form, few, form)
+    return SampledCost(seconds / steps, forms)
+
+
+def _shorten(runs: Sequence[RunSpec], most_steps: int) -> list[RunSpec]:
+    return [
+        replace(run, duration=run.timestep * most_steps) if run.steps > most_steps else run
+        for run in runs
+    ]
+
+
+def _affordable_runs(runs: Sequence[RunSpec], most_steps: float) -> list[RunSpec]:
+    """Return as many runs as can be recorded in some steps, evenly chosen, shortened if needed."""
+    share = min(1.0, most_steps / sum(run.steps for run in runs))
+    count = min(len(runs), max(_FEWEST_RUNS, round(share * len(runs))))
+    chosen = [runs[place] for place in np.linspace(0, len(runs) - 1, count).round().astype(int)]
+    return _shorten(chosen, max(_WARM_UP_STEPS, int(most_steps / count)))
+
+
+def _record_jobs(
+    worker: Worker, request: SweepRequest, runs: Sequence[RunSpec]
+) -> list[tuple[float, int]]:
+    """Return the CPU time [s] and the steps of each job that the runs are packed into."""
+    costs = list[tuple[float, int]]()
+    for job in pack_jobs(runs, len(runs), request.scene, 1):
+        begin = time.process_time()
+        worker.run(job)
+        costs.append((time.process_time() - begin, sum(run.steps for run in job)))
+    return costs
+
+
+def _trace_bytes_per_step(
+    request: SweepRequest, index: RunIndex, store: Path, runs: Sequence[RunSpec], form: str
+) -> float:
+    sweep = request.plan.sweep.model_copy(
+        update={"trace": "all", "trace_format": form, "checks": "none"}
+    )
+    worker = _open_worker(replace(request, plan=replace(request.plan, sweep=sweep)), index, store)
+    for job in pack_jobs(runs, len(runs), request.scene, 1):
+        worker.run(job)
+    size = sum(file.stat().st_size for file in (store / TRACES).rglob("*.mcap"))
+    return size / sum(run.steps for run in runs)
+
+
+def _open_worker(request: SweepRequest, index: RunIndex, store: Path) -> Worker:
+    """Return a worker of the sweep that writes into a store of its own."""
+    policy = allowed_policy(request.scene.drive, allowed=request.allow_code)
+    request = replace(request, store=store, fresh=False, shard=None)
+    identity, drive = identity_of(request, index), request.scene.drive
+    beside = {drive.hash: drive} if request.plan.sweep.drive and drive.hash else {}
+    with open_writer(
+        store, identity, request.scene.source.content, fresh=False, beside=beside
+    ) as writer:
+        assert isinstance(writer, StoreWriter)
+        return Worker(make_task(request, identity, writer, policy), None)
