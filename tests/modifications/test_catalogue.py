@@ -1,6 +1,7 @@
 """The catalogue of modifications: each entry is well formed, and each consumer reads it."""
 
 import copy
+import operator
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
@@ -17,6 +18,7 @@ from contactlab.measure import LABELS
 from contactlab.mjcf import OPTIONS
 from contactlab.modifications.catalogue import (
     CATALOGUE,
+    find_row,
     find_softness_rows,
     is_numerical_label,
     list_candidates,
@@ -202,3 +204,39 @@ def test_levers_and_removals_name_things_that_exist() -> None:
             assert lever.setting in {*OPTIONS, *FLAG_NAMES, "condim"}
         for removal in entry.removals:
             assert any(hasattr(MODEL, field) for field in removal.fields)
+
+
+_CHANGED = """<mujoco><option impratio="3" noslip_iterations="2"/><worldbody><body>
+<joint type="slide" range="0 1" damping="2" stiffness="5" frictionloss=".1"/>
+<geom size=".1" margin=".01" friction=".8 .01 .001" solref=".03 .9"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("row", "field", "factors"),
+    [
+        ("impratio", "opt.impratio", (10,)),
+        ("noslip", "opt.noslip_iterations", (5,)),
+        ("contact softness", "geom_solref", ((0.5, 1),)),
+        ("limit softness", "jnt_solref", ((0.5, 1),)),
+        ("friction loss softness", "dof_solref", ((0.5, 1),)),
+        ("margin", "geom_margin", (0,)),
+        ("damping", "dof_damping", (0,)),
+        ("springs", "jnt_stiffness", (0,)),
+        ("friction loss", "dof_frictionloss", (0,)),
+        ("friction 10 %", "geom_friction", ((1.1, 1, 1), (0.9, 1, 1))),
+        ("mass 5 %", "body_mass", (1.05, 0.95)),
+        ("mass 5 %", "body_inertia", (1.05, 0.95)),
+    ],
+)
+def test_a_row_changes_a_field_by_the_factor_of_its_summary(
+    row: str, field: str, factors: tuple[float | tuple[float, ...], ...]
+) -> None:
+    """A summary such as `impratio x 10` is the change of the model, for any value in its file."""
+    model = mujoco.MjModel.from_xml_string(_CHANGED)
+    read = operator.attrgetter(field)
+    before = np.array(read(model))
+    for change, factor in zip(find_row(row).changes, factors, strict=True):
+        changed = copy.copy(model)
+        change(changed, model)
+        assert read(changed) == pytest.approx(before * np.array(factor))
+        assert before.any(), "otherwise every factor would do"
