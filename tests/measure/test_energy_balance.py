@@ -104,3 +104,27 @@ def test_what_a_yielding_spring_takes_for_good_its_model_takes_too(sweeper: Any)
     assert row["integration_loss"] > 0.1
     assert abs(row["backward_error_energy"]) < 0.1
     assert found == {"stable"}
+
+
+RESTING_BOUNCE = """
+<mujoco>
+  <option timestep="{timestep}"/>
+  <worldbody>
+    <geom type="plane" size="5 5 .1"/>
+    <body pos="0 0 .5"><freejoint/>
+      <geom size=".05" mass=".5" solref=".0138 .1809" priority="1"/></body>
+  </worldbody>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize(("timestep", "gains"), [(0.004, True), (0.0005, False)])
+def test_a_gain_at_rest_is_found_before_an_excitation(
+    sweeper: Any, timestep: float, gains: bool
+) -> None:
+    """Pushes begin after 1 s; until then the ball bounces by its own energy alone."""
+    (sweeper.folder / "model.xml").write_text(RESTING_BOUNCE.format(timestep=timestep))
+    for drive in ("none", "exercise"):
+        sweeper.run(SWEEP.format(seconds=3).replace("none", drive, 1), drive)
+        (row,) = sweeper.rows(drive)
+        assert ("energy_injection" in row["labels"]) == gains, (drive, row["energy_gain"])

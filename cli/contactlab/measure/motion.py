@@ -50,18 +50,18 @@ def energy_scale(context: Context) -> Floats:
     return np.maximum(energy_budget(context), least_energy(context))
 
 
-@metric("1", "lower", 1e-9, version=2, requires="energy", equivalence=True, heading="gain")
+@metric("1", "lower", 1e-9, version=3, requires="energy", equivalence=True, heading="gain")
 def energy_gain(context: Context) -> Floats:
-    """Largest mechanical energy over that at the start, less 1, in a passive scene.
+    """Largest mechanical energy over that at the start, less 1, while nothing drives the scene.
 
     The datum is the lowest potential energy of the run. The energy at the start counts as at least
     the energy to lift everything by 1 % of a mean body, with the energy stored by a slightly deep
     start, or one outside of limits. The oscillation that semi-implicit steps give springs does not
     count.
     """
-    if not context.setup.passive:
+    values, driven = _undriven_energy(context), not context.setup.passive
+    if driven and not np.isfinite(values[:, 1:]).any():
         return context.undefined()
-    values = _level_energy(context)
     given = values[:, 0] + _stored_at_start(context)
     return (values.max(axis=1) - given) / energy_scale(context)
 
@@ -210,7 +210,7 @@ def energy_injection(runs: MeasuredRuns) -> OnsetIterator:
     """
     context = runs.context
     for run, gain, limit in runs.over("energy_gain"):
-        values = _level_energy(context)[run]
+        values = _undriven_energy(context)[run]
         given = values[0] + _stored_at_start(context)[run]
         risen = values - given > limit * energy_scale(context)[run]
         where, _ = largest_energy_change(context, run)
@@ -314,6 +314,16 @@ def _level_energy(context: Context) -> Floats:
     level = moving[:, :-1] + 3 * moving[:, 1:] + 3 * stored[:, :-1] + stored[:, 1:]
     level = np.concatenate([level, level[:, -1:]], axis=1) / 4
     return np.where(semi_implicit(context)[:, None] > 0, level, values)
+
+
+@cached
+def _undriven_energy(context: Context) -> Floats:
+    """Return (n, N) level energies [J]; -inf after the first input."""
+    values = _level_energy(context)
+    if context.setup.passive:
+        return values
+    steps = context.setup.undriven / context.trace.timestep - 1
+    return np.where(np.arange(values.shape[1]) < steps[:, None], values, -np.inf)
 
 
 @cached

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Hashable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -46,6 +47,7 @@ from contactlab.scene.part_bodies import (
 )
 from contactlab.scene.requirements import RunRequirement, expected_of_runs
 from contactlab.scene.run_spec import RunSpec, settings_table
+from contactlab.scene.task import rest_time
 from contactlab.schema.drive import Drive, FileDrive, drive_word
 from contactlab.schema.scene_manifest import SceneManifest
 
@@ -100,6 +102,7 @@ def make_setup(
         exact=float(base.model.opt.ccd_tolerance),
         steered=any(drive_word(run.drive) not in _STEADY_DRIVES for run in runs),
         conveying=any(map(has_moving_surfaces, distinct)),
+        undriven=_undriven_time(manifest, runs) if all(map(is_passive, distinct)) else 0.0,
         yielding=any(map(has_yielding_springs, distinct)),
         passive=passive,
         conservative=passive and all(map(is_conservative, distinct)),
@@ -214,6 +217,14 @@ def _is_pushed(manifest: SceneManifest | None, runs: Sequence[RunSpec]) -> bool:
     pushed = any(_FORCE_COORDINATE.search(name) for setting in initial for name in setting.sets)
     driven = any(_may_push(run.drive) for run in runs)
     return pushed or driven or bool(manifest and manifest.control)
+
+
+def _undriven_time(manifest: SceneManifest | None, runs: Sequence[RunSpec]) -> float:
+    """Return how long all runs rest before an excitation [s]; 0 for other drives."""
+    resting = [replace(run, drive="none") for run in runs]
+    if _is_pushed(manifest, resting) or {drive_word(run.drive) for run in runs} != {"exercise"}:
+        return 0.0
+    return min(rest_time(run.duration) for run in runs)
 
 
 def _free_bodies(models: Sequence[mujoco.MjModel]) -> dict[int, FreeBody]:
