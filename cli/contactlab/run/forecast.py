@@ -76,16 +76,19 @@ def forecast_sweep(request: SweepRequest) -> SweepForecast:
             steps = reference_steps(sweep.accuracy.refine, resolved, models, scene)
             accuracy = steps_cost * steps / workers
         if sweep.timing:
-            steps = [run.steps for run in resolved.values()]
+            # Of contenders one seed is timed, and only the configurations that contend.
+            seeds = sweep.seed_values[:1] if sweep.timing.contenders else sweep.seed_values
+            steps = [run.steps for run in resolved.values() if run.seed in seeds]
             # Workers run these once more to count work, before they are timed.
-            timing = steps_cost * sums.steps / workers
+            timing = steps_cost * sum(steps) / workers
             timing += timing_seconds(sweep.timing, steps, steps_cost)
     seconds = memory = None
     sizes = dict[str, tuple[float, float]]()
     if cost:
         recording = cost.cpu_seconds * sums.steps / min(workers, len(index), os.cpu_count() or 1)
-        total = _START_SECONDS + recording + accuracy + timing
-        seconds = total / _TIME_FACTOR, total * _TIME_FACTOR
+        total = _START_SECONDS + recording + accuracy
+        certain = 0.0 if sweep.timing and sweep.timing.contenders else timing
+        seconds = (total + certain) / _TIME_FACTOR, (total + timing) * _TIME_FACTOR
         fewest, all_kept = KeptTraces.read_rule(sweep.trace).share_bounds(len(index))
         sizes = {
             form: (
