@@ -274,6 +274,8 @@ def _change_facts(change: "Fix") -> Facts:
         "excluded": _nested(change.excluded_pairs),
         "fitted": _nested(change.replaced_meshes),
         "posed": _nested(change.changed_keyframes),
+        "placed": _nested(change.moved_bodies),
+        "masked": _nested(change.masked_geoms),
         "cost": change.time_ratio and change.time_ratio.ratio,
     }
 

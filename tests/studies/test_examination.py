@@ -9,7 +9,7 @@ import pytest
 from contactlab.rendering.text import render_text
 from contactlab.reporting.examination_document import describe_examination
 from contactlab.schema.error_budget import BudgetPhase, BudgetReason, BudgetReport, BudgetRow
-from contactlab.schema.examination import Examination, Fact, Fix, RunLabel
+from contactlab.schema.examination import Cause, Examination, Fact, Fix, RunLabel
 from contactlab.schema.finding import Finding
 from contactlab.schema.task import Phase, Task
 from contactlab.schema.verdict import VerdictWord
@@ -137,14 +137,28 @@ def test_an_overlap_of_the_start_is_the_first_cause(word: VerdictWord) -> None:
     assert report.why[0] == OVERLAP.sentence
 
 
-@pytest.mark.parametrize("removes", ["verdict", "labels", "overlap"])
-def test_the_headline_names_a_start_that_alone_removes_the_verdict(removes: str) -> None:
-    raised = fix("a raised start", removes=removes, changed_keyframes=(("home", (0.3,)),))
-    overlap = OVERLAP.model_copy(update={"place": "contact world - mug"})
-    report = conclude(examined("depends", labels=(LABEL,), facts=(overlap,), fixes=(raised,)))
-    named = report.headline == "fails: its start overlaps by 20 mm at contact world - mug"
-    assert named == (removes != "overlap")
-    assert report.why[0] == overlap.sentence
+START = Cause(
+    stage="start",
+    sentence="its start overlaps by 20 mm at contact world - mug",
+    repair="a raised start",
+    verdict="ok",
+    remainder="ok: numerical error 1 % in mug",
+)
+
+
+@pytest.mark.parametrize("word", WORDS)
+def test_a_cause_that_comes_first_is_the_headline_and_the_rest_follows(word: VerdictWord) -> None:
+    report = conclude(examined(word, labels=(LABEL,), facts=(OVERLAP,), causes=(START,)))
+    assert report.headline == f"{report.verdict}: {START.sentence}"
+    assert report.why == (START.sentence, f"with a raised start: {START.remainder}")
+
+
+def test_a_fault_of_the_file_fails_whatever_the_runs_say() -> None:
+    fault = Cause(stage="file", sentence="no actuators: 2 joints have motors")
+    report = conclude(examined("ok", causes=(fault,)))
+    assert (report.verdict, report.headline) == ("fails", "fails: no actuators")
+    assert report.why[0] == fault.sentence
+    assert conclude(examined("inaccurate", causes=(fault,))).verdict == "inaccurate"
 
 
 def test_the_main_numerical_setting_is_the_cause() -> None:

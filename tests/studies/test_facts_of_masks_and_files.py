@@ -11,7 +11,8 @@ from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.windows import replay
 from contactlab.scene.scene_source import find_scene
 from contactlab.schema.examination import Fact
-from contactlab.studies.examine.linted_file import file_facts
+from contactlab.schema.task import QPOS0
+from contactlab.studies.examine.linted_file import lint_file
 from contactlab.studies.examine.masked_passages import MaskedPassages
 
 _STEP, _RADIUS, _BEGIN = 0.002, 0.02, 1.5
@@ -73,8 +74,25 @@ def test_the_first_mistakes_of_a_file_are_told_with_their_lines(tmp_path: Path) 
 <body pos="0 0 .5"><joint name="knee" range="-90 0" limited="true"/><geom size=".1"/></body>
 </body></worldbody></mujoco>"""
     file.write_text(text.format(angle="radian"), encoding="utf-8")
-    (fact,) = file_facts(find_scene(str(file)), str(file))
+    (fact,) = lint_file(find_scene(str(file)), str(file), QPOS0).facts
     assert fact.place.startswith(str(file))
     assert "[degrees-as-radians]" in fact.sentence
     file.write_text(text.format(angle="degree"), encoding="utf-8")
-    assert list(file_facts(find_scene(str(file)), str(file))) == []
+    assert lint_file(find_scene(str(file)), str(file), QPOS0).facts == ()
+
+
+def test_a_file_whose_runs_mislead_has_faults(tmp_path: Path) -> None:
+    """A keyframe with a wrong count is one for runs from it, doubled geoms are one for all."""
+    file, geom = tmp_path / "box.xml", '<geom type="box" size=".1 .1 .1"/>'
+    text = """<mujoco><worldbody><geom type="plane" size="1 1 .1"/>
+<body name="box"><freejoint/>{}</body></worldbody>
+<keyframe><key name="short" qpos="0 0 1"/><key name="whole" qpos="0 0 1 1 0 0 0"/></keyframe>
+</mujoco>"""
+    file.write_text(text.format(geom), encoding="utf-8")
+    (fault,) = lint_file(find_scene(str(file)), str(file), "short").faults
+    assert (fault.rule, fault.is_of_start) == ("keyframe-length", True)
+    assert "write 7 numbers in qpos of keyframe short (box.xml:3)" in fault.fix
+    assert lint_file(find_scene(str(file)), str(file), "whole").faults == ()
+    file.write_text(text.format(2 * geom), encoding="utf-8")
+    (fault,) = lint_file(find_scene(str(file)), str(file), "whole").faults
+    assert (fault.rule, fault.is_of_start) == ("coincident-geoms", False)

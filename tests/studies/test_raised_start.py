@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.studies.test_start_fixes import scene_of, verdict_of
+from tests.studies.test_start_fixes import scene_of
 
 import contactlab
 from contactlab.budget.motion import INTEGRATION
 from contactlab.scene.closed_start import OPEN_TOLERANCE
 from contactlab.scene.model_writer import write_model
 from contactlab.scene.raised_start import deepest_overlap, raised_start
-from contactlab.studies.examine.start_fixes import separated
+from contactlab.studies.examine.start_fixes import moved_starts
 from contactlab.tasks.task_motions import task_motions
 
 # A trunk on two legs of 300 mm, whose feet reach 320 mm below it, and a ball that floats nearby.
@@ -109,11 +109,36 @@ def test_the_raised_start_is_the_only_line_that_is_written(tmp_path: Path) -> No
     text = LEGGED.format(more="", key=key, height=0.4, root=ROOTS["free"])
     scene = scene_of(text, tmp_path)
     motions = task_motions(scene, {}, scene.task({}, 0.01))
-    (start,) = separated(scene, {}, motions, verdict_of("contact world - trunk"))
-    assert (start.apply, start.same_states) == ("raise", False)
+    (start,) = moved_starts(scene, {}, motions[0])
+    assert start.apply == "raise"
+    assert start.sentence == "its start overlaps by 70 mm at contact world - body[2]"
     assert start.name == "a start raised out of an overlap of 70 mm"
     (line,) = write_model(scene, start.edits, tmp_path / "new").lines
     assert line.endswith('<key name="home" qpos="0 0 0.32 1 0 0 0 0 0 1 0 0.5 1 0 0 0"/>')
+
+
+@pytest.mark.parametrize("root", ROOTS)
+def test_a_start_without_a_keyframe_is_written_as_the_place_of_a_body(
+    root: str, tmp_path: Path
+) -> None:
+    scene = scene_of(LEGGED.format(more="", key="", height=0.25, root=ROOTS[root]), tmp_path)
+    motions = task_motions(scene, {}, scene.task({}, 0.01))
+    (start,) = moved_starts(scene, {}, motions[0])
+    written = write_model(scene, start.edits, tmp_path / "new")
+    (line,) = written.lines
+    assert line.endswith('<body name="trunk" pos="0 0 0.32">')
+    assert mujoco.MjModel.from_xml_path(str(written.path)).nkey == 0
+
+
+def test_a_body_whose_place_an_anchor_is_read_from_gets_a_keyframe(tmp_path: Path) -> None:
+    """MuJoCo reads the anchor of a weld from the reference pose, and another pose moves it."""
+    weld = '<equality><weld body1="ball" body2="trunk"/></equality>'
+    text = LEGGED.format(more="", key=weld, height=0.25, root=ROOTS["free"])
+    scene = scene_of(text, tmp_path)
+    motions = task_motions(scene, {}, scene.task({}, 0.01))
+    for start in moved_starts(scene, {}, motions[0]):
+        (line,) = write_model(scene, start.edits, tmp_path / start.apply).lines
+        assert "<keyframe>" in line
 
 
 SUNK = """<mujoco><worldbody><geom name="floor" type="plane" size="2 2 .1"/>
@@ -127,7 +152,31 @@ def test_a_sunk_box_is_told_of_its_start_and_the_written_model_is_ok(tmp_path: P
     path.write_text(SUNK.format(height=0.02))
     report = contactlab.examine(path, output=tmp_path / "box.json", write=new, apply=["raise"])
     headline = "depends: its start overlaps by 30 mm at contact world - box"
+    (cause,) = report.causes
+    assert (cause.stage, cause.verdict) == ("start", "ok")
+    assert report.why[1].endswith(cause.remainder)
     assert (report.headline, report.fixes[0].apply) == (headline, "raise")
     assert report.fixes[0].verification is not None
     assert report.fixes[0].verification.passed
     assert contactlab.check(new, output=tmp_path / "new.json").verdict == "ok"
+
+
+DOUBLED = """<mujoco><worldbody><geom name="floor" type="plane" size="2 2 .1"/>
+  <body name="box" pos="0 0 .05"><freejoint/>
+    <geom name="seen" type="box" size=".1 .1 .05" mass="0"/>
+    <geom name="solid" type="box" size=".1 .1 .05" mass="1"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.long
+def test_the_rest_is_judged_with_the_file_and_the_start_repaired(tmp_path: Path) -> None:
+    """A sunk box that collides twice: each repair is listed, and what is left is the headline."""
+    path = tmp_path / "box.xml"
+    path.write_text(DOUBLED.replace('pos="0 0 .05"', 'pos="0 0 .02"'))
+    report = contactlab.examine(path, output=tmp_path / "box.json")
+    assert report.verdict == "fails"
+    assert report.headline.startswith("fails: geoms seen and solid are equal")
+    assert [cause.stage for cause in report.causes] == ["file", "start"]
+    assert [cause.verdict for cause in report.causes] == ["depends", "ok"]
+    assert [fix.apply for fix in report.fixes] == ["single", "raise"]
+    assert report.fixes[1].masked_geoms == ("solid",)
+    assert report.fixes[1].moved_bodies == (("box", (0.0, 0.0, 0.05)),)

@@ -47,7 +47,7 @@ from contactlab.modifications.modification import (
 )
 from contactlab.modifications.numerics import HALF_STEP, RUN, RUNGE_KUTTA
 from contactlab.numerical_tolerance import COARSE_ROUNDING
-from contactlab.scene.model_draft import ModelEdits
+from contactlab.scene.model_draft import ModelEdits, join_edits
 from contactlab.scene.model_edits import (
     FIELD_KINDS,
     FLAG_NAMES,
@@ -246,13 +246,7 @@ def joined(candidates: Sequence[Candidate]) -> Candidate:
         change,
         rate=max(candidate.rate for candidate in candidates),
         apply=" ".join(candidate.apply for candidate in candidates if candidate.apply),
-        edits=ModelEdits(
-            {name: own for one in candidates for name, own in one.edits.settings.items()},
-            excluded=tuple(pair for one in candidates for pair in one.edits.excluded),
-            freed=tuple(body for one in candidates for body in one.edits.freed),
-            fitted=tuple(geom for one in candidates for geom in one.edits.fitted),
-            posed=tuple(key for one in candidates for key in one.edits.posed),
-        ),
+        edits=join_edits([candidate.edits for candidate in candidates]),
         compiled=next((one.compiled for one in candidates if one.compiled), None),
         must_come_nearer=all(candidate.must_come_nearer for candidate in candidates),
     )
@@ -316,13 +310,7 @@ def try_fixes(
         candidates = candidates_against(motions, verdict)
     possible = sorted(
         (one for one in candidates if _is_possible(one, word, rows, motions)),
-        # Other faults may follow from the start, so a better start is tried first.
-        key=lambda one: (
-            not one.edits.posed,
-            one.rate > _ALWAYS_TRIED_RATE,
-            one.changes_model,
-            one.rate,
-        ),
+        key=lambda one: (one.rate > _ALWAYS_TRIED_RATE, one.changes_model, one.rate),
     )
     if not possible:
         return ()

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import get_args
 
 import numpy as np
 
@@ -10,10 +9,9 @@ from contactlab.budget.readings import ErrorBudget, Origin, PhaseBudget
 from contactlab.modifications.catalogue import list_rows
 from contactlab.rendering.amounts import format_above, format_percent
 from contactlab.schema.error_budget import BudgetReason
-from contactlab.schema.verdict import VerdictWord
+from contactlab.schema.verdict import VERDICT_ORDER, VerdictWord
 
 TOLERANCE = 0.1
-_ORDER: tuple[VerdictWord, ...] = get_args(VerdictWord)
 
 
 @dataclass(frozen=True)
@@ -36,7 +34,7 @@ def judge(
     """
     reasons = sorted(
         (reason for phase in budget.phases for reason in _list_reasons(phase, tolerance, intended)),
-        key=lambda reason: (_ORDER.index(reason.verdict), -abs(reason.error)),
+        key=lambda reason: (VERDICT_ORDER.index(reason.verdict), -abs(reason.error)),
     )
     word = reasons[0].verdict if reasons else "ok"
     return Verdict(word, tolerance, tuple(reasons))

@@ -148,7 +148,7 @@ class Candidate:
     @property
     def same_states(self) -> bool:
         """Whether the changed model can begin in the states of the original one."""
-        return not (self.edits.freed or self.edits.posed)
+        return not (self.edits.freed or self.edits.moves_start)
 
 
 @dataclass(frozen=True)

@@ -69,6 +69,8 @@ class ModelEdits:
     fitted: tuple[tuple[str, str], ...] = ()
     # Keyframes with their new configurations; a keyframe with a new name is added.
     posed: tuple[tuple[str, tuple[float, ...]], ...] = ()
+    # Bodies that begin elsewhere in the reference pose, with their `pos` in the parent.
+    placed: tuple[tuple[str, tuple[float, ...]], ...] = ()
     # Names of sensors to remove; a sensor without a name is called like `sensor[3]`.
     sensors: tuple[str, ...] = ()
     # Most vertices of the convex hulls of meshes, by name.
@@ -105,7 +107,28 @@ class ModelEdits:
     @property
     def fixes_start(self) -> bool:
         """Whether the changes fix a start that joints, contacts or equalities do not allow."""
-        return self.separates_links or bool(self.posed)
+        return self.separates_links or self.moves_start
+
+    @property
+    def moves_start(self) -> bool:
+        """Whether runs begin in another configuration."""
+        return bool(self.posed or self.placed)
+
+
+def join_edits(some: Sequence[ModelEdits]) -> ModelEdits:
+    """Return the edits that make several changes; of two values of one part the last one holds."""
+    return ModelEdits(
+        settings={name: value for each in some for name, value in each.settings.items()},
+        masked=tuple(dict.fromkeys(name for each in some for name in each.masked)),
+        excluded=tuple(dict.fromkeys(pair for each in some for pair in each.excluded)),
+        freed=tuple(dict.fromkeys(name for each in some for name in each.freed)),
+        fitted=tuple(dict(pair for each in some for pair in each.fitted).items()),
+        posed=tuple(dict(pair for each in some for pair in each.posed).items()),
+        placed=tuple(dict(pair for each in some for pair in each.placed).items()),
+        sensors=tuple(dict.fromkeys(name for each in some for name in each.sensors)),
+        hulls={name: count for each in some for name, count in each.hulls.items()},
+        unflagged=tuple(dict.fromkeys(name for each in some for name in each.unflagged)),
+    )
 
 
 @dataclass(frozen=True)
@@ -214,6 +237,8 @@ def edit_spec(spec: mujoco.MjSpec, edits: ModelEdits) -> None:
         _find_element(spec, "body", name).add_freejoint()
     for name, primitive in edits.fitted:
         _find_element(spec, "geom", name).type = PRIMITIVES[primitive]
+    for name, place in edits.placed:
+        _find_element(spec, "body", name).pos = place
     _set_keyframe_positions(spec, edits.posed)
     for name, count in edits.hulls.items():
         _find_element(spec, "mesh", name).maxhullvert = count
@@ -435,6 +460,8 @@ def _attribute_edits(edits: ModelEdits) -> Iterator[tuple[str, str, str, str]]:
         yield "mesh", name, "maxhullvert", str(count)
     for name, primitive in edits.fitted:
         yield "geom", name, "type", primitive
+    for name, place in edits.placed:
+        yield "body", name, "pos", mjcf_text(list(place))
     for name in {name for pair in edits.excluded for name in pair}:
         if _UNNAMED_BODY.fullmatch(name):  # the body has no name in its file
             yield "body", name, "name", name

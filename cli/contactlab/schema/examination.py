@@ -46,6 +46,23 @@ class Fact(Model):
     sentence: str
 
 
+Stage = Literal["file", "start", "engine", "collision", "numerics", "modeling choice", "design"]
+"""Kinds of causes, in the order of their repairs: later ones may follow from earlier ones."""
+
+
+class Cause(Model):
+    """A cause of a verdict. Each is judged with the causes before it repaired."""
+
+    stage: Stage
+    sentence: str
+    repair: str = about("The fix that repairs it; empty if there is none.", default="")
+    verdict: VerdictWord | None = about(
+        "Of the model with this cause and those before it repaired; null if it was not repaired.",
+        default=None,
+    )
+    remainder: str = about("The headline of that model; empty if not repaired.", default="")
+
+
 class Fix(Model):
     """A change that removes a problem, on the task's seeds and on new ones."""
 
@@ -54,9 +71,10 @@ class Fix(Model):
         "Whether it makes another model, instead of computing this one differently."
     )
     apply: str = about("Its name for `--apply`, if it makes another model; else empty.")
-    removes: Literal["verdict", "labels", "overlap"] = about(
-        "The problem that it removes: the cause of the verdict; failure labels of a run whose "
-        "numerics are fine; or overlaps at the start and forces of a thousand weights.",
+    removes: Literal["verdict", "labels", "overlap", "cause"] = about(
+        "The problem that it removes: the cause of the verdict; failure labels of a run with fine "
+        "numerics; overlaps at the start and extreme forces; or a first cause, after which the "
+        "verdict is better.",
         default="verdict",
     )
     settings: dict[str, Setting] = about("Options, and fields of named parts, that it sets.")
@@ -70,6 +88,10 @@ class Fix(Model):
     changed_keyframes: tuple[tuple[str, tuple[float, ...]], ...] = about(
         "Keyframes, and the configuration that each then has.", default=()
     )
+    moved_bodies: tuple[tuple[str, tuple[float, ...]], ...] = about(
+        "Bodies that begin elsewhere, and the `pos` that each then has.", default=()
+    )
+    masked_geoms: tuple[str, ...] = about("Geoms that collide no longer.", default=())
     error: FiniteOrNull = about("Remaining error of the reason; null if infinite.")
     distance_to_reference: FiniteOrNull = about(
         "From the model's motion at its finest step, or, against a modeling choice, from that "
@@ -92,7 +114,14 @@ class Fix(Model):
             or self.added_free_joints
             or self.replaced_meshes
             or self.changed_keyframes
+            or self.moved_bodies
+            or self.masked_geoms
         )
+
+    @property
+    def moves_start(self) -> bool:
+        """Whether runs begin in another configuration."""
+        return bool(self.changed_keyframes or self.moved_bodies)
 
 
 class RejectedFix(Model):
@@ -160,6 +189,10 @@ class Examination(ReportModel):
         "Place, time, number and limit of each cause, the main cause first.", default=()
     )
     fix: str = about("Summary of the first fix, or why there is none.", default="")
+    causes: tuple[Cause, ...] = about(
+        "Faults of the file and the start that come before all others, in the order of repairs.",
+        default=(),
+    )
     task_verdict: TaskVerdict | None = about(
         "The numerics of the task and the labels of its runs; null if not requested.",
         default=None,

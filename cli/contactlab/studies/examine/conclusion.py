@@ -1,6 +1,7 @@
 """Concludes an examination: its verdict, a headline, the causes, and the first fix."""
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 
 from contactlab.judge.conclusion import failed_names
@@ -20,13 +21,14 @@ from contactlab.reporting.examination import (
     labels_in_why,
 )
 from contactlab.schema.error_budget import BudgetPhase, BudgetReason
-from contactlab.schema.examination import Examination
+from contactlab.schema.examination import Cause, Examination
 from contactlab.schema.finding import Finding
 from contactlab.schema.task import QPOS0
-from contactlab.schema.verdict import PASSING_VERDICTS, VerdictWord
+from contactlab.schema.verdict import PASSING_VERDICTS, VerdictWord, join_verdict
 
 _OF_TASK = {NUMERICAL_CHECK, ENERGY_CHECK, "failure_labels"}  # which repeat budget and labels
 _MOST_NAMED = 2  # labels or checks in a headline
+_MOST_WORDS = 13  # of a cause in a headline
 _MAIN_SHARE = 0.5  # of the numerical error, above which a numerical setting is its main cause
 
 
@@ -48,8 +50,12 @@ def conclude(
 def _verdict(report: Examination) -> VerdictWord:
     reasons = judged_reasons(report)
     numerics = reasons[0].verdict if reasons else "ok"
-    failing = judged_labels(report) or _failed_checks(report)
-    return "fails" if failing and numerics in PASSING_VERDICTS else numerics
+    failing = judged_labels(report) or _failed_checks(report) or _file_causes(report)
+    return join_verdict(numerics, failing=bool(failing))
+
+
+def _file_causes(report: Examination) -> list[Cause]:
+    return [cause for cause in report.causes if cause.stage == "file"]
 
 
 def _failed_checks(report: Examination) -> list[str]:
@@ -64,8 +70,8 @@ def _failed_checks(report: Examination) -> list[str]:
 def _headline(report: Examination, verdict: VerdictWord) -> str:
     reason = next(iter(judged_reasons(report)), None)
     tolerance = f"(tolerance {format_percent(report.task.tolerance)})"
-    if start := _start_cause(report):
-        return f"{verdict}: {start}"
+    if report.causes:
+        return f"{verdict}: {_short_cause(report.causes[0])}"
     if verdict == "fails":
         labels = list(dict.fromkeys(label.label for label in judged_labels(report)))
         causes = [*labels, *(f"check {name}" for name in _failed_checks(report))]
@@ -79,15 +85,10 @@ def _headline(report: Examination, verdict: VerdictWord) -> str:
     return f"{verdict}: {reason.sentence}{'' if reason.row == 'warning' else f' {tolerance}'}"
 
 
-def _start_cause(report: Examination) -> str:
-    # Empty unless another start alone removes the verdict.
-    repairs = [fix for fix in report.fixes if fix.changed_keyframes and fix.removes != "overlap"]
-    overlaps = [fact for fact in report.facts if fact.kind == "overlap"]
-    if not repairs:
-        return ""
-    if not overlaps:
-        return "its start is one that limits, contacts or equalities do not allow"
-    return f"its start overlaps by {1e3 * overlaps[0].value:.3g} mm at {overlaps[0].place}"
+def _short_cause(cause: Cause) -> str:
+    # At most a dozen words: the whole sentence is the first cause.
+    clause = re.split("[:;]", cause.sentence)[0]
+    return " ".join(clause.split()[:_MOST_WORDS])
 
 
 def _why_ok(report: Examination, tolerance: str) -> str:
@@ -113,8 +114,15 @@ def _error_of(phase: BudgetPhase) -> float:
 
 def _why(report: Examination, verdict: VerdictWord) -> Iterator[str]:
     """Yield the causes, the main one first."""
+    for cause in report.causes:
+        yield cause.sentence
+        if cause.remainder:
+            yield f"with {cause.repair}: {cause.remainder}"
+    if report.causes and report.causes[-1].remainder:
+        return  # the rest follows from the causes
     if verdict != "ok":
-        for kind in ("overlap", "advisory"):
+        named = any(cause.stage == "start" for cause in report.causes)
+        for kind in ("advisory",) if named else ("overlap", "advisory"):
             yield from (fact.sentence for fact in report.facts if fact.kind == kind)
     failed = {*_failed_checks(report)}
     failures = [
@@ -244,7 +252,7 @@ def _fix(report: Examination, verdict: VerdictWord, tried: int, not_tried: int) 
         summary = fix_summary(first, report)
         return (
             f"none if that choice is intended; otherwise {summary}"
-            if verdict == "depends" and not first.changed_keyframes
+            if verdict == "depends" and not first.moves_start
             else summary
         )
     if verdict == "ok":

@@ -6,8 +6,9 @@ Each part of the report is a section that may be requested alone, with the same 
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import get_args
 
 from contactlab.budget import (
@@ -20,12 +21,15 @@ from contactlab.errors import SweepFileError
 from contactlab.judge.waivers import unused_waivers
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.printable import first_names
+from contactlab.scene.model_draft import ModelEdits
+from contactlab.scene.model_writer import write_model
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.coverage import Exercised
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.examination import MOST_FIXES, Examination, Fix, RunLabel, SectionName
 from contactlab.schema.finding import Waiver
-from contactlab.schema.task import QPOS0
+from contactlab.schema.verdict import PASSING_VERDICTS
+from contactlab.schema.verification import VerifiedChange
 from contactlab.store.table_layout import record_to_row
 from contactlab.studies.check.check_entries import CHECKS, Check
 from contactlab.studies.check.chosen_checks import chosen_checks, judged_findings
@@ -33,11 +37,17 @@ from contactlab.studies.check.own_runs import describe_reference
 from contactlab.studies.examine.conclusion import conclude
 from contactlab.studies.examine.engine_faults import list_advisory_facts
 from contactlab.studies.examine.facts import facts
-from contactlab.studies.examine.fixes import FixSearch, TaskRepeats
-from contactlab.studies.examine.linted_file import file_facts, find_broken_start
+from contactlab.studies.examine.fixes import FixSearch, RepairedFiles, TaskRepeats
+from contactlab.studies.examine.linted_file import lint_file
+from contactlab.studies.examine.repaired_causes import (
+    CauseRepairer,
+    RepairedModel,
+    list_file_causes,
+)
 from contactlab.studies.examine.resting_contacts import resting_contacts
 from contactlab.studies.examine.verified_fixes import FixVerifier
 from contactlab.studies.grip.grip_fact import grip_facts
+from contactlab.studies.verification import VerificationRequest, verify_change
 from contactlab.tasks.checked_model import CheckedModel, open_changed_model, open_model
 from contactlab.tasks.session import Session, Values
 from contactlab.tasks.task_motions import Change, with_new_seeds
@@ -140,7 +150,10 @@ def run(request: ExamineRequest, session: Session) -> Examination:
     if "checks" in wanted:
         request.begins("checking it")
         report = _checked(report, checks, examined, request.accepted)
-    return report if wanted == {"contacts"} else _measured(request, report, examined, begun)
+    if wanted == {"contacts"}:
+        return report
+    with TemporaryDirectory(prefix="contactlab-") as folder:
+        return _measured(request, report, examined, begun, Path(folder))
 
 
 def _ran(report: Examination, examined: CheckedModel) -> Examination:
@@ -159,25 +172,36 @@ def _ran(report: Examination, examined: CheckedModel) -> Examination:
 
 
 def _measured(
-    request: ExamineRequest, report: Examination, examined: CheckedModel, begun: float
+    request: ExamineRequest,
+    report: Examination,
+    examined: CheckedModel,
+    begun: float,
+    folder: Path,
 ) -> Examination:
     """Return a report with its budget, facts, fixes and verdict.
 
-    The examination began when the process had used `begun` seconds of CPU.
+    The examination began when the process had used `begun` seconds of CPU. Repaired models are
+    written into the folder.
     """
     until = begun + _FIXING * request.max_cpu
     request.begins("measuring its error budget")
     if not examined.moves:
         return conclude(report)
-    task, verdict, search, verifier, cause = report.task, examined.judged, None, None, ""
-    fixes = tuple[Fix, ...]()
-    if "fixes" in request.sections:
-        if task.start != QPOS0:
-            cause = find_broken_start(examined.scene.source, request.model, task.start)
-        if not cause:
+    task, search, verifier = report.task, None, None
+    file = lint_file(examined.scene.source, request.model, task.start)
+    repaired = RepairedModel(examined, report.labels)
+    repaired = replace(repaired, causes=tuple(list_file_causes(file.faults)))
+    broken = next((fault.fix for fault in file.faults if fault.is_of_start), "")
+    fixes, files = tuple[Fix, ...](), None
+    if "fixes" in request.sections and not broken:
+        repairer = _make_repairer(request, examined, report, folder, begun)
+        repaired = repairer.repair_model(report.labels, file.faults)
+        files = repairer.list_files(repaired)
+        if not files or repaired.word not in PASSING_VERDICTS:
             verifier = _make_verifier(request, examined, report.labels, begun)
-            search = _search_fixes(request, examined, report.labels, verifier, until)
+            search = _search_fixes(request, repaired, files, verifier, until)
             fixes = verifier.recommend_fixes(search)
+        fixes = (*repaired.fixes, *fixes)
     tried = search.tried if search else ()
     if "facts" in request.sections:
         begins = {phase.name: phase.begin for phase in task.phases}
@@ -188,22 +212,23 @@ def _measured(
         )
         if not request.assign:
             found += grip_facts(request.model, examined.motions[0].model, task.start)
-            found += tuple(file_facts(examined.scene.source, request.model))
+            found += file.facts
         report = report.model_copy(update={"facts": found})
     skipped = tuple(search.not_tried) if search else ()
     report = report.model_copy(
         update={
-            "budget": budget_report(examined.budget, verdict, tried),
+            "budget": budget_report(examined.budget, examined.judged, tried),
+            "causes": repaired.causes,
             "fixes": fixes,
-            "rejected_fixes": tuple(verifier.rejected) if verifier else (),
+            "rejected_fixes": (*repaired.rejected, *(verifier.rejected if verifier else ())),
             "not_tried": (*examined.unmeasured, *skipped),
         }
     )
     trials = len(tried) + search.label_trials if search else 0
     report = conclude(report, fixes_tried=trials, fixes_not_tried=skipped)
-    if cause:
-        report = report.model_copy(update={"fix": cause})
-    return _written(request, examined, report, verifier, search)
+    if broken:
+        report = report.model_copy(update={"fix": broken})
+    return _written(request, examined, report, verifier, search, files)
 
 
 def sections_of(names: Sequence[str]) -> tuple[SectionName, ...]:
@@ -248,13 +273,14 @@ def _checked(
 
 def _search_fixes(
     request: ExamineRequest,
-    examined: CheckedModel,
-    labels: Sequence[RunLabel],
+    repaired: RepairedModel,
+    files: RepairedFiles | None,
     verifier: FixVerifier,
     until: float,
 ) -> FixSearch:
-    """Return the fixes that were tried, and those that help on new seeds too."""
-    task, threads, verdict = examined.task, examined.threads, examined.judged
+    """Return the fixes of a model, with its first causes repaired, that help on new seeds too."""
+    examined, labels, verdict = repaired.examined, repaired.labels, repaired.examined.judged
+    task, threads = examined.task, examined.threads
     if verdict.reasons:
         request.begins(f"{verdict.reasons[0].sentence}; searching a fix")
 
@@ -280,7 +306,46 @@ def _search_fixes(
 
     scene, values = examined.scene.with_effects("all"), examined.values
     repeats = TaskRepeats(moved, labelled, labels, verifier.finds_harm)
-    return FixSearch(scene, values, examined.motions, verdict, trial, repeats)
+    return FixSearch(scene, values, examined.motions, verdict, trial, repeats, files)
+
+
+def _make_repairer(
+    request: ExamineRequest, examined: CheckedModel, report: Examination, folder: Path, begun: float
+) -> CauseRepairer:
+    until = begun + _VERIFYING * request.max_cpu
+
+    def open_repaired(reference: str, rows: Sequence[str]) -> CheckedModel:
+        opened = open_changed_model(reference, examined.session, request.task)
+        return replace(opened, rows=rows, settings=Settings())
+
+    def verify(changed: CheckedModel, edits: ModelEdits) -> VerifiedChange:
+        numerical = examined.judged.word not in PASSING_VERDICTS
+        return verify_change(
+            VerificationRequest(
+                original=examined,
+                changed=changed,
+                same_model=False,
+                keeps_motion=False,
+                keeps_start=not edits.moves_start,
+                allowed_error=examined.task.tolerance if numerical else 0.0,
+                stop_early=True,
+                left=lambda: until - time.process_time(),
+            )
+        )
+
+    def describe(repaired: RepairedModel) -> str:
+        budget = budget_report(repaired.examined.budget, repaired.examined.judged, ())
+        rest = {"budget": budget, "labels": repaired.labels, "findings": (), "facts": ()}
+        return conclude(report.model_copy(update={**rest, "causes": ()})).headline
+
+    return CauseRepairer(
+        original=examined,
+        folder=folder,
+        open_model=open_repaired,
+        verify=verify,
+        left=lambda: begun + _FIXING * request.max_cpu - time.process_time(),
+        describe=describe,
+    )
 
 
 def _make_verifier(
@@ -302,12 +367,18 @@ def _written(
     report: Examination,
     verifier: FixVerifier | None,
     search: FixSearch | None,
+    files: RepairedFiles | None,
 ) -> Examination:
     """Write the model with the applied fixes, or the first that keeps the model; or say why not."""
     if request.write is None:
         return report
     made, reason = None, report.fix
-    if verifier is not None and search is not None:
+    if verifier is None and files is not None:
+        reason = files.why_not_written(request.apply)
+        if not reason:
+            folder, name = request.write.parent, request.write.name
+            made = write_model(files.scene, files.edits, folder, name).path
+    elif verifier is not None and search is not None:
         made, reason = verifier.write_fix(search, request.write, requested=bool(request.apply))
     if made is None:
         examined.session.notify(f"{request.write} is not written: {reason}")

@@ -17,6 +17,7 @@ from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.rendering.amounts import format_amount, format_digits, format_percent
 from contactlab.scene.body_inertia import in_words, inertia_faults
 from contactlab.scene.compile_model import InertiaFault
+from contactlab.scene.contact_pairs import body_reaches
 from contactlab.scene.part_bodies import is_mocap_driven
 from contactlab.schema.examination import Fact
 from contactlab.studies.examine.masked_passages import MaskedPassages
@@ -211,17 +212,21 @@ def _surface_velocity(
 
 
 def _of_limits(motion: Motion) -> Iterator[Fact]:
-    """Yield the joint that starts farthest beyond its range, as a share of that."""
+    """Yield the joint that starts farthest beyond its range."""
     model, data = motion.model, mujoco.MjData(motion.model)
     mujoco.mj_setState(model, data, motion.starts[0], INTEGRATION)
     single = model.jnt_type >= int(mujoco.mjtJoint.mjJNT_SLIDE)
-    joints = np.flatnonzero(single & (model.jnt_limited > 0))
+    limited = (model.jnt_limited > 0) & np.isfinite(model.jnt_range).all(axis=1)
+    joints = np.flatnonzero(single & limited)
     at, (low, high) = data.qpos[model.jnt_qposadr[joints]], model.jnt_range[joints].T
     beyond = np.maximum(low - at, at - high)
     shares = beyond / np.maximum(high - low, np.finfo(float).tiny)
-    if not joints.size or shares.max() <= _DEEP:
+    if not (shares > _DEEP).any():
         return
-    worst = int(shares.argmax())
+    # The largest in mm, at the end of the body for a hinge.
+    hinges = model.jnt_type[joints] == int(mujoco.mjtJoint.mjJNT_HINGE)
+    levers = np.where(hinges, body_reaches(model)[model.jnt_bodyid[joints]], 1.0)
+    worst = int(np.where(shares > _DEEP, beyond * levers, -np.inf).argmax())
     joint, amount = int(joints[worst]), float(beyond[worst])
     turns = int(model.jnt_type[joint]) == mujoco.mjtJoint.mjJNT_HINGE
     said = f"{format_digits(np.degrees(amount), 2)} deg" if turns else f"{_mm(amount)} mm"

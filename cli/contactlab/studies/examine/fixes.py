@@ -40,7 +40,7 @@ from contactlab.modifications.catalogue import (
 from contactlab.modifications.contacts import MARGIN
 from contactlab.modifications.modification import ANY_LABEL, NO_EDITS, Candidate
 from contactlab.modifications.numerics import CONVERGED_SOLVER, HALF_STEP, RUN
-from contactlab.scene.model_draft import ModelEdits
+from contactlab.scene.model_draft import ModelEdits, join_edits
 from contactlab.scene.model_edits import set_timestep
 from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.scene.scene import Scene
@@ -53,7 +53,7 @@ from contactlab.studies.examine.start_fixes import separated
 from contactlab.tasks.session import Values
 from contactlab.tasks.task_motions import Change, as_it_is
 
-Removes = Literal["verdict", "labels", "overlap"]
+Removes = Literal["verdict", "labels", "overlap", "cause"]
 _RUNS = 3  # a run, and one with half its step, which has twice the steps
 _FINEST = 64  # most steps per step of the run that are tried
 
@@ -70,6 +70,8 @@ def edits_of(fix: Fix, scene: Scene) -> ModelEdits:
         freed=fix.added_free_joints,
         fitted=fix.replaced_meshes,
         posed=fix.changed_keyframes,
+        placed=fix.moved_bodies,
+        masked=fix.masked_geoms,
     )
 
 
@@ -94,6 +96,26 @@ class TaskRepeats(NamedTuple):
     finds_harm: Callable[["FixSearch", Candidate, ModelEdits], bool] = lambda _, __, ___: False
 
 
+class RepairedFiles(NamedTuple):
+    """The files of a model with its first causes repaired.
+
+    Attributes:
+        scene: of the original files.
+        edits: the repairs.
+        apply: names of the repairs for `--apply`.
+    """
+
+    scene: Scene
+    edits: ModelEdits
+    apply: tuple[str, ...]
+
+    def why_not_written(self, requested: Sequence[str]) -> str:
+        """Return why the repairs are not written: a changed model is written by request only."""
+        lacking = [word for word in self.apply if word not in requested]
+        words = "".join(f" --apply {word}" for word in lacking)
+        return f"the first fix changes the model; add{words}" if lacking else ""
+
+
 class FixSearch:
     """Searches fixes of a model."""
 
@@ -105,8 +127,14 @@ class FixSearch:
         verdict: Verdict,
         trial: Trial,
         repeats: TaskRepeats,
+        repaired: RepairedFiles | None = None,
     ) -> None:
-        """Try the candidates against a verdict until enough of them remove it."""
+        """Try the candidates against a verdict until enough of them remove it.
+
+        With `repaired` files, `scene` is of these. Fixes are written into the original files, with
+        the repairs.
+        """
+        self._repaired = repaired
         self._folder = Path(mkdtemp(prefix="contactlab-"))  # of models with other states
         weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
         self._others = dict[str, Path]()
@@ -124,8 +152,7 @@ class FixSearch:
         against = candidates_against(motions, verdict)
         self._candidates = (*starts, *advised, *against, *shapes)
         self.label_trials, self.not_tried = 0, list[str]()
-        posed = [start for start in starts if start.edits.posed]
-        self.without_labels = [*self._without_labels([*posed, *advised])][:1]
+        self.without_labels = [*self._without_labels(advised)][:1]
         found = tuple[TriedFix, ...]()
         if not self.without_labels:
             found = try_fixes(motions, verdict, candidates=self._candidates, trial=self._trial)
@@ -290,11 +317,11 @@ class FixSearch:
         return tuple(self._report(one, what) for what, some in found.items() for one in some)
 
     def find_edits(self, name: str) -> ModelEdits:
-        """Return the edits of a reported fix."""
+        """Return the edits of a reported fix, with those of the repairs before it."""
         tried = (*self.helping, *self.without_labels)
         found = {fix.name: fix.edits for fix in tried}
         found |= {candidate.name: candidate.edits for candidate in self._parting}
-        return found[name]
+        return self.whole_edits(found[name])
 
     def changes_model(self, name: str) -> bool:
         """Return whether a fix makes another model; several fixes together do."""
@@ -341,17 +368,19 @@ class FixSearch:
             lines = self.write_once(fix.name, fix.edits).lines
         except SceneError as error:
             no_patch_reason = str(error).splitlines()[0]
-        tried = fix_report(fix)
+        tried, edits = fix_report(fix), self.whole_edits(fix.edits)
         return Fix(
             name=tried.name,
             changes_model=tried.changes_model,
             apply=fix.apply,
             removes=removes,
             settings=tried.settings,
-            excluded_pairs=fix.edits.excluded,
-            added_free_joints=fix.edits.freed,
-            replaced_meshes=fix.edits.fitted,
-            changed_keyframes=fix.edits.posed,
+            excluded_pairs=edits.excluded,
+            added_free_joints=edits.freed,
+            replaced_meshes=edits.fitted,
+            changed_keyframes=edits.posed,
+            moved_bodies=edits.placed,
+            masked_geoms=edits.masked,
             error=tried.error,
             distance_to_reference=tried.distance_to_reference,
             distance_before=tried.distance_before,
@@ -380,9 +409,15 @@ class FixSearch:
 
     def write_edits(self, edits: ModelEdits, folder: Path, name: str = "") -> WrittenModel:
         """Write the model with edits, and with the settings of the examination."""
-        own = {key: value for key, value in self._values.items() if key not in edits.settings}
-        whole = replace(edits, settings={**own, **edits.settings})
-        return write_model(self._scene, whole, folder, name)
+        whole = self.whole_edits(edits)
+        own = {key: value for key, value in self._values.items() if key not in whole.settings}
+        scene = self._repaired.scene if self._repaired else self._scene
+        written = replace(whole, settings={**own, **whole.settings})
+        return write_model(scene, written, folder, name)
+
+    def whole_edits(self, edits: ModelEdits) -> ModelEdits:
+        """Return the edits of a fix with those of the repairs before it."""
+        return join_edits([self._repaired.edits, edits]) if self._repaired else edits
 
     def choose_edits(self) -> tuple[str, ModelEdits, str]:
         """Return the name and edits of the fix to write, or why there is none.
@@ -392,6 +427,11 @@ class FixSearch:
         helping = [*self.helping, *self.without_labels]
         numerical = [fix for fix in helping if not fix.changes_model]
         wanted = {*self._trial.requested}
+        if self._repaired is not None:
+            wanted -= {*self._repaired.apply}
+            reason = self._repaired.why_not_written(self._trial.requested)
+            if reason or not (wanted or helping):
+                return " and ".join(self._repaired.apply), self.whole_edits(NO_EDITS), reason
         chosen = [fix for fix in self.without_labels if wanted == {fix.apply}]
         if not wanted:
             chosen = numerical
@@ -401,7 +441,9 @@ class FixSearch:
         if reason:
             return "", NO_EDITS, reason
         by_word = {candidate.apply: candidate for candidate in self._candidates}
-        accepted = [by_word[word] for word in dict.fromkeys(self._trial.requested)]
+        accepted = [
+            by_word[word] for word in dict.fromkeys(self._trial.requested) if word in wanted
+        ]
         others = [one for one in self._candidates if one.name in {two.name for two in numerical}]
         trial = replace(self._trial, most=None, left=lambda: math.inf)
         for candidates in (accepted, *([*accepted, other] for other in others)):
@@ -415,6 +457,7 @@ class FixSearch:
 
     def _unknown_request(self) -> str:
         words = [candidate.apply for candidate in self._candidates if candidate.apply]
+        words += self._repaired.apply if self._repaired else ()
         unknown = [word for word in self._trial.requested if word not in words]
         known = ", ".join(words) or "none"
         return f"no fix is called {unknown[0]}; write one of: {known}" if unknown else ""

@@ -6,20 +6,25 @@ base is welded to it, as that of a URDF. Its pairs may be excluded, or its base 
 beyond its limits, in another body, or off its equalities where a run begins may begin elsewhere.
 """
 
+import math
 from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
 from contactlab.budget import Motion, Verdict
+from contactlab.budget.force_places import contact_name
 from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.verdict import VerdictWord
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.modifications.modification import Candidate
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.closed_start import OPEN_TOLERANCE, closed_start, moving_extent
 from contactlab.scene.model_draft import CompiledFiles, ModelEdits, edit_spec
 from contactlab.scene.model_names import name_of
+from contactlab.scene.part_bodies import AT_JOINT
 from contactlab.scene.raised_start import deepest_overlap, raised_start
 from contactlab.scene.scene import Scene
 from contactlab.schema.task import QPOS0
@@ -33,7 +38,7 @@ _NEAR = 2  # joints between links of one robot that touch by how it is built
 def separated(
     scene: Scene, values: Values, motions: Sequence[Motion], verdict: Verdict
 ) -> tuple[Candidate, ...]:
-    """Return candidates that separate overlapping links, or move the start.
+    """Return candidates that separate overlapping links.
 
     Contacts are excluded, or the base is freed, only for links of one robot, few joints apart, that
     overlap at the start, or for bodies that joints hold inside each other. Floors, and bodies that
@@ -41,21 +46,40 @@ def separated(
     """
     model = motions[0].model
     word: VerdictWord = "depends" if verdict.word == "depends" else "inaccurate"
-    moved = tuple(_moved(scene, values, motions[0], word))
-    stuck = () if moved else tuple(_stuck(motions[0]))
+    can_move = any(moved_starts(scene, values, motions[0]))
+    stuck = () if can_move else tuple(_stuck(motions[0]))
     pairs = dict.fromkeys((*overlapping(motions[0]), *stuck))
     if not pairs:
-        return moved
+        return ()
     names = tuple((name_of(model, "body", one), name_of(model, "body", two)) for one, two in pairs)
     return (
         *_without_contacts(scene, values, model, names, word, must_come_nearer=not stuck),
         *_floating(scene, values, names, word),
-        *moved,
     )
 
 
-def _moved(scene: Scene, values: Values, motion: Motion, word: VerdictWord) -> Iterator[Candidate]:
-    """Yield the change by which a run begins where limits, contacts and equalities allow it."""
+class MovedStart(NamedTuple):
+    """A start that limits, contacts and equalities allow.
+
+    Attributes:
+        name: as in "fix: a raised start".
+        apply: its name for `--apply`.
+        edits: that write it.
+        sentence: what is wrong with the start as written.
+    """
+
+    name: str
+    apply: str
+    edits: ModelEdits
+    sentence: str
+
+
+def moved_starts(scene: Scene, values: Values, motion: Motion) -> Iterator[MovedStart]:
+    """Yield starts that limits, contacts and equalities allow, the one that keeps the pose first.
+
+    A start in the reference pose is written as `pos` of bodies if that moves nothing else,
+    otherwise as a keyframe.
+    """
     model, start = motion.model, motion.starts[0]
     raised = raised_start(model, start, INTEGRATION)
     opened = start if raised is None else _with_positions(motion, raised)
@@ -63,25 +87,84 @@ def _moved(scene: Scene, values: Values, motion: Motion, word: VerdictWord) -> I
     if raised is None and positions is None:
         return
     keyframe = scene.resolve(values, 0, None).keyframe
-    written = _HELD if keyframe == QPOS0 else keyframe
+    begun = _begun(motion)
+    sentence = _start_sentence(model, begun)
     if raised is not None:
-        overlap = 1e3 * deepest_overlap(_begun(motion))
-        yield Candidate(
-            f"a start raised out of an overlap of {overlap:.3g} mm",
-            word,
-            apply="raise",
-            edits=ModelEdits(posed=((written, tuple(raised.tolist())),)),
-            must_come_nearer=False,  # its states are others
-        )
-    if positions is None:
-        return
-    yield Candidate(
-        "a start that its limits, contacts and equalities allow",
-        word,
-        apply="start",
-        edits=ModelEdits(posed=((written, tuple(positions.tolist())),)),
-        must_come_nearer=False,  # its states are others
-    )
+        overlap = 1e3 * deepest_overlap(begun)
+        name = f"a start raised out of an overlap of {overlap:.3g} mm"
+        edits = _start_edits(scene, values, model, keyframe, raised)
+        yield MovedStart(name, "raise", edits, sentence)
+    if positions is not None:
+        # Digits that no tolerance sees would turn bodies that only move.
+        digits = 6 - math.floor(math.log10(moving_extent(model, begun)))
+        positions = np.round(positions, digits) + 0.0
+        name = "a start that its limits, contacts and equalities allow"
+        edits = _start_edits(scene, values, model, keyframe, positions)
+        yield MovedStart(name, "start", edits, sentence)
+
+
+def _start_sentence(model: mujoco.MjModel, data: mujoco.MjData) -> str:
+    depths = [-float(distance) for distance in data.contact.dist.tolist()]
+    deepest = int(np.argmax(depths)) if depths else -1
+    if deepest < 0 or depths[deepest] <= OPEN_TOLERANCE * moving_extent(model, data):
+        return "its start is one that limits or equalities do not allow"
+    place = contact_name(model, data.contact.geom[deepest])
+    return f"its start overlaps by {1e3 * depths[deepest]:.3g} mm at {place}"
+
+
+def _start_edits(
+    scene: Scene, values: Values, model: mujoco.MjModel, keyframe: str, positions: Floats
+) -> ModelEdits:
+    own = tuple(positions.tolist())
+    if keyframe != QPOS0:
+        return ModelEdits(posed=((keyframe, own),))
+    placed = dict[str, tuple[float, ...]]()
+    for joint in range(model.njnt):
+        place, body = int(model.jnt_qposadr[joint]), int(model.jnt_bodyid[joint])
+        name, kind = name_of(model, "body", body), int(model.jnt_type[joint])
+        if kind == mujoco.mjtJoint.mjJNT_FREE:
+            placed[name] = own[place : place + 3]
+        elif kind == mujoco.mjtJoint.mjJNT_SLIDE and _is_passive_root(model, joint):
+            axis, turn = np.array(model.jnt_axis[joint]), np.array(model.body_quat[body])
+            mujoco.mju_rotVecQuat(axis, axis.copy(), turn)
+            way = (own[place] - float(model.qpos0[place])) * axis
+            before = placed.get(name, model.body_pos[body])
+            placed[name] = tuple((np.asarray(before) + way).tolist())
+    placed = {
+        name: place
+        for name, place in placed.items()
+        if not np.array_equal(place, model.body(name).pos)
+    }
+    edits = ModelEdits(placed=tuple(placed.items()))
+    made = compiled(scene, values, lambda spec: edit_spec(spec, edits))
+    if made is not None and _begins_alike(model, made, positions):
+        return edits
+    return ModelEdits(posed=((_HELD, own),))
+
+
+def _is_passive_root(model: mujoco.MjModel, joint: int) -> bool:
+    # Limits and actuators count from the place of the body.
+    at_joint = np.isin(model.actuator_trntype, AT_JOINT)
+    driven = joint in np.asarray(model.actuator_trnid)[at_joint, 0]
+    on_world = not model.body_parentid[model.jnt_bodyid[joint]]
+    return bool(on_world and not driven and not model.jnt_limited[joint] and not model.neq)
+
+
+def _begins_alike(model: mujoco.MjModel, made: mujoco.MjModel, positions: Floats) -> bool:
+    # Whether the reference pose of a model has all bodies where another one has them in a pose.
+    # Anchors of equalities and lengths of tendons are read from the reference pose, too.
+    for field in ("eq_data", "tendon_lengthspring"):
+        if not np.array_equal(getattr(model, field), getattr(made, field)):
+            return False
+    places = list[Floats]()
+    for one, qpos in ((model, positions), (made, made.qpos0)):
+        data = mujoco.MjData(one)
+        if len(data.qpos) != len(qpos) or one.nbody != model.nbody:
+            return False
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(one, data)
+        places.append(np.concatenate([data.xpos.ravel(), data.xmat.ravel()]))
+    return bool(np.allclose(*places, rtol=0, atol=SUM_ROUNDING * (1 + np.abs(places[0]).max())))
 
 
 def _with_positions(motion: Motion, positions: Floats) -> Floats:

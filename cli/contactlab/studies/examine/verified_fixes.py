@@ -53,7 +53,8 @@ class FixVerifier:
 
     def finds_harm(self, search: FixSearch, candidate: Candidate, edits: ModelEdits) -> bool:
         """Return whether a load rejects a fix against the verdict, before it is judged further."""
-        request = self._request(search, candidate.name, edits, self.until, removes_verdict=True)
+        whole = search.whole_edits(edits)
+        request = self._request(search, candidate.name, whole, self.until, removes_verdict=True)
         self._begun[candidate.name] = Verification(request)
         harms = self._begun[candidate.name].run_loads()
         if harms:
@@ -142,7 +143,7 @@ class FixVerifier:
             changed=self._open_edited(search, name, edits),
             same_model=computed,
             keeps_motion=keeps_motion,
-            keeps_start=not edits.posed,
+            keeps_start=not edits.moves_start,
             must_improve=_LOOP_MEASURES if in_loop and keeps_motion else (),
             allowed_error=self.examined.task.tolerance if numerical else 0.0,
             stop_early=True,

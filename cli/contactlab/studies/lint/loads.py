@@ -1,7 +1,7 @@
-"""Load rules: constraints that are soft for what they carry, since a part is light for its load.
+"""Load rules: constraints that are soft for their load, since a part is light.
 
 A constraint yields in proportion to the inverse mass of the parts that it joins, so a light part
-between two constraints yields as if the whole load hung on a spring made for that part alone.
+between two constraints yields as a spring for that part alone would under the whole load.
 """
 
 from collections.abc import Iterator
@@ -85,7 +85,7 @@ def light_link(linted: LintedModel) -> Iterator[Fault]:
         body = int(np.flatnonzero(model.body_treeid == tree)[0])
         name = linted.name("body", body)
         yield Fault(
-            f"{hanging:.3g} kg hang on {name}, which has {1e3 * masses[tree]:.3g} g: {link.name} "
+            f"{hanging:.3g} kg are carried by {name} of {1e3 * masses[tree]:.3g} g: {link.name} "
             f"stretches by {1e3 * stretch:.3g} mm, since a constraint is as soft as its lightest "
             f"part; give {name} more mass, or attach {link.name} to the heavy body",
             linted.place("body", body),
@@ -93,13 +93,13 @@ def light_link(linted: LintedModel) -> Iterator[Fault]:
 
 
 def _hanging_mass(links: list[_Link], masses: np.ndarray, tree: int) -> float:
-    """Return the mass of what only a tree joins to the world [kg]; 0 if nothing does."""
-    without = _reached({_WORLD}, [link for link in links if tree not in link.trees])
-    whole = _reached({_WORLD}, links)
+    # Return the mass that only a tree joins to the world [kg].
+    without = _find_reached({_WORLD}, [link for link in links if tree not in link.trees])
+    whole = _find_reached({_WORLD}, links)
     return float(masses[sorted(whole - without - {tree})].sum()) if tree in whole else 0.0
 
 
-def _reached(begin: set[int], links: list[_Link]) -> set[int]:
+def _find_reached(begin: set[int], links: list[_Link]) -> set[int]:
     reached, before = {*begin}, set[int]()
     while reached != before:
         before = {*reached}
@@ -124,7 +124,7 @@ def pyramid_friction(linted: LintedModel) -> Iterator[Fault]:
         if used.condim < 3 or softer < _MUCH_SOFTER:
             continue
         first, second = pair.geoms[0][0], pair.geoms[1][0]
-        # Of one contact of four, on which a body lies that weighs its own weight.
+        # One contact of four that a body rests on.
         depth = float(rest_penetration(softer * gravity / 4, 1.0, used.solref, used.solimp))
         if depth > _DEEP * float(halves[[first, second]].min()):
             found.append((depth, softer, used.friction[0], (first, second)))
@@ -142,7 +142,7 @@ def pyramid_friction(linted: LintedModel) -> Iterator[Fault]:
 
 
 _MUCH_SOFTER = 100.0  # pyramids with friction 1 are as soft as a cone, with 3.7 this much softer
-_DEEP = 0.1  # of half the thinner geom; more is no touch
+_DEEP = 0.1  # of half the thinner geom; more is an overlap
 
 
 @rule("hfield-cell", "warn")
@@ -168,8 +168,8 @@ def hfield_cell(linted: LintedModel) -> Iterator[Fault]:
         )
 
 
-# Sizes of a geom. Of shapes dropped on rough fields none of 48 fell through at 3 times their size,
-# 2 at 5, 12 at 8 and 31 at 40.
+# Sizes of a geom. 48 shapes were dropped on rough fields for each size of cell: none fell through
+# at 3 times their size, 2 at 5, 12 at 8 and 33 at 40.
 _MOST_SIZES = 4.0
 
 

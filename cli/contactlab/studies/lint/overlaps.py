@@ -242,24 +242,13 @@ _MOTORS = int(mujoco.mjtDisableBit.mjDSBL_ACTUATION) | int(
 )
 
 
-@rule("coincident-geoms", "warn", voids_runs=True)
+COINCIDENT = "coincident-geoms"
+
+
+@rule(COINCIDENT, "warn", voids_runs=True)
 def coincident_geoms(linted: LintedModel) -> Iterator[Fault]:
     """Two equal geoms of one rigid part lie in one place, and both collide with the same."""
-    model, data = linted.model, linted.reference
-    solid = np.flatnonzero((model.geom_contype | model.geom_conaffinity) != 0)
-    parts = model.body_weldid[model.geom_bodyid]
-    lows, highs = _boxes_in_parts(model, data)
-    touch = touch_mask(model)
-    doubled = list[tuple[int, int]]()
-    for place, first in enumerate(solid.tolist()):
-        if any(first == second for _, second in doubled):
-            continue
-        rest = solid[place + 1 :]
-        rest = rest[(parts[rest] == parts[first]) & (parts[rest] > 0)]
-        apart = np.maximum(np.abs(lows[rest] - lows[first]), np.abs(highs[rest] - highs[first]))
-        alike = apart.max(axis=1, initial=0.0) <= _SAME * (highs[first] - lows[first]).min()
-        shared = (touch[rest] & touch[first]).any(axis=1)
-        doubled += [(first, second) for second in rest[alike & shared].tolist()]
+    doubled = find_coincident_geoms(linted.model)
     if doubled:
         edits = dict[Edit, None]()
         for _, second in doubled:
@@ -274,6 +263,27 @@ def coincident_geoms(linted: LintedModel) -> Iterator[Fault]:
             linted.place("geom", doubled[0][1]),
             tuple(edits),
         )
+
+
+def find_coincident_geoms(model: mujoco.MjModel) -> list[tuple[int, int]]:
+    """Return pairs of geoms of one rigid part that fill one place and collide with the same."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    solid = np.flatnonzero((model.geom_contype | model.geom_conaffinity) != 0)
+    parts = model.body_weldid[model.geom_bodyid]
+    lows, highs = _boxes_in_parts(model, data)
+    touch = touch_mask(model)
+    doubled = list[tuple[int, int]]()
+    for place, first in enumerate(solid.tolist()):
+        if any(first == second for _, second in doubled):
+            continue
+        rest = solid[place + 1 :]
+        rest = rest[(parts[rest] == parts[first]) & (parts[rest] > 0)]
+        apart = np.maximum(np.abs(lows[rest] - lows[first]), np.abs(highs[rest] - highs[first]))
+        alike = apart.max(axis=1, initial=0.0) <= _SAME * (highs[first] - lows[first]).min()
+        shared = (touch[rest] & touch[first]).any(axis=1)
+        doubled += [(first, second) for second in rest[alike & shared].tolist()]
+    return doubled
 
 
 _SAME = 0.01  # of the smallest side, by which boxes around a copy and its original may differ

@@ -30,7 +30,7 @@ class _Servo(NamedTuple):
 
 
 def _list_servos(model: mujoco.MjModel) -> Iterator[_Servo]:
-    """Yield the actuators whose force is that of a spring between a joint and the control."""
+    # Yield the actuators that pull a joint to the control like a spring.
     for actuator in range(model.nu):
         joint, gear = (
             int(model.actuator_trnid[actuator, 0]),
@@ -78,7 +78,7 @@ def control_range(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("jaw-force", "warn")
 def jaw_force(linted: LintedModel) -> Iterator[Fault]:
-    """Jaws of position servos without a force range press through what they hold."""
+    """Jaws of position servos without a force range press through an object."""
     model, data = linted.model, linted.reference
     halves, found = half_extents(model), list[tuple[float, float, _Servo, int]]()
     for servo in _list_servos(model):
@@ -112,7 +112,7 @@ def jaw_force(linted: LintedModel) -> Iterator[Fault]:
         name, jaw = linted.name("actuator", servo.actuator), linted.name("geom", geom)
         yield Fault(
             f"servo {name} of a jaw has no force range: closed on an object that fills half of its "
-            f"opening it presses with {force:.3g} N, at which {jaw} sinks in by "
+            f"opening it presses with {force:.3g} N, and {jaw} sinks in by "
             f"{1e3 * depth:.3g} mm{more}; write a forcerange, such as that of the real gripper",
             linted.place("actuator", servo.actuator),
         )
@@ -147,7 +147,7 @@ def activation_step(linted: LintedModel) -> Iterator[Fault]:
 
 
 def _joint_motion(model: mujoco.MjModel, data: mujoco.MjData, joint: int, geom: int) -> Floats:
-    """Return the velocity (3,) of a geom's center when a joint moves at 1 [m/rad, or 1]."""
+    # Return the velocity (3,) of a geom's center when a joint moves at 1 [m/rad, or 1].
     jacobian = np.empty((3, model.nv))
     body = int(model.geom_bodyid[geom])
     mujoco.mj_jac(model, data, jacobian, None, data.geom_xpos[geom], body)
@@ -155,11 +155,9 @@ def _joint_motion(model: mujoco.MjModel, data: mujoco.MjData, joint: int, geom: 
 
 
 def _find_jaw_geom(model: mujoco.MjModel, data: mujoco.MjData, joint: int) -> int:
-    """Return the geom of a jaw that a joint closes on another jaw; -1 if it closes nothing.
-
-    Both jaws end a chain, one body carries both, and each one's joint moves its geom along the line
-    between them by most of the gap.
-    """
+    # Return the geom of a jaw that a joint closes on another jaw; -1 if it closes nothing.
+    # Both jaws end a chain, and one body carries both. Each joint moves its geom along the line
+    # between them by most of the gap.
     body = int(model.jnt_bodyid[joint])
     if (model.body_parentid == body).any() or model.body_jntnum[body] != 1:
         return -1
@@ -173,7 +171,7 @@ def _find_jaw_geom(model: mujoco.MjModel, data: mujoco.MjData, joint: int) -> in
             continue
         for geom in _colliding_geoms(model, body):
             for facing in _colliding_geoms(model, other):
-                if _closes(model, data, (joint, geom), (second, facing)):
+                if _close_on_each_other(model, data, (joint, geom), (second, facing)):
                     return geom
     return -1
 
@@ -183,10 +181,10 @@ def _colliding_geoms(model: mujoco.MjModel, body: int) -> list[int]:
     return np.flatnonzero(own & ((model.geom_contype | model.geom_conaffinity) != 0)).tolist()
 
 
-def _closes(
+def _close_on_each_other(
     model: mujoco.MjModel, data: mujoco.MjData, one: tuple[int, int], other: tuple[int, int]
 ) -> bool:
-    """Return whether two joints move two geoms towards each other, until they nearly meet."""
+    # Return whether two joints move two geoms towards each other, until they nearly meet.
     way = data.geom_xpos[other[1]] - data.geom_xpos[one[1]]
     gap = float(np.linalg.norm(way))
     if not gap:

@@ -1,4 +1,4 @@
-"""Structure rules: models whose runs say nothing of the robot that their author meant."""
+"""Structure rules: models with runs that say nothing of the robot that their author meant."""
 
 from collections.abc import Iterator
 
@@ -28,9 +28,9 @@ def no_actuators(linted: LintedModel) -> Iterator[Fault]:
         return
     first = linted.name("joint", int(driven[0]))
     yield Fault(
-        f"no actuators: {_count(driven.size, 'joint')} such as {first} limit or compensate the "
-        "force of a motor, and nothing drives them, so the robot hangs limp; add an <actuator> for "
-        "each",
+        f"no actuators: {_count_text(driven.size, 'joint')} such as {first} limit or compensate "
+        "the force of a motor, and nothing drives them, so the robot hangs limp; add an <actuator> "
+        "for each",
         linted.place("joint", int(driven[0])),
     )
 
@@ -41,8 +41,8 @@ def urdf_actuators(linted: LintedModel) -> Iterator[Fault]:
     driven = np.flatnonzero(linted.model.jnt_actfrclimited)
     if linted.is_urdf and not linted.model.nu and driven.size:
         yield Fault(
-            f"no actuators: MuJoCo reads the efforts of {_count(driven.size, 'joint')} as limits, "
-            "and the robot hangs limp; add <actuator> in an MJCF that attaches this URDF",
+            f"no actuators: MuJoCo reads the efforts of {_count_text(driven.size, 'joint')} as "
+            "limits, and the robot hangs limp; add <actuator> in an MJCF that attaches this URDF",
             linted.place("joint", int(driven[0])),
         )
 
@@ -56,10 +56,10 @@ def welded_root(linted: LintedModel) -> Iterator[Fault]:
     data = linted.reference
     lows, extent = _lowest_points(model, data), float(model.stat.extent)
     roots = np.flatnonzero((model.body_parentid == 0) & (np.arange(model.nbody) > 0))
-    tree = np.array([_ancestor(model, body, roots) for body in range(model.nbody)])
+    tree = np.array([_find_root(model, body, roots) for body in range(model.nbody)])
     limbs = [int(root) for root in roots if model.body_dofnum[root] and (tree == root).any()]
     bottom = {limb: lows[tree[model.geom_bodyid] == limb].min(initial=np.inf) for limb in limbs}
-    level_share = 0.1  # of the robot's extent, in which feet of one stance lie
+    level_share = 0.1  # of the robot's extent; feet of one stance lie within it
     lowest = min(bottom.values(), default=np.inf)
     base = lows[tree[model.geom_bodyid] < 0].min(initial=0.0)
     if not np.isfinite(lowest) or lowest > base - level_share * extent:
@@ -76,16 +76,18 @@ def welded_root(linted: LintedModel) -> Iterator[Fault]:
         )
 
 
-def _stands_on(model: mujoco.MjModel, data: mujoco.MjData, feet: list[int], tree: NDArray) -> bool:
+def _stands_on(
+    model: mujoco.MjModel, data: mujoco.MjData, feet: list[int], tree: NDArray[np.intp]
+) -> bool:
     # Three limbs under the center of mass, two with wheels, or two legs of three joints each.
     # A gripper that points down has two fingers of fewer joints.
     joints = {foot: np.flatnonzero(tree[model.jnt_bodyid] == foot) for foot in feet}
     wheels = [foot for foot in feet if _ends_in_wheel(model, data, joints[foot])]
     legs = [foot for foot in feet if len(joints[foot]) > 2]
-    return len(wheels) > 1 or len(legs) > 1 or _surrounds(model, data, feet, tree)
+    return len(wheels) > 1 or len(legs) > 1 or _surround_center(model, data, feet, tree)
 
 
-def _ends_in_wheel(model: mujoco.MjModel, data: mujoco.MjData, joints: NDArray) -> bool:
+def _ends_in_wheel(model: mujoco.MjModel, data: mujoco.MjData, joints: NDArray[np.intp]) -> bool:
     if not joints.size:
         return False
     last = int(joints[-1])
@@ -93,7 +95,9 @@ def _ends_in_wheel(model: mujoco.MjModel, data: mujoco.MjData, joints: NDArray) 
     return model.jnt_type[last] == _HINGE and not model.jnt_limited[last] and level
 
 
-def _surrounds(model: mujoco.MjModel, data: mujoco.MjData, feet: list[int], tree: NDArray) -> bool:
+def _surround_center(
+    model: mujoco.MjModel, data: mujoco.MjData, feet: list[int], tree: NDArray[np.intp]
+) -> bool:
     # Whether the lowest geoms of at least three limbs lie on all sides of the center of mass.
     if len(feet) < 3:
         return False
@@ -110,14 +114,14 @@ def _surrounds(model: mujoco.MjModel, data: mujoco.MjData, feet: list[int], tree
     return bool(gaps.max() <= np.pi)
 
 
-def _ancestor(model: mujoco.MjModel, body: int, roots: NDArray) -> int:
+def _find_root(model: mujoco.MjModel, body: int, roots: NDArray[np.intp]) -> int:
     # The root below the world that carries a body by a joint; -1 for the world and parts of it.
     root = int(model.body_rootid[body])
     return root if root in roots and model.body_weldid[body] else -1
 
 
 def _lowest_points(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
-    """Return the least height of each geom's bounding box (ngeom,) [m]; -inf for planes."""
+    # Return the least height of each geom's bounding box (ngeom,) [m]; -inf for planes.
     center, half = model.geom_aabb[:, :3], model.geom_aabb[:, 3:]
     third = np.asarray(data.geom_xmat)[:, 6:]
     low = data.geom_xpos[:, 2] + (third * center).sum(axis=1) - np.abs(third * half).sum(axis=1)
@@ -158,5 +162,5 @@ def _driven_joints(model: mujoco.MjModel) -> NDArray[np.int32]:
     return joints[np.isin(model.jnt_type[joints], _SCALAR)]
 
 
-def _count(number: int, noun: str) -> str:
+def _count_text(number: int, noun: str) -> str:
     return f"{number} {noun}{'s' if number != 1 else ''}"
