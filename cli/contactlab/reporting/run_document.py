@@ -4,7 +4,15 @@ from collections.abc import Iterator
 
 from contactlab.printable import shell_word
 from contactlab.rendering.amounts import format_percent, format_setting
-from contactlab.rendering.document import Commands, Document, Facts, Headline, document_of, table_of
+from contactlab.rendering.document import (
+    Commands,
+    Document,
+    Facts,
+    Headline,
+    Table,
+    document_of,
+    table_of,
+)
 from contactlab.reporting.coverage_rows import coverage_rows
 from contactlab.reporting.told_geoms import told_geoms
 from contactlab.schema.evidence import EvidenceRecord
@@ -15,7 +23,8 @@ def describe_run(store: Store, record: EvidenceRecord) -> Document:
     """Describe a run of a store, the reasons of its label first."""
     named = told_geoms(store, {0: record})[0]
     labels = [(entry.label, entry.step, named(entry.reason)) for entry in record.labels]
-    tables = [table_of(("label", "first step", "reason"), labels)]
+    reasons = [table_of(("label", "first step", "reason"), labels)] if labels else []
+    tables = list[Table]()
     if record.coverage is not None:
         rows = [tuple(map(named, row)) for row in coverage_rows(record.coverage, record.pairs)]
         tables.append(table_of(("exercised", "not at all", "share of range or time"), rows))
@@ -38,7 +47,8 @@ def describe_run(store: Store, record: EvidenceRecord) -> Document:
     ]
     tables.append(table_of(("pair", "condim", "friction", "solref", "solimp", "margin"), pairs))
     return document_of(
-        [Headline(f"run {record.run_id}: {record.label}"), Facts((*_run_facts(store, record),))],
+        [Headline(f"run {record.run_id}: {record.label}"), *reasons],
+        [Facts((*_run_facts(store, record),))],
         *([table] for table in tables if table.rows),
         [Commands((*_next_commands(store, record),))],
     )
