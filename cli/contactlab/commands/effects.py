@@ -55,7 +55,7 @@ def effects(
     allow_code: opt.AllowCode = False,
     **task: Unpack[opt.TaskParameters],
 ) -> "EffectsReport | RecordedEffectsReport":
-    """Find the features and parts that a model needs, and write a smaller model.
+    """Find the needed features and parts, and write a smaller model.
 
     Each is left out alone: in the task, with gravity tilted, and with twice the inputs. Those that
     may go together, and save more than 3 % of the time, are left out of the smaller model, which is
