@@ -283,14 +283,24 @@ class _Panel:
         if comparable:
             largest = dict[str, float]()
             for name, (own, other) in motions.items():
-                for before, after in zip(own, other, strict=False):
+                for place, (before, after) in enumerate(zip(own, other, strict=False)):
+                    if place and self._request.keeps_motion:
+                        after = self._with_original_start(before, after)  # noqa: PLW2901
                     run = pair_motions(f"{name}, {before.name}", before, after)
                     for measure in self._compare_states(run):
                         yield self._allow_earlier(measure, largest)
             last, changed = first[0][-1], first[1][-1]
             if last.inputs.any() and last.name == changed.name:
+                if len(first[0]) > 1 and self._request.keeps_motion:
+                    changed = self._with_original_start(last, changed)
                 for measure in self._compare_states(build_doubled_run(last, changed)):
                     yield self._allow_earlier(measure, largest)
+
+    def _with_original_start(self, before: Motion, after: Motion) -> Motion:
+        # A chaotic phase ends elsewhere by chance, and so would all phases after it.
+        if before.seeds != after.seeds or _state_size(before.model) != _state_size(after.model):
+            return after
+        return replace(after, starts=before.starts)
 
     def _allow_earlier(
         self, measure: VerifiedMeasure, largest: dict[str, float]

@@ -43,7 +43,13 @@ PLACE_TOLERANCE = 1.0
 """Share of the original's own distance from the reference. The end position of a body sums
 the errors of steps, of any sign, and contacts amplify them: with few seeds, twice the distance is
 within chance. The numerical error compares the same errors before they are amplified."""
+CHANCE = 1e-3
+"""Probability that an equal motion exceeds the tolerance of a measure of chaotic motion. A
+verification compares about a hundred measures."""
+CHAOTIC_PATH = 3.0
+"""Distance of two paths of a chaotic motion, in multiples of the distance of others."""
 _REST_BEGIN = 0.8  # share of a run; the rest of it counts as settled
+_FEWEST_SAMPLES = 3  # of a path, before the first impact
 _STANDARD_ERRORS = 2.0  # a spread is the half-width of a 95 % interval of the mean over seeds
 
 
@@ -93,12 +99,17 @@ def compare_run(
 ) -> Iterator[VerifiedMeasure]:
     """Yield the measures of a run.
 
+    If the twin ends elsewhere, the motion is chaotic. Then a measure is worse only if it is larger
+    than an equal motion's would be, except by chance.
+
     Args:
         run: the experiment.
         tables: its states.
         allowed: error that the change may cost, as a share of each motion; 0 by default.
         keeps_motion: False if the change is meant to move bodies otherwise; then ends of bodies,
-            energies, and lengths of actuators in a loop are not compared.
+            energies, and lengths of actuators in a loop are not compared. Errors of other actuators
+            are compared up to the first contact or stop that the start does not have: from there
+            on, a fall decides.
         keeps_start: False if the change only begins elsewhere. Then joint limits, rest, energy and
             tracking are not compared: the model is the same, and comes to rest in another place.
     """
@@ -111,7 +122,8 @@ def compare_run(
     good &= ~tables.reference.failed
     if not good.any():
         return
-    yield from _compare_extremes(run, tables, good, keeps_start=keeps_start)
+    chaotic = _is_chaotic(run, tables, good)
+    yield from _compare_extremes(run, tables, good, chaotic=chaotic, keeps_start=keeps_start)
     if not keeps_start:
         return
     if run.at_rest:
@@ -119,20 +131,30 @@ def compare_run(
         if any(each.any() for each in values[:2]):
             floor = LENGTH_TOLERANCE * scale
             place = tables.changed.extremes["depth"].place
-            yield _average_measure("resting depth", run.name, "m", values, floor, place)
-        yield from _compare_creep(run, tables, good, scale)
+            yield _average_measure(
+                "resting depth", run.name, "m", values, floor, place, chaotic=chaotic
+            )
+        yield from _compare_creep(run, tables, good, chaotic=chaotic)
     if run.passive:
-        yield from _compare_energy(run, tables, good, keeps_motion=keeps_motion)
+        yield from _compare_energy(run, tables, good, chaotic=chaotic, keeps_motion=keeps_motion)
     if run.in_loop and keeps_motion:
         yield from _compare_loop_tracking(run, tables, good, allowed)
     if run.actuators:
-        yield from _compare_tracking(run, tables, good, allowed)
+        yield from _compare_tracking(run, tables, good, allowed, keeps_motion=keeps_motion)
     elif keeps_motion:
-        yield from _compare_places(run, tables, good, scale, allowed)
+        yield from _compare_places(run, tables, good, allowed, chaotic=chaotic)
+
+
+def _is_chaotic(run: PairedRun, tables: Tables, good: np.ndarray) -> bool:
+    # The end of a body says whether it repeats: whoever was hit differs there.
+    bodies = judged_bodies(run.original.model)
+    own, twin = (table.positions[good][:, -1, bodies] for table in (tables.original, tables.twin))
+    apart = np.linalg.norm(twin - own, axis=-1).max(initial=0.0)
+    return bool(apart > LENGTH_TOLERANCE * float(run.original.model.stat.meansize))
 
 
 def _compare_extremes(
-    run: PairedRun, tables: Tables, good: np.ndarray, *, keeps_start: bool
+    run: PairedRun, tables: Tables, good: np.ndarray, *, chaotic: bool, keeps_start: bool
 ) -> Iterator[VerifiedMeasure]:
     scale = float(run.original.model.stat.meansize)
     for name, unit in EXTREME_UNITS.items():
@@ -143,7 +165,8 @@ def _compare_extremes(
         ):
             continue
         floor = LENGTH_TOLERANCE * scale if unit == "m" else ANGLE_TOLERANCE
-        yield _average_measure(name, run.name, unit, values, floor, extremes[1].place)
+        place = extremes[1].place
+        yield _average_measure(name, run.name, unit, values, floor, place, chaotic=chaotic)
 
 
 def _build_measure(
@@ -179,13 +202,22 @@ def _count_failures(run: PairedRun, tables: Tables) -> VerifiedMeasure:
 
 
 def _average_measure(
-    name: str, run: str, unit: str, values: list[Floats], floor: float, place: str
+    name: str,
+    run: str,
+    unit: str,
+    values: list[Floats],
+    floor: float,
+    place: str,
+    *,
+    chaotic: bool,
 ) -> VerifiedMeasure:
     # Values (S,) of the original, the changed model, the twin and the reference.
     before, after, twin, reference = (float(np.mean(each)) for each in values)
     spread = abs(twin - before)
     if len(values[0]) > 1:
         spread += _STANDARD_ERRORS * float(np.std(values[0], ddof=1)) / math.sqrt(len(values[0]))
+    if chaotic:
+        spread = max(spread, float(_largest_by_chance(values)) - before)
     tolerance = max(spread, RELATIVE_TOLERANCE * before, floor)
     # A more accurate run may reach as far as the reference does.
     tolerance += max(0.0, reference - before)
@@ -194,12 +226,28 @@ def _average_measure(
     )
 
 
+def _largest_by_chance(values: list[Floats]) -> Floats:
+    """Return the largest mean that the changed motion has if it only moves by chance otherwise.
+
+    The original, its twin and its reference are three samples of each seed's chaotic motion. The
+    result is the upper bound of Student's prediction interval of another one's mean over seeds.
+    The first axis of each array of `values` is the seed.
+    """
+    from scipy.special import stdtrit  # noqa: PLC0415 - it takes a while to load
+
+    samples = np.stack([values[0], values[2], values[3]])
+    count, seeds = samples.shape[:2]
+    deviation = np.sqrt(np.var(samples, axis=0, ddof=1).mean(axis=0) / seeds)
+    factor = float(stdtrit((count - 1) * seeds, 1 - CHANCE)) * math.sqrt(1 + 1 / count)
+    return np.asarray(samples.mean(axis=(0, 1)) + factor * deviation)
+
+
 def _compare_creep(
-    run: PairedRun, tables: Tables, good: np.ndarray, scale: float
+    run: PairedRun, tables: Tables, good: np.ndarray, *, chaotic: bool
 ) -> Iterator[VerifiedMeasure]:
     # Only bodies that rest at the end of the reference can creep.
     bodies = judged_bodies(run.original.model)
-    limit = scale / _CREEP_SIZE
+    limit = float(run.original.model.stat.meansize) / _CREEP_SIZE
     speeds = [
         _measure_end_speeds(table)[good][:, bodies]
         for table in (tables.original, tables.changed, tables.twin, tables.reference)
@@ -212,6 +260,9 @@ def _compare_creep(
     tolerances = np.maximum(CREEP_TOLERANCE * limit, RELATIVE_TOLERANCE * before)
     # A more accurate run may creep as fast as the reference does.
     tolerances += np.maximum(0.0, fine - before)
+    if chaotic:
+        largest = _largest_by_chance([each[:, resting] for each in speeds])
+        tolerances = np.maximum(tolerances, largest - before)
     worst = int(np.argmax(after - before - tolerances))
     yield _build_measure(
         "creep",
@@ -233,7 +284,7 @@ def _measure_end_speeds(table: StateTable) -> Floats:
 
 
 def _compare_energy(
-    run: PairedRun, tables: Tables, good: np.ndarray, *, keeps_motion: bool
+    run: PairedRun, tables: Tables, good: np.ndarray, *, chaotic: bool, keeps_motion: bool
 ) -> Iterator[VerifiedMeasure]:
     whole = [
         table.energies[good]
@@ -247,21 +298,29 @@ def _compare_energy(
     # lifted by the size of a body: a share of a vanishing energy would mean nothing.
     scale = np.maximum(np.ptp(whole[3], axis=1), weight) + 1e-300
     gains = [(each.max(axis=1) - each[:, 0]) / scale for each in whole]
-    yield _average_measure("energy gain", run.name, "1", gains, ENERGY_TOLERANCE, "")
+    yield _average_measure(
+        "energy gain", run.name, "1", gains, ENERGY_TOLERANCE, "", chaotic=chaotic
+    )
     if keeps_motion:
         ends = [np.abs(each[:, -1] - whole[3][:, -1]) / scale for each in whole]
-        yield _average_measure("energy error", run.name, "1", ends, ENERGY_TOLERANCE, "")
+        yield _average_measure(
+            "energy error", run.name, "1", ends, ENERGY_TOLERANCE, "", chaotic=chaotic
+        )
 
 
 def _compare_tracking(
-    run: PairedRun, tables: Tables, good: np.ndarray, allowed: float
+    run: PairedRun, tables: Tables, good: np.ndarray, allowed: float, *, keeps_motion: bool
 ) -> Iterator[VerifiedMeasure]:
     model = run.original.model
     names = [model.actuator(each).name or f"actuator[{each}]" for each in range(model.nu)]
     for row in np.flatnonzero(good):
         actuator = names.index(run.actuators[row])
+        hits = [table.impacts[row] for table in (tables.original, tables.changed)]
+        compared = ~np.logical_or(*hits) | keeps_motion
+        if compared.sum() < _FEWEST_SAMPLES:
+            continue
         ways = [
-            table.lengths[row, :, actuator]
+            table.lengths[row, compared, actuator]
             for table in (tables.original, tables.changed, tables.twin, tables.reference)
         ]
         before, after = (_root_mean_square(way - ways[3]) for way in ways[:2])
@@ -290,7 +349,7 @@ def _build_tracking(
         before,
         after,
         spread=spread,
-        tolerance=max(spread, RELATIVE_TOLERANCE * before, share * excursion, floor),
+        tolerance=max(CHAOTIC_PATH * spread, RELATIVE_TOLERANCE * before, share * excursion, floor),
         place=model.actuator(actuator).name or f"actuator[{actuator}]",
     )
 
@@ -323,10 +382,10 @@ def _root_mean_square(values: Floats) -> float:
 
 
 def _compare_places(
-    run: PairedRun, tables: Tables, good: np.ndarray, scale: float, allowed: float
+    run: PairedRun, tables: Tables, good: np.ndarray, allowed: float, *, chaotic: bool
 ) -> Iterator[VerifiedMeasure]:
     # A body is chaotic if its twin ends elsewhere: its end says nothing, and is left out.
-    bodies = judged_bodies(run.original.model)
+    bodies, scale = judged_bodies(run.original.model), float(run.original.model.stat.meansize)
     floor = LENGTH_TOLERANCE * scale
     places = [
         table.positions[good][:, :, bodies]
@@ -342,7 +401,8 @@ def _compare_places(
     means = [np.where(repeatable, each, 0.0).sum(axis=0) / np.maximum(seen, 1) for each in ends[:2]]
     before, after = means
     noise = np.where(repeatable, twins, 0.0).max(axis=0)
-    tolerances = np.maximum(floor, PLACE_TOLERANCE * before) + noise
+    factor = CHAOTIC_PATH if chaotic else PLACE_TOLERANCE
+    tolerances = np.maximum(floor, factor * before) + noise
     tolerances += allowed * ways[3].mean(axis=0)
     worst = int(np.argmax(np.where(seen > 0, after - before - tolerances, -np.inf)))
     yield _build_measure(

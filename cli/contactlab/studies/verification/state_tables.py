@@ -23,6 +23,7 @@ _WELD = int(mujoco.mjtEq.mjEQ_WELD)
 _JOINT = int(mujoco.mjtEq.mjEQ_JOINT)
 _HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
 _SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
+_LIMIT = int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT)
 _INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 
 
@@ -50,6 +51,7 @@ class StateTable:
         positions: (S, K, nbody, 3) centers of mass [m], interpolated to the sample times.
         lengths: (S, K, nu) lengths of actuators [rad or m].
         energies: (S, K) potential and kinetic energy [J].
+        impacts: (S, K) whether a contact or a stop has occurred that the start does not have.
         extremes: largest depth [m], gaps [m, rad] and excess over limits [m, rad], by name.
         resting_depth: (S,) mean of the largest depth over the last fifth [m].
     """
@@ -60,6 +62,7 @@ class StateTable:
     positions: Floats
     lengths: Floats
     energies: Floats
+    impacts: np.ndarray
     extremes: dict[str, Extreme]
     resting_depth: Floats
 
@@ -96,6 +99,7 @@ def tabulate_states(
     positions = np.full((seeds, len(times), model.nbody, 3), np.nan)
     lengths = np.full((seeds, len(times), model.nu), np.nan)
     energies = np.full((seeds, len(times)), np.nan)
+    impacts = np.zeros((seeds, len(times)), bool)
     extremes = {name: Extreme(np.zeros(seeds), "") for name in EXTREME_UNITS}
     resting = np.zeros(seeds)
     if extremes_too:
@@ -105,10 +109,11 @@ def tabulate_states(
         if failed[seed]:
             continue
         sampler.locate_bodies(seed, times, positions[seed], lengths[seed], energies[seed])
+        impacts[seed] = sampler.find_impacts(seed, times)
         if extremes_too:
             _measure_extremes(sampler, seed, range(0, steps + 1, stride), extremes, resting)
     bits = kept[:, : steps + 1].tobytes()
-    return StateTable(bits, failed, times, positions, lengths, energies, extremes, resting)
+    return StateTable(bits, failed, times, positions, lengths, energies, impacts, extremes, resting)
 
 
 class _StateSampler:
@@ -151,6 +156,14 @@ class _StateSampler:
             mujoco.mj_energyVel(self.model, data)
             energies[place] = data.energy.sum()
 
+    def find_impacts(self, seed: int, times: Floats) -> np.ndarray:
+        """Return (K,) whether a contact or a stop occurred up to a time that the start lacks."""
+        step = float(self.model.opt.timestep)
+        own = _list_touching(self.enter_state(seed, 0))
+        places = (min(int(time / step + SUM_ROUNDING), self._motion.steps) for time in times)
+        new = [not _list_touching(self.enter_state(seed, place)) <= own for place in places]
+        return np.logical_or.accumulate(new)
+
     def _locate_with_rates(self, seed: int, step: int) -> tuple[Floats, Floats]:
         # The values are places of bodies and lengths of actuators at a step.
         model, data = self.model, self.enter_state(seed, step)
@@ -162,6 +175,13 @@ class _StateSampler:
         speeds = along + np.stack([y * c - z * b, z * a - x * c, x * b - y * a], axis=1)
         values = np.concatenate([data.xipos.ravel(), data.actuator_length])
         return values, np.concatenate([speeds.ravel(), data.actuator_velocity])
+
+
+def _list_touching(data: mujoco.MjData) -> set[tuple[int, ...]]:
+    # The pairs of geoms that touch, and the joints at their stops.
+    pairs = data.contact.geom[np.asarray(data.contact.efc_address) >= 0]
+    stops = data.efc_id[data.efc_type == _LIMIT]
+    return {tuple(pair) for pair in pairs.tolist()} | {(joint,) for joint in stops.tolist()}
 
 
 def _interpolate_cubic(ends: list[tuple[Floats, Floats]], share: float, step: float) -> Floats:
