@@ -25,7 +25,7 @@ PENDULUM = """
 
 
 def _first_phase(folder: Path, text: str) -> Motion:
-    folder.mkdir()
+    folder.mkdir(parents=True)
     (folder / "pendulum.xml").write_text(text)
     return open_model(str(folder / "pendulum.xml"), Session(folder / "results")).motions[0]
 
@@ -46,3 +46,34 @@ def test_the_delay_of_a_long_step_shows_in_its_sine(tmp_path: Path) -> None:
     assert step.after < step.before
     assert not step.worse
     assert sine.worse
+
+
+STOPPED = PENDULUM.replace('damping="0.1"', 'damping="0.1" range="-60 60" solreflimit="0.02 1"')
+"""It falls against its stop within a second."""
+
+
+def _compare_step(folder: Path, text: str, *, keeps_motion: bool) -> VerifiedMeasure:
+    original = _first_phase(folder / "original", STOPPED)
+    changed = _first_phase(folder / "changed", text)
+    step, _ = build_tracking_runs(original, changed, [0])
+    tables = tabulate_run(step, 1, {})
+    (found,) = (
+        measure
+        for measure in compare_run(step, tables, 0.0, keeps_motion=keeps_motion)
+        if measure.name == "tracking error"
+    )
+    return found
+
+
+def test_a_bounce_from_a_stop_says_nothing_about_an_actuator(tmp_path: Path) -> None:
+    """A stop that bounces is meant to change the motion, and changes nothing before it."""
+    bouncing = STOPPED.replace("0.02 1", "0.04 0.3")
+    assert _compare_step(tmp_path / "whole", bouncing, keeps_motion=True).worse
+    until_stop = _compare_step(tmp_path / "until stop", bouncing, keeps_motion=False)
+    assert not until_stop.worse
+    assert until_stop.before == until_stop.after
+
+
+def test_a_weaker_actuator_shows_before_the_stop(tmp_path: Path) -> None:
+    weaker = STOPPED.replace('joint="hinge" ctrl', 'joint="hinge" gear="0.5" ctrl')
+    assert _compare_step(tmp_path, weaker, keeps_motion=False).worse

@@ -194,7 +194,7 @@ class CandidateVerifier:
                 if found is None:
                     continue
                 written, verified = found
-                if verified.holds and not self._is_slower(tried):
+                if verified.holds and not self._saves_no_time(tried):
                     return VerifiedCandidate(tried, written, verified)
                 if not verified.holds:
                     self._reject(tried, f"on fresh seeds: {verified.sentence}")
@@ -245,17 +245,16 @@ class CandidateVerifier:
         self._reserve = max(self._reserve, time.monotonic() - begin)
         return written, found
 
-    def _is_slower(self, tried: Evaluation) -> bool:
-        """Time a candidate on whole runs; reject it if it is measurably slower after all."""
-        if self._search.max_cost is not None or error_of(self.current) > self._target.limit:
-            self._time_candidate(tried)
-            return False
+    def _saves_no_time(self, tried: Evaluation) -> bool:
+        """Time a candidate on whole runs; reject it if it saves no time although it should."""
         self._time_candidate(tried)
         price = tried.time_ratio
-        slower = price is not None and price.low > 1.0
-        if slower and price:
-            self._reject(tried, f"{price.text} time, although it does less work")
-        return slower
+        if self._search.max_cost is not None or error_of(self.current) > self._target.limit:
+            return False
+        if price is None or price.ratio <= SAVING:
+            return False
+        self._reject(tried, f"{price.text} time: no saving, although it does less work")
+        return True
 
     def _verify_exact(self, goal: Goal) -> VerifiedCandidate | None:
         """Return the exact savings if they serve a goal, and stay exact on other runs."""
@@ -274,8 +273,9 @@ class CandidateVerifier:
             return None
         if lost := self._find_lost_grip(written):
             self._reject(tried, f"worse than as written: {describe_measure(lost)}")
+        if lost or self._saves_no_time(tried):
+            rmtree(self._session.folder / goal.folder, ignore_errors=True)
             return None
-        self._time_candidate(tried)
         known, error = self.current_verdict(), tried.error
         assert error
         return VerifiedCandidate(

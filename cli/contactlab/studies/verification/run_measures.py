@@ -217,7 +217,7 @@ def _average_measure(
     if len(values[0]) > 1:
         spread += _STANDARD_ERRORS * float(np.std(values[0], ddof=1)) / math.sqrt(len(values[0]))
     if chaotic:
-        spread = max(spread, float(_largest_by_chance(values)) - before)
+        spread = max(spread, float(largest_by_chance(values)) - before)
     tolerance = max(spread, RELATIVE_TOLERANCE * before, floor)
     # A more accurate run may reach as far as the reference does.
     tolerance += max(0.0, reference - before)
@@ -226,7 +226,7 @@ def _average_measure(
     )
 
 
-def _largest_by_chance(values: list[Floats]) -> Floats:
+def largest_by_chance(values: list[Floats]) -> Floats:
     """Return the largest mean that the changed motion has if it only moves by chance otherwise.
 
     The original, its twin and its reference are three samples of each seed's chaotic motion. The
@@ -261,7 +261,7 @@ def _compare_creep(
     # A more accurate run may creep as fast as the reference does.
     tolerances += np.maximum(0.0, fine - before)
     if chaotic:
-        largest = _largest_by_chance([each[:, resting] for each in speeds])
+        largest = largest_by_chance([each[:, resting] for each in speeds])
         tolerances = np.maximum(tolerances, largest - before)
     worst = int(np.argmax(after - before - tolerances))
     yield _build_measure(
