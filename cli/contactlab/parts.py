@@ -87,6 +87,10 @@ def _load_description(report: str) -> Any:  # noqa: ANN401, C901, PLR0912, PLR09
     match report:
         case "AdvisoriesCheck":
             from contactlab.studies.advisories.check_document import describe_check as describe
+        case "DifferencesReport":
+            from contactlab.studies.advisories.differences_document import (
+                describe_differences as describe,
+            )
         case "BudgetReport":
             from contactlab.reporting.budget_document import describe_budget as describe
         case "EffectsReport":
@@ -146,6 +150,7 @@ def _load_description(report: str) -> Any:  # noqa: ANN401, C901, PLR0912, PLR09
 
 _DESCRIBED = (
     "AdvisoriesCheck",
+    "DifferencesReport",
     "BudgetReport",
     "EffectsReport",
     "EnginePanel",

@@ -4,13 +4,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Option, command
 from contactlab.command_line.listing import LISTED, Listing
 from contactlab.command_line.report_formats import report_formats
-from contactlab.command_line.surroundings import say
+from contactlab.command_line.surroundings import say, study_session
 
 if TYPE_CHECKING:
     from contactlab.schema.advisory_report import AdvisoriesCheck
+    from contactlab.schema.differences_report import DifferencesReport
 
 
 @command("extend", examples=("advisories",), formats=LISTED)
@@ -71,3 +73,55 @@ def check(
     chosen = read_advisories(map(Path, files)) if files else list_advisories()
     named = mujoco.split(",") if isinstance(mujoco, str) else mujoco
     return check_advisories(chosen, named or list_supported_releases(), say)
+
+
+@command(
+    "gate",
+    name="advisories find",
+    examples=(
+        "advisories find --mujoco 3.13.0,4.0.0",
+        "advisories find robots/*.xml --mujoco 3.17.0,4.0.0 -o found",
+    ),
+    codes="0 compared, 2 bad input, 130 interrupted",
+    formats=report_formats(),
+)
+def find(
+    models: Annotated[
+        Sequence[str | Path],
+        Argument(
+            "MODEL", "Models, or the words scenes and generated; default: both.", kind=list[str]
+        ),
+    ] = (),
+    *,
+    mujoco: Annotated[
+        str | Sequence[str], Option("OLDER,NEWER", "The two releases to compare.", kind=str)
+    ],
+    max_time: Annotated[
+        float, Option("SECONDS", "Wall time for shrinking one difference.", least=0)
+    ] = 10.0,
+    output: opt.StudyFolder = None,
+) -> "DifferencesReport":
+    """Compare two releases of MuJoCo over models, and draft an advisory for each cause.
+
+    Both begin in the same states. Differences are grouped by the first stage of a step that
+    differs, and one model of each group is shrunk. A difference is a fault if an independent
+    computation decides, and otherwise a change.
+
+    Raises:
+        SweepFileError: not two releases.
+        EngineError: a release cannot be installed.
+        OutputError: the drafts cannot be written.
+    """
+    from contactlab.errors import SweepFileError
+    from contactlab.studies.advisories.corpus import GENERATED, SCENES
+    from contactlab.studies.advisories.finding import FindRequest, find_differences
+
+    releases = mujoco.split(",") if isinstance(mujoco, str) else list(mujoco)
+    pair = 2
+    if len(releases) != pair:
+        raise SweepFileError("--mujoco: name two releases, such as 3.13.0,4.0.0")
+    wanted = [*map(str, models)] or [SCENES, GENERATED]
+    folder = opt.study_folder("advisories", "-".join(releases), output)
+    request = FindRequest(wanted, (releases[0], releases[1]), max_time)
+    with study_session(folder, 0) as session:
+        return find_differences(request, session)

@@ -12,6 +12,7 @@ from contactlab.schema.advisory_report import AdvisoriesCheck
 from contactlab.schema.check_report import Reference
 from contactlab.schema.comparison import ComparePolicy, ComparisonReport
 from contactlab.schema.diff_report import DiffReport
+from contactlab.schema.differences_report import DifferencesReport
 from contactlab.schema.effects_report import EffectsReport
 from contactlab.schema.engine_panel import EnginePanel
 from contactlab.schema.error_budget import BudgetReport
@@ -54,6 +55,7 @@ EMITTED: Mapping[str, type[BaseModel]] = {
     "grip.schema.json": GripReport,
     "shrink.schema.json": ShrinkReport,
     "advisories-check.schema.json": AdvisoriesCheck,
+    "advisories-find.schema.json": DifferencesReport,
 }
 
 Node = dict[str, object]

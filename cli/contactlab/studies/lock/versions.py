@@ -70,19 +70,26 @@ def run_python(
     returned. The release is that of the environment that `--mujoco` makes; other packages are the
     same as here. Raises an EngineError if there is no such release, or it cannot be installed.
     """
-    variables, path = dict(os.environ), [os.environ.get("PYTHONPATH", "")]
-    other = find_interpreter(version, notify) if version else None
-    if other is not None:
-        prefix = str(other.python.parent.parent)
-        path.insert(0, sysconfig.get_path("purelib", vars={"base": prefix, "platbase": prefix}))
-    variables["PYTHONPATH"] = os.pathsep.join(folder for folder in path if folder)
     return subprocess.run(  # noqa: S603
         [sys.executable, *arguments],
         stdout=subprocess.PIPE,
         text=True,
         check=False,
-        env=variables,
+        env=variables_of_release(version, notify),
     )
+
+
+def variables_of_release(version: str | None, notify: Callable[[str], None]) -> dict[str, str]:
+    """Return the environment variables with which this Python imports another release of MuJoCo.
+
+    Raises an EngineError if there is no such release, or it cannot be installed.
+    """
+    path = [os.environ.get("PYTHONPATH", "")]
+    other = find_interpreter(version, notify) if version else None
+    if other is not None:
+        prefix = str(other.python.parent.parent)
+        path.insert(0, sysconfig.get_path("purelib", vars={"base": prefix, "platbase": prefix}))
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(folder for folder in path if folder)}
 
 
 def run_sweep(

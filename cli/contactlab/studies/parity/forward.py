@@ -42,9 +42,10 @@ LIMITS = {
 }
 FLOOR_FACTOR = 8.0  # allowed multiple of the effect of rounding the state
 GRAZING = 1e-5  # rounding decides whether a contact of a smaller distance acts [m]
+_SAME_DIRECTION = 1e-3  # angle between normals that shapes of single precision explain [rad]
 _NONE = np.empty((0, 19))
 _GEOMS, _DISTANCE, _MARGIN, _FRICTION = slice(0, 2), 2, 3, slice(4, 9)
-_SOLREF, _SOLIMP, _POSITION = slice(9, 11), slice(11, 16), slice(16, 19)
+_SOLREF, _SOLIMP, _POSITION, _NORMAL = slice(9, 11), slice(11, 16), slice(16, 19), slice(19, 22)
 _OF_CONTACT = {"friction": _FRICTION, "solref": _SOLREF, "solimp": _SOLIMP}
 
 
@@ -65,14 +66,20 @@ def _forward_by_mujoco(runs: PreparedRuns) -> Forward:
         data.qpos[:], data.qvel[:], data.act[:] = start.qpos[run], start.qvel[run], start.act[run]
         inputs = (start.ctrl[run], start.applied[run], start.mocap[run])
         apply_inputs(model, data, np.concatenate(inputs))
-        mujoco.mj_forward(model, data)
-        for name in LIMITS:
-            told[name].append(np.array(getattr(data, name)))
-        names = ("geom", "dist", "includemargin", "friction", "solref", "solimp", "pos")
-        arrays = [getattr(data.contact, name) for name in names]
-        columns = [array if array.ndim > 1 else array[:, None] for array in arrays]
-        told["contacts"].append(np.hstack(columns))
+        for name, values in read_forward_quantities(model, data).items():
+            told[name].append(values)
     return told
+
+
+def read_forward_quantities(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, Floats]:
+    """Compute a state forward, and return its quantities; contacts end with their normals."""
+    mujoco.mj_forward(model, data)
+    found = {name: np.array(getattr(data, name)) for name in LIMITS}
+    names = ("geom", "dist", "includemargin", "friction", "solref", "solimp", "pos")
+    arrays = [getattr(data.contact, name) for name in names]
+    columns = [array if array.ndim > 1 else array[:, None] for array in arrays]
+    found["contacts"] = np.hstack([*columns, data.contact.frame[:, :3]])
+    return found
 
 
 @dataclass(frozen=True)
@@ -210,6 +217,9 @@ class _MatchedContacts:
                 )
             if (apart := _point_distance(ours, theirs)) > GRAZING:
                 return apart / GRAZING, f"points of {self._name_pair(pair)}", 0.0, apart
+            if (turned := _normal_difference(ours, theirs)) > _SAME_DIRECTION:
+                excess = turned / _SAME_DIRECTION
+                return excess, f"normal of {self._name_pair(pair)}", 0.0, turned
             for name, columns in _OF_CONTACT.items():
                 both = ours[0, columns], theirs[0, columns]
                 shares = np.abs(both[0] - both[1]) / (single_precision * (np.abs(both[0]) + 1e-6))
@@ -237,6 +247,16 @@ def _point_distance(first: Floats | None, second: Floats | None) -> float:
         return 0.0
     ours, theirs = (side[: _count_acting(side), _POSITION] for side in (first, second))
     return float(np.linalg.norm(ours[:, None] - theirs, axis=2).min(axis=1).max())
+
+
+def _normal_difference(first: Floats, second: Floats) -> float:
+    """Return the angle between the normals of the deepest contacts [rad]; 0 if one has none."""
+    one, other = first[0, _NORMAL], second[0, _NORMAL]
+    if not one.any() or not other.any():
+        return 0.0
+    if list(first[0, _GEOMS]) != list(second[0, _GEOMS]):
+        other = -other
+    return float(np.arccos(np.clip(one @ other, -1, 1)))
 
 
 def _has_grazing(rows: Floats) -> bool:

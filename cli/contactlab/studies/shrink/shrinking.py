@@ -12,7 +12,7 @@ from functools import partial
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from ruamel.yaml import YAML
 
@@ -166,6 +166,19 @@ def _find_trials(
     )
 
 
+class Trials(Protocol):
+    """Tries models, and says which fail alike."""
+
+    @property
+    def over(self) -> bool:
+        """Whether the time for trials is over."""
+        ...
+
+    def still_fails(self, model: FailingModel) -> bool:
+        """Return whether a model fails as the first one does."""
+        ...
+
+
 @dataclass
 class _Trials:
     """Runs models, and says which fail as a stored run does.
@@ -255,9 +268,19 @@ def _write_yaml(data: Mapping[str, Any]) -> str:
 def _shrink_model(
     model: FailingModel, trials: _Trials, notify: Callable[[str], None]
 ) -> FailingModel:
-    """Return the model without removable parts; without the last ones, earlier ones may go."""
+    """Return the model with a shorter run, and without removable parts."""
     notify("shortening the run")
     model = _shorten_run(_start_later(_shorten_run(model, trials), trials), trials)
+    return remove_unneeded_parts(model, trials, notify)
+
+
+def remove_unneeded_parts(
+    model: FailingModel, trials: Trials, notify: Callable[[str], None] = lambda _: None
+) -> FailingModel:
+    """Return the model without parts that its failure does not need.
+
+    Without the last ones, earlier ones may go.
+    """
     # Each trial reads thousands of vertices and computes their hulls.
     coarser = model.coarsen_meshes(model.part_names("meshes"), _VERTICES[-1])
     if coarser is not None and trials.still_fails(coarser):
@@ -315,7 +338,7 @@ def _remove_parts(
     model: FailingModel,
     kind: str,
     without: Callable[..., FailingModel | None],
-    trials: _Trials,
+    trials: Trials,
 ) -> FailingModel:
     """Return the model without as many parts of a kind as can go."""
     kept, share = model.part_names(kind), 1

@@ -1,0 +1,242 @@
+"""Compares two releases over a corpus of models, and drafts an advisory for each cause."""
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+import mujoco
+from ruamel.yaml import YAML
+from ruamel.yaml.scalarstring import LiteralScalarString
+
+from contactlab.errors import ContactlabError, EngineError
+from contactlab.run.sweep_request import SceneLoader
+from contactlab.schema.differences_report import DifferenceGroup, DifferencesReport, RefusedModel
+from contactlab.studies.advisories.corpus import CorpusModel, list_models
+from contactlab.studies.advisories.differences import (
+    INTEGRATION,
+    SAVED,
+    STAGES,
+    Difference,
+    DifferenceTrials,
+    decide_fault,
+    find_difference,
+    measure_of,
+    shrink_difference,
+    start_at,
+    state_at,
+    state_of,
+)
+from contactlab.studies.advisories.release_process import ReleaseProcess
+from contactlab.studies.advisories.release_windows import (
+    WINDOW_STEPS,
+    Evaluate,
+    State,
+    compile_text,
+)
+from contactlab.studies.shrink.failing_model import START, FailingModel, as_one_file
+from contactlab.tasks.session import Session
+
+RECORDED_STEPS = (1, 40, 160, 400)
+"""Steps after which states are recorded: at the start, in the first impacts, and later."""
+_ORDER = tuple(dict.fromkeys(STAGES.values()))
+_UNDECIDED = "CHANGE: find a closed form or an independent computation, or drop this draft"
+
+
+@dataclass(frozen=True)
+class FindRequest:
+    """What to compare.
+
+    Attributes:
+        models: references, or `scenes` and `generated`.
+        releases: the older and the newer one.
+        seconds: wall time for shrinking one difference.
+    """
+
+    models: Sequence[str]
+    releases: tuple[str, str]
+    seconds: float = 10.0
+
+
+class _Found(NamedTuple):
+    model: FailingModel  # as one file, at the state
+    text: str  # of the compared model
+    state: State
+    difference: Difference
+
+
+Record = Callable[[str, State, Sequence[int]], list[State]]
+
+
+def find_differences(request: FindRequest, session: Session) -> DifferencesReport:
+    """Compare two releases over models, and write a draft for each cause into the session's folder.
+
+    Raises:
+        EngineError: a release cannot be installed.
+        OutputError: the folder cannot be written.
+    """
+    first, second = request.releases
+    with (
+        ReleaseProcess(first, session.notify) as one,
+        ReleaseProcess(second, session.notify) as other,
+    ):
+        return compare_engines(request, session, (one.evaluate, other.evaluate), one.record)
+
+
+def compare_engines(
+    request: FindRequest, session: Session, engines: tuple[Evaluate, Evaluate], record: Record
+) -> DifferencesReport:
+    """Compare two functions that compute windows; see `find_differences`."""
+    found = dict[tuple[str, str], dict[str, _Found]]()
+    refused, compared, states = list[RefusedModel](), 0, 0
+    with TemporaryDirectory(prefix="contactlab-") as folder:
+        for member in list_models(request.models, Path(folder)):
+            session.notify(member.name)
+            try:
+                began, difference = _compare_model(member, engines, record)
+            except (ContactlabError, ValueError, KeyError, mujoco.FatalError) as error:
+                reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+                refused.append(RefusedModel(model=member.name, reason=reason))
+                continue
+            compared, states = compared + 1, states + began
+            if difference is not None:
+                found.setdefault(difference.difference.key, {})[member.name] = difference
+    ordered = sorted(found, key=lambda key: (_ORDER.index(key[0]), -len(found[key]), key[1]))
+    files, groups = dict[str, str](), list[DifferenceGroup]()
+    for number, key in enumerate(ordered, 1):
+        session.notify(f"shrinking {key[0]}: {key[1]}")
+        file = f"DRAFT-{number:04d}.yaml"
+        group, text = _report_group(request, key, found[key], engines)
+        files[file] = text
+        groups.append(group.model_copy(update={"draft": str(session.folder / file)}))
+    session.write(files)
+    return DifferencesReport(
+        releases=request.releases,
+        compared=compared,
+        states=states,
+        refused=tuple(refused),
+        groups=tuple(groups),
+    )
+
+
+def _compare_model(
+    member: CorpusModel, engines: tuple[Evaluate, Evaluate], record: Record
+) -> tuple[int, _Found | None]:
+    """Return the number of states, and the first difference of the engines in a model.
+
+    A model of one file is compared as it is written, since the file that is shrunk has no defaults,
+    frames and compiler settings.
+    """
+    scene = SceneLoader(None).open(member.reference)
+    run = scene.resolve({}, 0, None)
+    start = scene.initial_states([run])
+    flat = as_one_file(scene, run, start)
+    text, compiled = member.text or flat, compile_text(member.text or flat)
+    begin = state_at(compiled, start)
+    states = record(text, begin, RECORDED_STEPS)
+    if not states:
+        raise EngineError("no finite state")
+    found = find_difference(compiled, *(evaluate(text, states) for evaluate in engines))
+    if found is None:
+        return len(states), None
+    state = states[found.place]
+    if found.stage == INTEGRATION:
+        # A later step of the window may differ in an earlier stage.
+        within = record(text, state, range(WINDOW_STEPS))
+        closer = find_difference(compiled, *(evaluate(text, within) for evaluate in engines))
+        if closer is not None and closer.stage != INTEGRATION:
+            found, state = closer, within[closer.place]
+    whole = mujoco.MjModel.from_xml_string(flat)
+    model = FailingModel(flat, start_at(whole, state), WINDOW_STEPS * run.timestep)
+    return len(states), _Found(model, text, state, found)
+
+
+def _report_group(
+    request: FindRequest,
+    key: tuple[str, str],
+    found: dict[str, _Found],
+    engines: tuple[Evaluate, Evaluate],
+) -> tuple[DifferenceGroup, str]:
+    """Return the report of a group, and its drafted advisory."""
+    trials = DifferenceTrials(*engines, key, time.monotonic() + request.seconds)
+    smallest = min(found.values(), key=lambda each: len(each.model.text))
+    small = shrink_difference(smallest.model, trials)
+    compared = trials.compare(small)
+    text, saved = small.text, SAVED in key[1]
+    if compared is None or compared[0].key != key:
+        text = smallest.text
+        windows = [evaluate(text, [smallest.state]) for evaluate in engines]
+        difference = smallest.difference._replace(place=0)
+    else:
+        difference, *windows = compared
+    faulty, reason = decide_fault(difference, request.releases, windows[0], windows[1])
+    compiled = compile_text(text)
+    state = smallest.state if text is smallest.text else state_of(small.start, compiled)
+    group = DifferenceGroup(
+        stage=key[0],
+        quantity=key[1],
+        models=tuple(found),
+        place=difference.quantity,
+        first=difference.first,
+        second=difference.second,
+        faulty=faulty,
+        reason=reason,
+        bodies=int(compiled.nbody) - 1,
+        draft="",
+    )
+    witness = {"model": LiteralScalarString(text if saved else write_start(text, state))}
+    witness |= {"saved": True} if saved else {"keyframe": START}
+    return group, draft_advisory(group, request.releases, witness, compiled)
+
+
+def write_start(text: str, state: State) -> str:
+    """Return a model as MJCF with a state as its only keyframe."""
+    spec = mujoco.MjSpec.from_string(text)
+    for key in list(spec.keys):
+        spec.delete(key)
+    names = {"mocap_pos": "mpos", "mocap_quat": "mquat"}
+    key = spec.add_key(name=START)
+    for name, part in state.items():
+        setattr(key, names.get(name, name), part.ravel())
+    spec.compile()
+    return spec.to_xml()
+
+
+def draft_advisory(
+    group: DifferenceGroup,
+    releases: tuple[str, str],
+    witness: Mapping[str, Any],
+    compiled: mujoco.MjModel,
+) -> str:
+    """Return the YAML of an advisory about a difference, for an author to complete."""
+    first, second = (math.nan if one is None else one for one in (group.first, group.second))
+    first_is_faulty = group.faulty == releases[0]
+    data: dict[str, Any] = {
+        "id": "DRAFT-2026-0000",
+        "title": f"{group.quantity} differs from {releases[0]} to {releases[1]}",
+        "consequence": "Say how it shows in a simulation.",
+        "affected": [
+            {"introduced": "0", "fixed": releases[1]}
+            if first_is_faulty
+            else {"introduced": releases[1]}
+        ],
+        "severity": "wrong result",
+        "applies": "nv > 0",
+        "witness": {
+            **witness,
+            "steps": WINDOW_STEPS if group.stage == INTEGRATION else 0,
+            "measure": measure_of(compiled, group.place),
+            "right": second if first_is_faulty else first,
+            "wrong": first if first_is_faulty else second,
+            "tolerance": abs(first - second) / 10,
+            "reason": group.reason if group.faulty else f"{_UNDECIDED}; {group.reason}",
+        },
+        "advice": "Name a modification in `workarounds`, or say what to do.",
+    }
+    text = StringIO()
+    YAML().dump(data, text)
+    return text.getvalue()
