@@ -24,7 +24,14 @@ from contactlab.errors import EngineError, SweepFileError
 
 COMMANDS = {each.name: each for name in command_modules() for each in commands_of(name)}
 # Packages have these names, so that their commands are with the others, in `contactlab.commands`.
-OF_PACKAGES = {"advisories", "advisories check", "engines add", "engines panel", "schema"}
+OF_PACKAGES = {
+    "advisories",
+    "advisories check",
+    "advisories find",
+    "engines add",
+    "engines panel",
+    "schema",
+}
 # Values of the command line that are accepted wherever one is needed.
 NEEDED = "value"
 

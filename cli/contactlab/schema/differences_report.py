@@ -42,6 +42,7 @@ class DifferencesReport(ReportModel):
     def headline(self) -> str:
         """The result in a sentence."""
         faults = sum(bool(group.faulty) for group in self.groups)
-        found = f"{faults} faults and {len(self.groups) - faults} changes"
-        first, second = self.releases
-        return f"{found} from {first} to {second}, in {self.compared} models"
+        changes, (first, second) = len(self.groups) - faults, self.releases
+        counts = ((faults, "fault"), (changes, "change"), (self.compared, "model"))
+        said = [f"{count} {word}{'s' * (count != 1)}" for count, word in counts]
+        return f"{said[0]} and {said[1]} from {first} to {second}, in {said[2]}"

@@ -94,9 +94,9 @@ def evaluate_windows(text: str, states: Sequence[State]) -> Windows:
         name: {field: [one[field] for one in found[name]] for field in found[name][0]}
         for name in ("exact", "rounded")
     }
-    return Windows(
-        **{**found, **by_name, "compiled": _read_compiled(model), "saved": _read_saved(text)}
-    )
+    own = {"compiled": _read_compiled(model), "saved": _read_saved(text)}
+    fields: dict[str, Any] = {**found, **by_name, **own}
+    return Windows(**fields)
 
 
 def compile_text(text: str) -> mujoco.MjModel:
