@@ -8,7 +8,7 @@ from contactlab.schema.strict_model import FiniteOrNull, Model, about
 from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.verification import VerifiedChange
 
-GripVerdict = Literal["holds", "creeps", "drops"]
+GripVerdict = Literal["holds", "penetrates", "creeps", "drops"]
 GripTrend = Literal["still", "steady", "fading", "growing", "uneven", "lost"]
 CauseKind = Literal[
     "regularized friction",

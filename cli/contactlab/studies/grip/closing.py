@@ -143,6 +143,7 @@ class Squeeze:
         points: (K, 3) contact points [m].
         geoms: geoms of the hand that touch it.
         approach: how the fingers approached; None in a keyframe.
+        sucks: whether adhesion holds it, so that one side is enough.
     """
 
     row: Floats
@@ -154,11 +155,12 @@ class Squeeze:
     points: Floats
     geoms: tuple[int, ...]
     approach: Approach | None
+    sucks: bool = False
 
     @property
     def is_held(self) -> bool:
-        """True if two sides press on the object."""
-        return sum(force > 0 for force in self.forces) > 1
+        """True if two sides press on the object, or one that adheres to it."""
+        return sum(force > 0 for force in self.forces) > (0 if self.sucks else 1)
 
 
 def find_closing(fixture: GripFixture) -> Closing:

@@ -1,6 +1,6 @@
 """Tests fixes of a grip: changes of the solver, of the pads and of the squeeze."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -14,13 +14,14 @@ from contactlab.mjcf import OPTIONS
 from contactlab.modifications.catalogue import CATALOGUE
 from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.model_edits import read_option
+from contactlab.schema.grip import GripVerdict
 from contactlab.schema.time_ratio import TimeRatio
 from contactlab.studies.grip.closing import Closing, Squeeze, close_at, measure_squeeze
 from contactlab.studies.grip.fingers import control_ranges
 from contactlab.studies.grip.grip_fixture import GripFixture
-from contactlab.studies.grip.grip_verdict import verdict_of
+from contactlab.studies.grip.grip_verdict import MOST_DEPTH, verdict_of
 from contactlab.studies.grip.holding import Drift, Load, load_directions, measure_drifts
-from contactlab.studies.grip.rollouts import repeat_input, roll_out
+from contactlab.studies.grip.rollouts import data_at, repeat_input, roll_out, state_row
 
 _INPUTS = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_XFRC_APPLIED)
 SECONDS = 2.0  # s of a run in each direction
@@ -31,6 +32,8 @@ _MORE = 2.0  # times the squeeze
 # A control squeezes if its full range adds this share of the force.
 _SQUEEZES = 0.02
 _SHARES = (0.125, 0.25, 0.5, 1.0)
+_LESS = (0.25, 0.06, 0.015)  # shares of the squeeze
+_HALVINGS = 10  # of the way to the opened control, for one of these shares
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,15 @@ class Grip:
         """Return the directions of loads."""
         return load_directions(self.held, self.names)
 
+    @property
+    def depth_share(self) -> float:
+        """Depth over half of the object's extent from finger to finger."""
+        turn = np.empty(9)
+        place = self.fixture.address + 3
+        mujoco.mju_quat2Mat(turn, self.held.path[-1][place : place + 4])
+        half = float(np.abs(turn.reshape(3, 3).T @ self.held.turn[:, 0]) @ self.fixture.half)
+        return self.held.depth / half
+
     def measure_drifts(self) -> tuple[Drift, ...]:
         """Return the drifts in all directions; the first is without a further load."""
         return measure_drifts(self.fixture, self.held, self.load, self.directions(), SECONDS)
@@ -66,7 +78,7 @@ class Grip:
             held = close_at(fixture, self.closing, self.held.approach, self.held.control)
         else:
             held = self._held_on(fixture, self.held.control)
-        return replace(self, fixture=fixture, held=replace(held, turn=self.held.turn))
+        return replace(self, fixture=fixture, held=self._framed(held))
 
     def with_control(self, control: Floats) -> "Grip":
         """Return the grip with another final control."""
@@ -74,7 +86,20 @@ class Grip:
             held = close_at(self.fixture, self.closing, self.held.approach, control)
         else:
             held = self._held_on(self.fixture, control)
-        return replace(self, held=replace(held, turn=self.held.turn))
+        return replace(self, held=self._framed(held))
+
+    def closed_again(self, control: Floats) -> "Grip":
+        """Return the grip closed on the object from the start, with another final control."""
+        if self.closing is not None:
+            return self.with_control(control)
+        data = data_at(self.fixture.model, self.held.row)
+        data.qpos[:], data.qvel[:], data.qacc_warmstart[:] = self.held.path[0], 0, 0
+        begun = replace(self.held, row=state_row(self.fixture.model, data), control=control)
+        grip = replace(self, held=begun)
+        return replace(grip, held=grip._framed(grip._held_on(grip.fixture, control)))
+
+    def _framed(self, held: Squeeze) -> Squeeze:
+        return replace(held, turn=self.held.turn, sucks=self.held.sucks)
 
     def _held_on(self, fixture: GripFixture, control: Floats) -> Squeeze:
         """Continue from the keyframe to a control, with a weightless object."""
@@ -94,38 +119,79 @@ class TestedFix:
         name, against: of the candidate.
         options: changed settings by name.
         drifts: drifts with it.
+        deep: depth over half of the object's width.
         time_ratio: its time over that as written; None for a control.
+        squeezes_less: whether it needs less force of the fingers.
     """
 
     name: str
     against: str
     options: Mapping[str, object]
     drifts: tuple[Drift, ...]
+    deep: float
     time_ratio: TimeRatio | None
+    squeezes_less: bool = False
+
+    def verdict(self, within: float) -> GripVerdict:
+        """Return the verdict with this fix."""
+        return verdict_of(self.drifts, within, self.deep)
 
 
 def run_fixes(grip: Grip, within: float) -> list[TestedFix]:
-    """Test and time each fix; combine two only if neither of them holds."""
+    """Test and time each fix; combine two only if neither of them holds.
+
+    If the fingers are deep in the object, less squeeze is part of each fix.
+    """
+    changed, found, less = dict[str, mujoco.MjModel](), list[TestedFix](), ""
+    if grip.depth_share > MOST_DEPTH:
+        for eased in _ease_squeeze(grip):
+            grip, fix = eased
+            found.append(fix)
+            less = f"{fix.name} and "
+            if fix.deep <= MOST_DEPTH:
+                break
     model, geoms = grip.fixture.model, grip.held.geoms
-    changed, found = dict[str, mujoco.MjModel](), list[TestedFix]()
     for candidate in (fix for entry in CATALOGUE.values() for fix in entry.grip_fixes):
         if candidate.change is None:
             continue
-        name, other = candidate.find_name(model), model.__copy__()
+        name, other = less + candidate.find_name(model), model.__copy__()
         candidate.change(other, geoms)
         settings = changed_settings(model, other, geoms, candidate.fields)
-        held = any(verdict_of(each.drifts, within) == "holds" for each in found)
+        held = any(each.verdict(within) == "holds" for each in found)
         if settings and not (candidate.is_both and held):
             changed[name] = other
-            drifts = grip.with_model(other).measure_drifts()
-            found.append(TestedFix(name, candidate.against, settings, drifts, None))
+            tried = grip.with_model(other)
+            drifts, deep = tried.measure_drifts(), tried.depth_share
+            fix = TestedFix(name, candidate.against, settings, drifts, deep, None, bool(less))
+            found.append(fix)
     costs = _prices(grip, changed)
     found = [replace(each, time_ratio=costs.get(each.name)) for each in found]
-    if (more := double_squeeze(grip)) is not None:
+    if not less and (more := double_squeeze(grip)) is not None:
         control, times = more
-        drifts = grip.with_control(control).measure_drifts()
-        found.append(TestedFix(f"{times:.2g} times the squeeze", "squeeze", {}, drifts, None))
+        tried = grip.with_control(control)
+        drifts, deep = tried.measure_drifts(), tried.depth_share
+        name = f"{times:.2g} times the squeeze"
+        found.append(TestedFix(name, "squeeze", {}, drifts, deep, None))
     return found
+
+
+def _ease_squeeze(grip: Grip) -> Iterator[tuple[Grip, TestedFix]]:
+    """Yield the grip with less and less squeeze, closed again."""
+    own = sum(grip.closed_again(grip.held.control).held.forces)
+    ends = control_ranges(grip.fixture.model)
+    opened = grip.closing.opened if grip.closing else _squeezing_ends(grip, ends, own, opens=True)
+    low = 0.0
+    for share in _LESS:
+        high = 1.0
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2
+            tried = grip.closed_again(grip.held.control + middle * (opened - grip.held.control))
+            more = sum(tried.held.forces) > share * own
+            low, high = (middle, high) if more else (low, middle)
+        tried = grip.closed_again(grip.held.control + low * (opened - grip.held.control))
+        left, deep = sum(tried.held.forces) / own, tried.depth_share
+        name = f"{left:.2g} times the squeeze"
+        yield tried, TestedFix(name, "penetration", {}, tried.measure_drifts(), deep, None, True)
 
 
 def changed_settings(
@@ -183,9 +249,10 @@ def double_squeeze(grip: Grip) -> tuple[Floats, float] | None:
     return (best, most / own) if most > own * (1 + _SQUEEZES) else None
 
 
-def _squeezing_ends(grip: Grip, ends: Floats, own: float) -> Floats:
-    """Return the ends of control ranges that add to the squeeze."""
+def _squeezing_ends(grip: Grip, ends: Floats, own: float, *, opens: bool = False) -> Floats:
+    """Return the ends of control ranges that add to the squeeze, or take from it."""
     target = grip.held.control.copy()
+    close = grip.closed_again if opens else grip.with_control
     for control in range(len(target)):
         for end in ends[control]:
             if end == target[control]:
@@ -193,7 +260,7 @@ def _squeezing_ends(grip: Grip, ends: Floats, own: float) -> Floats:
             # A twentieth of the way shows the sign, and moves little else.
             tried = grip.held.control.copy()
             tried[control] += (end - tried[control]) / 20
-            more = sum(grip.with_control(tried).held.forces) - own
+            more = (sum(close(tried).held.forces) - own) * (-1 if opens else 1)
             if 20 * more > _SQUEEZES * own:
                 target[control] = end
                 break

@@ -18,12 +18,22 @@ def worst_drift(drifts: Sequence[Drift]) -> Drift:
     return max(drifts, key=lambda drift: drift.speed)
 
 
-def verdict_of(drifts: Sequence[Drift], within: float) -> GripVerdict:
-    """Return the verdict: drops if a drift is lost, creeps if one is faster than `within` [m/s]."""
+MOST_DEPTH = 0.5
+"""Share of half of the object's width. Deeper, a finger is nearer to the middle of the object than
+to its face, and where it touches is not where it would."""
+
+
+def verdict_of(drifts: Sequence[Drift], within: float, deep: float) -> GripVerdict:
+    """Return the verdict: drops if a drift is lost, creeps if one is faster than `within` [m/s].
+
+    An object that rests deep inside the fingers, by more than half of half its width, is not held.
+    """
     worst = worst_drift(drifts)
     if worst.trend == "lost":
         return "drops"
-    return "creeps" if worst.speed > within else "holds"
+    if worst.speed > within:
+        return "creeps"
+    return "penetrates" if deep > MOST_DEPTH else "holds"
 
 
 def worst_speed(drifts: Sequence[Drift]) -> float:
@@ -63,7 +73,7 @@ class GripEvidence:
 def find_causes(known: GripEvidence) -> list[tuple[CauseKind, str]]:
     """Return why an object does not stay, the first cause first; each is shown by an experiment."""
     found = list[tuple[CauseKind, str]]()
-    if known.word != "holds" and (first := _first_cause(known)) is not None:
+    if known.word not in ("holds", "penetrates") and (first := _first_cause(known)) is not None:
         found.append(first)
     deep_share = 0.1  # share of half of the object's width
     if known.deep > deep_share:

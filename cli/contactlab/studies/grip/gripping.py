@@ -7,7 +7,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import mujoco
-import numpy as np
 
 from contactlab.errors import SceneError, SweepFileError
 from contactlab.run.sweep_request import SceneLoader
@@ -121,7 +120,8 @@ def judge_grip(request: GripRequest) -> GripReport:
     force = weakest_finger_force(grip.held)
     request.notify(f"closed on {_object_words(setup)} with {force:.3g} N per finger; loading")
     drifts = grip.measure_drifts()
-    word = verdict_of(drifts, request.tolerance)
+    deep = grip.depth_share
+    word = verdict_of(drifts, request.tolerance, deep)
     directions = grip.directions()
     down = directions[grip.names[1] if setup.mounted_hand is None else grip.names[0]]
     across = dict(list(directions.items())[:4])
@@ -133,11 +133,6 @@ def judge_grip(request: GripRequest) -> GripReport:
     if word != "holds" and request.fixes:
         request.notify(f"it {word}; testing fixes")
         tried = run_fixes(grip, request.tolerance)
-    # Depth over half of the object's extent from finger to finger.
-    turn = np.empty(9)
-    place = grip.fixture.address + 3
-    mujoco.mju_quat2Mat(turn, grip.held.path[-1][place : place + 4])
-    width = float(np.abs(turn.reshape(3, 3).T @ grip.held.turn[:, 0]) @ grip.fixture.half)
     # The least speed over fixes, by the cause that they test.
     speeds = dict[str, float]()
     for each in tried:
@@ -149,7 +144,7 @@ def judge_grip(request: GripRequest) -> GripReport:
         pressed=grip.held.is_held,
         pull=pull[1],
         weight=object_weight(grip.fixture, grip.load),
-        deep=grip.held.depth / width,
+        deep=deep,
         tried=speeds,
     )
     fixes = _fix_rows(request, known.speed, tried)
@@ -342,7 +337,7 @@ def _placement_row(name: str, grip: Grip, drifts: Sequence[Drift], within: float
         name=name,
         force=weakest_finger_force(grip.held),
         speed=worst_speed(drifts),
-        verdict=verdict_of(drifts, within),
+        verdict=verdict_of(drifts, within, grip.depth_share),
     )
 
 
@@ -354,7 +349,7 @@ def _fix_rows(
 
     def use(place: int) -> tuple[bool, float, float]:
         each = tried[place]
-        holds = verdict_of(each.drifts, request.tolerance) == "holds"
+        holds = each.verdict(request.tolerance) == "holds"
         cost = cost_class(each.time_ratio)
         return not holds, cost if holds else worst_speed(each.drifts), place
 
@@ -362,9 +357,11 @@ def _fix_rows(
     scenes = SceneLoader(Path())
     for place in sorted(range(len(tried)), key=use):
         each = tried[place]
-        word = verdict_of(each.drifts, request.tolerance)
+        word = each.verdict(request.tolerance)
         lines, reason = (), ""
-        if word == "holds" and each.options and len(made) < MOST_FIXES:
+        if each.squeezes_less:
+            reason = "limit the force of the actuators first, for example by forcerange"
+        elif word == "holds" and each.options and len(made) < MOST_FIXES:
             lines, reason = _patch_lines(request, scenes, each)
         left = worst_speed(each.drifts)
         made.append(
@@ -418,6 +415,8 @@ def _grip_sentence(
     reason = f": {why[0].sentence}" if why else ""
     if not setup.grip.held.is_held:
         text = f"drops {what}{reason}"
+    elif word == "penetrates":
+        text = f"penetrates {what}, which stays{reason}"
     elif word == "drops":
         text = f"drops {what}: lost after {worst.lost:.2g} s, {worst.name}{reason}"
     else:

@@ -15,10 +15,6 @@ from contactlab.studies.verification.panel import OriginalRuns, VerificationRequ
 from contactlab.tasks.checked_model import open_changed_model, open_model
 from contactlab.tasks.session import Session
 
-_DEEPEST = 0.5
-"""Share of half of the object's width. Deeper, a finger is nearer to the middle of the object than
-to its face, and where it touches is not where it would."""
-
 
 def judge_verified_grip(request: GripRequest) -> GripReport:
     """Judge a grip; the fix in its sentence passed its verification.
@@ -28,18 +24,8 @@ def judge_verified_grip(request: GripRequest) -> GripReport:
         SweepFileError: a squeeze is requested for a keyframe, or is more than the actuators give.
     """
     report = judge_grip(request)
-    holding = [fix for fix in report.fixes if fix.verdict == "holds"]
-    if not holding:
+    if not any(fix.lines for fix in report.fixes if fix.verdict == "holds"):
         return report
-    if report.depth_share > _DEEPEST:
-        reason = (
-            f"the fingers penetrate {report.depth_share:.0%} of half of the object's width; limit "
-            "their force first"
-        )
-        rejected = [
-            _reject_fix(fix, reason) if fix.verdict == "holds" else fix for fix in report.fixes
-        ]
-        return _recommend(report, rejected, reason)
     fixes, runs = list(report.fixes), OriginalRuns()
     for place, fix in enumerate(fixes):
         if fix.verdict != "holds" or not fix.lines:

@@ -1,0 +1,92 @@
+"""What is held neither deep inside the fingers nor, without adhesion, from one side alone."""
+
+from pathlib import Path
+
+import mujoco
+import pytest
+
+from contactlab.errors import SceneError
+from contactlab.studies.grip.grip_verdict import MOST_DEPTH
+from contactlab.studies.grip.gripping import GripRequest, judge_grip
+
+# Jaws under position control that are told to close all the way, without a limit of force.
+JAWS = """
+<mujoco>
+  <option timestep=".002"/>
+  <worldbody>
+    <body name="hand" pos="0 0 .3">
+      <geom name="palm" type="box" size=".02 .06 .01" pos="0 0 .04" mass=".4"/>
+      <body name="left" pos="0 .05 0"><joint name="left" type="slide" axis="0 -1 0" range="0 .05"
+        damping="5"/><geom name="left" type="box" size=".01 .005 .03" mass=".05"/></body>
+      <body name="right" pos="0 -.05 0"><joint name="right" type="slide" axis="0 1 0" range="0 .05"
+        damping="5"/><geom name="right" type="box" size=".01 .005 .03" mass=".05"/></body>
+    </body>
+    <body name="box" pos="0 0 .285"><freejoint/>
+      <geom name="box" type="box" size=".02 .02 .02" mass=".05"/></body>
+  </worldbody>
+  <actuator>
+    <position name="left" joint="left" kp="{kp}" ctrlrange="0 .05"/>
+    <position name="right" joint="right" kp="{kp}" ctrlrange="0 .05"/>
+  </actuator>
+  <keyframe><key name="closed" qpos=".0249 .0249 0 0 .285 1 0 0 0" ctrl=".05 .05"/></keyframe>
+</mujoco>
+"""
+# A cup that sucks a box of 0.3 kg, or 2.9 N, from above.
+CUP = """
+<mujoco>
+  <option timestep=".002" cone="elliptic" impratio="10"/>
+  <worldbody>
+    <body name="cup" pos="0 0 .58"><joint name="lift" type="slide" axis="0 0 1" range="-.3 .3"
+      damping="50"/><geom name="cup" type="cylinder" size=".03 .01" mass="1" margin=".001"/></body>
+    <body name="box" pos="0 0 .52"><freejoint/>
+      <geom type="box" size=".05 .05 .05" mass=".3"/></body>
+  </worldbody>
+  <actuator>
+    <position joint="lift" kp="5000" ctrlrange="-.3 .3"/>
+    <adhesion name="suck" body="cup" ctrlrange="0 1" gain="{gain}"/>
+  </actuator>
+  <keyframe><key name="held" qpos="0 0 0 .52 1 0 0 0" ctrl="0 1"/></keyframe>
+</mujoco>
+"""
+
+
+def judged(folder: Path, text: str, keyframe: str, *, fixes: bool = False):  # noqa: ANN201
+    (folder / "model.xml").write_text(text)
+    request = GripRequest(
+        str(folder / "model.xml"), keyframe=keyframe, fixes=fixes, placements=False
+    )
+    return judge_grip(request)
+
+
+@pytest.mark.long
+def test_less_squeeze_is_part_of_each_fix_of_a_deep_grip(tmp_path: Path) -> None:
+    report = judged(tmp_path, JAWS.format(kp=20000), "closed", fixes=True)
+    assert report.depth_share > MOST_DEPTH
+    assert report.verdict != "holds"
+    assert report.fixes[0].verdict == "holds"
+    assert all("times the squeeze" in fix.name for fix in report.fixes)
+    assert not any(fix.lines for fix in report.fixes)
+    # A squeeze of a quarter holds with noslip in plain MuJoCo, with the fingers outside.
+    model = mujoco.MjModel.from_xml_string(JAWS.format(kp=20000))
+    model.opt.noslip_iterations, model.actuator_forcelimited[:] = 3, 1
+    model.actuator_forcerange[:] = [-25, 25]
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_step(model, data, 1000)
+    assert abs(data.qpos[4] - 0.285) < 2e-4
+    assert (data.qpos[:2] < 0.045 - 0.02 + 0.02 * MOST_DEPTH).all()
+
+
+@pytest.mark.parametrize(("gain", "word"), [(20, "holds"), (2.5, "drops")])
+def test_suction_holds_by_its_force(tmp_path: Path, gain: float, word: str) -> None:
+    report = judged(tmp_path, CUP.format(gain=gain), "held")
+    assert report.weight == pytest.approx(0.3 * 9.81)
+    assert sum(finger.force for finger in report.fingers) == pytest.approx(gain, rel=0.01)
+    # Friction of the cup is regularized, so that it may creep to the side.
+    assert report.verdict in {"holds": ("holds", "creeps"), "drops": ("drops",)}[word]
+
+
+def test_one_side_without_suction_holds_nothing(tmp_path: Path) -> None:
+    text = CUP.format(gain=20).replace('ctrl="0 1"', 'ctrl="0 0"')
+    with pytest.raises(SceneError):
+        judged(tmp_path, text, "held")
