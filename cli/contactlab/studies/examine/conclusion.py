@@ -131,6 +131,7 @@ def _why(report: Examination, verdict: VerdictWord) -> Iterator[str]:
     ]
     numerics = [*_numerics(report, verdict)]
     yield from (*failures, *numerics) if verdict == "fails" else (*numerics, *failures)
+    yield from (fact.sentence for fact in report.facts if fact.kind == "grip")
 
 
 def _numerics(report: Examination, verdict: VerdictWord) -> Iterator[str]:
