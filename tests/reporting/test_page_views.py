@@ -194,3 +194,16 @@ def test_tabs_follow_the_keyboard_and_the_address(visit: Visit, reported: Report
     page.wait_for_selector("body[data-ready]")
     assert page.locator("#tradeoff").is_visible()
     assert not page.locator("#map").is_visible()
+
+
+def test_charts_that_a_page_does_not_check_follow_their_schema(
+    swept: Callable[[str], Store],
+) -> None:
+    """A page leaves out the checks of Altair, which take longer than its charts."""
+    pytest.importorskip("altair", reason="charts are an extra")
+    from contactlab.page.heatmap import label_map, number_map  # noqa: PLC0415 - an extra
+
+    data = read_report_data(swept("bounce"))
+    for chart in (label_map(data.map_axes, data.labels), number_map(None, np.empty((0, 0)), "")):
+        spec = chart.to_dict(validate=True)
+        assert chart.to_dict(validate=False) == spec

@@ -108,6 +108,8 @@ class ConstraintEnergy:
             here = kinds == kind
             of_all = places.get(kind, data.contact.solimp)
             solimp[here] = of_all[numbers[here]]
+        if not model.neq:
+            return depths, solimp
         # MuJoCo takes the distance of a whole connect or weld for the depth of each of its rows.
         here = (kinds == _EQUALITY).nonzero()[0]
         here = here[np.isin(model.eq_type[numbers[here]], _BY_DISTANCE)]

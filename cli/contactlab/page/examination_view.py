@@ -161,4 +161,5 @@ def _fix_chart(budget: BudgetReport) -> Spec | None:
         .mark_rule(strokeDash=[6, 4])
         .encode(y="error:Q")
     )
-    return apply_theme(alt.layer(limit, points, *texts).properties(width=520, height=260).to_dict())
+    chart = alt.layer(limit, points, *texts).properties(width=520, height=260)
+    return apply_theme(chart.to_dict(validate=False))

@@ -23,7 +23,8 @@ _SECONDS = 1.2
 _MOST_BYTES_OF_A_FILM = 1_500_000
 _SIZE_OF_MOMENT = (480, 360)
 # Length of the run around a moment [s], the share of it before, and the length of its film [s].
-_SHOWN, _BEFORE, _SECONDS_OF_MOMENT = 0.3, 0.6, 1.6
+# A second of film takes as long to draw as the rest of a page.
+_SHOWN, _BEFORE, _SECONDS_OF_MOMENT = 0.3, 0.6, 0.8
 
 
 class HeaderFilm(NamedTuple):

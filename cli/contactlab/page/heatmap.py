@@ -85,7 +85,7 @@ def default_map(data: ReportData) -> Spec | None:
     ]
     inferred = agreed_labels(data, data.map_axes)
     made = label_map(data.map_axes, data.labels, boundary=boundary, inferred=inferred)
-    return apply_theme(made.to_dict())
+    return apply_theme(made.to_dict(validate=False))
 
 
 def metric_map(data: ReportData, name: str) -> Spec | None:
@@ -95,7 +95,7 @@ def metric_map(data: ReportData, name: str) -> Spec | None:
         if axes is not None:
             values = cell_statistic(axes, quantity, "worst")
             title, resolution = f"worst {quantity.title}", quantity.column.resolution
-            return apply_theme(number_map(axes, values, title, resolution).to_dict())
+            return apply_theme(number_map(axes, values, title, resolution).to_dict(validate=False))
     return None
 
 
@@ -377,7 +377,7 @@ def _color_facts(colour: str) -> LabelFacts:
 def _side_by_side(charts: Sequence[Layered]) -> Spec:
     titled = [chart.properties(title=title) for chart, title in zip(charts, _PANELS, strict=True)]
     joined = alt.hconcat(*titled, spacing=24).resolve_scale(color="independent")
-    spec = joined.to_dict()
+    spec = joined.to_dict(validate=False)
     for place, part in enumerate(spec["hconcat"]):
         for layer in part["layer"]:
             layer["data"]["name"] += str(place)

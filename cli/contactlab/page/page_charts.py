@@ -33,8 +33,8 @@ MODE_NAMES = {NO_CONTACT: "no contact", STICK: "stick", SLIDE: "slide"}
 def chart_templates(data: ReportData, tradeoff: Spec | None) -> dict[str, Spec]:
     """Return the specifications that a page's script fills with data, in the page's colours."""
     templates = {
-        "labels": apply_theme(label_map(None, data.labels).to_dict()),
-        "number": apply_theme(number_map(None, np.empty((0, 0)), "").to_dict()),
+        "labels": apply_theme(label_map(None, data.labels).to_dict(validate=False)),
+        "number": apply_theme(number_map(None, np.empty((0, 0)), "").to_dict(validate=False)),
         "tradeoff": tradeoff,
     }
     return {name: with_page_colours(spec) for name, spec in templates.items() if spec is not None}

@@ -3,6 +3,7 @@
 The view has all that the templates read, by topic. Each part is built by one function.
 """
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
@@ -10,8 +11,10 @@ from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
+import jinja2
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from altair.utils.schemapi import debug_mode
+from jinja2 import Environment, FileSystemBytecodeCache, PackageLoader, StrictUndefined
 
 from contactlab.charts import Spec, colours_on_dark, static_svg, vega_bundle
 from contactlab.page.engine_parts import EngineParts, engine_parts, engines_sentence
@@ -50,6 +53,7 @@ from contactlab.reporting.sensitivity import (
     by_share,
     find_sensitivities,
 )
+from contactlab.resources import open_user_cache
 from contactlab.schema.evidence import ParameterRow, StoreManifest
 from contactlab.schema.sweep_schema import Bounds, Sweep
 from contactlab.schema.tradeoff_report import Configuration, TradeoffReport
@@ -519,10 +523,24 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        bytecode_cache=_open_template_cache(),
     )
     environment.filters.update(_FILTERS)
-    view = page_view(store, request)
+    # Altair's checks of each part take longer than the page; tests/reporting makes them.
+    with debug_mode(False):
+        view = page_view(store, request)
     return environment.get_template("page.html").render(view=view), view.head.notes
+
+
+def _open_template_cache() -> FileSystemBytecodeCache | None:
+    # Jinja takes longer to compile the templates than to fill them.
+    try:
+        folder = open_user_cache()
+    except OSError:  # a machine without a home that can be written to
+        return None
+    if folder is None or not os.access(folder, os.W_OK):
+        return None
+    return FileSystemBytecodeCache(str(folder), f"template-{jinja2.__version__}-%s.bin")
 
 
 def _format_number(value: float | None) -> str:
