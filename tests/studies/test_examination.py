@@ -153,6 +153,16 @@ def test_a_cause_that_comes_first_is_the_headline_and_the_rest_follows(word: Ver
     assert report.why == (START.sentence, f"with a raised start: {START.remainder}")
 
 
+def test_a_fault_that_a_setting_of_collision_removes_is_one_of_collision() -> None:
+    found = fix("speculative contacts", removes="labels")
+    report = conclude(examined("ok", labels=(LABEL,), fixes=(found,)))
+    assert report.headline == f"fails: {report.causes[0].sentence.partition(':')[0]}"
+    assert report.causes[0].stage == "collision"
+    assert any(LABEL.reason in line for line in report.why)
+    finer = fix("speculative contacts at half the step", removes="labels")
+    assert conclude(examined("ok", labels=(LABEL,), fixes=(finer,))).causes == ()
+
+
 def test_a_fault_of_the_file_fails_whatever_the_runs_say() -> None:
     fault = Cause(stage="file", sentence="no actuators: 2 joints have motors")
     report = conclude(examined("ok", causes=(fault,)))

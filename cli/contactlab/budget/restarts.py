@@ -13,7 +13,7 @@ import numpy as np
 from contactlab.budget.motion import Motion, forget_delays, without_delays
 from contactlab.budget.windows import Run, without_sensors
 from contactlab.contact.trace_arrays import Floats
-from contactlab.modifications.model_changes import converge_solver
+from contactlab.modifications.model_changes import converge_collision, converge_solver
 from contactlab.scene.model_edits import set_timestep
 
 MIN_WINDOW_STEPS = 2
@@ -34,13 +34,14 @@ def refine_motion(motion: Motion, model: mujoco.MjModel, rate: int) -> Motion:
 
 
 def build_reference_model(model: mujoco.MjModel, rate: int) -> mujoco.MjModel:
-    """Return a model with the run's own integrator, finer steps and a converged solver.
+    """Return a model with the run's own integrator, finer steps, a converged solver and collisions.
 
     Bodies do not sleep, and controls act at once: see `without_delays`. `rate` is how many of its
     steps make one of the run's.
     """
     fine = without_sensors(model)
     converge_solver(fine)
+    converge_collision(fine)
     forget_delays(fine)
     set_timestep(fine, model.opt.timestep / rate)
     fine.opt.enableflags &= ~int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))

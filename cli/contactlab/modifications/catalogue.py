@@ -93,8 +93,11 @@ def find_softness_rows(label: str) -> tuple[str, ...]:
 def is_numerical_label(label: str) -> bool:
     """Return whether a better computation of the same model may remove a label.
 
-    It may not if a fix of some parts names the label, and no fix that keeps the model does.
+    It may not if a fix of some parts names the label, and no fix that keeps the model does. A fix
+    of collision is no better computation.
     """
     entries = CATALOGUE.values()
-    keeping = any(label in fix.labels for entry in entries for fix in entry.fixes)
+    keeping = any(
+        label in fix.labels and not fix.missed for entry in entries for fix in entry.fixes
+    )
     return keeping or not any(label in fix.labels for entry in entries for fix in entry.part_fixes)

@@ -7,8 +7,11 @@ from contactlab.modifications.model_changes import (
     add_grip_noslip,
     add_noslip,
     add_noslip_iterations,
+    add_several_contacts,
+    add_speculative_contacts,
     add_torsional_friction,
     clear_fields,
+    converge_collision,
     double_friction,
     find_stiff_impratio,
     limit_condim,
@@ -30,6 +33,7 @@ from contactlab.modifications.model_predicates import (
     SLIDING,
     has_condim_above,
     has_flag,
+    has_iterated_collision,
     has_no_flex,
     has_nonzero,
     has_possible_contacts,
@@ -54,9 +58,11 @@ from contactlab.modifications.state_predicates import (
     has_torsional_friction,
     pushes_at_distance,
 )
-from contactlab.scene.model_edits import read_flag
+from contactlab.scene.model_edits import FLAG_NAMES, read_flag
 
 _MARGIN_FIELDS = ("geom_margin", "geom_gap", "pair_margin", "pair_gap", "flex_margin", "flex_gap")
+COLLISION_LABELS = ("tunneling", "deep_penetration", *ENERGY_LABELS)
+"""Labels that missing or wrong contacts may cause."""
 MARGIN = "margin"
 """Name for `--apply` of the fix that removes all contact margins."""
 
@@ -68,6 +74,14 @@ def _name_stiff_grip(model: mujoco.MjModel) -> str:
 def _has_useless_collision(model: mujoco.MjModel) -> bool:
     possible = has_possible_contacts(model) or lacks_surroundings(model)
     return read_flag(model, "contact") and not possible
+
+
+def _may_speculate(model: mujoco.MjModel) -> bool:
+    return "speculative" in FLAG_NAMES and not read_flag(model, "speculative")
+
+
+def _has_single_contacts(model: mujoco.MjModel) -> bool:
+    return "multiccd" in FLAG_NAMES and not read_flag(model, "multiccd") and may_collide(model)
 
 
 def _has_pyramids(model: mujoco.MjModel) -> bool:
@@ -207,22 +221,53 @@ MODIFICATIONS = (
     ),
     Modification(
         "collision iterations",
-        "Bounds the iterations of convex collision.",
-        ("ccd_iterations",),
+        "Bounds the iterations of collisions of convex shapes and distance fields.",
+        ("ccd_iterations", "ccd_tolerance", "sdf_iterations", "sdf_initpoints"),
         "computation",
+        rows=(
+            Row(
+                "collision",
+                "the run's own iterations of collision",
+                "numerics",
+                (converge_collision,),
+                has_iterated_collision,
+                has_contact_force,
+                base="run",
+                against="run",
+                cause="collision detection stops too early",
+            ),
+        ),
+        fixes=(
+            Candidate(
+                "converged collisions",
+                "inaccurate",
+                converge_collision,
+                applies=has_iterated_collision,
+                labels=COLLISION_LABELS,
+                label_applies=has_iterated_collision,
+                missed="collision detection stops before it has found the contacts",
+                order=-1,  # collision comes before all that is computed from its contacts
+            ),
+        ),
         levers=(Lever("ccd_iterations", (12,), "below", order=1),),
-    ),
-    Modification(
-        "distance field samples",
-        "Sets the iterations and start points of collisions of signed distance fields.",
-        ("sdf_iterations", "sdf_initpoints"),
-        "computation",
     ),
     Modification(
         "several contacts",
         "Finds several contacts between two convex shapes that meet in a face.",
         ("multiccd",),
         "computation",
+        fixes=(
+            Candidate(
+                "several contacts of convex shapes",
+                "inaccurate",
+                add_several_contacts,
+                applies=_has_single_contacts,
+                labels=COLLISION_LABELS,
+                label_applies=_has_single_contacts,
+                missed="collision finds a single contact of faces that meet: bodies turn on it",
+                order=-1,
+            ),
+        ),
         levers=(
             Lever(
                 "multiccd",
@@ -262,6 +307,18 @@ MODIFICATIONS = (
         "Finds contacts with bodies that a body would pass in a step.",
         ("speculative",),
         "computation",
+        fixes=(
+            Candidate(
+                "speculative contacts",
+                "inaccurate",
+                add_speculative_contacts,
+                applies=_may_speculate,
+                labels=("tunneling",),
+                label_applies=_may_speculate,
+                missed="collision misses a contact: a body passes another one within a step",
+                order=-1,
+            ),
+        ),
         levers=(Lever("speculative", (False,), applies=has_flag("speculative"), order=3),),
         features=(Feature("speculative", on={"speculative": True}),),
     ),

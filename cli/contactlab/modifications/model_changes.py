@@ -78,6 +78,30 @@ def converge_solver(model: mujoco.MjModel, _own: mujoco.MjModel | None = None) -
         option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
 
 
+# Smooth shapes converge within 35 iterations, the default. A signed distance field takes the best
+# of several searches: four times the defaults of 10 iterations and 40 points.
+_CCD_ITERATIONS, _CCD_TOLERANCE, _SDF_ITERATIONS, _SDF_POINTS = 200, 1e-6, 40, 160
+
+
+def converge_collision(model: mujoco.MjModel, _own: mujoco.MjModel | None = None) -> None:
+    """Make collisions of convex shapes and distance fields run to convergence."""
+    option = model.opt
+    option.ccd_iterations = max(_CCD_ITERATIONS, option.ccd_iterations)
+    option.ccd_tolerance = min(_CCD_TOLERANCE, option.ccd_tolerance)
+    option.sdf_iterations = max(_SDF_ITERATIONS, option.sdf_iterations)
+    option.sdf_initpoints = max(_SDF_POINTS, option.sdf_initpoints)
+
+
+def add_speculative_contacts(model: mujoco.MjModel) -> None:
+    """Find contacts with bodies that a body would pass in a step."""
+    model.opt.enableflags |= int(getattr(mujoco.mjtEnableBit, "mjENBL_SPECULATIVE", 0))
+
+
+def add_several_contacts(model: mujoco.MjModel) -> None:
+    """Find several contacts between two convex shapes that meet in a face."""
+    model.opt.disableflags &= ~find_disable_bit("multiccd")
+
+
 def has_branches(model: mujoco.MjModel) -> bool:
     """Return whether a kinematic tree branches."""
     parents = model.dof_parentid[model.dof_parentid >= 0]

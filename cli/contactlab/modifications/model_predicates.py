@@ -62,6 +62,27 @@ def has_condim_above(least: int) -> ModelPredicate:
     return applies_to
 
 
+_ITERATED = tuple(
+    int(getattr(mujoco.mjtGeom, f"mjGEOM_{name}"))
+    for name in ("ELLIPSOID", "CYLINDER", "BOX", "MESH", "HFIELD", "SDF")
+)
+
+
+def has_iterated_collision(model: mujoco.MjModel) -> bool:
+    """Return whether collisions of a model are iterated, of convex shapes more coarsely than usual.
+
+    With the default settings, convex collisions converge.
+    """
+    types = set(model.geom_type[(model.geom_contype | model.geom_conaffinity) != 0].tolist())
+    usual = mujoco.MjOption()
+    coarse = (
+        model.opt.ccd_iterations < usual.ccd_iterations
+        or model.opt.ccd_tolerance > usual.ccd_tolerance
+    )
+    fields = int(mujoco.mjtGeom.mjGEOM_SDF) in types
+    return may_collide(model) and (fields or (coarse and bool(types & {*_ITERATED})))
+
+
 def may_collide(model: mujoco.MjModel) -> bool:
     """Return whether contacts can arise in a model."""
     if is_disabled(model, "contact") or is_disabled(model, "constraint"):

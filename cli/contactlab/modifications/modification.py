@@ -118,6 +118,8 @@ class Candidate:
         includes: names of fixes that it includes; if one of them is enough, it is not tried.
         labels: labels of runs that it may remove; ANY_LABEL for all.
         label_applies: whether it is tried against labels in a model.
+        missed: the fault of collision that it removes, in a sentence; empty if it changes no
+            detection of contacts.
         stage: whether it is tried at once, or only if all usual candidates fail.
         order: trials go by it, then by rate, then in the order of the catalogue.
     """
@@ -137,6 +139,7 @@ class Candidate:
     includes: Sequence[str] = ()
     labels: Sequence[str] = ()
     label_applies: ModelPredicate = applies_to_all
+    missed: str = ""
     stage: Literal["usual", "further"] = "usual"
     order: int = 0
 

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator, Sequence
 
 from contactlab.judge.conclusion import failed_names
-from contactlab.modifications.catalogue import find_row, list_rows
+from contactlab.modifications.catalogue import find_row, list_candidates, list_rows
 from contactlab.rendering.amounts import format_percent
 from contactlab.reporting.budget_document import phase_begins
 from contactlab.reporting.examination import (
@@ -21,7 +21,7 @@ from contactlab.reporting.examination import (
     labels_in_why,
 )
 from contactlab.schema.error_budget import BudgetPhase, BudgetReason
-from contactlab.schema.examination import Cause, Examination
+from contactlab.schema.examination import Cause, Examination, Fix
 from contactlab.schema.finding import Finding
 from contactlab.schema.task import QPOS0
 from contactlab.schema.verdict import PASSING_VERDICTS, VerdictWord, join_verdict
@@ -38,6 +38,8 @@ def conclude(
     """Return a report with its verdict, headline, causes, and the first fix."""
     verdict = _verdict(report)
     report = report.model_copy(update={"verdict": verdict})
+    if verdict not in PASSING_VERDICTS and not report.causes:
+        report = report.model_copy(update={"causes": tuple(_collision_causes(report.fixes))})
     return report.model_copy(
         update={
             "headline": _headline(report, verdict),
@@ -50,12 +52,21 @@ def conclude(
 def _verdict(report: Examination) -> VerdictWord:
     reasons = judged_reasons(report)
     numerics = reasons[0].verdict if reasons else "ok"
-    failing = judged_labels(report) or _failed_checks(report) or _file_causes(report)
+    failing = judged_labels(report) or _failed_checks(report) or _sure_causes(report)
     return join_verdict(numerics, failing=bool(failing))
 
 
-def _file_causes(report: Examination) -> list[Cause]:
-    return [cause for cause in report.causes if cause.stage == "file"]
+def _collision_causes(fixes: Sequence[Fix]) -> Iterator[Cause]:
+    # A fault that another setting of collision removes alone.
+    missed = {candidate.name: candidate.missed for candidate in list_candidates()}
+    for fix in fixes[:1]:
+        if sentence := missed.get(fix.name):
+            yield Cause(stage="collision", sentence=sentence, repair=fix.name)
+
+
+def _sure_causes(report: Examination) -> list[Cause]:
+    # These fail whatever labels and numerics say.
+    return [cause for cause in report.causes if cause.stage in ("file", "collision")]
 
 
 def _failed_checks(report: Examination) -> list[str]:

@@ -37,6 +37,11 @@ from contactlab.studies.check.own_runs import describe_reference
 from contactlab.studies.examine.conclusion import conclude
 from contactlab.studies.examine.engine_faults import list_advisory_facts
 from contactlab.studies.examine.facts import facts
+from contactlab.studies.examine.field_passages import (
+    FINER_GRID,
+    find_field_passages,
+    list_passage_causes,
+)
 from contactlab.studies.examine.fixes import FixSearch, RepairedFiles, TaskRepeats
 from contactlab.studies.examine.linted_file import lint_file
 from contactlab.studies.examine.repaired_causes import (
@@ -193,6 +198,12 @@ def _measured(
     repaired = replace(repaired, causes=tuple(list_file_causes(file.faults)))
     broken = next((fault.fix for fault in file.faults if fault.is_of_start), "")
     fixes, files = tuple[Fix, ...](), None
+    begins = {phase.name: phase.begin for phase in task.phases}
+    times = [begins.get(motion.name, 0.0) for motion in examined.motions]
+    passages = find_field_passages(examined.motions, times) if not broken else []
+    if passages:
+        causes = list_passage_causes(examined.motions[0].model, passages)
+        repaired, broken = replace(repaired, causes=(*repaired.causes, *causes)), FINER_GRID
     if "fixes" in request.sections and not broken:
         repairer = _make_repairer(request, examined, report, folder, begun)
         repaired = repairer.repair_model(report.labels, file.faults)
@@ -204,8 +215,6 @@ def _measured(
         fixes = (*repaired.fixes, *fixes)
     tried = search.tried if search else ()
     if "facts" in request.sections:
-        begins = {phase.name: phase.begin for phase in task.phases}
-        times = [begins.get(motion.name, 0.0) for motion in examined.motions]
         found = (
             *list_advisory_facts(examined.motions[0].model, examined.scene.source),
             *facts(examined.motions, times),

@@ -109,7 +109,7 @@ class CauseRepairer:
         first = model
         for repair in self._moved_starts(first):
             tried = self._try_repair(first, repair, first.word)
-            better = _rank(tried.word) > _rank(model.word)
+            better = _rank_verdict(tried.word) > _rank_verdict(model.word)
             model = tried if better else replace(model, rejected=tried.rejected)
         return model
 
@@ -129,7 +129,7 @@ class CauseRepairer:
     def _try_repair(
         self, model: RepairedModel, repair: Repair, before: VerdictWord
     ) -> RepairedModel:
-        """Return the repaired model; the model itself if it cannot be judged or is no better."""
+        # The model itself if it cannot be judged, or is no better.
         examined, edits = model.examined, join_edits([model.edits, repair.edits])
         known = Cause(stage=repair.stage, sentence=repair.sentence)
         listed = replace(model, causes=(*model.causes, known)) if repair.is_certain else model
@@ -142,13 +142,13 @@ class CauseRepairer:
         if looks * steps_of(examined.motions) * pace(examined.motions) > self.left():
             return listed
         try:
-            written = self._write(edits, repair.apply)
+            written = self._write_repaired(edits, repair.apply)
             changed = self.open_model(written.reference, rows)
             labels = self._find_labels(changed)
         except (SceneError, OutputError):
             return listed
         repaired = RepairedModel(changed, labels, model.causes, model.fixes, model.rejected, edits)
-        if _rank(repaired.word) <= _rank(before) and not repair.is_certain:
+        if _rank_verdict(repaired.word) <= _rank_verdict(before) and not repair.is_certain:
             return model
         found = None if repair.is_certain else self.verify(changed, edits)
         if found is not None and not found.passed:
@@ -181,7 +181,7 @@ class CauseRepairer:
         causes = (*model.causes, cause)
         return replace(repaired, causes=causes, fixes=(*model.fixes, fix))
 
-    def _write(self, edits: ModelEdits, name: str) -> WrittenModel:
+    def _write_repaired(self, edits: ModelEdits, name: str) -> WrittenModel:
         original = self.original
         whole = replace(edits, settings={**original.values, **edits.settings})
         return write_model(original.scene.with_effects("all"), whole, self.folder / name)
@@ -206,5 +206,5 @@ def list_file_causes(faults: Sequence[FileFault]) -> Iterator[Cause]:
         yield Cause(stage="file", sentence=fault.sentence)
 
 
-def _rank(word: VerdictWord) -> int:
+def _rank_verdict(word: VerdictWord) -> int:
     return VERDICT_ORDER.index(word)
