@@ -266,6 +266,13 @@ def test_what_is_accepted_is_written_somewhere(arm: str) -> None:
         package.examine(arm, apply=["gains"])
 
 
+def test_the_folder_of_the_model_is_refused_before_any_run(tmp_path: Path, contactlab: Run) -> None:
+    (tmp_path / "servo.xml").write_text(SERVO)
+    printed = contactlab("servo.xml", "--write", "fixed.xml")
+    assert "is the folder of the scene; write into another folder" in printed.err
+    assert [path.name for path in tmp_path.iterdir()] == ["servo.xml"]
+
+
 def test_a_joint_beyond_its_range_is_a_fact(tmp_path: Path) -> None:
     """The elbow's range of 1 to 2 rad begins 1 rad, its whole width, above its start at 0."""
     path = tmp_path / "bent.xml"

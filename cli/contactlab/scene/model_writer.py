@@ -59,6 +59,12 @@ class WrittenModel:
         return tuple(map(str, self.changes))
 
 
+def refuse_own_folder(source: SceneSource, folder: Path) -> None:
+    """Refuse to write into a scene's own folder, with an OutputError."""
+    if folder.resolve() == source.content.root.resolve():
+        raise OutputError(f"{folder} is the folder of the scene; write into another folder")
+
+
 def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -> WrittenModel:
     """Write a scene's files into a folder with changes, if the result is the intended model.
 
@@ -68,8 +74,7 @@ def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -
     the scene's own.
     """
     source = scene.source
-    if folder.resolve() == source.content.root.resolve():
-        raise OutputError(f"{folder} is the folder of the scene; write into another folder")
+    refuse_own_folder(source, folder)
     with TemporaryDirectory(prefix="contactlab-") as temporary, source.named_in_errors():
         copied = _copy_scene(source, Path(temporary).resolve(), name, fused=not edits.freed)
         edit = partial(edit_spec, edits=edits) if edits.changes_spec else None

@@ -218,7 +218,10 @@ def test_what_may_keep_the_aim_is_told_apart_from_what_failed(
     )
     # A model beyond the tolerance is told to be so, with what may keep that.
     now = now.model_copy(update={"error": 0.5})
-    missed = {**missed, "current": now, "candidates": (now, near), "closest": None}
+    missed = {**missed, "current": now, "candidates": (now, near)}
+    told = sentence_of(report.model_copy(update={**missed, "not_changed": kept}))
+    assert told.count("No time was left") == 1
+    missed = {**missed, "closest": None}
     told = sentence_of(report.model_copy(update={**missed, "not_changed": kept}))
     assert told == (
         "Numerical error is 50 %, above the tolerance of 10 %. No time was left to "

@@ -22,7 +22,7 @@ from contactlab.judge.waivers import unused_waivers
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.printable import first_names
 from contactlab.scene.model_draft import ModelEdits
-from contactlab.scene.model_writer import write_model
+from contactlab.scene.model_writer import refuse_own_folder, write_model
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.coverage import Exercised
 from contactlab.schema.evidence import EvidenceRecord
@@ -140,6 +140,8 @@ def run(request: ExamineRequest, session: Session) -> Examination:
         rows=None if wanted & {"budget", "fixes"} else (),
         seconds=_BUDGETING * request.max_cpu,
     )
+    if request.write is not None:
+        refuse_own_folder(examined.scene.source, request.write.parent)
     if wanted & _OF_MOTIONS and not examined.moves:
         # It says why there are none, before anything is run.
         examined.motions_of(examined.task)

@@ -68,6 +68,8 @@ def sentence_of(report: TuneReport) -> str:
             head = f"The error as written is above the tolerance of {limit}. {head}"
     else:
         head = no_recommendation_text(report, has_options=bool(options))
+        if _NOT_VERIFIED in head:
+            options = [option for option in options if _NOT_VERIFIED not in option]
     text = " ".join([head, *options])
     return f"{text} {_MORE_TIME}" if _NOT_VERIFIED in text else text
 
