@@ -17,7 +17,8 @@ ORDER = (
     "missed_contact constraint_violated phantom_contact asleep_unsupported contact_at_distance "
     "energy_injection energy_loss penetration_growth exploited squeezed deep_penetration drift "
     "chatter constraint_gain step_dependent slipping unsettled creep broken_requirement "
-    "pair_expectation unexpected_slide unexpected_stick oracle_miss contacts_cut stable"
+    "pair_expectation unexpected_slide unexpected_stick oracle_miss contacts_cut "
+    "choice_dependent stable"
 )
 
 

@@ -249,6 +249,15 @@ class PairSeries:
 BY_RUN = ("residual", "jacobian_steps", "jacobian", "overlap", "apart", "squeeze", "repeats")
 
 
+class ChoiceEffect(NamedTuple):
+    """How much the motion of a run changes with another modeling choice."""
+
+    name: str  # of the row of an error budget, such as "cone"
+    error: float  # its effect, as a share of the real forces
+    body: str  # the body whose motion changes most
+    time: float  # start of the window with its largest effect [s]
+
+
 class BackwardError(NamedTuple):
     """The numerical error of a run, as an error budget defines it."""
 
@@ -258,6 +267,7 @@ class BackwardError(NamedTuple):
     energy: float  # the share of energy that the run gains, or loses, and its model does not
     energy_body: str  # the body with the largest error of kinetic energy
     energy_time: float  # start of the window with that error [s]
+    effects: tuple[ChoiceEffect, ...] | None = None  # of modeling choices; None if not measured
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,8 @@
 """The numerical error (backward error) of runs that had a second pass."""
 
+import math
+from collections.abc import Collection
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,6 +25,15 @@ TOLERANCE = Threshold(
     0.1,
     "1",
     "Largest numerical error, and energy drift, of a run that is the motion of its model.",
+)
+
+
+_FRICTION_ROWS = ("cone", "impratio", "noslip")  # of an error budget
+_SOFTNESS_ROWS = (
+    "contact softness",
+    "limit softness",
+    "friction loss softness",
+    "equality softness",
 )
 
 
@@ -49,6 +61,39 @@ def backward_error_energy(context: Context) -> Floats:
     It is negative for a loss.
     """
     return _error_field(context, "energy")
+
+
+@metric("1", "lower", 1e-9, kind="check")
+def friction_effect(context: Context) -> Floats:
+    """Share by which another cone, impratio or noslip changes the motion, the largest of these.
+
+    Of the worst body, over the real forces: docs/budget.md. With `checks: verdict` only.
+    """
+    return _largest_effects(context, _FRICTION_ROWS)
+
+
+@metric("1", "lower", 1e-9, kind="check")
+def softness_effect(context: Context) -> Floats:
+    """Share by which half the solref of contacts, limits or equalities changes the motion.
+
+    The largest of these, of the worst body, over the real forces: docs/budget.md. With `checks:
+    verdict` only.
+    """
+    return _largest_effects(context, _SOFTNESS_ROWS)
+
+
+def _largest_effects(context: Context, rows: Collection[str]) -> Floats:
+    # 0 if the run exercises none of the rows; NaN if they were not measured.
+    if context.checks is None or not context.checks.backward:
+        return context.undefined()
+    return np.array(
+        [
+            math.nan
+            if error.effects is None
+            else max((one.error for one in error.effects if one.name in rows), default=0.0)
+            for error in context.checks.backward
+        ]
+    )
 
 
 def _error_field(context: Context, name: str) -> Floats:
@@ -104,6 +149,26 @@ def largest_energy_change(context: Context, run: int) -> tuple[str, int]:
         return "", 0
     step = round(backward[run].energy_time / context.trace.timestep[run])
     return f", most in {backward[run].energy_body}", step
+
+
+@label(
+    "noted",
+    rank=0.5,
+    thresholds=(TOLERANCE,),
+    letter="8",
+    colour="#e8ffff",
+    advice="none if intended; otherwise an elliptic cone with impratio 10, or a shorter solref",
+)
+def choice_dependent(runs: MeasuredRuns) -> OnsetIterator:
+    """Another cone, impratio, noslip or softness changes the motion beyond the tolerance."""
+    context, limit = runs.context, runs.limits[TOLERANCE.name]
+    for run, error in enumerate(context.checks.backward if context.checks else ()):
+        effect = max(error.effects or (), key=lambda effect: effect.error, default=None)
+        if effect is not None and effect.error > limit:
+            size = format_amount(effect.error, "%", digits=3)
+            reason = f"{effect.name} decides: another one changes {effect.body}'s motion by {size}"
+            step = round(effect.time / context.trace.timestep[run])
+            yield run, Onset(f"{reason} (limit {limit:g})", step, (effect.body,))
 
 
 @label(

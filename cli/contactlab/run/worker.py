@@ -13,6 +13,7 @@ from contactlab.accuracy.discretization import discretization_errors
 from contactlab.accuracy.reference import PlannedModel
 from contactlab.accuracy.timing import work_of_runs
 from contactlab.budget import backward_error
+from contactlab.budget.backward_error import whole_verdict
 from contactlab.contact.trace_arrays import Trace
 from contactlab.contact.trace_setup import Setup
 from contactlab.engines import engine_of
@@ -260,7 +261,8 @@ class Worker:
         """
         assessment, rule = assess_runs(trace, setup), self._task.sweep.checks
         engine = engine_of(runs.resolved[0])
-        asked = np.full(trace.runs, rule == "all") | (assessment.suspect & (rule == "flagged"))
+        every = rule in ("all", "verdict")
+        asked = np.full(trace.runs, every) | (assessment.suspect & (rule == "flagged"))
         able = isinstance(engine, ChecksRuns)
         suspects: list[int] = np.flatnonzero(asked).tolist() if able else []
         others = sorted(set(range(trace.runs)) - set(suspects))
@@ -272,7 +274,8 @@ class Worker:
             with self._preparer.start_watchdog(_SECOND_PASS_LIMITS) as start_clock:
                 start_clock()
                 proceed = self._grace_period(start_clock)
-                checks = engine.check_runs(again, picked, proceed, backward_error)
+                judge = whole_verdict if rule == "verdict" else backward_error
+                checks = engine.check_runs(again, picked, proceed, judge)
             done = range(checks.runs)
             checked, known = picked.select(done), setup.select([suspects[row] for row in done])
             second = assess_runs(checked, known, checks)

@@ -455,8 +455,10 @@ class Sweep(Model):
         default="messages",
         exclude_if=lambda form: form == "messages",
     )
-    checks: Literal["all", "flagged", "none"] = about(
-        "runs that a second pass checks: all, those not stable, or none", default="flagged"
+    checks: Literal["verdict", "all", "flagged", "none"] = about(
+        "runs that a second pass checks: all, those not stable, or none; verdict: all, with the "
+        "effects of modeling choices",
+        default="flagged",
     )
     knife_edge: Flag = about(
         "whether to repeat each run from a start 1e-6 away, to see whether its label stays",
