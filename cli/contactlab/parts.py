@@ -83,7 +83,7 @@ def _load_fork_server() -> ModuleType:
     return preloaded
 
 
-def _load_description(report: str) -> Any:  # noqa: ANN401, C901, PLR0912, PLR0915 - a function; a table
+def _load_description(report: str) -> Any:  # noqa: ANN401, C901, PLR0912 - a function; a table
     match report:
         case "AdvisoriesCheck":
             from contactlab.studies.advisories.check_document import describe_check as describe
@@ -94,7 +94,7 @@ def _load_description(report: str) -> Any:  # noqa: ANN401, C901, PLR0912, PLR09
         case "BudgetReport":
             from contactlab.reporting.budget_document import describe_budget as describe
         case "EffectsReport":
-            from contactlab.studies.effects.parts_document import describe_effects as describe
+            from contactlab.studies.effects.effects_document import describe_effects as describe
         case "EnginePanel":
             from contactlab.studies.engine_panel.panel_document import describe_panel as describe
         case "FitReport":
@@ -105,10 +105,6 @@ def _load_description(report: str) -> Any:  # noqa: ANN401, C901, PLR0912, PLR09
             )
         case "GripReport":
             from contactlab.studies.grip.grip_document import describe_grip as describe
-        case "RecordedEffectsReport":
-            from contactlab.studies.effects.effects_document import (
-                describe_recorded_effects as describe,
-            )
         case "ShrinkReport":
             from contactlab.studies.shrink.shrink_document import describe_shrinking as describe
         case "StabilityReport":
@@ -157,7 +153,6 @@ _DESCRIBED = (
     "FitReport",
     "GradientsReport",
     "GripReport",
-    "RecordedEffectsReport",
     "ShrinkReport",
     "StabilityReport",
     "TradeoffReport",

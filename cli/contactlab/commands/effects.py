@@ -8,15 +8,11 @@ from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, Option, command
 from contactlab.command_line.quantities import read_seconds
 from contactlab.command_line.report_formats import report_formats
-from contactlab.command_line.surroundings import say, study_session
+from contactlab.command_line.surroundings import say
 from contactlab.errors import OutputError, SweepFileError
 
 if TYPE_CHECKING:
-    from contactlab.plan.task_options import TaskOptions
     from contactlab.schema.effects_report import EffectsReport
-    from contactlab.schema.study_reports import RecordedEffectsReport
-
-_SEEDS = 6
 
 
 def _choose_folder(given: Given) -> Path:
@@ -54,7 +50,7 @@ def effects(
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
     **task: Unpack[opt.TaskParameters],
-) -> "EffectsReport | RecordedEffectsReport":
+) -> "EffectsReport":
     """Find the needed features and parts, and write a smaller model.
 
     Each is left out alone: in the task, with gravity tilted, and with twice the inputs. Those that
@@ -67,15 +63,15 @@ def effects(
         OutputError: the file of the smaller model exists or is not an .xml file.
     """
     from contactlab.run.worker_pool import worker_count
-    from contactlab.studies.effects.effects_study import EffectsRequest, study_effects
+    from contactlab.studies.effects.effects_request import EffectsRequest
+    from contactlab.studies.effects.effects_study import study_effects
+    from contactlab.studies.effects.recorded_effects import study_recordings
     from contactlab.tasks.session import Session
 
     opt.load_plugins(plugin)
     opt.check_figure(figure)
     asked = opt.task_of(**task)
     folder = opt.study_folder("effects", source, output)
-    if metric is not None:
-        return _compare_recordings(str(source), opt.assigned(set), asked, folder, workers, figure)
     if write is not None:
         _check_model_file(Path(write))
     request = EffectsRequest(
@@ -88,10 +84,14 @@ def effects(
     )
     count = worker_count(workers)
     session = Session(folder.resolve(), count, notify=say, allow_code=allow_code)
-    report = study_effects(request, session)
+    if metric is None:
+        report = study_effects(request, session)
+    else:
+        _refuse_model(str(source))
+        report = study_recordings(request, session)
     if figure is not None:
         from contactlab.charts import save_figure
-        from contactlab.studies.effects.parts_chart import specification
+        from contactlab.studies.effects.effects_chart import specification
 
         save_figure(specification(report), Path(figure))
         say(f"drew {figure}")
@@ -105,27 +105,8 @@ def _check_model_file(model: Path) -> None:
         raise OutputError(f"--write {model}: a model is written as MJCF; write a name as new.xml")
 
 
-def _compare_recordings(
-    source: str,
-    assign: Sequence[str],
-    task: "TaskOptions",
-    folder: Path,
-    workers: int | None,
-    figure: str | Path | None,
-) -> "RecordedEffectsReport":
+def _refuse_model(source: str) -> None:
     from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie
-    from contactlab.studies.effects.ablation import find_smallest_set
-    from contactlab.studies.effects.effects_request import EffectsRequest
 
     if is_menagerie(source) or Path(source).suffix in MODEL_SUFFIXES:
         raise SweepFileError("--metric needs a scene or a sweep with a recording")
-    request = EffectsRequest(source, assign, _SEEDS, task=task, metric="reality")
-    with study_session(folder, workers) as session:
-        report = find_smallest_set(request, session)
-    if figure is not None:
-        from contactlab.charts import save_figure
-        from contactlab.studies.effects.effects_chart import specification
-
-        save_figure(specification(report), Path(figure))
-        say(f"drew {figure}")
-    return report

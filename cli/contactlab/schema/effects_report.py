@@ -13,7 +13,15 @@ REPORT, FOLDER = "effects.json", "smaller"
 """Files of the study's folder. The model is in `smaller`, with the files that it refers to."""
 
 PartKind = Literal["feature", "geom", "pair", "limit", "tendon", "actuator", "sensor"]
-PartVerdict = Literal["unused", "not exercised", "below the tolerance", "needed", "not measured"]
+PartVerdict = Literal[
+    "unused",
+    "not exercised",
+    "below the tolerance",
+    "needed",
+    "not measured",
+    "missing",
+    "not needed",
+]
 
 
 class PartEffect(Model):
@@ -26,7 +34,8 @@ class PartEffect(Model):
     verdict: PartVerdict = about(
         "unused: by proof; not exercised: no run depends on it, so it is kept; below the "
         "tolerance: the motion without it differs by less than the tolerance; needed: by more, or "
-        "it is an actuator that moves something; not measured: the time limit was reached."
+        "it is an actuator that moves something; not measured: the time limit was reached. Against "
+        "recordings, of added features, missing: runs are closer; not needed: they are not."
     )
     error: FiniteOrNull = about(
         "Difference of the motion without it, as a share of the real forces, of the worst body; "
@@ -46,6 +55,7 @@ class SmallerModel(Model):
     """The model without the parts that may go together."""
 
     left_out: tuple[str, ...] = about("Names of the parts.")
+    added: tuple[str, ...] = about("Features that it has in addition.", default=())
     error: FiniteOrNull = about("Error without all of them, as that of a part.")
     time_ratio: TimeRatio = about("Time over that of the model as written, for whole runs.")
     file: str = about("The written model; relative to the report unless it is in another folder.")
@@ -65,6 +75,9 @@ class EffectsReport(ReportModel):
     mujoco: str
     task: Task = about("The task, which is run on its own, tilted, and with twice its inputs.")
     scenarios: int = about("Scenarios of a sweep that the task is run in; 1 otherwise.")
+    recorded: bool = about(
+        "Whether errors are changes of the mean distance from recorded runs.", default=False
+    )
     tilt: float = about("Tilt of gravity in the other runs [degrees].")
     tolerance: float = about("The tolerance, a share of the real forces.")
     effects: tuple[PartEffect, ...] = about("Those that save most first.")

@@ -23,7 +23,7 @@ from contactlab.schema.grip import GripReport
 from contactlab.schema.lint_report import LintReport
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.shrink_report import ShrinkReport
-from contactlab.schema.study_reports import FitReport, RecordedEffectsReport
+from contactlab.schema.study_reports import FitReport
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.schema.tune_report import TuneReport
@@ -47,7 +47,6 @@ EMITTED: Mapping[str, type[BaseModel]] = {
     "diff.schema.json": DiffReport,
     "reference.schema.json": Reference,
     "effects.schema.json": EffectsReport,
-    "recorded-effects.schema.json": RecordedEffectsReport,
     "tune.schema.json": TuneReport,
     "fit.schema.json": FitReport,
     "gradients.schema.json": GradientsReport,

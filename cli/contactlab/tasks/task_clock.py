@@ -118,6 +118,12 @@ class Clock:
             _MAX_SEGMENT_SECONDS, max(_MIN_SEGMENT_SECONDS, wanted / self._segment_count)
         )
 
+    @property
+    def turn_seconds(self) -> float:
+        """CPU time of a turn of the model as written [s]."""
+        phases = len(self._reference.phases)
+        return phases * self._segment_count * self._segment_seconds * self.base_seconds
+
     def time_ratios(
         self, models: Sequence[ModelAtStep], protocol: TimingProtocol = _SEGMENT_PROTOCOL
     ) -> list[TimeRatio]:

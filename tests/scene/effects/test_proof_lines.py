@@ -5,7 +5,7 @@ Each proof is tried on the user's own model by plain MuJoCo, under controls up t
 
 import copy
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import mujoco
@@ -13,14 +13,13 @@ import numpy as np
 import pytest
 from tests.verdicts.public_models import moves, public_models
 
-from contactlab.plan.task_options import TaskOptions
+from contactlab.modifications.catalogue import list_features
 from contactlab.resources import MODELS
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.drive.signals import control_ranges
+from contactlab.scene.effects.effect import EffectState
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.schema.drive import read_drive
-from contactlab.studies.effects.effect_toggles import Toggle, find_toggles
-from contactlab.studies.effects.effects_request import EffectsRequest
 
 DRIVES = ("auto", "hold", "exercise", "noise=0.3,rate=10", "none")
 _STEPS, _HELD = 200, 5
@@ -77,14 +76,19 @@ def trajectory(model: mujoco.MjModel, keyframe: str, seed: int = 0) -> np.ndarra
     return states
 
 
-def proven(path: Path, drive: str) -> Iterator[tuple[Toggle, mujoco.MjModel, str]]:
-    """Yield what is provably unused as `effects` has it, the user's model, and its start."""
-    setup = EffectsRequest(str(path), seeds=1, task=TaskOptions(drive=read_drive(drive))).setup
-    run = setup.scene.resolve({}, 0, None)
+def list_proofs(path: Path, drive: str) -> Iterator[tuple[str, str, mujoco.MjModel, str]]:
+    """Yield unused effects that studies leave out, with their proof, the model, and its start."""
+    scene = SceneLoader(Path(), read_drive(drive)).open(str(path))
+    states = list[Mapping[str, EffectState]]()
+    for rest in ("all", "auto"):
+        own = scene.with_effects(rest)
+        run = own.resolve({}, 0, None)
+        states.append(own.prepare(run, own.initial_states([run])).effects)
     model = SceneLoader(Path()).open(str(path)).base({}).model
-    for toggle in find_toggles(setup):
-        if toggle.proof is not None:
-            yield toggle, model, run.keyframe
+    for feature in list_features():
+        written, proved = (state.get(feature.name) for state in states)
+        if written and written.on and proved and not proved.on:
+            yield feature.name, proved.reason, model, run.keyframe
 
 
 def changed_by(path: Path, drives: tuple[str, ...] = DRIVES) -> tuple[int, list[str]]:
@@ -92,15 +96,15 @@ def changed_by(path: Path, drives: tuple[str, ...] = DRIVES) -> tuple[int, list[
 
     States that are infinite count as equal where both are.
     """
-    lines = {x[0].effect: x for drive in drives for x in proven(path, drive)}
+    lines = {line[0]: line for drive in drives for line in list_proofs(path, drive)}
     wrong: list[str] = []
-    for name, (toggle, model, keyframe) in lines.items():
+    for name, proof, model, keyframe in lines.values():
         other = copy.copy(model)
         EFFECTS[name].switch.write(other, False)
         own, without = trajectory(model, keyframe), trajectory(other, keyframe)
         # Rounding aside: the order of sums may change where nothing else does.
         if not np.allclose(own, without, rtol=1e-9, atol=1e-9, equal_nan=True):
-            wrong.append(f"{path.name}: {name} ({toggle.proof})")
+            wrong.append(f"{path.name}: {name} ({proof})")
     return len(lines), wrong
 
 
@@ -122,12 +126,12 @@ def test_limits_of_controls_are_used_where_there_are_any(drive: str, tmp_path: P
     """Whatever drives it: a control of 2 is one of 1 here."""
     text = {"option": "", "floor": "", "joint": "", "more": "", "actuators": _MOTORS}
     (tmp_path / "own.xml").write_text(_ARM.format(**text))
-    found = {x[0].effect for x in proven(tmp_path / "own.xml", drive)}
+    found = {line[0] for line in list_proofs(tmp_path / "own.xml", drive)}
     assert "clampctrl" not in found
     (tmp_path / "own.xml").write_text(
         _ARM.format(**{**text, "actuators": OWN["no limits"]["actuators"]})
     )
-    assert "clampctrl" in {x[0].effect for x in proven(tmp_path / "own.xml", drive)}
+    assert "clampctrl" in {line[0] for line in list_proofs(tmp_path / "own.xml", drive)}
 
 
 @pytest.mark.long

@@ -5,17 +5,10 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from contactlab.plan.task_options import TaskOptions
-from contactlab.scene.model_draft import ModelEdits
-from contactlab.scene.model_writer import write_model
-from contactlab.schema.study_reports import RecordedEffectsReport
-from contactlab.studies.effects import ablation
-from contactlab.studies.effects.configuration_runs import ConfigurationRows
-from contactlab.studies.effects.effect_toggles import MOTION, difference, judged_metrics
 from contactlab.studies.effects.effects_request import EffectsRequest
+from contactlab.studies.effects.effects_study import study_effects
 from contactlab.tasks.session import Session
 
 # Gravity pulls both fingers along +y. The tendon holds their mean, the equality their difference.
@@ -36,14 +29,6 @@ GRIPPER = """<mujoco>
 </mujoco>"""
 
 
-def ablated(tmp_path: Path) -> RecordedEffectsReport:
-    (tmp_path / "gripper.xml").write_text(GRIPPER)
-    request = EffectsRequest(
-        str(tmp_path / "gripper.xml"), seeds=2, rounds=None, task=TaskOptions(drive="exercise")
-    )
-    return ablation.find_smallest_set(request, Session(tmp_path / "out"))
-
-
 def driven(model: mujoco.MjModel) -> np.ndarray:
     """Return (n, 2) where the fingers are while the grip opens and closes, by MuJoCo alone."""
     data, path = mujoco.MjData(model), np.zeros((1000, 2))
@@ -56,58 +41,19 @@ def driven(model: mujoco.MjModel) -> np.ndarray:
 
 
 @pytest.mark.long
-def test_what_carries_the_drive_is_kept_and_the_written_model_moves_alike(tmp_path: Path) -> None:
-    report = ablated(tmp_path)
-    assert {each.effect for each in report.effects if each.verdict == "needed"} >= {
-        "actuation",
-        "equality",
-    }
-    # It only transmits what the actuator does: there is nothing of its own to leave out.
-    assert "tendon" not in {*report.smallest_set.off, *(each.effect for each in report.effects)}
-    assert report.verification.holds
-    assert report.verification.holds_as_written
-    old = mujoco.MjModel.from_xml_string(GRIPPER)
-    new = mujoco.MjModel.from_xml_path(str(tmp_path / "out/written-model/gripper.xml"))
-    assert new.opt.disableflags != old.opt.disableflags
-    # Without the equality, the fingers end 0.04 m apart, at their limits.
-    assert np.abs(driven(new) - driven(old)).max() < 0.01 * 0.04
-
-
-@pytest.mark.long
-def test_a_written_model_that_moves_otherwise_does_not_hold(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_grip_that_a_tendon_transmits_is_needed_and_the_written_model_moves_alike(
+    tmp_path: Path,
 ) -> None:
-    wrong = ModelEdits({"actuation": False})
-    monkeypatch.setattr(
-        ablation, "write_model", lambda scene, _, folder: write_model(scene, wrong, folder)
-    )
-    report = ablated(tmp_path)
-    assert report.verification.holds_as_written is False
-    assert not report.verification.holds
-    assert report.verification.reason.startswith("as text, ")
-
-
-@given(
-    seeds=st.lists(st.floats(-1, 1), min_size=2, max_size=6),
-    shift=st.floats(-1, 1),
-    drive=st.sampled_from([None, '"hold"', '"exercise"', '{"noise": 0.3, "rate": 10.0}']),
-)
-def test_motion_matters_beyond_tolerance_and_the_spread_over_seeds(
-    seeds: list[float], shift: float, drive: str | None
-) -> None:
-    """One coordinate is moved at one time; the largest distance of any two seeds is the spread.
-
-    Seeds that draw the controls have none.
-    """
-    own = [np.full((5, 2), seed) for seed in seeds]
-    new = [each.copy() for each in own]
-    for each in new:
-        each[3, 1] += shift
-    nothing = dict.fromkeys(judged_metrics()) | {"label": "stable", "drive": drive}
-    base, other = (
-        ConfigurationRows([{}], [[{**nothing, MOTION: each} for each in motions]])
-        for motions in (own, new)
-    )
-    limit = 0.01 if drive and drive != '"hold"' else max(0.01, max(seeds) - min(seeds))
-    if abs(abs(shift) - limit) > 1e-12:
-        assert difference({}, base, other).is_significant == (abs(shift) > limit)
+    (tmp_path / "gripper.xml").write_text(GRIPPER)
+    task = TaskOptions(drive="exercise", duration=0.6)
+    request = EffectsRequest(str(tmp_path / "gripper.xml"), task=task, write=tmp_path / "new/a.xml")
+    report = study_effects(request, Session(tmp_path / "out"))
+    found = {each.name: each for each in report.effects}
+    assert found["grip"].verdict == found["equality"].verdict == "needed"
+    # The tendon only transmits the force of the actuator, so that there is none to leave out.
+    assert "split" not in found
+    if report.smaller:
+        old = mujoco.MjModel.from_xml_string(GRIPPER)
+        new = mujoco.MjModel.from_xml_path(str(tmp_path / "new/a.xml"))
+        # Without the equality, the fingers end 0.04 m apart, at their limits.
+        assert np.abs(driven(new) - driven(old)).max() < 0.01 * 0.04

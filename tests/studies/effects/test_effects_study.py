@@ -15,7 +15,8 @@ from contactlab.budget.motion import INTEGRATION
 from contactlab.errors import SceneError
 from contactlab.plan.task_options import read_task_options
 from contactlab.schema.effects_report import EffectsReport, PartEffect
-from contactlab.studies.effects.effects_study import EffectsRequest, study_effects
+from contactlab.studies.effects.effects_request import EffectsRequest
+from contactlab.studies.effects.effects_study import study_effects
 from contactlab.tasks.session import Session
 from contactlab.tasks.stress_motions import TILT_DEGREES, tilt_gravity
 

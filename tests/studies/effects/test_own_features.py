@@ -1,24 +1,17 @@
 """A model of one's own is stripped of what it does not use, and of nothing else."""
 
-from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
-from contactlab.scene.scene import Scene
-from contactlab.schema.study_reports import RecordedEffectsReport
+from contactlab.plan.task_options import read_task_options
+from contactlab.schema.effects_report import EffectsReport
+from contactlab.studies.effects.effects_request import EffectsRequest
+from contactlab.studies.effects.effects_study import study_effects
+from contactlab.tasks.session import Session
 
 pytestmark = pytest.mark.long
 
-Ablate = Callable[..., RecordedEffectsReport]
-FEATURES = {
-    "air",
-    "limit",
-    "tendon",
-    "torsional_friction",
-    "rolling_friction",
-}
-# Nothing spins about the normal, and the pendulum stays within its limits.
-NOT_EXERCISED = {"limit", "torsional_friction"}
 _SENSORS = "".join(f"<jointpos name='s{index}' joint='swing'/>" for index in range(12))
 # A box slides to rest; a pendulum swings beside it, and a ball rolls and spins.
 MODEL = """
@@ -49,40 +42,34 @@ USED = MODEL.format(
 )
 
 
+def study_text(folder: Path, text: str, name: str) -> EffectsReport:
+    """Return the effects of a model, which begins in its keyframe."""
+    (folder / name).write_text(text)
+    task = read_task_options(duration="0.6s", keyframe="start")
+    return study_effects(EffectsRequest(str(folder / name), task=task), Session(folder / "out"))
+
+
 @pytest.fixture(scope="module")
-def report(ablate: Ablate) -> RecordedEffectsReport:
-    """Return the ablation of the model that uses nothing."""
-    return ablate(UNUSED, "keyframe=start", name="unused.xml")
+def report(tmp_path_factory: pytest.TempPathFactory) -> EffectsReport:
+    return study_text(tmp_path_factory.mktemp("unused"), UNUSED, "unused.xml")
 
 
-def test_unused_features_are_stripped_and_metrics_hold(report: RecordedEffectsReport) -> None:
-    assert {*report.smallest_set.off} >= FEATURES - NOT_EXERCISED | {"sensor"}
-    assert report.verification.holds
-    assert report.verification.reason == "no metric changes by its tolerance"
-    assert all("duration" not in name for name in report.smallest_set.settings)
+def test_unused_parts_are_left_out(report: EffectsReport) -> None:
+    found = {each.name: each for each in report.effects}
+    assert found["cord"].verdict == found["sensors"].verdict == "unused"
+    assert found["air"].verdict == "below the tolerance"
+    assert report.smaller
+    assert {"cord", "sensors"} <= {*report.smaller.left_out}
 
 
-def test_what_no_run_exercised_is_kept(report: RecordedEffectsReport) -> None:
-    found = {each.effect: each for each in report.effects}
-    assert {found[name].verdict for name in NOT_EXERCISED} == {"not exercised"}
-    assert {*report.smallest_set.on} >= NOT_EXERCISED
-    assert found["limit"].reason == "not every joint and tendon moved into its limit"
-    assert all("limit" not in line for line in report.smallest_set.mjcf)
+def test_a_safeguard_stays(report: EffectsReport) -> None:
+    limit = next(each for each in report.effects if (each.kind, each.name) == ("limit", "swing"))
+    assert limit.verdict == "not exercised"
+    assert not limit.can_go
 
 
-def test_the_stripped_model_computes_none_of_it(report: RecordedEffectsReport) -> None:
-    scene = Scene.open(report.source)
-    values = {**report.base, **report.smallest_set.settings}
-    run = scene.resolve(values, 0, None)
-    model = scene.prepare(run, scene.initial_states([run])).model
-    assert (model.ntendon, model.opt.density, model.geom_condim.max()) == (0, 0.0, 4)
-    assert all(model.sensor(index).name.startswith("contactlab/") for index in range(model.nsensor))
-    assert scene.resolve(values, 0, None).flags["limit"]
-
-
-@pytest.mark.night
-def test_features_that_act_are_kept(ablate: Ablate) -> None:
-    report = ablate(USED, "keyframe=start", name="used.xml")
-    needed = {each.effect for each in report.effects if each.verdict == "needed"}
-    assert needed >= FEATURES
-    assert {*report.smallest_set.on} >= FEATURES
+def test_features_that_act_are_needed(tmp_path: Path) -> None:
+    report = study_text(tmp_path, USED, "used.xml")
+    found = {each.name: each.verdict for each in report.effects}
+    needed = {name for name, verdict in found.items() if verdict == "needed"}
+    assert needed >= {"air", "cord", "torsional_friction", "rolling_friction", "swing"}

@@ -1,18 +1,15 @@
 """Effects that recordings call for: those that they were made with, and no others."""
 
+import json
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
 
 from contactlab.errors import SceneError
-from contactlab.schema.study_reports import EffectFinding
-from contactlab.studies.effects import ablation
-from contactlab.studies.effects.configuration_runs import ConfigurationRows
-from contactlab.studies.effects.effect_toggles import difference
-from contactlab.studies.effects.effects_request import EffectsRequest
+from contactlab.studies.effects.effects_request import EffectsRequest, read_setup
+from contactlab.studies.effects.recorded_effects import compare_distances, study_recordings
 from contactlab.tasks.session import Session
 
 BALL = """<mujoco><option timestep="0.004" cone="elliptic"/>
@@ -51,71 +48,61 @@ def rolled(folder: Path, condim: int, trials: int = 30) -> str:
 
 
 @pytest.mark.night
-@pytest.mark.parametrize(("condim", "asked"), [(6, True), (3, False)])
-def test_rolling_friction_is_asked_for_where_it_was(
-    tmp_path: Path, condim: int, asked: bool
+@pytest.mark.parametrize(("condim", "missing"), [(6, True), (3, False)])
+def test_rolling_friction_is_missing_if_the_recordings_had_it(
+    tmp_path: Path, condim: int, missing: bool
 ) -> None:
     """Rolling friction changes every roll, but only one of two recordings has it."""
-    request = EffectsRequest(rolled(tmp_path, condim), rounds=None, metric="reality")
-    report = ablation.find_smallest_set(request, Session(tmp_path / "stores", 0))
-    found: dict[str, EffectFinding] = {each.effect: each for each in report.effects}
-    rolling = found["rolling_friction"]
-    assert rolling.verdict == ("missing" if asked else "no effect")
-    [change] = rolling.metric_changes
-    assert change.change is not None
-    assert (change.change < 0) == asked
-    assert ("rolling_friction" in report.smallest_set.added) == asked
-    assert [each.effect for each in found.values() if each.verdict == "missing"] == (
-        ["rolling_friction"] if asked else []
+    report = study_recordings(
+        EffectsRequest(rolled(tmp_path, condim)), Session(tmp_path / "stores", 0)
     )
-    assert report.verification.holds
-    # The runs that verify it were recorded apart from those that it was found with.
-    used, fresh = (
-        {each["recorded_run"] for each in every}
-        for every in (report.scenarios, report.verification.scenarios)
-    )
-    assert len(used) == 24
-    assert len(fresh) == 6
-    assert not used & fresh
+    found = {each.name: each for each in report.effects if each.adds}
+    assert found["rolling_friction"].verdict == ("missing" if missing else "not needed")
+    names = [each.name for each in report.effects if each.verdict == "missing"]
+    assert names == (["rolling_friction"] if missing else [])
+    added = report.smaller.added if report.smaller else ()
+    assert ("rolling_friction" in added) == missing
+    if missing:
+        assert report.smaller
+        made = mujoco.MjModel.from_xml_path(str(tmp_path / "stores" / report.smaller.file))
+        assert made.geom_condim.max() == 6
 
 
 @pytest.mark.parametrize(
     ("shift", "noise", "words"),
     [
-        (0.2, 0.01, ["if farther", "if unsure"]),
-        (-0.2, 0.01, ["if closer"]),
-        (0.02, 0.001, []),  # less than a twentieth of the distance
-        (-0.02, 0.001, []),
-        (0.2, 2.0, ["if unsure"]),  # less than three standard errors
-        (-0.2, 2.0, ["if unsure"]),
+        (0.2, 0.01, {"is_farther"}),
+        (-0.2, 0.01, {"is_closer", "is_kept"}),
+        (0.02, 0.001, {"is_kept"}),  # less than a twentieth of the distance
+        (-0.02, 0.001, {"is_kept"}),
+        (0.2, 2.0, set()),  # less than three standard errors
+        (-0.2, 2.0, set()),
     ],
 )
-def test_the_mean_over_recorded_runs_counts(shift: float, noise: float, words: list[str]) -> None:
+def test_the_mean_over_recorded_runs_counts(shift: float, noise: float, words: set[str]) -> None:
     base = np.linspace(0.5, 1.5, 30)
     other = base + shift + noise * np.tile([-1, 1], 15)
-    first, second = (
-        ConfigurationRows([{}] * 30, [[{"reality": x, "label": "stable"}] for x in each.tolist()])
-        for each in (base, other)
-    )
-    for word in ("if closer", "if farther", "if unsure"):
-        found = difference({"reality": 0.0}, first, second, matters=word)
-        assert found.is_significant == (word in words)
-        assert found.metric_changes[0].change == pytest.approx(shift)
-        assert found.metric_changes[0].tolerance == pytest.approx(0.05)
-        assert found.metric_changes[0].spread == pytest.approx(3 * noise / np.sqrt(29))
+    found = compare_distances(base.tolist(), other.tolist())
+    names = ("is_closer", "is_farther", "is_kept")
+    assert {name for name in names if getattr(found, name)} == words
+    assert found.change == pytest.approx(shift)
+    assert found.limit == pytest.approx(0.05)
+    assert found.spread == pytest.approx(3 * noise / np.sqrt(29))
 
 
-def test_runs_that_end_early_matter_and_other_labels_do_not() -> None:
-    def rows(*each: Any) -> ConfigurationRows:
-        return ConfigurationRows([{}] * 3, [[{"reality": x, "label": y}] for x, y in each])
-
-    base = rows((0.1, "stable"), (0.2, "stable"), (0.3, "stable"))
-    tolerances = {"reality": 0.5}
-    assert not difference(tolerances, base, rows(*[(0.1, "bounce")] * 3)).is_significant
-    ended = difference(tolerances, base, rows((0.1, "stable"), (0.2, "stable"), (None, "diverged")))
-    assert ended.labels == {"compared -> ends early": 1}
+def test_runs_that_end_early_are_farther() -> None:
+    whole = compare_distances([0.1, 0.2, 0.3], [0.1, 0.1, 0.1], 0.5)
+    early = compare_distances([0.1, 0.2, 0.3], [0.1, 0.1, None], 0.5)
+    assert (whole.is_farther, early.is_farther, early.is_kept) == (False, True, False)
 
 
 def test_a_scene_without_a_recording_is_refused() -> None:
     with pytest.raises(SceneError, match="needs a scene with a `recording`"):
-        _ = EffectsRequest("box_slide", metric="reality").setup
+        read_setup(EffectsRequest("box_slide"), recordings=True)
+
+
+def test_fresh_scenarios_are_other_recorded_runs(tmp_path: Path) -> None:
+    sweep = {"version": 1, "scene": "cube_toss", "axes": {"recorded_run": [5, 17, 42]}}
+    (tmp_path / "toss.yaml").write_text(json.dumps(sweep))
+    setup = read_setup(EffectsRequest(str(tmp_path / "toss.yaml")))
+    assert {each["recorded_run"] for each in setup.fresh_scenarios} <= {5.0, 17.0, 42.0}

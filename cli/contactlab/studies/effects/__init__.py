@@ -1,1 +1,1 @@
-"""Which effects a scene needs: ablation, the smallest set, and its verification."""
+"""The features and parts that a model needs, and a smaller model without the others."""

@@ -1,17 +1,12 @@
 """Configurations of one scene: each run from the same seeds, in the same scenarios."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-import mujoco
-
-from contactlab.store.finished_store import Store
-from contactlab.studies.effects.effects_request import AblationSetup
+from contactlab.studies.effects.effects_request import SweepSetup
 from contactlab.tasks.session import Session, Values
 
 Row = Mapping[str, Any]
-Measure = Callable[[Store, str, mujoco.MjModel], Row]
-"""Returns what a study measures of a stored run, by its id and its model as written."""
 
 
 class ConfigurationRows(NamedTuple):
@@ -20,14 +15,9 @@ class ConfigurationRows(NamedTuple):
     scenarios: Sequence[Values]
     rows: Sequence[Sequence[Row]]
 
-    @property
-    def flat(self) -> list[Row]:
-        """All rows."""
-        return [row for rows in self.rows for row in rows]
 
-
-def sweep_of(
-    setup: AblationSetup, configurations: Sequence[Values], asked: Mapping[str, object]
+def build_sweep(
+    setup: SweepSetup, configurations: Sequence[Values], asked: Mapping[str, object]
 ) -> dict[str, object]:
     """Return a sweep of configurations, as a sweep file has it."""
     rows = [
@@ -50,31 +40,29 @@ def sweep_of(
 
 def run_configurations(
     session: Session,
-    setup: AblationSetup,
+    setup: SweepSetup,
     name: str,
     configurations: Sequence[Values],
     asked: Mapping[str, object],
-    measure: Measure = lambda _store, _run, _model: {},
 ) -> list[ConfigurationRows]:
     """Run configurations into a store of this name, or resume it, and return the rows of each.
 
-    Each gives values over those of the setup's base and of a scenario. `asked` is what else the
-    sweep says, but for keys of no value.
+    Each gives values over those of the setup's base and of a scenario. `asked` has more keys of the
+    sweep.
     """
     values = [
         [{**setup.base, **scenario, **own} for scenario in setup.scenarios]
         for own in configurations
     ]
-    sweep = sweep_of(setup, configurations, asked)
+    sweep = build_sweep(setup, configurations, asked)
     store, scene = session.run_derived(name, sweep, setup.scenes, resume=True), setup.scene
     stored = {row["run_id"]: row for row in store.table.to_pylist()}
 
-    def rows(of_each: Values) -> Iterator[Row]:
+    def list_rows(of_each: Values) -> Iterator[Row]:
         for run in (scene.resolve(of_each, seed, setup.duration) for seed in setup.seeds):
-            run_id, model = scene.run_id(run), scene.base(run.structure).model
-            yield {**stored[run_id], **measure(store, run_id, model)}
+            yield stored[scene.run_id(run)]
 
     return [
-        ConfigurationRows(setup.scenarios, [list(rows(columns)) for columns in of_each])
+        ConfigurationRows(setup.scenarios, [list(list_rows(columns)) for columns in of_each])
         for of_each in values
     ]

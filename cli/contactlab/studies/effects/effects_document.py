@@ -1,90 +1,115 @@
-"""Describes the effects of a scene, and the smallest set that keeps every result."""
+"""Describes features and parts of a model in one table, and the smaller model."""
 
 from collections.abc import Iterator
 from pathlib import Path
 
-from contactlab.printable import shortened
+from contactlab.printable import shell_word, shortened
+from contactlab.rendering.amounts import format_percent
 from contactlab.rendering.document import (
     Block,
     Code,
     Document,
-    Section,
+    Headline,
     Sentence,
     document_of,
     table_of,
 )
-from contactlab.schema.study_reports import EffectFinding, RecordedEffectsReport
+from contactlab.schema.effects_report import REPORT, EffectsReport, PartEffect
 from contactlab.schema.time_ratio import TimeRatio
 
+_HEADS = ("feature or part", "verdict", "error", "worst body", "time")
+_NAME_WIDTH, _BODY_WIDTH = 27, 15  # so that a row fits into 80 columns
 _MOST_LINES = 12  # of the model's changes
+_MOST_NAMES = 12  # of parts in a sentence
 
 
-def describe_recorded_effects(
-    report: RecordedEffectsReport, *, folder: Path | None = None
-) -> Document:
-    """Describe effects that were changed alone, and the smallest set.
+def describe_effects(report: EffectsReport, *, folder: Path | None = None) -> Document:
+    """Describe features and parts that were left out, and the smaller model.
 
     Args:
         report: the effects.
-        folder: of the report and its evidence, if they were written.
+        folder: of the report, if it was written.
     """
-    count = len(report.scenarios) * len(report.seeds)
-    used = [each for each in report.effects if each.verdict != "unused"]
-    unused = [each for each in report.effects if each.verdict == "unused"]
-    blocks: list[Block] = [
-        Sentence(report.task.line),
-        Sentence(
-            f"{report.scene}: each effect changed alone, {count} runs of {report.duration:g} s"
-        ),
-        table_of(
-            ("effect", "base", "verdict", "time when changed", "reason"), list(map(_row, used))
-        ),
-    ]
-    for reason in dict.fromkeys(each.reason for each in unused):
-        names = ", ".join(each.effect for each in unused if each.reason == reason)
-        blocks.append(Sentence(f"unused, by proof: {names} ({reason})"))
-    for each in (each for each in report.interactions if each.below_tolerance):
-        names = " and ".join(each.effects)
-        blocks.append(Sentence(f"needed alone, below the tolerance together: {names}"))
-    blocks += _smallest_set(report, folder)
-    if folder:
-        blocks.append(Sentence(f"evidence and effects.json in {folder}"))
-    return document_of(Section(tuple(blocks), "effects"))
-
-
-def _row(finding: EffectFinding) -> tuple[object, ...]:
-    spread = (
-        f"; within the spread over seeds: {', '.join(finding.within_spread)}"
-        if finding.within_spread
-        else ""
+    runs = f" in {report.scenarios} scenarios" * (report.scenarios > 1)
+    how = (
+        f"{report.model}: each feature and part left out alone{runs}, in the task, with gravity "
+        f"tilted by {report.tilt:g} degrees, and with twice the controls and pushes"
     )
-    state, why = "on" if finding.on else "off", finding.reason + spread
-    return finding.effect, state, finding.verdict, _ratio_text(finding.time_ratio), why
+    shown = [each for each in report.effects if each.error is not None or each.time_ratio]
+    if report.recorded:
+        how = (
+            f"{report.model}: each feature changed alone, against {report.scenarios} recorded runs"
+        )
+    blocks: list[Block] = [Sentence(report.task.line), Sentence(how), Headline(report.sentence)]
+    rows = [_describe_row(each) for each in shown]
+    if report.noise_floor:
+        rows.append(("noise floor", "", "", "", _format_ratio(report.noise_floor)))
+    if rows:
+        blocks.append(table_of(_HEADS, rows))
+    blocks += map(Sentence, _list_sentences(report, shown))
+    blocks += _describe_smaller(report, folder)
+    if report.timed_out:
+        blocks.append(Sentence("The time limit was reached; raise it with --max-time."))
+    if folder:
+        blocks.append(Sentence(f"{REPORT} in {folder}"))
+    return document_of(blocks)
 
 
-def _ratio_text(ratio: TimeRatio | None) -> str:
-    return "" if ratio is None else ratio.text
+def _describe_row(part: PartEffect) -> tuple[str, ...]:
+    error = "" if part.error is None else format_percent(part.error)
+    name = f"add {part.name}" if part.adds else part.name
+    kind = "" if part.kind == "feature" or part.members else f"{part.kind} "
+    time = _format_ratio(part.time_ratio) if part.time_ratio else ""
+    named = _shorten_name(kind + name, _NAME_WIDTH)
+    return named, part.verdict, error, _shorten_name(part.body, _BODY_WIDTH), time
 
 
-def _smallest_set(report: RecordedEffectsReport, folder: Path | None) -> Iterator[Block]:
-    smallest, verification = report.smallest_set, report.verification
-    yield Sentence(f"smallest set: {', '.join(smallest.on)}")
-    for name, measure in smallest.kept.items():
-        yield Sentence(f"{name} stays: without it, {measure}")
-    if report.time_ratio is not None:
-        yield Sentence(f"time of the smallest set: {_ratio_text(report.time_ratio)}")
-    if verification.runs:
-        held = "holds" if verification.holds else "FAILS"
-        how = " as settings, and as the written model" * bool(verification.holds_as_written)
-        time = _ratio_text(verification.time_ratio)
-        runs = f"{held} in {verification.runs} fresh runs{how}, {time}"
-        yield Sentence(f"{runs}: {verification.reason}")
-    if not verification.holds:
+def _shorten_name(text: str, width: int) -> str:
+    return text if len(text) <= width else f"{text[: width - 1]}…"
+
+
+def _format_ratio(ratio: TimeRatio) -> str:
+    return f"x{ratio.ratio:.2f}"
+
+
+def _list_sentences(report: EffectsReport, shown: list[PartEffect]) -> Iterator[str]:
+    for part in shown:
+        if part.members:
+            yield f"{part.name}: {_join_names(part.members)} ({part.reason})"
+    safe = [part for part in shown if part.verdict == "below the tolerance" and part.reason]
+    for reason in dict.fromkeys(part.reason for part in safe):
+        names = [part.name for part in safe if part.reason == reason]
+        yield f"kept as {reason}: {_join_names(names)}"
+    for name, measure in report.kept.items():
+        yield f"{name} stays: without it, {measure}"
+    slight = [part for part in shown if part.verdict == "not exercised"]
+    if slight:
+        names = _join_names([part.name for part in slight])
+        yield f"hardly loaded in these runs, which proves nothing for others: {names}"
+    hidden = [part for part in report.effects if part not in shown]
+    for verdict in dict.fromkeys(part.verdict for part in hidden):
+        own = [part for part in hidden if part.verdict == verdict]
+        kinds = dict.fromkeys(part.kind for part in own)
+        texts = [
+            f"{kind} {_join_names([part.name for part in own if part.kind == kind])}"
+            for kind in kinds
+        ]
+        yield f"{verdict}: {'; '.join(texts)}"
+
+
+def _join_names(names: "list[str] | tuple[str, ...]") -> str:
+    more = len(names) - _MOST_NAMES
+    return ", ".join(names[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
+
+
+def _describe_smaller(report: EffectsReport, folder: Path | None) -> Iterator[Block]:
+    smaller = report.smaller
+    if smaller is None:
         return
-    patch = f"a patch in {(folder or Path()) / 'written-model'}"
-    why = smallest.no_patch_reason
-    lines = (why,) if why else tuple(shortened(smallest.mjcf, _MOST_LINES, patch))
-    yield Sentence("in the model:")
-    yield Code(lines)
-    yield Sentence("sweep:")
-    yield Code(smallest.sweep)
+    yield Sentence(f"verified: {smaller.sentence}")
+    path = Path(smaller.file) if folder is None else folder / smaller.file
+    yield Code(tuple(shortened(smaller.lines, _MOST_LINES, f"the patch next to {path}")))
+    yield Sentence(f"wrote {path}")
+    yield Code((f"next: contactlab {shell_word(path)}",), indent=0)
+    if any(part.kind == "sensor" and part.can_go for part in report.effects):
+        yield Sentence("Your program may read sensors: --keep sensors keeps all, --keep NAME one.")

@@ -3,99 +3,56 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
 from contactlab.errors import SceneError
-from contactlab.mjcf import OPTIONS
 from contactlab.plan.grid import Plan
 from contactlab.plan.sweep_file import read_sweep
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.scene import Scene
-from contactlab.schema.task import Task
 from contactlab.schema.tradeoff_report import REALITY
 from contactlab.schema.vocabulary import RECORDED_RUN
 from contactlab.tasks.session import Values, read_settings
 
-_SWEEPS = {".yaml", ".yml"}
+SWEEP_SUFFIXES = {".yaml", ".yml"}
 
 
 @dataclass(frozen=True)
 class EffectsRequest:
-    """The scene whose effects are changed, and the base configuration."""
+    """The model to take apart.
 
-    # a sweep file, or a scene, a model file or any other scene of a sweep
+    Attributes:
+        source: a model, a scene, or a sweep file.
+        assign: settings, `NAME=VALUE` each.
+        task: options that replace parts of the task; of its limits, only the tolerance.
+        max_time: wall time limit [s].
+        keep: names of features and parts that stay.
+        write: file of the smaller model; by default it is in the session's folder.
+    """
+
     source: str
-    assign: Sequence[str] = ()  # settings of the base configuration, `NAME=VALUE` each
-    seeds: int = 6  # seeds per effect
-    rounds: int | None = 3  # rounds of the timing pass; None for no timing
-    # options that replace parts of the task; its limits are tolerances, by metric
+    assign: Sequence[str] = ()
     task: TaskOptions = AS_INFERRED
-    # `reality`: find the effects that bring runs closer to recorded runs; each of these counts as a
-    # seed
-    metric: Literal["reality"] | None = None
-
-    @cached_property
-    def setup(self) -> "AblationSetup":
-        """The scene and its base configuration, read once.
-
-        From a sweep, axes of the role scenario are used, and knobs with one value; other knobs stay
-        as in the scene, unless `assign` sets them. Raises a SweepFileError if the sweep or a
-        setting is wrong (all are named); a SceneError if there is no such scene.
-        """
-        path = Path(self.source)
-        is_sweep = path.suffix in _SWEEPS
-        folder = path.parent if is_sweep else Path()
-        scenes = SceneLoader(folder, self.task.drive)
-        sweep_of_scene = {"version": 1, "scene": self.source}
-        if not is_sweep:
-            # a mistake in a model is not a mistake in a sweep
-            scenes.open(self.source)
-        read = read_sweep(path if is_sweep else sweep_of_scene, scenes.vocabulary)
-        reference, sweep = read.sweep.scene, read.sweep
-        if self.task.drive is None and sweep.drive is not None:
-            scenes = replace(scenes, drive=sweep.drive, drive_folder=folder)
-        asked = [*self.assign, *self.task.settings]
-        assigned, given = read_settings(scenes, reference, asked, ("duration", "must"))
-        scenarios, axes = _scenarios(read.plan), read.plan.axes
-        # values that the sweep gives to every run, including effects
-        varied = {axis.name for axis in axes if axis.count > 1 or axis.role == "scenario"}
-        first = next(read.plan.iterate_runs()).values
-        fixed = {name: value for name, value in first.items() if name not in varied}
-        manifest = scenes.open(reference).source.manifest
-        own = manifest.tolerances if manifest else {}
-        setup = AblationSetup(
-            scenes=scenes,
-            reference=reference,
-            base={**fixed, **assigned},
-            scenarios=scenarios,
-            fresh_scenarios=_between(scenarios),
-            seeds=tuple(range(self.seeds)),
-            duration=given.duration or sweep.duration,
-            tolerances={**own, **sweep.tolerances, **self.task.limits},
-            options=self.task,
-            thresholds=sweep.thresholds,
-            must=given.must or sweep.must,
-        )
-        return setup.compared_with_recordings() if self.metric else setup
+    max_time: float = 120.0
+    keep: Sequence[str] = ()
+    write: Path | None = None
 
 
 _MOST_RECORDED = 24  # number of drawn recorded runs
 
 
 @dataclass(frozen=True)
-class AblationSetup:
-    """A scene, and the configuration around which its effects are changed."""
+class SweepSetup:
+    """A scene, with the settings and the scenarios of a sweep."""
 
     scenes: SceneLoader  # opens the scene
     reference: str  # the value of `scene:` in a sweep file
-    seeds: tuple[int, ...]  # seeds per effect
+    seeds: tuple[int, ...]  # seeds of each scenario
     # canonical values of the base configuration
     base: Values = field(default_factory=dict[str, object])
     scenarios: tuple[Values, ...] = ({},)  # values of the axes of role scenario
@@ -113,24 +70,7 @@ class AblationSetup:
         """The scene, with every effect that its model has."""
         return self.scenes.open(self.reference).with_effects("all")
 
-    @property
-    def task(self) -> Task:
-        """Task of the first scenario, by which it is judged."""
-        return self.scene.task(
-            {**self.base, **self.scenarios[0]},
-            self.duration,
-            watch=self.options.observe,
-            within=self.options.tolerance,
-            seeds=self.seeds,
-        )
-
-    @property
-    def scenario(self) -> list[str]:
-        """Settings that the scene shares with every configuration, except numerical ones."""
-        fixed = [name for name in self.base if name not in OPTIONS and name not in EFFECTS]
-        return [*fixed, *self.scenarios[0]]
-
-    def compared_with_recordings(self) -> "AblationSetup":
+    def compared_with_recordings(self) -> "SweepSetup":
         """Return the setup with recorded runs as scenarios, and others for verification."""
         if (recorded := self.scene.recorded) is None:
             raise SceneError(f"{self.reference}: error {REALITY} needs a scene with a `recording`")
@@ -147,7 +87,7 @@ class AblationSetup:
         runs = {"scenarios": tuple(scenarios), "fresh_scenarios": tuple(fresh)}
         return replace(self, **runs, seeds=(0,), tolerances=tolerances)
 
-    def written(self, reference: str, settings: Values) -> "AblationSetup":
+    def written(self, reference: str, settings: Values) -> "SweepSetup":
         """Return the setup of a written model, with the same drive."""
         scene, given = self.scene, self.scenes.drive
         drive = given or scene.drive.drive
@@ -185,11 +125,46 @@ def _half_way(first: Values, second: Values) -> dict[str, object]:
     return middle
 
 
-def read_setup(source: str, assign: Sequence[str], options: TaskOptions) -> AblationSetup:
-    """Return the scene, base configuration and scenarios of a sweep file.
+def read_setup(request: EffectsRequest, *, recordings: bool = False) -> SweepSetup:
+    """Return the scene, base configuration and scenarios of a sweep, read once.
+
+    Axes of the role scenario are used, and knobs with one value; other knobs stay as in the scene,
+    unless `assign` sets them. With recordings, scenarios are recorded runs.
 
     Raises:
-        SceneError: there is no such scene.
+        SceneError: there is no such scene, or it has no recording.
         SweepFileError: the sweep or a setting is wrong.
     """
-    return EffectsRequest(source, assign, task=options).setup
+    path = Path(request.source)
+    is_sweep = path.suffix in SWEEP_SUFFIXES
+    folder = path.parent if is_sweep else Path()
+    scenes = SceneLoader(folder, request.task.drive)
+    sweep_of_scene = {"version": 1, "scene": request.source}
+    if not is_sweep:
+        # A mistake in a model is not a mistake in a sweep.
+        scenes.open(request.source)
+    read = read_sweep(path if is_sweep else sweep_of_scene, scenes.vocabulary)
+    reference, sweep = read.sweep.scene, read.sweep
+    if request.task.drive is None and sweep.drive is not None:
+        scenes = replace(scenes, drive=sweep.drive, drive_folder=folder)
+    asked = [*request.assign, *request.task.settings]
+    assigned, given = read_settings(scenes, reference, asked, ("duration", "must"))
+    scenarios, axes = _scenarios(read.plan), read.plan.axes
+    # Values that the sweep gives to every run, including effects.
+    varied = {axis.name for axis in axes if axis.count > 1 or axis.role == "scenario"}
+    first = next(read.plan.iterate_runs()).values
+    fixed = {name: value for name, value in first.items() if name not in varied}
+    setup = SweepSetup(
+        scenes=scenes,
+        reference=reference,
+        base={**fixed, **assigned},
+        scenarios=scenarios,
+        fresh_scenarios=_between(scenarios),
+        seeds=(0,),
+        duration=given.duration or sweep.duration,
+        tolerances=sweep.tolerances,
+        options=request.task,
+        thresholds=sweep.thresholds,
+        must=given.must or sweep.must,
+    )
+    return setup.compared_with_recordings() if recordings else setup

@@ -7,8 +7,7 @@ task, with gravity tilted, and with twice the controls and pushes. Those that co
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 
 import mujoco
 
@@ -17,11 +16,11 @@ from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.restarts import build_reference_model
 from contactlab.errors import SceneError, SweepFileError
 from contactlab.modifications.unused_pairs import unused_flags, with_flags
-from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.effects_report import REPORT, EffectsReport, PartEffect
-from contactlab.schema.time_ratio import TimeRatio
+from contactlab.schema.time_ratio import LEAST_SAVING, TimeRatio
+from contactlab.studies.effects.effects_request import EffectsRequest
 from contactlab.studies.effects.examined_scenarios import Scenarios, open_scenarios
 from contactlab.studies.effects.model_parts import ModelPart, change_model, find_parts
 from contactlab.studies.effects.part_errors import MeasuredPart, PartErrors
@@ -46,31 +45,13 @@ _PASS_SHARE = 0.01
 """Share of the time limit that one part may take on the average. Models have 20 to 50 of them."""
 _MAX_WINDOW_STRIDE = 8  # at least one in this many windows is used
 _PROBED_STEPS = 30  # steps that say how long one takes
+_CLOSE = TimingProtocol(half_width=LEAST_SAVING / 3)
+"""Rounds of parts that may go, if there is time: they resolve a third of the least saving."""
 _SCREENING = TimingProtocol(rounds=6, looks=1)
-"""Rounds of parts that may go; whole runs time the model without all of them more closely."""
+"""The same of slow models; whole runs time the model without all of them more closely."""
 _GLANCE = TimingProtocol(rounds=2, looks=1)
 """Rounds of parts that stay in any case."""
-
-
-@dataclass(frozen=True)
-class EffectsRequest:
-    """The model to take apart.
-
-    Attributes:
-        source: a model, a scene, or a sweep file.
-        assign: settings, `NAME=VALUE` each.
-        task: options that replace parts of the task; of its limits, only the tolerance.
-        max_time: wall time limit [s].
-        keep: names of features and parts that stay.
-        write: file of the smaller model; by default it is in the session's folder.
-    """
-
-    source: str
-    assign: Sequence[str] = ()
-    task: TaskOptions = AS_INFERRED
-    max_time: float = 120.0
-    keep: Sequence[str] = ()
-    write: Path | None = None
+_TIMING_SHARE = 0.05  # share of the time limit that close rounds may take
 
 
 def study_effects(request: EffectsRequest, session: Session) -> EffectsReport:
@@ -87,7 +68,7 @@ def study_effects(request: EffectsRequest, session: Session) -> EffectsReport:
     if request.task.limits:
         name = next(iter(request.task.limits))
         raise SweepFileError(f"--tolerance {name}=: write a share of the real forces, as 5%")
-    scenarios = open_scenarios(request.source, request.assign, request.task, session)
+    scenarios = open_scenarios(request, session)
     examined = scenarios.models[0]
     session.claim("effects", request.source)
     session.notify(f"leaving out parts of {request.source}: {examined.task.line}")
@@ -144,6 +125,7 @@ class EffectsStudy:
     def __init__(self, request: EffectsRequest, scenarios: Scenarios, begin: float) -> None:
         """Run the reference, and find the parts."""
         examined = scenarios.models[0]
+        self._timing_seconds = _TIMING_SHARE * request.max_time
         self._examined, self._limit = examined, begin + _MEASURING_SHARE * request.max_time
         self.runs = OriginalRuns()
         self.base = with_flags(
@@ -184,8 +166,10 @@ class EffectsStudy:
         models = [self._compile_without(one.part) for one in may_go]
         timed = [(one, model) for one, model in zip(may_go, models, strict=True) if model]
         made = [*(model for _, model in timed), change_model(self.base)]
+        rounds = 2 * _CLOSE.looks * _CLOSE.rounds
+        is_fast = len(made) * rounds * self.clock.turn_seconds < self._timing_seconds
         *ratios, self.noise_floor = self.clock.time_ratios(
-            [(model, 1) for model in made], _SCREENING
+            [(model, 1) for model in made], _CLOSE if is_fast else _SCREENING
         )
         for (one, _), ratio in zip(timed, ratios, strict=True):
             one.ratio = ratio

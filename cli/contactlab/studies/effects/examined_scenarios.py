@@ -9,11 +9,15 @@ from contactlab.budget import Motion
 from contactlab.plan.task_options import TaskOptions
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import WrittenModel
-from contactlab.studies.effects.effects_request import AblationSetup, read_setup
+from contactlab.studies.effects.effects_request import (
+    SWEEP_SUFFIXES,
+    EffectsRequest,
+    SweepSetup,
+    read_setup,
+)
 from contactlab.tasks.checked_model import CheckedModel, open_changed_model, open_model
 from contactlab.tasks.session import Session
 
-_SWEEPS = {".yaml", ".yml"}
 _MAX_SCENARIOS = 4
 """Most scenarios of a sweep, evenly spread: each takes as long as a task."""
 
@@ -30,7 +34,7 @@ class Scenarios:
     models: Sequence[CheckedModel]
     session: Session
     options: TaskOptions
-    setup: AblationSetup | None = None
+    setup: SweepSetup | None = None
 
     @cached_property
     def motions(self) -> list[Motion]:
@@ -48,7 +52,7 @@ class Scenarios:
         own = self.models[0]
         if self.setup is not None:
             setup = self.setup.written(written.reference, edits.settings)
-            return _check_scenario(setup, self.setup.scenarios[0], self.session)
+            return check_scenario(setup, self.setup.scenarios[0], self.session)
         opened = open_changed_model(written.reference, self.session, self.options)
         values = {name: value for name, value in own.values.items() if name not in edits.settings}
         return replace(opened, values={**values, **opened.values}, duration=own.duration)
@@ -59,27 +63,26 @@ def _sizes_of(motion: Motion) -> tuple[int, ...]:
     return model.nq, model.nbody, model.ngeom, model.ntendon, model.nu, model.npair
 
 
-def open_scenarios(
-    source: str, assign: Sequence[str], options: TaskOptions, session: Session
-) -> Scenarios:
+def open_scenarios(request: EffectsRequest, session: Session) -> Scenarios:
     """Open a model, a scene, or the scenarios of a sweep file.
 
     Raises:
         SceneError: there is no such model, or it does not compile.
         SweepFileError: the sweep or a setting is wrong.
     """
-    if Path(source).suffix not in _SWEEPS:
-        model = open_model(source, session, options, assign)
-        return Scenarios([model], session, options)
-    setup = read_setup(source, assign, options)
+    if Path(request.source).suffix not in SWEEP_SUFFIXES:
+        model = open_model(request.source, session, request.task, request.assign)
+        return Scenarios([model], session, request.task)
+    setup = read_setup(request)
     stride = max(1, -(-len(setup.scenarios) // _MAX_SCENARIOS))
-    models = [_check_scenario(setup, scenario, session) for scenario in setup.scenarios[::stride]]
-    return Scenarios(models, session, options, setup)
+    models = [check_scenario(setup, scenario, session) for scenario in setup.scenarios[::stride]]
+    return Scenarios(models, session, request.task, setup)
 
 
-def _check_scenario(
-    setup: AblationSetup, scenario: Mapping[str, object], session: Session
+def check_scenario(
+    setup: SweepSetup, scenario: Mapping[str, object], session: Session
 ) -> CheckedModel:
+    """Return the model of a sweep in one of its scenarios."""
     return CheckedModel(
         reference=setup.reference,
         scenes=setup.scenes,

@@ -84,6 +84,17 @@ class ModelPart:
     recompiles: bool = False
     members: tuple[str, ...] = ()
 
+    @property
+    def carries_loads(self) -> bool:
+        """Whether it may carry more under loads that no run has, as contacts and limits do.
+
+        Runs that hardly load it prove nothing of others.
+        """
+        if not self.kept:
+            return False
+        effect = EFFECTS.get(self.name) if self.kind == "feature" else None
+        return effect is None or effect.kind != "numerical"
+
 
 def change_model(model: mujoco.MjModel, *changes: ModelChange) -> mujoco.MjModel:
     """Return a changed copy of a model."""
@@ -141,9 +152,9 @@ def find_parts(
         with_masks: whether geoms that touch nothing may go: their file has all that they touch.
     """
     found = [
-        *_list_features(checked, motions[0].model, with_masks=with_masks),
+        *list_model_features(checked, motions[0].model, with_masks=with_masks),
         *_list_collisions(motions, positions, keep, with_masks=with_masks),
-        *_list_limits_and_tendons(motions),
+        *_list_limits_and_tendons(motions, keep),
         *_list_actuators(checked, motions[0]),
         *_list_sensors(model, keep),
     ]
@@ -165,9 +176,10 @@ def find_parts(
     return [replace(part, exercised=True) if part in used else part for part in found]
 
 
-def _list_features(
-    checked: CheckedModel, model: mujoco.MjModel, *, with_masks: bool
+def list_model_features(
+    checked: CheckedModel, model: mujoco.MjModel, *, with_masks: bool = False
 ) -> Iterator[ModelPart]:
+    """Yield the features that a model has, with those that may be added to save time."""
     states = {rest: _read_effects(checked, rest) for rest in ("all", "auto")}
     safeguards = find_safeguards()
     for feature in list_features():
@@ -190,6 +202,14 @@ def _list_features(
         edits = ModelEdits(unflagged=flags)
         proof = "no state depends on it"
         yield ModelPart("feature", "energy", edits, _clear_flags(flags), proof=proof)
+
+
+def list_missing_features(checked: CheckedModel, model: mujoco.MjModel) -> Iterator[ModelPart]:
+    """Yield the features that a model lacks and that a study can add."""
+    states = _read_effects(checked, "all")
+    for feature in list_features():
+        if feature.on and not _has_feature(feature, model, states) and feature.name != _SLEEP:
+            yield _add_feature(feature, "")
 
 
 def _read_effects(checked: CheckedModel, rest: str) -> dict[str, EffectState]:
@@ -362,7 +382,7 @@ def _find_touching(motions: Sequence[Motion]) -> set[tuple[int, int]]:
     return found
 
 
-def _list_limits_and_tendons(motions: Sequence[Motion]) -> Iterator[ModelPart]:
+def _list_limits_and_tendons(motions: Sequence[Motion], keep: Sequence[str]) -> Iterator[ModelPart]:
     model = motions[0].model
     removals = {one.kind: one for entry in CATALOGUE.values() for one in entry.removals}
     limits, tendons = removals["limit"], removals["tendon"]
@@ -370,13 +390,26 @@ def _list_limits_and_tendons(motions: Sequence[Motion]) -> Iterator[ModelPart]:
         change = _zero_fields(joint, limits.fields)
         name = name_of(model, "joint", joint)
         yield ModelPart("limit", name, None, change, kept="a safeguard")
+    idle = [
+        tendon
+        for tendon in range(model.ntendon)
+        if _is_idle_tendon(model, tendon) and name_of(model, "tendon", tendon) not in keep
+    ]
+    if idle:
+        names = tuple(name_of(model, "tendon", tendon) for tendon in idle)
+        sensors = tuple(name for tendon in idle for name in _sensors_of_tendon(model, tendon))
+        yield ModelPart(
+            "tendon",
+            _count_parts(names, "tendons"),
+            ModelEdits(tendons=names, sensors=sensors),
+            lambda _: None,
+            proof="they exert no force, and nothing pulls on them",
+            recompiles=True,
+            members=names,
+        )
     for tendon in range(model.ntendon):
         name = name_of(model, "tendon", tendon)
         if _is_idle_tendon(model, tendon):
-            sensors = _sensors_of_tendon(model, tendon)
-            edits = ModelEdits(tendons=(name,), sensors=sensors)
-            proof = "it exerts no force, and nothing pulls on it"
-            yield ModelPart("tendon", name, edits, lambda _: None, proof=proof, recompiles=True)
             continue
         pulls = [field for field in tendons.fields if np.any(getattr(model, field, [0])[tendon])]
         if pulls:

@@ -14,6 +14,10 @@ from contactlab.schema.time_ratio import TimeRatio
 from contactlab.studies.effects.model_parts import ModelPart, change_model
 from contactlab.tasks.reference_error import ErrorEstimate, TaskReference
 
+LOAD_MARGIN = 0.5
+"""Largest share of the tolerance that counts as below it: other pushes may have twice the effect of
+those in the task."""
+
 
 @dataclass
 class PartErrors:
@@ -81,8 +85,10 @@ class MeasuredPart:
         """Return the verdict at a tolerance."""
         if (verdict := self.verdict_at) is not None:
             return verdict
-        small = self.error is not None and self.error.error <= tolerance
-        return "below the tolerance" if small else "needed"
+        small = self.error is not None and self.error.error <= LOAD_MARGIN * tolerance
+        if not small:
+            return "needed"
+        return "not exercised" if self.part.carries_loads else "below the tolerance"
 
     def can_go(self, tolerance: float) -> bool:
         """Return whether a smaller model may lack it."""

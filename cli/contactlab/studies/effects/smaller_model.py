@@ -23,7 +23,7 @@ from contactlab.schema.time_ratio import LEAST_SAVING, TimeRatio
 from contactlab.schema.verification import VerifiedChange
 from contactlab.studies.effects.examined_scenarios import Scenarios
 from contactlab.studies.effects.model_parts import ModelPart, change_model
-from contactlab.studies.effects.part_errors import PartErrors
+from contactlab.studies.effects.part_errors import LOAD_MARGIN, PartErrors
 from contactlab.studies.verification import OriginalRuns, VerificationRequest, verify_change
 from contactlab.studies.verification.grip_measures import compare_grips
 from contactlab.tasks.checked_model import CheckedModel
@@ -38,10 +38,8 @@ from contactlab.timing.interleaved import TimingProtocol
 _SEEDS_TIMED = 6  # times new seeds are drawn for whole runs; seeds differ more than turns do
 _TIMING_SHARE = 0.3  # share of the remaining time for timing the written model
 _JOINT = TimingProtocol(rounds=6, looks=1)
-_LEAST_GAIN = 0.005
-"""Least share of the time that an exact feature saves: it costs a changed line, and no error."""
-_LEAST_WORTH = 0.02
-"""Least share of the time that a part saves which adds error."""
+_LEAST_WORTH = 0.01
+"""Least share of the time that a feature saves, beyond noise: it costs a changed line."""
 EXACT = (
     "the motion is that of the model as written, bit for bit, in the task, on fresh seeds, tilted, "
     "and with twice the inputs"
@@ -84,7 +82,7 @@ class SmallerSearch:
         while chosen:
             parts = [part for part, *_ in chosen]
             error = self._estimate_joint_error(parts)
-            if error is not None and error.error > self.scenarios.models[0].task.tolerance:
+            if error is not None and error.error > LOAD_MARGIN * self._original.task.tolerance:
                 self._put_back(chosen, f"together they differ by {error.error:.2g} in {error.body}")
                 continue
             edits = _join_edits(parts)
@@ -163,7 +161,7 @@ class SmallerSearch:
         return change_model(self.base, *(part.change for part in parts))
 
     def _verify_model(self, changed: CheckedModel) -> tuple[VerifiedChange | None, str, bool]:
-        # The measures are None if each bit of the motion is equal.
+        # There are no measures if each bit of the motion is equal.
         original = self._original
         self.session.notify("verifying the smaller model")
         if self._moves_alike(changed):
@@ -219,7 +217,7 @@ def _is_worthwhile(one: Measured) -> bool:
         return False
     if part.proof and part.kind != "feature":
         return not ratio.is_greater()
-    return ratio.ratio < 1 - _LEAST_GAIN if part.proof else ratio.is_less(by=_LEAST_WORTH)
+    return ratio.is_less(by=_LEAST_WORTH)
 
 
 def _ratio_of(one: Measured) -> float:
