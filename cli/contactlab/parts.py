@@ -83,7 +83,7 @@ def _load_fork_server() -> ModuleType:
     return preloaded
 
 
-def _load_description(report: str) -> Any:  # noqa: ANN401, C901, PLR0912 - a function; a table
+def _load_description(report: str) -> Any:  # noqa: ANN401, C901, PLR0912, PLR0915 - a function; a table
     match report:
         case "AdvisoriesCheck":
             from contactlab.studies.advisories.check_document import describe_check as describe

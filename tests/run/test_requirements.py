@@ -13,8 +13,8 @@ from contactlab.errors import SweepFileError
 from contactlab.plan.task_options import TaskOptions
 from contactlab.schema.examination import Examination
 from contactlab.schema.requirement import read_requirement
-from contactlab.studies.effects.configuration_runs import sweep_of
-from contactlab.studies.effects.effects_request import EffectsRequest
+from contactlab.studies.effects.configuration_runs import build_sweep
+from contactlab.studies.effects.effects_request import EffectsRequest, read_setup
 
 G = 9.81
 WORDS = ("broken_requirement", "unexpected_stick", "unexpected_slide", "pair_expectation")
@@ -275,8 +275,8 @@ def test_an_ablation_keeps_what_must_hold_in_every_run(tmp_path: Path) -> None:
     (tmp_path / "model.xml").write_text(slope(0.6, 0.4), encoding="utf-8")
     sweep = {"version": 1, "scene": "model.xml", "must": "still(box)"}
     (tmp_path / "sweep.yaml").write_text(json.dumps(sweep), encoding="utf-8")
-    of_file = EffectsRequest(str(tmp_path / "sweep.yaml")).setup
+    of_file = read_setup(EffectsRequest(str(tmp_path / "sweep.yaml")))
     said = TaskOptions(require=("stays(box)", "upright(box)"))
-    of_flag = EffectsRequest(str(tmp_path / "sweep.yaml"), task=said).setup
-    assert sweep_of(of_file, [{}], {})["must"] == ["still(box)"]
-    assert sweep_of(of_flag, [{}], {})["must"] == ["stays(box)", "upright(box)"]
+    of_flag = read_setup(EffectsRequest(str(tmp_path / "sweep.yaml"), task=said))
+    assert build_sweep(of_file, [{}], {})["must"] == ["still(box)"]
+    assert build_sweep(of_flag, [{}], {})["must"] == ["stays(box)", "upright(box)"]
