@@ -98,7 +98,7 @@ def compare_engines(
             session.notify(member.name)
             try:
                 began, difference = _compare_model(member, engines, record)
-            except (ContactlabError, ValueError, KeyError, mujoco.FatalError) as error:
+            except (ContactlabError, ValueError, KeyError, TypeError, mujoco.FatalError) as error:
                 reason = str(error).splitlines()[0] if str(error) else type(error).__name__
                 refused.append(RefusedModel(model=member.name, reason=reason))
                 continue

@@ -399,7 +399,9 @@ def _set_fields(spec: mujoco.MjSpec, meant: mujoco.MjModel) -> None:
             attribute = _ATTRIBUTES.get(name, own)
             if not hasattr(elements[place], attribute):
                 raise SceneError(f"cannot write {name} of {elements[place].name} into one file")
-            value = want[name][row]
+            value, own_value = want[name][row], getattr(elements[place], attribute)
+            if value.ndim == 0 and np.ndim(own_value):  # the first coefficient of a polynomial
+                value = np.array([value, *own_value[1:]])
             setattr(elements[place], attribute, value.item() if value.ndim == 0 else value)
 
 
