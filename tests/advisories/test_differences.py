@@ -141,9 +141,9 @@ def test_a_planted_fault_is_grouped_and_shrunk(
 
 def test_equal_engines_do_not_differ(tmp_path: Path) -> None:
     report = compared(tmp_path, evaluate_windows)
-    assert (report.compared, report.states, report.groups) == (1, 4, ())
+    assert (report.compared, report.states, report.groups) == (1, 12, ())
     assert report.headline == "0 faults and 0 changes from 1.0.0 to 2.0.0, in 1 model"
-    assert "4 states" in render_text(describe_differences(report), 80)
+    assert "12 states" in render_text(describe_differences(report), 80)
 
 
 def test_every_generated_model_compiles_and_has_its_own_name() -> None:

@@ -82,7 +82,7 @@ def check(
         "advisories find --mujoco 3.13.0,4.0.0",
         "advisories find robots/*.xml --mujoco 3.17.0,4.0.0 -o found",
     ),
-    codes="0 compared, 2 bad input, 130 interrupted",
+    codes="0 compared, 1 no model was compared, 2 bad input, 130 interrupted",
     formats=report_formats(),
 )
 def find(

@@ -181,6 +181,8 @@ def _run(request: "SweepRequest", cluster: "AbstractContextManager[Executor | No
         )
     for what, why in manifest.sweep.lacking.items():
         say(f"{what} is left empty: {why}")
+    for name in manifest.advisories:
+        say(f"models of this sweep meet {name}, a known fault: `--plan` says how to avoid it")
     return Store.open(request.store)
 
 

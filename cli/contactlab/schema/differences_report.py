@@ -46,3 +46,8 @@ class DifferencesReport(ReportModel):
         counts = ((faults, "fault"), (changes, "change"), (self.compared, "model"))
         said = [f"{count} {word}{'s' * (count != 1)}" for count, word in counts]
         return f"{said[0]} and {said[1]} from {first} to {second}, in {said[2]}"
+
+    @property
+    def problem(self) -> str:
+        """That no model was compared, if so."""
+        return "" if self.compared else f"no model was compared: {self.refused[0].reason}"

@@ -41,8 +41,8 @@ from contactlab.studies.advisories.release_windows import (
 from contactlab.studies.shrink.failing_model import START, FailingModel, as_one_file
 from contactlab.tasks.session import Session
 
-RECORDED_STEPS = (1, 40, 160, 400)
-"""Steps after which states are recorded: at the start, in the first impacts, and later."""
+RECORDED_STEPS = (1, 10, 20, 30, 40, 60, 80, 120, 160, 240, 320, 400)
+"""Steps after which states are recorded, closer in the first impacts; some faults are rare."""
 _ORDER = tuple(dict.fromkeys(STAGES.values()))
 _UNDECIDED = "CHANGE: find a closed form or an independent computation, or drop this draft"
 
