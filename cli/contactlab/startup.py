@@ -6,6 +6,7 @@ A process of another program, with contactlab as a library, stays unchanged.
 import atexit
 import gc
 import os
+import sys
 
 # Nearly all that is made at the start stays: garbage is looked for after this number of new
 # objects.
@@ -18,3 +19,6 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
 # Pydantic would search all installed packages for its plug-ins.
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+# GLFW starts a process as MuJoCo loads it, and cannot draw without a display.
+if sys.platform == "linux" and not os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL"}:
+    sys.modules.setdefault("mujoco.glfw", None)  # pyright: ignore[reportArgumentType]

@@ -13,10 +13,6 @@ from contactlab.run.fork_server import IN_FORK_SERVER
 
 
 def _load_modules() -> None:
-    # GLFW starts a process as MuJoCo loads it, and cannot draw without a display.
-    without_glfw = not os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL"}
-    if without_glfw:
-        os.environ["MUJOCO_GL"] = "disable"
     import contactlab.startup
 
     # isort: split
@@ -28,8 +24,6 @@ def _load_modules() -> None:
     from contactlab.schema.evidence import EvidenceRecord
 
     EvidenceRecord.model_rebuild()
-    if without_glfw:
-        del os.environ["MUJOCO_GL"]
 
 
 if os.environ.pop(IN_FORK_SERVER, None):
