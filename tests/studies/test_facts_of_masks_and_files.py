@@ -12,6 +12,7 @@ from contactlab.budget.windows import replay
 from contactlab.scene.scene_source import find_scene
 from contactlab.schema.examination import Fact
 from contactlab.schema.task import QPOS0
+from contactlab.studies.examine.facts import facts
 from contactlab.studies.examine.linted_file import lint_file
 from contactlab.studies.examine.masked_passages import MaskedPassages
 
@@ -96,3 +97,33 @@ def test_a_file_whose_runs_mislead_has_faults(tmp_path: Path) -> None:
     file.write_text(text.format(2 * geom), encoding="utf-8")
     (fault,) = lint_file(find_scene(str(file)), str(file), "whole").faults
     assert (fault.rule, fault.is_of_start) == ("coincident-geoms", False)
+
+
+JAMMED = """<mujoco><worldbody><geom type="plane" size="2 2 .1"/>
+  <body name="cart" pos="0 0 .12"><freejoint/><geom type="box" size=".2 .1 .02" mass="1"/>
+    <body name="wheel" pos="0 .14 0"><joint axis="0 1 0" damping=".01"/>
+      <geom type="sphere" size=".03" mass=".3"/></body>
+    <body name="bar" pos="0 {place} 0">{joint}<geom type="box" size=".1 .03 .05" mass=".2"/>
+    </body></body></worldbody></mujoco>"""
+_HINGE = '<joint axis="0 1 0" damping=".01"/>'
+_SPRING = '<joint type="slide" axis="0 1 0" stiffness="5e4" springref="-.02" damping="50"/>'
+
+
+@pytest.mark.parametrize(
+    ("place", "joint", "is_jammed"),
+    [(0.18, _HINGE, True), (0.203, _HINGE, False), (0.203, _SPRING, False)],
+    ids=["jam", "apart", "spring"],
+)
+def test_bodies_that_joints_press_on_each_other_at_rest_are_a_fact(
+    place: float, joint: str, is_jammed: bool
+) -> None:
+    """No gravity, motor or spring makes that force: two hinges hold the bodies in each other."""
+    model = mujoco.MjModel.from_xml_string(JAMMED.format(place=place, joint=joint))
+    data = mujoco.MjData(model)
+    start = np.empty((1, mujoco.mj_stateSize(model, INTEGRATION)))
+    mujoco.mj_getState(model, data, start[0], INTEGRATION)
+    found = facts([Motion(model, start, np.empty((1, 500, 0)), name="rest")], [0.0])
+    pressing = [fact for fact in found if fact.kind == "force"]
+    assert bool(pressing) == is_jammed
+    if is_jammed:
+        assert pressing[0].place == "contact wheel - bar"

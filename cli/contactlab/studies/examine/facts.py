@@ -14,13 +14,14 @@ from contactlab.budget.motion import INTEGRATION, Motion
 from contactlab.budget.windows import Run, joint_name, replay
 from contactlab.contact.trace_arrays import Floats
 from contactlab.numerical_tolerance import COARSE_ROUNDING
-from contactlab.rendering.amounts import format_amount, format_digits, format_percent
+from contactlab.rendering.amounts import format_digits, format_percent
 from contactlab.scene.body_inertia import in_words, inertia_faults
 from contactlab.scene.compile_model import InertiaFault
 from contactlab.scene.contact_pairs import body_reaches
 from contactlab.scene.part_bodies import is_mocap_driven
 from contactlab.schema.examination import Fact
 from contactlab.studies.examine.masked_passages import MaskedPassages
+from contactlab.studies.lint.static_equilibrium import MANY_WEIGHTS, find_pressing
 
 # States are looked at in these windows of a run [s].
 _WINDOW = 0.01
@@ -31,7 +32,6 @@ _WITH_FRICTION = 3  # dimensions of a contact
 _PYRAMIDAL = int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
 _DEEP = 0.05  # of half the thinner geom, a range or a body's size, up to which a start is ordinary
 _ENDS_MEET = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
-_HEAVY = 1e3  # weights of the model, below which a force is ordinary
 
 
 class _Contact(NamedTuple):
@@ -48,7 +48,7 @@ def facts(motions: Sequence[Motion], begins: Sequence[float]) -> tuple[Fact, ...
     model = motions[0].model
     data = mujoco.MjData(model)
     deepest, hardest, overlap = list[_Contact](), list[_Contact](), list[_Contact]()
-    creep, masked = tuple[Fact, ...](), MaskedPassages(model)
+    creep, pressing, masked = tuple[Fact, ...](), tuple[Fact, ...](), MaskedPassages(model)
     for motion, begin in zip(motions, begins, strict=True):
         run = replay(motion, _WINDOW, 1)
         times = begin + run.begins * model.opt.timestep
@@ -59,7 +59,8 @@ def facts(motions: Sequence[Motion], begins: Sequence[float]) -> tuple[Fact, ...
                 hardest += [contact for _, contact in found]
                 if not place and not begin:
                     overlap += [contact for contact, _ in found]
-        creep = tuple(_of_creep(motion, run)) if motion is motions[0] else creep
+        if motion is motions[0]:
+            creep, pressing = tuple(_of_creep(motion, run)), tuple(_of_force(motion, run))
         masked.enter(motion, run, begin)
     return (
         *_of_depth(deepest, overlap),
@@ -68,7 +69,7 @@ def facts(motions: Sequence[Motion], begins: Sequence[float]) -> tuple[Fact, ...
         *masked.facts(),
         *_of_limits(motions[0]),
         *_of_equalities(motions[0]),
-        *_of_force(hardest),
+        *pressing,
         *_of_mass(model),
     )
 
@@ -271,13 +272,26 @@ def _of_equalities(motion: Motion) -> Iterator[Fact]:
     )
 
 
-def _of_force(hardest: Sequence[_Contact]) -> Iterator[Fact]:
-    if (worst := _worst(hardest)) and worst.share > _HEAVY:
+def _of_force(motion: Motion, run: Run) -> Iterator[Fact]:
+    """Yield the bodies that joints press on each other at the end of the first phase."""
+    valid, model = np.flatnonzero(run.valid[0]), motion.model
+    if not valid.size:
+        return
+    data, loads = mujoco.MjData(model), dict[str, float]()
+    mujoco.mj_setState(model, data, run.starts[0, valid[-1]], INTEGRATION)
+    for pressed in find_pressing(model, data.qpos):
+        place = contact_name(model, np.array(pressed.geoms))
+        loads[place] = loads.get(place, 0.0) + pressed.weights
+    place = max(loads, key=lambda place: loads[place], default="")
+    if place and loads[place] > MANY_WEIGHTS:
+        size = "over 1,000" if loads[place] > 1000 else format_digits(loads[place], 2)
         sentence = (
-            f"extreme force: {worst.pair} carries {format_amount(worst.amount, 'N')}, "
-            f"{format_digits(worst.share, 2)} times the model's weight, at {worst.time:.2f} s"
+            f"{place} presses at rest with {size} times the weight of all that moves, and no motor "
+            "presses it: joints hold the bodies in each other"
         )
-        yield Fact(kind="force", place=worst.pair, value=worst.amount, unit="N", sentence=sentence)
+        weight = float(model.body_mass[model.body_weldid > 0].sum())
+        force = loads[place] * weight * float(np.linalg.norm(model.opt.gravity))
+        yield Fact(kind="force", place=place, value=force, unit="N", sentence=sentence)
 
 
 def _of_mass(model: mujoco.MjModel) -> Iterator[Fact]:

@@ -14,7 +14,12 @@ from contactlab.scene.contact_pairs import half_extents, touch_mask
 from contactlab.schema.task import QPOS0
 from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel, Place
 from contactlab.studies.lint.rules import rule
-from contactlab.studies.lint.static_equilibrium import contact_rows, is_in_equilibrium
+from contactlab.studies.lint.static_equilibrium import (
+    MANY_WEIGHTS,
+    contact_rows,
+    find_pressing,
+    is_in_equilibrium,
+)
 
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 _MOUNTED = "one is fixed to the world, where that filter does not hold"
@@ -199,47 +204,30 @@ def below_floor(linted: LintedModel) -> Iterator[Fault]:
 def pressing(linted: LintedModel) -> Iterator[Fault]:
     """Joints hold bodies in each other, which press with many times the weight, without a motor."""
     model, found = linted.model, dict[tuple[int, int], tuple[float, str]]()
-    gravity = float(np.linalg.norm(model.opt.gravity))
-    weight = gravity * float(model.body_mass[model.body_weldid > 0].sum())
-    if not weight:
-        return
-    idle, force, halves = model.__copy__(), np.empty(6), half_extents(model)
-    idle.opt.disableflags |= _MOTORS
+    halves = half_extents(model)
     for start, state in linted.starts.items():
-        data = mujoco.MjData(idle)
-        data.qpos[:] = state.qpos
-        mujoco.mj_forward(idle, data)
         loads = dict[tuple[int, int], float]()
-        for contact in range(data.ncon):
-            rows, geoms = contact_rows(idle, data, contact), data.contact.geom[contact]
-            if rows is None or geoms.min() < 0 or not is_in_equilibrium(idle, data, rows):
-                continue
-            mujoco.mj_contactForce(idle, data, contact, force)
+        for pressed in find_pressing(model, state.qpos):
+            geoms = list(pressed.geoms)
             low, high = sorted(map(int, model.geom_bodyid[geoms]))
             joined = _are_joined(linted, low, high) or _is_mounted(linted, low, high)
             on_floor = bool(np.isinf(halves[geoms]).any())  # a floor is no base of its robots
             if on_floor or not joined:
-                loads[low, high] = loads.get((low, high), 0.0) + float(force[0])
-        for pair, load in loads.items():
-            if load / weight > max(_MANY_WEIGHTS, found.get(pair, (0.0, ""))[0]):
-                found[pair] = load / weight, start
+                loads[low, high] = loads.get((low, high), 0.0) + pressed.weights
+        for pair, weights in loads.items():
+            if weights > max(MANY_WEIGHTS, found.get(pair, (0.0, ""))[0]):
+                found[pair] = weights, start
     if found:
         pair, (times, start) = max(found.items(), key=lambda one: one[1][0])
         one, two = (linted.name("body", body) for body in pair)
         more = f"; so do {len(found) - 1} more pairs" if len(found) > 1 else ""
-        size = "over 1,000" if times > _COUNTED_WEIGHTS else f"{times:.3g}"
+        size = "over 1,000" if times > 1000 else f"{times:.3g}"  # more says no more
         yield Fault(
             f"at {start}, {one} and {two} press on each other with {size} times the weight of all "
             f"that moves, and no motor presses them{more}: joints hold them in each other; move "
             "them apart, or exclude their contact",
             linted.place("body", pair[1]),
         )
-
-
-_MANY_WEIGHTS, _COUNTED_WEIGHTS = 10.0, 1e3  # larger multiples say no more
-_MOTORS = int(mujoco.mjtDisableBit.mjDSBL_ACTUATION) | int(
-    getattr(mujoco.mjtDisableBit, "mjDSBL_SPRING", 0)
-)
 
 
 COINCIDENT = "coincident-geoms"

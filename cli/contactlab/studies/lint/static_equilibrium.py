@@ -5,8 +5,13 @@ stop or a handle in closed fingers, loads and other constraints balance it, and 
 nearly zero. Without a balancing load, it is nearly the requested one.
 """
 
+from collections.abc import Iterator
+from typing import NamedTuple
+
 import mujoco
 import numpy as np
+
+from contactlab.contact.trace_arrays import Floats
 
 
 def is_in_equilibrium(model: mujoco.MjModel, data: mujoco.MjData, rows: slice) -> bool:
@@ -35,3 +40,40 @@ def contact_rows(model: mujoco.MjModel, data: mujoco.MjData, contact: int) -> sl
         return None
     elliptic = size == 1 or model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
     return slice(first, first + (1 if elliptic else 2 * (size - 1)))
+
+
+MANY_WEIGHTS = 10.0
+"""Weights of all that moves that only joints, not gravity, can press bodies together with."""
+_MOTORS = int(mujoco.mjtDisableBit.mjDSBL_ACTUATION) | int(
+    getattr(mujoco.mjtDisableBit, "mjDSBL_SPRING", 0)
+)
+
+
+class Pressing(NamedTuple):
+    """A contact in balance that presses without motors and springs.
+
+    Attributes:
+        geoms: that touch.
+        weights: its force over the weight of all that moves.
+    """
+
+    geoms: tuple[int, int]
+    weights: float
+
+
+def find_pressing(model: mujoco.MjModel, qpos: Floats) -> Iterator[Pressing]:
+    """Yield the contacts that joints hold closed in a pose at rest."""
+    gravity = float(np.linalg.norm(model.opt.gravity))
+    weight = gravity * float(model.body_mass[model.body_weldid > 0].sum())
+    if not weight:
+        return
+    idle, force = model.__copy__(), np.empty(6)
+    idle.opt.disableflags |= _MOTORS
+    data = mujoco.MjData(idle)
+    data.qpos[:] = qpos
+    mujoco.mj_forward(idle, data)
+    for contact in range(data.ncon):
+        rows, geoms = contact_rows(idle, data, contact), data.contact.geom[contact]
+        if rows is not None and geoms.min() >= 0 and is_in_equilibrium(idle, data, rows):
+            mujoco.mj_contactForce(idle, data, contact, force)
+            yield Pressing((int(geoms[0]), int(geoms[1])), float(force[0]) / weight)
