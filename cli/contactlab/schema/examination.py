@@ -73,8 +73,8 @@ class Fix(Model):
     apply: str = about("Its name for `--apply`, if it makes another model; else empty.")
     removes: Literal["verdict", "labels", "overlap", "cause"] = about(
         "The problem that it removes: the cause of the verdict; failure labels of a run with fine "
-        "numerics; overlaps at the start and bodies that press without a motor; or a first cause, after which the "
-        "verdict is better.",
+        "numerics; overlaps at the start and bodies that press without a motor; or a first cause, "
+        "after which the verdict is better.",
         default="verdict",
     )
     settings: dict[str, Setting] = about("Options, and fields of named parts, that it sets.")
