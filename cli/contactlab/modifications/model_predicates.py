@@ -184,8 +184,11 @@ def find_used_rows(model: mujoco.MjModel, field: str) -> NDArray[np.bool_]:
 def may_sleep(model: mujoco.MjModel) -> bool:
     """Return whether some bodies could sleep, but may not in the model as written.
 
-    Driven trees stay awake, and sleep of a single other tree saves little.
+    Driven trees stay awake, and sleep of a single other tree saves little. MuJoCo has no sleep for
+    equalities of tendons.
     """
+    if (model.eq_type == int(mujoco.mjtEq.mjEQ_TENDON)).any():
+        return False
     if "sleep" not in FLAG_NAMES or read_flag(model, "sleep"):
         return False
     allowed = (mujoco.mjtSleepPolicy.mjSLEEP_AUTO_ALLOWED, mujoco.mjtSleepPolicy.mjSLEEP_ALLOWED)

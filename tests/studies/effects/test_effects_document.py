@@ -1,0 +1,61 @@
+"""The table of effects, and the verdicts that it prints."""
+
+from typing import Any
+
+import pytest
+from tests.rendering.sample_reports import effects
+
+from contactlab.rendering.text import render_text
+from contactlab.scene.model_draft import ModelEdits
+from contactlab.schema.effects_report import PartEffect
+from contactlab.schema.time_ratio import TimeRatio
+from contactlab.studies.effects.effects_document import describe_effects
+from contactlab.studies.effects.model_parts import ModelPart
+from contactlab.studies.effects.part_errors import LOAD_MARGIN, MeasuredPart
+from contactlab.tasks.reference_error import ErrorEstimate
+
+LONG = "left_hand_of_the_robot_with_a_long_name_of_a_pad"
+
+
+def test_each_row_is_one_line_of_eighty_columns() -> None:
+    part: dict[str, Any] = {"kind": "geom", "error": 0.123, "body": LONG, "reason": "a safeguard"}
+    row = PartEffect(
+        name=LONG, verdict="below the tolerance", time_ratio=TimeRatio.of(0.123, 0.1, 0.2),
+        can_go=False, **part,
+    )  # fmt: skip
+    report = effects().model_copy(update={"effects": (row, row)})
+    lines = render_text(describe_effects(report), 80).splitlines()
+    rows = [line for line in lines if line.startswith("geom left_hand")]
+    assert len(rows) == 2
+    assert all(len(line) <= 80 and "x0.12" in line for line in lines if line in rows)
+
+
+def measure_part(error: float | None, **parts: Any) -> MeasuredPart:
+    part = ModelPart("feature", "noslip", ModelEdits(), lambda _: None, exercised=True)
+    estimate = None if error is None else ErrorEstimate(error, "", "", 0.0, error, error)
+    return MeasuredPart(ModelPart(**{**vars(part), **parts}), estimate)
+
+
+@pytest.mark.parametrize(
+    ("parts", "share", "verdict", "can_go"),
+    [
+        ({}, 0.9, "below the tolerance", True),
+        ({}, 1.1, "needed", False),
+        ({"proof": "no friction"}, None, "unused", True),
+        ({"proof": "no friction", "kept": "--keep"}, None, "unused", False),
+        ({"exercised": False}, None, "not exercised", False),
+        ({}, None, "not measured", False),
+        # Contacts, limits and clamps that are hardly loaded may carry other loads.
+        ({"kind": "limit", "kept": "a safeguard"}, 0.9, "not exercised", False),
+        ({"kind": "limit", "kept": "a safeguard"}, 1.1, "needed", False),
+        ({"name": "warmstart", "kept": "a safeguard"}, 0.9, "below the tolerance", False),
+        # An actuator that moves anything is needed, whatever its force.
+        ({"kind": "actuator", "name": "push"}, None, "needed", False),
+    ],
+)
+def test_the_verdict_follows_from_proof_load_and_error(
+    parts: dict[str, Any], share: float | None, verdict: str, *, can_go: bool
+) -> None:
+    one = measure_part(None if share is None else share * LOAD_MARGIN * 0.1, **parts)
+    assert one.find_verdict(0.1) == verdict
+    assert one.can_go(0.1) == can_go
