@@ -13,7 +13,7 @@ from contactlab.modifications.model_predicates import (
     SOLREF_FIELDS,
     find_disable_bit,
 )
-from contactlab.modifications.modification import ModelChange
+from contactlab.modifications.modification import InPlaceChange, ModelChange
 from contactlab.scene.model_names import name_of
 from contactlab.scene.part_bodies import is_mocap_driven
 from contactlab.schema.setting_values import as_number
@@ -207,7 +207,7 @@ def remove_fluid(model: mujoco.MjModel, _own: mujoco.MjModel) -> None:
     model.opt.density = model.opt.viscosity = 0
 
 
-def set_integrator(kind: int) -> Callable[[mujoco.MjModel], None]:
+def set_integrator(kind: int) -> InPlaceChange:
     """Return the change that sets the integrator."""
 
     def change_model(model: mujoco.MjModel) -> None:

@@ -18,6 +18,8 @@ from contactlab.schema.verdict import VerdictWord
 
 ModelChange = Callable[[mujoco.MjModel, mujoco.MjModel], None]
 """Changes a copy of a model in place. The second argument is the model as written."""
+InPlaceChange = Callable[[mujoco.MjModel], None]
+"""Changes a copy of a model in place, whatever the model as written is."""
 ModelPredicate = Callable[[mujoco.MjModel], bool]
 StatePredicate = Callable[[mujoco.MjModel, mujoco.MjData], bool]
 """Returns whether a state after a step loads a setting, so that its change can matter."""
@@ -126,7 +128,7 @@ class Candidate:
 
     name: str
     word: VerdictWord
-    change: Callable[[mujoco.MjModel], None] = leave_unchanged
+    change: InPlaceChange = leave_unchanged
     rate: int = 1
     rows: Sequence[str] = ()
     applies: ModelPredicate = applies_to_all
@@ -263,11 +265,12 @@ class Feature:
 
 @dataclass(frozen=True)
 class PartRemoval:
-    """How single parts of a model are removed: by fields that become 0.
+    """How single parts of a model are removed.
 
     Attributes:
         kind: of the part, in reports.
-        fields: of the compiled model; those that this MuJoCo lacks are left out.
+        fields: of the compiled model that become 0; those that this MuJoCo lacks are left out.
+            Without fields, their elements are removed.
         find_parts: returns the ids of the parts in a model.
     """
 

@@ -20,6 +20,14 @@ MODIFICATIONS = (
         removals=(PartRemoval("geom", ("geom_contype", "geom_conaffinity"), find_colliding_geoms),),
     ),
     Modification(
+        "explicit pairs",
+        "Removes pairs of geoms that collide whatever their masks are.",
+        ("pair",),
+        "model",
+        safeguard=True,
+        removals=(PartRemoval("pair", (), lambda model: range(model.npair)),),
+    ),
+    Modification(
         "unused parts",
         "Removes collisions that are impossible by proof, and flags that no state depends on.",
         ("geom_contype", "geom_conaffinity", "exclude", "flag"),

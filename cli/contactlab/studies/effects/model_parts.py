@@ -5,7 +5,7 @@ load uses, and that has no proof, is checked: without it, the motions must be th
 """
 
 import copy
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from operator import eq
 
@@ -19,7 +19,12 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.modifications.catalogue import CATALOGUE, find_safeguards, list_features
 from contactlab.modifications.mechanics import TENDON_FORCE_FIELDS
 from contactlab.modifications.model_predicates import may_sleep
-from contactlab.modifications.modification import Feature, Settings
+from contactlab.modifications.modification import (
+    Feature,
+    InPlaceChange,
+    PartRemoval,
+    Settings,
+)
 from contactlab.modifications.unused_pairs import (
     exclusion_edits,
     own_sensors,
@@ -53,7 +58,6 @@ _SLEEP = "sleep"
 _OF_RECORDING = {"sensor", "energy"}
 _OF_PARTS = {"actuation", "tendon", "limit"}
 """Features that are left out part by part."""
-ModelChange = Callable[[mujoco.MjModel], None]
 
 
 @dataclass(frozen=True)
@@ -76,7 +80,7 @@ class ModelPart:
     kind: PartKind
     name: str
     edits: ModelEdits | None
-    change: ModelChange
+    change: InPlaceChange
     exercised: bool = False
     proof: str = ""
     kept: str = ""
@@ -96,7 +100,7 @@ class ModelPart:
         return effect is None or effect.kind != "numerical"
 
 
-def change_model(model: mujoco.MjModel, *changes: ModelChange) -> mujoco.MjModel:
+def change_model(model: mujoco.MjModel, *changes: InPlaceChange) -> mujoco.MjModel:
     """Return a changed copy of a model."""
     made = copy.copy(model)
     for change in changes:
@@ -104,7 +108,7 @@ def change_model(model: mujoco.MjModel, *changes: ModelChange) -> mujoco.MjModel
     return made
 
 
-def write_features(settings: Settings) -> ModelChange:
+def write_features(settings: Settings) -> InPlaceChange:
     """Return the change that writes settings into a compiled model, effects of sweeps included."""
 
     def edit_model(model: mujoco.MjModel) -> None:
@@ -235,7 +239,7 @@ def _add_feature(feature: Feature, kept: str) -> ModelPart:
     return ModelPart("feature", feature.name, edits, change, exercised=True, kept=kept, adds=True)
 
 
-def _clear_flags(names: Sequence[str]) -> ModelChange:
+def _clear_flags(names: Sequence[str]) -> InPlaceChange:
     def edit_model(model: mujoco.MjModel) -> None:
         for name in names:
             model.opt.enableflags &= ~_flag_bits(name)[1]
@@ -315,7 +319,7 @@ def _list_collisions(
                 kept="a safeguard",
             )
     geoms = {geom for pair in touching for geom in pair}
-    colliding = np.flatnonzero(own.geom_contype | own.geom_conaffinity).tolist()
+    colliding = _find_removal("geom").find_parts(own)
     for geom in sorted({*colliding, *(geom for pair in listed for geom in pair)} - {*ids}):
         name = name_of(own, "geom", geom)
         part = _leave_out_geoms(own, [geom], "")
@@ -356,7 +360,7 @@ def _leave_out_geoms(model: mujoco.MjModel, geoms: Sequence[int], proof: str) ->
     return ModelPart("geom", name, edits, edit_model, proof=proof, members=names)
 
 
-def _stop_pairs(pairs: Sequence[int]) -> ModelChange:
+def _stop_pairs(pairs: Sequence[int]) -> InPlaceChange:
     def edit_model(model: mujoco.MjModel) -> None:
         model.pair_margin[list(pairs)] = _FAR_BELOW
 
@@ -384,8 +388,7 @@ def _find_touching(motions: Sequence[Motion]) -> set[tuple[int, int]]:
 
 def _list_limits_and_tendons(motions: Sequence[Motion], keep: Sequence[str]) -> Iterator[ModelPart]:
     model = motions[0].model
-    removals = {one.kind: one for entry in CATALOGUE.values() for one in entry.removals}
-    limits, tendons = removals["limit"], removals["tendon"]
+    limits, tendons = _find_removal("limit"), _find_removal("tendon")
     for joint in limits.find_parts(model):
         change = _zero_fields(joint, limits.fields)
         name = name_of(model, "joint", joint)
@@ -437,7 +440,12 @@ def _sensors_of_tendon(model: mujoco.MjModel, tendon: int) -> tuple[str, ...]:
     return tuple(name for name in names if name in own_sensors(model))
 
 
-def _zero_fields(index: int, fields: Sequence[str]) -> ModelChange:
+def _find_removal(kind: PartKind) -> PartRemoval:
+    removals = (one for entry in CATALOGUE.values() for one in entry.removals)
+    return next(one for one in removals if one.kind == kind)
+
+
+def _zero_fields(index: int, fields: Sequence[str]) -> InPlaceChange:
     def edit_model(model: mujoco.MjModel) -> None:
         for field in fields:
             if hasattr(model, field):
@@ -451,9 +459,9 @@ def _list_actuators(checked: CheckedModel, motion: Motion) -> Iterator[ModelPart
     # of the task does not show that: they begin where it has moved things.
     model = motion.model
     moves = find_moving_actuators(motion, checked.threads)
-    for actuator in range(model.nu):
+    for actuator in _find_removal("actuator").find_parts(model):
         name = name_of(model, "actuator", actuator)
-        change = _zero_fields(actuator, ("actuator_gainprm", "actuator_biasprm"))
+        change = _zero_fields(actuator, _find_removal("actuator").fields)
         way = float(moves[actuator])
         kept = f"moves its joint by {way:.2g}" if way > ENCODER_ANGLE else "a safeguard"
         moved = way > ENCODER_ANGLE
