@@ -152,8 +152,8 @@ class _Sampler:
 
         Violations (neq, 2) are the largest beyond that at the start, and the median of the last
         quarter beyond the remainder of the initial one after relaxation, (1 + t / T) exp(-t / T) of
-        it. The speeds (nv + ntendon,) are medians of degrees of freedom that friction loss could
-        hold.
+        it. The speeds (nv + ntendon,) are those of degrees of freedom that friction loss could
+        hold: the largest median of a quarter, except the first, in which brakes take up their load.
         """
         data, steps = self._data, np.append(0, sampled_steps(len(states) - 1))
         acting = start.input_rows(0, model.opt.timestep, steps)
@@ -180,7 +180,9 @@ class _Sampler:
         passed = passed * np.sqrt(stiffness_damping(model.eq_solref)[0])
         rest = np.median(gaps[late], axis=0) - gaps[0] * (1 + passed) * np.exp(-passed)
         gaps = np.stack([gaps.max(axis=0) - gaps[0], np.maximum(rest, 0)], axis=1)
-        return loads, gaps, np.abs(np.median(creep[late], axis=0))
+        quarter = np.minimum(4 * steps // max(len(states) - 1, 1), 3)
+        speeds = [np.abs(np.median(creep[quarter == part], axis=0)) for part in {*quarter} - {0}]
+        return loads, gaps, np.max(speeds, axis=0, initial=0)
 
     def _row_violations(self, model: mujoco.MjModel, rows: np.ndarray, which: np.ndarray) -> Floats:
         """Return each row's part of an equality's violation; welds move the smaller's far end."""
