@@ -115,13 +115,21 @@ def test_the_same_sweep_twice(contactlab: Run, slides: dict[str, Path]) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["friction", "margin"])
-def test_a_changed_scene_is_not_comparable_by_id(
+def test_a_changed_scene_is_compared_by_axes_and_named_first(
     contactlab: Run, slides: dict[str, Path], name: str
 ) -> None:
-    code, out, err = contactlab("compare", str(slides["a"]), str(slides[name]))
+    stores = str(slides["a"]), str(slides[name])
+    code, out, err = contactlab("compare", *stores, "--match", "id")
     assert (code, out) == (3, "")
     assert "the scene changed (" in err
     assert err.endswith("add --match axes\n")
+    code, out, _ = contactlab("compare", *stores)
+    assert code in (0, 1)
+    assert "paired by axes" in out
+    [changed] = [line for line in out.splitlines() if line.startswith("changed ")]
+    assert name in changed
+    assert " -> " in changed
+    assert out.index(changed) < out.index("\nbaseline ")
 
 
 @pytest.mark.long
@@ -180,7 +188,8 @@ def test_a_baseline_is_small_sound_and_comparable(
 ) -> None:
     code, out, err = contactlab("baseline", "update", str(slides["a"]), "kept")
     assert (code, err) == (0, "")
-    assert out.startswith(f"kept holds the 4 runs of {slides['a']} without traces: ")
+    said = " ".join(out.split())
+    assert said.startswith(f"kept holds the 4 runs of {slides['a']} without traces: ")
     files = [path for path in (tmp_path / "kept").rglob("*") if path.is_file()]
     assert sum(path.stat().st_size for path in files) < 100_000
     assert contactlab("verify", "kept")[0] == 0

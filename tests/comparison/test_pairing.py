@@ -16,6 +16,7 @@ from contactlab.errors import StoreError
 from contactlab.schema.comparison import ComparePolicy
 
 BY_AXES = ComparePolicy(version=1, match="axes")
+BY_ID = ComparePolicy(version=1, match="id")
 KEYS = st.lists(st.integers(0, 30), unique=True)
 
 
@@ -55,8 +56,21 @@ def test_axes_that_differ_in_the_last_digits(
         axes = {**run.axes, "timestep": run.axes["timestep"] * (1 + 1e-12)}
         other.change(index, run_id=f"{index + 100:016x}", axes=axes)
     with pytest.raises(StoreError, match=r"no run of .* is in .*; .* add --match axes"):
-        compare(baseline, stored("other", other))
+        compare(baseline, stored("other", other), BY_ID)
     assert compare(baseline, stored("other2", other), BY_AXES).pairs.paired == 8
+    chosen = compare(baseline, stored("other3", other))
+    assert (chosen.match, chosen.pairs.paired) == ("axes", 8)
+
+
+def test_one_common_id_pairs_by_id(
+    baseline: Path, runs: Callable[[], Any], stored: Callable[..., Path]
+) -> None:
+    other = runs()
+    for index, _ in enumerate(other.runs[1:], 1):
+        other.change(index, run_id=f"{index + 100:016x}")
+    report = compare(baseline, stored("other", other))
+    assert (report.match, report.pairs.paired) == ("id", 1)
+    assert report.pairs.missing == report.pairs.new == len(other.runs) - 1
 
 
 def test_runs_that_axes_do_not_tell_apart(
@@ -138,7 +152,7 @@ def test_matching_by_axes_is_advised_where_it_works(
         other.change(index, run_id=f"{index + 100:016x}", **OTHERS[name](run))
     candidate = stored("other", other)
     with pytest.raises(StoreError) as refused:
-        compare(baseline, candidate)
+        compare(baseline, candidate, BY_ID)
     if str(refused.value).endswith("add --match axes"):
         assert compare(baseline, candidate, BY_AXES).pairs.paired == len(other.runs)
     else:

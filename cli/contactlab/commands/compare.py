@@ -103,6 +103,11 @@ def compare(
     except StoreError as error:
         publish(unreadable_report(error, rules), targets)
         raise
+    if any(found.what == "scene_hash" for found in report.differences):
+        from contactlab.studies.diff.compare_models import summarize_changes
+
+        changes = summarize_changes(*map(str, stores))
+        report = report.model_copy(update={"model_changes": tuple(changes)})
     publish(report, targets)
     return report
 

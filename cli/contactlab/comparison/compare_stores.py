@@ -91,6 +91,7 @@ def compare(
             f"{policy.baseline_digest}, which is pinned; pin the new one if it was meant to change"
         )
     after = _open_store("candidate", candidate, thorough=thorough)
+    policy = choose_match(before, after, policy)
     pairing = pair_runs(before, after, policy)
     paired = PairedStores(before, after, pairing, policy, today or date.today())  # noqa: DTZ011
     check_names(policy, {**before.columns.measured, **after.columns.measured}, paired.ranks)
@@ -123,6 +124,7 @@ def compare(
     verdict, code, headline = draw_conclusion(checks)
     flipped = paired.read_labels(paired.baseline) != paired.read_labels(paired.candidate)
     pairing, flagged = paired.pairing, knife_edge(paired)
+    compared_by = "id" if policy.match == "auto" else policy.match
     return ComparisonReport(
         verdict=verdict,
         exit_code=code,
@@ -130,7 +132,7 @@ def compare(
         baseline=describe_store(before),
         candidate=describe_store(after),
         control=describe_store(third) if third else None,
-        match=policy.match,
+        match=compared_by,
         pairs=PairCounts(
             paired=len(pairing.baseline),
             missing=len(pairing.missing),
@@ -175,13 +177,25 @@ def unreadable_report(error: ContactlabError, policy: ComparePolicy) -> Comparis
         headline=f"not comparable: {error}",
         baseline=None,
         candidate=None,
-        match=policy.match,
+        match="id" if policy.match == "auto" else policy.match,
         pairs=PairCounts(**dict.fromkeys(PairCounts.model_fields, 0)),
         differences=(),
         transitions=(),
         findings=(_COMPARABLE.single(NOT_COMPARABLE, str(error)),),
         advice=(),
     )
+
+
+def choose_match(baseline: Store, candidate: Store, policy: ComparePolicy) -> ComparePolicy:
+    """Return a policy with the pairing that `auto` chooses: by id if any id is common.
+
+    A changed model gives all runs other ids, and the same axes.
+    """
+    if policy.match != "auto":
+        return policy
+    ids = (store.columns.ids() for store in (baseline, candidate))
+    match = "id" if len(pair_keys(*ids).baseline) else "axes"
+    return policy.model_copy(update={"match": match})
 
 
 def pair_runs(baseline: Store, candidate: Store, policy: ComparePolicy) -> Pairing:

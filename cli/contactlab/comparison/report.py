@@ -28,6 +28,7 @@ def report_of(compared: ComparisonReport) -> Report:
 def _report_facts(compared: ComparisonReport) -> Iterator[tuple[str, str]]:
     if compared.baseline is None or compared.candidate is None:
         return
+    yield from _change_facts(compared)
     before, after = compared.baseline.physics[:16], compared.candidate.physics[:16]
     yield "physics", f"the same, {before}" if before == after else f"{before} -> {after}"
     yield "baseline", _store_summary(compared.baseline)
@@ -44,6 +45,21 @@ def _report_facts(compared: ComparisonReport) -> Iterator[tuple[str, str]]:
             yield "outcomes", f"{finding.name}: {finding.message}"
         if finding.outcome == "passed" and finding.name.startswith(REMEASURED):
             yield "time", f"{finding.name}: {finding.message}"
+
+
+def _change_facts(compared: ComparisonReport) -> Iterator[tuple[str, str]]:
+    """Yield the changes of model, settings and engine, before their consequences."""
+    most_shown = 4
+    shown = compared.model_changes[:most_shown]
+    for place, change in enumerate(shown):
+        yield "" if place else "changed", change
+    if more := len(compared.model_changes) - len(shown):
+        one, other = (store.store for store in (compared.baseline, compared.candidate) if store)
+        yield "", f"and {more} more: contactlab diff {one} {other}"
+    for difference in compared.differences:
+        if difference.what not in ("scene_hash", "cpu_model", "cpu_flags"):
+            change = f"{difference.baseline} -> {difference.candidate}"
+            yield f"{difference.what}", change
 
 
 def _run_summary(compared: ComparisonReport) -> str:

@@ -224,7 +224,10 @@ def _wrap_cell(cell: str, width: int, *, breakable: bool) -> list[str]:
 
 
 def _block_rows(table: Table, rows: Sequence[Sequence[str]], width: int) -> Iterator[str]:
-    """Yield each row as lines, one for each of its cells that say something."""
+    """Yield each row as lines, one for each of its cells that say something.
+
+    The cells of a table without a head have no names, so they follow each other in a sentence.
+    """
     names = [in_one_line(column.name) for column in table.columns]
     room = max(map(len, names)) + 2
     group = ""
@@ -232,6 +235,12 @@ def _block_rows(table: Table, rows: Sequence[Sequence[str]], width: int) -> Iter
         if row.group != group:
             group = row.group
             yield from wrap_text(f"{group}:", width).split("\n") if group else ()
+        if not table.headed:
+            first = f"{cells[0].strip():{_MARK_WIDTH}}  "
+            head, *rest = filter(None, cells[1:])
+            text = f"{head}: {', '.join(rest)}" if rest else head
+            yield from wrap_text(text, width, first, " " * len(first)).split("\n")
+            continue
         yield from wrap_text(f"{names[0]} {cells[0].strip()}".strip(), width).split("\n")
         for name, value in zip(names[1:], cells[1:], strict=True):
             if value:

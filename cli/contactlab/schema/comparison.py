@@ -137,10 +137,10 @@ class RecommendationRules(Model):
 class ComparePolicy(Waivers):
     """Rules that say which changes are regressions, and which of these fail the job."""
 
-    match: Literal["id", "axes", "none"] = about(
+    match: Literal["auto", "id", "axes", "none"] = about(
         "how runs are paired: by run id, by axis values and seed, or not at all, so that only "
-        "the shares of good ones are compared",
-        default="id",
+        "the shares of good ones are compared; auto: by id if an id is common, otherwise by axes",
+        default="auto",
     )
     baseline_digest: Sha256 | None = about(
         "digest of the only baseline, as `baseline update` prints it", default=None
@@ -228,6 +228,10 @@ class ComparisonReport(Model):
         default=None,
     )
     match: Literal["id", "axes", "none"]
+    model_changes: tuple[str, ...] = about(
+        "Differences of the models in words, alike ones together; empty for equal models.",
+        default=(),
+    )
     pairs: PairCounts
     differences: tuple[Difference, ...]
     transitions: tuple[Transition, ...]

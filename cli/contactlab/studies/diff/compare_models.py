@@ -6,6 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from contactlab.errors import ContactlabError
 from contactlab.mjcf import OPTIONS
 from contactlab.rendering.amounts import format_amount
 from contactlab.rendering.document import (
@@ -68,6 +69,31 @@ def find_model_scene(reference: str) -> Scene:
         store = Store.open(folder)
         return stored_sweep_scene(store.manifest.sweep, store.scene_folder)
     return SceneLoader(Path()).open(reference).with_effects("all")
+
+
+def summarize_changes(before: str, after: str) -> list[str]:
+    """Return the differences of the models of two stores in words, alike ones together.
+
+    A model that cannot be compared here, as one of another version, is named with the reason.
+    """
+    try:
+        one, other = (find_model_scene(each).base({}).model for each in (before, after))
+    except ContactlabError as error:
+        return [f"the model; it cannot be compared here: {error}"]
+    alike = dict[tuple[str, str, str, str, str], list[Difference]]()
+    for found in find_differences(one, other):
+        key = (found.kind, found.quantity, found.before, found.after, found.unit)
+        alike.setdefault(key, []).append(found)
+    return [
+        found[0].sentence
+        if len(found) == 1
+        else _shared_sentence(f"{len(found)} {OBJECT_LISTS.get(key[0], key[0])}", found[0])
+        for key, found in alike.items()
+    ]
+
+
+def _shared_sentence(parts: str, found: Difference) -> str:
+    return found.model_copy(update={"kind": parts, "name": ""}).sentence
 
 
 def find_differences(
