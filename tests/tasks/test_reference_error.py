@@ -43,9 +43,11 @@ def test_positions_are_those_of_the_fine_motion_at_the_steps_of_the_run(finer: i
     """After n fine steps h of a semi-implicit method, a ball fell by g h^2 n (n + 1) / 2."""
     falling = motion(FALL, 0.4, seeds=2)
     (phase,) = TaskReference.run_references([falling], finer, 1).phases
-    h, steps = 0.002 / finer, finer * np.arange(falling.steps)
+    heights = phase.positions[:, 2].reshape(2, -1)
+    assert falling.steps <= heights.shape[1] <= falling.steps + 1, "with or without the end"
+    h, steps = 0.002 / finer, finer * np.arange(heights.shape[1])
     fallen = -9.81 * h**2 * steps * (steps + 1) / 2
-    assert phase.positions[:, 2] == pytest.approx(np.tile(fallen, 2), rel=1e-9)
+    assert heights == pytest.approx(np.tile(fallen, (2, 1)), rel=1e-9)
 
 
 @pytest.mark.parametrize("every", [2, 3, 4])
