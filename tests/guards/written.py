@@ -11,8 +11,9 @@ from tests.guards.counted_clock import counted_time
 from tests.guards.reading import change_facts, tune_facts
 from tests.guards.records import Facts, Items
 
-SEARCHING, EXAMINING = "10s", "20s"
-"""Counted time of each; the defaults would be minutes of CPU for each robot."""
+SEARCHING, EXAMINING = "60s", "20s"
+"""Limits of each in counted time, which `examine` uses up. A search ends after a few seconds; with
+less, it would shorten its runs."""
 _SUFFIXES = {".patch", ".xml"}
 _MOST_LINES = 200  # of a patch that is recorded, besides its hash
 
