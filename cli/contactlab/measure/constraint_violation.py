@@ -10,6 +10,7 @@ from contactlab.measure.backward_error import TOLERANCE, numerical_error_text, u
 from contactlab.measure.context import Context, cached, first_step, runs_where, worst_pair
 from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Threshold, label, metric
 from contactlab.measure.friction import RATE
+from contactlab.rendering.amounts import format_amount
 
 _PEAK_THRESHOLD = Threshold(
     "constraint_violation",
@@ -54,6 +55,11 @@ def _find_violations(context: Context) -> list[_Violation]:
     return [
         violation for violation in found if violation is not None and np.isfinite(violation.scale)
     ]
+
+
+def _length(amount: float, unit: str) -> str:
+    """Return a distance in mm, or an angle in rad."""
+    return format_amount(amount, "mm" if unit == "m" else unit, digits=3)
 
 
 def _creeping_brakes(runs: MeasuredRuns) -> OnsetIterator:
@@ -150,10 +156,10 @@ def constraint_violated(runs: MeasuredRuns) -> OnsetIterator:
             far = (found[place] for place in runs_where(parts > limit))
             bodies = dict.fromkeys(body for violation in far for body in violation.bodies)
             each, most = found[worst], limit * scales[worst]
-            reason = f"{each.name} is off by {amounts[worst]:.3g} {each.unit}{when}"
+            reason = f"{each.name} is off by {_length(amounts[worst], each.unit)}{when}"
             beyond = None if each.course is None else each.course[run, begin:] > most
             step = begin + (0 if beyond is None else first_step(beyond))
-            yield run, Onset(f"{reason} (limit {most:.3g} {each.unit})", step, tuple(bodies))
+            yield run, Onset(f"{reason} (limit {_length(most, each.unit)})", step, tuple(bodies))
     yield from _creeping_brakes(runs)
     # A limit yields in a run that is not the motion of its model.
     context, limit = runs.context, runs.limits[TOLERANCE.name]
@@ -161,7 +167,7 @@ def constraint_violated(runs: MeasuredRuns) -> OnsetIterator:
         for violation in _find_violations(context):
             most = violation.peak[run]
             if violation.course is not None and most > limit * violation.scale:
-                off = f"{violation.name} is off by {most:.3g} {violation.unit}"
+                off = f"{violation.name} is off by {_length(most, violation.unit)}"
                 step = first_step(violation.course[run] >= most)
                 reason = f"{off}; {numerical_error_text(context, run)}"
                 yield run, Onset(reason, step, violation.bodies)
