@@ -171,3 +171,5 @@ def test_the_run_finds_listed_faults_without_their_advisories(tmp_path: Path) ->
         ("integration", "qpos"),
         ("integration", "qvel"),
     } <= found
+    for group in report.groups:
+        read_advisory(Path(group.draft))

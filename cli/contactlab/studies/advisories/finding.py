@@ -2,6 +2,7 @@
 
 import math
 import time
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from io import StringIO
@@ -93,7 +94,8 @@ def compare_engines(
     """Compare two functions that compute windows; see `find_differences`."""
     found = dict[tuple[str, str], dict[str, _Found]]()
     refused, compared, states = list[RefusedModel](), 0, 0
-    with TemporaryDirectory(prefix="contactlab-") as folder:
+    with TemporaryDirectory(prefix="contactlab-") as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # they are about models, not about differences
         for member in list_models(request.models, Path(folder)):
             session.notify(member.name)
             try:
@@ -110,7 +112,9 @@ def compare_engines(
     for number, key in enumerate(ordered, 1):
         session.notify(f"shrinking {key[0]}: {key[1]}")
         file = f"DRAFT-{number:04d}.yaml"
-        group, text = _report_group(request, key, found[key], engines)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            group, text = _report_group(request, key, found[key], engines)
         files[file] = text
         groups.append(group.model_copy(update={"draft": str(session.folder / file)}))
     session.write(files)
@@ -213,8 +217,13 @@ def draft_advisory(
     compiled: mujoco.MjModel,
 ) -> str:
     """Return the YAML of an advisory about a difference, for an author to complete."""
-    first, second = (math.nan if one is None else one for one in (group.first, group.second))
-    first_is_faulty = group.faulty == releases[0]
+    values = [math.nan if one is None else one for one in (group.first, group.second)]
+    first_is_faulty, severity = group.faulty == releases[0], "wrong result"
+    measure, (right, wrong) = measure_of(compiled, group.place), values
+    if first_is_faulty:
+        right, wrong = wrong, right
+    if group.place == SAVED:  # it is refused
+        severity, measure, right, wrong = "crash", "nbody", float(compiled.nbody), 0.0
     data: dict[str, Any] = {
         "id": "DRAFT-2026-0000",
         "title": f"{group.quantity} differs from {releases[0]} to {releases[1]}",
@@ -224,15 +233,15 @@ def draft_advisory(
             if first_is_faulty
             else {"introduced": releases[1]}
         ],
-        "severity": "wrong result",
+        "severity": severity,
         "applies": "nv > 0",
         "witness": {
             **witness,
             "steps": WINDOW_STEPS if group.stage == INTEGRATION else 0,
-            "measure": measure_of(compiled, group.place),
-            "right": second if first_is_faulty else first,
-            "wrong": first if first_is_faulty else second,
-            "tolerance": abs(first - second) / 10,
+            "measure": measure,
+            "right": right,
+            "wrong": wrong,
+            "tolerance": abs(right - wrong) / 10,
             "reason": group.reason if group.faulty else f"{_UNDECIDED}; {group.reason}",
         },
         "advice": "Name a modification in `workarounds`, or say what to do.",

@@ -44,7 +44,7 @@ class ReleaseProcess:
         """End it."""
         if self._process is not None:
             self._process.kill()
-            self._process.wait()
+            self._process.communicate()  # it closes the pipes
 
     def evaluate(self, text: str, states: Sequence[State]) -> Windows:
         """Return the windows of a model from states.
