@@ -66,7 +66,7 @@ def run_checks(
 ) -> SelfChecks:
     """Return the self-checks of completed runs; see `ChecksRuns.check_runs`."""
     geometry_steps = _spread_steps(trace.steps, _GEOMETRY_SAMPLES)
-    found, backward = list[tuple[Floats | float, ...]](), list[BackwardError]()
+    found, backward = list[tuple[Any, ...]](), list[BackwardError]()
     # Complete each run before the next one, so that its time limit covers nothing else.
     for run, model in enumerate(runs.models):
         if run and not proceed():
