@@ -188,3 +188,11 @@ def test_a_pipe_is_not_told_that_a_command_works() -> None:
     command = [sys.executable, "-m", "contactlab", "verify", "nowhere"]
     done = subprocess.run(command, capture_output=True, check=False)
     assert done.stderr == b"error: no store at nowhere; `contactlab sweep` writes one\n"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "said"),
+    [(7, "0:07"), (65, "1:05"), (3 * 3600 + 5 * 60 + 9, "3:05:09"), (86_400 + 7200, "1 d 2 h")],
+)
+def test_the_time_that_is_left_is_read_as_a_clock(seconds: float, said: str) -> None:
+    assert module._format_time(seconds) == said  # pyright: ignore[reportPrivateUsage]

@@ -23,6 +23,7 @@ from contactlab.schema.comparison import ComparePolicy, ComparisonReport, PairCo
 from contactlab.schema.finding import Finding, RunPair
 from contactlab.schema.json_schemas import json_schemas
 from contactlab.writers import as_annotations, as_junit, as_markdown, as_text
+from contactlab.writers.github import annotations
 
 XSD = xmlschema.XMLSchema(Path(__file__).with_name("junit.xsd"))
 Runs = Callable[[], Any]
@@ -261,3 +262,10 @@ def test_a_report_that_cannot_be_written_is_an_error(
             publish(same, files_to_write([path]))
     publish(same, files_to_write([tmp_path / "new" / name]))
     assert "same" in (tmp_path / "new" / name).read_text(encoding="utf-8")
+
+
+def test_a_title_ends_no_property_of_an_annotation() -> None:
+    """GitHub splits properties at commas, and names from values at colons."""
+    assert annotations("a, b: 5 %", ["50 %, of: it"], []) == (
+        "::error title=a%2C b%3A 5 %25::50 %25, of: it\n"
+    )

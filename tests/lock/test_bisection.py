@@ -202,3 +202,21 @@ def test_a_change_of_a_real_release_is_found(tmp_path: Path) -> None:
     found = find_change(listed, subject.differs, ignore)
     assert (found.before, found.after) == ("3.10.0", "3.11.0")
     assert "no new energy_loss" in {each.name for each in subject.shown(found).findings}
+
+
+def test_a_test_is_bisected_to_the_release_that_changes_its_outcome(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    releases = [f"3.{number}.0" for number in range(1, 9)]
+    monkeypatch.setattr(versions, "find_releases", lambda *_: releases)
+
+    def passes(_node: str, folder: Path, version: str, _notify: object) -> bool:
+        folder.mkdir(parents=True)
+        return version < "3.6"
+
+    monkeypatch.setattr(versions, "run_test", passes)
+    found = contactlab.bisect(
+        f"{tmp_path}/test_a.py::test_b", good="3.1.0", bad="3.8.0", output=tmp_path / "out"
+    )
+    assert (found.before, found.after) == ("3.5.0", "3.6.0")
+    assert found.comparison is None

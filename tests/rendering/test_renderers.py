@@ -229,3 +229,9 @@ def test_a_document_gives_its_sections_by_name() -> None:
     assert document.section("fixes") == Document((second,))
     assert document.section("budget") == Document()
     assert render_text(document.section("budget")) == render_html(Document()) == ""
+
+
+def test_numbers_are_aligned_right_in_markdown() -> None:
+    table = table_of(("name", "runs"), [("stable", 12), ("slip", 3)])
+    _, rule, *_ = render_markdown(document_of([table])).split("\n")
+    assert rule == "|---|---:|"

@@ -161,6 +161,21 @@ def test_a_slider_of_many_values_has_that_of_every_run(tmp_path: Path) -> None:
         assert 33 <= len(values) <= 34
 
 
+@pytest.mark.parametrize(("heights", "step"), [([0.5, 1.0], np.subtract), ([0.05, 1.0], np.divide)])
+def test_values_between_swept_ones_are_even_or_have_even_ratios(
+    tmp_path: Path, heights: list[float], step: np.ufunc
+) -> None:
+    """Ratios are even if the largest value is eight times the smallest, or more."""
+    text = SWEEP.replace("[0.2, 0.9]", "[0.2]").replace("[1.0e-3, 2.0e-3]", "[2.0e-3]")
+    two = run(text.replace("values: [0.5, 1.0]", f"values: {heights}"), tmp_path)
+    record = next(iter(two.records()))
+    offered = offered_values(Scene.open("ball_drop"), two.columns, record, record.axes)
+    values = next(values for spec, _, values in offered if spec.name == "drop_height")
+    steps = step(values[1:], values[:-1])
+    assert len(values) == 9
+    assert steps == pytest.approx(steps[0], rel=1e-3)
+
+
 def test_what_is_stored_of_a_motion_is_its_end_and_poses(store: Store) -> None:
     record = next(iter(store.records()))
     live = LiveRuns(store).run(record.run_id)
