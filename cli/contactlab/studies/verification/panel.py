@@ -254,13 +254,14 @@ class _Panel:
         return bool(self._equal_runs) and all(self._equal_runs)
 
     def measure_loads(self) -> Iterator[VerifiedMeasure]:
-        """Yield the measures of loads, which find most harm for their time."""
+        """Yield the measures of loads and actuators, which find most harm for their time."""
         # Without its policy, a model does not hold itself under a load.
         if self._in_loop or not self._has_same_layout(self._motions_of("task")):
             return
         own, other = (motions[0] for motions in self._motions_of("task"))
         for run in build_load_runs(own, other, self._request.length_share):
             yield from self._compare_states(run)
+        yield from self._compare_tracking(self._motions_of("task"))
 
     def measure_others(self) -> Iterator[VerifiedMeasure]:
         """Yield all other measures."""
@@ -275,8 +276,6 @@ class _Panel:
     def _measure_motions(self) -> Iterator[VerifiedMeasure]:
         first = self._motions_of("task")
         comparable = self._has_same_layout(first)
-        if comparable:
-            yield from self._compare_tracking(first)
         motions = {name: self._motions_of(name) for name in self._tasks}
         for name, (own, other) in motions.items():
             yield from self._measure_errors(name, own, other)
