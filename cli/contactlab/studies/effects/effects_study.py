@@ -15,8 +15,9 @@ from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.restarts import build_reference_model
 from contactlab.errors import SceneError, SweepFileError
-from contactlab.modifications.unused_pairs import unused_flags, with_flags
+from contactlab.modifications.unused_pairs import own_sensors, unused_flags, with_flags
 from contactlab.scene.model_draft import ModelEdits
+from contactlab.scene.model_names import name_of
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.effects_report import REPORT, EffectsReport, PartEffect
 from contactlab.schema.time_ratio import LEAST_SAVING, TimeRatio
@@ -225,9 +226,10 @@ def _measure_step_seconds(motion: Motion) -> float:
 def _refuse_unknown_names(
     keep: Sequence[str], parts: Sequence[ModelPart], model: mujoco.MjModel
 ) -> None:
-    bodies = [model.body(body).name for body in range(model.nbody)]
-    geoms = [model.geom(geom).name for geom in range(model.ngeom)]
-    known = {*bodies, *geoms, *(name for part in parts for name in (part.name, *part.members))}
+    sizes = {"body": model.nbody, "geom": model.ngeom, "tendon": model.ntendon}
+    objects = {name_of(model, kind, row) for kind, size in sizes.items() for row in range(size)}
+    named = {name for part in parts for name in (part.name, *part.members)}
+    known = {*objects, *own_sensors(model), "sensors", *named}
     for name in keep:
         SceneError.unless_known(name, known, f"--keep: no feature or part '{name}'")
 
