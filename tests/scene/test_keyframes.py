@@ -60,7 +60,7 @@ def test_without_any_controls_it_starts_from_the_first_one(make_scene: Make) -> 
 
 def test_what_starts_from_no_keyframe_has_the_id_of_a_model_without(make_scene: Make) -> None:
     """Ids of versions that knew no keyframes without names stay as they were."""
-    manifest = "perturb: {coordinates: [cart], scale: .1}\n"
+    manifest = "keyframe: qpos0\nperturb: {coordinates: [cart], scale: .1}\n"
     known = make_scene(KEYED.replace("<key ", '<key name="near" '), manifest)
     unknown, none = make_scene(KEYED, manifest), make_scene(STILL, manifest)
 

@@ -122,7 +122,7 @@ def test_places_that_the_compiler_uses_are_followed(make_scene: Make) -> None:
 @pytest.mark.parametrize(
     "name",
     [
-        "dof_damping", "hinge", "dof_damping[]", "dof_damping[wheel]", "geom_friction[hull,3]",
+        "dof_damping", "dof_damping[]", "dof_damping[wheel]", "geom_friction[hull,3]",
         "dof_damping[hinge,0]", "geom_frictoin[hull]", "jnt_qposadr[hinge]", "geom_bodyid[hull]",
         "geom_size[hull]", "body_parentid[arm]", "geom_type[hull]", "body_subtreemass[cart]",
         "dof_invweight0[hinge]", "geom_sameframe[hull]", "body_simple[cart]", "ngeom[hull]",

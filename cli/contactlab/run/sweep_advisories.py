@@ -25,7 +25,7 @@ def find_sweep_advisories(index: RunIndex, scene: Scene) -> tuple[tuple[Advisory
     """
     elements = list_model_elements(scene.source)
     counts, found, models = Counter[str](), dict[str, Advisory](), 0
-    for run in _spread_rows(index):
+    for run in _spread_runs(index):
         engine = engine_of(run)
         model = scene.base_of(run).prepare(run.edits()).model
         installed = InstalledEngine(engine.name, engine.version)
@@ -36,6 +36,10 @@ def find_sweep_advisories(index: RunIndex, scene: Scene) -> tuple[tuple[Advisory
     return tuple((found[name], f"{counts[name]} of {models} models") for name in sorted(found))
 
 
-def _spread_rows(index: RunIndex) -> Iterator[RunSpec]:
-    rows = [run for run, _ in index.iterate_rows()]
-    yield from rows[:: max(1, -(-len(rows) // _MOST_MODELS))]
+def _spread_runs(index: RunIndex) -> Iterator[RunSpec]:
+    """Yield evenly spread runs of different models."""
+    last = None
+    for run in index.select_shard(1, -(-len(index) // _MOST_MODELS)).iterate_runs():
+        if not run.is_sibling(last):
+            last = run
+            yield run
