@@ -99,7 +99,9 @@ def test_a_keyframe_gives_state_and_control(make_scene: Make) -> None:
 
 
 def test_initial_values_come_over_a_keyframe(make_scene: Make) -> None:
-    found = starts(make_scene(MODEL, INITIAL.replace("keyframe: qpos0", "keyframe: tilted")), {"angle": 0.9})
+    found = starts(
+        make_scene(MODEL, INITIAL.replace("keyframe: qpos0", "keyframe: tilted")), {"angle": 0.9}
+    )
     assert found.qpos[0, 11] == 0.9
     assert found.qpos[0, 2] == 5.0
 
