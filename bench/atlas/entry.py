@@ -63,7 +63,7 @@ class Confirmation(Model):
 class Gripped(Model):
     """What `contactlab grip` says of it on a bench."""
 
-    word: Literal["holds", "creeps"]
+    word: Literal["holds", "penetrates", "creeps"]
     sentence: str
     speed: float | None = about(
         "Of the worst direction [m/s]; null if the object is lost, or no weight pulled at it."

@@ -42,7 +42,9 @@ def test_the_surface_is_where_a_ray_meets_the_field(x: float, y: float) -> None:
     mujoco.mj_forward(model, data)
     geom = np.zeros(1, np.int32)
     only = np.ones(6, np.uint8)
-    far = mujoco.mj_ray(model, data, [x, y, 5.0], [0, 0, -1.0], only, 1, 1, geom)
+    far = mujoco.mj_ray(
+        model, data, np.array([x, y, 5.0]), np.array([0, 0, -1.0]), only, True, 1, geom
+    )
     met = 5.0 - far
     (height,) = surface_heights(model, 0, np.array([[x, y]]))
     assert height <= met + 1e-9
