@@ -23,6 +23,7 @@ ALLOWED = {
     "run/mujoco_environment.py": "uv and pip in a folder of their own; Python with PYTHONSAFEPATH",
     "run/ray/connection.py": "Python with -P",
     "run/stored_runs.py": "Python with -P",
+    "studies/advisories/release_process.py": "Python with -P, and a release in a folder of its own",
     "studies/lock/versions.py": "Python with -P; pytest, whose tests are code of the folder",
 }
 
