@@ -46,7 +46,7 @@ class Fact(Model):
     sentence: str
 
 
-Stage = Literal["file", "start", "engine", "collision", "numerics", "modeling choice", "design"]
+Stage = Literal["file", "start", "engine", "collision", "numerics", "modeling choice"]
 """Kinds of causes, in the order of their repairs: later ones may follow from earlier ones."""
 
 
