@@ -201,7 +201,7 @@ def test_python_prints_nothing(
     assert contactlab.compare("kept", opened, output=["compared.md"]).exit_code == 0
     assert contactlab.init("ball_drop", output="first.yaml") == Path("first.yaml")
     planned: Any = contactlab.sweep("first.yaml", plan=True)
-    assert planned.forecast.runs > 0
+    assert planned.runs > 0
     assert capfd.readouterr() == ("", "")
     assert not (tmp_path / "summary").exists()
 
