@@ -311,8 +311,8 @@ def _shown(value: Any) -> str:
 
 
 def _diff(before: Sequence[str], after: Sequence[str]) -> str:
-    texts = ([str(line) for line in side] for side in (before, after))
-    found = difflib.unified_diff(*texts, n=0, lineterm="")
+    old, new = ([str(line) for line in side] for side in (before, after))
+    found = difflib.unified_diff(old, new, n=0, lineterm="")
     lines = [line for line in found if not line.startswith(("---", "+++", "@@"))]
     more = [f"... and {len(lines) - _MOST_LINES} more lines"] if len(lines) > _MOST_LINES else []
     return "\n".join(f"    {line}" for line in (*lines[:_MOST_LINES], *more))
