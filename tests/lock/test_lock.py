@@ -135,7 +135,9 @@ def test_other_seeds_of_another_environment_are_not(dropped: Store, swept: Swept
 def test_locked_seeds_of_what_is_chaotic_are_judged_by_spread(dropped: Store) -> None:
     made = frozen(dropped)
     (first, *rest) = made.groups
-    (name, (mean, spread, *_)) = next(x for x in first.metrics.items() if len(x[1]) > 1 and x[1][0])
+    measured = {name: values for name, values in first.metrics.items() if len(values) > 1}
+    name = max(measured, key=lambda name: measured[name][1] / abs(measured[name][0]))
+    mean, spread = measured[name]
     moved = {**first.metrics, name: (mean + 0.02 * abs(mean) + 0.1 * spread, spread)}
     groups = (first.model_copy(update={"metrics": moved}), *rest)
     assert judged(made.model_copy(update={"groups": groups}), dropped).exit_code == 1

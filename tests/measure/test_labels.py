@@ -283,6 +283,17 @@ class TestDepth:
         trace = trace_of(1, steps, pairs=(pair_of(1, steps, normal=1.0, distance=-depth),))
         assert only(trace, setup_of(trace, thickness=np.array([4e-3]))).label == label
 
+    @pytest.mark.parametrize("time_constants", [3, 4, 8])
+    @pytest.mark.parametrize("steps", [48, 1000])
+    def test_contact_that_settles_does_not_sink(
+        self, pair_of: Any, trace_of: Any, setup_of: Any, time_constants: float, steps: int
+    ) -> None:
+        """A critically damped contact reaches its depth as 1 - (1 + t) exp(-t)."""
+        times = np.linspace(0, time_constants, steps + 1)[1:]
+        depth = 1e-3 * (1 - (1 + times) * np.exp(-times))[None, :, None]
+        trace = trace_of(1, steps, pairs=(pair_of(1, steps, normal=1.0, distance=-depth),))
+        assert only(trace, setup_of(trace, thickness=np.array([4e-3]))).label == "stable"
+
     @pytest.mark.parametrize(("power", "label"), [(1.0, "stable"), (0.5, "penetration_growth")])
     def test_depth_in_proportion_to_its_load_is_no_growth(
         self, pair_of: Any, trace_of: Any, setup_of: Any, power: float, label: str

@@ -10,6 +10,7 @@ import pytest
 
 import contactlab
 from contactlab.budget import Settings, backward_error, error_budget, motion_of_run
+from contactlab.contact.trace_arrays import BackwardError
 from contactlab.engines import PreparedRuns, contact_kernel, mujoco_batch
 from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import EvidenceRecord
@@ -125,7 +126,14 @@ def test_it_is_the_number_of_the_runs_own_budget(tmp_path: Path) -> None:
     (phase,) = error_budget([motion], rows=["solver"], settings=settings, workers=2).phases
     found = backward_error(runs, 0)
     run, energy = phase.run, phase.energy_origin
-    assert found == (run.error, "body[1]", run.time, phase.energy_drift, "body[1]", energy.time)
+    assert found == BackwardError(
+        share=run.error,
+        body="body[1]",
+        time=run.time,
+        energy=phase.energy_drift,
+        energy_body="body[1]",
+        energy_time=energy.time,
+    )
 
 
 @pytest.mark.parametrize("text", [SERVO.format(gain=10_000), SHOVED])

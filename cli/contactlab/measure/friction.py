@@ -59,7 +59,7 @@ _FORCE_END_SHARE = (
     0.01  # distance to the end of a force range that counts as its end, as a share of the range
 )
 _SCENE_THRESHOLDS = {"creep_speed", "drift", "rest_speed"}  # thresholds of scenes that define rest
-_MAX_SPEED_CHANGE = 0.2  # largest relative change of the speed of steady creep
+MAX_SPEED_CHANGE = 0.2  # largest relative change of the speed of steady creep or sinking
 _FRICTION_FIELDS = slice(
     FORCE.start + 1, TORQUE.stop
 )  # two forces, torsion and two rolling torques
@@ -154,7 +154,7 @@ def _creep_shares(context: Context) -> dict[str, Floats]:
     speed = fast_median(series.slip[..., late])
     # A settling pair slows down.
     before = fast_median(series.slip[..., half.start : late.start])
-    steady = (np.abs(before - speed) < _MAX_SPEED_CHANGE * speed) & (share(held) > 0.9)
+    steady = (np.abs(before - speed) < MAX_SPEED_CHANGE * speed) & (share(held) > 0.9)
     ways = (steady * speed)[pairs.rows]
     shares = dict(zip(pairs.names, ways / context.setup.reaches[:, None], strict=True))
     together = sum(ways, np.zeros(context.trace.runs))

@@ -20,7 +20,7 @@ from contactlab.measure.context import (
     worst_pair,
 )
 from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Threshold, label, metric
-from contactlab.measure.friction import RATE
+from contactlab.measure.friction import MAX_SPEED_CHANGE, RATE
 from contactlab.measure.stick_slip import find_spans
 from contactlab.numerical_tolerance import COARSE_ROUNDING
 
@@ -121,23 +121,33 @@ def penetration_growth(context: Context) -> Floats:
 @cached
 def _depth_gains(context: Context) -> Floats:
     """Return (R, n) how much deeper [m] pairs rest in the last quarter than in the one before."""
+    return _gains_between(context, 4)[-1]
+
+
+def _gains_between(context: Context, parts: int) -> list[Floats]:
+    """Return (R, n) how much deeper [m] pairs rest in each of the last equal parts of the run.
+
+    The parts are those of the last half; each is compared with the one before it.
+    """
     touching, depth = contact_depths(context)
-    quarter = context.trace.steps // 4
-    last = slice(context.trace.steps - quarter, None)
-    third = slice(last.start - quarter, last.start)
-    resting = (share(touching[..., third.start :]) >= _RESTING_SHARE).nonzero()
+    steps, length = context.trace.steps, context.trace.steps // parts
+    starts = [steps - place * length for place in range(parts // 2, 0, -1)]
+    resting = (share(touching[..., starts[0] :]) >= _RESTING_SHARE).nonzero()
 
     def medians(values: Floats) -> list[Floats]:
-        return [fast_median(values[..., part][resting]) for part in (third, last)]
+        return [fast_median(values[..., start : start + length][resting]) for start in starts]
 
-    before, after = medians(depth)
-    if context.trace.pairs:
-        # Contacts do not soften with depth: twice the load makes them at most twice as deep.
-        load, later = medians(context.net.hardest)
-        before = before * np.where(later > load, later / np.where(load > 0, load, later), 1)
-    gains = np.full(depth.shape[:2], np.nan)
-    gains[resting] = after - before
-    return gains
+    depths, found = medians(depth), []
+    loads = medians(context.net.hardest) if context.trace.pairs else depths
+    for place in range(1, len(starts)):
+        before = depths[place - 1]
+        if context.trace.pairs:
+            # Contacts do not soften with depth: twice the load makes them at most twice as deep.
+            load, later = loads[place - 1 : place + 1]
+            before = before * np.where(later > load, later / np.where(load > 0, load, later), 1)
+        found.append(np.full(depth.shape[:2], np.nan))
+        found[-1][resting] = depths[place] - before
+    return found
 
 
 @metric("1", "lower", 1e-9, kind="detail", requires="depth")
@@ -222,14 +232,18 @@ def contact_at_distance(runs: MeasuredRuns) -> OnsetIterator:
     traits=("numerical",),
 )
 def sinking(runs: MeasuredRuns) -> OnsetIterator:
-    """A resting pair keeps sinking into each other, under constant controls."""
+    """A resting pair keeps sinking into each other, at a steady speed, if controls are constant."""
     if runs.context.setup.steered:
         return
     context, limit = runs.context, runs.limits[RATE.name]
     quarter = context.trace.steps // 4 * context.trace.timestep
-    if not context.pairs.places or not quarter.all():
+    if not context.pairs.places or context.trace.steps < 8 or not quarter.all():
         return
+    # A settling pair slows down, and one that has just met speeds up.
+    early, _, late = _gains_between(context, 8)
+    steady = np.abs(early - late) < MAX_SPEED_CHANGE * late
     parts = _depth_gains(context) / quarter / context.setup.thickness[context.pairs.places, None]
+    parts = np.where(steady, parts, 0)
     worst = worst_pair(context, parts)
     for run in runs_where(worst > limit):
         name = name_of_worst(context, parts, run)
