@@ -32,7 +32,7 @@ def test_a_requested_number_of_seeds_is_kept(tmp_path: Path) -> None:
 def test_seeds_are_added_while_they_disagree(tmp_path: Path, tolerance: float) -> None:
     found = opened(tmp_path, TaskOptions(duration=1.0, tolerance=(tolerance, "1")))
     seeds = len(found.task.seeds)
-    disagree = any(phase.disagrees(tolerance) for phase in found.budget.phases)
+    disagree = any(phase.seeds_disagree(tolerance) for phase in found.budget.phases)
     assert seeds == 3 or tolerance < 0.5
     assert not disagree or seeds == MOST_SEEDS
     assert all(phase.run.seeds.size == seeds for phase in found.budget.phases)

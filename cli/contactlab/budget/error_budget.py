@@ -63,13 +63,12 @@ def _time_rows(
     motion: Motion,
     phase: PhaseBudget,
 ) -> PhaseBudget:
-    """Return a phase with the time ratios of the rows that are largest in it."""
-
     def change_model(row: Row) -> mujoco.MjModel:
         changed = without_sensors(motion.model)
         row.changes[0](changed, motion.model)
         return changed
 
+    # A row is timed only in the phase that has its largest reading.
     loaded = {reading.name for reading in phase.rows if reading.exercised}
     made = {
         row.name: (partial(change_model, row), 1)

@@ -169,7 +169,7 @@ def harder(model: mujoco.MjModel, stiffer: Sequence[Candidate]) -> Iterator[Cand
         change.apply: build_candidate(
             f"solimp {_MAX_IMPEDANCE:g} of {_parts_of(change)}",
             change.apply.replace("solref", "solimp"),
-            [_hard(model, value) for value in change.values],
+            [_hardest_solimp(model, value) for value in change.values],
             word="depends",
         )
         for change in stiffer
@@ -193,8 +193,7 @@ def _parts_of(change: Candidate) -> str:
     return change.name.partition(" of ")[2].partition(" at ")[0]
 
 
-def _hard(model: mujoco.MjModel, value: FieldValue) -> FieldValue:
-    """Return the hardest solimp for the part of a solref."""
+def _hardest_solimp(model: mujoco.MjModel, value: FieldValue) -> FieldValue:
     field, axis = (name.replace("solref", "solimp") for name in (value.field, value.axis))
     own = getattr(model, field)[value.place].tolist()
     return FieldValue(field, value.place, axis, (_MAX_IMPEDANCE, _MAX_IMPEDANCE, *own[2:]))

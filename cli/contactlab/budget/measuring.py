@@ -78,7 +78,7 @@ class Settings:
         energy: whether a second reference, with RK4, shows energy that both lose.
         places: whether it is looked for where forces differ most.
         excess: whether the run's own path is measured; if not, its excess and its peak are NaN.
-        timed: whether the change of each row is timed, in the phase in which it is largest.
+        timed: whether the change of each row is timed, in the phase with its largest reading.
         workers: threads.
     """
 

@@ -114,7 +114,7 @@ class PhaseBudget:
             return float("nan")
         return float((reading.errors * self.masses).sum() / self.masses.sum())
 
-    def disagrees(self, tolerance: float) -> bool:
+    def seeds_disagree(self, tolerance: float) -> bool:
         """Whether the numerical error of some seeds is above the tolerance, and of others not."""
         above = self.run.seeds > tolerance
         return bool(above.any() and not above.all())

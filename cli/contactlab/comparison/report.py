@@ -48,7 +48,7 @@ def _report_facts(compared: ComparisonReport) -> Iterator[tuple[str, str]]:
 
 
 def _change_facts(compared: ComparisonReport) -> Iterator[tuple[str, str]]:
-    """Yield the changes of model, settings and engine, before their consequences."""
+    # Changes of the model, the settings and the engine come before their consequences.
     most_shown = 4
     shown = compared.model_changes[:most_shown]
     for place, change in enumerate(shown):

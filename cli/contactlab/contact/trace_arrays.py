@@ -254,7 +254,7 @@ class ChoiceEffect(NamedTuple):
 
     name: str  # of the row of an error budget, such as "cone"
     error: float  # its effect, as a share of the real forces
-    body: str  # the body whose motion changes most
+    body: str  # the body with the largest change of its motion
     time: float  # start of the window with its largest effect [s]
 
 

@@ -191,9 +191,7 @@ class Setup:
     duration: Floats  # (n,) requested simulated time [s]
     expected: tuple[ExpectedContact | ExpectedMotion, ...] = ()
     """Requirements of monitored pairs and bodies."""
-    undriven: float = (
-        0.0  # time from the start in which nothing drives a model that is not passive [s]
-    )
+    undriven: float = 0.0  # time until something first drives a model that is not passive [s]
     yielding: bool = False  # whether springs yield, and so take energy for good
     conveying: bool = False  # whether a surface moves, like a belt's, while its geom does not
     oracle: str | None = None  # name of the scene's closed form, if it has one

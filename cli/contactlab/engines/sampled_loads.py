@@ -153,7 +153,7 @@ class _Sampler:
         Violations (neq, 2) are the largest beyond that at the start, and the median of the last
         quarter beyond the remainder of the initial one after relaxation, (1 + t / T) exp(-t / T) of
         it. The speeds (nv + ntendon,) are those of degrees of freedom that friction loss could
-        hold: the largest median of a quarter, except the first, in which brakes take up their load.
+        hold: the largest median of a quarter. The first does not count: brakes take up load in it.
         """
         data, steps = self._data, np.append(0, sampled_steps(len(states) - 1))
         acting = start.input_rows(0, model.opt.timestep, steps)

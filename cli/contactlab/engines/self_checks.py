@@ -128,9 +128,9 @@ def _roll_out_again(
 def _jacobian_errors(
     model: mujoco.MjModel, trace: Trace, starts: InitialStates, run: int, residual: Floats
 ) -> tuple[NDArray[np.intp], Floats]:
-    """Return the (K,) steps with the largest of (N,) residuals, and what of them the Jacobian left.
+    """Return the (K,) steps with the largest of (N,) residuals, and the parts left by the Jacobian.
 
-    That is the residual if the form of the Jacobian that the run uses does not solve the equation
+    A part is the residual if the form of the Jacobian that the run uses does not solve the equation
     of motion and the other form does; 0 if the run's form does; and NaN if the other form does not
     either, or overflows. All solutions together take at most as many iterations as the run.
     """

@@ -65,19 +65,18 @@ def backward_error_energy(context: Context) -> Floats:
 
 @metric("1", "lower", 1e-9, kind="check")
 def friction_effect(context: Context) -> Floats:
-    """Share by which another cone, impratio or noslip changes the motion, the largest of these.
+    """Largest change of motion by another cone, impratio or noslip, as a share.
 
-    Of the worst body, over the real forces: docs/budget.md. With `checks: verdict` only.
+    It is that of the worst body, over the real forces: docs/budget.md. With `checks: verdict` only.
     """
     return _largest_effects(context, _FRICTION_ROWS)
 
 
 @metric("1", "lower", 1e-9, kind="check")
 def softness_effect(context: Context) -> Floats:
-    """Share by which half the solref of contacts, limits or equalities changes the motion.
+    """Largest change of motion by half the solref of contacts, limits or equalities, as a share.
 
-    The largest of these, of the worst body, over the real forces: docs/budget.md. With `checks:
-    verdict` only.
+    It is that of the worst body, over the real forces: docs/budget.md. With `checks: verdict` only.
     """
     return _largest_effects(context, _SOFTNESS_ROWS)
 

@@ -57,8 +57,7 @@ def _find_violations(context: Context) -> list[_Violation]:
     ]
 
 
-def _length(amount: float, unit: str) -> str:
-    """Return a distance in mm, or an angle in rad."""
+def _format_violation(amount: float, unit: str) -> str:
     return format_amount(amount, "mm" if unit == "m" else unit, digits=3)
 
 
@@ -156,10 +155,11 @@ def constraint_violated(runs: MeasuredRuns) -> OnsetIterator:
             far = (found[place] for place in runs_where(parts > limit))
             bodies = dict.fromkeys(body for violation in far for body in violation.bodies)
             each, most = found[worst], limit * scales[worst]
-            reason = f"{each.name} is off by {_length(amounts[worst], each.unit)}{when}"
+            reason = f"{each.name} is off by {_format_violation(amounts[worst], each.unit)}{when}"
             beyond = None if each.course is None else each.course[run, begin:] > most
             step = begin + (0 if beyond is None else first_step(beyond))
-            yield run, Onset(f"{reason} (limit {_length(most, each.unit)})", step, tuple(bodies))
+            reason = f"{reason} (limit {_format_violation(most, each.unit)})"
+            yield run, Onset(reason, step, tuple(bodies))
     yield from _creeping_brakes(runs)
     # A limit yields in a run that is not the motion of its model.
     context, limit = runs.context, runs.limits[TOLERANCE.name]
@@ -167,7 +167,7 @@ def constraint_violated(runs: MeasuredRuns) -> OnsetIterator:
         for violation in _find_violations(context):
             most = violation.peak[run]
             if violation.course is not None and most > limit * violation.scale:
-                off = f"{violation.name} is off by {_length(most, violation.unit)}"
+                off = f"{violation.name} is off by {_format_violation(most, violation.unit)}"
                 step = first_step(violation.course[run] >= most)
                 reason = f"{off}; {numerical_error_text(context, run)}"
                 yield run, Onset(reason, step, violation.bodies)

@@ -43,8 +43,8 @@ RATE = Threshold(
     "creep_rate",
     0.03,
     "1/s",
-    "Sizes of a body per second: what creeps, sinks or yields by a tenth of its size in the 3 s of "
-    "an ordinary task does not rest.",
+    "Sizes of a body per second: a body that creeps, sinks or yields by a tenth of its size in the "
+    "3 s of an ordinary task does not rest.",
 )
 _MODE_SWITCHES = Threshold(
     "mode_switches",

@@ -376,7 +376,7 @@ def _speed_bound(context: Context, body: FreeBody) -> Floats:
 
 
 def _momentum_scale(context: Context) -> Floats:
-    """Return (n,) a bound [kg m/s] on the momentum that the peak kinetic energy allows."""
+    # The peak kinetic energy allows no larger momentum [kg m/s].
     return np.sqrt(
         2 * free_mass(context) * np.maximum(peak_kinetic(context), least_energy(context))
     )

@@ -27,7 +27,7 @@ from contactlab.contact.trace_arrays import (
 from contactlab.measure.stick_slip import contact_modes
 from contactlab.numerical_tolerance import SUM_ROUNDING
 
-_BRIEF_SHARE = 0.01  # of the contacts that carry force: single steps of impacts are no failure
+_BRIEF_SHARE = 0.01  # of the contacts that carry force: single steps of impacts do not count
 Complexes = NDArray[np.complex128]
 """Two numbers each: components along two tangents, or neighbors that are moved together."""
 

@@ -120,7 +120,6 @@ def penetration_growth(context: Context) -> Floats:
 
 @cached
 def _depth_gains(context: Context) -> Floats:
-    """Return (R, n) how much deeper [m] pairs rest in the last quarter than in the one before."""
     return _gains_between(context, 4)[-1]
 
 

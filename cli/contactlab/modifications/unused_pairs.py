@@ -42,7 +42,7 @@ def exclusion_edits(
 ) -> ModelEdits:
     """Return edits that remove collisions of pairs that stay apart.
 
-    Geoms that touch nothing are masked, so they touch nothing that is added to the model later.
+    Geoms that touch nothing are masked, so later additions to the model do not touch them either.
     Otherwise pairs of bodies without touching geoms are excluded. Geoms that a flex may touch stay,
     and so do unnamed bodies. Without masks pairs of bodies alone are excluded: a gripper touches
     objects that are not in its file.

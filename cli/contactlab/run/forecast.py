@@ -58,7 +58,7 @@ class _RunSums:
 def forecast_sweep(request: SweepRequest) -> SweepForecast:
     """Estimate the cost of a sweep by recording a few of its runs.
 
-    A sweep whose runs execute code that is not allowed has no estimate of time, memory and disk.
+    Time, memory and disk have no estimate if the runs execute code that is not allowed.
     """
     plan, scene, workers = request.plan, request.scene, max(1, request.workers)
     index = RunIndex(plan, scene)
@@ -76,7 +76,7 @@ def forecast_sweep(request: SweepRequest) -> SweepForecast:
             steps = reference_steps(sweep.accuracy.refine, resolved, models, scene)
             accuracy = steps_cost * steps / workers
         if sweep.timing:
-            # Of contenders one seed is timed, and only the configurations that contend.
+            # If contenders are timed, one seed is enough, and only contending configurations count.
             seeds = sweep.seed_values[:1] if sweep.timing.contenders else sweep.seed_values
             steps = [run.steps for run in resolved.values() if run.seed in seeds]
             # Workers run these once more to count work, before they are timed.
@@ -98,7 +98,7 @@ def forecast_sweep(request: SweepRequest) -> SweepForecast:
             for form, bytes_per_step in cost.trace_bytes.items()
         }
         # Linux reports the largest resident memory of this process in KiB. It has recorded runs as
-        # a worker does; workers share what they load.
+        # a worker does; workers share everything that they load.
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 * (1 + request.workers)
     refine = sweep.refining
     return SweepForecast(

@@ -1,4 +1,4 @@
-"""Measures what a sweep's runs cost, by recording some of them into a temporary store."""
+"""Measures the cost of a sweep's runs, by recording some of them into a temporary store."""
 
 import time
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from contactlab.store.store_writer import StoreWriter, open_writer
 
 _SAMPLE_CPU_SECONDS = 2.0  # about as long as a person waits for a plan
 _FEWEST_RUNS = 4  # settings differ between runs, so fewer tell nothing of the others
-_WARM_UP_STEPS = 100  # compile the model, and load what the first run of a process loads
+_WARM_UP_STEPS = 100  # compile the model, and load everything that a first run needs
 _TRIAL_STEPS = 500  # of one run, to find how many steps can be sampled
 _FORM_RUNS = 3  # runs that are encoded in each form of traces
 
@@ -33,15 +33,15 @@ class SampledCost:
 
 
 def sample_cost(request: SweepRequest, index: RunIndex, runs: Sequence[RunSpec]) -> SampledCost:
-    """Record some runs of a sweep as its workers would, and return what a step costs.
+    """Record some runs of a sweep as its workers would, and return the cost of a step.
 
     Runs are shortened, and some are left out, if all of them would take longer than two seconds of
     CPU time.
     """
     runs = [replace(run, run_id=f"{place:016x}", index=place) for place, run in enumerate(runs)]
     with TemporaryDirectory() as folder:
-        first = _shorten([runs[0]], _WARM_UP_STEPS)
-        trial = _shorten([runs[0]], _TRIAL_STEPS)
+        first = _shorten_runs([runs[0]], _WARM_UP_STEPS)
+        trial = _shorten_runs([runs[0]], _TRIAL_STEPS)
         worker = _open_worker(request, index, Path(folder) / "own")
         _record_jobs(worker, request, first)
         ((seconds, steps),) = _record_jobs(worker, request, trial)
@@ -55,7 +55,7 @@ def sample_cost(request: SweepRequest, index: RunIndex, runs: Sequence[RunSpec])
     return SampledCost(seconds / steps, forms)
 
 
-def _shorten(runs: Sequence[RunSpec], most_steps: int) -> list[RunSpec]:
+def _shorten_runs(runs: Sequence[RunSpec], most_steps: int) -> list[RunSpec]:
     return [
         replace(run, duration=run.timestep * most_steps) if run.steps > most_steps else run
         for run in runs
@@ -63,17 +63,17 @@ def _shorten(runs: Sequence[RunSpec], most_steps: int) -> list[RunSpec]:
 
 
 def _affordable_runs(runs: Sequence[RunSpec], most_steps: float) -> list[RunSpec]:
-    """Return as many runs as can be recorded in some steps, evenly chosen, shortened if needed."""
+    # Runs are chosen evenly, since costs differ between settings, and shortened if needed.
     share = min(1.0, most_steps / sum(run.steps for run in runs))
     count = min(len(runs), max(_FEWEST_RUNS, round(share * len(runs))))
     chosen = [runs[place] for place in np.linspace(0, len(runs) - 1, count).round().astype(int)]
-    return _shorten(chosen, max(_WARM_UP_STEPS, int(most_steps / count)))
+    return _shorten_runs(chosen, max(_WARM_UP_STEPS, int(most_steps / count)))
 
 
 def _record_jobs(
     worker: Worker, request: SweepRequest, runs: Sequence[RunSpec]
 ) -> list[tuple[float, int]]:
-    """Return the CPU time [s] and the steps of each job that the runs are packed into."""
+    # Each job has its CPU time [s] and its steps.
     costs = list[tuple[float, int]]()
     for job in pack_jobs(runs, len(runs), request.scene, 1):
         begin = time.process_time()
@@ -96,7 +96,7 @@ def _trace_bytes_per_step(
 
 
 def _open_worker(request: SweepRequest, index: RunIndex, store: Path) -> Worker:
-    """Return a worker of the sweep that writes into a store of its own."""
+    # The worker writes into its own store, not into that of the sweep.
     policy = allowed_policy(request.scene.drive, allowed=request.allow_code)
     request = replace(request, store=store, fresh=False, shard=None)
     identity, drive = identity_of(request, index), request.scene.drive

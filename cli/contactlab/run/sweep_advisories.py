@@ -21,7 +21,7 @@ _MOST_MODELS = 64
 def find_sweep_advisories(index: RunIndex, scene: Scene) -> tuple[tuple[Advisory, str], ...]:
     """Return the advisories that models of a sweep meet, each with how many of them do, in words.
 
-    Of many models, some are examined, evenly spread over the sweep.
+    If a sweep has many models, some are examined, evenly spread over it.
     """
     elements = list_model_elements(scene.source)
     counts, found, models = Counter[str](), dict[str, Advisory](), 0
@@ -37,7 +37,7 @@ def find_sweep_advisories(index: RunIndex, scene: Scene) -> tuple[tuple[Advisory
 
 
 def _spread_runs(index: RunIndex) -> Iterator[RunSpec]:
-    """Yield evenly spread runs of different models."""
+    # Runs of one model meet the same advisories, so one of them is enough.
     last = None
     for run in index.select_shard(1, -(-len(index) // _MOST_MODELS)).iterate_runs():
         if not run.is_sibling(last):

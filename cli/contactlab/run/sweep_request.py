@@ -177,8 +177,8 @@ class SceneLoader:
         scene = self._open_undriven(reference)
         taken = RESERVED_COLUMNS | set(METRICS)
 
-        def find(name: str) -> AxisSpec | None:
-            # A coordinate with the name of a column is no axis.
+        def find_axis(name: str) -> AxisSpec | None:
+            # Columns and coordinates may share a name, which then means the column.
             if name in taken and scene.catalogue.sets_start(name):
                 return None
             return scene.catalogue.find(name, lenient=lenient)
@@ -190,7 +190,7 @@ class SceneLoader:
         manifest = scene.source.manifest
         return Vocabulary(
             scene.catalogue.names,
-            find,
+            find_axis,
             [*METRICS],
             [*LABELS],
             [*THRESHOLDS],

@@ -108,7 +108,6 @@ class SceneCatalogue:
 
 
 def _list_start_axes(base: CompiledScene) -> Iterator[AxisSpec]:
-    """Yield the axes of coordinates and velocities at the start, then that of free bodies."""
     heights = free_body_heights(base.model)
     for name, index in start_coordinates(base.model).items():
         text = "velocity at the start" if index >= base.model.nq else "coordinate at the start"

@@ -231,7 +231,7 @@ def set_timestep(model: mujoco.MjModel, timestep: float) -> None:
 
 
 def _has_step_factors(model: mujoco.MjModel) -> bool:
-    # Those of elastic flexes, by which MuJoCo integrates them implicitly since 4.0.
+    # MuJoCo integrates elastic flexes implicitly with these factors since 4.0.
     return getattr(model, "nefm0L", 0) > 0
 
 

@@ -450,7 +450,7 @@ def _movable_bodies(model: mujoco.MjModel, pair: MonitoredPair) -> tuple[str, ..
 
 
 def _force_limits(model: mujoco.MjModel) -> Floats:
-    """Return (nu, 2) the limits of actuator forces, including limits of the driven joints."""
+    # (nu, 2), with the limits of the driven joints.
     limits = _infinite_if_unlimited(model.actuator_forcelimited, model.actuator_forcerange)
     for index in np.flatnonzero(np.isin(model.actuator_trntype, AT_JOINT)):
         joint, gear = model.actuator_trnid[index, 0], model.actuator_gear[index, 0]

@@ -43,7 +43,7 @@ TASK_STORE = "run"
 """Name of the store of the task's runs, one for each of its seeds."""
 MOST_SEEDS = 9
 """Seeds up to which a task is extended while they disagree about the tolerance."""
-_FEWEST_STEPS = 5  # of a phase, whose last fifth says what rests
+_FEWEST_STEPS = 5  # of a phase: its last fifth shows the bodies at rest
 
 
 @dataclass(frozen=True)
@@ -184,7 +184,7 @@ class CheckedModel:
             self.moves
             and self.options.seeds is None
             and len(self.task.seeds) < MOST_SEEDS
-            and any(phase.disagrees(self.task.tolerance) for phase in self.budget.phases)
+            and any(phase.seeds_disagree(self.task.tolerance) for phase in self.budget.phases)
         ):
             seeds = tuple(range(len(self.task.seeds) + len(SEEDS)))
             known = self.budget.phases

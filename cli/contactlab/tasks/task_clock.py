@@ -33,7 +33,7 @@ from contactlab.timing.interleaved import (
     time_samples,
 )
 
-_MIN_SEGMENTS, _MAX_SEGMENTS = 2, 12  # states of each phase in which segments begin
+_MIN_SEGMENTS, _MAX_SEGMENTS = 2, 12  # states of each phase that begin segments
 _MAX_SEGMENT_SECONDS, _MIN_SEGMENT_SECONDS = 0.2, 0.04  # s of simulated time: 1 to 5 windows
 _SEGMENT_PROTOCOL = TimingProtocol(rounds=6)
 """Fewest rounds that hold a median with 95 %: turns of slow models are long, and disturbed less."""
@@ -81,7 +81,7 @@ class TimedModel:
             spent.append((time.thread_time() - begin) / _INPUTS_IN_A_ROUND)
         return min(spent)
 
-    def elapsed(self) -> float:
+    def measure_cost(self) -> float:
         """Return the thread time of the steps of all segments over their simulated time.
 
         A segment begins with the caches of another one, so that its first step is not timed.
@@ -127,7 +127,7 @@ class Clock:
         # Segments that begin at rest or in flight have no contacts, so they are spread over the
         # phase.
         self._segment_count, self._segment_seconds = _MAX_SEGMENTS // 2, _MIN_SEGMENT_SECONDS
-        self.base_seconds = self._timed_model(self._written, reference.substeps).elapsed()
+        self.base_seconds = self._timed_model(self._written, reference.substeps).measure_cost()
         """Time of the model as written over simulated time."""
         wanted = TURN_SECONDS / self.base_seconds / len(reference.phases)
         self._segment_count = max(
@@ -148,7 +148,7 @@ class Clock:
     ) -> list[TimeRatio]:
         """Return the times of models over the time of the model as written, for the same motion."""
         made = [(self._written, self._reference.substeps), *models]
-        taken = time_rounds([self._timer(*each) for each in made], protocol)
+        taken = time_rounds([self._build_timer(*each) for each in made], protocol)
         self.base_seconds = float(np.median(taken[:, 0]))
         return ratios_of_rounds(taken)
 
@@ -173,10 +173,11 @@ class Clock:
     def _whole_run_timers(
         self, made: Sequence[ModelAtStep], motions: Sequence[Motion], seed: int
     ) -> list[Timer]:
-        """Return timers of whole runs of one seed by several models."""
         finer = self._reference.substeps
         return [
-            TimedModel(model, [whole_run(each, finer, seed, multiple) for each in motions]).elapsed
+            TimedModel(
+                model, [whole_run(each, finer, seed, multiple) for each in motions]
+            ).measure_cost
             for model, multiple in made
         ]
 
@@ -188,8 +189,8 @@ class Clock:
         model.opt.disableflags &= ~_AUTORESET_OFF  # as in files; recording never resets
         return model
 
-    def _timer(self, model: mujoco.MjModel, multiple: int) -> Timer:
-        return self._timed_model(model, multiple).elapsed
+    def _build_timer(self, model: mujoco.MjModel, multiple: int) -> Timer:
+        return self._timed_model(model, multiple).measure_cost
 
     def _timed_model(self, model: mujoco.MjModel, multiple: int) -> TimedModel:
         steps = max(2, round(self._segment_seconds / (multiple * self._reference.step)))

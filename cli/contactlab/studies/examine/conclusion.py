@@ -43,7 +43,7 @@ def conclude(
     return report.model_copy(
         update={
             "headline": _headline(report, verdict),
-            "why": tuple(filter(None, _why(report, verdict))),
+            "why": tuple(filter(None, _yield_causes(report, verdict))),
             "fix": _fix(report, verdict, fixes_tried, len(fixes_not_tried)),
         }
     )
@@ -123,8 +123,8 @@ def _error_of(phase: BudgetPhase) -> float:
     return math.inf if row.infinite else row.error or 0.0
 
 
-def _why(report: Examination, verdict: VerdictWord) -> Iterator[str]:
-    """Yield the causes, the main one first."""
+def _yield_causes(report: Examination, verdict: VerdictWord) -> Iterator[str]:
+    # The main cause comes first.
     for cause in report.causes:
         yield cause.sentence
         if cause.remainder:

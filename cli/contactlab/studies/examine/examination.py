@@ -295,7 +295,9 @@ def _search_fixes(
     if verdict.reasons:
         request.begins(f"{verdict.reasons[0].sentence}; searching a fix")
 
-    def moved(settings: Values, change: Change, file: Path | None) -> Iterator[list[Motion]]:
+    def yield_motions(
+        settings: Values, change: Change, file: Path | None
+    ) -> Iterator[list[Motion]]:
         scene = examined.scenes.open(str(file)) if file else None
         for seeds in (task, with_new_seeds(task)):
             yield examined.motions_of(seeds, settings, change, scene)
@@ -305,7 +307,7 @@ def _search_fixes(
 
     trial = Trial(SETTINGS, None, MOST_FIXES, request.apply, threads, left)
 
-    def labelled(settings: Values, file: Path | None) -> Iterator[tuple[RunLabel, ...]]:
+    def label_runs(settings: Values, file: Path | None) -> Iterator[tuple[RunLabel, ...]]:
         first, *others = (*task.seeds, *with_new_seeds(task).seeds)
         records, model = list[EvidenceRecord](), examined
         if file is not None:  # its file has the settings
@@ -316,7 +318,7 @@ def _search_fixes(
             yield run_labels(task, records)
 
     scene, values = examined.scene.with_effects("all"), examined.values
-    repeats = TaskRepeats(moved, labelled, labels, verifier.finds_harm)
+    repeats = TaskRepeats(yield_motions, label_runs, labels, verifier.finds_harm)
     return FixSearch(scene, values, examined.motions, verdict, trial, repeats, files)
 
 

@@ -67,7 +67,7 @@ def facts(motions: Sequence[Motion], begins: Sequence[float]) -> tuple[Fact, ...
         *creep,
         *_of_margin(deepest, hardest),
         *masked.facts(),
-        *_of_limits(motions[0]),
+        *_find_joint_off_limits(motions[0]),
         *_of_equalities(motions[0]),
         *pressing,
         *_of_mass(model),
@@ -160,7 +160,7 @@ def _of_creep(motion: Motion, run: Run) -> Iterator[Fact]:
     for place in late:
         mujoco.mj_setState(motion.model, data, run.starts[0, place], INTEGRATION)
         mujoco.mj_forward(motion.model, data)
-        states.append(_slips(motion.model, data))
+        states.append(_creep_velocities(motion.model, data))
     kept = set[tuple[int, int]].intersection(*map(set, states)) if states else set()
     speeds = {
         pair: float(np.linalg.norm(np.mean([state[pair] for state in states], axis=0)))
@@ -179,8 +179,7 @@ def _of_creep(motion: Motion, run: Run) -> Iterator[Fact]:
     yield Fact(kind="creep", place=place, value=speed, unit="m/s", sentence=sentence)
 
 
-def _slips(model: mujoco.MjModel, data: mujoco.MjData) -> dict[tuple[int, int], Floats]:
-    """Return (3,) mean velocities along the contacts of pairs of geoms, where friction can hold."""
+def _creep_velocities(model: mujoco.MjModel, data: mujoco.MjData) -> dict[tuple[int, int], Floats]:
     found, slides = dict[tuple[int, int], list[Floats]](), set[tuple[int, int]]()
     force, ways = np.empty(6), np.empty((2, 3, model.nv))
     for place in range(data.ncon):
@@ -212,8 +211,7 @@ def _surface_velocity(
     return linear + np.cross(angular, place - data.geom_xpos[geom])
 
 
-def _of_limits(motion: Motion) -> Iterator[Fact]:
-    """Yield the joint that starts farthest beyond its range."""
+def _find_joint_off_limits(motion: Motion) -> Iterator[Fact]:
     model, data = motion.model, mujoco.MjData(motion.model)
     mujoco.mj_setState(model, data, motion.starts[0], INTEGRATION)
     single = model.jnt_type >= int(mujoco.mjtJoint.mjJNT_SLIDE)

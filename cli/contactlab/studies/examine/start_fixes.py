@@ -65,7 +65,7 @@ class MovedStart(NamedTuple):
         name: as in "fix: a raised start".
         apply: its name for `--apply`.
         edits: that write it.
-        sentence: what is wrong with the start as written.
+        sentence: the mistake of the start as written.
     """
 
     name: str

@@ -78,7 +78,7 @@ class FixVerifier:
             if found.passed:
                 verified = first.model_copy(update={"verification": found})
                 return tuple(verified if fix is first else fix for fix in fixes)
-            self._drop(search, first.name, found)
+            self._drop_fix(search, first.name, found)
         return ()
 
     def write_fix(
@@ -105,15 +105,15 @@ class FixVerifier:
                 return search.write_edits(edits, file.parent, file.name).path, ""
             if requested:
                 return None, f"{name}: {found.sentence}"
-            self._drop(search, name, found)
+            self._drop_fix(search, name, found)
 
-    def _drop(self, search: FixSearch, name: str, found: VerifiedChange) -> None:
+    def _drop_fix(self, search: FixSearch, name: str, found: VerifiedChange) -> None:
         self.rejected.append(RejectedFix(name=name, reason=found.sentence))
         search.drop_fix(name)
 
     @property
     def _caused_labels(self) -> set[str]:
-        """Labels of the original that are due to its numerics."""
+        # Numerics cause these labels of the original.
         return {label.label for label in self.labels if NUMERICAL_CAUSE in label.reason}
 
     def _request(

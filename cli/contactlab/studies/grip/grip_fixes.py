@@ -78,7 +78,7 @@ class Grip:
             held = close_at(fixture, self.closing, self.held.approach, self.held.control)
         else:
             held = self._held_on(fixture, self.held.control)
-        return replace(self, fixture=fixture, held=self._framed(held))
+        return replace(self, fixture=fixture, held=self._frame_squeeze(held))
 
     def with_control(self, control: Floats) -> "Grip":
         """Return the grip with another final control."""
@@ -86,7 +86,7 @@ class Grip:
             held = close_at(self.fixture, self.closing, self.held.approach, control)
         else:
             held = self._held_on(self.fixture, control)
-        return replace(self, held=self._framed(held))
+        return replace(self, held=self._frame_squeeze(held))
 
     def closed_again(self, control: Floats) -> "Grip":
         """Return the grip closed on the object from the start, with another final control."""
@@ -96,9 +96,9 @@ class Grip:
         data.qpos[:], data.qvel[:], data.qacc_warmstart[:] = self.held.path[0], 0, 0
         begun = replace(self.held, row=state_row(self.fixture.model, data), control=control)
         grip = replace(self, held=begun)
-        return replace(grip, held=grip._framed(grip._held_on(grip.fixture, control)))
+        return replace(grip, held=grip._frame_squeeze(grip._held_on(grip.fixture, control)))
 
-    def _framed(self, held: Squeeze) -> Squeeze:
+    def _frame_squeeze(self, held: Squeeze) -> Squeeze:
         return replace(held, turn=self.held.turn, sucks=self.held.sucks)
 
     def _held_on(self, fixture: GripFixture, control: Floats) -> Squeeze:
@@ -164,7 +164,7 @@ def run_fixes(grip: Grip, within: float) -> list[TestedFix]:
             drifts, deep = tried.measure_drifts(), tried.depth_share
             fix = TestedFix(name, candidate.against, settings, drifts, deep, None, bool(less))
             found.append(fix)
-    costs = _prices(grip, changed)
+    costs = _measure_costs(grip, changed)
     found = [replace(each, time_ratio=costs.get(each.name)) for each in found]
     if not less and (more := double_squeeze(grip)) is not None:
         control, times = more
@@ -176,7 +176,7 @@ def run_fixes(grip: Grip, within: float) -> list[TestedFix]:
 
 
 def _ease_squeeze(grip: Grip) -> Iterator[tuple[Grip, TestedFix]]:
-    """Yield the grip with less and less squeeze, closed again."""
+    # Each grip is closed again with less squeeze.
     own = sum(grip.closed_again(grip.held.control).held.forces)
     ends = control_ranges(grip.fixture.model)
     opened = grip.closing.opened if grip.closing else _squeezing_ends(grip, ends, own, opens=True)
@@ -209,7 +209,7 @@ def changed_settings(
     return settings
 
 
-def _prices(grip: Grip, changed: Mapping[str, mujoco.MjModel]) -> Mapping[str, TimeRatio]:
+def _measure_costs(grip: Grip, changed: Mapping[str, mujoco.MjModel]) -> Mapping[str, TimeRatio]:
     model = grip.fixture.model
     steps = max(2, round(_TIMED / model.opt.timestep))
     down = grip.directions()[grip.names[1]]

@@ -103,7 +103,7 @@ def find_held_object(
         up[:] = np.cross(across, np.eye(3)[int(np.argmin(np.abs(across)))])
     turn = squeeze_frame(across, up)
     held = measure_squeeze(fixture, settled.rows[0], control, turn, settled.qpos[0])
-    held = replace(held, sucks=_adheres(model, control, {number, *touching}))
+    held = replace(held, sucks=_pulls_by_adhesion(model, control, {number, *touching}))
     if not held.is_held:
         raise SceneError(
             f"keyframe '{keyframe}' presses on {model.body(number).name} from one side only; "
@@ -112,8 +112,7 @@ def find_held_object(
     return fixture, held
 
 
-def _adheres(model: mujoco.MjModel, control: Floats, bodies: Collection[int]) -> bool:
-    """Return whether an actuator of adhesion pulls one of these bodies."""
+def _pulls_by_adhesion(model: mujoco.MjModel, control: Floats, bodies: Collection[int]) -> bool:
     adhesion = model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_BODY)
     own = np.isin(model.actuator_trnid[:, 0], list(bodies))
     return bool((adhesion & own & (control > 0)).any())

@@ -325,7 +325,7 @@ class Search:
         return error_of(self._evaluate(choice))
 
     def _cost_of(self, choice: Configuration) -> float:
-        """Return the cost of a configuration; counting it is a small part of estimating errors."""
+        # Counting the cost is a small part of estimating errors.
         entry = self._evaluation_of(choice)
         if math.isinf(entry.cost):
             self._check_limits()
@@ -565,7 +565,6 @@ class Search:
         return None
 
     def _try_sleep(self, base: Configuration) -> None:
-        """Try a configuration with sleep."""
         if not self.space.may_sleep or not self._is_within_bound(base):
             return
         asleep = base.with_settings(SLEEP_SETTINGS)

@@ -22,7 +22,7 @@ class TuneRequest:
         observed: bodies, sites and sensors of a forward error.
         error_at: when the forward error is measured; None for the error budget.
         max_time: wall time limit [s].
-        apply: reductions that are no proof, by name, with their distance [m] if they have one.
+        apply: reductions without a proof, by name, with their distance [m] if they have one.
     """
 
     model: str

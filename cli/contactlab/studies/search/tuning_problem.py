@@ -213,7 +213,7 @@ class TuningProblem:
         return replace(found, first=found.first + fresh)
 
     def _shorten_motions(self) -> None:
-        """Shorten all runs if the model is slow, and count its work from what is left of them."""
+        # Only slow models have shorter runs. The work is counted from the remaining runs.
         seeds, share = self.seeds, self.length_share
         if share < 1:
             whole, self.task = self.task.duration, shorten_task(self.task, share)
@@ -247,7 +247,6 @@ class TuningProblem:
         return tuple(step for step in found if step >= min(substeps, 2))
 
     def _converged_reference(self) -> TaskReference:
-        """Return a reference that is fine enough."""
         coarse = TaskReference.run_references(self.motions, 1, self.threads, self._window_stride)
         if not coarse.is_complete:
             finest = TaskReference.run_references(

@@ -177,8 +177,8 @@ class CandidateVerifier:
     def verify_best(self, goal: Goal, verdicts: int) -> VerifiedCandidate | None:
         """Verify candidates, best first; return the first that holds, or None.
 
-        At most so many `verdicts` are made. The time of one verification is kept in reserve. If
-        either is over, the exact savings are returned.
+        At most `verdicts` candidates are judged. The time of one verification is kept in reserve.
+        If either is over, the exact savings are returned.
         """
         below, done = FailureBound(), {self.current.configuration.key}
         simpler: Evaluation | None = None

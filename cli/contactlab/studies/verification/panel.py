@@ -129,7 +129,7 @@ def verify_change(request: VerificationRequest) -> VerifiedChange:
 
 
 class Verification:
-    """The verification of one change, whose loads may come long before its other runs."""
+    """The verification of one change. Its loads may come long before its other runs."""
 
     def __init__(self, request: VerificationRequest) -> None:
         """Run nothing yet."""
@@ -139,7 +139,7 @@ class Verification:
 
     def run_loads(self) -> bool:
         """Run the loads, which need no seeds of the task; return whether a measure is worse."""
-        self._compare(self._loads)
+        self._compare_runs(self._loads)
         return self._harms
 
     def complete_runs(self) -> VerifiedChange:
@@ -150,7 +150,7 @@ class Verification:
         """
         for runs in (self._loads, self._others):
             if not (self._harms and self._request.stop_early):
-                self._compare(runs)
+                self._compare_runs(runs)
         measures, request, panel = self._measures, self._request, self._panel
         idle = not self._harms and not _is_improved(measures, request.must_improve)
         summary = summarize_measures(measures)
@@ -172,7 +172,7 @@ class Verification:
     def _harms(self) -> bool:
         return any(measure.worse for measure in self._measures)
 
-    def _compare(self, runs: Iterator[VerifiedMeasure]) -> None:
+    def _compare_runs(self, runs: Iterator[VerifiedMeasure]) -> None:
         for measure in runs:
             self._measures.append(measure)
             if measure.worse and self._request.stop_early:
@@ -329,7 +329,7 @@ class _Panel:
             yield from self._compare_states(run)
 
     def _motions_of(self, name: str) -> tuple[list[Motion], list[Motion]]:
-        # Of the original and of the changed model.
+        # The original comes first, then the changed model.
         if name not in self._motions:
             task = self._tasks[name]
             self._motions[name] = self._original.motions_of(task), self._changed.motions_of(task)

@@ -76,7 +76,7 @@ def estimate_panel(
 
 
 def _list_runs(model: mujoco.MjModel, task: Task, seeds: int) -> Iterator[tuple[float, int]]:
-    # The length [s] and the rows of each run whose states are compared.
+    # Yields the length [s] and the compared rows of states of each run.
     for _ in range(_LOAD_RUNS):
         yield REST_SECONDS, seeds
     for phase in task.phases:
