@@ -44,12 +44,12 @@ class CheckedText:
         if len(text) > most_characters:
             raise ExpressionError(f"longer than {most_characters} characters", 0, len(text))
         try:
-            tree = ast.Expression(self._checker(text).visit(_parse_text(text)))
+            tree = ast.Expression(self._make_checker(text).visit(_parse_text(text)))
             self._code = compile(ast.fix_missing_locations(tree), "expression", "eval")
         except (RecursionError, MemoryError) as error:
             raise ExpressionError("nested too deeply", 0, len(text)) from error
 
-    def _checker(self, text: str) -> "Checker":
+    def _make_checker(self, text: str) -> "Checker":
         return Checker(text, self.places)
 
     @property
@@ -250,14 +250,14 @@ class Checker(ast.NodeTransformer):
         name = node.func.id if isinstance(node.func, ast.Name) else ""
         if name not in self.functions:
             raise self._make_error(node.func, "the functions are " + ", ".join(self.functions))
-        if node.keywords or not self._accepts(name, len(node.args)):
-            raise self._make_error(node, f"{name} takes {self._takes(name)}")
+        if node.keywords or not self._accepts_count(name, len(node.args)):
+            raise self._make_error(node, f"{name} takes {self._describe_arguments(name)}")
         return call(name, *[self.visit(argument) for argument in node.args])
 
-    def _accepts(self, name: str, count: int) -> bool:
+    def _accepts_count(self, name: str, count: int) -> bool:
         return count >= 2 if name in {"max", "min"} else count == 1
 
-    def _takes(self, name: str) -> str:
+    def _describe_arguments(self, name: str) -> str:
         return "two or more numbers" if name in {"max", "min"} else "one number"
 
     def _dotted_name(self, node: ast.expr) -> str:

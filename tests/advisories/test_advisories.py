@@ -60,7 +60,7 @@ def written(folder: Path, **changes: Any) -> Path:
 def test_a_witness_shows_its_fault_here_only_if_this_release_has_it(file: Path) -> None:
     advisory = read_advisory(file)
     assert advisory.id == file.stem
-    affected = advisory.affects(mujoco.__version__)
+    affected = advisory.affects_release(mujoco.__version__)
     try:
         run = replay_witness(advisory)
     except AdvisoryError:  # a fix may be that the model is refused
@@ -94,7 +94,7 @@ def test_a_range_begins_with_its_first_release_and_ends_before_the_fix(
     found = [
         release
         for release in known
-        if AffectedReleases(introduced=introduced, fixed=fixed).includes(release)
+        if AffectedReleases(introduced=introduced, fixed=fixed).includes_release(release)
     ]
     assert found == sorted(inside, key=known.index)
 

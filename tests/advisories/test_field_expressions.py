@@ -82,7 +82,9 @@ LOOPS: dict[str, Callable[[mujoco.MjModel, mujoco.MjData], Any]] = {
 def test_an_expression_equals_the_loop(text: str, facts: ModelFacts) -> None:
     assert facts.data is not None
     expected = LOOPS[text](facts.model, facts.data)
-    assert FieldExpression(text).evaluate(facts) == pytest.approx(expected, rel=1e-12, abs=1e-12)
+    assert FieldExpression(text).evaluate_facts(facts) == pytest.approx(
+        expected, rel=1e-12, abs=1e-12
+    )
 
 
 @pytest.mark.parametrize(
@@ -100,7 +102,7 @@ def test_a_value_that_is_missing_is_named(
     text: str, error: type[ExpressionError], said: str, facts: ModelFacts
 ) -> None:
     with pytest.raises(error, match=said):
-        FieldExpression(text).evaluate(facts)
+        FieldExpression(text).evaluate_facts(facts)
 
 
 @pytest.mark.parametrize(
@@ -119,4 +121,4 @@ def test_a_singular_inertia_is_seen() -> None:
     text = TEXT.replace('<joint name="hinge" axis="0 1 0"/>', '<joint axis="0 1 0"/>' * 2)
     text = text.replace('<jointpos joint="hinge"/>', "")
     model = mujoco.MjModel.from_xml_string(text)
-    assert FieldExpression("singular_inertia").evaluate(ModelFacts(model)) == 1
+    assert FieldExpression("singular_inertia").evaluate_facts(ModelFacts(model)) == 1

@@ -186,14 +186,14 @@ class _Checker(Checker):
             )
         return node
 
-    def _accepts(self, name: str, count: int) -> bool:
+    def _accepts_count(self, name: str, count: int) -> bool:
         try:
             inspect.signature(_FUNCTIONS[name]).bind(*range(count + (name in _OF_MOTION)))
         except TypeError:
             return False
         return True
 
-    def _takes(self, name: str) -> str:
+    def _describe_arguments(self, name: str) -> str:
         parameters = list(inspect.signature(_FUNCTIONS[name]).parameters.values())
         named = [str(parameter.replace(annotation=parameter.empty)) for parameter in parameters]
         return ", ".join(named[name in _OF_MOTION :])
@@ -215,7 +215,7 @@ def _is_whole(node: ast.expr) -> bool:
 class Truth(CheckedText):
     """An expression that is measured of a motion."""
 
-    def _checker(self, text: str) -> Checker:
+    def _make_checker(self, text: str) -> Checker:
         return _Checker(text, self.places)
 
     def measure(self, motion: Motion) -> float:

@@ -54,7 +54,7 @@ def read_advisories(files: Iterable[Path]) -> tuple[Advisory, ...]:
 
 
 def read_advisory(file: Path) -> Advisory:
-    """Return the advisory of a file; an AdvisoryError lists what is wrong in it."""
+    """Return the advisory of a file; an AdvisoryError lists its mistakes."""
     try:
         text = file.read_text(encoding="utf-8")
         check_extent(text)
@@ -75,7 +75,7 @@ def read_advisory(file: Path) -> Advisory:
 
 
 def _find_mistakes(advisory: Advisory) -> Iterator[str]:
-    """Yield what the types of an advisory do not say: expressions, workarounds and values."""
+    # Types do not check expressions, names of modifications and distances of values.
     witness = advisory.witness
     for key, text in (("applies", advisory.applies), ("witness.measure", witness.measure)):
         try:

@@ -27,7 +27,7 @@ from contactlab.scene.model_edits import FLAG_NAMES, read_flag, read_option
 from contactlab.scene.mujoco_versions import enum_members, missing_flags
 
 _SPARSE_FROM = 60
-"""Degrees of freedom from which jacobian="auto" is sparse, as the XML reference says."""
+"""Least degrees of freedom of a sparse jacobian="auto", as the XML reference says."""
 _ENUMS = {
     "geom_type": ("mjtGeom", "mjGEOM_"),
     "jnt_type": ("mjtJoint", "mjJNT_"),
@@ -40,7 +40,7 @@ _ENUMS = {
     "actuator_gaintype": ("mjtGain", "mjGAIN_"),
     "actuator_biastype": ("mjtBias", "mjBIAS_"),
 }
-"""Fields whose numbers are read as words, with the enum that names them."""
+"""Fields with numbers that are read as words, and the enum of these words."""
 _OBJECTS = {
     "body": ("body_", "xpos", "xquat", "xmat", "xipos", "cvel", "cacc", "cfrc", "subtree", "xfrc"),
     "geom": ("geom_",),
@@ -86,13 +86,13 @@ class ModelFacts:
     data: mujoco.MjData | None = None
     elements: Elements | None = None
 
-    def read(self, name: str) -> Any:  # noqa: ANN401 - a number, word or array
+    def read_value(self, name: str) -> Any:  # noqa: ANN401 - a number, word or array
         """Return the value of a name; NoValueError if this MuJoCo does not have it."""
         model = self.model
         if name in _DERIVED:
             return _DERIVED[name](model)
         if name in OPTIONS:
-            return read_option(model, name) if hasattr(model.opt, name) else self._refuse(name)
+            return read_option(model, name) if hasattr(model.opt, name) else self._refuse_name(name)
         if name in FLAG_NAMES or name in missing_flags():
             return read_flag(model, name)
         value: Any = None
@@ -104,12 +104,12 @@ class ModelFacts:
             words = _words_of(*_ENUMS[name])
             return np.array([words.get(int(number), "") for number in value], dtype=str)
         if name.startswith("_") or not isinstance(value, int | float | np.ndarray):
-            return self._refuse(name)
+            return self._refuse_name(name)
         return np.asarray(value) if isinstance(value, np.ndarray) else value
 
     def read_row(self, name: str, *index: str | float) -> Any:  # noqa: ANN401 - a number or array
         """Return the row of a named object, one number of it, or a column of all rows."""
-        array = np.asarray(self.read(name))
+        array = np.asarray(self.read_value(name))
         first = index[0]
         try:
             if not isinstance(first, str):
@@ -140,11 +140,11 @@ class ModelFacts:
 
     def count_contacts(self, first: str, second: str) -> int:
         """Return the number of contacts of two geoms that touch or overlap."""
-        return len(self._distances(first, second))
+        return len(self._list_distances(first, second))
 
     def find_depth(self, first: str, second: str) -> float:
         """Return the depth of the deepest contact of two geoms [m]; 0 without contacts."""
-        return -min(self._distances(first, second), default=0.0)
+        return -min(self._list_distances(first, second), default=0.0)
 
     def find_distance(self, first: str, second: str) -> float:
         """Return the distance of two geoms by mj_geomDistance, at most 10 m [m]."""
@@ -152,7 +152,7 @@ class ModelFacts:
         assert self.data is not None
         return float(mujoco.mj_geomDistance(self.model, self.data, one, other, 10.0, None))
 
-    def _distances(self, first: str, second: str) -> list[float]:
+    def _list_distances(self, first: str, second: str) -> list[float]:
         ids = sorted(self._row_of("geom_", name) for name in (first, second))
         assert self.data is not None
         contacts = self.data.contact
@@ -161,7 +161,7 @@ class ModelFacts:
 
     def _row_of(self, field: str, name: str) -> int:
         kinds = [kind for kind, starts in _OBJECTS.items() if field.startswith(starts)]
-        kind = kinds[0] if kinds else self._refuse(f"{field}['{name}']")
+        kind = kinds[0] if kinds else self._refuse_name(f"{field}['{name}']")
         model = self.model
         word = {"jnt": "joint", "qpos": "joint", "dof": "joint"}.get(kind, kind)
         row = mujoco.mj_name2id(model, getattr(mujoco.mjtObj, f"mjOBJ_{word.upper()}"), name)
@@ -171,7 +171,7 @@ class ModelFacts:
             return int(model.sensor_adr[row])
         return int(getattr(model, _FIRST_ROWS[kind])[row]) if kind in _FIRST_ROWS else row
 
-    def _refuse(self, name: str) -> Any:  # noqa: ANN401 - never returns
+    def _refuse_name(self, name: str) -> Any:  # noqa: ANN401 - never returns
         raise NoValueError(f"'{name}' is not a field of mjModel or mjData of this MuJoCo")
 
 
@@ -208,16 +208,16 @@ _DERIVED: Mapping[str, Callable[[mujoco.MjModel], object]] = {
     "branching_trees": _has_branches,
     "singular_inertia": _has_singular_inertia,
 }
-"""Facts of a model that are no fields."""
+"""Facts of a model without a field of their own."""
 
 
 class FieldExpression(CheckedText):
     """An expression over the fields of a model and a state."""
 
-    def _checker(self, text: str) -> Checker:
+    def _make_checker(self, text: str) -> Checker:
         return _FieldChecker(text, self.places)
 
-    def evaluate(self, facts: ModelFacts) -> float:
+    def evaluate_facts(self, facts: ModelFacts) -> float:
         """Return the value, which may be infinite or none; truth values are 1 and 0.
 
         Raises:
@@ -246,16 +246,16 @@ def _combine_any(*parts: Any) -> Any:  # noqa: ANN401 - truth values or arrays o
 
 
 def _pick_rows(values: Any, ids: Any) -> Any:  # noqa: ANN401 - arrays
-    """Return rows by their ids; an id of another kind of object gives any row."""
     array = np.asarray(values)
+    # An id of another kind of object may be out of range: any row does, as its kind is wrong.
     return np.take(array, ids, axis=0, mode="clip") if len(array) else np.zeros(len(ids))
 
 
-def _largest(values: Any) -> float:  # noqa: ANN401 - a number or an array
+def _find_largest(values: Any) -> float:  # noqa: ANN401 - a number or an array
     return float(np.max(np.asarray(values, float), initial=-np.inf))
 
 
-def _smallest(values: Any) -> float:  # noqa: ANN401 - a number or an array
+def _find_smallest(values: Any) -> float:  # noqa: ANN401 - a number or an array
     return float(np.min(np.asarray(values, float), initial=np.inf))
 
 
@@ -266,8 +266,8 @@ _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     "cos": np.cos,
     "any": np.any,
     "count": np.count_nonzero,
-    "largest": _largest,
-    "smallest": _smallest,
+    "largest": _find_largest,
+    "smallest": _find_smallest,
     "sum": np.sum,
     "norm": lambda values: float(np.linalg.norm(np.ravel(values))),
     "power": operator.pow,
@@ -277,7 +277,7 @@ _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     "inverted": np.logical_not,
 }
 _METHODS = {
-    "read": "read",
+    "read": "read_value",
     "row": "read_row",
     "elements": "count_elements",
     "pairs": "count_pairs",
@@ -328,8 +328,8 @@ class _FieldChecker(Checker, ast.NodeTransformer):
         self._places.setdefault(name, self._node_span(node)[0])
         return call("row", ast.Constant(name), *parts)
 
-    def _accepts(self, name: str, count: int) -> bool:
+    def _accepts_count(self, name: str, count: int) -> bool:
         return count == (2 if name in _OF_TWO else 1)
 
-    def _takes(self, name: str) -> str:
+    def _describe_arguments(self, name: str) -> str:
         return "two arguments" if name in _OF_TWO else "one argument"

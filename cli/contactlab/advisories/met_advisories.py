@@ -41,9 +41,9 @@ def list_model_elements(source: SceneSource) -> Elements:
 
 
 def may_meet(advisory: Advisory, facts: ModelFacts) -> bool:
-    """Return whether a model may meet the fault; not if this MuJoCo lacks what it is about."""
+    """Return whether a model may meet the fault; not if this MuJoCo lacks its fields."""
     try:
-        return bool(FieldExpression(advisory.applies).evaluate(facts))
+        return bool(FieldExpression(advisory.applies).evaluate_facts(facts))
     except NoValueError:
         return False
 
@@ -67,7 +67,7 @@ def find_met_advisories(
         advisory
         for advisory in (list_advisories() if advisories is None else advisories)
         if advisory.engine == engine.name
-        and advisory.affects(engine.version)
+        and advisory.affects_release(engine.version)
         and may_meet(advisory, facts)
     )
 

@@ -39,7 +39,7 @@ def replay_witness(advisory: Advisory) -> WitnessRun:
         elements = list_elements(ET.fromstring(witness.model))  # noqa: S314 - MuJoCo has read it
         facts = ModelFacts(model, data, elements)
         return WitnessRun(
-            FieldExpression(witness.measure).evaluate(facts), may_meet(advisory, facts)
+            FieldExpression(witness.measure).evaluate_facts(facts), may_meet(advisory, facts)
         )
     except (ValueError, KeyError, mujoco.FatalError, ExpressionError) as error:
         raise AdvisoryError(f"{advisory.id}: {str(error).partition(chr(10))[0]}") from error

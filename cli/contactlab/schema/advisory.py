@@ -31,7 +31,7 @@ class AffectedReleases(Model):
         begun = "" if self.introduced == ALL_EARLIER else f"{self.introduced} "
         return f"{begun}before {self.fixed}" if self.fixed else f"from {self.introduced}"
 
-    def includes(self, version: str) -> bool:
+    def includes_release(self, version: str) -> bool:
         """Return whether a release is in the range."""
         numbers = numbers_of(version)
         begun = self.introduced == ALL_EARLIER or numbers_of(self.introduced) <= numbers
@@ -55,7 +55,7 @@ class Witness(Model):
     tolerance: Annotated[Number, Field(ge=0)] = about(
         "Distance from the right value that is right."
     )
-    reason: Word = about("Where the right value comes from: a closed form, or another computation.")
+    reason: Word = about("The source of the right value: a closed form, or another computation.")
 
 
 class Workaround(Model):
@@ -84,10 +84,10 @@ class Advisory(Model):
         "Public pages that describe it.", default=()
     )
 
-    def affects(self, version: str) -> bool:
+    def affects_release(self, version: str) -> bool:
         """Return whether a release has the fault."""
-        return any(releases.includes(version) for releases in self.affected)
+        return any(releases.includes_release(version) for releases in self.affected)
 
     def find_fixed_release(self, version: str) -> str | None:
         """Return the first release after an affected one that is without the fault, if any."""
-        return next((each.fixed for each in self.affected if each.includes(version)), None)
+        return next((each.fixed for each in self.affected if each.includes_release(version)), None)

@@ -24,7 +24,7 @@ class WitnessResult(Model):
 
     @property
     def mistake(self) -> str:
-        """The wrong statement of the advisory about this release; empty if there is none."""
+        """The wrong statement of the advisory about this release; empty if all are right."""
         match self.outcome:
             case "shown" | "crashed" if not self.affected:
                 return "the witness shows the fault, but the release is not listed as affected"

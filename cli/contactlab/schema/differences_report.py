@@ -16,9 +16,9 @@ class RefusedModel(Model):
 class DifferenceGroup(Model):
     """Differences of the same quantity in the same stage of a step."""
 
-    stage: str = about("First stage that differs, in the order in which a step computes them.")
+    stage: str = about("First stage that differs, in the order of their computation.")
     quantity: str = about("The quantity, with kinds of geoms instead of their names.")
-    models: tuple[str, ...] = about("The models in which it differs.")
+    models: tuple[str, ...] = about("The models with this difference.")
     place: str = about("The quantity in the first of these models.")
     first: FiniteOrNull = about("Its value under the first release.", default=None)
     second: FiniteOrNull = about("Its value under the second release.", default=None)

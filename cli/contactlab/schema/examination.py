@@ -55,9 +55,10 @@ class Cause(Model):
 
     stage: Stage
     sentence: str
-    repair: str = about("The fix that repairs it; empty if there is none.", default="")
+    repair: str = about("The fix that repairs it; empty without such a fix.", default="")
     verdict: VerdictWord | None = about(
-        "Of the model with this cause and those before it repaired; null if it was not repaired.",
+        "The verdict of the model with this cause and those before it repaired; null if it was not "
+        "repaired.",
         default=None,
     )
     remainder: str = about("The headline of that model; empty if not repaired.", default="")
@@ -70,7 +71,7 @@ class Fix(Model):
     changes_model: bool = about(
         "Whether it makes another model, instead of computing this one differently."
     )
-    apply: str = about("Its name for `--apply`, if it makes another model; else empty.")
+    apply: str = about("Its name for `--apply`, if it makes another model; otherwise empty.")
     removes: Literal["verdict", "labels", "overlap", "cause"] = about(
         "The problem that it removes: the cause of the verdict; failure labels of a run with fine "
         "numerics; overlaps at the start and bodies that press without a motor; or a first cause, "
@@ -138,7 +139,7 @@ class RunLabel(Model):
     phase: str = about("The phase in which it begins.")
     runs: int = about("Number of runs that have it.")
     reason: str = about("Why it applies to the first of these runs.")
-    seed: int = about("Of that run.")
+    seed: int = about("Seed of that run.")
     time: FiniteOrNull = about("When it begins [s]; null if of the whole run.")
     bodies: tuple[str, ...] = about("Bodies that it concerns; empty if the whole run.", default=())
 
@@ -150,13 +151,13 @@ class RunLabel(Model):
 
 
 class RestingContact(Model):
-    """A monitored pair in units of the world, and what it bears at rest."""
+    """A monitored pair in units of the world, and its load at rest."""
 
     name: str
     solref: tuple[float, ...] = about("as the engine uses it")
     phase: str = about("the first of the task, at whose end it is measured")
     contacts: float = about("their mean number then; 0 if it does not rest", unit="1")
-    load: float = about("that one of them bears", unit="N")
+    load: float = about("on one of them", unit="N")
     depth: float = about("their mean depth, measured", unit="m")
     expected_depth: FiniteOrNull = about("by the law of rest; null without a load", unit="m")
     stiffness: float = about("in an impact", unit="N/m")
@@ -175,12 +176,12 @@ class Examination(ReportModel):
     """
 
     examination_version: Literal[2] = EXAMINATION_VERSION
-    model: str = about("The scene or model, as it was named.")
+    model: str = about("The scene or model, by its name on the command line.")
     mujoco: str = about("Version of MuJoCo.")
     task: Task
     sections: tuple[SectionName, ...] = about("The requested sections.")
     verdict: VerdictWord | None = about(
-        "Of the whole examination; null if only contacts were requested.", default=None
+        "The verdict of the whole examination; null if only contacts were requested.", default=None
     )
     headline: str = about(
         "The verdict in at most 15 words; empty if only contacts were requested.", default=""
@@ -188,7 +189,7 @@ class Examination(ReportModel):
     why: tuple[str, ...] = about(
         "Place, time, number and limit of each cause, the main cause first.", default=()
     )
-    fix: str = about("Summary of the first fix, or why there is none.", default="")
+    fix: str = about("Summary of the first fix, or why no fix was found.", default="")
     causes: tuple[Cause, ...] = about(
         "Faults of the file and the start that come before all others, in the order of repairs.",
         default=(),
@@ -213,7 +214,7 @@ class Examination(ReportModel):
         default=(),
     )
     rejected_fixes: tuple[RejectedFix, ...] = about(
-        "Changes that are no fix, since a measure of their verification became worse.", default=()
+        "Changes that made a measure of their verification worse.", default=()
     )
     not_tried: tuple[str, ...] = about(
         "Rows of the budget that are not judged, and fixes, that were skipped so that the "

@@ -16,7 +16,7 @@ _SIGNS = {"shown": "x", "crashed": "x", "not shown": ".", "unclear": "?", "not r
 
 
 def describe_check(report: AdvisoriesCheck) -> Document:
-    """Describe which witness shows its fault under which release."""
+    """Describe the releases that show the fault of each witness."""
     rows = list[Row]()
     for name in dict.fromkeys(result.advisory for result in report.results):
         results = [result for result in report.results if result.advisory == name]

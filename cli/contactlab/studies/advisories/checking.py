@@ -15,7 +15,7 @@ from contactlab.studies.lock.versions import run_python
 
 _PROCESS = witness_process.__name__
 _SHOWN = 0.5
-"""Share of the way from the right to the wrong value from which a value shows the fault."""
+"""A value shows the fault beyond this share of the way from the right to the wrong value."""
 
 
 def check_advisories(
@@ -38,7 +38,9 @@ def check_advisories(
         for release in ordered:
             notify(f"MuJoCo {release}")
             lines = _replay_files(list(files), release, notify)
-            found += [_judge(advisory, release, lines[file]) for file, advisory in files.items()]
+            found += [
+                _judge_line(advisory, release, lines[file]) for file, advisory in files.items()
+            ]
     found.sort(key=lambda result: result.advisory)
     return AdvisoriesCheck(releases=tuple(ordered), results=tuple(found))
 
@@ -46,7 +48,7 @@ def check_advisories(
 def _replay_files(
     files: Sequence[str], release: str, notify: Callable[[str], None]
 ) -> Mapping[str, dict[str, Any]]:
-    """Return the last line of each file; a new process continues after one that ends early."""
+    # The last line of a file counts. A crash ends the process: a new one continues behind it.
     last, left = dict[str, dict[str, Any]](), list(files)
     while left:
         done = run_python(["-P", "-m", _PROCESS, *left], release, notify)
@@ -64,11 +66,11 @@ def _read_lines(text: str) -> Iterator[dict[str, Any]]:
             yield json.loads(line)
 
 
-def _judge(advisory: Advisory, release: str, line: Mapping[str, Any]) -> WitnessResult:
+def _judge_line(advisory: Advisory, release: str, line: Mapping[str, Any]) -> WitnessResult:
     return WitnessResult(
         advisory=advisory.id,
         release=release,
-        affected=advisory.affects(release),
+        affected=advisory.affects_release(release),
         outcome=_find_outcome(advisory, line),
         measured=line.get("measured"),
         meets=line.get("meets", False),

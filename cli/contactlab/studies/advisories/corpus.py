@@ -67,7 +67,7 @@ _LAYOUTS = {
     "<joint joint='one' coef='1'/></fixed></tendon><actuator><motor tendon='cable'/>"
     "<position joint='one' kp='10' dampratio='1'/></actuator></mujoco>",
 }
-"""Models that use what a compiler resolves: frames, classes, ranges and settings of masses."""
+"""Models with parts that a compiler resolves: frames, classes, ranges and settings of masses."""
 
 
 class CorpusModel(NamedTuple):
@@ -121,15 +121,15 @@ def generate_models() -> Iterator[tuple[str, str]]:
 def _hull_text() -> str:
     points = np.random.default_rng(0).normal(size=(12, 3))
     points *= 0.12 / np.linalg.norm(points, axis=1)[:, None]
-    return f'<mesh name="hull" vertex="{_numbers(points)}"/>'
+    return f'<mesh name="hull" vertex="{_format_numbers(points)}"/>'
 
 
-def _numbers(values: np.ndarray) -> str:
+def _format_numbers(values: np.ndarray) -> str:
     return " ".join(f"{value:.4f}" for value in np.ravel(values))
 
 
 def _pair_text(first: str, second: str) -> str:
-    """Return pairs of two shapes in several poses, each pair apart from the others."""
+    # Pairs are apart, so that only the two shapes of a pair touch.
     draw, bodies = np.random.default_rng(1), list[str]()
     for place in range(_POSES):
         turn, other = draw.normal(size=4), draw.normal(size=4)
@@ -138,12 +138,12 @@ def _pair_text(first: str, second: str) -> str:
         at = np.array([1.5 * place, 0, 0.1])
         if first != "plane":
             bodies.append(
-                f'<body pos="{_numbers(at)}" quat="{_numbers(turn)}"><freejoint/>'
+                f'<body pos="{_format_numbers(at)}" quat="{_format_numbers(turn)}"><freejoint/>'
                 f"<geom {_SHAPES[first]}/></body>"
             )
         below = at + (away if first != "plane" else [0, 0, -0.01])
         bodies.append(
-            f'<body pos="{_numbers(below)}" quat="{_numbers(other)}"><freejoint/>'
+            f'<body pos="{_format_numbers(below)}" quat="{_format_numbers(other)}"><freejoint/>'
             f"<geom {_SHAPES[second]}/></body>"
         )
     floor = f"<geom {_PLANE}/>" if first == "plane" else ""
@@ -155,28 +155,27 @@ def _pair_text(first: str, second: str) -> str:
 
 
 def _tree_text(seed: int) -> str:
-    """Return a random tree of capsules with hinges above a floor; half of them are sparse."""
+    # Half of the trees use sparse matrices, since engines have other code for these.
     draw = np.random.default_rng(seed)
     count = int(draw.integers(6, 14))
     parents = [-1, *(int(draw.integers(0, body)) for body in range(1, count))]
 
-    def body(number: int) -> str:
+    def body_text(number: int) -> str:
         axis = ("1 0 0", "0 1 0", "0 0 1")[int(draw.integers(3))]
         joint = f'<joint axis="{axis}" damping=".01" range="-60 60"/>' if number else "<freejoint/>"
         at = f".11 {0.04 * (number % 3 - 1):g} 0" if number else "0 0 .05"
-        inner = "".join(body(child) for child in range(count) if parents[child] == number)
+        inner = "".join(body_text(child) for child in range(count) if parents[child] == number)
         geom = '<geom type="capsule" fromto="0 0 0 .1 0 0" size=".02"/>'
         return f'<body pos="{at}">{joint}{geom}{inner}</body>'
 
     storage = "sparse" if seed % 2 else "dense"
     return (
         f'<mujoco><option jacobian="{storage}"/>'
-        f"<worldbody><geom {_PLANE}/>{body(0)}</worldbody></mujoco>"
+        f"<worldbody><geom {_PLANE}/>{body_text(0)}</worldbody></mujoco>"
     )
 
 
 def _constraint_text(part: str) -> str:
-    """Return an arm of two links and a load on a floor, with one more part of a model."""
     return f"""<mujoco>{part}<worldbody><geom {_PLANE}/>
       <body name="arm" pos="0 0 .4"><joint name="one" axis="0 1 0"/>
         <geom type="capsule" fromto="0 0 0 .3 0 0" size=".03"/>
@@ -187,7 +186,7 @@ def _constraint_text(part: str) -> str:
 
 
 def _servo_text(integrator: str) -> str:
-    """Return sliders with stiff servos whose force is limited in each of the possible places."""
+    # The force of a servo has no limit, one of the actuator, or one of the joint.
     return f"""<mujoco><option integrator="{integrator}" timestep=".01" gravity="0 0 0"/><worldbody>
       <body><joint name="free" type="slide"/><geom size=".1" mass="1"/></body>
       <body pos="1 0 0"><joint name="clamped" type="slide"/><geom size=".1" mass="1"/></body>
@@ -199,7 +198,6 @@ def _servo_text(integrator: str) -> str:
 
 
 def _tumble_text(integrator: str) -> str:
-    """Return free and ball joints that turn without loads."""
     return f"""<mujoco><option integrator="{integrator}" timestep=".01" gravity="0 0 0"/><worldbody>
       <body><freejoint/><geom type="box" size=".1 .2 .3"/></body>
       <body pos="2 0 0"><joint type="ball"/><geom type="box" size=".1 .2 .3" pos=".1 0 0"/></body>
@@ -207,7 +205,6 @@ def _tumble_text(integrator: str) -> str:
 
 
 def _sensor_text(sensor: str, place: str) -> str:
-    """Return a sensor on an arm that a weld and a tendon hold, or on a fixed body."""
     joint = '<joint axis="0 1 0"/>' if place == "moving" else ""
     return f"""<mujoco><worldbody><site name="anchor" pos=".5 0 2"/>
       <body name="arm" pos="0 0 1">{joint}<geom type="capsule" fromto="0 0 0 .5 0 0" size=".05"/>

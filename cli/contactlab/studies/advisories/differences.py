@@ -1,4 +1,4 @@
-"""Finds the first stage of a step in which two releases differ, and a small model that shows it."""
+"""Finds the first stage of a step that differs between two releases, and a small model of it."""
 
 import re
 import time
@@ -37,9 +37,9 @@ _INDEX = re.compile(r"\[[\d, ]+\]")
 _ADDRESS = re.compile(r"geom\[(\d+)\]")
 _SOLVED = ("constraints", "solver")
 _LEAST_ERROR = 1e-4
-"""Share below which an error of a solver, of steps or of saved text is ordinary."""
+"""Largest ordinary error of a solver, of steps or of saved text, as a share."""
 _CLEAR = 30.0
-"""Factor between the errors of two releases from which one is wrong and the other is right."""
+"""Least ratio of the errors of a wrong and a right release."""
 _TEXT_ROUNDING = 1e-5
 """Share of the largest number that is lost in MJCF with six digits."""
 
@@ -48,8 +48,8 @@ class Difference(NamedTuple):
     """The first difference of two releases in a model.
 
     Attributes:
-        stage: in which a step first differs.
-        quantity: the field with its index, or what differs of a pair of geoms.
+        stage: the first stage of a step that differs.
+        quantity: the field with its index, or the differing quantity of a pair of geoms.
         kind: the same without indices, and with kinds of geoms.
         place: index of the state.
         first, second: values under the two releases.
@@ -92,10 +92,7 @@ def find_difference(model: mujoco.MjModel, first: Windows, second: Windows) -> D
 
 
 def _find_solver_difference(first: Windows, second: Windows) -> Difference | None:
-    """Return the state in which one release alone is far from its own tight solution.
-
-    It needs no comparison of contacts, which rounding may change.
-    """
+    # Each release is compared with its own tight solution, since rounding may change contacts.
     for place in range(len(first.ends)):
         errors = _solver_error(first, place), _solver_error(second, place)
         if max(errors) > max(_LEAST_ERROR, _CLEAR * min(errors)):
@@ -109,7 +106,6 @@ def _find_solver_difference(first: Windows, second: Windows) -> Difference | Non
 def _find_compiled_difference(
     first: Mapping[str, Floats], second: Mapping[str, Floats], prefix: str
 ) -> Difference | None:
-    """Return the field of a compiled or saved model that differs most, first in their order."""
     share = _TEXT_ROUNDING if prefix else COARSE_ROUNDING
     for name, ours in first.items():
         theirs, kind = second[name], f"{name} of the {prefix}" if prefix else name
@@ -160,7 +156,6 @@ def _find_integration_difference(
 
 
 def _name_kind(model: mujoco.MjModel, quantity: str) -> str:
-    """Return a quantity without indices, and with the kinds of a pair's geoms."""
     what, of, pair = quantity.partition(" of ")
     if not of:
         return _INDEX.sub("", quantity)
@@ -187,21 +182,21 @@ def decide_fault(
     one of shorter steps.
     """
     if SAVED in difference.kind:
-        yardstick, measure = "the model before it was saved", _saving_error
+        reference, measure = "the model before it was saved", _saving_error
     elif difference.stage in _SOLVED:
-        yardstick, measure = "a dense Newton solver without tolerance", _solver_error
+        reference, measure = "a dense Newton solver without tolerance", _solver_error
     elif difference.stage == INTEGRATION:
-        yardstick, measure = "shorter steps", _step_error
+        reference, measure = "shorter steps", _step_error
     else:
         return "", "no closed form or independent computation is known for this stage"
     errors = [measure(windows, difference.place) for windows in (first, second)]
     worse = int(errors[1] > errors[0])
     if errors[worse] > max(_LEAST_ERROR, _CLEAR * errors[1 - worse]):
         return releases[worse], (
-            f"the difference to {yardstick} is a share of {errors[worse]:.2g} under "
+            f"the difference to {reference} is a share of {errors[worse]:.2g} under "
             f"{releases[worse]}, and of {errors[1 - worse]:.2g} under {releases[1 - worse]}"
         )
-    return "", f"both releases agree with {yardstick} alike"
+    return "", f"both releases agree with {reference} alike"
 
 
 def _saving_error(windows: Windows, place: int) -> float:
@@ -256,11 +251,11 @@ class DifferenceTrials:
     def still_fails(self, model: FailingModel) -> bool:
         """Return whether the releases differ in this model in the same way."""
         if model.text not in self._known and not self.over:
-            found = self.compare(model)
+            found = self.compare_releases(model)
             self._known[model.text] = found is not None and found[0].key == self.key
         return self._known.get(model.text, False)
 
-    def compare(self, model: FailingModel) -> tuple[Difference, Windows, Windows] | None:
+    def compare_releases(self, model: FailingModel) -> tuple[Difference, Windows, Windows] | None:
         """Return the first difference in a model from its start, with the windows."""
         try:
             compiled = model.compile_spec()

@@ -43,7 +43,7 @@ from contactlab.studies.shrink.failing_model import START, FailingModel, as_one_
 from contactlab.tasks.session import Session
 
 RECORDED_STEPS = (1, 10, 20, 30, 40, 60, 80, 120, 160, 240, 320, 400)
-"""Steps after which states are recorded, closer in the first impacts; some faults are rare."""
+"""Numbers of steps before recorded states, closer in the first impacts; some faults are rare."""
 _ORDER = tuple(dict.fromkeys(STAGES.values()))
 _UNDECIDED = "CHANGE: find a closed form or an independent computation, or drop this draft"
 
@@ -85,7 +85,9 @@ def find_differences(request: FindRequest, session: Session) -> DifferencesRepor
         ReleaseProcess(first, session.notify) as one,
         ReleaseProcess(second, session.notify) as other,
     ):
-        return compare_engines(request, session, (one.evaluate, other.evaluate), one.record)
+        return compare_engines(
+            request, session, (one.evaluate_model, other.evaluate_model), one.record_model
+        )
 
 
 def compare_engines(
@@ -130,15 +132,12 @@ def compare_engines(
 def _compare_model(
     member: CorpusModel, engines: tuple[Evaluate, Evaluate], record: Record
 ) -> tuple[int, _Found | None]:
-    """Return the number of states, and the first difference of the engines in a model.
-
-    A model of one file is compared as it is written, since the file that is shrunk has no defaults,
-    frames and compiler settings.
-    """
     scene = SceneLoader(None).open(member.reference)
     run = scene.resolve({}, 0, None)
     start = scene.initial_states([run])
     flat = as_one_file(scene, run, start)
+    # The text of a model of one file is compared: the flat one lacks defaults, frames and compiler
+    # settings.
     text, compiled = member.text or flat, compile_text(member.text or flat)
     begin = state_at(compiled, start)
     states = record(text, begin, RECORDED_STEPS)
@@ -165,11 +164,10 @@ def _report_group(
     found: dict[str, _Found],
     engines: tuple[Evaluate, Evaluate],
 ) -> tuple[DifferenceGroup, str]:
-    """Return the report of a group, and its drafted advisory."""
     trials = DifferenceTrials(*engines, key, time.monotonic() + request.seconds)
     smallest = min(found.values(), key=lambda each: len(each.model.text))
     small = shrink_difference(smallest.model, trials)
-    compared = trials.compare(small)
+    compared = trials.compare_releases(small)
     text, saved = small.text, SAVED in key[1]
     if compared is None or compared[0].key != key:
         text = smallest.text

@@ -46,19 +46,19 @@ class ReleaseProcess:
             self._process.kill()
             self._process.communicate()  # it closes the pipes
 
-    def evaluate(self, text: str, states: Sequence[State]) -> Windows:
+    def evaluate_model(self, text: str, states: Sequence[State]) -> Windows:
         """Return the windows of a model from states.
 
         Raises:
             EngineError: the release refuses the model, or the process ended.
         """
-        return cast("Windows", self._ask(("evaluate", text, states)))
+        return cast("Windows", self._ask_process(("evaluate", text, states)))
 
-    def record(self, text: str, start: State, steps: Sequence[int]) -> list[State]:
+    def record_model(self, text: str, start: State, steps: Sequence[int]) -> list[State]:
         """Return states of a model; see `record_states`."""
-        return cast("list[State]", self._ask(("record", text, start, steps)))
+        return cast("list[State]", self._ask_process(("record", text, start, steps)))
 
-    def _ask(self, message: tuple[object, ...]) -> object:
+    def _ask_process(self, message: tuple[object, ...]) -> object:
         if self._process is None or self._process.poll() is not None:
             self._process = subprocess.Popen(  # noqa: S603
                 [sys.executable, "-P", "-m", __name__],
@@ -82,7 +82,7 @@ class ReleaseProcess:
         return answer
 
 
-def _serve(requests: IO[bytes], answers: IO[bytes]) -> None:
+def _serve_requests(requests: IO[bytes], answers: IO[bytes]) -> None:
     while True:
         try:
             name, *arguments = pickle.load(requests)  # noqa: S301 - the parent process
@@ -98,5 +98,5 @@ def _serve(requests: IO[bytes], answers: IO[bytes]) -> None:
 
 if __name__ == "__main__":
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what libraries print goes elsewhere
-    _serve(sys.stdin.buffer, answers)
+    os.dup2(2, 1)  # output of libraries must not mix with the answers
+    _serve_requests(sys.stdin.buffer, answers)

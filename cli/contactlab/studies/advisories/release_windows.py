@@ -21,7 +21,7 @@ _COMPILED = (
     *("body_mass", "body_inertia", "body_ipos", "body_pos", "geom_size", "geom_pos"),
     *("geom_friction", "jnt_range", "dof_M0", "qpos0"),
 )
-"""Fields of a compiled model that are compared, besides what is computed from them."""
+"""Fields of a compiled model that are compared, besides quantities that are computed from them."""
 _TIGHT_ITERATIONS = 1000
 _FINER = 8
 """Steps of a finer window in one step."""
@@ -29,7 +29,7 @@ _CCD_TOLERANCE, _CCD_ITERATIONS = 1e-12, 500
 
 
 class Windows(NamedTuple):
-    """Quantities of K states of a model: as they are, and rounded to single precision.
+    """Quantities of K states of a model: exact ones, and those rounded to single precision.
 
     Attributes:
         compiled: fields of the compiled model.
@@ -102,7 +102,7 @@ def evaluate_windows(text: str, states: Sequence[State]) -> Windows:
 def compile_text(text: str) -> mujoco.MjModel:
     """Return a compiled model; an EngineError says that this MuJoCo refuses it.
 
-    Collisions of smooth shapes are iterated to rounding, since their tolerance is no fault.
+    Collisions of smooth shapes are iterated to rounding, since a loose tolerance is not a fault.
     """
     silence_mujoco()
     try:
@@ -121,7 +121,6 @@ def _read_compiled(model: mujoco.MjModel) -> Mapping[str, Floats]:
 
 
 def _read_saved(text: str) -> Mapping[str, Floats] | str:
-    """Return the compiled fields of a model that was saved and loaded, or why it was refused."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:

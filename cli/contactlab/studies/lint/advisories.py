@@ -13,7 +13,7 @@ from contactlab.studies.lint.rules import rule
 
 
 @rule("advisory", "note")
-def advisory(linted: LintedModel) -> Iterator[Fault]:
+def known_fault(linted: LintedModel) -> Iterator[Fault]:
     """The model meets a known fault of the installed engine."""
     for each in find_met_advisories(linted.model, elements=linted.elements):
         place = linted.place_of("option")
@@ -21,7 +21,7 @@ def advisory(linted: LintedModel) -> Iterator[Fault]:
 
 
 def _list_edits(linted: LintedModel, met: Advisory) -> tuple[Edit, ...]:
-    """Return the edits of the first workaround, if it consists of options and flags."""
+    # A workaround with other settings has no edits.
     settings = met.workarounds[0].settings if met.workarounds else {}
     if not settings.keys() <= {*OPTIONS, *FLAG_NAMES}:
         return ()

@@ -91,7 +91,6 @@ def _is_free(model: mujoco.MjModel, body: int) -> bool:
 
 
 def _overlap_text(linted: LintedModel, found: Sequence[_Overlap]) -> str:
-    """Return the deepest overlap in words, and the number of other overlaps."""
     worst = max(found, key=lambda overlap: overlap.depth)
     bodies = [linted.name("body", int(linted.model.geom_bodyid[geom])) for geom in worst.geoms]
     geoms = " - ".join(linted.name("geom", geom) for geom in worst.geoms)
@@ -174,7 +173,7 @@ def overlap_in_keyframe(linted: LintedModel) -> Iterator[Fault]:
 def overlap_in_qpos0(linted: LintedModel) -> Iterator[Fault]:
     """Bodies that are not joined overlap in the reference pose, and no keyframe is another."""
     if found := [overlap for overlap in _unjoined_overlaps(linted) if overlap.start == QPOS0]:
-        message = f"{_overlap_text(linted, found)}; start from a keyframe in which they do not"
+        message = f"{_overlap_text(linted, found)}; start from a keyframe without this overlap"
         yield Fault(message, _overlap_place(linted, found))
 
 
@@ -201,7 +200,7 @@ def below_floor(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("pressing", "warn")
-def pressing(linted: LintedModel) -> Iterator[Fault]:
+def pressed_bodies(linted: LintedModel) -> Iterator[Fault]:
     """Joints hold bodies in each other, which press with many times the weight, without a motor."""
     model, found = linted.model, dict[tuple[int, int], tuple[float, str]]()
     halves = half_extents(model)
@@ -211,7 +210,7 @@ def pressing(linted: LintedModel) -> Iterator[Fault]:
             geoms = list(pressed.geoms)
             low, high = sorted(map(int, model.geom_bodyid[geoms]))
             joined = _are_joined(linted, low, high) or _is_mounted(linted, low, high)
-            on_floor = bool(np.isinf(halves[geoms]).any())  # a floor is no base of its robots
+            on_floor = bool(np.isinf(halves[geoms]).any())  # a floor is not a base of its robots
             if on_floor or not joined:
                 loads[low, high] = loads.get((low, high), 0.0) + pressed.weights
         for pair, weights in loads.items():
@@ -274,7 +273,9 @@ def find_coincident_geoms(model: mujoco.MjModel) -> list[tuple[int, int]]:
     return doubled
 
 
-_SAME = 0.01  # of the smallest side, by which boxes around a copy and its original may differ
+_SAME = (
+    0.01  # share of the smallest side: largest difference of boxes around a copy and its original
+)
 
 
 def _boxes_in_parts(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Floats, Floats]:

@@ -80,7 +80,7 @@ def run_python(
 
 
 def variables_of_release(version: str | None, notify: Callable[[str], None]) -> dict[str, str]:
-    """Return the environment variables with which this Python imports another release of MuJoCo.
+    """Return the environment variables that make this Python import another release of MuJoCo.
 
     Raises an EngineError if there is no such release, or it cannot be installed.
     """

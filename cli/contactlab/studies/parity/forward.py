@@ -250,7 +250,7 @@ def _point_distance(first: Floats | None, second: Floats | None) -> float:
 
 
 def _normal_difference(first: Floats, second: Floats) -> float:
-    """Return the angle between the normals of the deepest contacts [rad]; 0 if one has none."""
+    # The angle between the normals of the deepest contacts [rad]; 0 if a normal is missing.
     one, other = first[0, _NORMAL], second[0, _NORMAL]
     if not one.any() or not other.any():
         return 0.0
