@@ -190,7 +190,7 @@ LOOKALIKES = {
         "tunneling",
     ),
     "a weld that turns a little": (TOOL.format(0.02), TOOL.format(0.2), "constraint_violated"),
-    "a brake that holds": (BRAKE.format(0.01), BRAKE.format(1), "constraint_violated"),
+    "a brake that holds": (BRAKE.format(0.005), BRAKE.format(1), "constraint_violated"),
     "a press that a motor drives": (
         world(WEDGED.format(height=2, press=PRESS)),
         world(WEDGED.format(height=0.114, press="")),

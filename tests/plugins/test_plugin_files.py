@@ -226,4 +226,4 @@ def test_every_part_is_where_it_is_said_to_be(kind: str, name: str) -> None:
         part = extensions(kind)[name].load()
     except ContactlabError as error:  # an extra is not installed
         pytest.skip(str(error))
-    assert callable(part) or isinstance(part, ModuleType)
+    assert callable(part) or isinstance(part, ModuleType | Path)

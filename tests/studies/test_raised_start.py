@@ -151,7 +151,7 @@ def test_a_sunk_box_is_told_of_its_start_and_the_written_model_is_ok(tmp_path: P
     path, new = tmp_path / "box.xml", tmp_path / "new/box.xml"
     path.write_text(SUNK.format(height=0.02))
     report = contactlab.examine(path, output=tmp_path / "box.json", write=new, apply=["raise"])
-    headline = "depends: its start overlaps by 30 mm at contact world - box"
+    headline = "fails: its start overlaps by 30 mm at contact world - box"
     (cause,) = report.causes
     assert (cause.stage, cause.verdict) == ("start", "ok")
     assert report.why[1].endswith(cause.remainder)
@@ -176,7 +176,7 @@ def test_the_rest_is_judged_with_the_file_and_the_start_repaired(tmp_path: Path)
     assert report.verdict == "fails"
     assert report.headline.startswith("fails: geoms seen and solid are equal")
     assert [cause.stage for cause in report.causes] == ["file", "start"]
-    assert [cause.verdict for cause in report.causes] == ["depends", "ok"]
+    assert [cause.verdict for cause in report.causes] == ["fails", "ok"]
     assert [fix.apply for fix in report.fixes] == ["single", "raise"]
     assert report.fixes[1].masked_geoms == ("solid",)
     assert report.fixes[1].moved_bodies == (("box", (0.0, 0.0, 0.05)),)

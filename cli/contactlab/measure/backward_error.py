@@ -157,6 +157,7 @@ def largest_energy_change(context: Context, run: int) -> tuple[str, int]:
     letter="8",
     colour="#e8ffff",
     advice="none if intended; otherwise an elliptic cone with impratio 10, or a shorter solref",
+    traits=("note",),
 )
 def choice_dependent(runs: MeasuredRuns) -> OnsetIterator:
     """Another cone, impratio, noslip or softness changes the motion beyond the tolerance."""

@@ -36,9 +36,7 @@ SEVERITIES: Mapping[Severity, str] = {
     "good": "no other label applies",
 }
 """The bands of labels with their meanings, worst first."""
-FAILING_SEVERITIES = {"void", "bad", "poor"}
-"""The bands that make a verdict `fails`; the others are notes."""
-Trait = Literal["grip", "no impact", "numerical", "required"]
+Trait = Literal["grip", "no impact", "note", "numerical", "required"]
 _COLOUR_CODE = re.compile("#[0-9a-f]{6}")
 _UNIT_TOLERANCES = {
     "m": 1e-4,
@@ -193,6 +191,7 @@ class Label:
         thresholds: the limits that its rule reads.
         traits: further properties: `grip` if it says that a grip does not hold, `required` if it
             reports a violated requirement of a scene, `numerical` if its cause may be the step,
+            `note` if it makes no verdict `fails`, such as a limit of the recorder,
             `no impact` if the first contact of its runs is not an impact of rigid bodies.
         rule: finds the runs that it applies to; None if it is known from outside the trace.
     """

@@ -102,6 +102,7 @@ def solver_nonconvergence(runs: MeasuredRuns) -> OnsetIterator:
     letter="6",
     colour="#622c63",
     advice="more `slots` of the pair in the scene",
+    traits=("note",),
 )
 def unrecorded_contacts(runs: MeasuredRuns) -> OnsetIterator:
     """A pair had more contacts than slots; measurements use the recorded ones only."""

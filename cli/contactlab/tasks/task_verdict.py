@@ -14,7 +14,7 @@ import numpy as np
 from contactlab.budget import ErrorBudget, PhaseBudget, Settings, error_budget, judge
 from contactlab.errors import SweepFileError
 from contactlab.measure.backward_error import step_dependent
-from contactlab.measure.entries import FAILING_SEVERITIES, LABELS
+from contactlab.measure.entries import labels_with
 from contactlab.mjcf import MODEL_ENGINE
 from contactlab.plan.task_options import TaskOptions
 from contactlab.rendering.amounts import format_percent
@@ -124,7 +124,7 @@ def run_labels(
     budget of all seeds is within the tolerance.
     """
     found: dict[tuple[str, str], RunLabel] = {}
-    judged = {name for name, label in LABELS.items() if label.severity not in FAILING_SEVERITIES}
+    judged = {"stable", *labels_with("note")}
     if budget is not None and all(phase.run.error <= task.tolerance for phase in budget.phases):
         judged.add(step_dependent.__name__)
     for record in records:
