@@ -37,7 +37,8 @@ class Rise:
 def list_files(root: Path = ROOT) -> Iterator[Path]:
     """Yield the checked files: the package, adapters, the atlas, documentation and examples.
 
-    Tests and other benchmarks are not checked: users do not read them, and their names are sentences.
+    Tests and other benchmarks are not checked: users do not read them, and their names are
+    sentences.
     """
     for folder in ("adapters", "bench/atlas", "changelog.d", "cli", "docs", "examples"):
         for suffix in ("py", "md"):
