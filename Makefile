@@ -63,7 +63,7 @@ stubs: .stubs/mujoco-stubs/py.typed
 	$(BIN)/pybind11-stubgen mujoco -o .stubs --root-suffix=-stubs --ignore-all-errors >/dev/null 2>&1
 	printf 'partial\n' > $@
 
-# The schemas, the columns in docs/evidence.md, docs/glossary.md and docs/modifications.md.
+# The schemas, the columns in docs/reference/evidence.md, docs/reference/glossary.md and docs/reference/modifications.md.
 schemas: .venv/dev
 	$(BIN)/contactlab schema --write schemas
 	$(BIN)/python -m tests.docs.table_columns

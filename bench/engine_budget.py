@@ -5,7 +5,7 @@ Run: python -m bench.engine_budget ENGINE,ENGINE [TASK ...]
 Of each task of `sweeps/engines`, at its middle step and for half a second at most: from the state
 at the start of every window, of 40 ms or a quarter of what is shorter, the engine itself goes on at
 a quarter of its step, and what it parts by is the phantom impulse over the real one, of the worst
-body, as docs/budget.md has it. An engine that chooses its own steps goes on at a sixteenth of an
+body (docs/how-to/budget.md). An engine that chooses its own steps goes on at a sixteenth of an
 accuracy of .001, which has steps of a quarter where it is of first order. Told beside it is how far
 the engine parts from its own run when it goes on as it did: 0 where a state is all that it knows,
 so that it can restart.

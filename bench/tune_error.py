@@ -4,9 +4,9 @@ Run: python -m bench.tune_error FOLDER
 
 The folder is that of the study. The model as written runs at the study's fine step; in windows of
 40 ms, the written model begins where that motion is, and is held against it at the window's end.
-See docs/budget.md for what a share is. Of a written model whose bodies may sleep, the larger counts
-of that and of its own whole runs, whose windows are held against itself awake. Nothing is shared
-with the study but its motions' starts and inputs.
+docs/how-to/budget.md defines the share. Of a written model whose bodies may sleep, the larger
+counts of that and of its own whole runs, whose windows are held against itself awake.
+Nothing is shared with the study but its motions' starts and inputs.
 """
 
 import copy

@@ -1,4 +1,4 @@
-"""Draws the pictures of docs/budget.md, and prints its tables.
+"""Draws the pictures of docs/how-to/budget.md, and prints its tables.
 
 Run: python -m docs.budget_pictures [FOLDER]
 
@@ -28,7 +28,7 @@ from contactlab.reporting.budget_document import describe_budget
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.schema.error_budget import BudgetRow
 
-_FOLDER = Path(__file__).parent
+_FOLDER = Path(__file__).parent / "pictures"
 _KINDS = "numerics", "model", "effect", "unknown"
 _LEAST, _MOST = 1e-3, 30.0  # shares that the axis shows
 _WIDTH, _STEP, _NAMES = 380, 18, 110  # pixels

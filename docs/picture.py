@@ -1,4 +1,4 @@
-"""Draw docs/bounce.svg, what a terminal shows of `contactlab sweep bounce`, and film two grips.
+"""Draw docs/pictures/bounce.svg, a terminal after `contactlab sweep bounce`, and film two grips.
 
 Run by `make picture`.
 """
@@ -49,7 +49,7 @@ def draw_terminal() -> None:
     console.print(f"$ {' '.join(_COMMAND)}")
     console.print(Text.from_ansi(done.stdout.decode()))
     picture = console.export_svg(title="contactlab", unique_id="bounce")
-    Path("docs/bounce.svg").write_text(_FOREIGN.sub("", picture), encoding="utf-8")
+    Path("docs/pictures/bounce.svg").write_text(_FOREIGN.sub("", picture), encoding="utf-8")
 
 
 def film_grips() -> None:
@@ -64,7 +64,7 @@ def film_grips() -> None:
             lasting = animation.info["duration"]
             first, *others = (each.convert("RGB") for each in ImageSequence.Iterator(animation))
     first.save(
-        "docs/grips.webp",
+        "docs/pictures/grips.webp",
         save_all=True,
         append_images=others,
         duration=lasting,

@@ -1,7 +1,7 @@
 """All that a plug-in needs: decorators, and the arguments and results of its functions.
 
-docs/plugins.md describes it. A name is imported when it is used, so that a plug-in with a metric
-alone loads no engine.
+docs/how-to/plugins.md describes it. A name is imported when it is used, so that a plug-in with a
+metric alone loads no engine.
 """
 
 from collections.abc import Iterator

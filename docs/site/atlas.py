@@ -387,7 +387,7 @@ def _grippers(hands: Sequence[Entry]) -> Iterator[str]:
     """Yield which hands hold the usual box as they are, and with which change the others do."""
     yield "(grippers-and-hands)=\n## Parallel grippers and hands that are known to work\n"
     yield "A box of 30 x 40 x 40 mm and 0.1 kg, which the hand's own actuators close on, and whose"
-    yield "weight pulls in each direction ([how it is asked](grip.md)). The last column is the"
+    yield "weight pulls in each direction ([grip](how-to/grip.md)). The last column is the"
     yield "verdict on the whole model, not on its grip.\n"
     yield "| gripper | as it is | holds with | model |\n|---|---|---|---|"
     for entry in hands:

@@ -1,4 +1,4 @@
-"""The example of docs/budget.md runs as it stands there, on a model of the name it has."""
+"""The example of docs/how-to/budget.md runs as it stands there, on a model of the name it has."""
 
 import re
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from tests.budget_motions import WALKER
 
-TEXT = (Path(__file__).parents[2] / "docs/budget.md").read_text(encoding="utf-8")
+TEXT = (Path(__file__).parents[2] / "docs/how-to/budget.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.long

@@ -1,4 +1,4 @@
-"""The list of columns in docs/evidence.md; `python -m tests.docs.table_columns` writes it anew."""
+"""Write the list of columns in docs/reference/evidence.md."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import pyarrow as pa
 
 from contactlab.store.table_layout import FIXED_COLUMNS, LOOP_COLUMNS, PLUGINS_COLUMN
 
-PAGE = Path(__file__).parents[2] / "docs/evidence.md"
+PAGE = Path(__file__).parents[2] / "docs/reference/evidence.md"
 _BEGIN, _END = "<!-- columns: written by make schemas -->\n", "<!-- end of columns -->\n"
 
 

@@ -1,4 +1,4 @@
-"""The workflow of docs/ci.md that accepts a change takes only the commit that its comment names."""
+"""The workflow of docs/how-to/ci.md accepts only the commit that its comment names."""
 
 import os
 import re
@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
-PAGE = Path(__file__).parents[2] / "docs" / "ci.md"
+PAGE = Path(__file__).parents[2] / "docs/how-to/ci.md"
 SECTION = PAGE.read_text(encoding="utf-8").partition("## Accepting a change")[2]
 JOB = YAML(typ="safe").load(SECTION.partition("```yaml\n")[2].partition("```")[0])["jobs"]["accept"]
 (CHECKOUT,) = (step for step in JOB["steps"] if "gh pr checkout" in step.get("run", ""))

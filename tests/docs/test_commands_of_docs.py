@@ -19,7 +19,7 @@ from contactlab.plan.sweep_file import read_sweep
 from contactlab.resources import scene_names
 from contactlab.run.sweep_request import SceneLoader
 
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 FENCES = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
 EXAMPLES = [
     ShownCommand(f"help of {command.name}", 1, tuple(shlex.split(line, comments=True)))
@@ -81,7 +81,7 @@ def test_no_line_of_a_file_is_refused(file: str, refusal: Try) -> None:
 def test_lines_are_found_wherever_they_stand() -> None:
     files = {shown.file for shown in SHOWN}
     assert {".ci/smoke", "Makefile", "action.yml", ".github/action/judge", "README.md"} <= files
-    assert {".pre-commit-hooks.yaml", ".pre-commit-config.yaml", "docs/tune.md"} <= files
+    assert {".pre-commit-hooks.yaml", ".pre-commit-config.yaml", "docs/how-to/tune.md"} <= files
     assert {"docs/skills/contactlab/SKILL.md", "examples/grasp_gate/grasp-gate.yaml"} <= files
     assert {"cli/contactlab/commands/list.py", "examples/onnx_policy.py"} <= files
 

@@ -8,7 +8,7 @@ from bench.judge_count import constants
 from contactlab.measure import LABELS
 
 _ROOT = Path(__file__).parents[2]
-_TEXT = (_ROOT / "docs/budget-derivation.md").read_text(encoding="utf-8")
+_TEXT = (_ROOT / "docs/theory/error-budget.md").read_text(encoding="utf-8")
 _LISTS = _TEXT.partition("## Labels, limits and constants\n")[2]
 
 

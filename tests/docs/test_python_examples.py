@@ -1,4 +1,4 @@
-"""The examples of docs/python.md run one after the other, as they stand there."""
+"""The examples of docs/how-to/python.md run one after the other, as they stand there."""
 
 import re
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 
 pytestmark = pytest.mark.long
 
-TEXT = (Path(__file__).parents[2] / "docs/python.md").read_text(encoding="utf-8")
+TEXT = (Path(__file__).parents[2] / "docs/how-to/python.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"^```python\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)
 
 

@@ -1,4 +1,4 @@
-"""The examples of docs/evidence.md run as they stand there, on a store of real runs."""
+"""The examples of docs/reference/evidence.md run as they stand there, on a store of real runs."""
 
 import re
 from pathlib import Path
@@ -12,7 +12,7 @@ from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.store.finished_store import Store
 
-TEXT = (Path(__file__).parents[2] / "docs/evidence.md").read_text(encoding="utf-8")
+TEXT = (Path(__file__).parents[2] / "docs/reference/evidence.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"^```python\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)
 SWEEP = """
 version: 1

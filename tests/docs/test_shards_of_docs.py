@@ -12,7 +12,7 @@ import pytest
 from ruamel.yaml import YAML
 from tests.docs.tried_commands import parse
 
-PAGE = Path(__file__).parents[2] / "docs" / "clusters.md"
+PAGE = Path(__file__).parents[2] / "docs/how-to/clusters.md"
 SECTION = PAGE.read_text().partition("## Shards")[2].partition("\n## ")[0]
 PLAIN, SLURM, PARALLEL = re.findall(r"```sh\n(.*?)```", SECTION, re.DOTALL)
 JOB, WORKFLOW = (

@@ -13,7 +13,7 @@ import contactlab
 TEXT = (Path(__file__).parents[2] / "docs/skills/contactlab/SKILL.md").read_text(encoding="utf-8")
 ROWS = re.findall(r"^\| .* \| `contactlab (.*)` \| (.*) \|$", TEXT, re.MULTILINE)
 HERE = [row for row in ROWS if not row[0].startswith("bisect")]
-# docs/upgrading.md: implicitfast loses the energy of free rotation since 3.11.0.
+# docs/how-to/upgrading.md: implicitfast loses the energy of free rotation since 3.11.0.
 TUMBLE = """
 version: 1
 scene: tumbling_box

@@ -1,4 +1,4 @@
-"""The columns that docs/evidence.md lists are those of the table, and their facts the record's."""
+"""The columns in docs/reference/evidence.md are those of the table and of the record."""
 
 import pyarrow as pa
 import pytest

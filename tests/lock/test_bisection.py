@@ -186,7 +186,7 @@ axes: {integrator: [implicitfast], timestep: [0.01]}
 
 @pytest.mark.night
 def test_a_change_of_a_real_release_is_found(tmp_path: Path) -> None:
-    """docs/upgrading.md: implicitfast loses the energy of free rotation since 3.11.0."""
+    """docs/how-to/upgrading.md: implicitfast loses the energy of free rotation since 3.11.0."""
     file = tmp_path / "tumble.yaml"
     file.write_text(TUMBLE)
 

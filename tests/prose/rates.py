@@ -19,7 +19,7 @@ def measure_rates(root: Path) -> dict[str, float]:
     trees = [content.tree for content in contents if content.tree is not None]
     functions = [node for tree in trees for node in ast.walk(tree) if isinstance(node, _FUNCTION)]
     used_once = [count_used_once(tree) for tree in trees]
-    documents = [root / "README.md", *sorted((root / "docs").glob("*.md"))]
+    documents = [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
     return {
         **_rates_of_words(contents),
         "words per function name": _mean(

@@ -92,7 +92,7 @@ def _find_mistakes(advisory: Advisory) -> Iterator[str]:
     for workaround in advisory.workarounds:
         name = workaround.modification
         if name not in CATALOGUE:
-            yield f"workarounds: no modification '{name}'; docs/modifications.md lists them"
+            yield f"workarounds: '{name}' is missing in docs/reference/modifications.md"
             continue
         edits: Sequence[str] = CATALOGUE[name].edits
         for setting in workaround.settings:

@@ -18,7 +18,7 @@ _NOTHING_MOVES = BackwardError(_NAN, "", _NAN, _NAN, "", _NAN)
 def backward_error(runs: PreparedRuns, run: int, states: Floats | None = None) -> BackwardError:
     """Return the backward error of a run, against references at a quarter of its step.
 
-    The references are not checked, and the budget has no rows: docs/budget.md. NaN
+    The references are not checked, and the budget has no rows: docs/how-to/budget.md. NaN
     where nothing moves that has mass. The run is repeated where its `states` are not given, which
     are (N + 1, nstate) of mjSTATE_INTEGRATION, before each step and after the last.
     """

@@ -39,7 +39,7 @@ class ConstraintEnergy:
 
     It is the work of what their forces owe to positions, along a violation that shrinks to none,
     times their restitution. After semi-implicit steps, whose velocities lag by half of one, what
-    all forces that have a potential do in half a step is added: docs/budget-derivation.md.
+    all forces that have a potential do in half a step is added: docs/theory/error-budget.md.
     """
 
     def __init__(self, model: mujoco.MjModel, *, constraints: bool = True) -> None:

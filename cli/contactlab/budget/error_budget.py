@@ -1,6 +1,6 @@
 """An error budget: how far a run is, window by window, from the motion of its own model.
 
-docs/budget-derivation.md derives the definitions and studies each choice.
+docs/theory/error-budget.md derives the definitions and studies each choice.
 """
 
 import os

@@ -54,7 +54,7 @@ from contactlab.modifications.model_predicates import (
 from contactlab.modifications.modification import ModelChange, Row
 from contactlab.modifications.numerics import RUN
 
-WINDOW = 0.04  # s; docs/budget-derivation.md compares others
+WINDOW = 0.04  # s; docs/theory/error-budget.md compares others
 FINER = 4
 # Steps of RK4 per step of the run; RK4 shows energy that both run and reference lose.
 _RK4_RATE = 2

@@ -42,7 +42,7 @@ def backward_error(context: Context) -> Floats:
     """Numerical error: residual force as a share of the real forces.
 
     On the worst body, in windows of 40 ms, against references at a quarter of the step with a
-    converged solver: docs/budget.md. Not defined if the engine warned.
+    converged solver. Not defined if the engine warned.
     """
     share = _error_field(context, "share")
     return np.where(np.isinf(share), np.nan, share)
@@ -56,7 +56,7 @@ def backward_error_time(context: Context) -> Floats:
 
 @metric("1", version=3, kind="check")
 def backward_error_energy(context: Context) -> Floats:
-    """Share of energy that the run gains, and its model does not: docs/budget.md.
+    """Share of energy that the run gains, and its model does not.
 
     It is negative for a loss.
     """
@@ -67,7 +67,7 @@ def backward_error_energy(context: Context) -> Floats:
 def friction_effect(context: Context) -> Floats:
     """Largest change of motion by another cone, impratio or noslip, as a share.
 
-    It is that of the worst body, over the real forces: docs/budget.md. With `checks: verdict` only.
+    It is that of the worst body, over the real forces. With `checks: verdict` only.
     """
     return _largest_effects(context, _FRICTION_ROWS)
 
@@ -76,7 +76,7 @@ def friction_effect(context: Context) -> Floats:
 def softness_effect(context: Context) -> Floats:
     """Largest change of motion by half the solref of contacts, limits or equalities, as a share.
 
-    It is that of the worst body, over the real forces: docs/budget.md. With `checks: verdict` only.
+    It is that of the worst body, over the real forces. With `checks: verdict` only.
     """
     return _largest_effects(context, _SOFTNESS_ROWS)
 

@@ -13,8 +13,8 @@ from contactlab.measure.required_motion import motion_margins
 def requirement_margin(context: Context) -> Floats:
     """The least remaining margin of any limit in `must`, as a share of the limit.
 
-    It is 1 if no limit is used at all, negative if one is exceeded; docs/driving.md lists the
-    measured quantity of each word. Not defined without requirements, or if a state is NaN.
+    It is 1 if no limit is used at all, negative if one is exceeded; docs/how-to/driving.md lists
+    the measured quantity of each word. Not defined without requirements, or if a state is NaN.
     """
     hold = threshold_values(context.setup.thresholds)[MODE_HOLD.name]
     least = np.minimum(motion_margins(context, hold), contact_margins(context, hold))

@@ -61,7 +61,7 @@ class Witness(Model):
 class Workaround(Model):
     """Settings that avoid the fault, of one modification of the catalogue."""
 
-    modification: Word = about("Name of an entry of docs/modifications.md.")
+    modification: Word = about("Name of an entry of docs/reference/modifications.md.")
     settings: dict[Word, Value] = about("Values by the names of settings, as in a sweep.")
 
 

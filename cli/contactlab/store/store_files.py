@@ -67,7 +67,7 @@ def parse_address(text: str | Address) -> Address:
         # The text is not repeated, because it would appear in the logs of CI jobs.
         raise OutputError(
             f"the {url['scheme']}:// address holds credentials; write it without them, and set the "
-            "environment variables of the provider (see docs/stores.md)"
+            "environment variables of the provider (see docs/how-to/stores.md)"
         )
     if url["scheme"] not in (schemes := extensions("store")):
         known = ", ".join(f"{scheme}://" for scheme in schemes)

@@ -165,7 +165,7 @@ def test_every_switch_of_the_engine_is_an_effect() -> None:
 
 
 def test_the_guide_lists_effects_that_there_are() -> None:
-    text = (Path(__file__).parents[3] / "docs/effects.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[3] / "docs/how-to/effects.md").read_text(encoding="utf-8")
     table = text.partition("## Effects of sweeps")[2].partition("##")[0]
     rows = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
     named = {name for row in rows for name in re.findall(r"`(\w+)`", row)}

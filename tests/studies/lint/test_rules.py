@@ -18,7 +18,7 @@ from contactlab.studies.lint.linted_model import edited, linted_model
 from contactlab.studies.lint.linting import lint
 from contactlab.studies.lint.rules import RULES
 
-DOCS = Path(__file__).parents[3] / "docs/lint.md"
+DOCS = Path(__file__).parents[3] / "docs/reference/lint.md"
 # An arm of two links on a base, which hangs free of the floor.
 ROBOT = """<mujoco model="arm">
   <compiler angle="radian"/>

@@ -54,7 +54,7 @@ def define_word(word: str) -> tuple[WordMeaning, ...]:
             _definition_key(word),
             [*_collect_definitions(), *_scene_axes()],
             f"'{word}' has no definition",
-            "; `contactlab list` says where names are listed, docs/glossary.md has all terms",
+            "; `contactlab list` shows all names, docs/reference/glossary.md all terms",
         )
     return tuple(
         WordMeaning(word=word, title=title, texts=tuple(texts))

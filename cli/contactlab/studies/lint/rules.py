@@ -9,7 +9,7 @@ from contactlab.schema.finding import Level
 from contactlab.studies.lint.linted_model import Fault, LintedModel
 
 RuleFunction = Callable[[LintedModel], Iterator[Fault]]
-DOCS = "docs/lint.md"
+DOCS = "docs/reference/lint.md"
 
 
 @dataclass(frozen=True)
