@@ -197,18 +197,6 @@ def test_a_keyframe_without_a_name_is_chosen_by_an_option(contactlab: Run, tmp_p
     assert contactlab("check", "pendulum.xml", "--keyframe", "key[0]", "--check", "task")[0] < 2
 
 
-@pytest.mark.night
-def test_a_tradeoff_of_a_model_is_that_of_its_starter_file(contactlab: Run, tmp_path: Path) -> None:
-    write(tmp_path, pendulum_xml=UNNAMED)
-    assert contactlab("init", "pendulum.xml", "-o", "own.yaml")[0] == 0
-    for source in ("pendulum.xml", "own.yaml"):
-        code, _, err = contactlab("tradeoff", source, "-o", Path(source).stem, "--workers", "0")
-        assert code == 0, err
-    one, two = (Store.open(tmp_path / name).table for name in ("pendulum", "own"))
-    assert one["run_id"].to_pylist() == two["run_id"].to_pylist()
-    assert one["error_final"].to_pylist() == two["error_final"].to_pylist()
-
-
 def test_a_folder_that_is_not_there_is_told(contactlab: Run, tmp_path: Path) -> None:
     write(tmp_path, pendulum_xml=PENDULUM)
     code, _, err = contactlab("init", "pendulum.xml", "-o", "nowhere/own.yaml")

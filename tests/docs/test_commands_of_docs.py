@@ -128,7 +128,7 @@ def test_a_line_is_read_as_its_file_has_it(
         ("tune robot.xml --error lots", "lots"),
         ("stability free_fal", "'free_fal'"),
         ("parity slide --against wrap", "'wrap'"),
-        ("tradeoff grid.yaml --error reallity", "reallity"),
+        ("tradeoff grid.yaml --metric reallity", "reallity"),
     ],
 )
 def test_a_line_that_is_wrong_is_found(line: str, said: str, tmp_path: Path, refusal: Try) -> None:

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from contactlab.schema.effects_report import EffectsReport
 
 
+_MAX_TIME = "2min"
+
+
 def _choose_folder(given: Given) -> Path:
     return opt.study_folder("effects", given["source"], given["output"])
 
@@ -40,7 +43,7 @@ def effects(
         Sequence[str],
         Option("NAME", "Keep this feature or part; may be repeated.", kind=list[str]),
     ] = (),
-    max_time: opt.MaxTime = "2min",
+    max_time: opt.MaxTime = _MAX_TIME,
     metric: Annotated[
         Literal["reality"] | None,
         Option(None, "Find the effects of a scene that bring runs closer to recorded runs."),
@@ -87,7 +90,7 @@ def effects(
     if metric is None:
         report = study_effects(request, session)
     else:
-        _refuse_model(str(source))
+        _check_recorded_request(str(source), request.max_time)
         report = study_recordings(request, session)
     if figure is not None:
         from contactlab.charts import save_figure
@@ -105,8 +108,14 @@ def _check_model_file(model: Path) -> None:
         raise OutputError(f"--write {model}: a model is written as MJCF; write a name as new.xml")
 
 
-def _refuse_model(source: str) -> None:
+def _check_recorded_request(source: str, max_time: float) -> None:
+    """Refuse a model, and a time limit: each recorded run is simulated in any case."""
     from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie
 
     if is_menagerie(source) or Path(source).suffix in MODEL_SUFFIXES:
         raise SweepFileError("--metric needs a scene or a sweep with a recording")
+    if max_time != read_seconds(_MAX_TIME):
+        raise SweepFileError(
+            "--max-time does not limit --metric reality, which simulates every recorded run. Leave "
+            "one of both out"
+        )

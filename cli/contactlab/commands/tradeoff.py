@@ -1,12 +1,11 @@
-"""`contactlab tradeoff`: the time that accuracy costs, and the recommended configuration."""
+"""`contactlab tradeoff`: the time that accuracy costs in a sweep, and the recommendation."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Unpack
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Given, Option, command
-from contactlab.command_line.quantities import read_error, read_seconds
-from contactlab.command_line.report_formats import formats_by_type, report_formats
+from contactlab.command_line.declaration import Argument, Option, command
+from contactlab.command_line.report_formats import report_formats
 from contactlab.command_line.surroundings import say, study_session
 from contactlab.errors import OutputError, SweepFileError
 from contactlab.printable import shell_word
@@ -15,34 +14,22 @@ from contactlab.resources import RESULTS
 if TYPE_CHECKING:
     from contactlab.plan.task_options import TaskOptions
     from contactlab.schema.tradeoff_report import TradeoffReport
-    from contactlab.schema.tune_report import TuneReport
     from contactlab.store.finished_store import Store
     from contactlab.store.store_files import Address
-
-
-def _folder(given: Given) -> Path:
-    return opt.study_folder("tradeoff", given["source"], given["output"])
 
 
 @command(
     "examine",
     examples=("tradeoff results/bounce --tolerance oracle_error=1%",),
-    formats=formats_by_type(
-        {"TradeoffReport": report_formats(), "TuneReport": report_formats(_folder)}
-    ),
+    formats=report_formats(),
 )
 def tradeoff(
     source: Annotated[
         "Store | Address | str",
-        Argument("STORE|SWEEP|MODEL", "Store, sweep, model file or menagerie:ROBOT.", kind=str),
+        Argument("STORE|SWEEP", "Store, or sweep to run.", kind=str),
     ],
     *,
     metric: opt.ErrorMetric = None,
-    error: Annotated[
-        float | str | None,
-        Option("ERROR", "Target error of a MODEL, 2%; default: its error as written.", kind=str),
-    ] = None,
-    max_time: opt.MaxTime = "2min",
     figure: opt.Figure = None,
     write: Annotated[
         str | Path | None,
@@ -57,30 +44,24 @@ def tradeoff(
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
     **task: Unpack[opt.TaskParameters],
-) -> "TradeoffReport | TuneReport":
-    """Weigh accuracy against time; recommend accurate, fast settings.
+) -> "TradeoffReport":
+    """Weigh accuracy against time in a sweep; recommend a configuration.
 
-    For a model it is the search of `tune` with a figure; the report in `results/tune/NAME` is
-    reused if it answers the same question. Results go to `output` or `results/tradeoff/NAME`. For
-    a sweep, `output` is its store, and `within` replaces tolerances of the sweep by metric.
+    `output` is the store of a sweep, `results/tradeoff/NAME` by default. `tolerance` replaces
+    tolerances of the sweep by metric. For a model, use `tune`.
 
     Raises:
-        SweepFileError: the sweep has mistakes, or a tolerance names an unknown column.
+        SweepFileError: the sweep has mistakes, a tolerance names an unknown column, or the source
+            is a model.
         StoreError: the store has no error to evaluate.
         OutputError: a file cannot be written.
     """
     from contactlab.pareto.analysis import analyze_tradeoff
     from contactlab.pareto.criteria import Criteria
-    from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie
 
     opt.load_plugins(plugin)
     asked = opt.task_of(**task)
-    of_model = is_menagerie(str(source)) or Path(str(source)).suffix in MODEL_SUFFIXES
-    _check_accuracy_options(metric, error, of_model=of_model)
-    if of_model:
-        return _of_model(
-            str(source), error, max_time, asked, figure, write, model, output, workers, allow_code
-        )
+    _refuse_model(str(source))
     criteria = Criteria(metric, asked.limits)
     sweep_file, folder = (None if path is None else Path(path) for path in (write, model))
     _check_outputs(figure, sweep_file, folder)
@@ -126,49 +107,15 @@ def _draw(report: "TradeoffReport", figure: Path) -> None:
     say(f"drew {figure}")
 
 
-def _of_model(
-    source: str,
-    error: float | str | None,
-    max_time: float | str,
-    task: "TaskOptions",
-    figure: str | Path | None,
-    write: str | Path | None,
-    model: str | Path | None,
-    output: "Address | str | None",
-    workers: int | None,
-    allow_code: bool,
-) -> "TuneReport":
-    """Search the settings of a model, or reuse the report of `tune`."""
-    import shutil
+def _refuse_model(source: str) -> None:
+    """Refuse a model: its settings are searched by another command."""
+    from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie
 
-    from contactlab.commands.tune import search_settings
-    from contactlab.schema.tune_report import FOLDER
-    from contactlab.studies.search.tune_request import TuneRequest
-
-    if write is not None:
+    if is_menagerie(source) or Path(source).suffix in MODEL_SUFFIXES:
         raise SweepFileError(
-            "--write needs a sweep; for a model, --model FOLDER writes the settings"
+            f"{source} is a model, not a sweep or a store. Write contactlab tune "
+            f"{shell_word(source)}"
         )
-    copied = None if model is None else Path(model)
-    _check_outputs(figure, None, copied)
-    folder = opt.study_folder("tradeoff", source, None if output is None else str(output))
-    request = TuneRequest(source, task, read_error(error), max_time=read_seconds(max_time))
-    known = opt.study_folder("tune", source, None), folder
-    report = search_settings(request, folder, workers, figure, allow_code=allow_code, known=known)
-    if copied is not None and report.recommended is not None:
-        shutil.copytree(folder / FOLDER, copied, dirs_exist_ok=True)
-        say(f"wrote {copied}")
-    return report
-
-
-def _check_accuracy_options(
-    metric: str | None, error: float | str | None, *, of_model: bool
-) -> None:
-    """Refuse --metric of a model, and --error of a sweep or a store."""
-    if of_model and metric is not None:
-        raise SweepFileError(f"--metric {metric} needs a sweep or a store; write --error 2%")
-    if not of_model and error is not None:
-        raise SweepFileError(f"--error {error} needs a model; write --metric NAME")
 
 
 def _check_metric(metric: str | None) -> None:

@@ -53,9 +53,8 @@ def test_rolling_friction_is_missing_if_the_recordings_had_it(
     tmp_path: Path, condim: int, missing: bool
 ) -> None:
     """Rolling friction changes every roll, but only one of two recordings has it."""
-    report = study_recordings(
-        EffectsRequest(rolled(tmp_path, condim)), Session(tmp_path / "stores", 0)
-    )
+    request = EffectsRequest(rolled(tmp_path, condim), write=tmp_path / "small" / "ball.xml")
+    report = study_recordings(request, Session(tmp_path / "stores", 0))
     found = {each.name: each for each in report.effects if each.adds}
     assert found["rolling_friction"].verdict == ("missing" if missing else "not needed")
     names = [each.name for each in report.effects if each.verdict == "missing"]
@@ -64,7 +63,8 @@ def test_rolling_friction_is_missing_if_the_recordings_had_it(
     assert ("rolling_friction" in added) == missing
     if missing:
         assert report.smaller
-        made = mujoco.MjModel.from_xml_path(str(tmp_path / "stores" / report.smaller.file))
+        assert report.smaller.file == str(tmp_path / "small" / "ball.xml")
+        made = mujoco.MjModel.from_xml_path(report.smaller.file)
         assert made.geom_condim.max() == 6
 
 

@@ -7,9 +7,11 @@ that the model has is needed unless runs are surely not farther away without it.
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from statistics import fmean, stdev
 
 from contactlab.budget.restarts import build_reference_model
+from contactlab.errors import SceneError
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
 from contactlab.scene.mujoco_versions import VERSION
@@ -112,7 +114,7 @@ def study_recordings(request: EffectsRequest, session: Session) -> EffectsReport
     """Change one feature at a time, choose those that recordings call for, and write the model.
 
     Raises:
-        SceneError: there is no such scene, or it has no recording.
+        SceneError: there is no such scene, it has no recording, or no feature of a name to keep.
         SweepFileError: the sweep or a setting is wrong.
         OutputError: the folder cannot be written, or has another model's results.
     """
@@ -123,6 +125,13 @@ def study_recordings(request: EffectsRequest, session: Session) -> EffectsReport
     model = checked.motions[0].model
     features = [*list_model_features(checked, model), *list_missing_features(checked, model)]
     features = [part for part in features if part.edits and not part.proof]
+    own = [part.name for part in features if not part.adds]
+    for name in request.keep:
+        SceneError.unless_known(name, own, f"--keep: no feature '{name}'")
+    features = [
+        replace(part, kept=part.kept or "--keep") if part.name in request.keep else part
+        for part in features
+    ]
     base, *others = _measure_distances(session, setup, _SEARCH, [{}, *map(_settings_of, features)])
     tolerance = setup.tolerances.get(REALITY, 0.0)
     changes = [compare_distances(base, other, tolerance) for other in others]
@@ -148,7 +157,10 @@ def study_recordings(request: EffectsRequest, session: Session) -> EffectsReport
     ]
     scenarios = Scenarios([checked], session, setup.options, setup)
     chosen = [part for part, row in zip(features, rows, strict=True) if row.can_go]
-    smaller, sentence = _write_chosen(scenarios, clock, chosen, tolerance)
+    place = session.folder / FOLDER, ""
+    if request.write is not None:
+        place = request.write.parent, request.write.name
+    smaller, sentence = _write_chosen(scenarios, clock, chosen, tolerance, place)
     report = EffectsReport(
         model=request.source,
         scene_hash=checked.scene.hash,
@@ -206,7 +218,11 @@ def _mean_distance(rows: Sequence[Mapping[str, object]]) -> float | None:
 
 
 def _write_chosen(
-    scenarios: Scenarios, clock: Clock, chosen: Sequence[ModelPart], tolerance: float
+    scenarios: Scenarios,
+    clock: Clock,
+    chosen: Sequence[ModelPart],
+    tolerance: float,
+    place: tuple[Path, str],
 ) -> tuple[SmallerModel | None, str]:
     setup, session, checked = scenarios.setup, scenarios.session, scenarios.models[0]
     assert setup is not None
@@ -223,7 +239,7 @@ def _write_chosen(
     measured = f"{len(base)} other recorded runs: distance {change.mean:.3g} {change.change:+.3g}"
     if change.is_farther:
         return None, f"No change: {names} fails on {measured}"
-    written = write_model(checked.scene, edits, session.folder / FOLDER)
+    written, own = write_model(checked.scene, edits, *place), session.folder.resolve()
     made = change_model(compile_changed(checked, ModelEdits()), *(part.change for part in chosen))
     (ratio,) = clock.time_ratios([(made, 1)])
     smaller = SmallerModel(
@@ -231,7 +247,9 @@ def _write_chosen(
         added=tuple(part.name for part in chosen if part.adds),
         error=change.share,
         time_ratio=ratio,
-        file=str(written.path.relative_to(session.folder.resolve())),
+        file=str(
+            written.path.relative_to(own) if written.path.is_relative_to(own) else written.path
+        ),
         lines=written.lines,
         verified=None,
         sentence=measured,
