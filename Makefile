@@ -63,12 +63,10 @@ stubs: .stubs/mujoco-stubs/py.typed
 	$(BIN)/pybind11-stubgen mujoco -o .stubs --root-suffix=-stubs --ignore-all-errors >/dev/null 2>&1
 	printf 'partial\n' > $@
 
-# The schemas, the columns in docs/reference/evidence.md, docs/reference/glossary.md and docs/reference/modifications.md.
+# The schemas, and the pages of docs/reference that list names.
 schemas: .venv/dev
 	$(BIN)/contactlab schema --write schemas
-	$(BIN)/python -m tests.docs.table_columns
-	$(BIN)/python -m tests.docs.glossary_page
-	$(BIN)/python -m tests.docs.modifications_page
+	$(BIN)/python -m docs.generate
 
 # Records results and texts that tests compare. GUARDS=--slow records those of the night, too, and
 # GUARDS=--compare says what changed instead; kinds may be named.

@@ -32,7 +32,7 @@ def build(target: Path, *, films: bool) -> None:
     for page, name in _pages().items():
         (source / name).parent.mkdir(exist_ok=True)
         (source / f"{name}.md").write_text(_linked(page, source), encoding="utf-8")
-    written = reference.write(source / "generated")
+    written = reference.write(source / "reference")
     shown = gallery.write(source, films=films)
     robots = atlas.write(source)
     sections = read_index()

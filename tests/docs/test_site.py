@@ -29,9 +29,9 @@ def test_the_site_builds_and_names_every_command_label_and_case(tmp_path: Path) 
     def page(name: str) -> str:
         return (tmp_path / "html" / name / "index.html").read_text(encoding="utf-8")
 
-    assert all(f"contactlab {name}" in page("generated/commands") for name in ("sweep", "tune"))
-    assert all(name in page("generated/labels") for name in LABELS)
-    assert all(name in page("generated/metrics") for name in METRICS)
-    assert "contactlab.sweep" in page("generated/functions")
+    assert all(f"contactlab {name}" in page("reference/commands") for name in ("sweep", "tune"))
+    assert all(name in page("reference/labels") for name in LABELS)
+    assert all(name in page("reference/metrics") for name in METRICS)
+    assert "contactlab.sweep" in page("reference/functions")
     cases = [case.stem for case in (ROOT / "sweeps/stability").glob("*.yaml")]
     assert all(case in page("gallery") for case in cases)

@@ -5,7 +5,6 @@ import shutil
 from pathlib import Path
 
 import pytest
-from tests.docs.glossary_page import PAGE
 from tests.explain.printed_words import (
     PACKAGE,
     definition_text,
@@ -19,7 +18,7 @@ from contactlab.errors import SweepFileError
 from contactlab.measure import METRICS
 from contactlab.studies.check.check_entries import CHECKS
 from contactlab.studies.explain.definitions import is_defined, words_of
-from contactlab.studies.explain.glossary import glossary_page, read_glossary
+from contactlab.studies.explain.glossary import read_glossary
 from contactlab.writers.signs import ORDER, outcome_mark
 
 TEMPLATES = sorted((PACKAGE / "page" / "templates").glob("*.html"))
@@ -98,7 +97,3 @@ def test_an_unknown_word_suggests_the_nearest() -> None:
     for typed, nearest in (("inacurate", "inaccurate"), ("numerical eror", "numerical error")):
         with pytest.raises(SweepFileError, match=f"did you mean '{nearest}'"):
             definition_text(typed)
-
-
-def test_the_page_of_the_glossary_is_current() -> None:
-    assert PAGE.read_text(encoding="utf-8") == glossary_page()

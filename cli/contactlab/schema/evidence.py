@@ -1,7 +1,7 @@
 """Documents of a store: the record of each run, its accuracy and times, and the manifest.
 
 A field of the record is described here alone: the columns of the table, the JSON schema and the
-list of columns in docs/reference/evidence.md follow.
+list of columns in docs/reference/columns.md follow.
 """
 
 import re

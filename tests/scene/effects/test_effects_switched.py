@@ -1,8 +1,6 @@
 """Effects that a scene or a sweep switches by name, and what they do to a run's identity."""
 
-import re
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +9,6 @@ from contactlab.errors import SceneError
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.model_edits import FLAG_NAMES
-from contactlab.scene.mujoco_versions import NEW_FEATURES
 from contactlab.scene.scene import Scene
 from contactlab.schema.sweep_schema import Sweep, effect_switches, effects_base
 
@@ -162,13 +159,3 @@ def test_a_sweep_says_it_in_a_word_or_by_name(
 
 def test_every_switch_of_the_engine_is_an_effect() -> None:
     assert set(FLAG_NAMES) <= set(EFFECTS)
-
-
-def test_the_guide_lists_effects_that_there_are() -> None:
-    text = (Path(__file__).parents[3] / "docs/how-to/effects.md").read_text(encoding="utf-8")
-    table = text.partition("## Effects of sweeps")[2].partition("##")[0]
-    rows = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
-    named = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
-    newer = {feature.axis for feature in NEW_FEATURES}
-    assert named - newer <= set(EFFECTS)
-    assert {name for name, effect in EFFECTS.items() if effect.switch.flag is None} <= named

@@ -190,8 +190,8 @@ def _check_lines(check: Check) -> Iterator[str]:
 
 
 def _rule_lines(rule: Rule) -> Iterator[str]:
-    yield f"{rule.name}: a rule of `contactlab lint`; see {rule.docs}"
-    yield rule.about
+    yield f"{rule.name}: a rule of `contactlab lint`"
+    yield f"{rule.about} {rule.details}"
 
 
 def _oracle_lines(oracle: Oracle) -> Iterator[str]:

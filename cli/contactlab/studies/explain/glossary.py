@@ -8,14 +8,6 @@ from pathlib import Path
 from typing import cast
 
 _FILE = Path(__file__).with_name("glossary.toml")
-_PAGE_HEAD = """\
-# Glossary
-
-Made from `cli/contactlab/studies/explain/glossary.toml` by `make schemas`: edit that file.
-`contactlab explain WORD` prints these definitions, and those of labels, metrics, limits, axes,
-effects, rows of the error budget, lint rules, engines and columns, which stand where they are
-computed; `contactlab list` says where their names are listed.
-"""
 
 
 @dataclass(frozen=True)
@@ -52,15 +44,3 @@ def _read_term(word: str, context: str, entry: object) -> Term:
     parts = cast("Mapping[str, object]", entry)
     synonyms = cast("Sequence[str]", parts["also"])
     return Term(word, context, str(parts["means"]), tuple(synonyms))
-
-
-def glossary_page() -> str:
-    """Return the glossary as a page of the documentation."""
-    lines = [_PAGE_HEAD]
-    context = ""
-    for term in read_glossary():
-        if term.context != context:
-            context = term.context
-            lines += [f"\n## {context[0].upper()}{context[1:]}\n", "| term | means |", "|---|---|"]
-        lines.append(f"| `{term.word}` | {term.definition} |")
-    return "\n".join(lines).replace("\n\n\n", "\n\n") + "\n"

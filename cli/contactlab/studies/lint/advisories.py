@@ -14,7 +14,11 @@ from contactlab.studies.lint.rules import rule
 
 @rule("advisory", "note")
 def known_fault(linted: LintedModel) -> Iterator[Fault]:
-    """The model meets a known fault of the installed engine."""
+    """The model meets a known fault of the installed engine.
+
+    The message has the release that fixes it and a workaround. `contactlab MODEL` shows whether it
+    matters in a motion. Fix: the workaround, or another release.
+    """
     for each in find_met_advisories(linted.model, elements=linted.elements):
         place = linted.place_of("option")
         yield Fault(describe_met_advisory(each), place, _list_edits(linted, each))

@@ -14,7 +14,11 @@ _FULL = tuple(
 
 @rule("memory", "gate")
 def memory(linted: LintedModel) -> Iterator[Fault]:
-    """The model reserves too little memory for the contacts of its own start."""
+    """The model reserves too little memory for the contacts of its own start.
+
+    Dropped contacts, or more than half of its own setting used at the start. Fix: `<size
+    memory="-1"/>`.
+    """
     model = linted.model
     most_share = 0.5  # a motion that uses a larger share of the memory soon needs more
     for start, data in linted.starts.items():

@@ -107,7 +107,11 @@ def _users_text(linted: LintedModel, users: list[_User]) -> str:
 
 @rule("solref-step", "warn")
 def solref_step(linted: LintedModel) -> Iterator[Fault]:
-    """A time constant of solref is below two timesteps, so another one acts."""
+    """A time constant of solref is below two timesteps, so another one acts.
+
+    `refsafe` raises it silently, so the constraint is softer. Fix: the solref that acts, which is
+    the same motion, or a shorter timestep.
+    """
     model = linted.model
     step, safe = float(model.opt.timestep), not model.opt.disableflags & _REFSAFE
 
@@ -131,7 +135,10 @@ def solref_step(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("long-step", "note")
 def long_step(linted: LintedModel) -> Iterator[Fault]:
-    """The timestep is too long for MuJoCo's default solref, which acts softer then."""
+    """The timestep is too long for MuJoCo's default solref, which acts softer then.
+
+    It is more than half of `0.02`. Fix: a timestep of at most 10 ms.
+    """
     step = float(linted.model.opt.timestep)
     users = [user for user in _solref_users(linted.model) if user.solref == _DEFAULT]
     if users and 2 * step * _LESS > _DEFAULT[0]:
@@ -145,7 +152,11 @@ def long_step(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("solref-energy", "warn")
 def solref_energy(linted: LintedModel) -> Iterator[Fault]:
-    """A contact is too stiff for its damping at this timestep: an impact can gain energy."""
+    """A contact is too stiff for its damping at this timestep: an impact can gain energy.
+
+    The timestep is above 0.8 / sqrt(K) of a contact that is less than critically damped. `refsafe`
+    does not prevent it. Fix: the longest timestep that holds it, or more damping.
+    """
     model = linted.model
     step, safe = float(model.opt.timestep), not model.opt.disableflags & _REFSAFE
     if model.opt.integrator == getattr(mujoco.mjtIntegrator, "mjINT_DISCRETE", -1):
@@ -170,7 +181,10 @@ def solref_energy(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("solref-mixed", "gate")
 def solref_mixed(linted: LintedModel) -> Iterator[Fault]:
-    """A solref has one negative number and one positive: the engine takes the default instead."""
+    """A solref has one negative number and one positive: the engine takes the default instead.
+
+    Fix: the default, which acts anyway.
+    """
     for solref, users in _users_by_solref(linted, lambda solref: solref[0] * solref[1] < 0):
         attribute = users[0].attribute
         yield Fault(
@@ -183,7 +197,11 @@ def solref_mixed(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("frictionless-condim", "warn")
 def frictionless_condim(linted: LintedModel) -> Iterator[Fault]:
-    """Two geoms make contacts with friction of coefficient zero; condim 1 means no friction."""
+    """Two geoms make contacts with friction of coefficient zero; condim 1 means no friction.
+
+    MuJoCo raises the friction to 1e-5, a cone of almost no width, which costs rows and scales
+    badly. Fix: `condim="1"`, the same contact.
+    """
     model = linted.model
     least = mujoco.mjMINMU
     slides = model.geom_friction[:, 0] <= least
@@ -219,7 +237,11 @@ def _friction_fault(linted: LintedModel, who: str, condim: int, kind: str, index
 
 @rule("contact-margin", "note")
 def contact_margin(linted: LintedModel) -> Iterator[Fault]:
-    """Contacts push before geoms touch."""
+    """Contacts push before geoms touch.
+
+    The margins of two geoms add to more than 0.1 mm. Fix: `margin="0"`; `gap` finds contacts early
+    without force.
+    """
     model = linted.model
     solid = _touching_geoms(model)
     wide = [geom for geom in solid.tolist() if 2 * model.geom_margin[geom] > (SHELL.value or 0)]
@@ -239,7 +261,10 @@ def contact_margin(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("contact-softness", "note")
 def contact_softness(linted: LintedModel) -> Iterator[Fault]:
-    """Contacts are softer than the engine's default."""
+    """Contacts are softer than the engine's default.
+
+    The default lets a body sink by a tenth of a millimetre. Fix: the default.
+    """
     limit = SOFTNESS.value or 0.0
     for solref, users in _users_by_solref(
         linted, lambda solref: softness(solref) > limit * (1 + SUM_ROUNDING)

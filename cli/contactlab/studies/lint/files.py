@@ -22,7 +22,10 @@ _LEGACY = {
 
 @rule("unread", "gate", of_refused=True)
 def unread(linted: LintedModel) -> Iterator[Fault]:
-    """The model cannot be read or compiled, or names a file that it may not."""
+    """The model cannot be read or compiled, or names a file that it may not.
+
+    The message is MuJoCo's, the line is the file's.
+    """
     if linted.refused:
         _, *lines = (line.strip() for line in linted.refused.splitlines())
         yield Fault("; ".join(line for line in lines if line), linted.refused_at)
@@ -30,7 +33,10 @@ def unread(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("deprecated", "warn", of_refused=True)
 def deprecated(linted: LintedModel) -> Iterator[Fault]:
-    """The installed MuJoCo warns of something as it compiles the model."""
+    """The installed MuJoCo warns of something as it compiles the model.
+
+    Fix: as the message says.
+    """
     for text in linted.warned:
         lines = (line.strip() for line in text.splitlines())
         yield Fault("; ".join(line for line in lines if line), next(_named_in(linted, text), None))
@@ -46,7 +52,10 @@ def _named_in(linted: LintedModel, text: str) -> Iterator[Place]:
 
 @rule("legacy", "note", of_refused=True)
 def legacy(linted: LintedModel) -> Iterator[Fault]:
-    """An attribute is one that MuJoCo keeps for old files only."""
+    """An attribute is one that MuJoCo keeps for old files only.
+
+    `njmax`, `nconmax`, `nstack`, `directional`. Fix: leave it out.
+    """
     for element, origin in linted.tags():
         for name, instead in _LEGACY.get(element.tag, {}).items():
             if name in element.attrib:
@@ -56,7 +65,10 @@ def legacy(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("absolute-path", "warn", of_refused=True)
 def absolute_path(linted: LintedModel) -> Iterator[Fault]:
-    """A file or a folder is named by a path that starts at the root of one machine."""
+    """A file or a folder is named by a path that starts at the root of one machine.
+
+    Fix: the path relative to the model.
+    """
     for element, origin in linted.tags():
         for key in (*_FILES, "meshdir", "texturedir", "assetdir"):
             path = Path(element.get(key, ""))
@@ -68,7 +80,11 @@ def absolute_path(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("resource-name", "gate", of_refused=True)
 def resource_name(linted: LintedModel) -> Iterator[Fault]:
-    """A file is named by its ROS package, and MuJoCo alone does not find it."""
+    """A file is named by its ROS package, and MuJoCo alone does not find it.
+
+    contactlab looks for the package next to the model. Fix: the path in the message, with
+    `<mujoco><compiler strippath="false"/></mujoco>`.
+    """
     named = [
         (element.get(key, ""), origin)
         for element, origin in linted.tags()
@@ -99,7 +115,10 @@ def _refused_alone(model: Path) -> str:
 
 @rule("unused-asset", "note")
 def unused_asset(linted: LintedModel) -> Iterator[Fault]:
-    """A file is read for a mesh or a height field that no geom has."""
+    """A file is read for a mesh or a height field that no geom has.
+
+    Fix: remove it.
+    """
     model, spec = linted.model, linted.spec
     used = {geom.meshname for geom in spec.geoms} | {geom.hfieldname for geom in spec.geoms}
     skinned = bool(model.nskin or model.nflex or model.nplugin or model.nsensor)

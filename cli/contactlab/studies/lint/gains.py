@@ -153,7 +153,13 @@ def _free_directions(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
 
 @rule("gain-step", "gate")
 def gain_step(linted: LintedModel) -> Iterator[Fault]:
-    """One step of the integrator cannot hold the gains of servos, springs or tendons."""
+    """One step of the integrator cannot hold the gains of servos, springs or tendons.
+
+    Near the start, the step is a linear map of positions and velocities, with an eigenvalue above
+    1, so any motion grows. Semi-implicit Euler holds a spring k and a damping c on a mass m for `2
+    h c/m + h^2 k/m < 4` and `h c/m < 2`. The integrator `discrete` is not judged. Fix:
+    `implicitfast` if that holds it, otherwise the largest timestep that does.
+    """
     model = linted.model
     integrator, timestep = int(model.opt.integrator), float(model.opt.timestep)
     discrete = int(getattr(_INTEGRATOR, "mjINT_DISCRETE", -1))

@@ -24,7 +24,11 @@ def _combined_faults(linted: LintedModel, faults: Iterable[InertiaFault]) -> Ite
 
 @rule("inertia-impossible", "gate", of_refused=True)
 def inertia_impossible(linted: LintedModel) -> Iterator[Fault]:
-    """A body that moves has no mass, or moments of inertia that no body has."""
+    """A body that moves has no mass, or moments of inertia that no body has.
+
+    One principal moment exceeds the sum of the others, so free motion does not conserve energy.
+    `balanceinertia` hides it. Fix: the inertia of the part, from its drawing or its geoms.
+    """
     for fault in linted.inertia_faults:
         if fault.kind in IMPOSSIBLE:
             (words,) = in_words([fault])
@@ -33,7 +37,11 @@ def inertia_impossible(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("density", "note")
 def density(linted: LintedModel) -> Iterator[Fault]:
-    """A body is lighter than foam, or denser than any metal."""
+    """A body is lighter than foam, or denser than any metal.
+
+    Mass over volume of the geoms is below 50 or above 20,000 kg/m^3. Fix: the real mass, or geoms
+    of the real size.
+    """
     yield from _combined_faults(
         linted, (fault for fault in linted.inertia_faults if fault.kind == "density")
     )
@@ -41,7 +49,10 @@ def density(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("inertia-shape", "note")
 def inertia_shape(linted: LintedModel) -> Iterator[Fault]:
-    """A body's inertia or centre of mass does not fit the shape of its geoms."""
+    """A body's inertia or centre of mass does not fit the shape of its geoms.
+
+    Common where geoms are simplified. Fix: compare the inertia with the drawing.
+    """
     others = (*IMPOSSIBLE, "density")
     yield from _combined_faults(
         linted, (fault for fault in linted.inertia_faults if fault.kind not in others)
@@ -50,7 +61,11 @@ def inertia_shape(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("visual-mass", "warn")
 def visual_mass(linted: LintedModel) -> Iterator[Fault]:
-    """Meshes that nothing can touch add to the mass of a body that has other geoms."""
+    """Meshes that nothing can touch add to the mass of a body that has other geoms.
+
+    They have no written mass and add more than 2 %: the part counts twice, once at the density of
+    water. Fix: `mass="0"`.
+    """
     if linted.is_urdf or not (visual := _visual_geoms(linted)):
         return
     model, bare = linted.model, _without_mass(linted.spec, visual)

@@ -12,7 +12,10 @@ _REFERRED = {"actuator": "controls", "key": "resets"}
 
 @rule("unnamed", "note")
 def unnamed(linted: LintedModel) -> Iterator[Fault]:
-    """Actuators or keyframes have no name, so that programs refer to them by a number."""
+    """Actuators or keyframes have no name, so that programs refer to them by a number.
+
+    Another actuator moves the number. Fix: a name for each.
+    """
     for kind, users in _REFERRED.items():
         if kind == "key":
             names = keyframe_names(linted.model)

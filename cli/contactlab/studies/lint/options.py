@@ -13,7 +13,11 @@ from contactlab.studies.lint.rules import rule
 
 @rule("option-value", "gate")
 def option_value(linted: LintedModel) -> Iterator[Fault]:
-    """An option is infinite, or zero or negative where nothing in the world is."""
+    """An option is infinite, or zero or negative where nothing in the world is.
+
+    MuJoCo compiles it; other commands refuse it, unless `--set` replaces the value. Fix: MuJoCo's
+    default, or the intended value.
+    """
     wrong = wrong_options(linted.model)
     if wrong:
         usual = mujoco.MjSpec().option
@@ -27,7 +31,11 @@ def option_value(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("gravity-size", "note")
 def gravity_size(linted: LintedModel) -> Iterator[Fault]:
-    """Gravity is ten times the Earth's or more, as in centimetres or millimetres."""
+    """Gravity is ten times the Earth's or more, as in centimetres or millimetres.
+
+    contactlab reads lengths as metres, so its limits in mm are of other lengths here; shares of
+    forces are not affected. Fix: none if the unit is meant, otherwise metres.
+    """
     size = float(np.linalg.norm(linted.model.opt.gravity))
     large = 100.0  # m/s^2, ten times the Earth's
     if large <= size < np.inf:

@@ -108,7 +108,12 @@ def _overlap_place(linted: LintedModel, found: Sequence[_Overlap]) -> Place:
 
 @rule("parent-filter", "warn")
 def parent_filter(linted: LintedModel) -> Iterator[Fault]:
-    """Neighbouring links overlap in a start, and MuJoCo's filter of parents is not about them."""
+    """Neighbouring links overlap in a start, and MuJoCo's filter of parents is not about them.
+
+    MuJoCo leaves out contacts of a link with its parent, but not with a grandparent, nor with a
+    parent that is fixed to the world, as the base of every URDF is. Fix: an `<exclude>` for each
+    pair; a free joint for a base that floats.
+    """
     near = _neighbor_overlaps(linted)
     mounted = {pair: one for pair, one in near.items() if _is_mounted(linted, *pair)}
     others = {pair: one for pair, one in near.items() if pair not in mounted}
@@ -120,7 +125,11 @@ def parent_filter(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("base-filter", "note")
 def base_filter(linted: LintedModel) -> Iterator[Fault]:
-    """A base that MJCF fixes to the world overlaps links that it carries."""
+    """A base that MJCF fixes to the world overlaps links that it carries.
+
+    Alone, its joints jam; programs attach such a part to a robot. Fix: an `<exclude>` for each
+    pair.
+    """
     near = _neighbor_overlaps(linted)
     mounted = {pair: one for pair, one in near.items() if _is_mounted(linted, *pair)}
     if mounted and not linted.is_urdf:
@@ -163,7 +172,12 @@ def _unjoined_overlaps(linted: LintedModel) -> list[_Overlap]:
 
 @rule("overlap", "warn")
 def overlap_in_keyframe(linted: LintedModel) -> Iterator[Fault]:
-    """Bodies that are not joined overlap in a keyframe."""
+    """Bodies that are not joined overlap in a keyframe.
+
+    The overlap is more than a tenth of half the thinner geom, and the first steps throw the bodies
+    apart. An overlap that loads hold, as closed fingers do, passes. Fix: move one of them in the
+    keyframe.
+    """
     if found := [overlap for overlap in _unjoined_overlaps(linted) if overlap.start != QPOS0]:
         message = f"{_overlap_text(linted, found)}; the first step throws them apart"
         yield Fault(message, linted.place("key", found[0].start))
@@ -171,7 +185,10 @@ def overlap_in_keyframe(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("overlap-qpos0", "note")
 def overlap_in_qpos0(linted: LintedModel) -> Iterator[Fault]:
-    """Bodies that are not joined overlap in the reference pose, and no keyframe is another."""
+    """Bodies that are not joined overlap in the reference pose, and no keyframe is another.
+
+    Programs often place bodies themselves. Fix: a keyframe with them apart.
+    """
     if found := [overlap for overlap in _unjoined_overlaps(linted) if overlap.start == QPOS0]:
         message = f"{_overlap_text(linted, found)}; start from a keyframe without this overlap"
         yield Fault(message, _overlap_place(linted, found))
@@ -179,7 +196,10 @@ def overlap_in_qpos0(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("below-floor", "warn")
 def below_floor(linted: LintedModel) -> Iterator[Fault]:
-    """A floating body begins with its center of mass below a plane that it can touch."""
+    """A floating body begins with its center of mass below a plane that it can touch.
+
+    The floor throws it out. Fix: a larger `pos`, or a keyframe.
+    """
     model, touch = linted.model, touch_mask(linted.model)
     planes = np.flatnonzero(model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE)).tolist()
     for start, data in linted.starts.items():
@@ -201,7 +221,11 @@ def below_floor(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("pressing", "warn")
 def pressed_bodies(linted: LintedModel) -> Iterator[Fault]:
-    """Joints hold bodies in each other, which press with many times the weight, without a motor."""
+    """Joints hold bodies in each other, which press with many times the weight, without a motor.
+
+    The contacts press with more than ten times the weight of all that moves, at the start, without
+    motors and springs. Fix: move the bodies apart, or `<exclude>`.
+    """
     model, found = linted.model, dict[tuple[int, int], tuple[float, str]]()
     halves = half_extents(model)
     for start, state in linted.starts.items():
@@ -234,7 +258,11 @@ COINCIDENT = "coincident-geoms"
 
 @rule(COINCIDENT, "warn", voids_runs=True)
 def coincident_geoms(linted: LintedModel) -> Iterator[Fault]:
-    """Two equal geoms of one rigid part lie in one place, and both collide with the same."""
+    """Two equal geoms of one rigid part lie in one place, and both collide with the same.
+
+    Such as a shape and its visual copy: each touch makes two contacts, which are twice as stiff.
+    Fix: `contype="0" conaffinity="0"` for the copy.
+    """
     doubled = find_coincident_geoms(linted.model)
     if doubled:
         edits = dict[Edit, None]()
@@ -291,7 +319,11 @@ def _boxes_in_parts(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Floats,
 
 @rule("hull-fills-mesh", "note")
 def hull_fills_mesh(linted: LintedModel) -> Iterator[Fault]:
-    """A mesh collides as its convex hull, which fills much that the mesh leaves open."""
+    """A mesh collides as its convex hull, which fills much that the mesh leaves open.
+
+    The hull has at least 1.5 times the volume. Fix: cut the mesh into convex parts, where it
+    matters.
+    """
     model = linted.model
     solid = (model.geom_type == _MESH) & ((model.geom_contype != 0) | (model.geom_conaffinity != 0))
     ratios = dict[int, float]()

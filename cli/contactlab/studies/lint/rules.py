@@ -36,6 +36,12 @@ class Rule:
         return (inspect.getdoc(self.function) or "").partition("\n")[0]
 
     @property
+    def details(self) -> str:
+        """Its criterion and its fix, in one line."""
+        details = (inspect.getdoc(self.function) or "").partition("\n\n")[2]
+        return " ".join(details.split())
+
+    @property
     def docs(self) -> str:
         """Link to its reason, an example and the fix."""
         return f"{DOCS}#{self.name}"

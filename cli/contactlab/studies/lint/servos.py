@@ -51,7 +51,11 @@ def _list_servos(model: mujoco.MjModel) -> Iterator[_Servo]:
 
 @rule("control-range", "warn")
 def control_range(linted: LintedModel) -> Iterator[Fault]:
-    """A position servo takes targets far beyond the range of its joint."""
+    """A position servo takes targets far beyond the range of its joint.
+
+    Targets lie more than a whole range beyond the range, as radians for degrees do. Fix: the range
+    of the joint.
+    """
     model, found = linted.model, list[tuple[_Servo, float]]()
     for servo in _list_servos(model):
         if not (model.actuator_ctrllimited[servo.actuator] and model.jnt_limited[servo.joint]):
@@ -78,7 +82,11 @@ def control_range(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("jaw-force", "warn")
 def jaw_force(linted: LintedModel) -> Iterator[Fault]:
-    """Jaws of position servos without a force range press through an object."""
+    """Jaws of position servos without a force range press through an object.
+
+    Closed on an object that fills half of its opening, the jaw sinks in by more than half of its
+    own thickness. Fix: `forcerange`, with the force of the real gripper.
+    """
     model, data = linted.model, linted.reference
     halves, found = half_extents(model), list[tuple[float, float, _Servo, int]]()
     for servo in _list_servos(model):
@@ -120,7 +128,11 @@ def jaw_force(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("activation-step", "warn")
 def activation_step(linted: LintedModel) -> Iterator[Fault]:
-    """An activation is faster than the timestep, which integrates it explicitly."""
+    """An activation is faster than the timestep, which integrates it explicitly.
+
+    It overshoots, and swings without end if the timestep is above two time constants. Fix:
+    `dyntype="filterexact"`, or a timestep of at most the time constant.
+    """
     model, found = linted.model, list[tuple[float, int]]()
     step = float(model.opt.timestep)
     for actuator in range(model.nu):

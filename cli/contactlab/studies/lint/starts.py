@@ -89,7 +89,12 @@ def _clip_text(values: Floats, found: list[_Beyond]) -> str:
 
 @rule("keyframe-length", "gate")
 def keyframe_length(linted: LintedModel) -> Iterator[Fault]:
-    """A keyframe has another count of numbers than the model."""
+    """A keyframe has another count of numbers than the model.
+
+    MuJoCo appends reference values, or zeros, so the values after an inserted joint act on other
+    joints. Other rules do not judge such a keyframe, and an examination that starts from it offers
+    no other fix. Fix: the missing numbers, at their places.
+    """
     for name, short in linted.short_keyframes.items():
         rest = f"those of {QPOS0}" if short.attribute == "qpos" else "zeros"
         yield Fault(
@@ -102,7 +107,13 @@ def keyframe_length(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("keyframe-range", "gate")
 def keyframe_range(linted: LintedModel) -> Iterator[Fault]:
-    """A keyframe puts joints outside of their ranges."""
+    """A keyframe puts joints outside of their ranges.
+
+    A slide or hinge is beyond its range by more than a hundredth of it, and the joint has at least
+    half of the acceleration that the limit asks for. A joint that rests on its soft limit passes.
+    Keyframes that `<size nkey>` only reserves are the reference pose. Fix: a pose within the
+    ranges; no `nkey`.
+    """
     model = linted.model
     for name, data in linted.starts.items():
         if name == QPOS0:
@@ -120,7 +131,10 @@ def keyframe_range(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("keyframe-control", "warn")
 def keyframe_control(linted: LintedModel) -> Iterator[Fault]:
-    """A keyframe has controls outside of their ranges, which are clamped."""
+    """A keyframe has controls outside of their ranges, which are clamped.
+
+    Fix: the control that acts.
+    """
     model = linted.model
     for name in keyframe_names(model):
         if name in linted.short_keyframes or not len(linted.spec.key(name).ctrl):
@@ -134,7 +148,10 @@ def keyframe_control(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("qpos0-range", "note")
 def qpos0_range(linted: LintedModel) -> Iterator[Fault]:
-    """The reference pose is outside of joints' ranges, and no keyframe gives another start."""
+    """The reference pose is outside of joints' ranges, and no keyframe gives another start.
+
+    Many robots are drawn so. Fix: a keyframe within the ranges.
+    """
     model = linted.model
     found = [] if keyframe_names(model) else list(_joints_out_of_range(model, linted.reference))
     if found:
@@ -147,7 +164,11 @@ def qpos0_range(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("radians-as-degrees", "warn")
 def radians_as_degrees(linted: LintedModel) -> Iterator[Fault]:
-    """Ranges of joints are in radians, where the compiler reads degrees."""
+    """Ranges of joints are in radians, where the compiler reads degrees.
+
+    More than half of the limited hinges, two at least, turn by less than 15 degrees, by numbers
+    below 2 pi. Fix: `<compiler angle="radian"/>`.
+    """
     if linted.is_urdf or not linted.spec.compiler.degree:
         return
     for joint, message in find_radian_angles(linted.model):
@@ -157,7 +178,11 @@ def radians_as_degrees(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("degrees-as-radians", "warn")
 def degrees_as_radians(linted: LintedModel) -> Iterator[Fault]:
-    """Ranges of joints are in degrees, where the compiler reads radians."""
+    """Ranges of joints are in degrees, where the compiler reads radians.
+
+    More than half of the limited hinges turn by more than four turns, by numbers up to 360. A URDF
+    always has radians. Fix: `<compiler angle="degree"/>`.
+    """
     hinges, model = limited_hinges(linted.model), linted.model
     if len(hinges) < MIN_LIMITED_HINGES or (linted.spec.compiler.degree and not linted.is_urdf):
         return

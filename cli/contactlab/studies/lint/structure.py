@@ -19,7 +19,11 @@ _AT_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARE
 
 @rule("no-actuators", "warn", voids_runs=True)
 def no_actuators(linted: LintedModel) -> Iterator[Fault]:
-    """Joints have motors by their attributes, and no actuator drives any of them."""
+    """Joints have motors by their attributes, and no actuator drives any of them.
+
+    The attributes are `actuatorfrcrange` and `actuatorgravcomp`. The robot hangs limp. Fix: an
+    `<actuator>` for each joint.
+    """
     model = linted.model
     scalar = np.isin(model.jnt_type, _SCALAR)
     motors = model.jnt_actfrclimited.astype(bool) | model.jnt_actgravcomp.astype(bool)
@@ -37,7 +41,10 @@ def no_actuators(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("urdf-actuators", "note")
 def urdf_actuators(linted: LintedModel) -> Iterator[Fault]:
-    """Joints of a URDF have efforts, and MuJoCo's import makes no actuators of them."""
+    """Joints of a URDF have efforts, and MuJoCo's import makes no actuators of them.
+
+    Fix: actuators in an MJCF that attaches the URDF, or forces of your own program.
+    """
     driven = np.flatnonzero(linted.model.jnt_actfrclimited)
     if linted.is_urdf and not linted.model.nu and driven.size:
         yield Fault(
@@ -49,7 +56,12 @@ def urdf_actuators(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("welded-root", "warn", voids_runs=True)
 def welded_root(linted: LintedModel) -> Iterator[Fault]:
-    """The import welds the root of a URDF to the world, and the robot stands on limbs."""
+    """The import welds the root of a URDF to the world, and the robot stands on limbs.
+
+    Below the root end two limbs with wheels, two legs of three joints or more, or three limbs
+    around its center of mass. Fix: a floating joint above the root; `--apply freejoint` if links
+    overlap, too.
+    """
     model = linted.model
     if not linted.is_urdf or (model.jnt_type == _FREE).any():
         return
@@ -130,7 +142,11 @@ def _lowest_points(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
 
 @rule("nothing-below", "warn", voids_runs=True)
 def nothing_below(linted: LintedModel) -> Iterator[Fault]:
-    """Nothing can stop the fall of a driven robot with a floating base."""
+    """Nothing can stop the fall of a driven robot with a floating base.
+
+    Robots that float by thrusters, tendons, equalities or a medium pass, as does a model without
+    gravity. Fix: examine the scene that includes the robot, or add a floor.
+    """
     model = linted.model
     falls = np.linalg.norm(model.opt.gravity) > 0 and not (
         model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)

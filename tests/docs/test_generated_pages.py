@@ -1,0 +1,22 @@
+"""The pages of docs/reference that list names are those that `make schemas` writes."""
+
+import pytest
+from docs.generate import FOLDER, PAGES, list_commands, write_page
+
+from contactlab.command_line.modules import command_modules, commands_of
+from contactlab.command_line.parser import typed
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_page_is_current(name: str) -> None:
+    page = (FOLDER / f"{name}.md").read_text(encoding="utf-8")
+    assert page == write_page(name), "run make schemas"
+
+
+def test_every_option_of_every_command_is_listed() -> None:
+    text = "\n".join(list_commands())
+    for module in command_modules():
+        for command in commands_of(module):
+            for parameter in typed(command).__dict__["__signature__"].parameters.values():
+                flags = getattr(parameter.default, "param_decls", None) or ("--format",)
+                assert flags[-1] == "--format" or f"`{flags[-1]}" in text, (command.name, flags)
