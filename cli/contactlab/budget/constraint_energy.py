@@ -29,7 +29,7 @@ class _Violated(NamedTuple):
     springs: Floats  # (K,) forces that owe to violations alone [N or N m]
     loads: Floats  # (K,) forces that owe to the load
     powers: Floats  # (K,) of both [W]
-    zetas: Floats  # (K,) damping ratios
+    shapes: Floats  # (K, 2) stiffness and damping
     depths: Floats  # (K,) by which they have their impedances
     solimp: Floats  # (K, 5)
 
@@ -47,6 +47,11 @@ class ConstraintEnergy:
         self._model, self._constraints = copy.copy(model), constraints
         self._model.opt.disableflags |= _ALONE
         self._data = mujoco.MjData(self._model)
+        self._solimp = {
+            _EQUALITY: self._model.eq_solimp,
+            _LIMIT_JOINT: self._model.jnt_solimp,
+            _LIMIT_TENDON: self._model.tendon_solimp_lim,
+        }
         smooth = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
         self._lag = 0.0 if smooth else model.opt.timestep / 2
 
@@ -88,26 +93,20 @@ class ConstraintEnergy:
         data.qfrc_smooth[:] = data.qacc_smooth[:] = 0
         mujoco.mj_fwdConstraint(model, data)
         springs = data.efc_force[rows]
-        stiffness, damping = data.efc_KBIP[rows, :2].T
-        zetas = damping / (2 * np.sqrt(np.maximum(stiffness, np.finfo(float).tiny)))
         violations = violations[rows]
         softness = self._softness(violations, rows)
-        return power, _Violated(violations, springs, forces - springs, powers, zetas, *softness)
+        shape = data.efc_KBIP[rows, :2]
+        return power, _Violated(violations, springs, forces - springs, powers, shape, *softness)
 
     def _softness(self, violations: Floats, rows: np.ndarray) -> tuple[Floats, Floats]:
         """Return (K,) depths and (K, 5) solimp by which rows of constraints have impedances."""
         model, data = self._model, self._data
         kinds, numbers = data.efc_type[rows], data.efc_id[rows]
         depths, solimp = np.abs(violations), np.empty((len(rows), 5))
-        places = {
-            _EQUALITY: model.eq_solimp,
-            _LIMIT_JOINT: model.jnt_solimp,
-            _LIMIT_TENDON: model.tendon_solimp_lim,
-        }
         for kind in set(kinds.tolist()):
             here = kinds == kind
-            of_all = places.get(kind, data.contact.solimp)
-            solimp[here] = of_all[numbers[here]]
+            of_all = self._solimp.get(kind)
+            solimp[here] = (data.contact.solimp if of_all is None else of_all)[numbers[here]]
         if not model.neq:
             return depths, solimp
         # MuJoCo takes the distance of a whole connect or weld for the depth of each of its rows.
@@ -120,9 +119,11 @@ class ConstraintEnergy:
 
     def _given_back(self, found: list[_Violated]) -> Floats:
         """Return (K,) work of the forces along violations that shrink in proportion [J]."""
-        violations, springs, loads, powers, zetas, depths, solimp = map(
+        violations, springs, loads, powers, shapes, depths, solimp = map(
             np.concatenate, zip(*found, strict=True)
         )
+        stiffness, damping = shapes.T
+        zetas = damping / (2 * np.sqrt(np.maximum(stiffness, np.finfo(float).tiny)))
         rise = impedance_at(_SHARES * depths, solimp) / impedance_at(depths, solimp)
         forces = springs * (_WEIGHTS @ (_SHARES * rise**2)) + loads * (_WEIGHTS @ rise)
         return restitution_from_damping(zetas) * (self._lag * powers - violations * forces)

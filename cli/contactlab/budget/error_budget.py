@@ -14,7 +14,7 @@ from contactlab.budget.measuring import PhaseMeasure, Settings
 from contactlab.budget.motion import Motion
 from contactlab.budget.readings import ErrorBudget, PhaseBudget
 from contactlab.budget.time_ratios import measure_time_ratios
-from contactlab.budget.windows import replay, without_sensors
+from contactlab.budget.windows import Run, without_sensors
 from contactlab.errors import EngineError
 from contactlab.modifications.catalogue import list_rows
 from contactlab.modifications.modification import Row
@@ -47,21 +47,20 @@ def error_budget(
     wanted = [row for row in list_rows() if rows is None or row.name in rows]
     silence_mujoco()
     settings = replace(settings, workers=workers or os.cpu_count() or 1)
-    # One after the other: each holds models.
-    phases = (PhaseMeasure(motion, wanted, settings).budget() for motion in motions)
+    phases, runs = list[PhaseBudget](), list[Run]()
+    for motion in motions:  # one after the other: each measure holds models
+        measure = PhaseMeasure(motion, wanted, settings)
+        phases.append(measure.budget())
+        runs.append(measure.run)
     budget = ErrorBudget(tuple(phases))
     if not settings.timed:
         return budget
-    timed = map(partial(_time_rows, budget, wanted, settings), motions, budget.phases)
+    timed = map(partial(_time_rows, budget, wanted), motions, runs, phases)
     return ErrorBudget(tuple(timed))
 
 
 def _time_rows(
-    budget: ErrorBudget,
-    rows: Sequence[Row],
-    settings: Settings,
-    motion: Motion,
-    phase: PhaseBudget,
+    budget: ErrorBudget, rows: Sequence[Row], motion: Motion, run: Run, phase: PhaseBudget
 ) -> PhaseBudget:
     def change_model(row: Row) -> mujoco.MjModel:
         changed = without_sensors(motion.model)
@@ -78,7 +77,6 @@ def _time_rows(
     }
     if not made:
         return phase
-    run = replay(motion, settings.window, settings.workers)
     ratios = measure_time_ratios(motion, run, made)
     timed = (replace(reading, time_ratio=ratios.get(reading.name)) for reading in phase.rows)
     return replace(phase, rows=tuple(timed))

@@ -1,6 +1,7 @@
 """Where forces differ most between two models that begin in one state: a contact, or a joint."""
 
 from collections import defaultdict
+from itertools import pairwise
 from typing import NamedTuple
 
 import mujoco
@@ -76,46 +77,39 @@ def sum_impulses(stretch: Stretch, model: mujoco.MjModel, timestep: float) -> Im
     mujoco.mj_setState(model, data, stretch.state, INTEGRATION)
     sums: dict[str, Floats] = defaultdict(lambda: np.zeros(model.nv))
     found: dict[str, Floats] = defaultdict(lambda: np.zeros((stretch.steps, model.nv)))
+    joints = [
+        (joint_name(model, joint), slice(begin, end))
+        for joint, (begin, end) in enumerate(pairwise([*model.jnt_dofadr.tolist(), model.nv]))
+    ]
     for step in range(stretch.steps):
         for _ in range(rate):
             if stretch.inputs is not None:
                 mujoco.mj_setState(model, data, stretch.inputs[step], stretch.spec)
             mujoco.mj_step(model, data)
-            for name, force in _forces(model, data):
-                sums[name] += force * model.opt.timestep
+            # A joint has the forces of its limit, servo and spring.
+            for name, rows in _constraint_rows(model, data).items():
+                loaded, general = np.zeros(data.nefc), np.zeros(model.nv)
+                loaded[rows] = data.efc_force[rows]
+                mujoco.mj_mulJacTVec(model, data, general, loaded)
+                sums[name] += general * model.opt.timestep
+            mine = data.qfrc_actuator + data.qfrc_passive
+            for name, dofs in joints:
+                if mine[dofs].any():
+                    alone = np.zeros(model.nv)
+                    alone[dofs] = mine[dofs]
+                    sums[name] += alone * model.opt.timestep
         for name, total in sums.items():
             found[name][step] = total
     return dict(found)
 
 
-def _forces(model: mujoco.MjModel, data: mujoco.MjData) -> list[tuple[str, Floats]]:
-    """Return generalized forces by source; a joint has those of its limit, servo and spring."""
-    found = list[tuple[str, Floats]]()
-    force, kinds, sources = data.efc_force, data.efc_type, data.efc_id
-    mine = data.qfrc_actuator + data.qfrc_passive
-    for name, rows in _constraint_rows(model, data, kinds, sources).items():
-        loaded = np.zeros(data.nefc)
-        loaded[rows] = force[rows]
-        general = np.zeros(model.nv)
-        mujoco.mj_mulJacTVec(model, data, general, loaded)
-        found.append((name, general))
-    for joint in range(model.njnt):
-        begin = int(model.jnt_dofadr[joint])
-        end = int(model.jnt_dofadr[joint + 1]) if joint + 1 < model.njnt else model.nv
-        if mine[begin:end].any():
-            alone = np.zeros(model.nv)
-            alone[begin:end] = mine[begin:end]
-            found.append((joint_name(model, joint), alone))
-    return found
-
-
-def _constraint_rows(
-    model: mujoco.MjModel, data: mujoco.MjData, kinds: np.ndarray, sources: np.ndarray
-) -> dict[str, list[int]]:
+def _constraint_rows(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, list[int]]:
+    """Return the rows of constraints that push, by their source."""
     rows: dict[str, list[int]] = defaultdict(list)
-    for row in np.flatnonzero(data.efc_force):
-        kind, source = int(kinds[row]), int(sources[row])
-        rows[_source(model, data, kind, source)].append(int(row))
+    pushing = np.flatnonzero(data.efc_force)
+    kinds, sources = data.efc_type[pushing].tolist(), data.efc_id[pushing].tolist()
+    for row, kind, source in zip(pushing.tolist(), kinds, sources, strict=True):
+        rows[_source(model, data, kind, source)].append(row)
     return rows
 
 

@@ -160,7 +160,7 @@ class PhaseMeasure:
         self._bodies = judged_bodies(motion.model)
         self._names = tuple(body_name(motion.model, int(body)) for body in self._bodies)
         self._observed = self._places_of(motion.observed)
-        self._run: Run = replay(motion, settings.window, settings.workers, known)
+        self.run: Run = replay(motion, settings.window, settings.workers, known)
         self._observer = Observer(motion.model, motion.starts[0], self._bodies, settings.workers)
         self._bases, self._stores = dict[str, mujoco.MjModel](), dict[str, ConstraintEnergy]()
         self._impulses = dict[tuple[str, int, int], Impulses]()
@@ -174,7 +174,7 @@ class PhaseMeasure:
             return np.zeros(len(self._bodies))
         if self._motion.usual is not None:
             return self._motion.usual[self._bodies]
-        return changes_of([self._run], self._observer) / float(self._model.opt.timestep)
+        return changes_of([self.run], self._observer) / float(self._model.opt.timestep)
 
     def _places_of(self, observed: Sequence[str]) -> np.ndarray:
         # (C,), among the bodies that move and have mass.
@@ -209,7 +209,7 @@ class PhaseMeasure:
         return [RUN, *(row for row in self._used if row.name in shown)]
 
     def _told(self, found: "_Found", *, excess: bool) -> PhaseBudget:
-        model, run, there = self._model, self._run, self._there
+        model, run, there = self._model, self.run, self._there
         real, limits = self._real(found), self._limits(found)
         energy, energy_rk4 = self._energies(found)
         of_steps = {row.name: found.apart[row.name] * limits for row in there if row.is_of_steps}
@@ -292,7 +292,7 @@ class PhaseMeasure:
     @cached_property
     def looked(self) -> "Looked":
         """First pass over all windows with references at h/4, and data for the second pass."""
-        run, settings, rows = self._run, self._settings, self._there
+        run, settings, rows = self.run, self._settings, self._there
         shape, looks, seeds = (self._motion.seeds, len(run.begins)), list[_Look](), 0
         found = _Found.empty(shape, len(self._bodies), [row.name for row in rows])
         if self._begun is not None and {*self._begun.found.apart} == {*found.apart}:
@@ -372,7 +372,7 @@ class PhaseMeasure:
 
         What goes from the reference in one window and comes back in another is no gain of a body.
         """
-        gained = np.where(self._run.valid[..., None], found.gained, 0)
+        gained = np.where(self.run.valid[..., None], found.gained, 0)
         total = gained.sum(axis=(0, 1))
         body = int(np.argmax(np.abs(total)))
         along = gained[..., body] * np.sign(total[body])
@@ -384,7 +384,7 @@ class PhaseMeasure:
         return Origin(
             body_name(self._model, int(self._bodies[body])),
             place,
-            float(self._run.begins[window] * self._model.opt.timestep),
+            float(self.run.begins[window] * self._model.opt.timestep),
         )
 
     def _smooth(self, rate: int) -> mujoco.MjModel:
@@ -409,7 +409,7 @@ class PhaseMeasure:
         own, rk4 = self._drift(found, found.energy), self._drift(found, found.energy_rk4)
         if not np.abs(rk4).mean() > max(_WORTH_A_LOOK, np.abs(own).mean()):
             return own, rk4
-        run, rate = self._run, 2 * _RK4_RATE
+        run, rate = self.run, 2 * _RK4_RATE
         for block in blocks(self._model, np.argwhere(run.valid), (run.steps + 1) * rate):
             windows = Windows(self._undelayed, run, self._settings.workers, block)
             place = tuple(block.T)
@@ -429,7 +429,7 @@ class PhaseMeasure:
     def _measure_more(self, look: "_Look", found: "_Found") -> None:
         """Enter the requested numbers beyond the first pass."""
         settings, place = self._settings, tuple(look.block.T)
-        windows = Windows(self._undelayed, self._run, settings.workers, look.block)
+        windows = Windows(self._undelayed, self.run, settings.workers, look.block)
         if settings.check:
             rate = 2 * settings.finer
             finest = self._around(windows, build_reference_model(self._model, rate), rate)
@@ -444,7 +444,7 @@ class PhaseMeasure:
 
     def _real(self, found: "_Found") -> Floats:
         """Return (S, B) real impulses over mass, the scale of errors [m/s]."""
-        run, sums = self._run, np.cumsum(self._pulls, axis=1)
+        run, sums = self.run, np.cumsum(self._pulls, axis=1)
         sums = np.concatenate([0 * sums[:, :1], sums], axis=1)
         fallen = (sums[:, run.begins + run.steps] - sums[:, run.begins]) * run.valid[..., None]
         weight = GRAVITY_AS_REAL * self._model.opt.timestep * fallen.sum(axis=1)
@@ -458,7 +458,7 @@ class PhaseMeasure:
         if not exercised:
             none = np.empty(0)
             return Reading(*about, exercised=False, errors=none, seeds=none)
-        if not self._run.valid.any():
+        if not self.run.valid.any():
             none = np.full(len(self._observed), np.nan)
             return Reading(*about, exercised=True, errors=none, seeds=none[:0])
         apart = found.apart[row.name]
@@ -466,14 +466,14 @@ class PhaseMeasure:
         mean = shares.mean(axis=0)
         body = self._worst(mean)
         seed, window = map(int, np.unravel_index(np.argmax(apart[..., body]), apart.shape[:2]))
-        time = float(self._run.begins[window] * self._model.opt.timestep)
+        time = float(self.run.begins[window] * self._model.opt.timestep)
         reading = Reading(
             *about,
             exercised=True,
             errors=mean[self._observed],
             seeds=shares[:, body],
             body=int(np.searchsorted(self._observed, body)),
-            speed=float(apart[..., body][self._run.valid & ~found.lost].mean()),
+            speed=float(apart[..., body][self.run.valid & ~found.lost].mean()),
             seed=seed,
             time=time,
         )
@@ -495,7 +495,7 @@ class PhaseMeasure:
 
         Many rows are compared with one base in one window; its impulses are added up once.
         """
-        run, timestep, key = self._run, self._model.opt.timestep, (base, seed, window)
+        run, timestep, key = self.run, self._model.opt.timestep, (base, seed, window)
         span = run.begins[window] + np.arange(run.steps)
         stretch = Stretch(
             run.starts[seed, window],
@@ -526,7 +526,7 @@ class PhaseMeasure:
 
     def _speeds(self, warning: EngineWarning) -> Floats:
         """Return (B,) speeds in the last state before a warning; 0 where one is not finite."""
-        run, begin = self._run, int(self._run.begins[warning.window])
+        run, begin = self.run, int(self.run.begins[warning.window])
         kept = run.kept[warning.seed, begin : begin + run.steps]
         with np.errstate(invalid="ignore", over="ignore"):
             speeds = np.linalg.norm(self._observer(kept)[0], axis=-1)
@@ -560,7 +560,7 @@ class PhaseMeasure:
         weight = self._pulls.mean(axis=1) @ model.body_mass[self._bodies] * size
         usual = GRAVITY_AS_REAL * self._usual @ model.body_mass[self._bodies] * size
         found_drifts = np.full(len(parts), np.nan)
-        for seed, valid in enumerate(self._run.valid & ~found.lost):
+        for seed, valid in enumerate(self.run.valid & ~found.lost):
             if not valid.any():
                 continue
             own, gained = settled(parts[seed][valid]), settled(found.energy[seed][valid])

@@ -36,8 +36,6 @@ Picture = NDArray[np.uint8]
 _AZIMUTH, _ELEVATION = 120.0, -18.0
 # An arrow's radius as a fraction of the sphere's, and at most of its own length.
 _ARROW_RADIUS, _MAX_ARROW_RADIUS = 0.015, 0.1
-# Map of shadows: texels per pixel, and the largest number. In software, it takes half the time.
-_SHADOW_TEXELS, _MAX_SHADOW_TEXELS = 3, 2048
 _MAX_TRAIL_PIECES, _TRAIL_COLOUR = (
     60,
     (0.10, 0.27, 0.98),
@@ -151,7 +149,8 @@ def draw_pictures(
 def set_looks(model: mujoco.MjModel, size: tuple[int, int]) -> None:
     """Prepare a model for pictures of a size: bright, with translucent moving bodies."""
     model.vis.global_.offwidth, model.vis.global_.offheight = size
-    model.vis.quality.shadowsize = min(_MAX_SHADOW_TEXELS, _SHADOW_TEXELS * max(size))
+    # A texel of the map of shadows per pixel: with three, software takes twice the time.
+    model.vis.quality.shadowsize = min(2048, max(size))
     meshes = model.geom_dataid[model.geom_type == mujoco.mjtGeom.mjGEOM_MESH]
     # With more triangles, shadows and several samples per pixel take 90 % of software's time.
     most_shaded_triangles = 50_000

@@ -108,8 +108,8 @@ def tabulate_states(
     for seed in range(seeds):
         if failed[seed]:
             continue
-        sampler.locate_bodies(seed, times, positions[seed], lengths[seed], energies[seed])
-        impacts[seed] = sampler.find_impacts(seed, times)
+        sampled = positions[seed], lengths[seed], energies[seed]
+        impacts[seed] = sampler.sample_states(seed, times, *sampled)
         if extremes_too:
             _measure_extremes(sampler, seed, range(0, steps + 1, stride), extremes, resting)
     bits = kept[:, : steps + 1].tobytes()
@@ -132,36 +132,32 @@ class _StateSampler:
         mujoco.mj_fwdPosition(model, data)
         return data
 
-    def locate_bodies(
+    def sample_states(
         self, seed: int, times: Floats, positions: Floats, lengths: Floats, energies: Floats
-    ) -> None:
+    ) -> np.ndarray:
         """Fill in places, lengths and energies at times; places and lengths by cubic interpolation.
 
         Hermite's cubic has an error of fourth order in the step, below that of any integrator.
+
+        Returns:
+            (K,) whether a contact or a stop occurred up to a time that the start lacks.
         """
         step = float(self.model.opt.timestep)
+        own = _list_touching(self.enter_state(seed, 0))
+        new = np.zeros(len(times), bool)
         for place, time in enumerate(times):
             first = min(int(time / step + SUM_ROUNDING), self._motion.steps)
-            ends = [self._locate_with_rates(seed, number) for number in (first, first + 1)]
-            share = time / step - first
-            if not np.isfinite(ends[1][0]).all():
-                share = 0.0
-                ends[1] = ends[0]
-            whole = _interpolate_cubic(ends, share, step)
+            low = self._locate_with_rates(seed, first)
+            new[place] = not _list_touching(self.data) <= own
+            mujoco.mj_energyPos(self.model, self.data)
+            mujoco.mj_energyVel(self.model, self.data)
+            energies[place] = self.data.energy.sum()
+            high, share = self._locate_with_rates(seed, first + 1), time / step - first
+            if not np.isfinite(high[0]).all():
+                high, share = low, 0.0
+            whole = _interpolate_cubic(low, high, share, step)
             positions[place] = whole[: positions[place].size].reshape(-1, 3)
             lengths[place] = whole[positions[place].size :]
-            data = self.enter_state(seed, first)
-            mujoco.mj_fwdVelocity(self.model, data)
-            mujoco.mj_energyPos(self.model, data)
-            mujoco.mj_energyVel(self.model, data)
-            energies[place] = data.energy.sum()
-
-    def find_impacts(self, seed: int, times: Floats) -> np.ndarray:
-        """Return (K,) whether a contact or a stop occurred up to a time that the start lacks."""
-        step = float(self.model.opt.timestep)
-        own = _list_touching(self.enter_state(seed, 0))
-        places = (min(int(time / step + SUM_ROUNDING), self._motion.steps) for time in times)
-        new = [not _list_touching(self.enter_state(seed, place)) <= own for place in places]
         return np.logical_or.accumulate(new)
 
     def _locate_with_rates(self, seed: int, step: int) -> tuple[Floats, Floats]:
@@ -184,8 +180,10 @@ def _list_touching(data: mujoco.MjData) -> set[tuple[int, ...]]:
     return {tuple(pair) for pair in pairs.tolist()} | {(joint,) for joint in stops.tolist()}
 
 
-def _interpolate_cubic(ends: list[tuple[Floats, Floats]], share: float, step: float) -> Floats:
-    (low, low_rate), (high, high_rate) = ends
+def _interpolate_cubic(
+    begin: tuple[Floats, Floats], end: tuple[Floats, Floats], share: float, step: float
+) -> Floats:
+    (low, low_rate), (high, high_rate) = begin, end
     square, cube = share**2, share**3
     return (
         (2 * cube - 3 * square + 1) * low
