@@ -1,6 +1,6 @@
 """Small models that escaped an earlier form of the measure, each with what it reads now.
 
-Numbers are those of docs/theory/error-budget.md, to the two digits that stand there.
+Some of them stay hard: docs/theory/error-budget.md.
 """
 
 import numpy as np

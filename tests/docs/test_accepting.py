@@ -1,4 +1,4 @@
-"""The workflow of docs/how-to/ci.md accepts only the commit that its comment names."""
+"""The workflow examples/ci/contact-accept.yml accepts only the commit that its comment names."""
 
 import os
 import re
@@ -9,9 +9,8 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
-PAGE = Path(__file__).parents[2] / "docs/how-to/ci.md"
-SECTION = PAGE.read_text(encoding="utf-8").partition("## Accepting a change")[2]
-JOB = YAML(typ="safe").load(SECTION.partition("```yaml\n")[2].partition("```")[0])["jobs"]["accept"]
+WORKFLOW = Path(__file__).parents[2] / "examples/ci/contact-accept.yml"
+JOB = YAML(typ="safe").load(WORKFLOW)["jobs"]["accept"]
 (CHECKOUT,) = (step for step in JOB["steps"] if "gh pr checkout" in step.get("run", ""))
 # Checks out the pull request's branch as it is by now.
 GH = '#!/bin/sh\n[ "$1 $2 $3" = "pr checkout 7" ] && exec git checkout --quiet change\n'

@@ -1,4 +1,4 @@
-"""The files for array jobs that the docs show: each starts every shard once, and merges all."""
+"""The files of examples/clusters for array jobs: each starts every shard once, and merges all."""
 
 import os
 import re
@@ -12,11 +12,16 @@ import pytest
 from ruamel.yaml import YAML
 from tests.docs.tried_commands import parse
 
-PAGE = Path(__file__).parents[2] / "docs/how-to/clusters.md"
-SECTION = PAGE.read_text().partition("## Shards")[2].partition("\n## ")[0]
-PLAIN, SLURM, PARALLEL = re.findall(r"```sh\n(.*?)```", SECTION, re.DOTALL)
+ROOT = Path(__file__).parents[2]
+CLUSTERS = ROOT / "examples/clusters"
+PAGE = (ROOT / "docs/how-to/clusters.md").read_text(encoding="utf-8")
+(PLAIN,) = re.findall(r"## Shards\n.*?```sh\n(.*?)```", PAGE, re.DOTALL)
+SLURM, PARALLEL = (
+    (CLUSTERS / name).read_text(encoding="utf-8")
+    for name in ("shards.sbatch", "shards-parallel.sh")
+)
 JOB, WORKFLOW = (
-    YAML(typ="safe").load(text) for text in re.findall(r"```yaml\n(.*?)```", SECTION, re.DOTALL)
+    YAML(typ="safe").load(CLUSTERS / name) for name in ("shards-job.yaml", "shards-workflow.yaml")
 )
 # Stands in for the command: notes how it was called, and leaves the store that it was told of.
 COMMAND = """#!/bin/sh

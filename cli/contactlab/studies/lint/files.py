@@ -82,7 +82,7 @@ def absolute_path(linted: LintedModel) -> Iterator[Fault]:
 def resource_name(linted: LintedModel) -> Iterator[Fault]:
     """A file is named by its ROS package, and MuJoCo alone does not find it.
 
-    contactlab looks for the package next to the model. Fix: the path in the message, with
+    Its package is sought next to the model. Fix: the path in the message, with
     `<mujoco><compiler strippath="false"/></mujoco>`.
     """
     named = [

@@ -33,7 +33,7 @@ def option_value(linted: LintedModel) -> Iterator[Fault]:
 def gravity_size(linted: LintedModel) -> Iterator[Fault]:
     """Gravity is ten times the Earth's or more, as in centimetres or millimetres.
 
-    contactlab reads lengths as metres, so its limits in mm are of other lengths here; shares of
+    Lengths are read as metres, so limits in mm are of other lengths here. Shares of
     forces are not affected. Fix: none if the unit is meant, otherwise metres.
     """
     size = float(np.linalg.norm(linted.model.opt.gravity))
