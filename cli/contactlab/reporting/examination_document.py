@@ -34,6 +34,7 @@ from contactlab.reporting.examination import (
     labels_in_why,
     not_tried_line,
 )
+from contactlab.reporting.servo_words import servo_tables
 from contactlab.reporting.verified_measures import measure_rows
 from contactlab.schema.check_report import CheckResult, Measure
 from contactlab.schema.drive import PolicyDrive
@@ -90,6 +91,10 @@ def describe_examination(
             Section((Facts(facts),), "contacts", title=names)
             for names, facts in grouped_contacts(report.contacts).items()
         ]
+    if details_or_alone and report.servos:
+        first = report.servos[0]
+        step = f"step {format_amount(first.timestep, 'ms')}, {first.integrator}"
+        sections.append(Section((*servo_tables(report.servos),), "servos", f"servos: {step}"))
     others = (fix for fix in report.fixes if fix is not first_fix(report.fixes))
     sections += [
         Section(

@@ -7,6 +7,7 @@ from contactlab.schema.error_budget import BudgetReport
 from contactlab.schema.evidence import Setting
 from contactlab.schema.finding import Finding
 from contactlab.schema.report_model import ReportModel
+from contactlab.schema.servo import Servo
 from contactlab.schema.strict_model import FiniteOrNull, Model, about
 from contactlab.schema.task import Task
 from contactlab.schema.task_verdict import TaskVerdict
@@ -19,7 +20,7 @@ EXAMINATION_VERSION = 2
 MOST_FIXES = 3
 """Fixes of a model that are reported with their lines."""
 
-SectionName = Literal["labels", "budget", "facts", "checks", "contacts", "fixes"]
+SectionName = Literal["labels", "budget", "facts", "checks", "contacts", "servos", "fixes"]
 """A part of an examination."""
 
 
@@ -39,6 +40,7 @@ class Fact(Model):
         "grip",
         "file",
         "advisory",
+        "servo",
     ]
     place: str = about("The contact, the joint, the body, or the line of a file.")
     value: float
@@ -181,7 +183,8 @@ class Examination(ReportModel):
     task: Task
     sections: tuple[SectionName, ...] = about("The requested sections.")
     verdict: VerdictWord | None = about(
-        "The verdict of the whole examination; null if only contacts were requested.", default=None
+        "The verdict of the whole examination; null if only contacts or servos were requested.",
+        default=None,
     )
     headline: str = about(
         "The verdict in at most 15 words; empty if only contacts were requested.", default=""
@@ -208,6 +211,7 @@ class Examination(ReportModel):
     checks: tuple[CheckResult, ...] = ()
     findings: tuple[Finding, ...] = about("Results of the checks, failures first.", default=())
     contacts: tuple[RestingContact, ...] = ()
+    servos: tuple[Servo, ...] = ()
     fixes: tuple[Fix, ...] = about(
         "At most three, the cheapest first, those that `--apply` names, and those that separate "
         "overlapping bodies.",

@@ -50,6 +50,12 @@ from contactlab.studies.examine.repaired_causes import (
     list_file_causes,
 )
 from contactlab.studies.examine.resting_contacts import resting_contacts
+from contactlab.studies.examine.servo_table import (
+    judge_servos,
+    list_sagging_servos,
+    list_unheld_servos,
+    measure_task_servos,
+)
 from contactlab.studies.examine.verified_fixes import FixVerifier
 from contactlab.studies.grip.grip_fact import grip_facts
 from contactlab.studies.verification import VerificationRequest, verify_change
@@ -62,7 +68,9 @@ SECTIONS: tuple[SectionName, ...] = get_args(SectionName)
 REFERENCE = "reference.json"
 RESULTS = "examine"
 """Name of its folder among the results."""
-_OF_MOTIONS = {"budget", "facts", "fixes"}
+_OF_MOTIONS = {"budget", "facts", "fixes", "servos"}
+_NOT_JUDGED = {"contacts", "servos"}
+"""Sections that need no verdict of the task."""
 _OF_RUNS = {"labels", "checks", "contacts"}
 SETTINGS = Settings(timed=True)
 MAX_CPU = 60.0
@@ -111,8 +119,9 @@ class ExamineRequest:
     def parts(self) -> int:
         """Largest number of its parts."""
         wanted = {*self.sections}
-        measured = wanted != {"contacts"}
-        return self.has_runs + ("checks" in wanted) + measured + 2 * ("fixes" in wanted)
+        measured = not wanted <= _NOT_JUDGED
+        parts = self.has_runs + ("checks" in wanted) + ("servos" in wanted) + measured
+        return parts + 2 * ("fixes" in wanted)
 
 
 def run(request: ExamineRequest, session: Session) -> Examination:
@@ -145,7 +154,7 @@ def run(request: ExamineRequest, session: Session) -> Examination:
     if wanted & _OF_MOTIONS and not examined.moves:
         # It says why there are none, before anything is run.
         examined.motions_of(examined.task)
-    if wanted != {"contacts"}:
+    if not wanted <= _NOT_JUDGED:
         examined.add_seeds()
     task = examined.task
     session.claim(RESULTS, request.model)
@@ -157,8 +166,11 @@ def run(request: ExamineRequest, session: Session) -> Examination:
     if "checks" in wanted:
         request.begins("checking it")
         report = _checked(report, checks, examined, request.accepted)
-    if wanted == {"contacts"}:
-        return report
+    if "servos" in wanted and examined.moves:
+        request.begins("measuring its servos")
+        report = report.model_copy(update={"servos": measure_task_servos(examined.motions[0])})
+    if wanted <= _NOT_JUDGED:
+        return judge_servos(report)
     with TemporaryDirectory(prefix="contactlab-") as folder:
         return _measured(request, report, examined, begun, Path(folder))
 
@@ -168,7 +180,7 @@ def _ran(report: Examination, examined: CheckedModel) -> Examination:
     if "contacts" in report.sections:
         contacts = tuple(resting_contacts(examined))
         report = report.model_copy(update={"contacts": contacts})
-    if report.sections == ("contacts",):
+    if {*report.sections} <= _NOT_JUDGED:
         return report
     budget = examined.budget if examined.moves else None
     labels = tuple(
@@ -220,6 +232,8 @@ def _measured(
         found = (
             *list_advisory_facts(examined.motions[0].model, examined.scene.source),
             *facts(examined.motions, times),
+            *list_sagging_servos(report.servos),
+            *(list_unheld_servos(report.servos) if request.assign else ()),  # as lint has them
         )
         if not request.assign:
             found += grip_facts(request.model, examined.motions[0].model, task.start)
