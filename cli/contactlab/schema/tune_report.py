@@ -1,4 +1,4 @@
-"""The report of `contactlab tune`, and of `contactlab tradeoff MODEL`."""
+"""The report of `contactlab tune`: the front of accuracy and time, and the recommendation."""
 
 from typing import Literal
 
@@ -9,15 +9,18 @@ from contactlab.schema.task import Task
 from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.verification import VerifiedChange
 
-TUNE_VERSION = 4
+TUNE_VERSION = 5
 REPORT, MODEL, FOLDER = "tune.json", "tuned.xml", "tuned"
 PATCH = f"{FOLDER}/tuned.patch"
 """Files of the study's folder. The model is in `tuned`, with the files that it refers to."""
 EQUAL_ERROR_FOLDER = "equal_error"
 """Folder of a model that is as accurate as the model as written, if that one is not ok."""
+POINT_FOLDER = "point{number}"
+"""Folder of a point of the front that was requested."""
 
 TargetKind = Literal["as written", "tolerance", "error", "real time", "forward error"]
 SearchEnd = Literal["complete", "work", "time"]
+PointState = Literal["as written", "verified", "failed", "not verified"]
 
 
 class Target(Model):
@@ -58,8 +61,8 @@ class Candidate(Model):
         "It is the same on any machine, and decides the search."
     )
     time_ratio: TimeRatio | None = about(
-        "Measured time over the time of the model as written; only of what is recommended, and of "
-        "the model as written against itself, which shows the noise."
+        "Measured time over the time of the model as written; only of points of the front. That of "
+        "the model as written against itself shows the noise. Null if it was not measured."
     )
 
 
@@ -126,6 +129,32 @@ class AlternativeCandidate(Model):
     file: str = about("The written model, relative to the report.")
 
 
+class FrontPoint(Model):
+    """A point of the front: no measured candidate is both more accurate and faster."""
+
+    number: int = about("From the most accurate on, as in `--pick`.")
+    name: str = about("Integrator and timestep, with a setting if another point has the same.")
+    marks: tuple[str, ...] = about("as written, recommended, equal error: what the point is.")
+    candidate: Candidate
+    real_time: float = about("Simulated over CPU time, on one core of this machine.")
+    state: PointState = about(
+        "Only a point that was written and passed is verified. failed: it was written, and a "
+        "measure is worse than that of the model as written."
+    )
+    verification: str = about("The result of its verification in a phrase; empty without one.")
+    changed_settings: tuple[ChangedSetting, ...]
+    verified: Verification | None = about("Null if it was not written.")
+    file: str | None = about("The written model, relative to the report; null if not written.")
+
+
+class ParameterUncertainty(Model):
+    """The error of a parameter that is not known exactly."""
+
+    name: str = about("The parameter and its uncertainty, such as friction 10 %.")
+    error: FiniteOrNull = about("Its effect, measured as errors are.")
+    body: str = about("The worst body.")
+
+
 class FarPairs(Model):
     """Collisions of far pairs. That is no proof, so they are removed only on request."""
 
@@ -151,7 +180,7 @@ class SimplifiedHulls(Model):
 class TuneReport(ReportModel):
     """From a model to recommended settings (`tune.json`). Units are SI."""
 
-    tune_version: Literal[4] = TUNE_VERSION
+    tune_version: Literal[5] = TUNE_VERSION
     model: str = about("As given.")
     scene_hash: str
     mujoco: str
@@ -166,6 +195,15 @@ class TuneReport(ReportModel):
     recommended: Candidate | None = about(
         "The fastest that meets the target and makes no measure worse; null if no change is "
         "recommended."
+    )
+    front: tuple[FrontPoint, ...] = about(
+        "Points from the most accurate to the fastest within the tolerance. The model as written "
+        "and what is recommended are points in any case."
+    )
+    picked: int | None = about("Number of the point that was requested with `--pick`.")
+    uncertainty: tuple[ParameterUncertainty, ...] = about(
+        "Effects of masses and friction, which are known to a few percent: a numerical error far "
+        "below them cannot matter. Empty for forward errors, or without time."
     )
     far_pairs: FarPairs | None = about("Null if there are none, or they were not searched.")
     simplified_hulls: SimplifiedHulls | None = about("Null if no written model has them.")
@@ -183,6 +221,7 @@ class TuneReport(ReportModel):
         "recommended candidate takes no longer."
     )
     real_time: float = about("Simulated over CPU time of the model as written, on this machine.")
+    reference_integrator: str = about("Integrator of the reference motion.")
     reference_step: float = about("s: step of the reference motion that errors are measured from.")
     candidates: tuple[Candidate, ...] = about("Every measured candidate.")
     changed_settings: tuple[ChangedSetting, ...] = about("Settings that are recommended.")
@@ -205,5 +244,8 @@ class TuneReport(ReportModel):
 
     @property
     def problem(self) -> str:
-        """The result, if no candidate meets the target and none is recommended."""
+        """The result, if nothing meets the target, or if the picked point failed."""
+        for point in self.front:
+            if point.number == self.picked and point.state != "verified" and point.verified:
+                return f"{self.model}: point {point.number} failed: {point.verification}"
         return "" if self.target_met or self.recommended else f"{self.model}: {self.sentence}"

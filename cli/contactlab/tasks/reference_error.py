@@ -29,12 +29,16 @@ from contactlab.budget.restarts import (
 from contactlab.budget.windows import Observer, Run, body_name, judged_bodies, replay
 from contactlab.contact.trace_arrays import Floats
 from contactlab.modifications.model_predicates import is_disabled
-from contactlab.scene.model_edits import set_timestep
+from contactlab.numerical_tolerance import COARSE_ROUNDING
+from contactlab.scene.model_edits import set_timestep, write_option
 
 _REFERENCE_POINTS = (
     4  # points of the reference within a step of the candidate, on either side of an end
 )
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
+SLACK_SHARE = 0.05
+"""Largest shift in time that is no error, as a share of a window: 2 ms of 40 ms. The time of an
+event is uncertain by a step, but a step of 40 ms would forgive whatever happens in its window."""
 
 
 @dataclass(frozen=True)
@@ -60,12 +64,25 @@ class ErrorEstimate:
 class PhaseReference:
     """The reference motion of one phase, which candidates are compared with."""
 
-    def __init__(self, motion: Motion, finer: int, workers: int, *, every: int = 1) -> None:
-        """Run the phase at its step over `finer`; use only one in `every` windows."""
+    def __init__(
+        self,
+        motion: Motion,
+        finer: int,
+        workers: int,
+        *,
+        every: int = 1,
+        integrator: str | None = None,
+    ) -> None:
+        """Run the phase at its step over `finer`; use only one in `every` windows.
+
+        `integrator` replaces that of the model.
+        """
         self._motion = without_delays(motion)
         self._substeps, self._workers = finer, workers
         self.step = float(motion.model.opt.timestep) / finer
         self._reference_model = build_reference_model(motion.model, finer)
+        if integrator is not None:
+            write_option(self._reference_model, "integrator", integrator)
         steps = max(1, round(WINDOW / motion.model.opt.timestep))
         fine = refine_motion(self._motion, self._reference_model, finer)
         window = min(steps, motion.steps) * float(motion.model.opt.timestep)
@@ -89,6 +106,11 @@ class PhaseReference:
     def motion(self) -> Motion:
         """The phase, with controls that act on actuators without delay."""
         return self._motion
+
+    @property
+    def reference_model(self) -> mujoco.MjModel:
+        """The model of the reference motion."""
+        return self._reference_model
 
     @property
     def windows(self) -> int:
@@ -141,8 +163,12 @@ class PhaseReference:
         if not len(which):
             return ErrorEstimate(math.inf, "", self._motion.name, 0.0, math.inf, math.inf)
         own = self.velocities_around(model, multiple)
-        fine = self._reference_around(ends, which, multiple) if against is None else against
-        found = defects(own, fine)
+        if against is None:
+            slack = self._slack_of(multiple)
+            # Velocities are straight between steps.
+            own = own[:, 1:2] + (own - own[:, 1:2]) * (slack / multiple)
+            against = self._reference_around(ends, which, multiple)
+        found = defects(own, against)
         begin = self._run.begins[which[:, 1]]
         kept = np.isin(
             self._windows[:, 0] * len(self._run.begins) + self._windows[:, 1],
@@ -173,6 +199,11 @@ class PhaseReference:
             float(mean[body]), name, self._motion.name, time, float(own.min()), float(own.max())
         )
 
+    def _slack_of(self, multiple: int) -> int:
+        """Return the largest shift in time that is no error, in fine steps."""
+        window = multiple * max(MIN_WINDOW_STEPS, round(self._run.steps / multiple))
+        return max(1, min(multiple, math.floor(SLACK_SHARE * window + COARSE_ROUNDING)))
+
     def _window_ends(self, multiple: int) -> tuple[np.ndarray, np.ndarray]:
         """Return (M,) fine steps at which windows end, and the (M, 2) windows that fit."""
         count = max(MIN_WINDOW_STEPS, round(self._run.steps / multiple))
@@ -190,8 +221,9 @@ class PhaseReference:
         return self._cached_reference[1]
 
     def _observe_reference(self, ends: np.ndarray, which: np.ndarray, multiple: int) -> Floats:
-        stride = max(1, multiple // _REFERENCE_POINTS)
-        places = sorted({*range(-multiple, multiple + 1, stride), 0, multiple})
+        slack = self._slack_of(multiple)
+        stride = max(1, slack // _REFERENCE_POINTS)
+        places = sorted({*range(-slack, slack + 1, stride), 0, slack})
         # The end itself must be in the middle, where defects expect it.
         half = [place for place in places if place > 0]
         places = [-place for place in half[::-1]] + [0, *half]
@@ -246,10 +278,18 @@ class TaskReference:
 
     @classmethod
     def run_references(
-        cls, motions: Sequence[Motion], finer: int, workers: int, every: int = 1
+        cls,
+        motions: Sequence[Motion],
+        finer: int,
+        workers: int,
+        every: int = 1,
+        integrator: str | None = None,
     ) -> "TaskReference":
-        """Run the references of phases."""
-        found = [PhaseReference(motion, finer, workers, every=every) for motion in motions]
+        """Run the references of phases; `integrator` replaces that of the model."""
+        found = [
+            PhaseReference(motion, finer, workers, every=every, integrator=integrator)
+            for motion in motions
+        ]
         return cls(found, finer)
 
     @property
@@ -274,7 +314,8 @@ class TaskReference:
         """
         worst = self.uncorrected_error(model, multiple)
         rest = 1.0
-        if multiple > 1 and _RK4 not in (model.opt.integrator, self.phases[0].model.opt.integrator):
+        fine = self.phases[0].reference_model
+        if multiple > 1 and _RK4 not in (model.opt.integrator, fine.opt.integrator):
             rest = multiple / (multiple - 1)
         return replace(
             worst, error=worst.error * rest, low=worst.low * rest, high=worst.high * rest

@@ -3,8 +3,9 @@
 Everything is decided by errors and by counted work, in a fixed order, so that the same search has
 the same result on any machine and under any load. Exact savings come first: settings that change
 no bit of the motion. Then every setting that saves work and adds hardly any error; then integrator
-and timestep; then settings that save work within the allowed error. A time limit ends the search
-early.
+and timestep; then settings that save work within the allowed error. Then the front: each integrator
+at its own ladder of steps, from finer than as written to as coarse as the tolerance allows. A time
+limit ends the search early.
 """
 
 import itertools
@@ -44,6 +45,8 @@ _LOSSLESS_SHARE = (
 )
 _MAX_SINGLE_GEOMS = 12  # geoms whose contacts are tried one by one; more would crowd the patch
 _MAX_FAILED_STEPS = 2  # failed timesteps in a row, after which longer ones are not tried
+_LEAST_GAIN = 0.8  # ratio of errors above which a finer step gains nothing: another error is left
+_MAX_FRONT_COST = 50.0  # most accurate points cost at most this, over the model as written
 
 _UNUSED: Reductions = frozenset({"unused"})
 Ending = Literal["complete", "work", "time"]
@@ -166,7 +169,9 @@ class Search:
     Attributes:
         bounds: on the error, searched in order, each with an equal share of the remaining work.
         max_cost: largest cost, if the error is minimized.
-        work: counted work of the whole search, in tasks of the model as written.
+        work: counted work of the search for bounds, in tasks of the model as written.
+        front_limit: largest error of the front.
+        front_work: counted work of the front, besides.
         deadline: on the clock of `time.monotonic`.
         is_exact: whether a model moves as the model as written, bit for bit.
         evaluations: evaluated configurations by key.
@@ -181,6 +186,8 @@ class Search:
     work: float
     deadline: float
     is_exact: Callable[[mujoco.MjModel], bool] = lambda _: False
+    front_limit: float = 0.0
+    front_work: float = 0.0
     evaluations: dict[Key, Evaluation] = field(default_factory=dict[Key, "Evaluation"])
     ending: Ending = "complete"
     done: float = 0.0
@@ -195,7 +202,7 @@ class Search:
     def trials(self) -> int:
         """Number of trials that a search without limits makes at most, for each bound."""
         values = sum(len(each.values) + len(each.step_sensitive) for each in self.space.parameters)
-        return 1 + 2 * values + len(self.space.steps) * len(self.space.integrators)
+        return 1 + 2 * values + 2 * len(self.space.steps) * len(self.space.integrators)
 
     def evaluate_current(self) -> Evaluation:
         """Evaluate the model as written, whatever time is left."""
@@ -218,8 +225,69 @@ class Search:
                     self._search_bound()
                 except OutOfWorkError:
                     self.ending = "work"
+            self._allowed = self.done + self.front_work
+            try:
+                self._search_front()
+            except OutOfWorkError:
+                self.ending = "work"
         except (OutOfTimeError, KeyboardInterrupt):
             self.ending = "time"
+
+    def _search_front(self) -> None:
+        """Evaluate each integrator at all usable steps up to the limit of the front."""
+        if not self.front_limit:
+            return
+        bases = {
+            name: self._exact.with_settings(changed_settings({INTEGRATOR: name}, self.space.model))
+            for name in self.space.integrators
+        }
+        for base in bases.values():
+            self._evaluate(base)
+        for name, base in bases.items():
+            self._try_longer_steps(name, base)
+        for base in bases.values():
+            self._try_finer_steps(base)
+        if self.max_cost is None and self.front_limit > max(each.limit for each in self.bounds):
+            self.bound = Bound.of(self.front_limit)
+            self._search_bound()
+
+    def _try_longer_steps(self, name: str, exact: Configuration) -> None:
+        """Evaluate ever longer steps, with the settings that add hardly any error.
+
+        An integrator whose own error is as small as theirs is evaluated without them, too.
+        """
+        cheap = self._lossless.with_settings(changed_settings({INTEGRATOR: name}, self.space.model))
+        small = 2 * _LOSSLESS_SHARE * min(bound.limit for bound in self.bounds)
+        for multiple in (each for each in self.space.steps if each >= self.space.substeps):
+            error = self._error_of(cheap.with_step(multiple))
+            if error <= small:
+                self._error_of(exact.with_step(multiple))
+            if error > self.front_limit and multiple > self.space.substeps:
+                break
+
+    def _try_finer_steps(self, base: Configuration) -> None:
+        """Evaluate ever finer steps while they gain accuracy, and a converged solver."""
+        before = self._error_of(base)
+        for multiple in reversed([each for each in self.space.steps if each < base.multiple]):
+            choice = base.with_step(multiple)
+            if self._cost_of(choice) > _MAX_FRONT_COST:
+                break
+            error = self._error_of(choice)
+            if error > _LEAST_GAIN * before:
+                converged = self._with_converged_solver(choice)
+                if converged == choice or self._error_of(converged) > _LEAST_GAIN * error:
+                    break
+                base, error = converged, self._error_of(converged)
+            before = error
+
+    def _with_converged_solver(self, choice: Configuration) -> Configuration:
+        option = self.space.model_of(choice).opt
+        converged = {
+            "solver": "Newton",
+            "iterations": max(100, int(option.iterations)),
+            "tolerance": min(1e-10, float(option.tolerance)),
+        }
+        return choice.with_settings(changed_settings(converged, self.space.model_of(choice)))
 
     def _search_bound(self) -> None:
         base = self._lossless
@@ -234,7 +302,11 @@ class Search:
 
     def rank_candidates(self, bound: Bound) -> list[Evaluation]:
         """Return the candidates within a bound, the best first; ties go to the simpler one."""
-        known = [one for one in self.evaluations.values() if one.error and self.keeps_margin(one)]
+        known = [
+            one
+            for one in self.evaluations.values()
+            if one.error and self.keeps_margin(one, bound.accepted)
+        ]
         if self.max_cost is not None:
             return sorted((one for one in known if one.cost <= self.max_cost), key=error_of)
         return sorted((one for one in known if error_of(one) <= bound.accepted), key=self._rank)
@@ -250,8 +322,11 @@ class Search:
         own = changed_settings(choice.settings, self.space.model)
         return len(own) + step + len(choice.reductions)
 
-    def keeps_margin(self, tried: Evaluation) -> bool:
-        """Return whether a timestep is far enough below those that failed with its settings."""
+    def keeps_margin(self, tried: Evaluation, accepted: float) -> bool:
+        """Return whether a timestep is far enough below those that failed with its settings.
+
+        Steps fail whose error is larger than `accepted`.
+        """
         choice = tried.configuration
         if choice.multiple <= self.space.substeps:
             return True
@@ -260,7 +335,7 @@ class Search:
             for one in self.evaluations.values()
             if one.configuration.key[1:] == choice.key[1:]
             and one.error
-            and error_of(one) > max(bound.accepted for bound in self.bounds)
+            and error_of(one) > accepted
         )
         return not any(STEP_MARGIN * step < choice.multiple < step for step in failed)
 
@@ -345,7 +420,7 @@ class Search:
         All bounds start from it. The smallest bound decides which added error counts as none, and
         bounds that the model as written satisfies stay satisfied.
         """
-        base = self._find_exact()
+        base = self._exact
         base = self._with_faster_base(base)
         own = self._error_of(base)
         kept = [bound.accepted for bound in self.bounds if own <= bound.accepted]
@@ -376,10 +451,11 @@ class Search:
                     break
         return choice
 
-    def _find_exact(self) -> Configuration:
-        """Return the cheapest configuration whose motion is that of the model as written.
+    @cached_property
+    def _exact(self) -> Configuration:
+        """The cheapest configuration whose motion is that of the model as written.
 
-        It is right whatever else is measured, so that a slow model has a result early.
+        It holds whatever else is measured, so that a slow model has a result early.
         """
         exact = self.current.with_reductions(self.space.start)
         if "far-pairs" in self.space.start:
@@ -558,7 +634,9 @@ class Search:
         """Return a configuration at this step, or at the next one that keeps the margin."""
         for multiple in reversed([each for each in self.space.steps if each <= found.multiple]):
             choice = found.with_step(multiple)
-            if self._is_within_bound(choice) and self.keeps_margin(self._evaluate(choice)):
+            if self._is_within_bound(choice) and self.keeps_margin(
+                self._evaluate(choice), self.bound.accepted
+            ):
                 return choice
             if multiple <= self.space.substeps:
                 break

@@ -22,6 +22,7 @@ class TuneRequest:
         observed: bodies, sites and sensors of a forward error.
         error_at: when the forward error is measured; None for the error budget.
         max_time: wall time limit [s].
+        pick: number of a point of the front to write and verify.
         apply: reductions without a proof, by name, with their distance [m] if they have one.
     """
 
@@ -32,6 +33,7 @@ class TuneRequest:
     observed: Sequence[str] = ()
     error_at: ErrorTime | None = None
     max_time: float = 120.0
+    pick: int | None = None
     apply: Mapping[ReductionName, float | None] = field(
         default_factory=dict[ReductionName, float | None]
     )

@@ -3,15 +3,20 @@
 import copy
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from shutil import rmtree
 
 import mujoco
 
 from contactlab.budget import Motion
-from contactlab.errors import ExpectationError
+from contactlab.budget.restarts import build_reference_model
+from contactlab.errors import ExpectationError, SweepFileError
+from contactlab.modifications.catalogue import list_rows
 from contactlab.modifications.model_predicates import may_sleep
+from contactlab.modifications.modification import ModelChange
+from contactlab.rendering.amounts import format_amount
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_edits import FLAG_NAMES, read_flag, read_option
 from contactlab.scene.mujoco_versions import VERSION
@@ -19,12 +24,16 @@ from contactlab.schema.evidence import Setting
 from contactlab.schema.tune_report import (
     EQUAL_ERROR_FOLDER,
     FOLDER,
+    POINT_FOLDER,
     REPORT,
     AlternativeCandidate,
     Candidate,
     ChangedSetting,
     FarPairs,
+    FrontPoint,
+    ParameterUncertainty,
     PatchedLine,
+    PointState,
     SimplifiedHulls,
     SkippedSetting,
     Target,
@@ -32,8 +41,15 @@ from contactlab.schema.tune_report import (
     TuneReport,
 )
 from contactlab.store.table_layout import axis_cell
-from contactlab.studies.search.configuration import changed_settings
+from contactlab.studies.search.configuration import (
+    INTEGRATOR,
+    Configuration,
+    Reductions,
+    changed_settings,
+    format_settings,
+)
 from contactlab.studies.search.forward_error import Divergence, join_phases, measure_divergence
+from contactlab.studies.search.front import choose_front
 from contactlab.studies.search.report_text import sentence_of
 from contactlab.studies.search.search_space import find_integrators, find_parameters
 from contactlab.studies.search.settings_search import (
@@ -55,20 +71,31 @@ from contactlab.tasks.stress_motions import join_seeds
 from contactlab.tasks.task_clock import Clock
 from contactlab.tasks.task_motions import with_new_seeds
 
+_FRONT_SHARE = 0.5
+"""Counted work of the front, over that of the search for what is recommended."""
 _TIMING_SHARE = 0.3  # share of the remaining time for timing a verified candidate
 _TIMING_SEED_FACTOR = 6  # seeds of the clock, in multiples of the search's seeds, if seeds differ
+_FRONT_TIMING_SHARE = 0.1  # of the time limit, in counted work, for timing points of the front
+_FEWEST_TIMINGS = 8  # runs per point at least: two seeds, each twice there and twice back
 _LARGE_SAVING = 0.8  # cost above which the unconstrained cost is reported
 
 
-def tune_model(request: TuneRequest, session: Session, begin: float | None = None) -> TuneReport:
+def tune_model(
+    request: TuneRequest,
+    session: Session,
+    begin: float | None = None,
+    known: TuneReport | None = None,
+) -> TuneReport:
     """Search for settings that meet a target, write the model with them, and verify it.
 
-    The folder receives `tune.json`, and the model if something is recommended. The time limit
-    began at `begin` on the clock of `time.monotonic`, by default now.
+    The folder receives `tune.json`, and the model if something is recommended, or a point of the
+    front is picked. The time limit began at `begin` on the clock of `time.monotonic`, by default
+    now. A known report of the same question is not searched again.
 
     Raises:
         SceneError: there is no such model, it does not compile, or an observed name is unknown.
-        SweepFileError: the tolerance is not a share, or options contradict each other.
+        SweepFileError: the tolerance is not a share, options contradict each other, or the front
+            has no such point.
         EngineError: nothing moves, or MuJoCo is not the engine.
         ExpectationError: a forward error is requested for a chaotic motion.
         OutputError: the folder cannot be written, or has another model's results.
@@ -80,7 +107,10 @@ def tune_model(request: TuneRequest, session: Session, begin: float | None = Non
     session.claim("tune", request.model)
     session.notify(f"tuning {request.model}: {examined.task.line}")
     problem = TuningProblem(request, examined, max(1, session.workers), allowed)
-    report = TuningStudy(request, session, problem, allowed).run_study()
+    study = TuningStudy(request, session, problem, allowed)
+    report = study.run_study() if known is None else known
+    if request.pick is not None:
+        report = study.pick_point(report, request.pick)
     session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
     return report
 
@@ -122,13 +152,16 @@ class TuningStudy:
             problem.search_passes,
             allowed.begin + SEARCH_SHARE * allowed.seconds,
             problem.moves_alike,
+            front_work=_FRONT_SHARE * problem.search_passes,
         )
         self._divergence: Divergence | None = None
         self._target = self._find_target()
         self._goals = self._find_goals()
         self._search.bounds = tuple(goal.bound for goal in self._goals)
+        is_share = self._target.unit == "1"
+        self._search.front_limit = self._target.tolerance if is_share else self._target.limit
         self._verifier = CandidateVerifier(
-            request, session, problem, self._search, self._target, allowed, self._time_closely
+            request, session, problem, self._search, self._target, allowed, self._time_candidate
         )
 
     @property
@@ -184,9 +217,11 @@ class TuningStudy:
         if self._target.kind in ("as written", "real time"):
             return [Goal(Bound.as_current(now, ERROR_FLOOR), FOLDER, must_be_sound=False)]
         if now <= limit:
-            return [Goal(Bound.of(limit).or_as_current(now), FOLDER)]
+            bound = Bound.of(limit).or_as_current(now)
+            return [Goal(bound, FOLDER, allows_error=self._target.kind == "error")]
         as_current = Goal(Bound.as_current(now), EQUAL_ERROR_FOLDER, must_be_sound=False)
-        return [as_current, Goal(Bound.of(limit), FOLDER)]
+        asked = Goal(Bound.of(limit), FOLDER, allows_error=self._target.kind == "error")
+        return [as_current, asked]
 
     def run_study(self) -> TuneReport:
         """Search, write and verify candidates, and return the report."""
@@ -194,7 +229,8 @@ class TuningStudy:
         search.run_search()
         verifier.judge_current()
         known = verifier.current
-        for folder in (FOLDER, EQUAL_ERROR_FOLDER):
+        points = self._session.folder.glob(POINT_FOLDER.format(number="*"))
+        for folder in (FOLDER, EQUAL_ERROR_FOLDER, *points):
             rmtree(self._session.folder / folder, ignore_errors=True)
         best, as_current = self._verify_goals()
         met = best is not None or self._meets_target(known)
@@ -221,7 +257,11 @@ class TuningStudy:
                 best.evaluation if best else None, as_current.evaluation if as_current else None
             ),
             equal_error=self._alternative(as_current),
+            front=self._describe_front(best, as_current),
+            picked=None,
+            uncertainty=tuple(self._measure_uncertainty()),
             real_time=1 / self._clock.base_seconds,
+            reference_integrator=self._reference_integrator,
             reference_step=self._problem.reference.step,
             candidates=tuple(
                 self._candidate(one) for one in search.evaluations.values() if one.error
@@ -248,6 +288,170 @@ class TuningStudy:
         )
         return report.model_copy(update={"sentence": sentence_of(report)})
 
+    def pick_point(self, report: TuneReport, number: int) -> TuneReport:
+        """Write and verify a point of a front, and return the report with it.
+
+        Raises:
+            SweepFileError: the front has no such point.
+        """
+        known = {point.number: point for point in report.front}
+        if number not in known:
+            raise SweepFileError(
+                f"--pick {number}: the front has {len(known)} points. Write a number from 1 to "
+                f"{len(known)}"
+            )
+        point = known[number]
+        if point.state == "not verified":
+            point = self._verify_point(point)
+        front = tuple(point if one.number == number else one for one in report.front)
+        return report.model_copy(update={"front": front, "picked": number})
+
+    def _verify_point(self, point: FrontPoint) -> FrontPoint:
+        tried = self._search.evaluate(self._configuration_of(point.candidate))
+        folder = POINT_FOLDER.format(number=point.number)
+        answer = self._verifier.verify_point(tried, folder)
+        if answer is None:
+            reason = self._verifier.skipped[-1].reason
+            return point.model_copy(update={"verification": reason})
+        found = answer.verification
+        return point.model_copy(
+            update={
+                "state": "verified" if found.holds else "failed",
+                "verification": found.sentence,
+                "verified": found,
+                "file": self._file_of(answer),
+            }
+        )
+
+    def _configuration_of(self, candidate: Candidate) -> Configuration:
+        reductions: Reductions = frozenset(
+            name
+            for name, is_removed in (
+                ("unused", candidate.removes_unused),
+                ("far-pairs", candidate.removes_far_pairs),
+                ("hulls", candidate.simplifies_hulls),
+            )
+            if is_removed
+        )
+        multiple = round(candidate.timestep / self._problem.reference.step)
+        return Configuration(candidate.settings, multiple, reductions)
+
+    def _describe_front(
+        self, best: VerifiedCandidate | None, as_current: VerifiedCandidate | None
+    ) -> tuple[FrontPoint, ...]:
+        """Choose the points of the front, time those that the work allows, and describe them."""
+        search, verifier = self._search, self._verifier
+        answers = {
+            name: answer
+            for name, answer in (("recommended", best), ("equal error", as_current))
+            if answer is not None
+        }
+        made = [answer.evaluation for answer in answers.values()]
+        points = choose_front(
+            [
+                one
+                for one in search.evaluations.values()
+                if search.keeps_margin(one, search.front_limit)
+            ],
+            [verifier.current, *made],
+            search.front_limit,
+            verifier.worse,
+        )
+        self._time_points(points)
+        names = self._name_points(points)
+        return tuple(
+            self._describe_point(number, name, one, answers)
+            for number, (name, one) in enumerate(zip(names, points, strict=True), 1)
+        )
+
+    def _describe_point(
+        self,
+        number: int,
+        name: str,
+        tried: Evaluation,
+        answers: Mapping[str, VerifiedCandidate],
+    ) -> FrontPoint:
+        key = tried.configuration.key
+        own = {
+            mark: answer
+            for mark, answer in answers.items()
+            if answer.evaluation.configuration.key == key
+        }
+        answer = next(iter(own.values()), None)
+        is_current = key == self._search.current.key
+        ratio = tried.time_ratio.ratio if tried.time_ratio else tried.cost
+        state: PointState = "as written" if is_current else "verified" if answer else "not verified"
+        return FrontPoint(
+            number=number,
+            name=name,
+            marks=("as written",) * is_current + tuple(own),
+            candidate=self._candidate(tried),
+            real_time=1 / self._clock.base_seconds / (1.0 if is_current else ratio),
+            state=state,
+            verification=answer.verification.sentence if answer else "",
+            changed_settings=tuple(self._changed_settings(tried)),
+            verified=answer.verification if answer else None,
+            file=self._file_of(answer) if answer else None,
+        )
+
+    def _name_points(self, points: Sequence[Evaluation]) -> list[str]:
+        """Return the integrator and timestep of each point; with changes if two have the same."""
+        model = self._problem.model
+
+        def short_name(tried: Evaluation) -> str:
+            made = self._search.space.model_of(tried.configuration)
+            step = format_amount(self._problem.timestep_of(tried.configuration), "ms")
+            return f"{read_option(made, INTEGRATOR)} {step}"
+
+        short = [short_name(one) for one in points]
+        names = list[str]()
+        for name, one in zip(short, points, strict=True):
+            own = changed_settings(one.configuration.settings, model)
+            own.pop(INTEGRATOR, None)
+            first = format_settings(dict(list(own.items())[:1]))
+            names.append(f"{name}, {first}" if short.count(name) > 1 and first else name)
+        return names
+
+    def _time_points(self, points: Sequence[Evaluation]) -> None:
+        """Time the points that were not timed, from the fastest on, as far as the work allows."""
+        seconds = _FEWEST_TIMINGS * self._problem.cost.pass_seconds
+        left = _FRONT_TIMING_SHARE * self._request.max_time - seconds
+        chosen = list[Evaluation]()
+        current = self._verifier.current
+        for one in sorted(points, key=lambda one: one.cost):
+            if one.time_ratio is not None or one is current:
+                continue
+            left -= one.cost * seconds
+            if left < 0:
+                break
+            chosen.append(one)
+        if current.time_ratio is None:
+            chosen.append(current)
+        if chosen and self._time_limit.remaining > 0:
+            self._time_closely(chosen)
+
+    def _measure_uncertainty(self) -> Iterator[ParameterUncertainty]:
+        """Yield the effects of parameters that are known to a few percent."""
+        reference, own = self._problem.reference, self._problem.own_model
+        if self._target.unit != "1" or self._time_limit.remaining < 0:
+            return
+        same = reference.velocities_around(build_reference_model)
+        rows = [row for row in list_rows() if row.kind == "unknown" and row.applies(own)]
+        for row in rows:
+            worst = max(
+                (
+                    reference.error_against(partial(_change_reference, change=change), same)
+                    for change in row.changes
+                ),
+                key=lambda found: found.error,
+            )
+            yield ParameterUncertainty(name=row.name, error=worst.error, body=worst.body)
+
+    @property
+    def _reference_integrator(self) -> str:
+        own = str(read_option(self._problem.own_model, INTEGRATOR))
+        return self._problem.reference_integrator or own
+
     def _verify_goals(self) -> tuple[VerifiedCandidate | None, VerifiedCandidate | None]:
         """Return the recommended candidate, and the one of equal error if it is faster."""
         by_folder = {goal.folder: goal for goal in self._goals}
@@ -269,16 +473,18 @@ class TuningStudy:
             return self._search.max_cost >= 1
         return known.error.error <= self._target.limit
 
-    def _time_closely(self, tried: Evaluation) -> None:
+    def _time_candidate(self, tried: Evaluation) -> None:
         """Time a candidate and the model as written on whole runs."""
-        both = [self._verifier.current, tried]
+        self._time_closely([self._verifier.current, tried])
+
+    def _time_closely(self, candidates: Sequence[Evaluation]) -> None:
         models = [
             (self._search.space.model_of(one.configuration), one.configuration.multiple)
-            for one in both
+            for one in candidates
         ]
         until = time.monotonic() + _TIMING_SHARE * self._time_limit.remaining
         prices = self._clock.time_whole_runs(models, self._timed_tasks(), until)
-        for one, price in zip(both, prices, strict=True):
+        for one, price in zip(candidates, prices, strict=True):
             one.time_ratio = price
 
     def _timed_tasks(self) -> Iterator[Sequence[Motion]]:
@@ -396,3 +602,9 @@ class TuningStudy:
             time=error.time,
             time_ratio=price,
         )
+
+
+def _change_reference(model: mujoco.MjModel, change: ModelChange) -> mujoco.MjModel:
+    made = build_reference_model(model, 1)
+    change(made, model)
+    return made

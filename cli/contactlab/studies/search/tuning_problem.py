@@ -21,12 +21,18 @@ from contactlab.modifications.unused_pairs import (
     with_flags,
 )
 from contactlab.scene.model_draft import ModelEdits
+from contactlab.scene.model_edits import read_option
 from contactlab.scene.scene import Scene
 from contactlab.scene.unreachable import GeomPair, filtered_pairs
-from contactlab.studies.search.configuration import AS_WRITTEN, Configuration, Reductions
+from contactlab.studies.search.configuration import (
+    AS_WRITTEN,
+    INTEGRATOR,
+    Configuration,
+    Reductions,
+)
 from contactlab.studies.search.counted_cost import CountedCost
 from contactlab.studies.search.forward_error import ForwardError, ObservedOutput
-from contactlab.studies.search.search_space import SkippedParameter
+from contactlab.studies.search.search_space import SkippedParameter, find_integrators
 from contactlab.studies.search.settings_search import ErrorEstimator, find_usable_steps
 from contactlab.studies.search.simplified_hulls import (
     colliding_meshes,
@@ -66,6 +72,10 @@ _SUBSTEPS = (2, 4, 5, 8, 10, 16, 20)
 _REFERENCE_ERROR_SHARE = 0.2  # share of the limit that the reference's own error may have
 _REFERENCE_SHARE, _MAX_SEED_SHARE = 0.3, 0.4
 """Shares of the search's work for references: of all seeds, and of one."""
+_RK4 = "RK4"
+_SMOOTH_SUBSTEPS = 10  # most substeps of an RK4 reference
+_SMOOTH_GAIN = 4  # how much more accurate RK4 must be at the own step: it makes four times the work
+_FRONT_SUBSTEPS = 8  # substeps that show steps down to a quarter of the own one, if work allows
 _SEARCH_PASSES = 80  # approximate simulations of the task per search
 _FEWEST_PASSES = 30  # below, runs are shortened: exact savings, the solver, and a few steps
 _COUNT_SHARE = 0.3  # of the search's work, for counting costs
@@ -95,6 +105,7 @@ class TuningProblem:
         verified_seeds: seeds of the comparison with the model as written.
         max_verdicts: candidates that may be verified.
         reference: the reference that errors are measured from.
+        reference_integrator: integrator of the reference; None for that of the model.
         steps: usable timesteps, in fine steps.
         models: compiled models by reductions.
         skipped: settings that are not tried, and why.
@@ -121,6 +132,7 @@ class TuningProblem:
         self.verified_seeds, self.length_share = self._plan_length()
         self.max_verdicts = self._plan_verdicts()
         self._shorten_motions()
+        self.reference_integrator: str | None = None
         self.reference = self._converged_reference()
         self.cost.fine_step = self.reference.step
         self.steps = self._usable_steps(self.reference.substeps)
@@ -165,11 +177,6 @@ class TuningProblem:
             return SleepAwareError(reference, motions, self.reference.substeps, self.threads)
         finer, at = self.reference.substeps, self._request.error_at
         return ForwardError(motions, finer, self.observed, at, self.threads)
-
-    @property
-    def window_stride(self) -> int:
-        """One in how many windows is used."""
-        return self._window_stride
 
     def _plan_windows(self) -> int:
         """Take as many seeds as the work allows; return that one in how many windows is used."""
@@ -247,38 +254,72 @@ class TuningProblem:
         return tuple(step for step in found if step >= min(substeps, 2))
 
     def _converged_reference(self) -> TaskReference:
-        coarse = TaskReference.run_references(self.motions, 1, self.threads, self._window_stride)
+        coarse = self.run_reference(self.motions, 1)
         if not coarse.is_complete:
-            finest = TaskReference.run_references(
-                self.motions, 8, self.threads, self._window_stride
-            )
+            finest = self.run_reference(self.motions, 8)
             if not finest.is_complete:
                 raise EngineError(
                     f"{self._request.model}: MuJoCo gives up even at an eighth of the timestep; "
                     f"see contactlab {self._request.model}"
                 )
             return finest
-        finer = self._needed_substeps(coarse)
-        fine = TaskReference.run_references(self.motions, finer, self.threads, self._window_stride)
+        # In first order, one step differs from two as much as from the exact motion.
+        own = coarse.uncorrected_error(self.own_model, 2).error
+        finer = self._needed_substeps(own)
+        if (smooth := self._smooth_reference(own, finer)) is not None:
+            return smooth
+        fine = self.run_reference(self.motions, finer)
         return fine if fine.is_complete else coarse
 
-    def _needed_substeps(self, coarse: TaskReference) -> int:
+    def run_reference(
+        self, motions: Sequence[Motion], substeps: int, integrator: str | None = None
+    ) -> TaskReference:
+        """Run references of motions, in as many windows as the work allows."""
+        stride = self._window_stride
+        return TaskReference.run_references(motions, substeps, self.threads, stride, integrator)
+
+    def _smooth_reference(self, own: float, finer: int) -> TaskReference | None:
+        """Return a reference of RK4 if its motion is nearer to that of fine steps, or None.
+
+        Its error is at most the difference to twice its step. `own` is the same difference of the
+        model's own integrator at its own step, and `finer` the substeps that it needs.
+        """
+        model = Configuration({INTEGRATOR: _RK4}).apply_to(self.own_model)
+        own_integrator = read_option(self.own_model, INTEGRATOR)
+        if self._request.error_at is not None or own_integrator == _RK4:
+            return None
+        if _RK4 not in find_integrators(self.own_model):
+            return None
+        # RK4 makes four times the work, and half as much for the comparison with twice the step.
+        passes = self.work / self.cost.pass_seconds / self.seeds
+        allowed = _REFERENCE_SHARE * passes / 6
+        rates = [rate for rate in _SUBSTEPS if rate <= min(allowed, _SMOOTH_SUBSTEPS)]
+        if not rates:
+            return None
+        rate = max(rates, key=lambda rate: (len(self._usable_steps(rate)), -rate))
+        for substeps, largest in ((2, own / _SMOOTH_GAIN), (rate, own / finer)):
+            fine = self.run_reference(self.motions, substeps, _RK4)
+            if not fine.is_complete or fine.uncorrected_error(model, 2).error > largest:
+                return None
+        self.reference_integrator = _RK4
+        return fine
+
+    def _needed_substeps(self, own: float) -> int:
         """Return the substeps that the error needs; use fewer seeds if the work allows no more.
 
         Substeps are reduced only if even one seed would take too long. Of those that are fine
         enough, the ones with the most usable timesteps are chosen.
         """
-        # In first order, one step differs from two as much as from the exact motion.
-        own = coarse.uncorrected_error(self.own_model, 2).error
         limit = min(self.examined.task.tolerance, max(ERROR_FLOOR, own))
         if self._request.error is not None and self._request.error_at is None:
             limit = min(limit, self._request.error)
+        passes = self.work / self.cost.pass_seconds
         needed = min(own / (_REFERENCE_ERROR_SHARE * limit), _SUBSTEPS[-1])
+        needed = max(needed, min(_FRONT_SUBSTEPS, _REFERENCE_SHARE * passes / self.seeds))
         enough = [rate for rate in _SUBSTEPS if needed <= rate <= max(2 * needed, _SUBSTEPS[1])]
         finer = max(
             enough or _SUBSTEPS[-1:], key=lambda rate: (len(self._usable_steps(rate)), -rate)
         )
-        passes = self.work / self.cost.pass_seconds
         seeds = min(self.seeds, max(1, int(_REFERENCE_SHARE * passes / finer)))
         self.motions = [first_seeds(motion, seeds) for motion in self.motions]
         allowed = max(

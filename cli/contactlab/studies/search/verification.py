@@ -76,16 +76,18 @@ class Goal:
         folder: folder of the written model.
         must_be_sound: whether the verdict must be accurate; otherwise it may equal the verdict on
             the model as written.
+        allows_error: whether the error of the bound is requested, so that errors may grow up to it.
     """
 
     bound: Bound
     folder: str
     must_be_sound: bool = True
+    allows_error: bool = False
 
 
 @dataclass(frozen=True)
 class VerifiedCandidate:
-    """A candidate whose model was written, and that passed verification on fresh seeds."""
+    """A candidate whose model was written, and judged on fresh seeds."""
 
     evaluation: Evaluation
     written: WrittenModel
@@ -142,6 +144,7 @@ class CandidateVerifier:
     Attributes:
         skipped: candidates that failed or were not verified, and why.
         rejected: keys of candidates that failed on fresh seeds.
+        worse: of those, the written ones that made a measure worse.
         ending: whether work or time ended verification early.
     """
 
@@ -160,7 +163,7 @@ class CandidateVerifier:
         self._problem, self._search, self._target = problem, search, aim
         self._time_limit, self._time_candidate = allowed, time_candidate
         self.skipped = list[SkippedParameter]()
-        self.rejected = set[Key]()
+        self.rejected, self.worse = set[Key](), set[Key]()
         self.ending: Ending = "complete"
         self._reserve = 0.0  # s: what the longest verification has taken
         self._current_verdicts = dict[tuple[int, ...], _Judgement]()
@@ -198,6 +201,7 @@ class CandidateVerifier:
                     return VerifiedCandidate(tried, written, verified)
                 if not verified.holds:
                     self._reject(tried, f"on fresh seeds: {verified.sentence}")
+                    self.worse.add(tried.configuration.key)
                     # A label or another measure may be caused by the step, whatever the error.
                     limits = [self._examined.task.tolerance]
                     if not goal.must_be_sound:
@@ -212,6 +216,23 @@ class CandidateVerifier:
             self._end_early(goal, "time")
         rmtree(self._session.folder / goal.folder, ignore_errors=True)
         return self._verify_exact(goal)
+
+    def verify_point(self, tried: Evaluation, folder: str) -> VerifiedCandidate | None:
+        """Write a point of the front and judge it; its error may be that of the point.
+
+        None if it cannot be written, which `skipped` explains, or if the time limit ends it.
+        """
+        model = self._search.space.model_of(tried.configuration)
+        error = self._fresh_estimator.estimate_error(model, tried.configuration.multiple)
+        allowed = max(error_of(tried), error.error)
+        is_share = self._target.unit == "1"
+        goal = Goal(Bound.of(allowed), folder, must_be_sound=False, allows_error=is_share)
+        try:
+            found = self._write_and_verify(tried, error, goal)
+        except OutOfTimeError:
+            self._end_early(goal, "time")
+            found = None
+        return VerifiedCandidate(tried, *found) if found else None
 
     def _end_early(self, goal: Goal, ending: Ending) -> None:
         self.ending = ending
@@ -431,11 +452,9 @@ class CandidateVerifier:
 
     @cached_property
     def _fresh_reference(self) -> TaskReference:
-        return TaskReference.run_references(
-            self.motions,
-            self._problem.reference.substeps,
-            self._problem.threads,
-            self._problem.window_stride,
+        problem = self._problem
+        return problem.run_reference(
+            self.motions, problem.reference.substeps, problem.reference_integrator
         )
 
     @cached_property
@@ -502,12 +521,11 @@ class CandidateVerifier:
 
     def _compare_measures(self, changed: CheckedModel, goal: Goal) -> VerifiedChange:
         """Run the original and the changed model next to each other; the time limit ends it."""
-        asked = self._target.kind == "error" and goal.must_be_sound
         return verify_change(
             VerificationRequest(
                 original=self._examined,
                 changed=changed,
-                allowed_error=self._limit_of(goal) if asked else 0.0,
+                allowed_error=self._limit_of(goal) if goal.allows_error else 0.0,
                 stop_early=True,
                 most_seeds=min(self._problem.seeds, self._problem.verified_seeds),
                 length_share=self._problem.length_share,
@@ -523,7 +541,8 @@ class CandidateVerifier:
         """
         given = self._target.kind in ("error", "forward error", "tolerance")
         floor = ERROR_FLOOR if self._target.unit == "1" else 0.0
-        limit = goal.bound.limit if given and goal.must_be_sound else floor
+        is_given = goal.allows_error or (given and goal.must_be_sound)
+        limit = goal.bound.limit if is_given else floor
         if error_of(self.current) <= goal.bound.limit:
             return max(limit, EQUAL_ERROR_RATIO * self._current_error.error)
         return limit

@@ -1,0 +1,136 @@
+"""The front of accuracy and time: a few candidates that no other one beats in both.
+
+It is chosen by counted work and errors, so that it repeats. Candidates that cannot be told apart
+are one point.
+"""
+
+import math
+from collections.abc import Callable, Container, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from contactlab.studies.search.configuration import Key
+from contactlab.studies.search.settings_search import Evaluation, cost_of, error_of
+
+
+@dataclass(frozen=True)
+class FrontRules:
+    """When candidates are points of their own, and how many points there are.
+
+    Attributes:
+        most: points that are shown.
+        cost_ratio: of counted works below which two points take the same time: half of all counts
+            are within 1.3 % of the measured time, and nine of ten within 13 %.
+        error_ratio: of errors below which two points are equally accurate: seeds differ by more.
+    """
+
+    most: int = 8
+    cost_ratio: float = 1.07
+    error_ratio: float = 1.2
+
+    def is_same_cost(self, one: Evaluation, other: Evaluation) -> bool:
+        """Return whether two candidates take the same time, as far as counts tell."""
+        return abs(math.log(one.cost / other.cost)) < math.log(self.cost_ratio)
+
+    def is_same_error(self, one: Evaluation, other: Evaluation) -> bool:
+        """Return whether two candidates are equally accurate, as far as seeds tell."""
+        low, high = sorted((error_of(one), error_of(other)))
+        return high == low or (low > 0 and high / low < self.error_ratio)
+
+
+def choose_front(
+    candidates: Iterable[Evaluation],
+    marked: Sequence[Evaluation],
+    limit: float,
+    left_out: Container[Key] = (),
+    rules: FrontRules | None = None,
+) -> list[Evaluation]:
+    """Return the points of the front from the most accurate to the fastest.
+
+    Args:
+        candidates: measured candidates.
+        marked: candidates that are points in any case, such as the model as written.
+        limit: largest error of the others.
+        left_out: keys of candidates that are no points.
+        rules: when candidates are points of their own.
+    """
+    rules = rules or FrontRules()
+    fixed = {one.configuration.key: one for one in marked}
+    usable = [
+        one
+        for one in candidates
+        if one.error
+        and math.isfinite(one.cost)
+        and error_of(one) <= limit
+        and one.configuration.key not in left_out
+        and one.configuration.key not in fixed
+    ]
+    points = _drop_equal(_undominated([*usable, *fixed.values()]), fixed, rules)
+    known = {one.configuration.key for one in points}
+    points += [one for key, one in fixed.items() if key not in known]
+    points.sort(key=lambda one: (-one.cost, error_of(one)))
+    return _thin_out(points, fixed, rules.most)
+
+
+def _undominated(candidates: Sequence[Evaluation]) -> list[Evaluation]:
+    """Return candidates that no other one beats in both cost and error, the slowest first."""
+    kept, best = list[Evaluation](), math.inf
+    for one in sorted(candidates, key=lambda one: (cost_of(one), error_of(one))):
+        if error_of(one) < best:
+            kept.append(one)
+            best = error_of(one)
+    return kept[::-1]
+
+
+def _drop_equal(
+    points: Sequence[Evaluation], fixed: Container[Key], rules: FrontRules
+) -> list[Evaluation]:
+    """Return one of the points that cannot be told apart: the marked, accurate, or fast one."""
+    kept = list[Evaluation]()
+    for one in points:
+        last = kept[-1] if kept else None
+        is_fixed = one.configuration.key in fixed
+        if last is None or (is_fixed and last.configuration.key in fixed):
+            kept.append(one)
+        elif rules.is_same_cost(one, last):
+            if is_fixed:
+                kept[-1] = one
+        elif rules.is_same_error(one, last) and last.configuration.key not in fixed:
+            kept[-1] = one
+        else:
+            kept.append(one)
+    return kept
+
+
+def _thin_out(points: Sequence[Evaluation], fixed: Container[Key], most: int) -> list[Evaluation]:
+    """Return at most so many points, evenly spread over costs and errors; marked ones stay."""
+    left = list(points)
+    spans = [_span(left, value) for value in (cost_of, error_of)]
+
+    def gap(place: int) -> float:
+        before, after = left[place - 1], left[place + 1]
+        return math.hypot(
+            *(
+                _distance(value(before), value(after)) / span
+                for value, span in zip((cost_of, error_of), spans, strict=True)
+            )
+        )
+
+    while len(left) > most:
+        inner = [
+            place for place in range(1, len(left) - 1) if left[place].configuration.key not in fixed
+        ]
+        if not inner:
+            break
+        left.pop(min(inner, key=gap))
+    return left
+
+
+def _span(points: Sequence[Evaluation], value: Callable[[Evaluation], float]) -> float:
+    steps = (_distance(value(one), value(other)) for one, other in pairwise(points))
+    return sum(steps) or 1.0
+
+
+def _distance(one: float, other: float) -> float:
+    tiny = 1e-300  # an error of 0 has no logarithm
+    return abs(math.log(max(one, tiny) / max(other, tiny)))
