@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable, Container, Iterable, Sequence
 from functools import cache
 from importlib.metadata import version
+from importlib.resources import files
 from pathlib import Path
 from tempfile import TemporaryDirectory, TemporaryFile
 from typing import Any
@@ -93,6 +94,43 @@ def with_page_colours(spec: Spec) -> Spec:
     return _with_texts(spec, _page_colour, {"values", "datasets"})
 
 
+def with_dark_colours(spec: Spec) -> Spec:
+    """Return a specification in the colours of a dark page."""
+    return _with_texts(spec, _dark_colour, {"values", "datasets"})
+
+
+def adaptive_svg(spec: Spec) -> str:
+    """Return a specification as SVG that is dark if its reader prefers a dark page.
+
+    Programs that know no such preference draw it light.
+    """
+    svg = as_svg(spec)
+    rules = "".join(
+        f'[{part}="{colour}"]{{{part}:{_dark_colour(colour)}}}'
+        for colour in dict.fromkeys([*_COLOUR.findall(svg), _PAPER])
+        for part in ("fill", "stroke")
+        if f'{part}="{colour}"' in svg
+    )
+    style = f"<style>@media (prefers-color-scheme:dark){{{rules}}}</style>"
+    return re.sub(r"(<svg [^>]*>)", lambda found: found[1] + style, svg, count=1)
+
+
+def _dark_colour(text: str) -> str:
+    """Return a colour as on a dark page, from its style sheet; any other text is unchanged."""
+    page = re.fullmatch(r"var\(--([\w-]+),[^)]*\)", _page_colour(text))
+    if page is None:
+        return text
+    return _dark_page().get(page[1]) or (on_dark(text) if _COLOUR.fullmatch(text) else text)
+
+
+@cache
+def _dark_page() -> dict[str, str]:
+    style = (files("contactlab.page") / "style.css").read_text(encoding="utf-8")
+    _, _, dark = style.partition("prefers-color-scheme: dark")
+    block, _, _ = dark.partition("}")
+    return dict(re.findall(r"--([\w-]+): (#[0-9a-f]+)", block))
+
+
 def _page_colour(text: str) -> str:
     if text in _PAGE_COLOURS:
         return _PAGE_COLOURS[text]
@@ -144,10 +182,14 @@ def static_svg(spec: Spec | None, name: str) -> str:
     return re.sub(r"<svg ", f'<svg role="img" aria-label="{escaped}" ', svg, count=1)
 
 
-def check_figure(path: Path) -> None:
-    """Check that a figure can be written, before anything is run; an OutputError says why not."""
-    if path.suffix not in SUFFIXES:
-        raise OutputError(f"{path}: write a name that ends in {' or '.join(SUFFIXES)}")
+def check_figure(path: Path, page: str = "") -> None:
+    """Check that a figure can be written, before anything is run; an OutputError says why not.
+
+    `page` is another suffix that may be written, such as `.html`.
+    """
+    allowed = (*SUFFIXES, page) if page else SUFFIXES
+    if path.suffix not in allowed:
+        raise OutputError(f"{path}: write a name that ends in {' or '.join(allowed)}")
     if not path.parent.is_dir():
         raise OutputError(f"cannot write {path}: no folder {path.parent}")
     try:
@@ -156,11 +198,19 @@ def check_figure(path: Path) -> None:
         raise OutputError(f"cannot write {path}: {error.strerror}") from error
 
 
-def save_figure(chart: alt.TopLevelMixin, path: Path) -> None:
-    """Write a chart as a .png or .svg file; an OutputError if it cannot be written."""
+def save_figure(chart: alt.TopLevelMixin, path: Path, *, dark: bool | None = False) -> None:
+    """Write a chart as a .png or .svg file; an OutputError if it cannot be written.
+
+    It is light or dark; with None, an SVG is as its reader prefers.
+    """
     try:
         spec = apply_theme(chart.to_dict())
-        path.write_bytes(as_png(spec) if path.suffix == ".png" else as_svg(spec).encode())
+        if dark:
+            spec = with_dark_colours(spec)
+        if path.suffix == ".png":
+            path.write_bytes(as_png(spec))
+        else:
+            path.write_bytes((adaptive_svg if dark is None else as_svg)(spec).encode())
     except OSError as error:
         raise OutputError(f"cannot write {path}: {error.strerror}") from error
 

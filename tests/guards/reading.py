@@ -237,6 +237,9 @@ def tune_facts(report: "TuneReport") -> tuple[Facts, Facts]:
         "as written": _point_facts(report.current),
         "verdict": report.current_verdict.verdict if report.current_verdict else None,
         "recommended": _point_facts(report.recommended) if report.recommended else None,
+        "front": {
+            str(point.number): [point.name, [*point.marks], point.state] for point in report.front
+        },
         "others": {name: _point_facts(one.candidate) for name, one in others.items() if one},
         "changes": {
             change.name: [change.before, change.after] for change in report.changed_settings

@@ -72,6 +72,18 @@ def test_the_model_itself_at_the_fine_step_is_not_apart() -> None:
     assert apart.error < 1e-12
 
 
+def test_a_step_as_long_as_a_window_hides_no_error() -> None:
+    """The error of Euler's method doubles with the step, up to 40 ms in windows of 40 ms."""
+    swinging = motion(SWING, 1.6)
+    reference = TaskReference.run_references([swinging], 2, 1)
+    exact = TaskReference.run_references([swinging], 40, 1, integrator="RK4")
+    shares = [reference.estimate_error(swinging.model, 2 * rate).error for rate in (5, 10, 20)]
+    assert shares[1] / shares[0] == pytest.approx(2, rel=0.3)
+    assert shares[2] / shares[1] == pytest.approx(2, rel=0.3)
+    # A finer reference, of another method, says the same.
+    assert exact.estimate_error(swinging.model, 800).error == pytest.approx(shares[2], rel=0.1)
+
+
 def test_errors_grow_with_the_step_as_the_order_of_the_method_says() -> None:
     swinging = motion(SWING, 0.8)
     reference = TaskReference.run_references([swinging], 4, 1)

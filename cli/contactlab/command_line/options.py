@@ -230,12 +230,15 @@ def load_plugins(files: Sequence[str | Path]) -> "Sequence[Plugin]":
     return plugins.load_plugins([Path(file) for file in files])
 
 
-def check_figure(path: str | Path | None) -> None:
-    """Check that the figure of `--figure` can be drawn; an OutputError has the reason."""
+def check_figure(path: str | Path | None, page: str = "") -> None:
+    """Check that the figure of `--figure` can be drawn; an OutputError has the reason.
+
+    `page` is another suffix that the command draws, such as `.html`.
+    """
     if path is not None:
         from contactlab.charts import check_figure as check
 
-        check(Path(path))
+        check(Path(path), page)
 
 
 def mention_damage(store: "Store") -> None:

@@ -17,7 +17,6 @@ from contactlab.errors import SweepFileError
 if TYPE_CHECKING:
     from contactlab.modifications.modification import ReductionName
     from contactlab.schema.tune_report import TuneReport
-    from contactlab.studies.search.tune_request import TuneRequest
 
 
 def _folder(given: Given) -> Path:
@@ -63,6 +62,10 @@ def tune(
         Option(None, "Measure the error of observed bodies, sites or sensors: end or peak."),
     ] = None,
     max_time: opt.MaxTime = "2min",
+    pick: Annotated[
+        int | None,
+        Option("N", "Write and verify point N of the front."),
+    ] = None,
     apply: Annotated[
         Sequence[str],
         Option(
@@ -73,7 +76,10 @@ def tune(
         ),
     ] = (),
     patch: Annotated[bool, flag("Print only the patch.")] = False,
-    figure: opt.Figure = None,
+    figure: Annotated[
+        str | Path | None, Option("FILE", "Draw the front: a .png, .svg or .html file.", kind=Path)
+    ] = None,
+    dark: Annotated[bool, flag("Draw a .png or .svg on a dark background.")] = False,
     workers: opt.Workers = None,
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
@@ -106,39 +112,42 @@ def tune(
         observed=observed if error_at else (),
         error_at=error_at,
         max_time=read_seconds(max_time),
+        pick=pick,
         apply=_read_reductions((apply,) if isinstance(apply, str) else apply),
     )
     opt.load_plugins(plugin)
     folder = opt.study_folder("tune", model, output)
-    return search_settings(request, folder, workers, figure, allow_code=allow_code)
-
-
-def search_settings(
-    request: "TuneRequest",
-    folder: Path,
-    workers: int | None,
-    figure: str | Path | None,
-    *,
-    allow_code: bool,
-    known: Sequence[Path] = (),
-) -> "TuneReport":
-    """Search, unless a folder has the report of the same question; draw the figure if requested."""
     begin = time.monotonic()  # imports count as part of the time limit
     from contactlab.run.worker_pool import worker_count
     from contactlab.studies.search.result_cache import find_cached_report
     from contactlab.studies.search.tuning import tune_model
     from contactlab.tasks.session import Session
 
-    opt.check_figure(figure)
+    opt.check_figure(figure, ".html")
     session = Session(folder, worker_count(workers), notify=say, allow_code=allow_code)
-    report = find_cached_report(request, session, known) or tune_model(request, session, begin)
+    known = None if pick is None else find_cached_report(request, session)
+    report = tune_model(request, session, begin, known)
     if figure is not None:
-        from contactlab.charts import save_figure
-        from contactlab.studies.search.search_chart import specification
-
-        save_figure(specification(report), Path(figure))
+        _draw_front(report, Path(figure), dark=dark)
         say(f"drew {figure}")
     return report
+
+
+def _draw_front(report: "TuneReport", path: Path, *, dark: bool) -> None:
+    from contactlab.charts import save_figure
+    from contactlab.studies.search.search_chart import NARROW, specification
+
+    if path.suffix != ".html":
+        save_figure(specification(report), path, dark=dark or None)
+        return
+    from contactlab.page.front_page import build_front_page
+    from contactlab.store.atomic_files import atomic_write
+    from contactlab.studies.search.tune_document import describe_tuning
+
+    wide, narrow = specification(report).to_dict(), specification(report, NARROW).to_dict()
+    page = build_front_page(Path(report.model).name, describe_tuning(report), wide, narrow)
+    with atomic_write(path) as temporary:
+        temporary.write_text(page, encoding="utf-8")
 
 
 def _positive_rate(rate: float | None) -> float | None:

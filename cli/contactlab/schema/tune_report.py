@@ -221,6 +221,7 @@ class TuneReport(ReportModel):
         "recommended candidate takes no longer."
     )
     real_time: float = about("Simulated over CPU time of the model as written, on this machine.")
+    integrator: str = about("Integrator of the model as written.")
     reference_integrator: str = about("Integrator of the reference motion.")
     reference_step: float = about("s: step of the reference motion that errors are measured from.")
     candidates: tuple[Candidate, ...] = about("Every measured candidate.")

@@ -94,6 +94,7 @@ def searched(
     more: tuple[Parameter, ...] = (),
     steps: Sequence[int] = STEPS,
     exact: tuple[str, ...] = (),
+    front_limit: float = 0.0,
 ) -> Search:
     levers = [
         Parameter("jacobian", [{"jacobian": "sparse"}, {"jacobian": "dense"}], cost_falls=False),
@@ -114,6 +115,8 @@ def searched(
         work,
         time.monotonic() + seconds,
         is_exact,
+        front_limit,
+        work,
     )
     search.run_search()
     return search
@@ -229,6 +232,23 @@ def test_what_time_did_not_allow_to_judge_is_the_cheapest_within_the_limit() -> 
     nearest = search.closest_to(bound.limit, {one.configuration.key for one in within})
     assert nearest
     assert error_of(nearest) == min(map(error_of, search.evaluations.values()))
+
+
+def test_each_integrator_has_a_ladder_of_finer_and_longer_steps() -> None:
+    """RK4 takes four times the work; at a fine step it is far more accurate."""
+    slope, limit = 1e-3, 0.05
+    search = searched(Ideal(slope), limit, integrators=("Euler", "RK4"), front_limit=0.1)
+    tried = {
+        (one.configuration.settings.get("integrator"), one.configuration.multiple): error_of(one)
+        for one in search.evaluations.values()
+        if one.error
+    }
+    for name in (None, "RK4"):
+        own = sorted(step for integrator, step in tried if integrator == name)
+        longest = max(step for step in own if tried[name, step] <= 0.1)
+        assert own[0] == STEPS[0] < FINER < longest
+        assert all(tried[name, step] > 0.1 for step in STEPS if step in own and step > longest)
+    assert tried["RK4", FINER] == pytest.approx(tried[None, FINER] / 64)
 
 
 def test_an_integrator_of_higher_order_wins_where_its_steps_are_four_times_as_long() -> None:

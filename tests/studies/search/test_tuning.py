@@ -1,5 +1,6 @@
 """From a model to the settings to use: models with planted waste and planted needs."""
 
+import itertools
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +14,7 @@ from tests.studies.verification.planted import BARE_JAWS
 from contactlab.errors import ExpectationError, SweepFileError
 from contactlab.plan.task_options import TaskOptions, read_task_options
 from contactlab.schema.tune_report import TuneReport
-from contactlab.studies.search.search_chart import merge_candidates, specification
+from contactlab.studies.search.search_chart import specification
 from contactlab.studies.search.time_limit import TimeLimit
 from contactlab.studies.search.tuning import TuneRequest, tune_model
 from contactlab.studies.search.tuning_problem import TuningProblem
@@ -70,11 +71,13 @@ def test_needless_steps_go_and_lines_that_save_nothing_stay(tmp_path: Path) -> N
     # Text, patch and data say the same settings.
     assert made.opt.timestep == report.recommended.timestep == changes_of(report)["timestep"]
     assert made.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_ENERGY)
-    rows = merge_candidates(report)
-    assert [row["what"] for row in rows[:2]] == ["as written", "recommended"]
-    assert str(made.opt.timestep) in rows[1]["settings"]
+    marks = [mark for point in report.front for mark in point.marks]
+    assert sorted(marks) == ["as written", "recommended"]
+    assert 2 <= len(report.front) <= 8
+    for slower, faster in itertools.pairwise(report.front):
+        assert slower.candidate.cost >= faster.candidate.cost  # pyright: ignore[reportOperatorIssue]
     drawn = str(specification(report).to_dict())
-    assert "tolerance 10 %" in drawn
+    assert all(f"{point.number} {point.name}" in drawn for point in report.front)
 
 
 @pytest.mark.long
@@ -159,7 +162,7 @@ def test_a_coarser_step_is_recommended_only_on_request(tmp_path: Path) -> None:
     assert made.opt.timestep == report.recommended.timestep
     assert made.opt.solver == mujoco.mjtSolver.mjSOL_NEWTON
     assert made.geom("shelf").contype[0] == made.geom("shelf").conaffinity[0] == 0
-    assert "recommended" in {row["what"] for row in merge_candidates(report)}
+    assert "recommended" in {mark for point in report.front for mark in point.marks}
 
 
 @pytest.mark.long
@@ -194,6 +197,7 @@ MEASURED: Any = {
     "current": {"time_ratio"},
     "recommended": {"time_ratio"},
     "candidates": {"__all__": {"time_ratio"}},
+    "front": {"__all__": {"real_time": True, "candidate": {"time_ratio"}}},
 }
 """Fields of a report that are measured times."""
 

@@ -87,18 +87,21 @@ def _drop_equal(
 ) -> list[Evaluation]:
     """Return one of the points that cannot be told apart: the marked, accurate, or fast one."""
     kept = list[Evaluation]()
+    most_accurate: Evaluation | None = None  # of those that the last point stands for
     for one in points:
-        last = kept[-1] if kept else None
         is_fixed = one.configuration.key in fixed
-        if last is None or (is_fixed and last.configuration.key in fixed):
-            kept.append(one)
-        elif rules.is_same_cost(one, last):
-            if is_fixed:
+        last = kept[-1] if kept else one
+        if kept and not (is_fixed and last.configuration.key in fixed):
+            if rules.is_same_cost(one, last):
+                if is_fixed:
+                    kept[-1] = one
+                continue
+            assert most_accurate
+            if rules.is_same_error(one, most_accurate) and last.configuration.key not in fixed:
                 kept[-1] = one
-        elif rules.is_same_error(one, last) and last.configuration.key not in fixed:
-            kept[-1] = one
-        else:
-            kept.append(one)
+                continue
+        kept.append(one)
+        most_accurate = one
     return kept
 
 

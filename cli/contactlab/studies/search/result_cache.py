@@ -1,32 +1,22 @@
 """Finds an earlier report for the same model, task, target and options."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from shutil import copytree
 
 from pydantic import ValidationError
 
 from contactlab.modifications.modification import ReductionName
 from contactlab.scene.mujoco_versions import VERSION
-from contactlab.schema.tune_report import (
-    EQUAL_ERROR_FOLDER,
-    FOLDER,
-    REPORT,
-    TuneReport,
-)
+from contactlab.schema.tune_report import REPORT, TuneReport
 from contactlab.studies.search.tune_request import TuneRequest, refuse_contradictions
 from contactlab.tasks.checked_model import open_model
 from contactlab.tasks.session import Session
 
 
-def find_cached_report(
-    request: TuneRequest, session: Session, places: Sequence[Path]
-) -> TuneReport | None:
-    """Return the report of the same question in one of the folders, or None.
+def find_cached_report(request: TuneRequest, session: Session) -> TuneReport | None:
+    """Return the report of the same question in the folder of a session, or None.
 
-    It is copied into the folder of the session, with the written models. A report that the time
-    limit ended, or with missing files, does not count.
+    A report that the time limit ended, or with missing files, does not count.
 
     Raises:
         SceneError: there is no such model, or it does not compile.
@@ -34,26 +24,14 @@ def find_cached_report(
         OutputError: the folder cannot be written, or has another model's results.
     """
     refuse_contradictions(request)
-    known = [(place, report) for place in places if (report := _read_report(place))]
-    if not known:
+    report = _read_report(session.folder)
+    if report is None:
         return None
     session = replace(session, folder=session.folder.resolve())
     examined = open_model(request.model, session, request.task)
-    for place, report in known:
-        own = report.scene_hash, report.mujoco, report.task
-        if own != (examined.scene.hash, VERSION, examined.task) or not _is_same_question(
-            request, report
-        ):
-            continue
-        session.notify(f"{place / REPORT} answers the same question; remove it to search again")
-        if place.resolve() != session.folder:
-            session.claim("tune", request.model)
-            for folder in (FOLDER, EQUAL_ERROR_FOLDER):
-                if (place / folder).is_dir():
-                    copytree(place / folder, session.folder / folder, dirs_exist_ok=True)
-            session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
-        return report
-    return None
+    own = report.scene_hash, report.mujoco, report.task
+    is_same = own == (examined.scene.hash, VERSION, examined.task)
+    return report if is_same and _is_same_question(request, report) else None
 
 
 def _read_report(place: Path) -> TuneReport | None:

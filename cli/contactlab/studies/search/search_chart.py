@@ -1,100 +1,323 @@
-"""Chart of counted work over error of every candidate, with target and tolerance as lines."""
+"""Chart of the front: error over time of its named points, with the ladder of each integrator."""
 
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import altair as alt
 
-from contactlab.charts import Rows, layer_of
+from contactlab.charts import Rows, halo_layers, layer_of, word_colours
 from contactlab.palette import COLOURS, INK, OTHERS_COLOUR
-from contactlab.rendering.amounts import format_percent
-from contactlab.schema.time_ratio import LEAST_SAVING
-from contactlab.schema.tune_report import Candidate, TuneReport
-from contactlab.studies.search.configuration import format_settings
+from contactlab.rendering.amounts import format_amount, format_percent
+from contactlab.schema.tune_report import Candidate, FrontPoint, TuneReport
+from contactlab.studies.search.configuration import INTEGRATOR
+from contactlab.studies.search.report_text import error_text
 
-_MERGE_RATIO = 1 + LEAST_SAVING  # of works, and of errors: candidates that are drawn as one
-_MAX_ERROR_RATIO = 1e3  # of the limit: larger errors are not drawn
-_MARKS = ["as written", "recommended", "equal error"]
-_WIDTH, _HEIGHT = 520, 340
+_FAINT, _EDGE = "#555555", "#999999"
+Box = tuple[float, float, float, float]
+"""Left, top, right and bottom of a text [px]."""
 
 
-def specification(report: TuneReport) -> alt.TopLevelMixin:
-    """Return the chart: candidates, the recommended one, the target and its source."""
-    rows = merge_candidates(report)
-    unit = "share of the real forces" if report.target.unit == "1" else report.target.unit
-    x = alt.X("time:Q").title("counted work, over that as written").scale(type="log")
-    y = alt.Y("error:Q").title(f"error [{unit}]").scale(type="log")
-    tried = layer_of("tried", rows).encode(x=x, y=y, tooltip=["settings:N", "time:Q", "error:Q"])
-    spans = layer_of("tried", rows).mark_rule(color=OTHERS_COLOUR)
-    marked = [row for row in rows if row["what"]]
-    special = layer_of("marked", marked).encode(x=x, y=y)
-    lines, seen = _error_lines(report), {row["what"] for row in marked}
-    colours = {mark: colour for mark, colour in zip(_MARKS, COLOURS, strict=False) if mark in seen}
-    levels = layer_of("levels", lines).encode(y=alt.Y("error:Q"))
-    # Side by side, since lines of nearly the same error are nearly one.
-    names = [
-        layer_of(f"level {place}", [line])
-        .mark_text(align="left", baseline="bottom", dx=4, dy=-2, color=INK)
-        .encode(x=alt.value(place * _WIDTH / len(lines)), y=levels.encoding.y, text="text:N")
-        for place, line in enumerate(lines)
+@dataclass(frozen=True)
+class FrontLayout:
+    """Size of the chart, and of the room that a name takes [px].
+
+    Attributes:
+        width, height: of the plot.
+        letter, line: of a letter and of a line of names.
+        font: size of names.
+    """
+
+    width: int = 560
+    height: int = 340
+    letter: float = 5.9
+    line: float = 13.0
+    font: int = 11
+
+
+NARROW = FrontLayout(width=300, height=300, letter=5.4, line=12.0, font=10)
+"""For a telephone."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """A logarithmic axis: from the least to the largest value, on a length [px]."""
+
+    low: float
+    high: float
+    length: float
+
+    def place(self, value: float) -> float:
+        """Return the distance of a value from the low end [px]."""
+        span = math.log(self.high / self.low)
+        return self.length * math.log(max(value, 1e-300) / self.low) / span
+
+    def ticks(self) -> list[float]:
+        """Return 1, 2 and 5 times powers of ten; of many powers, these alone."""
+        powers = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
+        digits = (1, 2, 5) if len(powers) < 5 else (1,)
+        found = [float(f"{digit}e{power}") for power in powers for digit in digits]
+        return [tick for tick in found if self.low <= tick <= self.high]
+
+
+def specification(report: TuneReport, layout: FrontLayout | None = None) -> alt.TopLevelMixin:
+    """Return the chart of a front.
+
+    The axes span its points. Dots and lines are all measured candidates of an integrator that no
+    other one of it beats.
+    """
+    layout = layout or FrontLayout()
+    points = [point for point in report.front if point.candidate.error]
+    times = [_time_of(point) for point in points]
+    errors = [point.candidate.error or 0.0 for point in points]
+    across = Scale(min(times) / 1.25, max(times) * 1.25, layout.width)
+    lows = [point.candidate.low or math.inf for point in points]
+    highs = [point.candidate.high or 0.0 for point in points]
+    top = max([*errors, *highs, *_limits_near(report, errors)])
+    upward = Scale(min([*errors, *lows]) / 1.4, 1.6 * top, layout.height)
+    x = _axis(alt.X("time:Q"), across, "time of a simulated second, over that as written", "x")
+    y = _axis(alt.Y("error:Q"), upward, _error_title(report), report.target.unit)
+    levels = _find_levels(report, upward)
+    boxes = [*_level_boxes(levels, upward, layout)]
+    colours = _integrator_colours(report, points)
+    colour = word_colours("integrator", list(colours), list(colours.values())).title(None)
+    shown = layer_of("points", [_point_row(point, report) for point in points]).encode(
+        x=x, y=y, color=colour
+    )
+    ladder = layer_of("ladders", list(_ladder_rows(report, across, upward))).encode(
+        x=x, y=y, color=colour
+    )
+    layers = [
+        *_level_layers(levels, upward, layout, y),
+        ladder.mark_line(opacity=0.35, strokeWidth=1.2, clip=True),
+        ladder.mark_point(filled=True, size=14, opacity=0.45, clip=True),
+        shown.mark_rule(opacity=0.55).encode(y=alt.Y("low:Q"), y2="high:Q"),
+        shown.mark_rule(opacity=0.55).encode(x=alt.X("fast:Q"), x2="slow:Q"),
+        shown.mark_point(filled=True, size=80, opacity=1),
+        *_ring_layers(points, report, x, y),
+        *_name_layers(points, across, upward, layout, boxes, x, y),
     ]
-    return alt.layer(
-        levels.mark_rule(color=INK, strokeDash=[4, 3]),
-        *names,
-        spans.encode(x=x, y=alt.Y("low:Q"), y2="high:Q"),
-        tried.mark_point(filled=True, size=40, color=OTHERS_COLOUR, opacity=1),
-        special.mark_point(filled=True, size=110, opacity=1).encode(
-            color=alt.Color("what:N")
-            .scale(domain=[*colours], range=[*colours.values()])
-            .title(None)
-        ),
-    ).properties(width=_WIDTH, height=_HEIGHT, title=Path(report.model).name)
+    title = alt.TitleParams(
+        f"{Path(report.model).name}: what accuracy costs",
+        subtitle=_subtitle(report),
+        fontSize=13,
+        subtitleFontSize=11,
+    )
+    return (
+        alt.layer(*layers)
+        .properties(width=layout.width, height=layout.height, title=title)
+        .configure_legend(orient="bottom", symbolType="circle", symbolOpacity=1)
+    )
 
 
-def merge_candidates(report: TuneReport) -> Rows:
-    """Return a row for each distinct candidate; marked candidates keep their own rows."""
-    shown: list[tuple[Candidate, str]] = [(report.current, "as written")]
-    if report.recommended:
-        shown.append((report.recommended, "recommended"))
-    if report.equal_error:
-        shown.append((report.equal_error.candidate, "equal error"))
-    shown += [(candidate, "") for candidate in report.candidates]
-    rows: Rows = []
-    for candidate, what in shown:
-        if (
-            candidate.cost is None
-            or not candidate.error
-            or candidate.error > _MAX_ERROR_RATIO * report.target.limit
-        ):
-            continue
-        if not what and any(_is_close(candidate, row["time"], row["error"]) for row in rows):
-            continue
-        rows.append(
-            {
-                "time": candidate.cost,
-                "error": candidate.error,
-                "low": candidate.low or candidate.error,
-                "high": candidate.high or candidate.error,
-                "what": what,
-                "settings": format_settings({"timestep": candidate.timestep, **candidate.settings}),
-            }
+def _time_of(point: FrontPoint) -> float:
+    if "as written" in point.marks:
+        return 1.0
+    candidate = point.candidate
+    return candidate.time_ratio.ratio if candidate.time_ratio else candidate.cost or 1.0
+
+
+def _limits_near(report: TuneReport, errors: Sequence[float]) -> Iterator[float]:
+    # A tolerance far above all points would leave most of the chart empty.
+    limit, largest = report.target.tolerance, max(errors)
+    if report.target.unit == "1" and limit < 5 * largest:
+        yield limit
+
+
+def _axis(channel: alt.X | alt.Y, scale: Scale, title: str, unit: str) -> alt.X | alt.Y:
+    label = {
+        "x": "'x' + format(datum.value, '~g')",
+        "1": "format(100 * datum.value, '~g') + ' %'",
+    }.get(unit, "format(datum.value, '~g')")
+    axis = alt.Axis(values=scale.ticks(), labelExpr=label, labelOverlap=True)
+    domain = alt.Scale(type="log", domain=[scale.low, scale.high], nice=False)
+    return channel.title(title).scale(domain).axis(axis)
+
+
+def _error_title(report: TuneReport) -> str:
+    unit = report.target.unit
+    return "numerical error, share of the real forces" if unit == "1" else f"forward error [{unit}]"
+
+
+def _subtitle(report: TuneReport) -> str:
+    step = format_amount(report.reference_step, "ms")
+    if report.target.unit != "1":
+        return f"error at the {report.target.error_at} of {', '.join(report.target.observed)}"
+    real_time = format_amount(report.real_time, digits=2)
+    return f"against {report.reference_integrator} at {step}; as written {real_time}x real time"
+
+
+def _integrator_of(candidate: Candidate, report: TuneReport) -> str:
+    return str(candidate.settings.get(INTEGRATOR, report.integrator))
+
+
+def _integrator_colours(report: TuneReport, points: Sequence[FrontPoint]) -> Mapping[str, str]:
+    candidates = [*(point.candidate for point in points), *report.candidates]
+    names = dict.fromkeys(_integrator_of(each, report) for each in candidates)
+    order = ("RK4", "implicitfast", "Euler", "implicit")
+    chosen = (COLOURS[0], COLOURS[1], COLOURS[3], COLOURS[4])
+    known = dict(zip(order, chosen, strict=True))
+    return {name: known.get(name, OTHERS_COLOUR) for name in order if name in names}
+
+
+def _point_row(point: FrontPoint, report: TuneReport) -> dict[str, object]:
+    candidate, time = point.candidate, _time_of(point)
+    ratio = None if "as written" in point.marks else candidate.time_ratio
+    return {
+        "name": f"{point.number} {point.name}",
+        "time": time,
+        "fast": ratio.low if ratio else time,
+        "slow": ratio.high if ratio else time,
+        "error": candidate.error,
+        "low": candidate.low or candidate.error,
+        "high": candidate.high or candidate.error,
+        "integrator": _integrator_of(candidate, report),
+    }
+
+
+def _ladder_rows(report: TuneReport, across: Scale, upward: Scale) -> Iterator[dict[str, object]]:
+    """Yield the candidates of each integrator that no other one of it beats."""
+    measured = [each for each in report.candidates if each.error and each.cost]
+    measured.sort(key=lambda each: (_integrator_of(each, report), each.cost, each.error))
+    for name, own in itertools.groupby(measured, lambda each: _integrator_of(each, report)):
+        best = math.inf
+        for each in own:
+            assert each.error
+            assert each.cost
+            if each.error >= best:
+                continue
+            best = each.error
+            if across.low <= each.cost <= across.high and upward.low <= each.error <= upward.high:
+                yield {"time": each.cost, "error": each.error, "integrator": name}
+
+
+def _find_levels(report: TuneReport, upward: Scale) -> Rows:
+    """Return the tolerance, the target, and what the model is known to, the largest first."""
+    unit = report.target.unit
+    levels: Rows = []
+    if unit == "1":
+        text = f"tolerance {format_percent(report.target.tolerance)}"
+        levels.append({"error": report.target.tolerance, "text": text})
+    if report.target.kind in ("error", "forward error"):
+        text = f"requested {error_text(report.target.limit, unit)}"
+        levels.append({"error": report.target.limit, "text": text})
+    for each in report.uncertainty:
+        parameter, _, share = each.name.partition(" ")
+        text = f"{parameter} known to {share}: {format_percent(each.error)}"
+        levels.append({"error": each.error, "text": text})
+    levels = [row for row in levels if row["error"] and upward.low < row["error"] < upward.high]
+    levels.sort(key=lambda row: -row["error"])
+    return levels
+
+
+def _level_layers(
+    levels: Rows, upward: Scale, layout: FrontLayout, y: alt.Y
+) -> Iterator[alt.Chart]:
+    """Yield a line and its text for each level; of two near levels the lower one's is below."""
+    for row, is_below in zip(levels, _texts_below(levels, upward), strict=True):
+        line = layer_of(row["text"], [row]).encode(y=y)
+        yield line.mark_rule(color=_EDGE, strokeDash=[5, 4])
+        yield from halo_layers(
+            line.encode(x=alt.value("width"), text="text:N"),
+            align="right",
+            baseline="top" if is_below else "bottom",
+            dx=-4,
+            dy=3 if is_below else -2,
+            fontSize=layout.font - 1,
+            color=_FAINT,
         )
-    return rows
 
 
-def _is_close(candidate: Candidate, time: float, error: float) -> bool:
-    assert candidate.cost
-    assert candidate.error
-    ratios = candidate.cost / time, candidate.error / error
-    return all(1 / _MERGE_RATIO < ratio < _MERGE_RATIO for ratio in ratios)
+def _texts_below(levels: Rows, upward: Scale) -> list[bool]:
+    places = [upward.place(row["error"]) for row in levels]
+    return [before - place < 28 for before, place in zip([math.inf, *places], places, strict=False)]
 
 
-def _error_lines(report: TuneReport) -> Rows:
-    target = report.target
-    if target.unit != "1":
-        return [{"error": target.limit, "text": f"requested: {target.limit:.2g} {target.unit}"}]
-    lines: Rows = [
-        {"error": target.tolerance, "text": f"tolerance {format_percent(target.tolerance)}"}
+def _level_boxes(levels: Rows, upward: Scale, layout: FrontLayout) -> Iterator[Box]:
+    for row, is_below in zip(levels, _texts_below(levels, upward), strict=True):
+        top = layout.height - upward.place(row["error"]) + (2 if is_below else -layout.line - 2)
+        left = layout.width - layout.letter * len(row["text"])
+        yield left, top, float(layout.width), top + layout.line
+
+
+def _ring_layers(
+    points: Sequence[FrontPoint], report: TuneReport, x: alt.X, y: alt.Y
+) -> Iterator[alt.Chart]:
+    """Yield a ring around each marked point: dashed as written, closed if recommended."""
+    for mark, dash in (("as written", [2, 2]), ("recommended", [1, 0])):
+        rows = [_point_row(point, report) for point in points if mark in point.marks]
+        if rows:
+            ring = layer_of(mark, rows).encode(x=x, y=y)
+            yield ring.mark_point(
+                filled=False, shape="circle", size=260, color=INK, strokeWidth=1.4, strokeDash=dash
+            )
+
+
+def _name_layers(
+    points: Sequence[FrontPoint],
+    across: Scale,
+    upward: Scale,
+    layout: FrontLayout,
+    taken: list[Box],
+    x: alt.X,
+    y: alt.Y,
+) -> Iterator[alt.Chart]:
+    """Yield the names of points, each at the first free place around its point."""
+    places = [
+        (across.place(_time_of(point)), layout.height - upward.place(point.candidate.error or 0.0))
+        for point in points
     ]
-    if target.kind == "error":
-        lines.append({"error": target.limit, "text": f"requested: {format_percent(target.limit)}"})
-    return lines
+    taken += [(left - 6, top - 6, left + 6, top + 6) for left, top in places]
+    # Marked points come first: they are near each other.
+    order = sorted(range(len(points)), key=lambda place: not points[place].marks)
+    for place in order:
+        point, (left, top) = points[place], places[place]
+        marks = [mark for mark in point.marks if mark not in point.name]
+        text = f"{point.number} {', '.join((point.name, *marks))}"
+        room = layout.letter * len(text)
+        spots = _spots_around(left, top, room, layout)
+        align, dy, box = min(
+            spots,
+            key=lambda spot: (
+                sum(_overlap(spot[2], other) for other in taken) + _outside(spot[2], layout)
+            ),
+        )
+        taken.append(box)
+        shift = {"left": 11, "right": -11, "center": 0}[align]
+        row = {"time": _time_of(point), "error": point.candidate.error, "name": text}
+        words = layer_of(f"name {place}", [row]).encode(x=x, y=y, text="name:N")
+        weight = "bold" if "recommended" in point.marks else "normal"
+        yield from halo_layers(
+            words,
+            align=align,
+            baseline="middle",
+            dx=shift,
+            dy=dy,
+            fontSize=layout.font,
+            fontWeight=weight,
+        )
+
+
+def _spots_around(
+    left: float, top: float, room: float, layout: FrontLayout
+) -> Iterator[tuple[str, float, Box]]:
+    """Yield alignments, shifts and boxes of a name around a point, the best first."""
+    half = layout.line / 2
+    for shift in (-8.0, 9.0, -20.0, 21.0, -33.0, 34.0):
+        for align in ("left", "right", "center"):
+            begin = {"left": left + 11, "right": left - 11 - room, "center": left - room / 2}[align]
+            yield align, shift, (begin, top + shift - half, begin + room, top + shift + half)
+
+
+def _overlap(one: Box, other: Box) -> float:
+    wide = min(one[2], other[2]) - max(one[0], other[0])
+    high = min(one[3], other[3]) - max(one[1], other[1])
+    return wide * high if wide > 0 and high > 0 else 0.0
+
+
+def _outside(box: Box, layout: FrontLayout) -> float:
+    left, top, right, bottom = box
+    over = max(0.0, -left) + max(0.0, right - layout.width - 40)
+    return 20 * (over + max(0.0, -top) + max(0.0, bottom - layout.height))

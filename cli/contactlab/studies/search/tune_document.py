@@ -5,7 +5,7 @@ from pathlib import Path
 
 from contactlab.judge.wording import out_of, plural
 from contactlab.printable import shell_word, shortened
-from contactlab.rendering.amounts import format_amount, format_percent
+from contactlab.rendering.amounts import format_amount, format_interval, format_percent
 from contactlab.rendering.document import (
     Block,
     Code,
@@ -13,11 +13,11 @@ from contactlab.rendering.document import (
     Document,
     Facts,
     Headline,
+    Row,
     Section,
     Sentence,
     Table,
     document_of,
-    table_of,
 )
 from contactlab.schema.time_ratio import LEAST_SAVING
 from contactlab.schema.tune_report import (
@@ -26,9 +26,10 @@ from contactlab.schema.tune_report import (
     Candidate,
     CurrentVerdict,
     FarPairs,
+    FrontPoint,
     TuneReport,
 )
-from contactlab.studies.search.configuration import format_settings
+from contactlab.studies.search.configuration import INTEGRATOR, format_settings
 from contactlab.studies.search.report_text import (
     UNVERIFIED,
     ending_text,
@@ -40,13 +41,12 @@ from contactlab.studies.search.tuning_problem import LIMITED
 _MAX_UNCHANGED = 6  # settings that are listed
 _MAX_LINES = 12  # of the patch
 _HEADS = (
-    Column(""),
-    Column("settings"),
-    Column("timestep [s]", "right"),
+    Column("", "right"),
+    Column("point", breakable=True),
     Column("error", "right"),
     Column("over seeds", "right"),
-    Column("worst body", breakable=True),
-    Column("time"),
+    Column("time", "right"),
+    Column("real time", "right"),
 )
 
 
@@ -60,7 +60,8 @@ def describe_tuning(report: TuneReport, *, folder: Path | None = None) -> Docume
     return document_of(
         Section((Sentence(report.task.line), Headline(f"{report.model}: {report.sentence}"))),
         Section((Facts(tuple(_facts(report))),), "search", follows=True),
-        Section((_candidate_table(report),), "candidates", follows=True),
+        Section((_front_table(report),), "front", follows=True),
+        Section(tuple(map(Sentence, _front_notes(report))), "front notes", follows=True),
         Section(tuple(_details(report)), "details", follows=True),
         Section(tuple(map(Sentence, _notes(report))), "notes", follows=True),
         Section(tuple(_written_files(report, folder)), "files", follows=True),
@@ -75,13 +76,30 @@ def _facts(report: TuneReport) -> Iterator[tuple[str, str]]:
     if target.unit == "1":
         step = f"{report.reference_step:g} s"
         what = "residual force as a share of the real forces"
-        yield "errors", f"{what}, against the model as written at a timestep of {step}"
+        fine = f"{report.reference_integrator} at a timestep of {step}"
+        yield "errors", f"{what}, against the model as written with {fine}"
     if target.divergence:
         yield "motion", target.divergence
     yield "search", f"{ending_text(report)}, {report.seconds:.0f} s"
     yield "speed", f"{format_amount(report.real_time)}x real time as written, on one core"
+    if known := list(_uncertainty_texts(report)):
+        yield "model", f"known to {' and '.join(known)}"
     if why := no_speedup_text(report):
         yield "limits", why
+
+
+def _uncertainty_texts(report: TuneReport) -> Iterator[str]:
+    for each in report.uncertainty:
+        parameter, _, share = each.name.partition(" ")
+        yield f"{format_percent(each.error)} ({parameter} known to {share}, {each.body})"
+
+
+def _front_notes(report: TuneReport) -> Iterator[str]:
+    """Say how to get another point."""
+    if any(point.state == "not verified" for point in report.front):
+        yield (
+            "--pick N writes and verifies another point; --error 1% searches the fastest within 1 %"
+        )
 
 
 def _target_text(report: TuneReport) -> str:
@@ -111,32 +129,55 @@ def _verdict_text(verdict: CurrentVerdict, count: int) -> str:
     return f"{text}, on {few} only; `contactlab MODEL` judges all {count}"
 
 
-def _candidate_table(report: TuneReport) -> Table:
-    shown = {
-        "current": report.current,
-        "recommended": report.recommended,
-        "closest": report.closest,
-        "equal error": report.equal_error and report.equal_error.candidate,
-    }
-    rows = [_candidate_row(name, one, report.target.unit) for name, one in shown.items() if one]
-    return table_of(_HEADS, rows)
+def _front_table(report: TuneReport) -> Table:
+    rows = [_front_row(point, report) for point in report.front]
+    return Table(_HEADS, tuple(rows), ruled=False)
 
 
-def _candidate_row(standing: str, candidate: Candidate, unit: str) -> Sequence[str]:
-    def number(error: float | None) -> str:
-        return "gave up" if error is None else error_text(error, unit)
-
-    written = "as written" if standing == "current" else ""
-    time = "" if candidate.cost is None else f"work x{candidate.cost:.2g}"
-    return (
-        standing,
-        format_settings(candidate.settings) or written,
-        f"{candidate.timestep:g}",
-        number(candidate.error),
-        f"{number(candidate.low)} to {number(candidate.high)}",
-        candidate.body,
-        candidate.time_ratio.text if candidate.time_ratio else time,
+def _front_row(point: FrontPoint, report: TuneReport) -> Row:
+    candidate, unit = point.candidate, report.target.unit
+    time = f"work {format_amount(candidate.cost, 'x')}"
+    if candidate.time_ratio and "as written" not in point.marks:
+        time = candidate.time_ratio.text
+    elif "as written" in point.marks:
+        time = format_amount(1.0, "x")
+    cells = (
+        str(point.number),
+        ", ".join((point.name, *point.marks)),
+        error_text(candidate.error, unit),
+        _range_text(candidate, unit),
+        time,
+        f"{format_amount(point.real_time, digits=2)}x",
     )
+    text = "; ".join(_point_texts(point))
+    return Row(cells, details=(text,) if text else ())
+
+
+def _range_text(candidate: Candidate, unit: str) -> str:
+    if unit == "1":
+        return format_interval(candidate.low, candidate.high)
+    low, high = (error_text(value, unit) for value in (candidate.low, candidate.high))
+    return f"{low.removesuffix(f' {unit}')} to {high}"
+
+
+def _point_texts(point: FrontPoint) -> Iterator[str]:
+    """Yield the settings of a point besides integrator and timestep, its verification, its file."""
+    if point.state == "as written":
+        return
+    candidate = point.candidate
+    own = {name: value for name, value in candidate.settings.items() if name != INTEGRATOR}
+    if own:
+        yield format_settings(own)
+    if candidate.removes_unused:
+        yield "without unused collisions"
+    if candidate.removes_far_pairs:
+        yield "without far pairs"
+    if candidate.simplifies_hulls:
+        yield "simplified hulls"
+    reason = f": {point.verification}" if point.verification else ""
+    yield f"{point.state}{reason}"
+    if point.file:
+        yield point.file
 
 
 def _details(report: TuneReport) -> Iterator[Block]:
@@ -209,11 +250,16 @@ def _notes(report: TuneReport) -> Iterator[str]:
 def _written_files(report: TuneReport, folder: Path | None) -> Iterator[Block]:
     if folder is None:
         return
+    for point in report.front:
+        if point.number == report.picked and point.file:
+            yield Sentence(f"wrote {folder / point.file} (point {point.number}, {point.state})")
     if other := report.equal_error:
         yield Sentence(f"wrote {folder / other.file} (equal error): {other.verified.sentence}")
+    picked = [one.file for one in report.front if one.number == report.picked and one.file]
     if report.file:
         patch = f", {PATCH}" if (folder / PATCH).is_file() else ""
         yield Sentence(f"wrote {folder / report.file}{patch} and {REPORT}")
-        yield Code((f"next: contactlab {shell_word(folder / report.file)}",), indent=0)
     else:
         yield Sentence(f"{REPORT} in {folder}")
+    if written := [*picked, *([report.file] if report.file else [])]:
+        yield Code((f"next: contactlab {shell_word(folder / written[0])}",), indent=0)

@@ -261,7 +261,8 @@ class TuningStudy:
             picked=None,
             uncertainty=tuple(self._measure_uncertainty()),
             real_time=1 / self._clock.base_seconds,
-            reference_integrator=self._reference_integrator,
+            integrator=self._own_integrator,
+            reference_integrator=self._problem.reference_integrator or self._own_integrator,
             reference_step=self._problem.reference.step,
             candidates=tuple(
                 self._candidate(one) for one in search.evaluations.values() if one.error
@@ -448,9 +449,8 @@ class TuningStudy:
             yield ParameterUncertainty(name=row.name, error=worst.error, body=worst.body)
 
     @property
-    def _reference_integrator(self) -> str:
-        own = str(read_option(self._problem.own_model, INTEGRATOR))
-        return self._problem.reference_integrator or own
+    def _own_integrator(self) -> str:
+        return str(read_option(self._problem.own_model, INTEGRATOR))
 
     def _verify_goals(self) -> tuple[VerifiedCandidate | None, VerifiedCandidate | None]:
         """Return the recommended candidate, and the one of equal error if it is faster."""

@@ -1,0 +1,71 @@
+"""The front has the candidates that no other one beats, few and apart, with the marked ones."""
+
+import math
+
+import numpy as np
+import pytest
+
+from contactlab.studies.search.configuration import Configuration
+from contactlab.studies.search.front import FrontRules, choose_front
+from contactlab.studies.search.settings_search import Evaluation, error_of
+from contactlab.tasks.reference_error import ErrorEstimate
+
+
+def candidate(number: int, cost: float, error: float) -> Evaluation:
+    estimate = ErrorEstimate(error, "ball", "rest", 0.0, error, error)
+    return Evaluation(Configuration({}, number), estimate, cost)
+
+
+def random_candidates(seed: int, count: int = 60) -> list[Evaluation]:
+    rng = np.random.default_rng(seed)
+    costs, errors = np.exp(rng.uniform(-3, 3, (2, count)))
+    return [
+        candidate(number, float(cost), float(1e-3 * error))
+        for number, (cost, error) in enumerate(zip(costs, errors, strict=True), 1)
+    ]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_no_candidate_beats_a_point_by_what_can_be_told_apart(seed: int) -> None:
+    found = random_candidates(seed)
+    rules = FrontRules(most=len(found))
+    points = choose_front(found, [], math.inf, rules=rules)
+    assert points == sorted(points, key=lambda one: -one.cost)
+    for point in points:
+        assert not any(
+            other.cost < point.cost and error_of(other) < error_of(point) for other in found
+        )
+    # Each candidate has a point that is no worse, as far as both can be told apart.
+    for one in found:
+        assert any(
+            point.cost <= rules.cost_ratio * one.cost
+            and error_of(point) <= rules.error_ratio * error_of(one)
+            for point in points
+        )
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_few_points_span_the_front_and_marked_ones_stay(seed: int) -> None:
+    found = random_candidates(seed, 200)
+    marked = found[:2]
+    points = choose_front(found, marked, math.inf)
+    assert len(points) <= FrontRules().most
+    assert all(any(point is one for point in points) for one in marked)
+    whole = choose_front(found, marked, math.inf, rules=FrontRules(most=200))
+    assert (points[0], points[-1]) == (whole[0], whole[-1])
+    keys = {found[5].configuration.key}
+    assert found[5] not in choose_front(found, [], math.inf, keys)
+
+
+def test_points_that_cannot_be_told_apart_are_one() -> None:
+    slow, same_time, same_error, fast = (
+        candidate(1, 2.0, 1e-3),
+        candidate(2, 1.95, 2e-3),
+        candidate(3, 1.0, 1.1e-3),
+        candidate(4, 0.5, 5e-3),
+    )
+    assert choose_front([slow, same_time, fast], [], 1.0) == [slow, fast]
+    assert choose_front([slow, same_error, fast], [], 1.0) == [same_error, fast]
+    # A marked candidate is the one that stays.
+    assert choose_front([slow, same_time, fast], [same_time], 1.0) == [same_time, fast]
+    assert choose_front([slow, fast], [], 2e-3) == [slow]
