@@ -5,6 +5,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import altair as alt
 
@@ -16,6 +17,7 @@ from contactlab.studies.search.configuration import INTEGRATOR
 from contactlab.studies.search.report_text import error_text
 
 _FAINT, _EDGE = "#555555", "#999999"
+Channel = TypeVar("Channel", alt.X, alt.Y)
 Box = tuple[float, float, float, float]
 """Left, top, right and bottom of a text [px]."""
 
@@ -126,7 +128,7 @@ def _limits_near(report: TuneReport, errors: Sequence[float]) -> Iterator[float]
         yield limit
 
 
-def _axis(channel: alt.X | alt.Y, scale: Scale, title: str, unit: str) -> alt.X | alt.Y:
+def _axis(channel: Channel, scale: Scale, title: str, unit: str) -> Channel:
     label = {
         "x": "'x' + format(datum.value, '~g')",
         "1": "format(100 * datum.value, '~g') + ' %'",

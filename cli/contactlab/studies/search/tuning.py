@@ -15,7 +15,7 @@ from contactlab.budget.restarts import build_reference_model
 from contactlab.errors import ExpectationError, SweepFileError
 from contactlab.modifications.catalogue import list_rows
 from contactlab.modifications.model_predicates import may_sleep
-from contactlab.modifications.modification import ModelChange
+from contactlab.modifications.modification import ModelChange, ReductionName
 from contactlab.rendering.amounts import format_amount
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_edits import FLAG_NAMES, read_flag, read_option
@@ -44,7 +44,6 @@ from contactlab.store.table_layout import axis_cell
 from contactlab.studies.search.configuration import (
     INTEGRATOR,
     Configuration,
-    Reductions,
     changed_settings,
     format_settings,
 )
@@ -325,15 +324,12 @@ class TuningStudy:
         )
 
     def _configuration_of(self, candidate: Candidate) -> Configuration:
-        reductions: Reductions = frozenset(
-            name
-            for name, is_removed in (
-                ("unused", candidate.removes_unused),
-                ("far-pairs", candidate.removes_far_pairs),
-                ("hulls", candidate.simplifies_hulls),
-            )
-            if is_removed
-        )
+        removed: dict[ReductionName, bool] = {
+            "unused": candidate.removes_unused,
+            "far-pairs": candidate.removes_far_pairs,
+            "hulls": candidate.simplifies_hulls,
+        }
+        reductions = frozenset[ReductionName](name for name in removed if removed[name])
         multiple = round(candidate.timestep / self._problem.reference.step)
         return Configuration(candidate.settings, multiple, reductions)
 
