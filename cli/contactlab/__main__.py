@@ -1,7 +1,6 @@
 """The command `contactlab`, also as `python -m contactlab`."""
 
 import os
-import sys
 
 try:
     import signal  # loads a dozen more, unless Python's own start has
@@ -34,12 +33,6 @@ def main() -> None:
         run()
     except KeyboardInterrupt:
         raise SystemExit(130) from None
-    except (MemoryError, ValueError) as error:
-        # MuJoCo says it in words of its own.
-        if not isinstance(error, MemoryError) and "Could not allocate memory" not in str(error):
-            raise
-        sys.stderr.write("error: out of memory; free some, or raise its limit (ulimit -v)\n")
-        raise SystemExit(2) from None
     finally:
         if _HEARD:
             signal.signal(signal.SIGINT, _exit_process)

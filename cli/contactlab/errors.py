@@ -101,6 +101,12 @@ class StoppedError(ContactlabError):
     exit_code = 130  # as a shell reports a command that Ctrl-C ended
 
 
+class FaultError(ContactlabError):
+    """A fault of contactlab itself, which is reported; no input should cause one."""
+
+    exit_code = 70  # EX_SOFTWARE of sysexits.h
+
+
 class ModelWarning(UserWarning):
     """Warning of MuJoCo when it compiles a model."""
 
@@ -138,7 +144,7 @@ def no_file(path: Path, kind: str, suffixes: Collection[str] = ()) -> str:
 
 
 # Of files whose frames lie between a caller and the code that it runs.
-_BETWEEN = ("importlib", "contextlib", "code_limit.py")
+_BETWEEN = ("importlib", "contextlib", "foreign_code.py")
 
 
 def in_one_line(error: BaseException, caller: str) -> str:
@@ -153,8 +159,16 @@ def in_one_line(error: BaseException, caller: str) -> str:
     ]
     lines = [frame.lineno for frame in frames if frame.filename == frames[0].filename]
     where = f"line {lines[-1]} of {Path(frames[0].filename).name}: " if lines else ""
-    text = " ".join(str(error).split())
-    return f"{where}{type(error).__name__}" + (f": {text}" if text else "")
+    return f"{where}{error_text(error)}"
+
+
+def error_text(error: BaseException) -> str:
+    """Return the type and the text of an error in one line; code may make its text unreadable."""
+    try:
+        text = " ".join(str(error).split())
+    except BaseException as unreadable:  # noqa: BLE001 - code of a user
+        text = f"its text cannot be read: {type(unreadable).__name__}"
+    return type(error).__name__ + (f": {text}" if text else "")
 
 
 _OF_EXTRA = re.compile(r"(?P<requirement>[^;]+);\s*extra\s*==\s*['\"](?P<extra>[\w-]+)['\"]")

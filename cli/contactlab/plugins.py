@@ -19,8 +19,8 @@ from itertools import chain
 from pathlib import Path
 from types import ModuleType
 
-from contactlab.code_limit import code_limit
 from contactlab.errors import PluginError, in_one_line, no_file
+from contactlab.foreign_code import ends_command, limited_code
 from contactlab.registry import REGISTRIES, Named, Part, own_parts, transaction
 
 GROUPS = {f"contactlab.{kind}s": kind for kind in ("metric", "label", "oracle", "check", "engine")}
@@ -187,11 +187,13 @@ def _require_same(plugin: Plugin) -> Plugin:
 def _guard_loading(name: str) -> Generator[None]:
     """Turn any failure into a PluginError, and leave nothing of a plug-in that fails."""
     try:
-        with transaction(), code_limit():
+        with transaction(), limited_code():
             yield
     except PluginError as error:
         raise PluginError(f"plug-in {name}: {error}") from error
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
+        if ends_command(error):
+            raise
         raise PluginError(f"plug-in {name}: {in_one_line(error, __file__)}") from error
 
 

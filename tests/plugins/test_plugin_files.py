@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from contactlab.engines import ENGINES
-from contactlab.errors import ContactlabError, PluginError, StoreError
+from contactlab.errors import ContactlabError, PluginError, StoppedError, StoreError
 from contactlab.measure import METRICS
 from contactlab.plugins import Plugin, extensions, load_plugins, loaded_plugins, require_plugins
 from contactlab.registry import PARTS, REGISTRIES
@@ -165,9 +165,14 @@ def test_a_file_goes_along_to_the_nodes_of_a_cluster(
     folder: Path, address: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tasks: list[Task] = []
-    monkeypatch.setattr("contactlab.run.worker_pool.Worker", lambda task, *_: tasks.append(task))
+
+    def keep(task: Task, *_: object) -> None:
+        tasks.append(task)
+        raise StoppedError("kept")
+
+    monkeypatch.setattr("contactlab.run.worker_pool.Worker", keep)
     plugins = load(folder, *FILES)
-    with pytest.raises(AttributeError):
+    with pytest.raises(StoppedError):
         sweep(folder)
     store = folder / address if isinstance(address, str) else address
     bundle = pack_bundle(replace(tasks[0], store=store))

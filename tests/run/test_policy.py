@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 from tests.cart_pole import cart_pole
 
-from contactlab import code_limit
+from contactlab import foreign_code
 from contactlab.errors import SceneError, StoreError
 from contactlab.run.stored_runs import replay_run, timed_run
 from contactlab.run.sweep_request import read_request
@@ -237,7 +237,7 @@ def test_one_that_is_never_made_ends_at_a_limit(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also without workers, whose runs have a limit of their own."""
-    monkeypatch.setattr(code_limit, "SECONDS", 0.5)
+    monkeypatch.setattr(foreign_code, "SECONDS", 0.5)
     (folder / "hangs.py").write_text(
         "class Hangs:\n    def __init__(self, model):\n        while True: pass\n"
     )

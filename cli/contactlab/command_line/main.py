@@ -4,6 +4,7 @@ import errno
 import inspect
 import os
 import sys
+import traceback
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +18,15 @@ from contactlab.command_line.front_door import complete_words
 from contactlab.command_line.modules import command_modules, commands_of
 from contactlab.command_line.parser import misunderstood, typed
 from contactlab.command_line.terminal import echo, notice, say
-from contactlab.errors import CommandLineError, ContactlabError, OutputError, in_one_line
+from contactlab.errors import (
+    CommandLineError,
+    ContactlabError,
+    FaultError,
+    OutputError,
+    error_text,
+    in_one_line,
+)
+from contactlab.printable import in_one_line as in_one_line_of
 from contactlab.printable import printable
 
 _HELP = ("-h", "--help")
@@ -127,31 +136,48 @@ def contactlab(
         allow(allow_files)
 
 
+def _run_words(words: Sequence[str]) -> int:
+    app = command_line(words[0] if words else _HELP[0])
+    try:
+        code = app(words, prog_name="contactlab", standalone_mode=False)
+    except typer.TyperException as error:
+        if (said := error.format_message()).startswith("Usage:"):  # no words: its whole help
+            say(said)
+            return CommandLineError.exit_code
+        raise misunderstood(error, words) from error
+    return code if isinstance(code, int) else 0
+
+
 def main() -> None:
     """Run the command line; an error that the user can act on is printed as one message."""
     # Processes that this one starts, or its libraries, import nothing of the current folder.
     os.environ["PYTHONSAFEPATH"] = "1"
     warnings.formatwarning = lambda message, *_: f"warning: {printable(str(message))}\n"
     try:
-        words = complete_words(sys.argv[1:])
-        app = command_line(words[0] if words else _HELP[0])
-        try:
-            code = app(words, prog_name="contactlab", standalone_mode=False)
-        except typer.TyperException as error:
-            if (said := error.format_message()).startswith("Usage:"):  # no words: its whole help
-                say(said)
-                raise SystemExit(CommandLineError.exit_code) from error
-            raise misunderstood(error, words) from error
-        raise SystemExit(code if isinstance(code, int) else 0)
+        sys.exit(_run_words(complete_words(sys.argv[1:])))
     except ContactlabError as error:
         say(f"error: {error}" if not str(error).startswith("error") else str(error))
         raise SystemExit(error.exit_code) from error
     except OSError as error:
-        if error.errno != errno.ENOSPC:
-            raise
-        # The rest of the buffer cannot be printed either.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        say(f"error: cannot print the results: {error.strerror}")
+        where, why = error.filename, error.strerror or str(error)
+        if where is None and error.errno == errno.ENOSPC:
+            # The rest of the buffer cannot be printed either.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+            where = "cannot print the results"
+        say(f"error: {in_one_line_of(str(where or 'the system refuses'))}: {why}")
         raise SystemExit(OutputError.exit_code) from error
+    except Exception as error:
+        if isinstance(error, MemoryError) or "Could not allocate memory" in str(error):
+            say("error: out of memory; free some, or raise its limit (ulimit -v)")
+            raise SystemExit(OutputError.exit_code) from error
+        if os.environ.get("CONTACTLAB_TRACEBACK"):
+            raise
+        *_, last = traceback.extract_tb(error.__traceback__)
+        say(
+            f"error: a fault of contactlab: {error_text(error)}, at line {last.lineno} of "
+            f"{Path(last.filename).name}; please report it with "
+            "the output under CONTACTLAB_TRACEBACK=1"
+        )
+        raise SystemExit(FaultError.exit_code) from error
     finally:
         notice.clear()

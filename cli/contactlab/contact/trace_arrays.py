@@ -9,13 +9,14 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int32]
+Kind = TypeVar("Kind", bound=np.generic)
 
 FOUND = 0
 FORCE = slice(1, 4)
@@ -48,6 +49,13 @@ def hash_of_states(rows: Floats) -> str:
     Rows (N + 1, 1 + nq + nv + na) are time, qpos, qvel and act of each state.
     """
     return hashlib.sha256(np.ascontiguousarray(rows).data).hexdigest()[:32]
+
+
+def read_only(array: NDArray[Kind]) -> NDArray[Kind]:
+    """Return a view of an array that cannot be written."""
+    view = array.view()
+    view.setflags(write=False)
+    return view
 
 
 def squared_lengths(vectors: Floats) -> Floats:
@@ -197,6 +205,20 @@ class Trace(EngineOutputs):
     def has_energy(self) -> bool:
         """Whether energies were recorded."""
         return not np.isnan(self.kinetic[:, :1]).all()
+
+    def forbid_writes(self) -> "Trace":
+        """Return it with arrays that no metric can write."""
+        arrays = {
+            name: read_only(value)
+            for name, value in vars(self).items()
+            if isinstance(value, np.ndarray)
+        }
+        pairs = tuple(
+            replace(pair, slots=read_only(pair.slots), friction=read_only(pair.friction))
+            for pair in self.pairs
+        )
+        held = self.held and HeldPose(*map(read_only, vars(self.held).values()))
+        return replace(self, pairs=pairs, held=held, **arrays)
 
     def select(self, runs: Sequence[int], steps: int | None = None) -> "Trace":
         """Return the given runs, cut to their first `steps` steps; views where NumPy allows."""

@@ -8,7 +8,6 @@ that starts at or after an additional latency, and stay until the next ones take
 import copy
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import redirect_stdout
 from itertools import chain, groupby, pairwise
 from pathlib import Path
 from statistics import mean
@@ -19,7 +18,6 @@ from typing import Any, cast
 import mujoco
 import numpy as np
 
-from contactlab.code_limit import code_limit
 from contactlab.contact.trace_arrays import Floats, RecordedControls
 from contactlab.engines.engine import (
     Buffers,
@@ -40,6 +38,7 @@ from contactlab.engines.mujoco_batch import (
 )
 from contactlab.engines.older_mujoco import SimulationError
 from contactlab.errors import SceneError, in_one_line
+from contactlab.foreign_code import ends_command, limited_code, printed_as_text
 from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.compile_model import SENSOR_PREFIX
 from contactlab.scene.drive.located_drive import LocatedDrive
@@ -50,7 +49,6 @@ _STATE = int(STATE)
 _INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _WARNING_KINDS = int(mujoco.mjtWarning.mjNWARNING)
 _COUNT_INDEX = 1
-_POLICY_ERRORS = (Exception, SystemExit)
 # Number of segments of a flight with runs that step one by one, and of all at least.
 _SAMPLED_SEGMENTS, _MIN_SEGMENTS = 2, 16
 _NOISE_STREAM = 3  # random stream of a run's seed for noise; other streams perturb its start
@@ -116,7 +114,7 @@ def _fly_together(
     count = len(runs.prepared)
     watch()  # The construction of the policy counts as a part of its run.
     try:
-        with redirect_stdout(sys.stderr):
+        with printed_as_text():
             return _Flight(runs, arrays, fields).fly_runs(watch, proceed)
     except _PolicyFailureError as failure:
         if count == 1:
@@ -175,9 +173,9 @@ class _Flight:
         assert runs.policy is not None
         self._name = getattr(runs.policy, "__name__", "policy")
         try:
-            with code_limit():
+            with limited_code():
                 made = runs.policy(copy.copy(runs.base.model))
-        except _POLICY_ERRORS as error:
+        except BaseException as error:
             raise self._policy_failure("", error) from error
         if not callable(made):
             raise _PolicyFailureError(
@@ -248,8 +246,8 @@ class _Flight:
         return scale * np.random.default_rng([run.seed, _NOISE_STREAM]).standard_normal(shape)
 
     def _policy_failure(self, when: str, error: BaseException) -> BaseException:
-        """Return the failure for an error of the policy, or the error itself if memory is short."""
-        if isinstance(error, MemoryError):
+        """Return the failure for an error of the policy, or an error that is not its own."""
+        if ends_command(error):
             return error
         return _PolicyFailureError(f"policy {self._name}{when}: {in_one_line(error, __file__)}")
 
@@ -257,7 +255,7 @@ class _Flight:
         """Return (n, nu) the policy's controls for its observations before a step."""
         try:
             returned = np.asarray(self._policy(*self._observe_states(call, step)))
-        except _POLICY_ERRORS as error:
+        except BaseException as error:
             raise self._policy_failure(f", at {step * self._timestep:g} s", error) from error
         if returned.shape != self._controls.shape:
             raise _PolicyFailureError(
@@ -377,9 +375,11 @@ def load_code(what: str, file: Path, name: str) -> Callable[..., object]:
     # Classes of the module can be pickled once it is listed.
     sys.modules[module.__name__] = module
     try:
-        with code_limit():
+        with limited_code():
             exec(compile(file.read_bytes(), file, "exec"), module.__dict__)  # noqa: S102 - allowed
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
+        if ends_command(error):
+            raise
         raise SceneError(f"{what} {file}: {in_one_line(error, __file__)}") from error
     found = getattr(module, name, None)
     if not callable(found):

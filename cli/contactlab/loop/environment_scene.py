@@ -7,10 +7,8 @@ to it. Code runs only where the user allows it, to find the model and to play ep
 import os
 import shutil
 import site
-import sys
 import time
 from collections.abc import Callable, Mapping
-from contextlib import redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,11 +17,11 @@ from typing import Any
 import mujoco
 
 from contactlab.accuracy.reference import PlannedModel
-from contactlab.code_limit import code_limit
 from contactlab.engines import PreparedRuns, Rollout
 from contactlab.engines.closed_loop import load_code, load_policy
 from contactlab.engines.engine import PolicyClass
 from contactlab.errors import SceneError, SweepFileError, in_one_line, install_command
+from contactlab.foreign_code import ends_command, limited_code
 from contactlab.loop.player import Player
 from contactlab.loop.recording import lacking_checks
 from contactlab.loop.simulation import find_simulation, unwrap_environment
@@ -109,11 +107,13 @@ class Environment:
         if folder := os.environ.get(PACKAGES):  # Packages of this Python, as its MuJoCo, go first.
             site.addsitedir(folder)
         try:
-            with redirect_stdout(sys.stderr), code_limit():
+            with limited_code():
                 return self._load_factory()()
         except SceneError:
             raise
-        except (Exception, SystemExit) as error:
+        except BaseException as error:
+            if ends_command(error):
+                raise
             message = f"environment {self.name}: {in_one_line(error, __file__)}"
             raise SceneError(message) from error
 

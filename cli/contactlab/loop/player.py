@@ -2,9 +2,7 @@
 
 import copy
 import math
-import sys
 from collections.abc import Callable
-from contextlib import redirect_stdout
 from dataclasses import replace
 from typing import Any
 
@@ -15,6 +13,7 @@ from contactlab.accuracy.reference import PlannedModel
 from contactlab.engines import PreparedRuns
 from contactlab.engines.engine import Policy, PolicyClass
 from contactlab.errors import SceneError, in_one_line
+from contactlab.foreign_code import ends_command, printed_as_text
 from contactlab.loop.listener import Episode, Listener, changed_fields, known_setup, write_fields
 from contactlab.loop.reader import LoopReader
 from contactlab.loop.simulation import differing_parts, find_simulation, unwrap_environment
@@ -25,7 +24,6 @@ from contactlab.schema.drive import PolicyDrive
 
 SUCCESS = ("success", "is_success")
 _UNCHECKED_TEXT = "backward errors and repeats: only the environment's own code makes its steps"
-_CODE_ERRORS = (Exception, SystemExit)
 _TIMESTEP = "opt.timestep"
 _SHORT_RESULT, _LONG_RESULT = (
     4,
@@ -66,16 +64,16 @@ class Player:
         fields: dict[str, Any] = {"success": None, "total_reward": None}
         failure: str | None = None
         try:
-            with redirect_stdout(sys.stderr):
+            with printed_as_text():
                 observation = self._reset_environment(plan)
                 own = find_simulation(unwrap_environment(self._env))
                 listener = _EpisodeListener(self._scene, plan, *own)
                 self._step_until_end(plan, listener, observation, fields)
         except _CutError as error:
             fields |= {"status": "stopped", "status_reason": f"cut: {error}"}
-        except MemoryError:
-            raise
-        except _CODE_ERRORS as error:
+        except BaseException as error:
+            if ends_command(error):
+                raise
             plain = isinstance(error, FailureError | SceneError)
             failure = str(error) if plain else f"environment: {in_one_line(error, __file__)}"
             self._env = None

@@ -13,10 +13,12 @@ from contactlab.contact.trace_arrays import (
     SelfChecks,
     Trace,
     fast_median,
+    read_only,
     squared_lengths,
 )
 from contactlab.contact.trace_setup import Setup
-from contactlab.errors import ContactlabError
+from contactlab.errors import ContactlabError, error_text
+from contactlab.foreign_code import ends_command
 from contactlab.measure.backward_error import TOLERANCE, numerical_error_text, resolved_runs
 from contactlab.measure.constraint_violation import constraint_violation
 from contactlab.measure.context import Context, StackedPairs, context_of, squared_speeds
@@ -130,7 +132,8 @@ def _measure_metric(metric: Metric, context: Context, failures: Failures) -> Flo
         return metric.of(runs.context).tolist()
 
     runs = MeasuredRuns(context, {})
-    return np.array(_measure_or_fail(f"metric '{metric.name}'", measured, runs, failures, np.nan))
+    name = f"metric '{metric.name}'"
+    return read_only(np.array(_measure_or_fail(name, measured, runs, failures, np.nan)))
 
 
 def _add_causes(context: Context, run: int, labels: list[AppliedLabel]) -> Iterator[AppliedLabel]:
@@ -156,11 +159,11 @@ def _measure_or_fail(
     count = runs.context.trace.runs
     try:
         return measure(runs)
-    except (ContactlabError, MemoryError):
-        raise
-    except Exception as error:  # noqa: BLE001 - a plug-in may raise anything
+    except BaseException as error:  # a plug-in may raise anything
+        if isinstance(error, ContactlabError) or ends_command(error):
+            raise
         if count == 1:
-            reason = f"{name} failed: {type(error).__name__}: {error}"
+            reason = f"{name} failed: {error_text(error)}"
             failures.setdefault(0, []).append(reason)
             return [missing]
     # Measure runs one by one, so that a run's result does not depend on the other runs.

@@ -122,10 +122,12 @@ class Context:
 
 def context_of(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Context:
     """Reduce the monitored pairs of a trace, ready to measure."""
+    trace = trace.forbid_writes()
     places, rows = rows_of(trace)
     pairs, names = [trace.pairs[place] for place in places], [pair.name for pair in trace.pairs]
     with np.errstate(all="ignore"):
         net = net_contact(pairs, setup.pull, setup.elliptic, trace.timestep, trace.steps)
+    _forbid_writes((*vars(net).values(), *vars(net.series).values()))
     return Context(trace, setup, StackedPairs(names, places, rows, net), checks)
 
 
@@ -140,13 +142,21 @@ def rows_of(trace: Trace) -> tuple[list[int], NDArray[np.intp]]:
     return places, np.searchsorted(places, np.where(touched, np.arange(len(touched)), alone or 0))
 
 
+def _forbid_writes(value: Cached) -> Cached:
+    for array in value if isinstance(value, tuple) else (value,):
+        if isinstance(array, np.ndarray):
+            array.setflags(write=False)
+    return value
+
+
 def cached(function: Callable[[Context], Cached]) -> Callable[[Context], Cached]:
     """Compute a function of the context once for all metrics and labels that need it."""
 
     @wraps(function)
     def lookup(context: Context) -> Cached:
         if function not in context.cache:
-            context.cache[function] = function(context)
+            # All metrics and labels share it.
+            context.cache[function] = _forbid_writes(function(context))
         return context.cache[function]  # pyright: ignore[reportReturnType]
 
     return lookup

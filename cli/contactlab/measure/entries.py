@@ -252,6 +252,8 @@ class Label:
         found = self.rule(runs) if self.rule else ()
         first: Onsets = {}
         for run, onset in found.items() if isinstance(found, dict) else found:
+            if run not in range(runs.context.trace.runs):
+                raise ValueError(f"it names run {run} of {runs.context.trace.runs}")
             known = first.setdefault(run, onset)
             bodies = dict.fromkeys((*known.bodies, *onset.bodies))
             whole = not (known.bodies and onset.bodies)

@@ -13,7 +13,7 @@ from pydantic_core import PydanticSerializationError
 from contactlab.engines import engine_of
 from contactlab.engines.closed_loop import allowed_policy
 from contactlab.engines.contact_kernel import reason_for_sensors
-from contactlab.errors import SweepFileError
+from contactlab.errors import PluginError, SweepFileError
 from contactlab.measure import LABELS, METRICS, added_labels
 from contactlab.plan.grid import Plan
 from contactlab.plugins import loaded_plugins
@@ -56,6 +56,7 @@ from contactlab.store.store_writer import StoreWriter, open_writer
 from contactlab.store.table_layout import (
     PLUGINS_COLUMN,
     REAL,
+    RESERVED_COLUMNS,
     Column,
     axis_column,
     struct_column,
@@ -268,11 +269,16 @@ def _table_columns(request: SweepRequest, index: RunIndex) -> list[Column]:
     firsts, own = index.firsts.values(), request.scene.source.environment
     names = dict.fromkeys(chain.from_iterable(run.axes for run in firsts))
     axes = [_axis_column(request, name) for name in names]
-    return [*axes, *measured_columns(firsts), *(own.columns if own else ())]
+    return [*axes, *measured_columns(firsts, names), *(own.columns if own else ())]
 
 
-def measured_columns(runs: Iterable[RunSpec]) -> list[Column]:
-    """Return the columns of metrics, and of the settings and effects of runs."""
+def measured_columns(runs: Iterable[RunSpec], axes: Iterable[str] = ()) -> list[Column]:
+    """Return the columns of metrics, and of the settings and effects of runs.
+
+    A PluginError names a metric with the name of another column, such as that of an axis.
+    """
+    if taken := sorted(METRICS.keys() & {*RESERVED_COLUMNS, *axes}):
+        raise PluginError(f"'{taken[0]}' is the name of a column of this table; rename the metric")
     metrics = [
         Column(m.name, REAL, m.unit, m.definition, m.better, m.resolution, m.kind == "check")
         for m in METRICS.values()

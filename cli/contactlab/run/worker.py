@@ -1,6 +1,7 @@
 """Runs jobs: rolls runs out, measures and labels them, writes traces and records."""
 
 import hashlib
+import os
 import time
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -14,7 +15,7 @@ from contactlab.accuracy.reference import PlannedModel
 from contactlab.accuracy.timing import work_of_runs
 from contactlab.budget import backward_error
 from contactlab.budget.backward_error import whole_verdict
-from contactlab.contact.trace_arrays import Trace
+from contactlab.contact.trace_arrays import SelfChecks, Trace
 from contactlab.contact.trace_setup import Setup
 from contactlab.engines import engine_of
 from contactlab.engines.closed_loop import load_policy
@@ -30,7 +31,7 @@ from contactlab.engines.engine import (
 )
 from contactlab.engines.rollout_trace import make_trace
 from contactlab.errors import OutputError
-from contactlab.measure import assess_runs
+from contactlab.measure import Assessment, assess_runs
 from contactlab.plan.kept_traces import KeptTraces
 from contactlab.plugins import require_plugins
 from contactlab.registry import fill_registry
@@ -110,13 +111,18 @@ class Worker:
 
     def run(self, job: Job) -> list[Finished]:
         """Perform the task's purpose on the runs of a job, or on some of them if it should stop."""
+        process, finished = os.getpid(), list[Finished]()
         if not self._proceed():
-            return []
+            return finished
         if self._task.purpose == "record":
-            return self._play_episodes(job) if self._player else self._record_job(job)
-        with suppress(_AbandonedError):
-            return self._run_pass(job)
-        return []
+            finished = self._play_episodes(job) if self._player else self._record_job(job)
+        else:
+            with suppress(_AbandonedError):
+                finished = self._run_pass(job)
+        if os.getpid() != process:
+            # A plug-in has forked this process, and its copy would return the results twice.
+            os._exit(0)
+        return finished
 
     def _run_pass(self, job: Job) -> list[Finished]:
         """Return a note for each run of a job: its work, or the errors of a family."""
@@ -245,7 +251,15 @@ class Worker:
             )
         for place in sorted(set(range(trace.runs)) - set(whole)):
             cut, alone = trace.select([place], rollout.steps[place]), setup.select([place])
-            yield MeasuredGroup({place: 0}, cut, assess_runs(cut, alone))
+            yield MeasuredGroup({place: 0}, cut, self._assess_runs(cut, alone))
+
+    def _assess_runs(
+        self, trace: Trace, setup: Setup, checks: SelfChecks | None = None
+    ) -> Assessment:
+        # Plug-ins measure, too, and get the time that the runs themselves may take.
+        with self._preparer.start_watchdog(trace.runs) as start_clock:
+            start_clock()
+            return assess_runs(trace, setup, checks)
 
     def _checked_groups(
         self,
@@ -259,7 +273,7 @@ class Worker:
 
         Some of the latter are missing if the second pass is cut short.
         """
-        assessment, rule = assess_runs(trace, setup), self._task.sweep.checks
+        assessment, rule = self._assess_runs(trace, setup), self._task.sweep.checks
         engine = engine_of(runs.resolved[0])
         every = rule in ("all", "verdict")
         asked = np.full(trace.runs, every) | (assessment.suspect & (rule == "flagged"))
@@ -278,7 +292,7 @@ class Worker:
                 checks = engine.check_runs(again, picked, proceed, judge)
             done = range(checks.runs)
             checked, known = picked.select(done), setup.select([suspects[row] for row in done])
-            second = assess_runs(checked, known, checks)
+            second = self._assess_runs(checked, known, checks)
             yield MeasuredGroup({whole[suspects[row]]: row for row in done}, checked, second)
 
     def _twin_labels(self, plans: Sequence[PlannedModel], starts: InitialStates) -> dict[int, str]:

@@ -12,16 +12,19 @@ import os
 import re
 import select
 import signal
+import sys
 import tempfile
 import threading
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import count, islice, takewhile
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
-from contactlab.errors import ContactlabError
+from contactlab.engines.engine import no_limit
+from contactlab.errors import ContactlabError, OutputError, error_text, in_one_line
+from contactlab.foreign_code import PrintedFile, ends_command, printed_as_text
 from contactlab.run.fork_server import CONTEXT, STOP_SIGNALS, signals_blocked, start_process
 from contactlab.run.tasks import Crashed, Job, Result, Stop, Task
 from contactlab.run.worker import Worker
@@ -55,7 +58,12 @@ class LocalPool:
         """Yield the results of jobs as they finish; see `Executor`."""
         if self.workers == 0:
             worker = Worker(task, None, lambda: not stop.is_set)
-            yield from map(worker.run, takewhile(lambda _: not stop.is_set, jobs))
+            for job in takewhile(lambda _: not stop.is_set, jobs):
+                with printed_as_text() if _runs_code(task) else contextlib.nullcontext():
+                    result = _run_job(worker, job)
+                if isinstance(result, Exception):
+                    raise result
+                yield result
             return
         with (
             tempfile.TemporaryDirectory(prefix="contactlab-") as folder,
@@ -226,30 +234,59 @@ def _serve_jobs(task: Task, pipe: Connection, marker: Path, environment: dict[st
         Path("/proc/self/oom_score_adj").write_text("1000", encoding="utf-8")
     poll = select.poll()
     poll.register(pipe, select.POLLIN)
+    show = _printed_output() if _runs_code(task) else no_limit
     with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
         try:
             worker = Worker(task, marker, lambda: not poll.poll(0))
         except ContactlabError as error:
+            show()
             pipe.recv()
             pipe.send(error)
             return
         while (job := pipe.recv()) is not None:
-            pipe.send(_run_job(worker, job))
+            result = _run_job(worker, job)
+            show()
+            pipe.send(result)
+
+
+def _runs_code(task: Task) -> bool:
+    return bool(task.plugins or task.policy or task.environment)
+
+
+def _printed_output() -> Callable[[], None]:
+    # Output of code in this process reaches stderr as text, after each job.
+    stderr, printed = os.dup(2), PrintedFile()
+    printed.receive_output()
+
+    def show_text() -> None:
+        with contextlib.suppress(OSError, ValueError):
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os.write(stderr, printed.take_text().encode(errors="replace"))
+
+    return show_text
 
 
 def _run_job(worker: Worker, job: Job) -> Result | Exception:
     """Return a job's results, or the error that should end the sweep.
 
-    A job that runs out of memory counts as crashed: it may succeed in another process or with fewer
-    runs at once.
+    Other errors are those of a run, or of a plug-in's engine: its job counts as crashed. It may
+    succeed in another process or with fewer runs at once, as after a lack of memory.
     """
     try:
         return worker.run(job)
-    except Exception as error:  # noqa: BLE001 - raised again in the process that sent the job
-        if isinstance(error, MemoryError) or _NO_MEMORY.search(str(error)):
-            text = " / ".join(str(error).split("\n")) or "the worker cannot get more"
-            return Crashed(job, f"out of memory: {text}", timed_out=False)
+    except ContactlabError as error:
         return error
+    except BaseException as error:
+        said = error_text(error)
+        if isinstance(error, MemoryError) or _NO_MEMORY.search(said):
+            text = said.partition(": ")[2] or "the worker cannot get more"
+            return Crashed(job, f"out of memory: {text}", timed_out=False)
+        if ends_command(error):
+            raise
+        if isinstance(error, OSError):
+            return OutputError(f"a worker cannot go on: {said}")
+        return Crashed(job, in_one_line(error, __file__), timed_out=False)
 
 
 def _wait_and_exit(parent: BaseProcess) -> None:

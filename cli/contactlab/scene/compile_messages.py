@@ -137,6 +137,11 @@ def _bad_joint_type_text(_: re.Match[str], element: str, model: Path) -> str:
     return f"type of <joint> cannot be '{odd}'; {hint}"
 
 
+def _too_large_text(_: re.Match[str], element: str, model: Path) -> str:
+    del element, model
+    return "it takes more memory than there is; make its <size>, counts and assets smaller"
+
+
 _ERROR_EXPLANATIONS: Mapping[str, Callable[[re.Match[str], str, Path], str]] = {
     r"unrecognized element": _unknown_element_text,
     r"unrecognized attribute: '([^']*)'": _unknown_attribute_text,
@@ -151,5 +156,6 @@ _ERROR_EXPLANATIONS: Mapping[str, Callable[[re.Match[str], str, Path], str]] = {
     r"rror opening file '([^']*)'": _unreadable_file_text,
     r"invalid joint type in URDF": _bad_joint_type_text,
     r"mass and inertia of moving bodies": _massless_body_text,
+    r"unknown exception|bad_alloc|length_error": _too_large_text,
 }
 """Functions that write the explanation, by the pattern of MuJoCo's message."""

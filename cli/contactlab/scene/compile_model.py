@@ -8,13 +8,13 @@ import re
 import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Literal
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
@@ -34,6 +34,8 @@ from contactlab.scene.timed_inputs import HoldSpec
 from contactlab.schema.scene_manifest import SceneManifest
 
 SENSOR_PREFIX = "contactlab/"
+COMPILE_ERRORS = ValueError, RuntimeError, mujoco.FatalError
+"""Errors of MuJoCo's compiler: a RuntimeError is one of C++, as for sizes that no memory holds."""
 _FORCE, _LENGTH = "force/", "length/"
 _ALL_FIELDS = (1 << 9) - 1
 _FOUND_AND_DISTANCE = 1 << 0 | 1 << 3
@@ -176,7 +178,7 @@ def compile_model(
         with _show_warnings_once(source):
             try:
                 model = mujoco.MjModel.from_binary_path(str(source.model))
-            except (ValueError, mujoco.FatalError) as error:
+            except COMPILE_ERRORS as error:
                 raise compile_error(source.model, source.model, error) from error
         return recordable_model(model, source)
     with read_spec(source, structure) as spec:
@@ -198,7 +200,7 @@ def read_spec(source: SceneSource, structure: Mapping[str, object]) -> Generator
                     element.file = str(found)
             name_by_address(spec)
             yield spec
-        except (ValueError, mujoco.FatalError) as error:
+        except COMPILE_ERRORS as error:
             raise compile_error(source.model, path, error) from error
 
 
@@ -214,6 +216,7 @@ def recordable_model(model: mujoco.MjModel, source: SceneSource) -> mujoco.MjMod
     Every option except the timestep, which a sweep may replace, must be valid, and each actuator
     must have one control and one force.
     """
+    check_numbers(model, source.model)
     for option, problem in wrong_options(model).items():
         if option != "timestep":
             raise SceneError(f"{source.model}: {option} {problem}; see <option {option}=.../>")
@@ -245,6 +248,41 @@ def wrong_options(model: mujoco.MjModel) -> Mapping[str, str]:
         elif option in _NONNEGATIVE_OPTIONS and value < 0:
             problems[option] = f"is {value:g}, but must be 0 or more"
     return problems
+
+
+@cache
+def _number_fields(kind: type[mujoco.MjModel]) -> list[str]:
+    # Data of the user may be anything.
+    model = kind.from_xml_string("<mujoco/>")
+    fields = {name: getattr(model, name) for name in dir(model) if not name.startswith("_")}
+    found = [
+        name
+        for name, field in fields.items()
+        if isinstance(field, np.ndarray) and field.dtype.kind == "f"
+    ]
+    return [name for name in found if not name.endswith("_user") and name != "numeric_data"]
+
+
+def check_numbers(model: mujoco.MjModel, path: Path) -> None:
+    """Raise a SceneError for a number of a model that is not finite, or has no finite square.
+
+    Options have their own rules, and data of the user may be anything.
+    """
+    most = 1e50  # its cube is finite, and no unit makes a number of a robot that large
+    for name in _number_fields(type(model)):
+        field = np.asarray(getattr(model, name))
+        wrong = ~(np.abs(field) <= min(most, float(np.finfo(field.dtype).max)))
+        if not wrong.any():
+            continue
+        place, (kind, _, part) = int(np.argwhere(wrong)[0][0]), name.partition("_")
+        named: Any = getattr(model, kind, None)
+        element: Any = named(place) if callable(named) else None
+        owner = f" of {kind} '{element.name}'" if element else ""
+        text = " ".join(f"{number:g}" for number in np.ravel(field[place]))
+        raise SceneError(
+            f"{path}: {part if owner else name}{owner} is {text}; write finite numbers, and none "
+            f"above {most:g}"
+        )
 
 
 _shown_warnings: set[tuple[Path, str]] = set()
@@ -321,14 +359,14 @@ def _computed_text(name: str, value: object, braces: re.Match[str]) -> str:
 def compile_error(model: Path, tried: Path, error: Exception) -> SceneError:
     """Return why a model does not compile, with corrections. `tried` may be a copy of `model`."""
     lines = str(error).strip().replace(str(tried), str(model)).splitlines()
+    lines = lines or ["MuJoCo gives no reason"]
     place = "".join(f":{found[1]}" for found in [_LINE.search(str(error))] if found)
     hints = list(_missing_file_hints(lines[0], model))
     if "inertia" in lines[0] and "XML Error" not in lines[0]:
         # MuJoCo gives no access to a specification that it failed to compile.
-        faults = written_inertia_faults(mujoco.MjSpec.from_file(str(tried)))
-        hints += [
-            f"body '{fault.body}': {fault.reason}" for fault in islice(faults, _MAX_LISTED_FAULTS)
-        ]
+        with suppress(*COMPILE_ERRORS):
+            faults = written_inertia_faults(mujoco.MjSpec.from_file(str(tried)))
+            hints += [f"body '{f.body}': {f.reason}" for f in islice(faults, _MAX_LISTED_FAULTS)]
     if "no decoder found" in lines[0]:
         hints.append(
             "MuJoCo reads meshes from .stl, .obj and .msh files; convert it to one of them"

@@ -10,12 +10,13 @@ import hashlib
 import re
 import shutil
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from contactlab.errors import SceneError
-from contactlab.scene.model_guards import check_picture, check_places, element_problem
+from contactlab.scene.model_guards import ModelSize, check_picture, check_places
 from contactlab.scene.model_xml import FILE_KEYS, FOLDER_KEYS, parse
 
 ASSET_FOLDERS = {
@@ -50,12 +51,30 @@ class Reference:
         return self.path
 
 
+@dataclass
+class _Counts:
+    """Elements of one model with its includes, and copies of each model that it attaches."""
+
+    elements: float = 0.0
+    attached: dict[str, float] = field(default_factory=dict[str, float])
+
+
+@contextmanager
+def named_in_errors(path: Path) -> Generator[None]:
+    """Name a file in an error that is raised within."""
+    try:
+        yield
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from error
+
+
 @dataclass(frozen=True)
 class FileSearch:
     """A search for the files of a model, which a store's copy may hold; it reads each once."""
 
     copy: Path | None = None
     seen: set[Path] = field(default_factory=set[Path])
+    size: ModelSize = field(default_factory=ModelSize)
 
     def references(self, model: Path, within: tuple[Path, ...] = ()) -> Iterator[Reference]:
         """Yield the files that an MJCF or URDF file refers to, existing or not.
@@ -65,12 +84,10 @@ class FileSearch:
         """
         if model.suffix == ".mjb":
             return
-        within = nested(model, within)
-        elements = list(self._elements(Reference(model), model.parent, within))
+        within, counts = nested(model, within), _Counts()
+        elements = list(self._elements(Reference(model), model.parent, within, counts))
         compiler: dict[str, str] = {}
         for element, file in elements:
-            if problem := element_problem(element):
-                raise SceneError(f"{file.path}: {problem}")
             if element.tag == "compiler":
                 compiler.update(element.attrib)
             if file.path != model:
@@ -80,19 +97,28 @@ class FileSearch:
                 attached = self.named(model.parent, element.get("file", ""))
                 yield attached
                 yield from self.references(attached.path, within)
+                # A model without a name has that of its file, or of its root.
+                times = counts.attached.get(element.get("name", ""), sum(counts.attached.values()))
+                counts.elements += times * self.size.expanded.get(attached.path.resolve(), 0.0)
+                with named_in_errors(model):
+                    self.size.check_elements("all that it attaches", counts.elements)
             yield from self.assets(element, file.path, model.parent, compiler).values()
+        self.size.expanded.setdefault(model.resolve(), counts.elements)
 
     def _elements(
-        self, file: Reference, base: Path, within: tuple[Path, ...]
+        self, file: Reference, base: Path, within: tuple[Path, ...], counts: "_Counts"
     ) -> Iterator[tuple[ET.Element, Reference]]:
         """Yield every element in document order, includes in their place, with its file."""
         if file.path.resolve() not in self.seen:
             self.seen.add(file.path.resolve())
-            for element in parse(file.path).iter():
+            root = parse(file.path)
+            with named_in_errors(file.path):
+                counts.elements += self.size.count_elements(root, counts.attached)
+            for element in root.iter():
                 yield element, file
                 if element.tag == "include":
                     inner = self.included(element, file.path, base)
-                    yield from self._elements(inner, base, nested(inner.path, within))
+                    yield from self._elements(inner, base, nested(inner.path, within), counts)
 
     def included(self, element: ET.Element, file: Path, base: Path) -> Reference:
         """Return what an <include> of a file includes, in a model that lies in a base folder."""
@@ -218,13 +244,14 @@ def collect_files(model: Path, beside: Sequence[Path] = (), copy: Path | None = 
     """
     model, others = _plain(model), set(map(_plain, beside))
     try:
-        named = list(FileSearch(copy and _plain(copy)).references(model))
+        search = FileSearch(copy and _plain(copy))
+        named = list(search.references(model))
         paths = {model, *others, *(_plain(reference.path) for reference in named)}
         check_places(paths, beside[0].parent if beside else model, copy)
         found = [reference for reference in named if reference.path.is_file()]
         files = {model, *others, *(_plain(reference.path) for reference in found)}
         for path in files:
-            check_picture(path)
+            check_picture(path, search.size)
         root = common_folder({*files, *(_plain(reference.place) for reference in found)})
         # What a package is called is no part of the scene: names start where the files do.
         inner = common_folder(files)

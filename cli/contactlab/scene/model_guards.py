@@ -10,7 +10,8 @@ import os
 import struct
 import sysconfig
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from contactlab.errors import SceneError
@@ -93,43 +94,96 @@ def _allowed() -> list[Path]:
     return [Path(path).resolve() for path in os.environ.get(ALLOWED, "").split(os.pathsep) if path]
 
 
-_MOST_HEIGHTS_OR_PIXELS = 1 << 28  # heights of a field, or pixels of a texture
-_MOST_COPIES_OF_AN_ELEMENT = 1 << 20  # bodies or points that one element makes
-_VALUES = {"hfield": ("nrow", "ncol"), "texture": ("width", "height")}
 _COPIES = ("flexcomp", "composite", "replicate")
 _PNG = struct.Struct(">8s4x4sII")
 
 
-def element_problem(element: ET.Element) -> str:
-    """Return the problem of an element with an absurd number of values or copies, otherwise ""."""
-    most, counts = (
-        _MOST_HEIGHTS_OR_PIXELS,
-        [element.get(key, "1") for key in _VALUES.get(element.tag, ())],
-    )
-    if element.tag in _COPIES:
-        most, counts = _MOST_COPIES_OF_AN_ELEMENT, element.get("count", "1").split()
-    try:
-        product = math.prod(float(count) for count in counts)
-    except ValueError:
-        # Left to the compiler, whose message says what is wrong.
-        return ""
-    if product <= most:
-        return ""
-    name = f" '{element.get('name')}'" if element.get("name") else ""
-    return f"{element.tag}{name} of {' x '.join(counts)} is more than {most:,}; make it smaller"
+@dataclass
+class ModelSize:
+    """The size of a model, from its files alone, before memory is requested.
+
+    Attributes:
+        most_values: most heights of fields and pixels of textures: at 3 to 20 bytes each, they take
+            about 2 GiB while a model is compiled.
+        most_elements: most elements with all their copies, which MuJoCo compiles in a minute.
+        most_count: largest count of <size>, such as keyframes, or data of the user per element.
+    """
+
+    most_values: int = 1 << 27
+    most_elements: int = 1 << 18
+    most_count: int = 1 << 16
+    values: float = 0
+    expanded: dict[Path, float] = field(default_factory=dict[Path, float])
+    """Elements of each model that was read, with those of the models that it attaches."""
+
+    def add_values(self, name: object, counts: Sequence[float]) -> None:
+        """Add an asset; raise a SceneError if the assets have too many values."""
+        self.values += math.prod(counts)
+        if self.values > self.most_values:
+            size = " x ".join(f"{count:g}" for count in counts)
+            raise SceneError(
+                f"{name} of {size} makes more than {self.most_values:,} heights and pixels; "
+                "make it smaller"
+            )
+
+    def check_elements(self, name: object, elements: float) -> None:
+        """Raise a SceneError if something makes too many elements."""
+        if elements > self.most_elements:
+            raise SceneError(
+                f"{name} makes more than {self.most_elements:,} elements; make it smaller"
+            )
+
+    def count_elements(self, root: ET.Element, attached: dict[str, float]) -> float:
+        """Return the elements of a file with their copies, and count those of attached models.
+
+        A SceneError says that there are too many, or that assets are too large.
+        """
+        left, elements = [(root, 1.0)], 0.0
+        while left:
+            element, copies = left.pop()
+            name = element.tag + (f" '{element.get('name')}'" if element.get("name") else "")
+            if element.tag == "size":
+                self._check_counts(element)
+            elif element.tag in ("hfield", "texture"):
+                sides = ("nrow", "ncol") if element.tag == "hfield" else ("width", "height")
+                counts = _read_numbers(" ".join(element.get(key, "1") for key in sides))
+                is_cube = element.tag == "texture" and element.get("type", "cube") != "2d"
+                self.add_values(name, [counts[0], counts[0], 6] if is_cube else counts)
+            elif element.tag in _COPIES:
+                copies *= max(1.0, math.prod(_read_numbers(element.get("count", "1"))))
+            elif element.tag == "attach":
+                model = element.get("model", "")
+                attached[model] = attached.get(model, 0.0) + copies
+            elements += copies
+            self.check_elements(name, elements)
+            left += [(inner, copies) for inner in reversed(element)]
+        return elements
+
+    def _check_counts(self, element: ET.Element) -> None:
+        for key, text in element.items():
+            counted = key == "nkey" or key.startswith("nuser_")
+            if counted and max(_read_numbers(text)) > self.most_count:
+                raise SceneError(
+                    f"<size {key}={text!r}> is more than {self.most_count:,}; make it smaller"
+                )
 
 
-def check_picture(path: Path) -> None:
-    """Refuse a PNG file, which may be small, with an absurd number of pixels."""
+def _read_numbers(text: str) -> list[float]:
+    # The compiler reports other words; here they count as 1.
+    found: list[float] = []
+    for word in text.split():
+        try:
+            found.append(float(word))
+        except ValueError:
+            found.append(1.0)
+    return [1.0 if math.isnan(number) else number for number in found] or [1.0]
+
+
+def check_picture(path: Path, size: ModelSize) -> None:
+    """Add the pixels of a PNG file, which may be small, to the size of a model."""
     with path.open("rb") as file:
         head = file.read(_PNG.size)
     if len(head) == _PNG.size:
         magic, kind, width, height = _PNG.unpack(head)
-        if (
-            magic == b"\x89PNG\r\n\x1a\n"
-            and kind == b"IHDR"
-            and width * height > _MOST_HEIGHTS_OR_PIXELS
-        ):
-            raise SceneError(
-                f"{path}: {width} x {height} pixels are more than {_MOST_HEIGHTS_OR_PIXELS:,}"
-            )
+        if magic == b"\x89PNG\r\n\x1a\n" and kind == b"IHDR":
+            size.add_values(f"{path}: a picture", (width, height))

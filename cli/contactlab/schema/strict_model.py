@@ -58,8 +58,12 @@ def _read_seconds(value: object) -> object:
     return value if (number := without_unit(value, "s")) is None else number
 
 
+_MOST_SECONDS = 1e9  # 31 years, which every clock and timer of a system can count
 Seconds = Annotated[
-    Positive, BeforeValidator(_read_seconds), WithJsonSchema({**MEASURED, "exclusiveMinimum": 0})
+    Positive,
+    Field(le=_MOST_SECONDS),
+    BeforeValidator(_read_seconds),
+    WithJsonSchema({**MEASURED, "exclusiveMinimum": 0, "maximum": _MOST_SECONDS}),
 ]
 """A time [s]: a number, or a text such as `2s`, `500ms`."""
 Whole = Annotated[int, Field(strict=True)]

@@ -196,7 +196,9 @@ def other_parts(stored: SweepIdentity, requested: SweepIdentity) -> list[str]:
     asked, held = ours.pop("resolved"), theirs.pop("resolved")
     keys = [name for name in {**asked, **held} if asked.get(name) != held.get(name)]
     unsaid = {"source", *(_MADE_BY_KEYS if keys else ())}
-    others = [name for name in ours if name not in unsaid and ours[name] != theirs[name]]
+    # One that is empty, such as no plug-ins, is left out.
+    names = dict.fromkeys((*ours, *theirs))
+    others = [each for each in names if each not in unsaid and ours.get(each) != theirs.get(each)]
     return [*dict.fromkeys([*keys, *(_PART_TEXTS.get(name, name) for name in others)])]
 
 

@@ -14,8 +14,15 @@ from typing import Any, NamedTuple
 import mujoco
 
 from contactlab.advisories.field_expressions import Elements, list_elements
+from contactlab.errors import SceneError
 from contactlab.scene.body_inertia import inertia_faults
-from contactlab.scene.compile_model import InertiaFault, compile_error, written_inertia_faults
+from contactlab.scene.compile_model import (
+    COMPILE_ERRORS,
+    InertiaFault,
+    check_numbers,
+    compile_error,
+    written_inertia_faults,
+)
 from contactlab.scene.model_files import plain_name
 from contactlab.scene.model_names import OBJECT_LISTS, name_by_address, name_of
 from contactlab.scene.model_text import (
@@ -317,9 +324,12 @@ def linted_model(source: SceneSource) -> Generator[LintedModel]:
                     for part in parts:
                         lines[kind, part.name] = int(part.info.rpartition(" ")[2] or 0)
                 faults = tuple(written_inertia_faults(spec))
-                model = spec.compile()
-            except (ValueError, mujoco.FatalError) as error:
-                said = str(compile_error(copy.model, copy.model, error))
+                compiled = spec.compile()
+                check_numbers(compiled, copy.model)
+                model = compiled
+            except (SceneError, *COMPILE_ERRORS) as error:
+                found = isinstance(error, SceneError)
+                said = str(error if found else compile_error(copy.model, copy.model, error))
                 refused = said.replace(str(copy.content.root), str(source.content.root))
         warned = tuple(dict.fromkeys(str(warning.message) for warning in caught))
         root = copy.content.root

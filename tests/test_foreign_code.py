@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import contactlab
-from contactlab import code_limit
+from contactlab import foreign_code
 from contactlab.engines.closed_loop import load_code
 from contactlab.errors import PluginError, SceneError, SweepFileError
 from contactlab.plugins import load_plugins
@@ -34,7 +34,7 @@ main()
 
 @pytest.fixture
 def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(code_limit, "SECONDS", 0.05)
+    monkeypatch.setattr(foreign_code, "SECONDS", 0.05)
     (tmp_path / "hangs.py").write_text(HANGS)
     return tmp_path / "hangs.py"
 
@@ -67,18 +67,18 @@ def test_a_factory_that_never_returns(file: Path, tmp_path: Path) -> None:
 
 def test_what_returns_has_no_limit_afterwards() -> None:
     before = signal.getsignal(signal.SIGALRM)
-    with code_limit.code_limit():
+    with foreign_code.code_limit():
         assert signal.getitimer(signal.ITIMER_REAL)[0] > 0
     assert signal.getitimer(signal.ITIMER_REAL)[0] == 0
     assert signal.getsignal(signal.SIGALRM) == before
 
 
 def test_the_limit_of_a_run_stays(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(code_limit, "SECONDS", 0.01)
+    monkeypatch.setattr(foreign_code, "SECONDS", 0.01)
     before = signal.signal(signal.SIGALRM, signal.SIG_IGN)
     signal.setitimer(signal.ITIMER_REAL, 100)
     try:
-        with code_limit.code_limit():
+        with foreign_code.code_limit():
             assert signal.getitimer(signal.ITIMER_REAL)[0] > 1
         assert signal.getitimer(signal.ITIMER_REAL)[0] > 1
     finally:
