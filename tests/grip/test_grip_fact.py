@@ -8,8 +8,9 @@ from tests.grip.grippers import claw, claw_with_bar
 from tests.grip.test_fingers import arm
 
 from contactlab.errors import SceneError
+from contactlab.schema.examination import Fact
 from contactlab.schema.task import QPOS0
-from contactlab.studies.grip.grip_fact import film_grip, grip_facts
+from contactlab.studies.grip.grip_fact import describe_grip, film_grip, find_grip
 from contactlab.studies.grip.grip_fixes import Grip
 from contactlab.studies.grip.gripping import GripRequest, judge_grip
 
@@ -30,10 +31,16 @@ def saved(folder: Path, text: str) -> tuple[str, mujoco.MjModel]:
     return str(path), mujoco.MjModel.from_xml_path(str(path))
 
 
+def describe_fact(reference: str, model: mujoco.MjModel, start: str) -> Fact:
+    grip = find_grip(reference, model, start)
+    assert grip is not None
+    return describe_grip(grip)
+
+
 def test_a_start_that_holds_an_object_is_judged_as_it_is(tmp_path: Path) -> None:
     """The number is that of `contactlab grip --keyframe`; no change is run for it."""
     reference, model = saved(tmp_path, claw_with_bar(8, 0.1))
-    (fact,) = grip_facts(reference, model, "held")
+    fact = describe_fact(reference, model, "held")
     speeds = judge_grip(GripRequest(reference, keyframe="held", fixes=False)).drifts
     assert fact.value == pytest.approx(max(drift.speed or 0 for drift in speeds), rel=1e-9)
     assert fact.sentence.startswith("keyframe held (claw) creeps: body bar moves at")
@@ -41,7 +48,7 @@ def test_a_start_that_holds_an_object_is_judged_as_it_is(tmp_path: Path) -> None
 
 def test_the_hand_of_an_arm_is_judged(tmp_path: Path) -> None:
     reference, model = saved(tmp_path, arm("each finger"))
-    (fact,) = grip_facts(reference, model, QPOS0)
+    fact = describe_fact(reference, model, QPOS0)
     assert fact.place == "palm"
     assert fact.unit == "m/s"
 
@@ -63,9 +70,9 @@ def test_a_film_of_no_grip_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("dog", [DOG, DOG.replace("<freejoint/>", "")])
 def test_legs_are_no_hand(dog: str, tmp_path: Path) -> None:
-    assert grip_facts(*saved(tmp_path, dog), QPOS0) == ()
+    assert find_grip(*saved(tmp_path, dog), QPOS0) is None
 
 
 def test_a_hand_that_stands_alone_is_judged(tmp_path: Path) -> None:
-    (fact,) = grip_facts(*saved(tmp_path, claw()), QPOS0)
+    fact = describe_fact(*saved(tmp_path, claw()), QPOS0)
     assert fact.sentence.startswith("its hand (claw) creeps")

@@ -283,6 +283,15 @@ class TestDepth:
         trace = trace_of(1, steps, pairs=(pair_of(1, steps, normal=1.0, distance=-depth),))
         assert only(trace, setup_of(trace, thickness=np.array([4e-3]))).label == label
 
+    @pytest.mark.parametrize(("own_time", "label"), [(1.1, "stable"), (0.9, "penetration_growth")])
+    def test_no_contact_sinks_sooner_than_its_own_time(
+        self, pair_of: Any, trace_of: Any, setup_of: Any, own_time: float, label: str
+    ) -> None:
+        depth = (1e-4 + 1.25e-4 * np.arange(1000) * 2e-3)[None, :, None]
+        trace = trace_of(1, 1000, pairs=(pair_of(1, 1000, normal=1.0, distance=-depth),))
+        judged = setup_of(trace, thickness=np.array([4e-3]), contact_time=np.array([own_time]))
+        assert only(trace, judged).label == label
+
     @pytest.mark.parametrize("time_constants", [3, 4, 8])
     @pytest.mark.parametrize("steps", [48, 1000])
     def test_contact_that_settles_does_not_sink(

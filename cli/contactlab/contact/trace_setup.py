@@ -13,7 +13,7 @@ from contactlab.contact.trace_arrays import Floats
 
 QUARTER_TURN = np.pi / 2  # reference size of angles [rad]
 PartKind = Literal["free", "ball", "slide", "hinge", "tendon", "actuator"]
-_LIMIT_ARRAYS = ("iterations", "limits_act", "speculative")
+_LIMIT_ARRAYS = ("contact_time", "iterations", "limits_act", "speculative")
 _RUN_ARRAYS = ("elliptic", "gravity", "moving_mass", "duration", *_LIMIT_ARRAYS)
 DEGREES: Mapping[str, int] = {"free": 6, "ball": 3, "slide": 1, "hinge": 1}
 """Number of degrees of freedom of each kind of joint."""
@@ -203,6 +203,8 @@ class Setup:
     """(n,) whether the engine makes contacts ahead of touch, with distances that are not depths;
     None if no run does."""
     hold: HoldWindow | None = None  # time of holding the subject; None without a hold
+    contact_time: Floats | None = None
+    """(n,) the longest 1 / sqrt(K) [s] of any contact: sooner, it has not reached its depth."""
     limits_act: NDArray[np.bool_] | None = None
     """(n,) whether limits of joints and tendons are on; None if all are."""
     mechanism: Mechanism | None = None

@@ -231,7 +231,10 @@ def contact_at_distance(runs: MeasuredRuns) -> OnsetIterator:
     traits=("numerical",),
 )
 def sinking(runs: MeasuredRuns) -> OnsetIterator:
-    """A resting pair keeps sinking into each other, at a steady speed, if controls are constant."""
+    """A resting pair keeps sinking into each other, at a steady speed, if controls are constant.
+
+    Half of the run is longer than the contact's own time, within which any contact still sinks.
+    """
     if runs.context.setup.steered:
         return
     context, limit = runs.context, runs.limits[RATE.name]
@@ -242,7 +245,9 @@ def sinking(runs: MeasuredRuns) -> OnsetIterator:
     early, _, late = _gains_between(context, 8)
     steady = np.abs(early - late) < MAX_SPEED_CHANGE * late
     parts = _depth_gains(context) / quarter / context.setup.thickness[context.pairs.places, None]
-    parts = np.where(steady, parts, 0)
+    own_time = context.setup.contact_time
+    long_enough = True if own_time is None else 2 * quarter >= own_time
+    parts = np.where(steady & long_enough, parts, 0)
     worst = worst_pair(context, parts)
     for run in runs_where(worst > limit):
         name = name_of_worst(context, parts, run)

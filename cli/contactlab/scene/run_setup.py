@@ -9,6 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from contactlab.contact.contact_laws import stiffness_damping
 from contactlab.contact.rotations import rotate_vectors_back
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import (
@@ -112,6 +113,7 @@ def make_setup(
         **_pair_entries(base, models[0]),
         slots=np.array([pair.slots for pair in base.pairs], np.int32),
         duration=np.array([run.duration for run in runs]),
+        contact_time=np.array([_longest_contact_time(model) for model in models]),
         limits_act=np.array([read_flag(model, "limit") for model in models]),
         speculative=np.array([run.flags.get("speculative", False) for run in runs]),
         expected=expected_of_runs(base, manifest, runs, models, asked),
@@ -139,6 +141,15 @@ def _pair_entries(base: CompiledScene, model: mujoco.MjModel) -> Mapping[str, An
         "masses": np.array([lighter_mass(base.model, pair) for pair in base.pairs]),
         "sides": tuple(_movable_bodies(base.model, pair) for pair in base.pairs),
     }
+
+
+def _longest_contact_time(model: mujoco.MjModel) -> float:
+    # Mixed solrefs lie between those of both geoms.
+    solrefs = np.concatenate([model.geom_solref, model.pair_solref])
+    if model.opt.enableflags & _OVERRIDE_FLAG:
+        solrefs = model.opt.o_solref[None]
+    stiffness, _ = stiffness_damping(solrefs)
+    return float(1 / np.sqrt(stiffness.min())) if stiffness.size and stiffness.min() > 0 else 0.0
 
 
 def _settings_at_rest(

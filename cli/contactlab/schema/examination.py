@@ -48,7 +48,7 @@ class Fact(Model):
     sentence: str
 
 
-Stage = Literal["file", "start", "engine", "collision", "numerics", "modeling choice"]
+Stage = Literal["file", "start", "engine", "collision", "numerics", "modeling choice", "design"]
 """Kinds of causes, in the order of their repairs: later ones may follow from earlier ones."""
 
 
@@ -57,6 +57,10 @@ class Cause(Model):
 
     stage: Stage
     sentence: str
+    fails: bool = about(
+        "Whether the model fails because of it, whatever its labels and numerics say.",
+        default=True,
+    )
     repair: str = about("The fix that repairs it; empty without such a fix.", default="")
     verdict: VerdictWord | None = about(
         "The verdict of the model with this cause and those before it repaired; null if it was not "

@@ -66,7 +66,7 @@ def _collision_causes(fixes: Sequence[Fix]) -> Iterator[Cause]:
 
 def _sure_causes(report: Examination) -> list[Cause]:
     # These fail whatever labels and numerics say.
-    return [cause for cause in report.causes if cause.stage in ("file", "collision")]
+    return [cause for cause in report.causes if cause.fails]
 
 
 def _failed_checks(report: Examination) -> list[str]:

@@ -26,8 +26,16 @@ from contactlab.scene.model_writer import refuse_own_folder, write_model
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.coverage import Exercised
 from contactlab.schema.evidence import EvidenceRecord
-from contactlab.schema.examination import MOST_FIXES, Examination, Fix, RunLabel, SectionName
+from contactlab.schema.examination import (
+    MOST_FIXES,
+    Cause,
+    Examination,
+    Fix,
+    RunLabel,
+    SectionName,
+)
 from contactlab.schema.finding import Waiver
+from contactlab.schema.grip import GripReport
 from contactlab.schema.verdict import PASSING_VERDICTS
 from contactlab.schema.verification import VerifiedChange
 from contactlab.store.table_layout import record_to_row
@@ -35,6 +43,7 @@ from contactlab.studies.check.check_entries import CHECKS, Check
 from contactlab.studies.check.chosen_checks import chosen_checks, judged_findings
 from contactlab.studies.check.own_runs import describe_reference
 from contactlab.studies.examine.conclusion import conclude
+from contactlab.studies.examine.design_causes import find_lost_grip, find_sagging_servo
 from contactlab.studies.examine.engine_faults import list_advisory_facts
 from contactlab.studies.examine.facts import facts
 from contactlab.studies.examine.field_passages import (
@@ -47,6 +56,7 @@ from contactlab.studies.examine.linted_file import lint_file
 from contactlab.studies.examine.repaired_causes import (
     CauseRepairer,
     RepairedModel,
+    find_fallen_start,
     list_file_causes,
 )
 from contactlab.studies.examine.resting_contacts import resting_contacts
@@ -57,7 +67,7 @@ from contactlab.studies.examine.servo_table import (
     measure_task_servos,
 )
 from contactlab.studies.examine.verified_fixes import FixVerifier
-from contactlab.studies.grip.grip_fact import grip_facts
+from contactlab.studies.grip.grip_fact import describe_grip, find_grip
 from contactlab.studies.verification import VerificationRequest, verify_change
 from contactlab.tasks.checked_model import CheckedModel, open_changed_model, open_model
 from contactlab.tasks.session import Session, Values
@@ -209,7 +219,10 @@ def _measured(
     task, search, verifier = report.task, None, None
     file = lint_file(examined.scene.source, request.model, task.start)
     repaired = RepairedModel(examined, report.labels)
-    repaired = replace(repaired, causes=tuple(list_file_causes(file.faults)))
+    faults = [*file.faults]
+    if not any(fault.stage == "start" or fault.is_of_start for fault in faults):
+        faults += find_fallen_start(examined)
+    repaired = replace(repaired, causes=tuple(list_file_causes(faults)))
     broken = next((fault.fix for fault in file.faults if fault.is_of_start), "")
     fixes, files = tuple[Fix, ...](), None
     begins = {phase.name: phase.begin for phase in task.phases}
@@ -218,9 +231,19 @@ def _measured(
     if passages:
         causes = list_passage_causes(examined.motions[0].model, passages)
         repaired, broken = replace(repaired, causes=(*repaired.causes, *causes)), FINER_GRID
+    grip = None
+    if not request.assign:
+        grip = find_grip(request.model, examined.motions[0].model, task.start)
+    designs = tuple(_list_design_causes(examined, grip)) if not (broken or faults) else ()
+    repaired = replace(repaired, causes=(*repaired.causes, *designs))
     if "fixes" in request.sections and not broken:
         repairer = _make_repairer(request, examined, report, folder, begun)
-        repaired = repairer.repair_model(report.labels, file.faults)
+        repaired = repairer.repair_model(report.labels, faults)
+        for cause in designs if not repaired.causes else ():
+            if grip is not None and cause.sentence == describe_grip(grip).sentence:
+                repaired = repairer.repair_grip(repaired, cause)
+            else:
+                repaired = replace(repaired, causes=(*repaired.causes, cause))
         files = repairer.list_files(repaired)
         if not files or repaired.word not in PASSING_VERDICTS:
             verifier = _make_verifier(request, examined, report.labels, begun)
@@ -235,9 +258,11 @@ def _measured(
             *list_sagging_servos(report.servos),
             *(list_unheld_servos(report.servos) if request.assign else ()),  # as lint has them
         )
-        if not request.assign:
-            found += grip_facts(request.model, examined.motions[0].model, task.start)
-            found += file.facts
+        if grip is not None and (fact := describe_grip(grip)).sentence not in {
+            cause.sentence for cause in repaired.causes
+        }:
+            found += (fact,)
+        found += () if request.assign else file.facts
         report = report.model_copy(update={"facts": found})
     skipped = tuple(search.not_tried) if search else ()
     report = report.model_copy(
@@ -254,6 +279,16 @@ def _measured(
     if broken:
         report = report.model_copy(update={"fix": broken})
     return _written(request, examined, report, verifier, search, files)
+
+
+def _list_design_causes(examined: CheckedModel, grip: GripReport | None) -> Iterator[Cause]:
+    """Yield causes in the design of a model with good numerics."""
+    if examined.judged.word not in PASSING_VERDICTS:
+        return
+    motion = examined.motions[0]
+    if grip is not None:
+        yield from find_lost_grip(motion, grip, describe_grip(grip).sentence)
+    yield from find_sagging_servo(motion)
 
 
 def sections_of(names: Sequence[str]) -> tuple[SectionName, ...]:
@@ -353,7 +388,7 @@ def _make_repairer(
                 changed=changed,
                 same_model=False,
                 keeps_motion=False,
-                keeps_start=not edits.moves_start,
+                keeps_start=not edits.fixes_start,
                 allowed_error=examined.task.tolerance,
                 stop_early=True,
                 left=lambda: until - time.process_time(),

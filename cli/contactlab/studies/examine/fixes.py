@@ -199,6 +199,7 @@ class FixSearch:
         for candidate in self._further(base, left) if base or not helping else ():
             trial = replace(self._trial, most=None)
             tried = try_fixes(self._motions, self._verdict, candidates=[candidate], trial=trial)
+            self.not_tried += [one.name for one in tried if not one.is_complete]
             if any(self._labels_with(one, candidate.rate) == () for one in tried if one.removes):
                 self._candidates = (*self._candidates, candidate)
                 return [*tried, *helping]

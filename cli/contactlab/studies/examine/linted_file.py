@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 from contactlab.scene.scene_source import SceneSource
-from contactlab.schema.examination import Fact
+from contactlab.schema.examination import Fact, Stage
 from contactlab.schema.finding import PlacedFinding
 from contactlab.schema.task import QPOS0
-from contactlab.studies.lint.linted_model import linted_model
+from contactlab.studies.lint.linted_model import LintedModel, edited, linted_model
 from contactlab.studies.lint.linting import lint_scene
 from contactlab.studies.lint.rules import RULES
+from contactlab.studies.lint.starts import KEYFRAME_RANGE
 
 _MOST = 3
 
@@ -28,12 +29,14 @@ class FileFault(NamedTuple):
     Attributes:
         rule: of lint.
         sentence: the mistake, and its line.
+        stage: of the cause: the file, or the start that its keyframe gives.
         is_of_start: whether the numbers of the start are not those that its file means.
         fix: the sentence that a report has instead of a fix; "" if others may help.
     """
 
     rule: str
     sentence: str
+    stage: Stage = "file"
     is_of_start: bool = False
     fix: str = ""
 
@@ -55,7 +58,7 @@ def lint_file(source: SceneSource, reference: str, start: str) -> LintedFile:
     """Lint a model's file once, for its faults under a start and its facts."""
     report = lint_scene(source, reference)
     found = [*report.open("error"), *report.open("warning")]
-    faults = [*_broken_starts(source, reference, start)]
+    faults = [*_list_start_faults(source, reference, start)]
     for finding in found:
         if RULES[finding.name].voids_runs:
             place = f"{_relative_to_model(finding.file, reference)}:{finding.line}"
@@ -74,11 +77,40 @@ def _file_facts(found: Sequence[PlacedFinding], reference: str) -> Iterator[Fact
         yield Fact(kind="file", place=place, value=finding.line, unit="", sentence=sentence)
 
 
-def _broken_starts(source: SceneSource, reference: str, start: str) -> Iterator[FileFault]:
+def write_rule_edits(
+    source: SceneSource, rule: str, folder: Path
+) -> tuple[Path, tuple[str, ...]] | None:
+    """Write a copy of a model's files with the edits of a rule of lint.
+
+    Returns:
+        the main file, and each changed line as `FILE:LINE: ELEMENT`; None without an edit.
+    """
+    content = source.content
+    with linted_model(source) as linted:
+        faults = [*RULES[rule].function(linted)]
+        changed = edited(iter(faults))
+    if not changed or content.resources:
+        return None
+    for file in content.files:
+        target = folder / file
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if content.root / file in changed:
+            target.write_bytes(changed[content.root / file])
+        else:
+            target.symlink_to((content.root / file).resolve())
+    edits = dict.fromkeys(edit for fault in faults for edit in fault.edits)
+    lines = (f"{edit.place.file.name}:{edit.place.line}: {edit.text}" for edit in edits)
+    return folder / source.model.relative_to(content.root), tuple(lines)
+
+
+def _list_start_faults(source: SceneSource, reference: str, start: str) -> Iterator[FileFault]:
     if start == QPOS0:
         return
     with linted_model(source) as linted:
-        if linted.compiled is None or start not in linted.short_keyframes:
+        if linted.compiled is None:
+            return
+        if start not in linted.short_keyframes:
+            yield from _find_start_off_limits(linted, reference, start)
             return
         short = linted.short_keyframes[start]
     place = f"{_relative_to_model(str(short.place.file), reference)}:{short.place.line}"
@@ -90,3 +122,12 @@ def _broken_starts(source: SceneSource, reference: str, start: str) -> Iterator[
         is_of_start=True,
         fix=f"write {numbers} ({place}), which has {short.written}; all else follows from it",
     )
+
+
+def _find_start_off_limits(linted: LintedModel, reference: str, start: str) -> Iterator[FileFault]:
+    # A keyframe states a posture, so one that its limits push back at once is not the one meant.
+    for fault in RULES[KEYFRAME_RANGE].function(linted):
+        place = linted.place("key", start)
+        if fault.place == place and f"'{start}'" in fault.message:
+            line = f"{_relative_to_model(str(place.file), reference)}:{place.line}"
+            yield FileFault(KEYFRAME_RANGE, f"{fault.message} ({line})", "start")

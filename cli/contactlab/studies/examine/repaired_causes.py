@@ -15,12 +15,15 @@ from contactlab.modifications.catalogue import list_rows
 from contactlab.scene.model_draft import ModelEdits, join_edits
 from contactlab.scene.model_names import name_of
 from contactlab.scene.model_writer import WrittenModel, write_model
+from contactlab.scene.scene import Scene
 from contactlab.schema.examination import Cause, Fix, RejectedFix, RunLabel, Stage
 from contactlab.schema.verdict import PASSING_VERDICTS, VERDICT_ORDER, VerdictWord, join_verdict
 from contactlab.schema.verification import VerifiedChange
 from contactlab.studies.examine.fixes import RepairedFiles
-from contactlab.studies.examine.linted_file import FileFault
-from contactlab.studies.examine.start_fixes import moved_starts
+from contactlab.studies.examine.linted_file import FileFault, write_rule_edits
+from contactlab.studies.examine.permanent_overlaps import find_permanent_overlaps
+from contactlab.studies.examine.start_fixes import MovedStart, moved_starts, standing_starts
+from contactlab.studies.grip.gripping import GripRequest, judge_grip
 from contactlab.studies.lint.overlaps import COINCIDENT, find_coincident_geoms
 from contactlab.tasks.checked_model import CheckedModel
 from contactlab.tasks.task_verdict import run_labels
@@ -37,7 +40,8 @@ class Repair(NamedTuple):
     Attributes:
         stage: of the cause.
         sentence: the cause.
-        is_certain: whether the cause is known without a run.
+        is_certain: whether the cause is known without a run of the repaired model.
+        file: main file of a model with the change, if its own files have it, and changed lines.
     """
 
     stage: Stage
@@ -46,6 +50,7 @@ class Repair(NamedTuple):
     apply: str
     edits: ModelEdits
     is_certain: bool = False
+    file: tuple[Path, tuple[str, ...]] | None = None
 
 
 @dataclass(frozen=True)
@@ -58,7 +63,8 @@ class RepairedModel:
         causes: those that were repaired, and those of the file that cannot be.
         fixes: the repairs.
         rejected: repairs that make a measure worse.
-        edits: all repairs together.
+        edits: all repairs together, except those of files.
+        scene: of its files, in which rules of lint made repairs; None for the original's.
     """
 
     examined: CheckedModel
@@ -67,6 +73,7 @@ class RepairedModel:
     fixes: tuple[Fix, ...] = ()
     rejected: tuple[RejectedFix, ...] = ()
     edits: ModelEdits = field(default_factory=ModelEdits)
+    scene: Scene | None = None
 
     @property
     def word(self) -> VerdictWord:
@@ -101,17 +108,89 @@ class CauseRepairer:
         model = RepairedModel(self.original, labels)
         for fault in faults:
             if fault.rule == COINCIDENT:
-                model = self._try_repair(model, self._single_geoms(fault), "fails")
-            else:
-                model = replace(model, causes=(*model.causes, *list_file_causes([fault])))
-        if any(fault.is_of_start for fault in faults) or model.word == "ok":
+                model = self._try_repair(model, self._single_geoms(fault))
+            elif fault.stage == "file":
+                model = self._repair_by_lint(model, fault)
+        if any(fault.is_of_start for fault in faults):
             return model
-        first = model
-        for repair in self._moved_starts(first):
-            tried = self._try_repair(first, repair, first.word)
-            better = _rank_verdict(tried.word) > _rank_verdict(model.word)
-            model = tried if better else replace(model, rejected=tried.rejected)
-        return model
+        if model.word != "ok":
+            model = self._part_links(model)
+        known = [fault.sentence for fault in faults if fault.stage == "start"]
+        return self._move_start(model, next(iter(known), ""))
+
+    def _move_start(self, first: RepairedModel, known: str) -> RepairedModel:
+        # The best start is one from which a robot stands, then the nearest that limits allow.
+        if first.word == "ok" and not known:
+            return first
+        examined, best = first.examined, None
+        scene, motion = examined.scene.with_effects("all"), examined.motions[0]
+        starts = list[MovedStart]()
+        if known:
+            starts += standing_starts(scene, examined.values, motion, off_limits=True)
+        starts += moved_starts(scene, examined.values, motion)
+        rejected = list[RejectedFix]()
+        for start in starts:
+            sentence, certain = known or start.sentence, bool(known)
+            repair = Repair("start", sentence, start.name, start.apply, start.edits, certain)
+            tried = self._try_repair(first, repair)
+            rejected += tried.rejected[len(first.rejected) :]
+            if len(tried.fixes) > len(first.fixes) and (
+                best is None or _rank_verdict(tried.word) > _rank_verdict(best.word)
+            ):
+                best = tried
+        if best is not None:
+            return best
+        cause = (Cause(stage="start", sentence=known),) if known else ()
+        return replace(first, causes=(*first.causes, *cause), rejected=tuple(rejected))
+
+    def _repair_by_lint(self, model: RepairedModel, fault: FileFault) -> RepairedModel:
+        # Later repairs are written into the files with these edits.
+        folder = self.folder / fault.rule
+        source = (model.scene or self.original.scene).source
+        written = write_rule_edits(source, fault.rule, folder)
+        if written is None:
+            return replace(model, causes=(*model.causes, *list_file_causes([fault])))
+        name = f"the edit of lint's rule {fault.rule}"
+        return self._try_repair(
+            model,
+            Repair("file", fault.sentence, name, fault.rule, ModelEdits(), True, written),
+        )
+
+    def repair_grip(self, model: RepairedModel, cause: Cause) -> RepairedModel:
+        """Return the model with the first fix by which the object in its keyframe stays."""
+        grip = judge_grip(GripRequest(self.original.reference, keyframe=self.original.task.start))
+        catalogue = self.original.scene.catalogue
+        for fix in grip.fixes:
+            if fix.verdict != "holds" or not fix.options:
+                continue
+            axes = {name: catalogue.find(name) for name in fix.options}
+            settings = {
+                name: axis.parse(fix.options[name]) if axis else fix.options[name]
+                for name, axis in axes.items()
+            }
+            edits = ModelEdits(settings)
+            tried = self._try_repair(
+                model, Repair(cause.stage, cause.sentence, fix.name, "grip", edits, True)
+            )
+            if len(tried.fixes) > len(model.fixes):
+                return tried
+            model = replace(model, rejected=tried.rejected)
+        return replace(model, causes=(*model.causes, cause))
+
+    def _part_links(self, model: RepairedModel) -> RepairedModel:
+        overlaps = find_permanent_overlaps(model.examined.motions[0])
+        if not overlaps:
+            return model
+        worst = max(overlaps, key=lambda overlap: overlap.depth)
+        pair, more = " and ".join(worst.names), len(overlaps) - 1
+        others = f"; so do {more} more pairs" if more else ""
+        sentence = (
+            f"{pair} overlap in every pose of the joints between them: by {1e3 * worst.depth:.3g} "
+            f"mm at the start{others}, so their contact jams these joints"
+        )
+        name = f"no contacts of {pair}" + (f" and {more} more pairs" if more else "")
+        edits = ModelEdits(excluded=tuple(overlap.names for overlap in overlaps))
+        return self._try_repair(model, Repair("file", sentence, name, "exclude", edits))
 
     def _single_geoms(self, fault: FileFault) -> Repair:
         model = self.original.base.model
@@ -120,19 +199,13 @@ class CauseRepairer:
         name, edits = f"no contacts of {doubled[0]}{more}", ModelEdits(masked=tuple(doubled))
         return Repair("file", fault.sentence, name, SINGLE, edits, is_certain=True)
 
-    def _moved_starts(self, model: RepairedModel) -> Iterator[Repair]:
-        examined = model.examined
-        scene = examined.scene.with_effects("all")
-        for start in moved_starts(scene, examined.values, examined.motions[0]):
-            yield Repair("start", start.sentence, start.name, start.apply, start.edits)
-
-    def _try_repair(
-        self, model: RepairedModel, repair: Repair, before: VerdictWord
-    ) -> RepairedModel:
+    def _try_repair(self, model: RepairedModel, repair: Repair) -> RepairedModel:
         # The model itself if it cannot be judged, or is no better.
         examined, edits = model.examined, join_edits([model.edits, repair.edits])
-        known = Cause(stage=repair.stage, sentence=repair.sentence)
-        listed = replace(model, causes=(*model.causes, known)) if repair.is_certain else model
+        fails = repair.stage == "file" or repair.is_certain
+        known = Cause(stage=repair.stage, sentence=repair.sentence, fails=fails)
+        of_file = repair.stage == "file" and repair.is_certain
+        listed = replace(model, causes=(*model.causes, known)) if of_file else model
         rows = [row.name for row in list_rows() if row.kind in _JUDGING]
         looks = evaluations(
             examined.motions[0].model,
@@ -141,16 +214,20 @@ class CauseRepairer:
         )
         if looks * steps_of(examined.motions) * pace(examined.motions) > self.left():
             return listed
+        scene = model.scene
         try:
-            written = self._write_repaired(edits, repair.apply)
+            if repair.file is not None:
+                scene = self.original.scenes.open(str(repair.file[0]))
+            written = self._write_repaired(scene, edits, repair.apply)
             changed = self.open_model(written.reference, rows)
             labels = self._find_labels(changed)
         except (SceneError, OutputError):
             return listed
-        repaired = RepairedModel(changed, labels, model.causes, model.fixes, model.rejected, edits)
-        if _rank_verdict(repaired.word) <= _rank_verdict(before) and not repair.is_certain:
+        repaired = replace(model, examined=changed, labels=labels, edits=edits, scene=scene)
+        gain = _rank_verdict(repaired.word) - _rank_verdict(model.word)
+        if not of_file and gain < (0 if repair.is_certain else 1):
             return model
-        found = None if repair.is_certain else self.verify(changed, edits)
+        found = None if of_file else self.verify(changed, edits)
         if found is not None and not found.passed:
             rejected = RejectedFix(name=repair.name, reason=found.sentence)
             return replace(model, rejected=(*model.rejected, rejected))
@@ -168,7 +245,7 @@ class CauseRepairer:
             distance_to_reference=None,
             distance_before=None,
             time_ratio=None,
-            lines=written.lines,
+            lines=repair.file[1] if repair.file else written.lines,
             verification=found,
         )
         cause = known.model_copy(
@@ -181,10 +258,11 @@ class CauseRepairer:
         causes = (*model.causes, cause)
         return replace(repaired, causes=causes, fixes=(*model.fixes, fix))
 
-    def _write_repaired(self, edits: ModelEdits, name: str) -> WrittenModel:
+    def _write_repaired(self, scene: Scene | None, edits: ModelEdits, name: str) -> WrittenModel:
         original = self.original
         whole = replace(edits, settings={**original.values, **edits.settings})
-        return write_model(original.scene.with_effects("all"), whole, self.folder / name)
+        folder = self.folder / "written" / name
+        return write_model((scene or original.scene).with_effects("all"), whole, folder)
 
     def _find_labels(self, changed: CheckedModel) -> tuple[RunLabel, ...]:
         task = changed.task
@@ -196,14 +274,22 @@ class CauseRepairer:
         if not model.fixes:
             return None
         edits = replace(model.edits, settings={**self.original.values, **model.edits.settings})
-        scene = self.original.scene.with_effects("all")
+        scene = (model.scene or self.original.scene).with_effects("all")
         return RepairedFiles(scene, edits, tuple(fix.apply for fix in model.fixes))
+
+
+def find_fallen_start(examined: CheckedModel) -> Iterator[FileFault]:
+    """Yield the fault of a keyframe from which a robot falls, and stands with a small change."""
+    scene, motion = examined.scene.with_effects("all"), examined.motions[0]
+    for start in standing_starts(scene, examined.values, motion):
+        yield FileFault("fallen-start", start.sentence, "start")
+        return
 
 
 def list_file_causes(faults: Sequence[FileFault]) -> Iterator[Cause]:
     """Yield the causes that a file has before any is repaired."""
     for fault in faults:
-        yield Cause(stage="file", sentence=fault.sentence)
+        yield Cause(stage=fault.stage, sentence=fault.sentence)
 
 
 def _rank_verdict(word: VerdictWord) -> int:

@@ -28,6 +28,11 @@ from contactlab.scene.part_bodies import AT_JOINT
 from contactlab.scene.raised_start import deepest_overlap, raised_start
 from contactlab.scene.scene import Scene
 from contactlab.schema.task import QPOS0
+from contactlab.studies.examine.standing_starts import (
+    begin_motion,
+    find_fall,
+    list_standing_poses,
+)
 from contactlab.tasks.session import Values
 
 _ENDLESS = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
@@ -87,7 +92,7 @@ def moved_starts(scene: Scene, values: Values, motion: Motion) -> Iterator[Moved
     if raised is None and positions is None:
         return
     keyframe = scene.resolve(values, 0, None).keyframe
-    begun = _begun(motion)
+    begun = begin_motion(motion)
     sentence = _start_sentence(model, begun)
     if raised is not None:
         overlap = 1e3 * deepest_overlap(begun)
@@ -101,6 +106,27 @@ def moved_starts(scene: Scene, values: Values, motion: Motion) -> Iterator[Moved
         name = "a start that its limits, contacts and equalities allow"
         edits = _start_edits(scene, values, model, keyframe, positions)
         yield MovedStart(name, "start", edits, sentence)
+
+
+def standing_starts(
+    scene: Scene, values: Values, motion: Motion, *, off_limits: bool = False
+) -> Iterator[MovedStart]:
+    """Yield starts from which a robot stands that falls from its keyframe as written.
+
+    A keyframe that is `off_limits` need not fall.
+    """
+    keyframe = scene.resolve(values, 0, None).keyframe
+    fall = 0.0 if keyframe == QPOS0 else find_fall(motion)
+    if not (fall or off_limits):
+        return
+    for pose in list_standing_poses(motion):
+        if not find_fall(motion, pose.positions):
+            edits = _start_edits(scene, values, motion.model, keyframe, pose.positions)
+            sentence = (
+                f"keyframe {keyframe} falls by {1e3 * fall:.3g} mm at once; with "
+                f"{pose.difference} it stands"
+            )
+            yield MovedStart(f"a start with {pose.difference}", "stand", edits, sentence)
 
 
 def _start_sentence(model: mujoco.MjModel, data: mujoco.MjData) -> str:
@@ -168,7 +194,7 @@ def _begins_alike(model: mujoco.MjModel, made: mujoco.MjModel, positions: Floats
 
 
 def _with_positions(motion: Motion, positions: Floats) -> Floats:
-    data = _begun(motion)
+    data = begin_motion(motion)
     data.qpos[:] = positions
     start = np.empty_like(motion.starts[0])
     mujoco.mj_getState(motion.model, data, start, INTEGRATION)
@@ -241,29 +267,22 @@ def _welded_roots(spec: mujoco.MjSpec, names: Sequence[tuple[str, str]]) -> Iter
 def overlapping(motion: Motion) -> Iterator[tuple[int, int]]:
     """Yield pairs of near links that are in each other where a motion starts."""
     model = motion.model
-    found = _in_each_other(model, _begun(motion))
+    found = find_overlaps(model, begin_motion(motion))
     yield from ((one, two) for one, two, _ in found if _near(model, one, two))
 
 
 def _stuck(motion: Motion) -> Iterator[tuple[int, int]]:
     """Yield pairs deep in each other of which neither is the world's, and neither floats."""
-    model, data = motion.model, _begun(motion)
+    model, data = motion.model, begin_motion(motion)
     least = OPEN_TOLERANCE * moving_extent(model, data)
-    for one, two, depth in _in_each_other(model, data):
+    for one, two, depth in find_overlaps(model, data):
         held = [_way(model, body) for body in (one, two)]
         if depth > least and all(way[0] and way[-1] == 0 for way in held):
             yield one, two
 
 
-def _begun(motion: Motion) -> mujoco.MjData:
-    data = mujoco.MjData(motion.model)
-    mujoco.mj_setState(motion.model, data, motion.starts[0], INTEGRATION)
-    mujoco.mj_forward(motion.model, data)
-    return data
-
-
-def _in_each_other(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[tuple[int, int, float]]:
-    """Yield pairs of bodies in each other, floors aside, and how deep [m]."""
+def find_overlaps(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[tuple[int, int, float]]:
+    """Yield pairs of bodies in each other, except floors, and how deep [m]."""
     for contact in range(data.ncon):
         geoms = data.contact.geom[contact]
         if geoms.min() < 0 or set(_ENDLESS) & set(map(int, model.geom_type[geoms])):

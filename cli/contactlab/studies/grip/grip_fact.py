@@ -15,10 +15,11 @@ from contactlab.studies.grip.grip_fixes import Grip
 from contactlab.studies.grip.gripping import GripRequest, judge_grip
 
 
-def grip_facts(reference: str, model: mujoco.MjModel, start: str) -> tuple[Fact, ...]:
+def find_grip(reference: str, model: mujoco.MjModel, start: str) -> GripReport | None:
     """Judge whether the object held at the start, or otherwise the robot's own hand, stays in grip.
 
     A robot that is fixed to the world is reported only if the object stays, since legs drop it.
+    None without such a grip.
     """
     for request in _grip_requests(reference, start):
         try:
@@ -28,8 +29,8 @@ def grip_facts(reference: str, model: mujoco.MjModel, start: str) -> tuple[Fact,
             report = judge_grip(request)
         except SceneError:
             continue  # nothing is held, or there is no hand
-        return (_make_fact(report),) if carried or report.verdict != "drops" else ()
-    return ()
+        return report if carried or report.verdict != "drops" else None
+    return None
 
 
 def film_grip(reference: str, start: str, film: Callable[[Grip], None]) -> None:
@@ -70,7 +71,8 @@ def _is_fixed(model: mujoco.MjModel) -> bool:
     return bool(model.body_weldid[model.body_rootid[find_hand(model).base]] == 0)
 
 
-def _make_fact(report: GripReport) -> Fact:
+def describe_grip(report: GripReport) -> Fact:
+    """Return a judged grip as a fact."""
     speeds = [math.inf if drift.speed is None else drift.speed for drift in report.drifts]
     worst = max(speeds, default=math.inf)
     lost = math.isinf(worst)

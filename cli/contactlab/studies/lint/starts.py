@@ -105,7 +105,10 @@ def keyframe_length(linted: LintedModel) -> Iterator[Fault]:
         )
 
 
-@rule("keyframe-range", "gate")
+KEYFRAME_RANGE = "keyframe-range"
+
+
+@rule(KEYFRAME_RANGE, "gate")
 def keyframe_range(linted: LintedModel) -> Iterator[Fault]:
     """A keyframe puts joints outside of their ranges.
 
@@ -162,7 +165,7 @@ def qpos0_range(linted: LintedModel) -> Iterator[Fault]:
         yield Fault(message, linted.place("joint", joint), linted.add(frames))
 
 
-@rule("radians-as-degrees", "warn")
+@rule("radians-as-degrees", "warn", voids_runs=True)
 def radians_as_degrees(linted: LintedModel) -> Iterator[Fault]:
     """Ranges of joints are in radians, where the compiler reads degrees.
 
@@ -176,7 +179,7 @@ def radians_as_degrees(linted: LintedModel) -> Iterator[Fault]:
         yield Fault(message, linted.place("joint", joint), edits)
 
 
-@rule("degrees-as-radians", "warn")
+@rule("degrees-as-radians", "warn", voids_runs=True)
 def degrees_as_radians(linted: LintedModel) -> Iterator[Fault]:
     """Ranges of joints are in degrees, where the compiler reads radians.
 

@@ -1,5 +1,6 @@
 """Structure rules: models with runs that say nothing of the robot that their author meant."""
 
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 
 import mujoco
@@ -19,12 +20,20 @@ _AT_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARE
 
 @rule("no-actuators", "warn", voids_runs=True)
 def no_actuators(linted: LintedModel) -> Iterator[Fault]:
-    """Joints have motors by their attributes, and no actuator drives any of them.
+    """Joints have motors by their attributes or defaults, and no actuator drives any of them.
 
-    The attributes are `actuatorfrcrange` and `actuatorgravcomp`. The robot hangs limp. Fix: an
-    `<actuator>` for each joint.
+    The attributes are `actuatorfrcrange` and `actuatorgravcomp`; or a `<default>` has values of
+    actuators. The robot hangs limp. Fix: an `<actuator>` for each joint.
     """
     model = linted.model
+    meant = _find_default_actuator(linted)
+    if meant is not None and not model.nu and model.njnt and not model.nplugin:
+        yield Fault(
+            f"no actuators: a <default> has values of <{meant.tag}>, and no element uses them, so "
+            "the robot hangs limp; add an <actuator> for each joint",
+            linted.place_of("default"),
+        )
+        return
     scalar = np.isin(model.jnt_type, _SCALAR)
     motors = model.jnt_actfrclimited.astype(bool) | model.jnt_actgravcomp.astype(bool)
     driven = np.flatnonzero(scalar & motors)
@@ -37,6 +46,16 @@ def no_actuators(linted: LintedModel) -> Iterator[Fault]:
         "for each",
         linted.place("joint", int(driven[0])),
     )
+
+
+def _find_default_actuator(linted: LintedModel) -> ET.Element | None:
+    kinds = {"position", "velocity", "motor", "general", "intvelocity", "damper", "cylinder"}
+    for element, _ in linted.tags():
+        if element.tag == "default":
+            for child in element:
+                if child.tag in kinds and child.attrib:
+                    return child
+    return None
 
 
 @rule("urdf-actuators", "note")

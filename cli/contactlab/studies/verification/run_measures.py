@@ -9,6 +9,7 @@ import numpy as np
 
 from contactlab.budget.windows import body_name, judged_bodies
 from contactlab.contact.trace_arrays import Floats
+from contactlab.scene.model_names import name_of
 from contactlab.schema.verification import VerifiedMeasure
 from contactlab.studies.verification.runs import PairedRun
 from contactlab.studies.verification.state_tables import (
@@ -37,6 +38,8 @@ TRACKING_TOLERANCE = 1e-3
 ENCODER_ANGLE, ENCODER_LENGTH = 1e-4, 1e-4
 """rad, and share of the mean size of a body: a turn in 65,536 counts of an encoder. A tracking
 error may grow by as much, however little an actuator moves."""
+SOFT_LIMIT_SHARE = 0.05
+"""Share of a joint's range, up to which a joint that hits its soft limit passes it."""
 RESTING_SPEED = 5e-3
 """m/s, for a body of 10 cm: below it, a body of the reference counts as resting at its end."""
 PLACE_TOLERANCE = 1.0
@@ -123,7 +126,9 @@ def compare_run(
     if not good.any():
         return
     chaotic = _is_chaotic(run, tables, good)
-    yield from _compare_extremes(run, tables, good, chaotic=chaotic, keeps_start=keeps_start)
+    yield from _compare_extremes(
+        run, tables, good, chaotic=chaotic, keeps_start=keeps_start, keeps_motion=keeps_motion
+    )
     if not keeps_start:
         return
     if run.at_rest:
@@ -154,9 +159,16 @@ def _is_chaotic(run: PairedRun, tables: Tables, good: np.ndarray) -> bool:
 
 
 def _compare_extremes(
-    run: PairedRun, tables: Tables, good: np.ndarray, *, chaotic: bool, keeps_start: bool
+    run: PairedRun,
+    tables: Tables,
+    good: np.ndarray,
+    *,
+    chaotic: bool,
+    keeps_start: bool,
+    keeps_motion: bool,
 ) -> Iterator[VerifiedMeasure]:
-    scale = float(run.original.model.stat.meansize)
+    model = run.original.model
+    scale = float(model.stat.meansize)
     for name, unit in EXTREME_UNITS.items():
         extremes = [table.extremes[name] for table in tables.in_order]
         values = [each.values[good] for each in extremes]
@@ -166,7 +178,15 @@ def _compare_extremes(
             continue
         floor = LENGTH_TOLERANCE * scale if unit == "m" else ANGLE_TOLERANCE
         place = extremes[1].place
+        if name in LIMIT_EXCESSES and not keeps_motion:
+            # A body that is meant to move otherwise may meet a limit as hard as any soft limit is.
+            floor = max(floor, SOFT_LIMIT_SHARE * _range_of(model, place))
         yield _average_measure(name, run.name, unit, values, floor, place, chaotic=chaotic)
+
+
+def _range_of(model: mujoco.MjModel, joint: str) -> float:
+    names = [name_of(model, "joint", each) for each in range(model.njnt)]
+    return float(np.ptp(model.jnt_range[names.index(joint)])) if joint in names else 0.0
 
 
 def _build_measure(

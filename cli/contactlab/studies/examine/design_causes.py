@@ -1,0 +1,108 @@
+"""Causes that no numerics remove: a servo that sags, and an object that its keyframe does not hold.
+
+Both are read from the motion of a task whose controls are constant, next to the posture or the grip
+that its keyframe states.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+
+import mujoco
+import numpy as np
+
+from contactlab.budget import Motion
+from contactlab.contact.trace_arrays import Floats
+from contactlab.measure.friction import RATE
+from contactlab.rendering.amounts import format_digits
+from contactlab.scene.closed_start import moving_extent
+from contactlab.scene.contact_pairs import half_extents
+from contactlab.schema.examination import Cause, Stage
+from contactlab.schema.grip import GripReport
+from contactlab.studies.examine.standing_starts import (
+    begin_motion,
+    list_held_positions,
+    step_first_seed,
+)
+
+_HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
+_MOST_SPEED = RATE.default or 0.0  # sizes per second: faster, a body does not rest
+
+
+def find_sagging_servo(motion: Motion, most: float = 0.05) -> Iterator[Cause]:
+    """Yield the servo that moves farthest from where it begins, and where its control holds it.
+
+    It rests at the end, and no contact, limit or equality carries a tenth of its force.
+
+    Args:
+        motion: with constant controls.
+        most: share of a joint's range, up to which a servo may yield to its load.
+    """
+    model, data = motion.model, begin_motion(motion)
+    if not _has_constant_inputs(motion):
+        return
+    begun = {joint: float(data.qpos[model.jnt_qposadr[joint]]) for joint in range(model.njnt)}
+    extent = moving_extent(model, data)
+    for _ in step_first_seed(motion, data):
+        pass
+    mujoco.mj_forward(model, data)
+    worst, sentence = most, ""
+    for joint, aim in list_held_positions(model, data):
+        dof, hinge = int(model.jnt_dofadr[joint]), int(model.jnt_type[joint]) == _HINGE
+        limited = bool(model.jnt_limited[joint])
+        size = float(np.ptp(model.jnt_range[joint])) if limited else 2 * math.pi
+        size = size if limited or hinge else extent
+        begin, end = begun[joint], float(data.qpos[model.jnt_qposadr[joint]])
+        carried = abs(data.qfrc_constraint[dof]) > 0.1 * abs(data.qfrc_actuator[dof])
+        moves = abs(data.qvel[dof]) > _MOST_SPEED * size
+        sag = min(abs(end - aim), abs(end - begin)) / size
+        if carried or moves or abs(begin - aim) > most * size / 2 or not sag > worst:
+            continue
+        amount = f"{format_digits(math.degrees(abs(end - aim)), 2)} deg"
+        amount = amount if hinge else f"{format_digits(1e3 * abs(end - aim), 2)} mm"
+        worst = sag
+        sentence = (
+            f"the servo of {model.joint(joint).name or f'joint[{joint}]'} sags by {amount} from "
+            f"where the keyframe holds it, under {format_digits(abs(data.qfrc_actuator[dof]), 2)} "
+            f"{'N m' if hinge else 'N'}: a gain {format_digits(10 * sag / most, 2)} times as "
+            "large, with its damping, sags by a tenth of what is allowed"
+        )
+    if sentence:
+        yield Cause(stage="design", sentence=sentence)
+
+
+def find_lost_grip(motion: Motion, grip: GripReport | None, sentence: str) -> Iterator[Cause]:
+    """Yield the cause of an object that its keyframe holds, and that leaves the hand in the task.
+
+    It leaves if it moves in the hand by more than a resting body may.
+    """
+    if grip is None or not grip.keyframe or grip.verdict not in ("drops", "creeps"):
+        return
+    if not _has_constant_inputs(motion):
+        return
+    model, data = motion.model, begin_motion(motion)
+    held, base = model.body(grip.object.removeprefix("body ")).id, model.body(grip.base).id
+    geoms = np.flatnonzero(model.geom_bodyid == held)
+    size = float(half_extents(model)[geoms].max(initial=0.0))
+    begun = _place_in(data, held, base)
+    for _ in step_first_seed(motion, data):
+        pass
+    seconds = motion.steps * float(model.opt.timestep)
+    way = float(np.linalg.norm(_place_in(data, held, base) - begun))
+    if size and way > _MOST_SPEED * seconds * size:
+        yield Cause(stage=_stage_of(grip), sentence=sentence)
+
+
+def _stage_of(grip: GripReport) -> Stage:
+    kinds = [cause.kind for cause in grip.causes]
+    return "modeling choice" if "regularized friction" in kinds else "design"
+
+
+def _place_in(data: mujoco.MjData, body: int, base: int) -> Floats:
+    turn = np.asarray(data.xmat[base]).reshape(3, 3)
+    place: Floats = turn.T @ (data.xpos[body] - data.xpos[base])
+    return place
+
+
+def _has_constant_inputs(motion: Motion) -> bool:
+    rows: Sequence[Floats] | Floats = motion.inputs[0]
+    return bool(np.all(rows == rows[0]))
