@@ -43,9 +43,10 @@ def motion_of(text: str, seconds: float = 2.0) -> Motion:
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
     start = np.empty(mujoco.mj_stateSize(model, INTEGRATION))
+    controls, data.ctrl[:] = data.ctrl.copy(), 0
     mujoco.mj_getState(model, data, start, INTEGRATION)
     steps = round(seconds / model.opt.timestep)
-    return Motion(model, start[None], np.tile(data.ctrl, (1, steps, 1)))
+    return Motion(model, start[None], np.tile(controls, (1, steps, 1)))
 
 
 @pytest.mark.parametrize(("back", "overlaps"), [(-0.1, True), (-0.02, True), (0.0, False)])

@@ -94,9 +94,11 @@ def step_first_seed(
 
 
 def begin_motion(motion: Motion) -> mujoco.MjData:
-    """Return the data of a motion's first start, forwarded."""
+    """Return the data of a motion's first start with its first inputs, forwarded."""
     data = mujoco.MjData(motion.model)
     mujoco.mj_setState(motion.model, data, motion.starts[0], INTEGRATION)
+    if motion.inputs.shape[-1]:
+        mujoco.mj_setState(motion.model, data, motion.inputs[0, 0], motion.spec)
     mujoco.mj_forward(motion.model, data)
     return data
 
