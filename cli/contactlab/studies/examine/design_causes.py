@@ -1,7 +1,6 @@
 """Causes that no numerics remove: a servo that sags, and an object that its keyframe does not hold.
 
-Both are read from the motion of a task whose controls are constant, next to the posture or the grip
-that its keyframe states.
+Both are read from a motion with constant controls, next to the posture or the grip of its keyframe.
 """
 
 import math
@@ -13,7 +12,7 @@ import numpy as np
 from contactlab.budget import Motion
 from contactlab.contact.trace_arrays import Floats
 from contactlab.measure.friction import RATE
-from contactlab.rendering.amounts import format_digits
+from contactlab.rendering.amounts import format_digits, format_percent
 from contactlab.scene.closed_start import moving_extent
 from contactlab.scene.contact_pairs import half_extents
 from contactlab.schema.examination import Cause, Stage
@@ -35,7 +34,7 @@ def find_sagging_servo(motion: Motion, most: float = 0.05) -> Iterator[Cause]:
 
     Args:
         motion: with constant controls.
-        most: share of a joint's range, up to which a servo may yield to its load.
+        most: share of a joint's range that a servo may yield to its load.
     """
     model, data = motion.model, begin_motion(motion)
     if not _has_constant_inputs(motion):
@@ -64,7 +63,7 @@ def find_sagging_servo(motion: Motion, most: float = 0.05) -> Iterator[Cause]:
             f"the servo of {model.joint(joint).name or f'joint[{joint}]'} sags by {amount} from "
             f"where the keyframe holds it, under {format_digits(abs(data.qfrc_actuator[dof]), 2)} "
             f"{'N m' if hinge else 'N'}: a gain {format_digits(10 * sag / most, 2)} times as "
-            "large, with its damping, sags by a tenth of what is allowed"
+            f"large, with its damping, sags by {format_percent(most / 10)} of the range"
         )
     if sentence:
         yield Cause(stage="design", sentence=sentence)

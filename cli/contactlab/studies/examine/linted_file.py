@@ -12,7 +12,7 @@ from contactlab.schema.task import QPOS0
 from contactlab.studies.lint.linted_model import LintedModel, edited, linted_model
 from contactlab.studies.lint.linting import lint_scene
 from contactlab.studies.lint.rules import RULES
-from contactlab.studies.lint.starts import KEYFRAME_RANGE
+from contactlab.studies.lint.starts import KEYFRAME_RANGE, largest_excess
 
 _MOST = 3
 
@@ -125,7 +125,10 @@ def _list_start_faults(source: SceneSource, reference: str, start: str) -> Itera
 
 
 def _find_start_off_limits(linted: LintedModel, reference: str, start: str) -> Iterator[FileFault]:
-    # A keyframe states a posture, so one that its limits push back at once is not the one meant.
+    # A keyframe states a posture, so one that its limits push far at once is not the one meant.
+    far = 0.05  # of the range; a joint that a limit stops softly passes it by less
+    if not largest_excess(linted.model, linted.starts[start]) > far:
+        return
     for fault in RULES[KEYFRAME_RANGE].function(linted):
         place = linted.place("key", start)
         if fault.place == place and f"'{start}'" in fault.message:

@@ -64,7 +64,7 @@ class RepairedModel:
         fixes: the repairs.
         rejected: repairs that make a measure worse.
         edits: all repairs together, except those of files.
-        scene: of its files, in which rules of lint made repairs; None for the original's.
+        scene: of its files with repairs by rules of lint; None for the original's.
     """
 
     examined: CheckedModel
@@ -119,7 +119,7 @@ class CauseRepairer:
         return self._move_start(model, next(iter(known), ""))
 
     def _move_start(self, first: RepairedModel, known: str) -> RepairedModel:
-        # The best start is one from which a robot stands, then the nearest that limits allow.
+        # The best start lets the robot stand; the next best is the nearest that limits allow.
         if first.word == "ok" and not known:
             return first
         examined, best = first.examined, None
@@ -157,7 +157,7 @@ class CauseRepairer:
         )
 
     def repair_grip(self, model: RepairedModel, cause: Cause) -> RepairedModel:
-        """Return the model with the first fix by which the object in its keyframe stays."""
+        """Return the model with the first fix that keeps the object of its keyframe in the hand."""
         grip = judge_grip(GripRequest(self.original.reference, keyframe=self.original.task.start))
         catalogue = self.original.scene.catalogue
         for fix in grip.fixes:
@@ -279,7 +279,7 @@ class CauseRepairer:
 
 
 def find_fallen_start(examined: CheckedModel) -> Iterator[FileFault]:
-    """Yield the fault of a keyframe from which a robot falls, and stands with a small change."""
+    """Yield the fault of a keyframe that a robot falls from, and stands in with one change."""
     scene, motion = examined.scene.with_effects("all"), examined.motions[0]
     for start in standing_starts(scene, examined.values, motion):
         yield FileFault("fallen-start", start.sentence, "start")

@@ -1,8 +1,8 @@
-"""Starts from which a driven robot stands, next to a keyframe from which it falls at once.
+"""Finds a start that a driven robot stands in, if it falls from its keyframe at once.
 
-Whether a fall is intended, nobody can tell from a fall alone. But if the robot stands as soon as
-one part of its keyframe is that of its model, this part was not meant: the turn of its root, or the
-joints that the keyframe's own controls hold elsewhere.
+A fall alone may be intended. But if the robot stands as soon as one part of its keyframe is that of
+its model, this part was not meant: the turn of its root, or the joints that the keyframe's own
+controls hold elsewhere.
 """
 
 import math
@@ -70,7 +70,7 @@ def find_fall(motion: Motion, positions: Floats | None = None) -> float:
         mujoco.mj_forward(model, data)
     up, extent = -np.array(model.opt.gravity) / weight, moving_extent(model, data)
     before, turns = data.xpos[roots] @ up, data.xmat[roots].reshape(-1, 3, 3).copy()
-    longest = 2.0  # s, within which whatever does not stand has fallen
+    longest = 2.0  # s; by then, a robot that does not stand has fallen
     for _ in step_first_seed(motion, data, longest):
         pass
     lost = before - data.xpos[roots] @ up

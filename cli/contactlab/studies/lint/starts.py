@@ -61,6 +61,12 @@ def _pushed_back(model: mujoco.MjModel, data: mujoco.MjData) -> list[_Beyond]:
     return [one for one in _joints_out_of_range(model, data) if not one.held]
 
 
+def largest_excess(model: mujoco.MjModel, data: mujoco.MjData) -> float:
+    """Return how far a start pushes a joint beyond its range, as a share of the range."""
+    found = _pushed_back(model, data)
+    return max((abs(one.value - one.nearest) / (one.high - one.low) for one in found), default=0.0)
+
+
 def _controls_out_of_range(model: mujoco.MjModel, controls: Floats) -> Iterator[_Beyond]:
     if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL or model.nu != len(
         model.actuator_ctrllimited
