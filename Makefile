@@ -65,7 +65,7 @@ stubs: .stubs/mujoco-stubs/py.typed
 
 # The schemas, and the pages of docs/reference that list names.
 schemas: .venv/dev
-	$(BIN)/contactlab schema --write schemas
+	$(BIN)/contactlab list schemas --write schemas
 	$(BIN)/python -m docs.generate
 
 # Records results and texts that tests compare. GUARDS=--slow records those of the night, too, and

@@ -53,7 +53,7 @@ def main() -> None:
     places = [folder / f"shard-{number}" for number in range(1, shards + 1)]
     if not (merged / MANIFEST).exists():
         shuffled = np.random.default_rng(shards + 1).permutation(shards)
-        contactlab.merge([places[number] for number in shuffled], output=merged)
+        contactlab.sweep([places[number] for number in shuffled], merge=True, output=merged)
     killed = (folder / "killed").read_text().splitlines() if (folder / "killed").exists() else []
     took = median(written_in(place) for place in places)
     print(f"{way}: {shards} shards, {len(killed)} killed; {likeness(one, merged)}")

@@ -59,11 +59,9 @@ def test_reading_loads_no_engine(store: Store, again: Store) -> None:
 
 def test_its_functions_are_named_after_commands() -> None:
     # Packages have the names of three commands, and three functions are no commands.
-    commands = set(command_modules()) - {"advisories", "engines", "schema"}
+    commands = set(command_modules()) - {"advisories"}
     assert set(FUNCTIONS) == commands | {"open", "progress", "record"}
-    assert all(
-        callable(getattr(contactlab, name)) for name in {*FUNCTIONS} - {"baseline", "traces"}
-    )
+    assert all(callable(getattr(contactlab, name)) for name in FUNCTIONS)
     assert set(FUNCTIONS) <= set(dir(contactlab))
     with pytest.raises(AttributeError, match="no attribute 'sweep_all'"):
         _ = contactlab.sweep_all  # pyright: ignore[reportAttributeAccessIssue]
@@ -144,16 +142,18 @@ def test_a_missing_store_is_named(tmp_path: Path) -> None:
 
 
 STUDIES: dict[str, Callable[[Path], Any]] = {
-    "check": lambda folder: contactlab.check("ball_drop", check=["task"], output=folder, workers=0),
+    "examine": lambda folder: contactlab.examine(
+        "ball_drop", check=["task"], output=folder, workers=0
+    ),
     "stability": lambda folder: contactlab.stability(["free_fall"], output=folder, workers=0),
 }
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", ["check", "stability"])
+@pytest.mark.parametrize("name", ["examine", "stability"])
 def test_a_study_reports_what_its_command_prints(name: str, tmp_path: Path) -> None:
     report = STUDIES[name](tmp_path / "api")
-    arguments = {"check": ["ball_drop", "--check", "task"], "stability": ["free_fall"]}
+    arguments = {"examine": ["ball_drop", "--check", "task"], "stability": ["free_fall"]}
     command = [sys.executable, "-c", "from contactlab.__main__ import main; main()", name]
     printed = subprocess.run(
         [*command, *arguments[name], "--workers", "0", "--format", "json", "-o", tmp_path / "cli"],
@@ -162,7 +162,7 @@ def test_a_study_reports_what_its_command_prints(name: str, tmp_path: Path) -> N
         check=False,
     )
     said, given = json.loads(printed.stdout), report.model_dump(mode="json")
-    if name == "check":
+    if name == "examine":
         assert given["checks"] == said["checks"]
     else:
         assert [each["labels"] for each in given] == [each["labels"] for each in said]

@@ -54,13 +54,11 @@ def of_views(
 
     The task is the model's own, of another `duration` if one is given.
     """
-    stable = contactlab.stability(
-        [model], output=folder / "stability", workers=0, duration=duration
-    )
-    assert isinstance(stable, Examination)
-    yield "stability", of_report(stable)
-    checked = contactlab.check(model, output=folder / "check", workers=0, duration=duration)
-    yield "check", of_report(checked)
+    for section in ("labels", "checks"):
+        report = contactlab.examine(
+            model, section=[section], output=folder / section, workers=0, duration=duration
+        )
+        yield section, of_report(report)
     yield "sweep", of_sweep(model, task, folder / "sweep")
 
 

@@ -20,9 +20,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from contactlab.command_line.surroundings import progress
-    from contactlab.commands import baseline, traces
     from contactlab.commands.bisect import bisect
-    from contactlab.commands.check import check
     from contactlab.commands.compare import compare
     from contactlab.commands.diff import diff
     from contactlab.commands.effects import effects
@@ -35,10 +33,8 @@ if TYPE_CHECKING:
     from contactlab.commands.lint import lint
     from contactlab.commands.list import list
     from contactlab.commands.lock import lock
-    from contactlab.commands.merge import merge
     from contactlab.commands.parity import parity
     from contactlab.commands.render import render
-    from contactlab.commands.replay import replay
     from contactlab.commands.report import report
     from contactlab.commands.show import show
     from contactlab.commands.shrink import shrink
@@ -55,9 +51,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "__version__",
-    "baseline",
     "bisect",
-    "check",
     "compare",
     "diff",
     "effects",
@@ -70,19 +64,16 @@ __all__ = [
     "lint",
     "list",
     "lock",
-    "merge",
     "open",
     "parity",
     "progress",
     "record",
     "render",
-    "replay",
     "report",
     "show",
     "shrink",
     "stability",
     "sweep",
-    "traces",
     "tradeoff",
     "tune",
     "verify",
@@ -103,7 +94,11 @@ def __getattr__(name: str) -> "Any":  # noqa: ANN401 - each function has a type 
 
         found = None if name.startswith("_") else extensions("command").get(name)
         if found is None:
-            raise AttributeError(f"module 'contactlab' has no attribute '{name}'")
+            from contactlab.command_line.front_door import replacement_of
+
+            new = replacement_of(name)
+            hint = f"; `contactlab {name}` is now `contactlab {new}`" if new else ""
+            raise AttributeError(f"module 'contactlab' has no attribute '{name}'{hint}")
         return found.load()
     if name == "open":
         from contactlab.store.finished_store import Store

@@ -119,6 +119,8 @@ def _load_description(report: str) -> Any:  # noqa: ANN401, C901, PLR0912, PLR09
             from contactlab.studies.lint.linting import describe_lint as describe
         case "Examination":
             from contactlab.reporting.examination_document import describe_examination as describe
+        case "Examinations":
+            from contactlab.reporting.examination_document import describe_examinations as describe
         case "Explanation":
             from contactlab.reporting.explanation_document import describe_explanation as describe
         case "SweepForecast":
@@ -160,6 +162,7 @@ _DESCRIBED = (
     "DiffReport",
     "LintReport",
     "Examination",
+    "Examinations",
     "Explanation",
     "SweepForecast",
     "StoreVerification",

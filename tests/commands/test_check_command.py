@@ -1,4 +1,4 @@
-"""`contactlab check`: exit codes, what it prints and what it leaves."""
+"""The section `checks` of `contactlab examine`: exit codes, what it prints and what it leaves."""
 
 import json
 import re
@@ -30,7 +30,7 @@ BOX = """<mujoco><worldbody>
 OPEN = """<mujoco><worldbody>
   <body name="rotor"><joint/><inertial pos="0 0 0" mass="1" diaginertia="1 1 3"/></body>
 </worldbody></mujoco>"""
-CHECK = ("check", "--workers", "0")
+CHECK = ("examine", "--section", "checks", "--workers", "0")
 SHORT = (*CHECK, "own.xml", "--set", "duration=0.2")
 # A box that nothing holds breaks that it stays where it is.
 FALLS = (*SHORT, "--keyframe", "high", "--drive", "none", "--require", "still(box, 1 mm)")
@@ -113,7 +113,7 @@ def test_a_model_that_passes_as_json(contactlab: Run, tmp_path: Path) -> None:
     for name in ("run", "repeat"):
         assert contactlab("verify", f"out/{name}")[0] == 0
         run = Store.open(tmp_path / "out" / name).table["run_id"][0].as_py()
-        assert contactlab("replay", f"out/{name}", run)[0] == 0
+        assert contactlab("verify", f"out/{name}", run)[0] == 0
 
 
 @pytest.mark.long

@@ -1,4 +1,4 @@
-"""`compare` and `baseline update` on stores of real sweeps."""
+"""`compare`, with and without `--update`, on stores of real sweeps."""
 
 import json
 import shutil
@@ -186,7 +186,7 @@ def test_a_millionth_of_a_millionth(tmp_path: Path, contactlab: Run) -> None:
 def test_a_baseline_is_small_sound_and_comparable(
     contactlab: Run, slides: dict[str, Path], tmp_path: Path
 ) -> None:
-    code, out, err = contactlab("baseline", "update", str(slides["a"]), "kept")
+    code, out, err = contactlab("compare", "kept", str(slides["a"]), "--update")
     assert (code, err) == (0, "")
     said = " ".join(out.split())
     assert said.startswith(f"kept holds the 4 runs of {slides['a']} without traces: ")
@@ -194,14 +194,14 @@ def test_a_baseline_is_small_sound_and_comparable(
     assert sum(path.stat().st_size for path in files) < 100_000
     assert contactlab("verify", "kept")[0] == 0
     assert contactlab("compare", "kept", str(slides["b"]))[0] == 0
-    assert contactlab("baseline", "update", str(slides["b"]), "kept")[0] == 0
+    assert contactlab("compare", "kept", str(slides["b"]), "--update")[0] == 0
     run = Store.open(tmp_path / "kept").table["run_id"][0].as_py()
-    assert contactlab("replay", "kept", run)[0] == 0
+    assert contactlab("verify", "kept", run)[0] == 0
 
 
 def test_a_baseline_is_no_store_with_traces(contactlab: Run, store: Path) -> None:
     shutil.copytree(store, "other")
-    code, _, err = contactlab("baseline", "update", str(store), "other")
+    code, _, err = contactlab("compare", "other", str(store), "--update")
     assert code == 2
     assert err == "error: other is not a baseline, so it is not replaced; name another folder\n"
 

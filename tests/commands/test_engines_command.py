@@ -42,15 +42,15 @@ def versions(contactlab: Any) -> dict[str, str]:
 def test_an_engine_is_added_once(contactlab: Any, cache: Path, tmp_path: Path) -> None:
     installer(tmp_path)
     assert versions(contactlab)["warp"] == "not installed"
-    assert "contactlab engines add NAME" in contactlab("list", "engines").err
-    added = contactlab("engines", "add", "warp")
+    assert "contactlab parity --install NAME" in contactlab("list", "engines").err
+    added = contactlab("parity", "--install", "warp")
     assert (added.code, added.out) == (0, "warp 9.8\n")
     assert added.err.startswith(f"setting up warp in {cache}/warp-")
     assert versions(contactlab)["warp"] == "9.8"
     (next(cache.glob("warp-*")) / "library.so").write_bytes(bytes(5_000_000))
     listed = json.loads(contactlab("list", "engines", "--format", "json").out)
     assert {each["size"] for each in listed if each["engine"] == "warp"} == {5}
-    again = contactlab("engines", "add", "warp")
+    again = contactlab("parity", "--install", "warp")
     assert (again.code, again.out, again.err) == (0, "warp 9.8 is already installed\n", "")
 
 
@@ -58,7 +58,7 @@ def test_what_cannot_be_installed_leaves_nothing(
     contactlab: Any, cache: Path, tmp_path: Path
 ) -> None:
     installer(tmp_path, "echo no such wheel >&2; exit 1")
-    failed = contactlab("engines", "add", "warp")
+    failed = contactlab("parity", "--install", "warp")
     assert failed.code == 2
     assert "warp cannot be installed" in failed.err
     assert "no such wheel" in failed.err
@@ -66,10 +66,10 @@ def test_what_cannot_be_installed_leaves_nothing(
 
 
 def test_what_is_no_engine_is_named(contactlab: Any, cache: Path) -> None:
-    wrong = contactlab("engines", "add", "wrap")
+    wrong = contactlab("parity", "--install", "wrap")
     assert wrong.code == 2
     assert "did you mean 'warp'?" in wrong.err
-    assert "did you mean 'panel'?" in contactlab("engines", "pannel").err
-    here = contactlab("engines", "add", "mujoco")
+    assert "is now `contactlab parity --closed-forms`" in contactlab("engines", "panel").err
+    here = contactlab("parity", "--install", "mujoco")
     assert (here.code, "is already installed" in here.out) == (0, True)
     assert not cache.exists()

@@ -48,7 +48,7 @@ def test_a_runs_record(contactlab: Run, store: Path, run_id: str) -> None:
     assert record == Store.open(store).record(run_id).model_dump(mode="json")
 
 
-@pytest.mark.parametrize("command", ["show", "replay"])
+@pytest.mark.parametrize("command", ["show", "verify"])
 def test_an_id_that_fits_no_run_or_many(contactlab: Run, store: Path, command: str) -> None:
     code, out, err = contactlab(command, str(store), "not a run")
     assert (code, out) == (3, "")
@@ -58,7 +58,7 @@ def test_an_id_that_fits_no_run_or_many(contactlab: Run, store: Path, command: s
     assert err.startswith("error: 4 runs in store have ids that start with '' (")
 
 
-@pytest.mark.parametrize("arguments", [["show"], ["verify"], ["replay", "x"]])
+@pytest.mark.parametrize("arguments", [["show"], ["verify"], ["verify", "x"]])
 def test_no_store(contactlab: Run, tmp_path: Path, arguments: list[str]) -> None:
     command, *rest = arguments
     for place in ("nowhere", "."):
@@ -118,10 +118,10 @@ def test_replay_needs_only_the_store(
     shutil.copytree(tmp_path / store, elsewhere)
     shutil.rmtree(tmp_path / store)
     for run in Store.open(elsewhere).table["run_id"].to_pylist():
-        code, out, err = contactlab("replay", str(elsewhere), run)
+        code, out, err = contactlab("verify", str(elsewhere), run)
         assert (code, err) == (0, "")
         assert out.startswith(f"run {run}: bitwise equal (")
-    code, out, _ = contactlab("replay", str(elsewhere), run_id[:12], "--format", "json")
+    code, out, _ = contactlab("verify", str(elsewhere), run_id[:12], "--format", "json")
     result = json.loads(out)
     assert (code, result["equal"], result["run_id"]) == (0, True, run_id)
     assert result["hash"] == result["stored_hash"]
@@ -138,7 +138,7 @@ def test_replay_is_by_the_engine_of_the_run(
     assert {row["engine_name"] for row in rows} == {"impulse", "mujoco"}
     for engine in ("impulse", "mujoco"):
         run = next(row["run_id"] for row in rows if row["engine_name"] == engine)
-        code, out, err = contactlab("replay", "both", run)
+        code, out, err = contactlab("verify", "both", run)
         assert (code, err) == (0, "")
         assert out.startswith(f"run {run}: bitwise equal (")
 
@@ -157,11 +157,11 @@ def test_replay_finds_the_first_difference(
         return start
 
     monkeypatch.setattr(replaying, "prepare_replay", prepare_softer)
-    code, out, err = contactlab("replay", str(store), run_id)
+    code, out, err = contactlab("verify", str(store), run_id)
     assert (code, err) == (1, "error: the trajectory differs from the stored one\n")
     assert out.startswith(f"run {run_id}: differs\n")
     assert f"\nfirst   after step {touched + 1} by " in out
-    result = json.loads(contactlab("replay", str(store), run_id, "--format", "json")[1])
+    result = json.loads(contactlab("verify", str(store), run_id, "--format", "json")[1])
     assert (result["equal"], result["step"]) == (False, touched + 1)
     assert result["difference"] > 0
 
@@ -175,13 +175,13 @@ def test_replay_tells_of_a_damaged_trace(
     data = bytearray(trace.read_bytes())
     data[len(data) // 2] ^= 1
     trace.write_bytes(data) if is_there else trace.unlink()
-    code, out, err = contactlab("replay", str(store), run_id)
+    code, out, err = contactlab("verify", str(store), run_id)
     assert code == 3
     assert out.startswith(f"run {run_id}: bitwise equal (")
     assert err.startswith(
         f"error: the stored trace is damaged: traces/{run_id[:2]}/{run_id}.mcap: "
     )
-    told = json.loads(contactlab("replay", str(store), run_id, "--format", "json")[1])
+    told = json.loads(contactlab("verify", str(store), run_id, "--format", "json")[1])
     assert told["damage"] in err
 
 
@@ -192,12 +192,12 @@ def test_replay_of_a_changed_hash(contactlab: Run, store: Path, run_id: str) -> 
     index = table.schema.get_field_index("trajectory_hash")
     changed = table.set_column(index, table.schema.field(index), pa.array(hashes))
     pq.write_table(changed, store / "runs.parquet")
-    code, _, err = contactlab("replay", str(store), run_id)
+    code, _, err = contactlab("verify", str(store), run_id)
     assert (code, "runs.parquet was changed since it was written" in err) == (3, True)
     manifest = json.loads((store / "manifest.json").read_text())
     manifest["files"]["runs.parquet"] = sha256_of(store / "runs.parquet")
     (store / "manifest.json").write_text(json.dumps(manifest))
-    code, out, _ = contactlab("replay", str(store), run_id)
+    code, out, _ = contactlab("verify", str(store), run_id)
     assert code == 1
     assert "after step" not in out
     assert f"\nstored  {'0' * 32} with mujoco" in out
@@ -208,7 +208,7 @@ def test_replay_of_a_changed_scene(
 ) -> None:
     (scene,) = (tmp_path / store / "scenes").rglob("scene.xml")
     scene.write_text(scene.read_text() + "<!-- changed -->\n")
-    code, out, err = contactlab("replay", str(store), run_id)
+    code, out, err = contactlab("verify", str(store), run_id)
     assert (code, out) == (3, "")
     assert err.startswith(f"error: run {run_id}: the stored scene and settings give another id")
 
@@ -224,5 +224,5 @@ def test_replay_of_a_run_that_was_not_simulated(
         return replace(prepare(store, run), record=lost)
 
     monkeypatch.setattr(replaying, "prepare_replay", prepare_lost)
-    code, out, _ = contactlab("replay", str(store), run_id)
+    code, out, _ = contactlab("verify", str(store), run_id)
     assert (code, out) == (1, f"run {run_id}: no trajectory was stored\n")

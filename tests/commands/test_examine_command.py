@@ -438,3 +438,18 @@ def test_a_model_has_one_page(arm: str, contactlab: Run, tmp_path: Path) -> None
 def test_a_wrong_section_is_named(arm: str) -> None:
     with pytest.raises(SweepFileError, match=r"no section 'label'.*did you mean 'labels'"):
         package.examine(arm, section=["label"])
+
+
+def test_several_models_are_one_report(contactlab: Run, tmp_path: Path) -> None:
+    """Each has its findings under its name, and the exit code is that of the worst."""
+    for name in ("one", "two"):
+        (tmp_path / f"{name}.xml").write_text(ARM)
+    words = ("one.xml", "two.xml", "--check", "inertia", "--workers", "0", "-o", "out")
+    code, out, err = contactlab(*words)
+    assert (code, out.splitlines()[0]) == (0, "2 of 2 models pass"), err
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"one", "two"}
+    junit = contactlab(*words, "--format", "junit").out
+    assert all(f".{name}" in junit for name in ("one_xml", "two_xml"))
+    code, out, err = contactlab("one.xml", "two.xml", "--write", "new.xml")
+    assert (code, out) == (2, "")
+    assert "need one model" in err

@@ -77,7 +77,7 @@ def test_help_loads_little() -> None:
     [
         (["--help"], "-"),
         (["sweep", "--help"], "-"),
-        (["schema", "record"], "-"),
+        (["list", "schemas", "record"], "-"),
         (["list", "sweeps"], "-"),
         (["show", "store"], "numpy,pyarrow"),
         (["verify", "store"], "mujoco,numpy,pyarrow"),
@@ -114,3 +114,19 @@ def test_no_summary_is_cut(contactlab: Run) -> None:
     lines = out.partition("Options:")[2].splitlines()
     assert not [line for line in lines if "..." in line or len(line) > 80]
     assert all(f"\n{title}:\n" in out for title in TITLES.values())
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("check robot.xml", "examine MODEL --section checks"),
+        ("replay store run", "verify STORE RUN"),
+        ("merge a b -o c", "sweep SHARD... --merge -o STORE"),
+        ("engines add bullet", "parity --install NAME"),
+        ("baseline update a b", "compare BASELINE CANDIDATE --update"),
+    ],
+)
+def test_old_commands_name_the_new_ones(contactlab: Run, old: str, new: str) -> None:
+    code, out, err = contactlab(*old.split())
+    assert (code, out) == (2, "")
+    assert err == f"error: '{old.split(maxsplit=1)[0]}' is now `contactlab {new}`\n"

@@ -56,7 +56,7 @@ MORE = [
     ("compare", "store", "store"),
     ("compare", "store", "other", "--format", "junit"),
     ("report", "store", "-o", "page.html"),
-    ("baseline", "update", "other", "there"),
+    ("compare", "there", "other", "--update"),
 ]
 
 

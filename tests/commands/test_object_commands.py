@@ -27,13 +27,13 @@ def swept(contactlab: Any, small: Path, at: str) -> str:
 def test_readers(contactlab: Any, swept: str, at: str) -> None:
     for arguments, expected in {
         ("show", at): f"4 runs, 4 traces in {at}",
-        ("show", at, swept): f"contactlab replay {at} {swept}",
+        ("show", at, swept): f"contactlab verify {at} {swept}",
         ("verify", at): f"{at} is sound: 4 runs, 4 traces",
-        ("replay", at, swept): "bitwise equal",
+        ("verify", at, swept): "bitwise equal",
         ("compare", "local", at): "same: no check",
         ("compare", at, "local", "--thorough"): "same: no check",
         ("render", at, swept, "-o", "run.mcap"): "run.mcap",
-        ("baseline", "update", at, "baseline"): f"holds the 4 runs of {at}",
+        ("compare", "baseline", at, "--update"): f"holds the 4 runs of {at}",
         ("compare", "baseline", at): "same: no check",
         ("tradeoff", at, "--metric", "oracle_error", "--tolerance", "oracle_error=50%"): "oracle",
     }.items():
@@ -106,7 +106,7 @@ def test_an_unfinished_one(contactlab: Any, at: str, connect: Any) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    "command", [("stability",), ("check", "ball_drop"), ("effects", "ball_drop")]
+    "command", [("stability",), ("examine", "ball_drop"), ("effects", "ball_drop")]
 )
 def test_commands_that_write_folders_only(contactlab: Any, command: tuple[str, ...]) -> None:
     result = contactlab(*command, "-o", "s3://bucket/a")

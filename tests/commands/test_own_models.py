@@ -83,7 +83,7 @@ def test_models_run_and_replay(
     for path in tmp_path.glob("own*"):
         path.rename(tmp_path / ("gone " + path.name))
     (run, _) = Store.open(tmp_path / "store").table["run_id"].to_pylist()
-    assert contactlab("replay", "store", run)[0] == 0
+    assert contactlab("verify", "store", run)[0] == 0
 
 
 @pytest.mark.parametrize(
@@ -194,7 +194,7 @@ def test_a_keyframe_without_a_name_is_chosen_by_an_option(contactlab: Run, tmp_p
             contactlab("sweep", "own.yaml", option, "keyframe=key[0]", "-o", "s" + option)[0] == 0
         )
         assert Store.open(tmp_path / ("s" + option)).table["keyframe"].to_pylist() == ["key[0]"]
-    assert contactlab("check", "pendulum.xml", "--keyframe", "key[0]", "--check", "task")[0] < 2
+    assert contactlab("examine", "pendulum.xml", "--keyframe", "key[0]", "--check", "task")[0] < 2
 
 
 def test_a_folder_that_is_not_there_is_told(contactlab: Run, tmp_path: Path) -> None:
@@ -218,8 +218,8 @@ def test_a_folder_that_is_not_there_is_told(contactlab: Run, tmp_path: Path) -> 
         (["list", "labels", "ball_drop"], "error: only axes belong to a scene"),
         (["balldrop"], "error: no command, model or shipped scene 'balldrop'; did you mean 'ball"),
         (["swep", "bounce"], "error: no command, model or shipped scene 'swep'; did you mean 'sw"),
-        (["schema", "swep"], "error: no schema 'swep'; did you mean 'sweep'?"),
-        (["schema", "--write", "/proc/here"], "error: cannot write /proc/here"),
+        (["list", "schemas", "swep"], "error: no schema 'swep'; did you mean 'sweep'?"),
+        (["list", "schemas", "--write", "/proc/here"], "error: cannot write /proc/here"),
     ],
 )
 def test_mistakes_of_other_commands(
@@ -250,9 +250,10 @@ def test_lists_in_both_formats(contactlab: Run, arguments: list[str]) -> None:
 
 @pytest.mark.long
 def test_schemas(contactlab: Run, tmp_path: Path) -> None:
-    names = contactlab("schema")[1].splitlines()
+    listed = json.loads(contactlab("list", "schemas", "--format", "json")[1])
+    names = [f"{row['schema']}.schema.json" for row in listed]
     assert "record.schema.json" in names
     for name in ("record.schema.json", "sweep"):
-        assert json.loads(contactlab("schema", name)[1])["$schema"]
-    assert contactlab("schema", "--write", "out")[0] == 0
+        assert json.loads(contactlab("list", "schemas", name)[1])["$schema"]
+    assert contactlab("list", "schemas", "--write", "out")[0] == 0
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(names)

@@ -35,7 +35,7 @@ ROBOTS = (
 )
 MISSED = {}
 SECONDS = 0.6
-COMMANDS = ("sweep", "check", "stability", "effects", "tradeoff")
+COMMANDS = ("sweep", "checks", "labels", "effects", "tradeoff")
 
 
 def tell(robot: str, command: str, code: int, start: float, verdict: str) -> None:
@@ -69,10 +69,10 @@ def moved(folder: Path) -> bool:
 def words(command: str, data: Any) -> str:
     """Return a command's verdict in a few words."""
     match command:
-        case "check":
+        case "checks":
             failed = [each["name"] for each in data["checks"] if each["verdict"] == "fail"]
             return f"{len(data['checks'])} checks; fails {', '.join(failed) or 'none'}"
-        case "stability":
+        case "labels":
             return data["headline"]
         case "effects":
             return f"{len(data['smallest_set']['off'])} of {len(data['effects'])} can be left out"
@@ -118,8 +118,8 @@ def test_every_command_answers(
     labels = Counter(Store.open(tmp_path / "sweep").table["label"].to_pylist())
     verdict = ", ".join(f"{count} {label}" for label, count in labels.items())
     tell(robot, "sweep", code, start, verdict)
-    ask("check", str(model), "--set", f"duration={SECONDS}", "-o", "check")
-    ask("stability", str(model), "-o", "stability")
+    ask("examine", str(model), "--section", "checks", "--set", f"duration={SECONDS}", "-o", "check")
+    ask("examine", str(model), "--section", "labels", "-o", "labels")
     ask("effects", "robot.yaml", "--seeds", "1", "-o", "effects")
     ask("tradeoff", "robot.yaml", "-o", "tradeoff")
     still = [each for each in COMMANDS if not moved(tmp_path / each)]

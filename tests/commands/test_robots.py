@@ -58,7 +58,7 @@ def use(contactlab: Run, folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[
     code, out, err = contactlab("list", "axes", ROBOT)
     assert (code, err) == (0, "")
     assert "home, qpos0" in out
-    code, out, _ = contactlab("stability", ROBOT, "--workers", "0")
+    code, out, _ = contactlab(ROBOT, "--section", "labels", "--workers", "0")
     assert code == 0, out
     assert (folder / "results/examine/panda/run/manifest.json").is_file()
     (folder / "robot.yaml").write_text(SWEEP)
@@ -72,7 +72,7 @@ def use(contactlab: Run, folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[
     assert contactlab("show", "store")[0] == 0
     for each in records:
         assert contactlab("show", "store", each.run_id)[0] == 0
-        assert contactlab("replay", "store", each.run_id)[0] == 0
+        assert contactlab("verify", "store", each.run_id)[0] == 0
     return records
 
 
@@ -98,7 +98,7 @@ def test_a_robot_that_is_not_there_is_a_message(
     contactlab: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("MENAGERIE_ROOT", str(tmp_path))
-    for words in (["list", "axes"], ["stability"], ["init"]):
+    for words in (["list", "axes"], ["examine", "--section", "labels"], ["init"]):
         code, out, err = contactlab(*words, ROBOT)
         assert (code, out) == (2, "")
         assert "cannot get franka_emika_panda" in err

@@ -1,4 +1,4 @@
-"""Compact traces: what a sweep writes, which commands read it, and `contactlab traces expand`."""
+"""Compact traces: what a sweep writes, which commands read it, and `render STORE -o FOLDER`."""
 
 import json
 import shutil
@@ -49,8 +49,8 @@ def test_expanded_traces_are_the_messages_of_the_other_sweep(
     contactlab: Run, stores: tuple[Path, Path]
 ) -> None:
     compact, messages = stores
-    done = contactlab("traces", "expand", str(compact))
-    folder = compact.with_name("compact-all-messages")
+    folder = compact.with_name("expanded")
+    done = contactlab("render", str(compact), "-o", str(folder))
     assert done.code == 0
     assert " ".join(done.out.split()).startswith(f"4 traces as messages in {folder}: ")
     assert files(folder) == files(messages)
@@ -60,13 +60,13 @@ def test_expanded_traces_are_the_messages_of_the_other_sweep(
 
 def test_one_run_is_expanded(contactlab: Run, stores: tuple[Path, Path]) -> None:
     run = Store.open(stores[0]).table["run_id"].to_pylist()[1]
-    done = contactlab("traces", "expand", str(stores[0]), run[:6], "-o", "a/b")
+    done = contactlab("render", str(stores[0]), run[:6], "-o", "a/b")
     assert (done.code, done.out[:30]) == (0, "1 trace as messages in a/b: 0.")
     assert files(Path("a/b")) == {f"{run}.mcap": files(stores[1])[f"{run}.mcap"]}
 
 
 def test_messages_are_copied_as_they_are(contactlab: Run, stores: tuple[Path, Path]) -> None:
-    assert contactlab("traces", "expand", str(stores[1]), "-o", "copy").code == 0
+    assert contactlab("render", str(stores[1]), "-o", "copy").code == 0
     assert files(Path("copy")) == files(stores[1])
 
 
@@ -75,7 +75,7 @@ def test_commands_read_both_forms_alike(contactlab: Run, stores: tuple[Path, Pat
     compact, messages = (str(each) for each in stores)
     run = Store.open(stores[0]).table["run_id"].to_pylist()[1]
     assert contactlab("verify", compact, "--simulate", "2").code == 0
-    assert contactlab("replay", compact, run).code == 0
+    assert contactlab("verify", compact, run).code == 0
     compared = contactlab("compare", messages, compact, "--thorough")
     assert compared.code == 0
     assert "all bitwise equal" in compared.out
@@ -99,8 +99,9 @@ def test_records_are_the_same_but_for_the_file(stores: tuple[Path, Path]) -> Non
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("none",), "no store at none"),
-        (("STORE", "zzz"), "has an id that starts with 'zzz'"),
+        (("none", "-o", "x"), "no store at none"),
+        (("STORE",), "name a run of the store, or a folder for all traces: -o FOLDER"),
+        (("STORE", "zzz", "-o", "x"), "has an id that starts with 'zzz'"),
         (("STORE", "-o", "STORE/traces"), "is in the store; name another folder"),
         (("STORE", "-o", "/dev/null/x"), "cannot write /dev/null/x: Not a directory"),
     ],
@@ -110,7 +111,7 @@ def test_what_cannot_be_expanded_is_refused_in_one_line(
 ) -> None:
     given = [each.replace("STORE", str(stores[0])) for each in arguments]
     before = files(stores[0])
-    done = contactlab("traces", "expand", *given)
+    done = contactlab("render", *given)
     assert done.code in {2, 3}
     assert said in done.err
     assert len(done.err.splitlines()) == 1
@@ -120,7 +121,7 @@ def test_what_cannot_be_expanded_is_refused_in_one_line(
 @pytest.mark.long
 def test_a_store_without_traces_says_so(contactlab: Run, tmp_path: Path) -> None:
     store = swept(tmp_path, "compact", "none")
-    done = contactlab("traces", "expand", str(store), "-o", "x")
+    done = contactlab("render", str(store), "-o", "x")
     assert (done.code, done.out) == (3, "")
     assert "has no traces; sweep again with --set trace=all" in done.err
     assert not Path("x").exists()
@@ -135,7 +136,7 @@ def test_a_damaged_trace_is_refused(
     data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 1
     path.write_bytes(data)
-    done = contactlab("traces", "expand", str(store), path.stem, "-o", "x")
+    done = contactlab("render", str(store), path.stem, "-o", "x")
     assert done.code == 3
     assert f"{path.name}: changed since it was written" in done.err
     assert not Path("x").exists()

@@ -56,9 +56,7 @@ def test_one_better_metric(baseline: Path, runs: Runs, stored: Stored) -> None:
     report = compare(baseline, stored("better", better))
     assert (report.verdict, report.exit_code) == ("better", 0)
     assert check(report, "grip no worse").outcome == "noted"
-    assert "make the candidate the baseline: contactlab baseline update" in as_text(
-        report_of(report)
-    )
+    assert "make the candidate the baseline: contactlab compare" in as_text(report_of(report))
 
 
 def test_a_metric_without_a_better_side_may_not_change(

@@ -75,8 +75,8 @@ def check_shards(found: list[list[str]], count: int, numbers: Sequence[int] = ()
 
 
 def check_merge(words: list[str], count: int) -> None:
-    assert words[1] == "merge"
-    assert len(words[2 : words.index("-o")]) == count
+    assert words[1] == "sweep"
+    assert len(words[2 : words.index("--merge")]) == count
 
 
 def test_two_shards(place: Path) -> None:
@@ -100,7 +100,7 @@ def test_a_slurm_array(place: Path) -> None:
             SHARDS=place / "shards",
         )
     check_shards(found, int(last), tasks)
-    merge = re.findall("then: (contactlab merge .*)", SLURM)[0].replace("/shared/robot", "shards")
+    merge = re.findall("then: (contactlab sweep .*)", SLURM)[0].replace("/shared/robot", "shards")
     check_merge(calls(place, ["sh", "-ec", merge])[0], len(tasks))
 
 
@@ -138,7 +138,7 @@ def test_a_matrix_of_github(place: Path) -> None:
     numbers = shard["strategy"]["matrix"]["shard"]
     found = [calls(place, ["sh", "-ec", sweep], SHARD=number)[0] for number in numbers]
     check_shards(found, len(numbers))
-    joined = next(step["run"] for step in merge["steps"] if "merge" in step.get("run", ""))
+    joined = next(step["run"] for step in merge["steps"] if "--merge" in step.get("run", ""))
     check_merge(calls(place, ["sh", "-ec", joined])[0], len(numbers))
     assert merge["needs"] == "shard"
 

@@ -73,7 +73,7 @@ def ended(folder: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":
 @pytest.mark.night
 @pytest.mark.parametrize(("words", "fields"), HERE, ids=[row[0].split()[0] for row in HERE])
 def test_a_command_answers_with_the_fields(words: str, fields: str, folder: Path) -> None:
-    if words.startswith(("compare", "show", "traces")):
+    if words.startswith(("compare", "show", "render")):
         for store in ("before", "after"):
             printed(folder, "sweep", "grid.yaml", "-o", store)
         runs = contactlab.open(str(folder / "after")).table["run_id"].to_pylist()

@@ -200,7 +200,7 @@ def test_what_is_not_installed_or_has_lost_its_python_is_refused(
 ) -> None:
     engine = install()
     (engine.environment / "bin/python").unlink()
-    with pytest.raises(SceneError, match="install it once with `contactlab engines add twin`"):
+    with pytest.raises(SceneError, match="install it once with `contactlab parity --install twin`"):
         swept(tmp_path)
-    with pytest.raises(SceneError, match="install it once with `contactlab engines add warp`"):
+    with pytest.raises(SceneError, match="install it once with `contactlab parity --install warp`"):
         swept(tmp_path, SWEEP.replace("twin", "warp"))

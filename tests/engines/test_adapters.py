@@ -185,7 +185,7 @@ def refusal_of(name: str, model: mujoco.MjModel) -> str | None:
 
 def installed(name: str) -> Any:
     return pytest.mark.skipif(
-        not ENGINES[name].version, reason=f"contactlab engines add {name} was not run here"
+        not ENGINES[name].version, reason=f"contactlab parity --install {name} was not run here"
     )
 
 

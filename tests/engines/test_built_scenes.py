@@ -27,7 +27,7 @@ TREES = {
 
 def installed(name: str, *values: object) -> Any:
     absent = not ENGINES[name].version
-    why = f"contactlab engines add {name} was not run here"
+    why = f"contactlab parity --install {name} was not run here"
     return pytest.param(name, *values, marks=pytest.mark.skipif(absent, reason=why), id=name)
 
 

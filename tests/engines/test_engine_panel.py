@@ -95,7 +95,7 @@ def test_what_there_is_not_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     for request, error, said in (
         (PanelRequest(["bounc"]), SweepFileError, "did you mean 'bounce'"),
         (PanelRequest(engines=["nobody"]), EngineError, "no engine 'nobody'; there are mujoco, "),
-        (PanelRequest(engines=["cenic"]), EngineError, "contactlab engines add cenic"),
+        (PanelRequest(engines=["cenic"]), EngineError, "contactlab parity --install cenic"),
     ):
         with pytest.raises(error, match=said):
             run_panel(request, Session(tmp_path / "out"))

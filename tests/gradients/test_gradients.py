@@ -298,7 +298,7 @@ def test_automatic_differentiation_is_the_runs_own(
     along the contact, of whose square MJX takes the root.
     """
     if not engine().version:
-        pytest.skip("mjx is not installed: contactlab engines add mjx")
+        pytest.skip("mjx is not installed: contactlab parity --install mjx")
     subject = replace(subject_of(name, of), duration=0.2)
     how = Differentiation(subject, 2, METHODS["mjx"], ladder=False)
     (found,) = how.by(subject.find_parameter(by), [Point(values, {})])
@@ -314,7 +314,7 @@ def test_substeps_that_end_where_a_contact_is_made_have_restitutions_derivative(
     of w s, s being such that s^2 w^2 v / 4 is the accuracy times 1 + v: 2e-4 s, w s = .02 at 1e-4.
     """
     if not engine().version:
-        pytest.skip("mjx is not installed: contactlab engines add mjx")
+        pytest.skip("mjx is not installed: contactlab parity --install mjx")
     subject = replace(subject_of("ball", "x.v"), duration=0.2)
     how = Differentiation(subject, 2, METHODS["mjx-adaptive"], ladder=False)
     (found,) = how.by(subject.find_parameter("speed"), [Point({"speed": 6.0}, {})])
@@ -329,5 +329,5 @@ def test_an_engine_that_is_not_here_is_named(
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     for means in ("mjx", "mjx-adaptive"):
         request = GradientsRequest(str(GRADIENTS / "push"), "x", ["push"], include=[means])
-        with pytest.raises(EngineError, match="contactlab engines add mjx"):
+        with pytest.raises(EngineError, match="contactlab parity --install mjx"):
             differentiate_scene(request, Session(tmp_path / "out"))

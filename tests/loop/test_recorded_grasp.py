@@ -32,4 +32,4 @@ def test_success_by_sinking_in_is_caught(
         CliRunner().invoke(command_line(), ["show", "results/grasp_soft", records[1].run_id]).stdout
     )
     assert "episode 0, success" in run
-    assert "contactlab replay" not in run
+    assert "contactlab verify" not in run

@@ -137,7 +137,7 @@ def test_the_page_shows_it_without_the_plugin(store: Store, tmp_path: Path) -> N
 
 @pytest.mark.long
 def test_check_asks_its_question(file: Path, tmp_path: Path) -> None:
-    words = ["check", "ball_drop", "--plugin", str(file), "--check", "degrees"]
+    words = ["examine", "ball_drop", "--plugin", str(file), "--check", "degrees"]
     done = CliRunner().invoke(command_line(), [*words, "-o", str(tmp_path / "checked")])
     assert "dofs 6 (limit 2)" in done.output, done.output
     assert done.exit_code == 1

@@ -61,14 +61,14 @@ def test_all_that_it_adds_is_in_the_store(environment: Path, folder: Path, worke
         assert record.metrics["oracle_error"] == 0
         assert "hovering" in {entry.label for entry in record.labels}
     frozen = next(each.run_id for each in records if each.engine.name == "frozen")
-    done = contactlab(environment, "replay", "store", frozen, folder=folder)
+    done = contactlab(environment, "verify", "store", frozen, folder=folder)
     assert "bitwise equal" in done.stdout, done.stderr
     # Without the plug-in the store can be read, and says what it was made with.
     here = Path(sys.executable)
     done = contactlab(here, "verify", "store", folder=folder)
     assert done.returncode == 0
     assert "was written with plug-ins that are not loaded: contactlab-springs 1.2.0" in done.stderr
-    done = contactlab(here, "replay", "store", frozen, folder=folder)
+    done = contactlab(here, "verify", "store", frozen, folder=folder)
     assert done.returncode == 2
     assert "plug-in contactlab-springs 1.2.0" in done.stderr
     done = contactlab(here, "report", "store", folder=folder)

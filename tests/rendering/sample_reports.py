@@ -7,7 +7,6 @@ from typing import Any
 from contactlab.schema.check_report import StabilityReport, StabilityResult
 from contactlab.schema.effects_report import EffectsReport, PartEffect
 from contactlab.schema.engine_panel import EnginePanel, PanelRun, PanelTask
-from contactlab.schema.examination import RestingContact
 from contactlab.schema.explanation import Explanation, WordMeaning
 from contactlab.schema.gradients import (
     Band,
@@ -196,21 +195,10 @@ def bisection() -> Bisection:
     )  # fmt: skip
 
 
-def explanation(*, contacts: bool) -> Explanation:
-    if not contacts:
-        texts = ("Contacts press and part in turn.", "limit chatter_rate: 20 1/s. By eye.")
-        meaning = WordMeaning(word="chatter", title="chatter: a label", texts=texts)
-        return Explanation(meanings=(meaning, meaning.model_copy(update={"texts": ()})))
-    contact = RestingContact(
-        name="box - floor", solref=(0.02, 1.0), phase="held", contacts=4, load=4.9, depth=1.5e-4,
-        expected_depth=1.4e-4, stiffness=5e4, damping=320, damping_ratio=1.0, restitution=0.0,
-        bounced=None, longest_step=0.01, timestep=0.002,
-    )  # fmt: skip
-    alike = contact.model_copy(update={"name": "box - wall"})
-    loose = contact.model_copy(update={"name": "lid - box", "expected_depth": None})
-    return Explanation(
-        task="from its start, held", contacts=(contact, alike, loose), requested=("stiffness",)
-    )
+def explanation() -> Explanation:
+    texts = ("Contacts press and part in turn.", "limit chatter_rate: 20 1/s. By eye.")
+    meaning = WordMeaning(word="chatter", title="chatter: a label", texts=texts)
+    return Explanation(meanings=(meaning, meaning.model_copy(update={"texts": ()})))
 
 
 REPORTS: Mapping[str, Described] = {
@@ -221,8 +209,7 @@ REPORTS: Mapping[str, Described] = {
     "equal replay": replay(equal=True),
     "other replay": replay(equal=False),
     "bisection": bisection(),
-    "meanings": explanation(contacts=False),
-    "contacts": explanation(contacts=True),
+    "meanings": explanation(),
     "expansion": ExpandedTraces(folder=Path("messages"), traces=2, bytes=4_300_000),
     "bundle": WrittenBundle(folder=Path("bundle"), runs=1, refused={}),
     "grip": grip(),

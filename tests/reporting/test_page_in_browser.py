@@ -107,7 +107,7 @@ def test_a_click_leads_to_the_run(visit: Visit, reported: Reported, swept: Swept
     for name, value in shown.items():
         known = record.metrics | {"cost_cpu_per_sim_s": record.cost and record.cost.cpu_per_sim_s}
         assert float(value) == pytest.approx(known[name.split(" ")[0]], rel=1e-5, abs=1e-12)
-    assert f"contactlab replay {swept('bounce').path} {run}" in text(page, "#run pre")
+    assert f"contactlab verify {swept('bounce').path} {run}" in text(page, "#run pre")
     assert record.trace is not None
     assert record.trace.file in text(page, "#run")
     assert all(each.label in text(page, "#run ul") for each in record.labels)

@@ -107,7 +107,7 @@ def make_shards(place: str) -> None:
 
 
 def merge(place: str) -> None:
-    contactlab.merge(shards_of(place), output=f"{place}whole")
+    contactlab.sweep(shards_of(place), merge=True, output=f"{place}whole")
 
 
 def merge_again(place: str) -> None:

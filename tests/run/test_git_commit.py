@@ -235,7 +235,7 @@ def test_commands_run_no_program_of_a_repository(
     command.folder = hostile
     for words in (
         ("sweep", "one.yaml", "-o", "store"),
-        ("check", "ball_drop"),
+        ("examine", "ball_drop", "--section", "checks"),
         ("verify", "store", "--simulate", "1"),
     ):
         code, _, err = command.run(*words)

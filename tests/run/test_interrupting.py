@@ -156,9 +156,9 @@ def assert_goes_on(sweeper: Any, stored: int) -> None:
         (("stability", "free_fall"), "repeat the finished cases and resume this one"),
         (("tradeoff", "small.yaml"), "resume"),
         (("effects", "ball_drop"), "resume"),
-        (("check", "ball_drop"), "examine it anew"),
+        (("examine", "ball_drop", "--section", "checks"), "examine it anew"),
     ],
-    ids=["stability", "tradeoff", "effects", "check"],
+    ids=["stability", "tradeoff", "effects", "examine"],
 )
 def test_every_command_that_sweeps_can_be_told(
     slow: Slow, until: Until, asked: Sequence[str], then: str

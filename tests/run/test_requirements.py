@@ -11,7 +11,6 @@ import pytest
 import contactlab
 from contactlab.errors import SweepFileError
 from contactlab.plan.task_options import TaskOptions
-from contactlab.schema.examination import Examination
 from contactlab.schema.requirement import read_requirement
 from contactlab.studies.effects.configuration_runs import build_sweep
 from contactlab.studies.effects.effects_request import EffectsRequest, read_setup
@@ -214,7 +213,13 @@ def test_names_and_times_are_those_of_the_model(tmp_path: Path, text: str, said:
         record_of(tmp_path, slope(0.1, 1), [text])
     assert said in str(refused.value)
     with pytest.raises(SweepFileError) as refused:
-        contactlab.check(tmp_path / "model.xml", require=text, duration=1, output=tmp_path / "c")
+        contactlab.examine(
+            tmp_path / "model.xml",
+            section=["checks"],
+            require=text,
+            duration=1,
+            output=tmp_path / "c",
+        )
     assert said in str(refused.value)
 
 
@@ -238,16 +243,15 @@ def test_check_and_stability_fail_what_must_hold_and_say_why(tmp_path: Path) -> 
     keys: dict[str, Any] = {"duration": "0.3s", "drive": "none", "workers": 0}
     must = ["still(box, 1 mm)", "stays(box, 2 m)"]
     model, folder = tmp_path / "model.xml", tmp_path / "check"
-    report = contactlab.check(model, check=["requirements"], require=must, output=folder, **keys)
+    report = contactlab.examine(model, check=["requirements"], require=must, output=folder, **keys)
     (result,) = report.checks
     assert (report.passed, result.verdict) == (False, "fail")
     assert [note.split(" by ")[0] for note in result.notes] == [
         f"seed {seed}: still(box, 1 mm): moves" for seed in range(3)
     ]
-    met = contactlab.check(model, check=["requirements"], require=must[1], output=folder, **keys)
+    met = contactlab.examine(model, check=["requirements"], require=must[1], output=folder, **keys)
     assert met.passed
-    held = contactlab.stability([model], require=must, output=folder, **keys)
-    assert isinstance(held, Examination)
+    held = contactlab.examine(model, section=["labels"], require=must, output=folder, **keys)
     assert not held.passed
     (label,) = held.labels
     assert (label.label, label.runs) == ("broken_requirement", 3)
@@ -267,8 +271,6 @@ def test_what_would_be_ignored_is_refused_with_what_to_write(tmp_path: Path) -> 
         SweepFileError, match=r"--tolerance would be .* write --tolerance METRIC=VALUE"
     ):
         contactlab.report(store, tolerance="10%")
-    with pytest.raises(SweepFileError, match="case 'pile' already defines"):
-        contactlab.stability(["pile"], observe="box")
 
 
 def test_an_ablation_keeps_what_must_hold_in_every_run(tmp_path: Path) -> None:

@@ -76,7 +76,7 @@ def three(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 @pytest.fixture(scope="module")
 def merged(three: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Store:
-    return contactlab.merge(three, output=tmp_path_factory.mktemp("merged") / "store")
+    return contactlab.sweep(three, merge=True, output=tmp_path_factory.mktemp("merged") / "store")
 
 
 @pytest.mark.usefixtures("_one_clock")
@@ -85,7 +85,7 @@ def test_merged_shards_have_the_bytes_of_one_store(tmp_path: Path, count: int) -
     one = swept(tmp_path / "one")
     places = shards(tmp_path, count)
     places = places[::-2] + places[-2::-2]
-    contactlab.merge(places, output=tmp_path / "merged")
+    contactlab.sweep(places, merge=True, output=tmp_path / "merged")
     assert contents(tmp_path / "merged") == contents(one.path)
     # What no shard can know: a mean over all runs.
     assert one.manifest.unmet_means
@@ -108,7 +108,9 @@ def test_64_shards_of_which_five_are_killed(
         changes = (int(rng.integers(3, 30)), 10**6) if number in order[::13] else (10**6,)
         killed += len([*kills(place, act, changes)])
     assert killed == 5
-    contactlab.merge([places[place] for place in rng.permutation(64)], output=tmp_path / "merged")
+    contactlab.sweep(
+        [places[place] for place in rng.permutation(64)], merge=True, output=tmp_path / "merged"
+    )
     assert contents(tmp_path / "merged") == contents(one.path)
 
 
@@ -149,11 +151,11 @@ def test_a_killed_shard_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     with pytest.raises(KeyboardInterrupt):
         swept(place, shard="1/2")
     with pytest.raises(StoreError, match=r"shard is unfinished"):
-        contactlab.merge([place], output=tmp_path / "merged")
+        contactlab.sweep([place], merge=True, output=tmp_path / "merged")
     monkeypatch.setattr(store_writer.StoreWriter, "finish_store", publish)
     swept(place, shard="1/2")
     swept(tmp_path / "other", shard="2/2")
-    done = contactlab.merge([tmp_path / "other", place], output=tmp_path / "merged")
+    done = contactlab.sweep([tmp_path / "other", place], merge=True, output=tmp_path / "merged")
     names = ["run_id", "index", "label", "trajectory_hash", "penetration_max"]
     assert done.columns.to_pydict(names) == whole.columns.to_pydict(names)
 
@@ -161,34 +163,36 @@ def test_a_killed_shard_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 def test_a_merge_that_died_as_it_ended_is_tidied_up(three: list[Path], tmp_path: Path) -> None:
     """Its manifest is there, and the journal is not gone yet; of other runs it stays refused."""
     target = tmp_path / "merged"
-    digest = contactlab.merge(three, output=target).digest
+    digest = contactlab.sweep(three, merge=True, output=target).digest
     (target / "journal.jsonl").touch()
     with pytest.raises(OutputError, match="already holds a store"):
-        contactlab.merge(three[:2], output=target, partial=True)
-    assert contactlab.merge(three, output=target).digest == digest
+        contactlab.sweep(three[:2], merge=True, output=target, partial=True)
+    assert contactlab.sweep(three, merge=True, output=target).digest == digest
     assert not find_problems(target)
     with pytest.raises(OutputError, match="already holds a store"):
-        contactlab.merge(three, output=target)
+        contactlab.sweep(three, merge=True, output=target)
 
 
 def test_gaps_are_named_and_can_be_filled(three: list[Path], tmp_path: Path) -> None:
     target = tmp_path / "merged"
     with pytest.raises(StoreError, match=r"5 of 16 runs .* shard 2/3; run the missing ones"):
-        contactlab.merge([three[2], three[0]], output=target)
+        contactlab.sweep([three[2], three[0]], merge=True, output=target)
     assert not target.exists()
-    part = contactlab.merge([three[2], three[0], tmp_path / "no"], output=target, partial=True)
+    part = contactlab.sweep(
+        [three[2], three[0], tmp_path / "no"], merge=True, output=target, partial=True
+    )
     assert part.manifest.runs == RUNS - 5
     assert not find_problems(target)
     assert not [*recomputed_problems(part)]
     with pytest.raises(OutputError, match="already holds a store"):
-        contactlab.merge(three, output=target)
+        contactlab.sweep(three, merge=True, output=target)
     assert swept(target).manifest.runs == RUNS
     assert not find_problems(target)
 
 
 def test_parts_merge_again(three: list[Path], tmp_path: Path, merged: Store) -> None:
-    two = contactlab.merge(three[:2], output=tmp_path / "two", partial=True)
-    again = contactlab.merge([three[2], two.path], output=tmp_path / "three")
+    two = contactlab.sweep(three[:2], merge=True, output=tmp_path / "two", partial=True)
+    again = contactlab.sweep([three[2], two.path], merge=True, output=tmp_path / "three")
     assert again.manifest.records == merged.manifest.records
 
 
@@ -201,7 +205,7 @@ def spoiled(folder: Path, source: Path, change: Callable[[Path], object]) -> Pat
 def test_overlaps_and_strangers_are_refused_by_name(three: list[Path], tmp_path: Path) -> None:
     def refusal(places: Sequence[Path]) -> str:
         with pytest.raises(ContactlabError) as found:
-            contactlab.merge(places, output=tmp_path / "merged")
+            contactlab.sweep(places, merge=True, output=tmp_path / "merged")
         assert not (tmp_path / "merged").exists()
         return str(found.value)
 
@@ -219,10 +223,10 @@ def test_overlaps_and_strangers_are_refused_by_name(three: list[Path], tmp_path:
     trace = next((copy / "traces").rglob("*.mcap"))
     trace.write_bytes(trace.read_bytes()[:-1] + b"x")
     with pytest.raises(StoreError, match=f"{trace.name}: changed since it was written"):
-        contactlab.merge([copy, *three[1:]], output=tmp_path / "cut")
+        contactlab.sweep([copy, *three[1:]], merge=True, output=tmp_path / "cut")
     assert refusal([three[0] / "no"]).startswith("no store at")
     with pytest.raises(OutputError, match="is one of the shards"):
-        contactlab.merge(three, output=three[1], fresh=True)
+        contactlab.sweep(three, merge=True, output=three[1], fresh=True)
 
 
 def test_a_merge_that_was_killed_is_made_again(
@@ -235,9 +239,12 @@ def test_a_merge_that_was_killed_is_made_again(
 
     monkeypatch.setattr(store_writer.StoreWriter, "join_tables", killed)
     with pytest.raises(KeyboardInterrupt):
-        contactlab.merge(three, output=target)
+        contactlab.sweep(three, merge=True, output=target)
     monkeypatch.setattr(store_writer.StoreWriter, "join_tables", join)
-    assert contactlab.merge(three, output=target).manifest.records == merged.manifest.records
+    assert (
+        contactlab.sweep(three, merge=True, output=target).manifest.records
+        == merged.manifest.records
+    )
     assert not find_problems(target)
 
 
@@ -265,7 +272,7 @@ def test_shards_lie_in_buckets(three: list[Path], bucket: str, merged: Store) ->
     places = [f"{bucket}/shards/{number}" for number in (1, 2, 3)]
     for number, place in enumerate(places, 1):
         swept(place, shard=f"{number}/3")
-    found = contactlab.merge([three[2], *places[:2]], output=f"{bucket}/merged")
+    found = contactlab.sweep([three[2], *places[:2]], merge=True, output=f"{bucket}/merged")
     names = ["run_id", "index", "label", "trajectory_hash", "penetration_max"]
     assert found.columns.to_pydict(names) == merged.columns.to_pydict(names)
     assert not find_problems(found.address)

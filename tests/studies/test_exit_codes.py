@@ -140,7 +140,9 @@ def judged(case: Any, path: Path, *, healthy: bool, **options: Any) -> Examinati
     duration = f"{case.duration} s"
     out = path.with_suffix(".json")
     out.unlink(missing_ok=True)
-    return contactlab.check(path, drive="none", duration=duration, output=out, **options)
+    return contactlab.examine(
+        path, section=["checks"], drive="none", duration=duration, output=out, **options
+    )
 
 
 @pytest.mark.parametrize(

@@ -158,7 +158,7 @@ def test_a_sunk_box_is_told_of_its_start_and_the_written_model_is_ok(tmp_path: P
     assert (report.headline, report.fixes[0].apply) == (headline, "raise")
     assert report.fixes[0].verification is not None
     assert report.fixes[0].verification.passed
-    assert contactlab.check(new, output=tmp_path / "new.json").verdict == "ok"
+    assert contactlab.examine(new, section=["checks"], output=tmp_path / "new.json").verdict == "ok"
 
 
 DOUBLED = """<mujoco><worldbody><geom name="floor" type="plane" size="2 2 .1"/>

@@ -37,7 +37,7 @@ def test_watched_bodies_and_the_share_decide(tmp_path: Path) -> None:
 
     def checked(**task: Any) -> Examination:
         folder = tmp_path / "check"
-        return contactlab.check(
+        return contactlab.examine(
             model, check=["task"], workers=0, output=folder, duration="1.5s", **task
         )
 
@@ -101,6 +101,4 @@ def test_a_dependence_on_the_step_is_of_all_seeds_together(mean: float, kept: li
 
 def test_a_length_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SweepFileError, match="share of the real forces"):
-        contactlab.check(written(tmp_path), tolerance="1mm")
-    with pytest.raises(SweepFileError, match="share of the real forces"):
-        contactlab.stability([written(tmp_path)], tolerance="1mm")
+        contactlab.examine(written(tmp_path), section=["checks"], tolerance="1mm")

@@ -25,11 +25,11 @@ from contactlab.errors import ContactlabError, ExpectationError, PluginError
 Group = Literal["examine", "run", "read", "gate", "extend"]
 """Kind of a command, by its purpose."""
 TITLES: Mapping[Group, str] = {
-    "examine": "Examine a model",
+    "examine": "Judge and improve a model",
     "run": "Run sweeps",
     "read": "Read evidence",
     "gate": "Gate changes",
-    "extend": "Look up and extend",
+    "extend": "Look up",
 }
 """Titles of groups, in the order of `--help`."""
 _OF_RUNS = (
@@ -95,7 +95,7 @@ class Command:
     """A declared command."""
 
     function: Callable[..., Any]
-    name: str  # its words, such as `baseline update`
+    name: str  # its words, such as `advisories check`
     group: Group
     examples: Sequence[str]
     codes: str

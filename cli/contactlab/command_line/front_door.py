@@ -19,6 +19,8 @@ def complete_words(words: Sequence[str]) -> list[str]:
         SweepFileError: the first word is neither a command nor a model.
     """
     first = words[0] if words else ""
+    if new := replacement_of(first, *words[1:2]):
+        raise SweepFileError(f"'{first}' is now `contactlab {new}`")
     if not first or first.startswith("-") or first in command_modules():
         return list(words)
     if Path(first).suffix in _SWEEPS:
@@ -35,6 +37,22 @@ def complete_words(words: Sequence[str]) -> list[str]:
             f"no command, model or shipped scene '{first}'{near or '; see contactlab --help'}"
         )
     return list(words)
+
+
+def replacement_of(command: str, *rest: str) -> str:
+    """Return the words that replace a command of an earlier version; empty for other words."""
+    renamed = {
+        "baseline": "compare BASELINE CANDIDATE --update",
+        "check": "examine MODEL --section checks",
+        "engines": "parity --closed-forms",
+        "merge": "sweep SHARD... --merge -o STORE",
+        "replay": "verify STORE RUN",
+        "schema": "list schemas",
+        "traces": "render STORE -o FOLDER",
+    }
+    if (command, *rest) == ("engines", "add"):
+        return "parity --install NAME"
+    return renamed.get(command, "")
 
 
 def _is_model(word: str) -> bool:

@@ -29,7 +29,7 @@ StoreArgument = Annotated[
 Run = Annotated[str, Argument("RUN", "Run id, or its first digits.")]
 BaselineDigest = Annotated[
     str | None,
-    Option("SHA256", "Digest that the baseline must have, as `baseline update` prints it."),
+    Option("SHA256", "Digest that the baseline must have, as `--update` prints it."),
 ]
 StoreOutput = Annotated[
     "Address | str | None",

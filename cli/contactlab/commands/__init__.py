@@ -5,13 +5,10 @@ from typing import Literal
 
 CommandModule = Literal[
     "advisories",
-    "baseline",
     "bisect",
-    "check",
     "compare",
     "diff",
     "effects",
-    "engines",
     "examine",
     "explain",
     "fit",
@@ -21,17 +18,13 @@ CommandModule = Literal[
     "lint",
     "list",
     "lock",
-    "merge",
     "parity",
     "render",
-    "replay",
     "report",
-    "schema",
     "show",
     "shrink",
     "stability",
     "sweep",
-    "traces",
     "tradeoff",
     "tune",
     "verify",
@@ -39,25 +32,19 @@ CommandModule = Literal[
 """The names of the modules, sorted."""
 
 
-def load_command(name: CommandModule) -> ModuleType:  # noqa: C901, PLR0912, PLR0915 - a table
+def load_command(name: CommandModule) -> ModuleType:  # noqa: C901, PLR0912 - a table
     """Import and return the module of a command."""
     match name:
         case "advisories":
             from contactlab.commands import advisories as module
-        case "baseline":
-            from contactlab.commands import baseline as module
         case "bisect":
             from contactlab.commands import bisect as module
-        case "check":
-            from contactlab.commands import check as module
         case "compare":
             from contactlab.commands import compare as module
         case "diff":
             from contactlab.commands import diff as module
         case "effects":
             from contactlab.commands import effects as module
-        case "engines":
-            from contactlab.commands import engines as module
         case "examine":
             from contactlab.commands import examine as module
         case "explain":
@@ -76,18 +63,12 @@ def load_command(name: CommandModule) -> ModuleType:  # noqa: C901, PLR0912, PLR
             from contactlab.commands import list as module
         case "lock":
             from contactlab.commands import lock as module
-        case "merge":
-            from contactlab.commands import merge as module
         case "parity":
             from contactlab.commands import parity as module
         case "render":
             from contactlab.commands import render as module
-        case "replay":
-            from contactlab.commands import replay as module
         case "report":
             from contactlab.commands import report as module
-        case "schema":
-            from contactlab.commands import schema as module
         case "show":
             from contactlab.commands import show as module
         case "shrink":
@@ -96,8 +77,6 @@ def load_command(name: CommandModule) -> ModuleType:  # noqa: C901, PLR0912, PLR
             from contactlab.commands import stability as module
         case "sweep":
             from contactlab.commands import sweep as module
-        case "traces":
-            from contactlab.commands import traces as module
         case "tradeoff":
             from contactlab.commands import tradeoff as module
         case "tune":

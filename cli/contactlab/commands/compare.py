@@ -4,10 +4,10 @@ import sys
 from datetime import date, datetime
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Option, command, flag
+from contactlab.command_line.declaration import Argument, Given, Option, command, flag
 from contactlab.command_line.judgements import (
     compared,
     failure,
@@ -16,20 +16,33 @@ from contactlab.command_line.judgements import (
     printed,
     publish,
 )
-from contactlab.errors import PolicyError, StoreError
+from contactlab.command_line.report_formats import formats_by_type, report_formats
+from contactlab.errors import ContactlabError, OutputError, PolicyError, StoreError
 
 if TYPE_CHECKING:
     from contactlab.comparison.metric_checks import Remeasure
     from contactlab.schema.comparison import ComparisonReport
+    from contactlab.schema.store_reports import WrittenBaseline
     from contactlab.store.finished_store import Store
     from contactlab.store.store_files import Address
 
 
+def _failure(result: "ComparisonReport | WrittenBaseline", given: Given) -> ContactlabError | None:
+    from contactlab.schema.store_reports import WrittenBaseline
+
+    return None if isinstance(result, WrittenBaseline) else failure(result, given)
+
+
 @command(
     "gate",
-    examples=("compare results/before results/after",),
-    formats=printed(compared),
-    failure=failure,
+    examples=(
+        "compare results/before results/after",
+        "compare baselines/grasp results/grasp --update",
+    ),
+    formats=formats_by_type(
+        {"ComparisonReport": printed(compared), "WrittenBaseline": report_formats()}
+    ),
+    failure=_failure,
 )
 def compare(
     baseline: Annotated[
@@ -49,6 +62,10 @@ def compare(
         Option("STORE", "The baseline once more, made as the candidate was.", kind=str),
     ] = None,
     output: opt.ReportFiles = (),
+    update: Annotated[
+        bool,
+        flag("Write the candidate as the baseline, without its traces, to commit."),
+    ] = False,
     thorough: Annotated[bool, flag("Verify every record and every trace first.")] = False,
     baseline_digest: opt.BaselineDigest = None,
     remeasure: Annotated[
@@ -70,9 +87,10 @@ def compare(
         date | None,
         Option(None, "Last day of the waiver.", kind=datetime, formats=("%Y-%m-%d",)),
     ] = None,
-) -> "ComparisonReport":
+) -> "ComparisonReport | Any":  # noqa: ANN401 - so that a caller without `update` has a report
     """Compare a store with a baseline; exit with 1 if a gate fails.
 
+    With `update` nothing is compared: the baseline is written, and the result is a WrittenBaseline.
     The policy defines regressions, gates and, without `match`, the pairing of runs. The engine is
     loaded only to time runs again. With a control, outcomes of the candidate are compared with
     those of the control.
@@ -80,7 +98,10 @@ def compare(
     Raises:
         StoreError: a store is not sound, or the stores have no run in common.
         PolicyError: the policy names something that the stores do not have.
+        OutputError: the baseline cannot be written.
     """
+    if update:
+        return _write_baseline(baseline, candidate, baseline_digest)
     from contactlab.comparison.compare_stores import compare as compare_stores
     from contactlab.comparison.compare_stores import unreadable_report
     from contactlab.judge.waivers import add_waivers, waivers_for
@@ -110,6 +131,26 @@ def compare(
         report = report.model_copy(update={"model_changes": tuple(changes)})
     publish(report, targets)
     return report
+
+
+def _write_baseline(
+    baseline: "Store | Address | str", candidate: "Store | Address | str", digest: str | None
+) -> "WrittenBaseline":
+    from contactlab.schema.store_reports import WrittenBaseline
+    from contactlab.store.verify_store import write_baseline
+
+    folder, source = opt.address_of(baseline), opt.address_of(candidate)
+    if not isinstance(folder, Path):
+        raise OutputError(f"{baseline}: --update writes a folder; name one")
+    written = write_baseline(source, folder, digest)
+    size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    return WrittenBaseline(
+        store=str(source),
+        baseline=str(folder),
+        runs=written.manifest.runs,
+        bytes=size,
+        digest=written.digest,
+    )
 
 
 def _timers(

@@ -1,21 +1,22 @@
 """`contactlab examine`: the verdict on a model, its causes and its fix, on one page."""
 
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory, TemporaryFile
-from typing import TYPE_CHECKING, Annotated, Unpack
+from typing import TYPE_CHECKING, Annotated, Any, Unpack
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Given, Option, Show, command, flag
+from contactlab.command_line.declaration import Argument, Given, Option, command, flag
 from contactlab.command_line.judgements import printed
 from contactlab.command_line.quantities import read_seconds
 from contactlab.command_line.report_formats import print_markdown, print_text, report_formats
 from contactlab.command_line.surroundings import say, surroundings
-from contactlab.errors import OutputError, SceneError
+from contactlab.errors import OutputError, SceneError, SweepFileError
 
 if TYPE_CHECKING:
-    from contactlab.schema.examination import Examination
+    from contactlab.schema.examination import Examination, Examinations
+    from contactlab.schema.finding import Waiver
     from contactlab.studies.examine.examination import ExamineRequest
     from contactlab.tasks.session import Session
     from contactlab.writers import Report
@@ -25,26 +26,22 @@ _GRIP, _FILM_PIXELS, _FILM_RATE = "grip.gif", (480, 360), 10  # frames per secon
 _FILES = {".html", ".htm", ".json"}
 
 
-def _findings(report: "Examination", given: Given) -> "Report":
-    from contactlab.reporting.examination_document import findings_of_examination
+def _findings(report: "Examination | Examinations", given: Given) -> "Report":
+    from contactlab.reporting.examination_document import (
+        findings_of_examination,
+        findings_of_examinations,
+    )
+    from contactlab.schema.examination import Examination
 
     del given
-    return findings_of_examination(report)
+    if isinstance(report, Examination):
+        return findings_of_examination(report)
+    return findings_of_examinations(report)
 
 
-EXAMINATION_FORMATS: Mapping[str, Show] = {
-    "text": print_text(),
-    "full": print_text(details=True, phases=True),
-    **report_formats(),
-    "markdown": print_markdown(details=True, name="model"),
-    **printed(_findings, "junit", "github"),
-}
-"""Formats of an examination, for any of its sections."""
-
-
-def examined(
+def _examined(
     request: "ExamineRequest",
-    output: str | Path | None,
+    target: Path | None,
     workers: int | None,
     *,
     allow_code: bool = False,
@@ -61,7 +58,6 @@ def examined(
     from contactlab.studies.examine.examination import run
     from contactlab.tasks.session import Session
 
-    target = None if output is None else opt.folder_of(output)
     file = target if target is not None and target.suffix in _FILES else None
     page = page if file is None else file.suffix != ".json"
     _check_pages(request, page=page, live=live)
@@ -192,13 +188,40 @@ def _filmed(report: "Examination", file: Path) -> Path | None:
     return file
 
 
+def _read_waivers(waive: "str | Path | Sequence[Waiver] | None") -> "Sequence[Waiver]":
+    from contactlab.plan.sweep_file import read_yaml_as
+    from contactlab.schema.finding import Waivers
+
+    if isinstance(waive, str | Path):
+        return read_yaml_as(Path(waive), Waivers).waive
+    return waive or ()
+
+
 @command(
     "examine",
-    examples=("examine robot.xml", "robot.xml --tolerance 30% --write fixed/robot.xml"),
-    formats=EXAMINATION_FORMATS,
+    examples=(
+        "examine robot.xml",
+        "robot.xml --tolerance 30% --write fixed/robot.xml",
+        "examine robots/*.xml --section checks --format junit",
+        'examine robot.xml --section contacts --set depth_at_rest=".1 mm"',
+    ),
+    formats={
+        "text": print_text(),
+        "full": print_text(details=True, phases=True),
+        **report_formats(),
+        "markdown": print_markdown(details=True, name="model"),
+        **printed(_findings, "junit", "sarif", "github"),
+    },
 )
 def examine(
-    model: opt.Model,
+    models: Annotated[
+        str | Path | Sequence[str | Path],
+        Argument(
+            "MODEL",
+            "Scene, scene folder, .xml or .urdf file, or menagerie:ROBOT; or several.",
+            kind=list[str],
+        ),
+    ],
     *,
     set: opt.Set = (),
     section: Annotated[
@@ -210,6 +233,14 @@ def examine(
             kind=list[str],
         ),
     ] = (),
+    check: Annotated[
+        Sequence[str],
+        Option("NAME", "Of the checks run only this one; may be repeated.", kind=list[str]),
+    ] = (),
+    waive: Annotated[
+        "str | Path | Sequence[Waiver] | None",
+        Option("FILE", "File of waivers: findings that may fail, with reasons.", kind=Path),
+    ] = None,
     output: opt.ExaminationOutput = None,
     live: Annotated[
         bool,
@@ -232,37 +263,77 @@ def examine(
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
     **task: Unpack[opt.TaskParameters],
-) -> "Examination":
+) -> "Examination | Any":  # noqa: ANN401 - so that a caller with one model has its report
     """Judge a model: is it right, why not, and what fixes it.
 
-    `contactlab MODEL` is short for it. A fix is judged on the task's seeds and on new ones. `write`
-    writes the model with the first fix that keeps the model, or with the fixes that change it and
-    that `apply` names. Page, report and evidence go to `results/examine/NAME` unless `output` names
+    `contactlab MODEL` is short for it. Several models have one result, Examinations, and a folder
+    each in `output`. A fix is judged on the task's seeds and on new ones. `write` writes the model
+    with the first fix that keeps the model, or with the fixes that change it and that `apply`
+    names. Page, report and evidence go to `results/examine/NAME` unless `output` names
     another folder, or a file for one of them.
 
     The verdict is ok; depends on X (a modeling choice decides); inaccurate (the numerical error is
     above the tolerance); undecided (the reference has not converged); or fails (a failure label
-    holds, or a check fails). It does not depend on the speed of the machine. Rows of the budget
-    that are not judged, and fixes, are skipped and named if they would exceed `max_cpu`.
+    holds, or a check fails that is not waived). It does not depend on the speed of the machine.
+    Rows of the budget that are not judged, and fixes, are skipped and named if they would exceed
+    `max_cpu`.
 
     Raises:
         SceneError: there is no such model, keyframe or body, or it does not compile.
         SweepFileError: a setting is wrong, or the tolerance is not a share.
         EngineError: nothing moves, or another engine than MuJoCo is requested.
+        PolicyError: a waiver names no finding of any check.
         OutputError: the report or the model cannot be written.
     """
+    from dataclasses import replace
+
+    from contactlab.schema.examination import Examinations
     from contactlab.studies.examine.examination import ExamineRequest, sections_of
+    from contactlab.tasks.session import model_name
 
     opt.load_plugins(plugin)
+    named = [str(each) for each in ([models] if isinstance(models, str | Path) else models)]
+    sections = sections_of(section or (("checks",) if check else ()))
+    target = None if output is None else opt.folder_of(output)
+    if len(named) > 1:
+        _check_several(named, target, write, live=live)
     if write is not None:
         _check_model_file(Path(write), section)
     request = ExamineRequest(
-        model=str(model),
+        model=named[0],
         assign=opt.assigned(set),
         task=opt.task_of(**task),
-        sections=sections_of(section),
+        sections=sections,
+        checks=check,
+        accepted=_read_waivers(waive),
         write=None if write is None else Path(write),
         apply=tuple(apply),
         max_cpu=read_seconds(max_cpu, "--max-cpu"),
     )
-    return examined(request, output, workers, allow_code=allow_code, page=not section, live=live)
+    page = sections == sections_of(())
+    reports = [
+        _examined(
+            replace(request, model=model),
+            target if target is None or len(named) == 1 else target / model_name(model),
+            workers,
+            allow_code=allow_code,
+            page=page,
+            live=live,
+        )
+        for model in named
+    ]
+    return reports[0] if len(reports) == 1 else Examinations(examinations=tuple(reports))
+
+
+def _check_several(
+    models: Sequence[str], output: Path | None, write: str | Path | None, *, live: bool
+) -> None:
+    """Refuse options that belong to one model, and missing models before any is examined."""
+    from contactlab.scene.scene_source import find_scene
+
+    if write is not None or live:
+        raise SweepFileError("--write, --apply and --live need one model; name it alone")
+    if output is not None and output.suffix in _FILES:
+        raise OutputError(f"{output}: several models have a folder each; name a folder")
+    for model in models:
+        find_scene(model)

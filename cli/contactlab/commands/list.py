@@ -1,15 +1,18 @@
 """`contactlab list`: all names for a sweep, a gate or an option."""
 
 import builtins
+import json
 from collections.abc import Callable, Mapping
 from hashlib import sha256
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, command
+from contactlab.command_line.declaration import Argument, Given, Option, command
 from contactlab.command_line.listing import LISTED, Listing
+from contactlab.command_line.report_formats import formats_by_type
 from contactlab.command_line.surroundings import say
+from contactlab.command_line.terminal import echo
 from contactlab.errors import SweepFileError, did_you_mean
 
 
@@ -97,8 +100,37 @@ def _engines() -> Listing:
         if isinstance(engine, AdaptedEngine):
             size = round(engine.size / 1e6) or None
         rows.append((engine.name, version, size, engine.summary))
-    say("install more by `contactlab engines add NAME`")
+    say("install more by `contactlab parity --install NAME`")
     return Listing(("engine", "version", "size", "summary"), rows, {"size": "MB"})
+
+
+def _schemas(name: str | None, folder: str | Path | None) -> Listing | dict[str, Any]:
+    """List the published schemas, or return one; write all into a folder, if there is one."""
+    from contactlab.schema.json_schemas import schema_texts
+    from contactlab.store.atomic_files import write_errors
+
+    suffix, texts = ".schema.json", schema_texts()
+    if folder is not None:
+        place = Path(folder)
+        with write_errors(place):
+            place.mkdir(parents=True, exist_ok=True)
+            for file, text in texts.items():
+                (place / file).write_text(text, encoding="utf-8")
+    read = {file.removesuffix(suffix): json.loads(text) for file, text in texts.items()}
+    if name is None:
+        rows = [
+            (each, one.get("title", ""), one.get("description", "")) for each, one in read.items()
+        ]
+        return Listing(("schema", "title", "description"), rows)
+    name = name.removesuffix(suffix)
+    there = f"; there are {', '.join(read)}"
+    SweepFileError.unless_known(name, read, f"no schema '{name}'", there)
+    return read[name]
+
+
+def _print_schema(schema: dict[str, Any], given: Given) -> None:
+    del given
+    echo(json.dumps(schema, indent=2))
 
 
 _KINDS: Mapping[str, tuple[str, Callable[[], Listing]]] = {
@@ -109,45 +141,69 @@ _KINDS: Mapping[str, tuple[str, Callable[[], Listing]]] = {
     "limits": ("limits of labels, which a scene or sweep may set", _limits),
     "engines": ("the simulation engines, with version and size if installed", _engines),
 }
-_OF_SCENE = "axes"
+_OF_SCENE, _SCHEMAS = "axes", "schemas"
 _EXTENDED = {"metrics", "labels", "limits", "engines"}  # by plug-ins
 
 
-@command("extend", examples=("list", "list labels", "list axes grasp_mug"), formats=LISTED)
+@command(
+    "extend",
+    examples=("list", "list labels", "list axes grasp_mug", "list schemas sweep"),
+    formats=formats_by_type({"Listing": LISTED, "dict": {"text": _print_schema}}),
+)
 def list(
     what: Annotated[
         str | None,
-        Argument("[WHAT]", "scenes, sweeps, metrics, labels, limits, engines, or axes."),
+        Argument("[WHAT]", "scenes, sweeps, metrics, labels, limits, engines, schemas, or axes."),
     ] = None,
-    scene: Annotated[
+    of: Annotated[
         str | Path | None,
-        Argument("[SCENE]", "With axes: scene, scene folder or model file.", kind=str),
+        Argument(
+            "[SCENE|SCHEMA]",
+            "With axes: scene, scene folder or model file. With schemas: the one to print.",
+            kind=str,
+        ),
     ] = None,
     *,
+    write: Annotated[
+        str | Path | None, Option("FOLDER", "Write all schemas into a folder.", kind=Path)
+    ] = None,
     plugin: opt.Plugins = (),
-) -> Listing:
-    """List scenes, sweeps, metrics, labels, limits, engines, or axes.
+) -> Listing | Any:  # noqa: ANN401 - so that a caller without a schema has a listing
+    """List scenes, axes, sweeps, metrics, labels, limits or schemas.
+
+    A single schema is returned as data.
 
     Raises:
-        SweepFileError: there is no list of that name.
+        SweepFileError: there is no list or schema of that name.
         SceneError: there is no such scene.
+        OutputError: the folder cannot be written.
     """
+    if write is not None and what != _SCHEMAS:
+        raise SweepFileError(
+            "--write writes schemas; write `contactlab list schemas --write FOLDER`"
+        )
+    if what == _SCHEMAS:
+        return _schemas(None if of is None else str(of), write)
     if plugin or what in _EXTENDED:
         opt.load_plugins(plugin)
     if what == _OF_SCENE:
-        if scene is None:
+        if of is None:
             raise SweepFileError("list axes: name a scene too; write `contactlab list axes SCENE`")
-        return _axes(str(scene))
-    if scene is not None:
-        raise SweepFileError(f"only axes belong to a scene; write `contactlab list axes {scene}`")
+        return _axes(str(of))
+    if of is not None:
+        raise SweepFileError(f"only axes belong to a scene; write `contactlab list axes {of}`")
     if what is None:
         rows = [(name, summary) for name, (summary, _) in _KINDS.items()]
         return Listing(
             ("list", "of"),
-            [*rows, (f"{_OF_SCENE} SCENE", "the parameters that a sweep can set in a scene")],
+            [
+                *rows,
+                (_SCHEMAS, "the JSON Schemas of all files, for editors and checks"),
+                (f"{_OF_SCENE} SCENE", "the parameters that a sweep can set in a scene"),
+            ],
         )
     if what not in _KINDS:
-        known = (*_KINDS, _OF_SCENE)
+        known = (*_KINDS, _SCHEMAS, _OF_SCENE)
         raise SweepFileError(
             f"there is no list '{what}'{did_you_mean(what, known)}; there are {', '.join(known)}"
         )

@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Given, Option, command
+from contactlab.command_line.declaration import Argument, Given, Option, command, flag
 from contactlab.command_line.judgements import failure, policy_of, printed
 from contactlab.command_line.report_formats import formats_by_type, report_formats
-from contactlab.command_line.surroundings import say, surroundings
+from contactlab.command_line.surroundings import say, study_session, surroundings
+from contactlab.command_line.terminal import echo
 from contactlab.errors import (
     ContactlabError,
     EngineError,
@@ -19,6 +20,7 @@ from contactlab.errors import (
 if TYPE_CHECKING:
     from contactlab.engines.engine import SimulationEngine
     from contactlab.plan.overrides import Overrides
+    from contactlab.schema.engine_panel import EnginePanel
     from contactlab.schema.store_reports import WrittenBundle
     from contactlab.studies.parity.panel import Panel
     from contactlab.studies.parity.parity_report import ParityReport, RunParity
@@ -33,10 +35,22 @@ def _report_of(report: "ParityReport", given: Given) -> "Report":
     return report_of(report)
 
 
-def _failure(result: "ParityReport | WrittenBundle", given: Given) -> ContactlabError | None:
-    from contactlab.schema.store_reports import WrittenBundle
+def _failure(
+    result: "ParityReport | WrittenBundle | EnginePanel | str", given: Given
+) -> ContactlabError | None:
+    from contactlab.studies.parity.parity_report import ParityReport
 
-    return None if isinstance(result, WrittenBundle) else failure(result, given)
+    return failure(result, given) if isinstance(result, ParityReport) else None
+
+
+def _print_installed(version: str, given: Given) -> None:
+    echo(f"{given['install']} {version}")
+
+
+def _panel_folder(output: str | Path | None) -> Path:
+    from contactlab.resources import RESULTS
+
+    return RESULTS / "engines" if output is None else opt.folder_of(output)
 
 
 @command(
@@ -45,19 +59,41 @@ def _failure(result: "ParityReport | WrittenBundle", given: Given) -> Contactlab
         "parity grasp --against warp",
         "parity grid.yaml --bundle bundle",
         "parity --from bundle",
+        "parity bounce stack --closed-forms --against mujoco,drake",
+        "parity --install bullet",
     ),
     codes="0 it agrees with MuJoCo, 1 not, 2 bad input, 3 it cannot be judged, 130 interrupted",
     formats=formats_by_type(
-        {"ParityReport": printed(_report_of), "WrittenBundle": report_formats()}
+        {
+            "ParityReport": printed(_report_of),
+            "WrittenBundle": report_formats(),
+            "EnginePanel": report_formats(lambda given: _panel_folder(given["output"])),
+            "str": {"text": _print_installed},
+        }
     ),
     failure=_failure,
 )
 def parity(
-    source: Annotated[
-        str | Path | None, Argument("SWEEP", "Sweep file or shipped sweep.", kind=str)
-    ] = None,
+    sources: Annotated[
+        str | Path | Sequence[str | Path],
+        Argument(
+            "SWEEP|TASK",
+            "Sweep file or shipped sweep; with --closed-forms tasks, all by default.",
+            kind=list[str],
+        ),
+    ] = (),
     *,
-    against: Annotated[str | None, Option("ENGINE", "Engine to compare with MuJoCo.")] = None,
+    against: Annotated[
+        str | None,
+        Option("ENGINE", "Engine to compare with MuJoCo; with --closed-forms several: A,B."),
+    ] = None,
+    closed_forms: Annotated[
+        bool, flag("Compare engines with closed forms, at three steps each, and their CPU time.")
+    ] = False,
+    install: Annotated[
+        str | None,
+        Option("ENGINE", "Only install an engine, in an environment of its own."),
+    ] = None,
     bundle: Annotated[
         str | Path | None,
         Option(
@@ -83,13 +119,16 @@ def parity(
         str | Path | None,
         Option("FILE", "Policy file: tolerances of the differences.", kind=Path),
     ] = None,
+    figure: opt.Figure = None,
     output: opt.StudyFolder = None,
     plugin: opt.Plugins = (),
-) -> "ParityReport | WrittenBundle":
-    """Compare an engine with MuJoCo, stage by stage.
+) -> "ParityReport | WrittenBundle | EnginePanel | str":
+    """Compare an engine with MuJoCo, or engines with closed forms.
 
     Give a sweep with `against` or with `bundle`, or `from_` alone. Finished runs are stored in
-    `results/parity/NAME` unless `output` is given, and are not repeated.
+    `results/parity/NAME` unless `output` is given, and are not repeated. With `closed_forms`, each
+    task and engine has a store in `results/engines`. With `install` the result is the installed
+    version.
 
     Raises:
         SweepFileError: the sweep or a setting holds mistakes.
@@ -99,8 +138,16 @@ def parity(
     from contactlab.studies.parity.sweep_parity import ParityRequest
 
     opt.load_plugins(plugin)
+    named = [str(each) for each in ([sources] if isinstance(sources, str | Path) else sources)]
+    if install is not None:
+        return _install(install)
+    if closed_forms:
+        return _compare_engines(named, (against or "").split(","), figure, output)
+    if figure is not None:
+        raise SweepFileError("--figure draws the comparison of --closed-forms; add it")
+    source = named[0] if named else None
     asked = [each for each in (against, bundle, from_) if each]
-    if len(asked) != 1 or bool(source) == bool(from_):
+    if len(asked) != 1 or bool(source) == bool(from_) or len(named) > 1:
         raise SweepFileError(
             "give SWEEP with --against ENGINE or with --bundle FOLDER, or --from FOLDER alone"
         )
@@ -113,6 +160,41 @@ def parity(
     panel = _panel(str(source), engine.name, overrides, changed, drive)
     folder = opt.study_folder("parity", source, output)
     return _compared(ParityRequest(panel, engine, device, changed, policy_of(policy), folder))
+
+
+def _install(name: str) -> str:
+    """Install an engine in its own environment, in the user's cache; return its version."""
+    from contactlab.engines import find_engine
+    from contactlab.engines.adapted_engine import AdaptedEngine
+    from contactlab.run.mujoco_environment import make_environment
+
+    engine = find_engine(name)
+    if not isinstance(engine, AdaptedEngine) or engine.version:
+        return f"{engine.version} is already installed"
+    say(f"setting up {name} in {engine.environment}, once")
+    advice = f"check whether this machine can run {' and '.join(engine.requirements)}"
+    make_environment(engine.environment, engine.requirements, name, advice, lambda _: None)
+    return engine.version
+
+
+def _compare_engines(
+    tasks: Sequence[str],
+    engines: Sequence[str],
+    figure: str | Path | None,
+    output: str | Path | None,
+) -> "EnginePanel":
+    from contactlab.studies.engine_panel.engine_panel import PanelRequest, run_panel
+
+    opt.check_figure(figure)
+    with study_session(_panel_folder(output), 0) as session:
+        report = run_panel(PanelRequest(list(tasks), [*filter(None, engines)]), session)
+    if figure is not None:
+        from contactlab.charts import save_figure
+        from contactlab.studies.engine_panel.panel_chart import chart_panel
+
+        save_figure(chart_panel(report), Path(figure))
+        say(f"drew {figure}")
+    return report
 
 
 def _compared(request: "ParityRequest") -> "ParityReport":

@@ -1,6 +1,6 @@
-"""`contactlab sweep`: run a declared sweep and write a store of evidence."""
+"""`contactlab sweep`: run a declared sweep and write a store of evidence, or join its shards."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from contactlab.run.tasks import Executor
     from contactlab.schema.store_reports import SweepForecast
     from contactlab.store.finished_store import Store
+    from contactlab.store.store_files import Address
 
 
 def _failure(result: "Store | SweepForecast", given: Given) -> ContactlabError | None:
@@ -37,7 +38,11 @@ def _failure(result: "Store | SweepForecast", given: Given) -> ContactlabError |
 
 @command(
     "run",
-    examples=("sweep grasp", "sweep grid.yaml --set timestep=1e-3 --workers 4"),
+    examples=(
+        "sweep grasp",
+        "sweep grid.yaml --set timestep=1e-3 --workers 4",
+        "sweep shards/* --merge -o results/grid",
+    ),
     formats=formats_by_type(
         {
             "Store": {
@@ -53,8 +58,12 @@ def _failure(result: "Store | SweepForecast", given: Given) -> ContactlabError |
 )
 def sweep(
     source: Annotated[
-        str | Path | Mapping[str, object],
-        Argument("SWEEP", "Sweep file or shipped sweep.", kind=str),
+        "str | Path | Mapping[str, object] | Sequence[Address | str]",
+        Argument(
+            "SWEEP",
+            "Sweep file or shipped sweep; with --merge the stores of its shards.",
+            kind=list[str],
+        ),
     ],
     *,
     output: opt.StoreOutput = None,
@@ -77,8 +86,12 @@ def sweep(
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
     shard: Annotated[
-        str | None, Option("N/M", "Run the N-th of M slices, as a store that `merge` joins.")
+        str | None, Option("N/M", "Run the N-th of M slices, as a store that `--merge` joins.")
     ] = None,
+    merge: Annotated[bool, flag("Join the shards of a sweep into one store.")] = False,
+    partial: Annotated[
+        bool, flag("With --merge, join the existing shards, and list the missing runs.")
+    ] = False,
     plan: Annotated[bool, flag("Print runs, time and disk space; run nothing.")] = False,
     yes: Annotated[bool, flag("Allow more than 100,000 runs.")] = False,
     fresh: Annotated[bool, flag("Replace an existing store.")] = False,
@@ -91,21 +104,28 @@ def sweep(
 
     The source may also be the content of a sweep file, as data. The store is `results/NAME` unless
     `output` names another, and is returned open. With `plan` nothing runs, and the result is a
-    SweepForecast.
+    SweepForecast. With `merge` the sources are stores of `shard`, in any order.
 
     Raises:
         SweepFileError: the sweep or a setting has mistakes; the message lists all.
         OutputError: the store cannot be written.
-        StoreError: the store is another sweep's.
+        StoreError: the store is another sweep's; or a shard is unfinished, of another sweep, or has
+            runs that another has.
         StoppedError: the sweep was interrupted; the same call resumes it.
     """
+    places: Sequence[Any] = source if isinstance(source, list | tuple) else [source]
+    if merge:
+        return _merge(places, output, shard=shard or plan, may_lack=partial, fresh=fresh)
+    if len(places) != 1 or partial:
+        raise SweepFileError("name one sweep; to join the shards of a sweep, add --merge")
     if executor == "local" and address is not None:
         raise SweepFileError("--address is for a cluster; add --executor ray or slurm")
     if shard is not None and plan:
         raise SweepFileError("--plan shows the whole sweep; leave out --shard")
     if executor != "local" and workers == 0:
         raise SweepFileError("--workers 0 runs in this process; leave it out for a cluster")
-    text, name, folder = _source(source)
+    one: Any = places[0]
+    text, name, folder = _source(one)
     target = _default_store(name) if output is None else opt.address_of(output)
     rerun_with_mujoco(mujoco, None if output else target)
     # A finished store is unlikely to need workers. Their parent process loads during planning.
@@ -151,6 +171,28 @@ def sweep(
     return _run(
         request, _cluster(executor, address, request.workers if address is None else workers)
     )
+
+
+def _merge(
+    places: "Sequence[Address | str]",
+    output: "Address | str | None",
+    *,
+    shard: object,
+    may_lack: bool,
+    fresh: bool,
+) -> "Store":
+    from contactlab.run.merged_stores import merge_stores
+    from contactlab.store.finished_store import Store
+
+    if shard:
+        raise SweepFileError("--merge joins finished shards; leave out --shard and --plan")
+    if output is None:
+        raise SweepFileError("--merge needs the store to write: -o STORE")
+    target = opt.address_of(output)
+    addresses = [opt.address_of(place) for place in places]
+    if gaps := merge_stores(addresses, target, may_lack=may_lack, fresh=fresh):
+        say(gaps)
+    return Store.open(target)
 
 
 def _source(

@@ -1,24 +1,32 @@
-"""`contactlab verify`: check that a store is intact."""
+"""`contactlab verify`: check that a store is intact, or that a run repeats to the bit."""
 
 from itertools import islice
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Given, Option, command
-from contactlab.command_line.report_formats import report_formats
+from contactlab.command_line.declaration import Argument, Given, Option, command
+from contactlab.command_line.report_formats import formats_by_type, report_formats
 from contactlab.command_line.surroundings import say
-from contactlab.errors import CommandLineError, StoreError
+from contactlab.errors import CommandLineError, ContactlabError, ExpectationError, StoreError
 from contactlab.printable import in_one_line
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from contactlab.schema.store_reports import StoreVerification
+    from contactlab.schema.store_reports import RunReplay, StoreVerification
 
 
-def _failure(result: "StoreVerification", given: Given) -> StoreError | None:
+def _failure(result: "StoreVerification | RunReplay", given: Given) -> ContactlabError | None:
+    from contactlab.schema.store_reports import RunReplay
+
     del given
+    if isinstance(result, RunReplay):
+        if not result.equal:
+            return ExpectationError("the trajectory differs from the stored one")
+        return (
+            StoreError(f"the stored trace is damaged: {result.damage}") if result.damage else None
+        )
     if result.sound:
         return None
     found = len(result.problems)
@@ -28,33 +36,45 @@ def _failure(result: "StoreVerification", given: Given) -> StoreError | None:
 
 @command(
     "read",
-    examples=("verify results/grasp --simulate 20",),
-    formats=report_formats(),
+    examples=("verify results/grasp --simulate 20", "verify results/grasp 3ead3115"),
+    formats=formats_by_type({"StoreVerification": report_formats(), "RunReplay": report_formats()}),
     failure=_failure,
 )
 def verify(
     store: opt.StoreArgument,
+    run: Annotated[
+        str | None, Argument("RUN", "Run to simulate again; the whole store by default.")
+    ] = None,
     *,
     simulate: Annotated[int, Option("N", "Simulate N runs again, drawn at random.", least=0)] = 0,
     sample: Annotated[
         str | None, Option("SHARE", "Check a random sample of this size: 1%.")
     ] = None,
+    plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
-) -> "StoreVerification":
-    """Check the files of a store, and recompute its results.
+) -> "StoreVerification | Any":  # noqa: ANN401 - so that a caller without a run has a verification
+    """Check the files and results of a store, or repeat a run of it.
 
     With `sample`, records and traces are checked for this share of the runs, drawn again each time.
-    Files, counts and columns are checked completely.
+    Files, counts and columns are checked completely. For a run, the result has the first difference
+    from its stored trajectory, and any damage of its trace.
 
     Raises:
-        CommandLineError: the sample is not a share.
-        StoreError: there is no store.
+        CommandLineError: the sample is not a share, or belongs to a whole store.
+        StoreError: there is no store or run, or it cannot be simulated here.
     """
     from contactlab.schema.store_reports import StoreVerification
     from contactlab.store.finished_store import Store
     from contactlab.store.verify_store import MOST_PROBLEMS, find_problems, unverifiable_parts
 
     address = opt.address_of(store)
+    opt.load_plugins(plugin)
+    if run is not None:
+        from contactlab.run.stored_runs import replay_run
+
+        if simulate or sample is not None:
+            raise CommandLineError("--simulate and --sample check a whole store; leave out the run")
+        return replay_run(Store.open(address), run, allow_code=allow_code)
     opened = Store.unchecked(address)
     chosen = None if sample is None else _drawn(_share(sample), opened.columns.runs)
     problems = find_problems(address, chosen=chosen)

@@ -345,4 +345,4 @@ def _advise_commands(checks: Sequence[Finding], baseline: Store, candidate: Stor
             f'--policy policy.yaml --waive "{failed.name}" --reason "..."'
         )
     if failed or any(check.kind in _ABOUT_RUNS and check.outcome == "noted" for check in checks):
-        yield f"make the candidate the baseline: contactlab baseline update {new} {old}"
+        yield f"make the candidate the baseline: contactlab compare {old} {new} --update"

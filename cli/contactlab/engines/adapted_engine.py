@@ -109,7 +109,7 @@ class AdaptedEngine(SimulationEngine):
     @property
     def absence(self) -> str:
         """Why it is not installed, and the command that adds it; empty if it is installed."""
-        add = f"install it once with `contactlab engines add {self.name}`"
+        add = f"install it once with `contactlab parity --install {self.name}`"
         return "" if self.version else f"the {self.name} engine is not installed; {add}"
 
     def refusal(self, scene: Scene, run: RunSpec) -> str | None:

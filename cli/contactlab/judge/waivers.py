@@ -15,7 +15,7 @@ from contactlab.store.atomic_files import atomic_write
 
 _FAILING = {"failed", "warned"}
 _NEW_FILE = """\
-# Policy of `contactlab compare`; see `contactlab schema policy`.
+# Policy of `contactlab compare`; see `contactlab list schemas policy`.
 version: 1
 """
 

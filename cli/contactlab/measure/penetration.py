@@ -262,7 +262,7 @@ def sinking(runs: MeasuredRuns) -> OnsetIterator:
     thresholds=(_STEADY,),
     letter="P",
     colour="#f6adc7",
-    advice="another solref: contactlab explain depth_at_rest='.1 mm' MODEL",
+    advice="another solref: contactlab MODEL --section contacts --set depth_at_rest='.1 mm'",
 )
 def deep_penetration(runs: MeasuredRuns) -> OnsetIterator:
     """The resting penetration of a pair exceeds the limit."""

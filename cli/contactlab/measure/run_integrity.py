@@ -19,7 +19,7 @@ LABELS.add(
         "The process that simulated the run died.",
         "void",
         rank=5,
-        advice="run it alone: contactlab replay STORE RUN; then a newer MuJoCo, with --mujoco",
+        advice="run it alone: contactlab verify STORE RUN; then a newer MuJoCo, with --mujoco",
         letter="1",
         colour="#261f25",
     )

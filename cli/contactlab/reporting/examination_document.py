@@ -39,8 +39,8 @@ from contactlab.reporting.verified_measures import measure_rows
 from contactlab.schema.check_report import CheckResult, Measure
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.error_budget import BudgetReport
-from contactlab.schema.examination import Examination, Fix
-from contactlab.schema.finding import Finding
+from contactlab.schema.examination import Examination, Examinations, Fix
+from contactlab.schema.finding import Finding, PlacedFinding
 from contactlab.writers.report import Report
 from contactlab.writers.signs import outcome_mark
 
@@ -75,6 +75,8 @@ def describe_examination(
     """
     details_or_alone = details or len(report.sections) == 1
     sections = [*_head_sections(report, model), Section(tuple(_task_blocks(report)), "task")]
+    if report.requested and not report.missed:
+        sections.append(Section((Sentence("verified by a run with these settings"),), "requested"))
     if report.budget is not None and "budget" in report.sections:
         if phases:
             sections += _full_budget(report, report.budget)
@@ -111,6 +113,37 @@ def describe_examination(
     return document_of(*sections)
 
 
+def describe_examinations(
+    report: Examinations, *, details: bool = False, phases: bool = False, model: str = ""
+) -> Document:
+    """Describe examinations: the models that do not pass, then each model as one alone."""
+    del model
+    head = Section((Headline(report.headline),), "headline")
+    documents = [
+        describe_examination(one, details=details, phases=phases, model=one.model)
+        for one in report.examinations
+    ]
+    return document_of(head, *(section for one in documents for section in one.sections))
+
+
+def findings_of_examinations(report: Examinations) -> Report:
+    """Return the findings of several models, each under its model's name."""
+    each = [findings_of_examination(one) for one in report.examinations]
+    return Report(
+        title="contactlab examine",
+        place=("examine",),
+        headline=report.headline,
+        passed=not report.failed,
+        record=report,
+        facts=tuple((one.model, one.headline) for one in report.examinations),
+        findings=tuple(
+            finding.model_copy(update={"group": one.model})
+            for one, found in zip(report.examinations, each, strict=True)
+            for finding in found.findings
+        ),
+    )
+
+
 def findings_of_examination(report: Examination) -> Report:
     """Return the findings of an examination, for JUnit and annotations of a job."""
     facts = [("why", cause) for cause in report.why]
@@ -125,23 +158,29 @@ def findings_of_examination(report: Examination) -> Report:
         passed=report.passed,
         record=report,
         facts=(*facts, ("engine", f"mujoco {report.mujoco}")),
-        findings=report.findings or tuple(_verdict_finding(report)),
+        findings=(*_verdict_finding(report), *report.findings),
     )
 
 
 def _verdict_finding(report: Examination) -> Iterator[Finding]:
-    # For a report without checks.
-    if report.verdict is not None:
-        yield Finding(
-            name="verdict",
-            kind="task",
-            level="gate",
-            outcome="passed" if report.passed else "failed",
-            verdict="met" if report.passed else "unmet",
-            judged=1,
-            failing=int(not report.passed),
-            message=report.headline,
-        )
+    """Yield the verdict as a finding, unless a failed check says it; at the line of a fix."""
+    if report.verdict is None or any(one.outcome == "failed" for one in report.findings):
+        return
+    lines = first_fix(report.fixes).lines if report.fixes else ()
+    file, _, rest = lines[0].partition(":") if lines else (report.model, "", "1")
+    yield PlacedFinding(
+        name="verdict",
+        kind="task",
+        level="gate",
+        outcome="passed" if report.passed else "failed",
+        verdict="met" if report.passed else "unmet",
+        judged=1,
+        failing=int(not report.passed),
+        message=report.headline,
+        file=file,
+        line=int(rest.partition(":")[0]),
+        fix=tuple(lines),
+    )
 
 
 def _head_sections(report: Examination, model: str) -> Iterator[Section]:

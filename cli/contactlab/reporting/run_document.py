@@ -83,4 +83,4 @@ def _next_commands(store: Store, record: EvidenceRecord) -> Iterator[tuple[str, 
     if record.trace is not None:
         yield "see it", f"contactlab render {named} -o run.mcap"
     if record.loop is None:
-        yield "replay", f"contactlab replay {named}"
+        yield "replay", f"contactlab verify {named}"

@@ -143,7 +143,7 @@ class ComparePolicy(Waivers):
         default="auto",
     )
     baseline_digest: Sha256 | None = about(
-        "digest of the only baseline, as `baseline update` prints it", default=None
+        "digest of the only baseline, as `compare --update` prints it", default=None
     )
     require: Require = about("properties that must be the same", default_factory=Require)
     labels: LabelRules = about("how labels are compared", default_factory=LabelRules)

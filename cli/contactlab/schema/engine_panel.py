@@ -1,4 +1,4 @@
-"""The report of `contactlab engines panel`: engines against closed forms."""
+"""The report of `contactlab parity --closed-forms`: engines against closed forms."""
 
 from typing import Literal
 

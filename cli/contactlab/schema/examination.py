@@ -216,6 +216,13 @@ class Examination(ReportModel):
     findings: tuple[Finding, ...] = about("Results of the checks, failures first.", default=())
     contacts: tuple[RestingContact, ...] = ()
     servos: tuple[Servo, ...] = ()
+    requested: tuple[str, ...] = about(
+        "Requested values of contacts, such as `depth_at_rest`, which settings were found for.",
+        default=(),
+    )
+    missed: tuple[str, ...] = about(
+        "Requested values that a run with these settings does not reach.", default=()
+    )
     fixes: tuple[Fix, ...] = about(
         "At most three, the cheapest first, those that `--apply` names, and those that separate "
         "overlapping bodies.",
@@ -237,9 +244,35 @@ class Examination(ReportModel):
     @property
     def problem(self) -> str:
         """The verdict of a model that does not pass; its output says why."""
+        if self.missed:
+            return "\n".join(["a run does not reach it:", *self.missed])
         return "" if self.passed else f"{self.model}: {self.verdict}"
 
     @property
     def passed(self) -> bool:
         """Whether the verdict passes, which takes the selected checks and waivers into account."""
         return self.verdict is None or self.verdict in PASSING_VERDICTS
+
+
+class Examinations(ReportModel):
+    """Results of several models."""
+
+    examinations: tuple[Examination, ...]
+
+    @property
+    def failed(self) -> tuple[str, ...]:
+        """The models that do not pass."""
+        return tuple(one.model for one in self.examinations if one.problem)
+
+    @property
+    def headline(self) -> str:
+        """The number of models that pass, and the names of the others."""
+        passing = (
+            f"{len(self.examinations) - len(self.failed)} of {len(self.examinations)} models pass"
+        )
+        return f"{passing}; not {', '.join(self.failed)}" if self.failed else passing
+
+    @property
+    def problem(self) -> str:
+        """The headline, if a model does not pass."""
+        return self.headline if self.failed else ""

@@ -1,7 +1,6 @@
-"""The report of `contactlab explain`: meanings of words, or the contacts of a model."""
+"""The report of `contactlab explain`: meanings of words."""
 
 from contactlab.rendering.text import render_text
-from contactlab.schema.examination import RestingContact
 from contactlab.schema.report_model import ReportModel
 from contactlab.schema.strict_model import Model, about
 
@@ -15,15 +14,9 @@ class WordMeaning(Model):
 
 
 class Explanation(ReportModel):
-    """Meanings of words, or the contacts of a model in units of the world."""
+    """Meanings of words."""
 
     meanings: tuple[WordMeaning, ...] = ()
-    task: str = about("The task that the contacts were measured in; empty for words.", default="")
-    contacts: tuple[RestingContact, ...] = ()
-    requested: tuple[str, ...] = about("Requested values, such as `depth_at_rest`.", default=())
-    missed: tuple[str, ...] = about(
-        "Requested values that a run with these settings does not reach.", default=()
-    )
 
     def __str__(self) -> str:
         """Return the text."""

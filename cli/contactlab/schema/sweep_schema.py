@@ -451,7 +451,7 @@ class Sweep(Model):
     )
     trace_format: TraceFormat = about(
         "messages: files that viewers open directly; compact: 1.5 to 8 times smaller, read by "
-        "every command; `contactlab traces expand` turns them into messages",
+        "every command; `contactlab render STORE -o FOLDER` writes them as messages",
         default="messages",
         exclude_if=lambda form: form == "messages",
     )

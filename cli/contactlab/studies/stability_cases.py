@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from contactlab import resources
 from contactlab.errors import SweepFileError, did_you_mean
 from contactlab.run.sweep_request import SweepRequest, read_request
-from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie
+from contactlab.scene.scene_source import is_menagerie
 from contactlab.schema.check_report import StabilityReport, StabilityResult
 from contactlab.tasks.session import Session
 
@@ -41,15 +41,6 @@ def run(cases: Sequence[StabilityCase], session: Session) -> StabilityReport:
     return StabilityReport(tuple(results))
 
 
-def is_model(name: str) -> bool:
-    """Return whether a name is not a case but a model: a file, a scene or its folder, a robot."""
-    path = Path(name)
-    if name in _cases():
-        return False
-    shipped = name in resources.scene_names()
-    return shipped or is_menagerie(name) or path.suffix in MODEL_SUFFIXES or path.is_dir()
-
-
 def find_cases(names: Sequence[str] = ()) -> list[StabilityCase]:
     """Return cases by name, or all.
 
@@ -58,10 +49,14 @@ def find_cases(names: Sequence[str] = ()) -> list[StabilityCase]:
     """
     known = _cases()
     for name in names:
+        shipped = name in resources.scene_names()
+        if name not in known and (shipped or is_menagerie(name) or set(name) & set("./")):
+            raise SweepFileError(
+                f"{name}: no case but a model; write `contactlab examine {name} --section labels`"
+            )
         if name not in known:
             raise SweepFileError(
-                f"no case '{name}'{did_you_mean(name, known)}; there are {', '.join(known)}, "
-                "and any model file, scene or menagerie:ROBOT"
+                f"no case '{name}'{did_you_mean(name, known)}; there are {', '.join(known)}"
             )
     return [StabilityCase(name, known[name]) for name in names or known]
 

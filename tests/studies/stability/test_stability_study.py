@@ -1,14 +1,13 @@
 """The study of hard cases as a function: one report, a line for each case, and names that exist."""
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from contactlab.commands.examine import examine
 from contactlab.commands.stability import stability
 from contactlab.errors import SweepFileError
 from contactlab.schema.check_report import StabilityReport
-from contactlab.schema.examination import Examination
 from contactlab.store.finished_store import Store
 from contactlab.studies.stability_cases import find_cases, run
 from contactlab.tasks.session import Session
@@ -42,15 +41,15 @@ ARM = """<mujoco>
 
 def test_a_model_starts_where_it_says_and_slightly_off(tmp_path: Path) -> None:
     (tmp_path / "arm.xml").write_text(ARM)
-    report = stability(
-        [tmp_path / "arm.xml"],
+    report = examine(
+        tmp_path / "arm.xml",
+        section=["labels"],
         set={"timestep": 1e-3},
         drive="hold",
         duration=0.1,
         tolerance="penetration_steady=1mm",
         output=tmp_path / "out",
     )
-    assert isinstance(report, Examination)
     assert report.sections == ("labels",)
     store = Store.open(tmp_path / "out/run")
     records = [store.record(run) for run in store.table["run_id"].to_pylist()]
@@ -66,12 +65,6 @@ def test_a_model_starts_where_it_says_and_slightly_off(tmp_path: Path) -> None:
     assert store.manifest.sweep.resolved["thresholds"] == {"penetration_steady": 1e-3}
 
 
-def test_settings_are_not_for_shipped_cases(tmp_path: Path) -> None:
-    options: tuple[dict[str, Any], ...] = ({"duration": 1}, {"drive": "hold"}, {"tolerance": "20%"})
-    for option in options:
-        with pytest.raises(
-            SweepFileError, match="'free_fall' already defines its settings and drive"
-        ):
-            stability(["free_fall"], output=tmp_path, **option)
-    with pytest.raises(SweepFileError, match="write one model, or cases"):
+def test_a_model_is_no_case(tmp_path: Path) -> None:
+    with pytest.raises(SweepFileError, match="contactlab examine ball_drop --section labels"):
         stability(["free_fall", "ball_drop"], output=tmp_path)

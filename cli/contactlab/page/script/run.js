@@ -68,7 +68,7 @@ function numbersOf(columns, row) {
 
 function commandsOf(columns, row) {
   const run = idOf(columns, row);
-  const lines = [`contactlab replay ${metadata.store} ${run}`, `contactlab show ${metadata.store} ${run}`];
+  const lines = [`contactlab verify ${metadata.store} ${run}`, `contactlab show ${metadata.store} ${run}`];
   if (metadata.details[row]?.trace) lines.push(`contactlab render ${metadata.store} ${run} -o run.mcap`);
   return element("pre", { class: "code", "aria-label": "Commands" }, lines.join("\n"));
 }

@@ -1,7 +1,6 @@
 """Examines a model under its task: runs and labels, budget and verdict, checks, and fixes.
 
-Each part of the report is a section that may be requested alone, with the same numbers: `check`,
-`stability` and `explain` of a model request their own.
+Each part of the report is a section that may be requested alone, with the same numbers.
 """
 
 import time
@@ -43,6 +42,7 @@ from contactlab.studies.check.check_entries import CHECKS, Check
 from contactlab.studies.check.chosen_checks import chosen_checks, judged_findings
 from contactlab.studies.check.own_runs import describe_reference
 from contactlab.studies.examine.conclusion import conclude
+from contactlab.studies.examine.contact_values import measure_contacts, split_values
 from contactlab.studies.examine.design_causes import find_lost_grip, find_sagging_servo
 from contactlab.studies.examine.engine_faults import list_advisory_facts
 from contactlab.studies.examine.facts import facts
@@ -97,7 +97,8 @@ class ExamineRequest:
 
     Attributes:
         model: a scene, its folder, a model file, or a robot.
-        assign: settings, `NAME=VALUE` each.
+        assign: settings, `NAME=VALUE` each; for the section of contacts alone also requested values
+            of them, such as `depth_at_rest`.
         task: replacements for parts of the model's own task; its limits are of checks or labels,
             by name.
         sections: requested parts of the report.
@@ -151,6 +152,13 @@ def run(request: ExamineRequest, session: Session) -> Examination:
     judged_findings([], request.accepted)
     if request.apply and request.write is None:
         raise SweepFileError("--apply needs --write FILE")
+    assign, values = split_values(request.assign)
+    if wanted == {"contacts"}:
+        return _rested(request, assign, values, session)
+    if values:
+        raise SweepFileError(
+            f"--set {next(iter(values))}=... needs --section contacts, which finds its solref"
+        )
     examined = open_model(
         request.model,
         session,
@@ -183,6 +191,29 @@ def run(request: ExamineRequest, session: Session) -> Examination:
         return judge_servos(report)
     with TemporaryDirectory(prefix="contactlab-") as folder:
         return _measured(request, report, examined, begun, Path(folder))
+
+
+def _rested(
+    request: ExamineRequest, assign: Sequence[str], values: Mapping[str, str], session: Session
+) -> Examination:
+    """Return a report of the contacts alone, with settings for any requested values."""
+
+    def begin() -> None:
+        session.claim(RESULTS, request.model)
+        request.begins("running its task")
+
+    examined, contacts, missed = measure_contacts(
+        request.model, assign, values, session, request.task, begin
+    )
+    return Examination(
+        model=request.model,
+        mujoco=VERSION,
+        task=examined.task,
+        sections=request.sections,
+        contacts=contacts,
+        requested=tuple(values),
+        missed=missed,
+    )
 
 
 def _ran(report: Examination, examined: CheckedModel) -> Examination:

@@ -185,7 +185,7 @@ def _row_lines(row: Row) -> Iterator[str]:
 
 
 def _check_lines(check: Check) -> Iterator[str]:
-    yield f"{check.name}: a check of `contactlab check`"
+    yield f"{check.name}: a check of an examination"
     yield f"It passes if {check.question}."
 
 

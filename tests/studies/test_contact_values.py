@@ -8,13 +8,15 @@ import pytest
 from tests.run.test_task import SQUEEZE
 
 from contactlab.command_line.declaration import declared
+from contactlab.commands.examine import examine
 from contactlab.commands.explain import explain
 from contactlab.contact.contact_laws import damping_ratio, restitution_from_damping
 from contactlab.errors import ContactlabError, ExpectationError, SceneError, SweepFileError
+from contactlab.rendering.text import render_text
 from contactlab.reporting.examination import contact_facts, grouped_contacts
 from contactlab.scene.contact_at_rest import ContactAtRest
+from contactlab.studies.examine.contact_values import measure_contacts, read_values
 from contactlab.studies.examine.resting_contacts import RestingPair
-from contactlab.studies.explain.contact_words import explain_contacts, read_words
 from contactlab.tasks.session import Session
 
 BALL = """<mujoco><option cone="{cone}" impratio="{impratio}"/><worldbody>
@@ -22,6 +24,12 @@ BALL = """<mujoco><option cone="{cone}" impratio="{impratio}"/><worldbody>
 <body name="ball" pos="0 0 .0499"><freejoint/>
 <geom name="ball" size=".05" mass="2" condim="{condim}" friction="{friction}"/></body>
 </worldbody></mujoco>"""
+
+
+def shown(path: Path, *settings: str) -> str:
+    """Return the text of the section of contacts, in one line."""
+    report = examine(path, section=["contacts"], set=settings, output=path.parent / "out")
+    return " ".join(render_text(report.describe()).split())
 
 
 def resting(softness: float = 1.0) -> RestingPair:
@@ -60,10 +68,9 @@ def test_a_run_is_as_deep_as_the_law_says(
     model = tmp_path / "ball.xml"
     text = BALL.format(cone=cone, condim=condim, friction=friction, impratio=impratio)
     model.write_text(text)
-    words = {"depth_at_rest": 2e-4}
-    found = explain_contacts(str(model), [], words, Session(tmp_path / "explain"))
-    assert not found.missed
-    (contact,) = found.contacts
+    values = {"depth_at_rest": "2e-4"}
+    _, (contact,), missed = measure_contacts(str(model), [], values, Session(tmp_path / "out"))
+    assert not missed
     assert contact.depth == pytest.approx(2e-4, rel=0.02)
     assert contact.load == pytest.approx(2 * 9.81, rel=1e-4)
     assert "19.62 N on one contact" in dict(contact_facts(contact))["depth_at_rest"]
@@ -74,13 +81,13 @@ def test_force_begins_at_the_margin(tmp_path: Path) -> None:
     text = BALL.format(cone="elliptic", condim=3, friction=1, impratio=1)
     model = tmp_path / "ball.xml"
     model.write_text(text.replace('name="ball" size', 'margin="0.003" name="ball" size'))
-    found = explain_contacts(str(model), [], {"depth_at_rest": 2e-4}, Session(tmp_path / "e"))
-    assert not found.missed
+    values = {"depth_at_rest": ".2 mm"}
+    assert not measure_contacts(str(model), [], values, Session(tmp_path / "out"))[2]
 
 
 def test_what_does_not_rest_has_no_depth(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="no pair rests at the end of the first phase"):
-        explain_contacts("ball_drop", [], {"depth_at_rest": 1e-4}, Session(tmp_path))
+        measure_contacts("ball_drop", [], {"depth_at_rest": "1e-4"}, Session(tmp_path))
 
 
 @pytest.mark.long
@@ -92,9 +99,9 @@ def test_rest_is_that_of_the_first_phase(tmp_path: Path) -> None:
         f'<mujoco><worldbody>{floor}<body pos="0 0 .05"><freejoint/>{box}</body></worldbody>'
         "</mujoco>"
     )
-    found = explain([str(tmp_path / "box.xml")])
-    assert "sines and pushes" in found.task
-    assert f"{2 * 9.81 / 4:.4g} N on each of 4 contacts" in " ".join(str(found).split())
+    text = shown(tmp_path / "box.xml")
+    assert "sines and pushes" in text
+    assert f"{2 * 9.81 / 4:.4g} N on each of 4 contacts" in text
 
 
 def test_contacts_that_are_alike_are_said_once() -> None:
@@ -131,7 +138,7 @@ def test_a_squeeze_is_explained_with_its_forces(tmp_path: Path) -> None:
             force = sum(data.efc_force[contact.efc_address] for contact in own)
             loads[name] += force / len(own) / (steps // 5)
             counts[name] += len(own) / (steps // 5)
-    text = " ".join(str(explain([str(path)])).split())
+    text = shown(path)
     for name, load in loads.items():
         assert load * counts[name] == pytest.approx(8, rel=0.01), "what the motor presses with"
         assert f"{load:.4g} N on each of {counts[name]:.3g} contacts" in text
@@ -142,9 +149,10 @@ def test_too_long_a_step_is_told(tmp_path: Path) -> None:
     (tmp_path / "ball.xml").write_text(
         BALL.format(cone="elliptic", condim=3, friction=1, impratio=1)
     )
-    found = explain(["stiffness=1e9 N/m", "refsafe=false", str(tmp_path / "ball.xml")])
-    assert "timestep       at most " in str(found)
-    failure = declared(explain).failure(found, {})
+    settings = ["stiffness=1e9 N/m", "refsafe=false"]
+    found = examine(tmp_path / "ball.xml", section=["contacts"], set=settings, output=tmp_path)
+    assert "timestep       at most " in render_text(found.describe())
+    failure = declared(examine).failure(found, {})
     assert isinstance(failure, ExpectationError)
     assert "is too long for these values" in str(failure)
 
@@ -153,7 +161,7 @@ def test_too_long_a_step_is_told(tmp_path: Path) -> None:
     ("text", "value"), [(".1 mm", 1e-4), ("0.1mm", 1e-4), ("1e-4", 1e-4), ("2 cm", 0.02)]
 )
 def test_words_are_read_in_their_units(text: str, value: float) -> None:
-    assert read_words({"depth_at_rest": text}) == {"depth_at_rest": pytest.approx(value)}
+    assert read_values({"depth_at_rest": text}) == {"depth_at_rest": pytest.approx(value)}
 
 
 @pytest.mark.parametrize(
@@ -168,7 +176,7 @@ def test_words_are_read_in_their_units(text: str, value: float) -> None:
 )
 def test_what_is_no_amount_is_refused(words: dict[str, str], message: str) -> None:
     with pytest.raises(SweepFileError, match=message):
-        read_words(words)
+        read_values(words)
 
 
 def test_a_depth_beyond_the_geom_is_refused() -> None:
@@ -176,7 +184,12 @@ def test_a_depth_beyond_the_geom_is_refused() -> None:
         resting().solved({"depth_at_rest": 0.06})
 
 
-@pytest.mark.parametrize("words", [["nothing"], ["solref=0.005 1"], ["stiffnes=3", "box_slide"]])
+@pytest.mark.parametrize("words", [["nothing"], ["solref=0.005 1"], ["box_slide"]])
 def test_what_is_not_known_is_refused_in_one_line(words: list[str]) -> None:
     with pytest.raises(ContactlabError):
         explain(words)
+
+
+def test_values_of_contacts_need_their_section(tmp_path: Path) -> None:
+    with pytest.raises(SweepFileError, match=r"restitution=\.\.\. needs --section contacts"):
+        examine("ball_drop", set=["restitution=.4"], output=tmp_path)

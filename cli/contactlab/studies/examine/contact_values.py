@@ -1,7 +1,7 @@
 """Contact settings for a depth, a stiffness or a restitution, verified by a run."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from contactlab.contact.contact_laws import RESOLVED_STEP, STABLE_STEP, largest_step
 from contactlab.errors import SceneError, SweepFileError
@@ -9,20 +9,19 @@ from contactlab.mjcf import AT_REST
 from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.schema.examination import RestingContact
-from contactlab.schema.explanation import Explanation
 from contactlab.schema.setting_values import without_unit
 from contactlab.studies.examine.resting_contacts import RestingPair, resting_contacts, resting_pairs
 from contactlab.tasks.checked_model import CheckedModel, open_model
 from contactlab.tasks.session import Session
 
-WORDS = {**AT_REST, "restitution": ""}
+VALUES = {**AT_REST, "restitution": ""}
 
 
-def read_words(assigned: Mapping[str, str]) -> dict[str, float]:
+def read_values(assigned: Mapping[str, str]) -> dict[str, float]:
     """Return the requested values in SI; a SweepFileError says how to write them."""
     words = dict[str, float]()
     for name, text in assigned.items():
-        unit, most = WORDS[name], 1 if name == "restitution" else 1e300
+        unit, most = VALUES[name], 1 if name == "restitution" else 1e300
         try:
             words[name] = (without_unit(text, unit) if unit else None) or float(text)
         except ValueError:
@@ -35,33 +34,43 @@ def read_words(assigned: Mapping[str, str]) -> dict[str, float]:
     return words
 
 
-def explain_contacts(
+def split_values(assign: Sequence[str]) -> tuple[list[str], dict[str, str]]:
+    """Return the settings of `--set`, and the requested values of contacts by name."""
+    named = [each.partition("=") for each in assign]
+    values = {name: text for name, _, text in named if name in VALUES}
+    return [f"{name}{equals}{text}" for name, equals, text in named if name not in VALUES], values
+
+
+def measure_contacts(
     model: str,
     assign: Sequence[str],
-    words: Mapping[str, float],
+    values: Mapping[str, str],
     session: Session,
     options: TaskOptions = AS_INFERRED,
-) -> Explanation:
-    """Return the contacts of a model, or those with settings for requested values.
+    opened: Callable[[], None] = lambda: None,
+) -> tuple[CheckedModel, tuple[RestingContact, ...], tuple[str, ...]]:
+    """Return a model, its contacts or those with settings for requested values, and missed values.
 
-    A run with the settings verifies the values; the report names those that it does not reach.
+    A run with the settings verifies the values; those that it does not reach are missed. `opened`
+    is called once the model and its settings are read, before anything is run.
 
     Raises:
         SceneError: the values have no meaning for the model.
     """
+    words = read_values(values)
 
     def with_settings(*more: str) -> CheckedModel:
-        return open_model(model, session, options, [*assign, *more])
+        return open_model(model, session, options, [*assign, *more], rows=())
 
     examined = with_settings()
+    opened()
     if not examined.base.pairs:
         raise SceneError(
             f"{model}: no contact occurs in short runs from its start. Choose another start with "
             "--keyframe, or list `pairs` in a scene.yaml next to the model"
         )
-    head = examined.task.line
     if not words:
-        return Explanation(task=head, contacts=tuple(resting_contacts(examined)))
+        return examined, tuple(resting_contacts(examined)), ()
     pairs = list(resting_pairs(examined))
     if words.keys() & AT_REST.keys():
         pairs = [pair for pair in pairs if pair.load]
@@ -78,9 +87,7 @@ def explain_contacts(
         timestep = changed.resolved.timestep
         contacts.append(again.contact(timestep))
         missed += _missed_values(again, words, timestep)
-    return Explanation(
-        task=head, contacts=tuple(contacts), requested=tuple(words), missed=tuple(missed)
-    )
+    return examined, tuple(contacts), tuple(missed)
 
 
 def _missed_values(pair: RestingPair, words: Mapping[str, float], timestep: float) -> Iterator[str]:
@@ -102,7 +109,7 @@ def _missed_values(pair: RestingPair, words: Mapping[str, float], timestep: floa
             yield f"{pair.name}: does not bounce in the run, so restitution was not measured"
         elif abs(size - asked) > largest_miss * asked:
             why = f"; an impact takes a step of {RESOLVED_STEP / STABLE_STEP * most:.2g} s"
-            unit = f" {WORDS[name]}".rstrip()
+            unit = f" {VALUES[name]}".rstrip()
             yield (
                 f"{pair.name}: {name} is {size:.4g}{unit}, not {asked:.4g}{unit}"
                 f"{why * (name == 'restitution')}"
