@@ -72,7 +72,7 @@ def test_a_pipe_gets_all_and_may_close_early(contactlab: Run, swept: Path) -> No
 
 
 def test_help_has_examples_and_exit_codes(contactlab: Run) -> None:
-    for name in ("sweep", "check", "show", "report", "compare"):
+    for name in ("sweep", "examine", "show", "report", "compare"):
         out = contactlab(name, "-h").out
         assert f"Examples:\n    contactlab {name} " in out
         assert "Exit codes: 0 " in out

@@ -226,10 +226,12 @@ class CheckedModel:
 
     @cached_property
     def runs(self) -> list[CheckedRun]:
-        """The runs of its task, one for each seed, with all checks of runs and their traces.
+        """The runs of its task, one for each seed, with all checks of runs and their traces."""
+        self.check_timestep()
+        return self.run(TASK_STORE, "The model as it is", seeds=self.task.seeds)
 
-        A SweepFileError says which step is too long for a phase of the task.
-        """
+    def check_timestep(self) -> None:
+        """Raise a SweepFileError if the step is too long for a phase of the task."""
         step = self.resolved.timestep
         shortest = min(phase.end - phase.begin for phase in self.task.phases)
         if round(shortest / step, 9) < _FEWEST_STEPS:
@@ -237,7 +239,6 @@ class CheckedModel:
                 f"{self.reference}: a step of {step:g} s is too long for a phase of "
                 f"{shortest:g} s; set a timestep of at most {shortest / _FEWEST_STEPS:g} s"
             )
-        return self.run(TASK_STORE, "The model as it is", seeds=self.task.seeds)
 
     def run(
         self, name: str, description: str, settings: Values | None = None, **keys: object

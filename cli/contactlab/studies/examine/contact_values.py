@@ -63,6 +63,7 @@ def measure_contacts(
         return open_model(model, session, options, [*assign, *more], rows=())
 
     examined = with_settings()
+    examined.check_timestep()
     opened()
     if not examined.base.pairs:
         raise SceneError(
