@@ -4,14 +4,17 @@ from pathlib import Path
 from typing import Any
 
 import mujoco
+import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
 import contactlab
 from contactlab import resources
 from contactlab.advisories.advisory_files import list_advisories, read_advisories, read_advisory
-from contactlab.advisories.met_advisories import InstalledEngine, find_met_advisories
-from contactlab.advisories.witness_runs import fault_share, replay_witness
+from contactlab.advisories.field_expressions import ModelFacts
+from contactlab.advisories.met_advisories import InstalledEngine, can_act, find_met_advisories
+from contactlab.advisories.witness_runs import compile_witness, fault_share, replay_witness
+from contactlab.budget.motion import INTEGRATION, Motion
 from contactlab.errors import AdvisoryError
 from contactlab.parts import register_parts
 from contactlab.scene.scene_source import find_scene
@@ -191,6 +194,14 @@ AFFECTED = """<mujoco><option jacobian="sparse"/><worldbody>
   <body name="ball" pos="0 0 1"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
 
 
+def move_freely(text: str, steps: int = 10) -> Motion:
+    """Return a motion from qpos0 without inputs."""
+    model = mujoco.MjModel.from_xml_string(text)
+    start = np.zeros((1, mujoco.mj_stateSize(model, INTEGRATION)))
+    mujoco.mj_getState(model, mujoco.MjData(model), start[0], INTEGRATION)
+    return Motion(model, start, np.zeros((1, steps, 0)))
+
+
 @pytest.fixture
 def sparse_is_wrong(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Advisory:
     """An advisory of all releases, about sparse Jacobians; and a model in the current folder."""
@@ -224,15 +235,51 @@ def test_a_sweep_and_its_plan_say_which_advisories_are_met(sparse_is_wrong: Advi
 
 def test_an_examination_offers_the_workaround_first(sparse_is_wrong: Advisory) -> None:
     scene = find_scene("ball.xml")
-    model = mujoco.MjModel.from_xml_string(AFFECTED)
-    (fact,) = list_advisory_facts(model, scene)
+    motion = move_freely(AFFECTED)
+    model = motion.model
+    (fact,) = list_advisory_facts([motion], [0.0], scene)
     assert fact.place == sparse_is_wrong.id
     (candidate,) = list_workaround_candidates(model, scene, "inaccurate")
     candidate.change(model)
     assert model.opt.jacobian == mujoco.mjtJacobian.mjJAC_DENSE
     assert candidate.edits.settings == {"jacobian": "dense"}
     assert not candidate.changes_model
-    assert not [*list_advisory_facts(model, scene)]
+    assert not [*list_advisory_facts([motion], [0.0], scene)]
+
+
+@pytest.mark.parametrize(("height", "acts"), [(0.16, True), (5.0, False)])
+def test_an_examination_says_whether_a_fault_acts_in_the_run(
+    height: float, acts: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # A ball that falls from 5 m does not land within 200 steps of 2 ms.
+    changes = {"affected": [{"introduced": "0"}], "occurs": "ncon > 0"}
+    advisory = read_advisory(written(tmp_path, **changes))
+    monkeypatch.setattr("contactlab.advisories.met_advisories.list_advisories", lambda: (advisory,))
+    (tmp_path / "ball.xml").write_text(AFFECTED)
+    monkeypatch.chdir(tmp_path)
+    motion = move_freely(
+        f"""<mujoco><worldbody><geom type="plane" size="1 1 1"/>
+        <body pos="0 0 {height}"><freejoint/><geom size=".1"/></body></worldbody></mujoco>""",
+        200,
+    )
+    (fact,) = list_advisory_facts([motion], [0.0], find_scene("ball.xml"))
+    assert fact.value == acts
+    # It falls 60 mm in .11 s, and each window has 20 ms.
+    assert ("in this run, from 0.12 s" in fact.sentence) == acts
+    assert ("but not in this run" in fact.sentence) != acts
+
+
+def test_the_solver_fault_acts_where_the_equation_of_motion_is_not_solved() -> None:
+    advisory = next(each for each in list_advisories() if each.id == "CL-2026-0001")
+    model = compile_witness(advisory.witness)
+    if not advisory.affects_release(mujoco.__version__):
+        pytest.skip("this release is not affected")
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert can_act(advisory, ModelFacts(model, data))
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    mujoco.mj_forward(model, data)
+    assert not can_act(advisory, ModelFacts(model, data))
 
 
 @pytest.mark.night

@@ -77,7 +77,10 @@ def read_advisory(file: Path) -> Advisory:
 def _find_mistakes(advisory: Advisory) -> Iterator[str]:
     # Types do not check expressions, names of modifications and distances of values.
     witness = advisory.witness
-    for key, text in (("applies", advisory.applies), ("witness.measure", witness.measure)):
+    expressions = {"applies": advisory.applies, "witness.measure": witness.measure}
+    if advisory.occurs:
+        expressions["occurs"] = advisory.occurs
+    for key, text in expressions.items():
         try:
             FieldExpression(text)
         except ExpressionError as error:

@@ -19,6 +19,7 @@ from typing import Any, ClassVar
 import mujoco
 import numpy as np
 
+from contactlab.engines.self_checks import measure_equation_error
 from contactlab.expression import CheckedText, Checker, ExpressionError, NoValueError, call
 from contactlab.mjcf import OPTIONS
 from contactlab.numerical_tolerance import ROUNDING
@@ -77,7 +78,7 @@ class ModelFacts:
 
     Attributes:
         model: the compiled model.
-        data: the state after a forward computation; None for predicates.
+        data: the state after a forward computation; None for facts of the model alone.
         elements: of the model's files, each with its path, such as mujoco/default/geom, and its
             attributes; None if the files are unknown.
     """
@@ -90,7 +91,7 @@ class ModelFacts:
         """Return the value of a name; NoValueError if this MuJoCo does not have it."""
         model = self.model
         if name in _DERIVED:
-            return _DERIVED[name](model)
+            return _DERIVED[name](self)
         if name in OPTIONS:
             return read_option(model, name) if hasattr(model.opt, name) else self._refuse_name(name)
         if name in FLAG_NAMES or name in missing_flags():
@@ -181,17 +182,18 @@ def _words_of(enum: str, prefix: str) -> dict[int, str]:
     return {number: name.lower() for name, number in members.items()}
 
 
-def _has_sparse_jacobian(model: mujoco.MjModel) -> bool:
-    word = read_option(model, "jacobian")
-    return word == "sparse" or (word == "auto" and model.nv >= _SPARSE_FROM)
+def _has_sparse_jacobian(facts: ModelFacts) -> bool:
+    word = read_option(facts.model, "jacobian")
+    return word == "sparse" or (word == "auto" and facts.model.nv >= _SPARSE_FROM)
 
 
-def _has_branches(model: mujoco.MjModel) -> bool:
-    parents = model.dof_parentid[model.dof_parentid >= 0]
+def _has_branches(facts: ModelFacts) -> bool:
+    parents = facts.model.dof_parentid[facts.model.dof_parentid >= 0]
     return bool((np.bincount(parents, minlength=1) > 1).any())
 
 
-def _has_singular_inertia(model: mujoco.MjModel) -> bool:
+def _has_singular_inertia(facts: ModelFacts) -> bool:
+    model = facts.model
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
@@ -203,12 +205,19 @@ def _has_singular_inertia(model: mujoco.MjModel) -> bool:
     return bool(values[0] <= ROUNDING * values[-1])
 
 
-_DERIVED: Mapping[str, Callable[[mujoco.MjModel], object]] = {
+def _find_equation_error(facts: ModelFacts) -> float:
+    if facts.data is None:
+        raise NoValueError("equation_error needs a state; use it in occurs or in measure")
+    return measure_equation_error(facts.model, facts.data)
+
+
+_DERIVED: Mapping[str, Callable[[ModelFacts], object]] = {
     "sparse_jacobian": _has_sparse_jacobian,
     "branching_trees": _has_branches,
     "singular_inertia": _has_singular_inertia,
+    "equation_error": _find_equation_error,
 }
-"""Facts of a model without a field of their own."""
+"""Facts without a field of their own."""
 
 
 class FieldExpression(CheckedText):

@@ -48,6 +48,16 @@ def may_meet(advisory: Advisory, facts: ModelFacts) -> bool:
         return False
 
 
+def can_act(advisory: Advisory, facts: ModelFacts) -> bool:
+    """Return whether the fault of an advisory can act in a state; not if its fields are missing."""
+    if not advisory.occurs:
+        return True
+    try:
+        return bool(FieldExpression(advisory.occurs).evaluate_facts(facts))
+    except NoValueError:
+        return False
+
+
 def find_met_advisories(
     model: mujoco.MjModel,
     engine: InstalledEngine = InstalledEngine(),  # noqa: B008 - immutable

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import mujoco
 
 from contactlab.advisories.field_expressions import FieldExpression, ModelFacts, list_elements
-from contactlab.advisories.met_advisories import may_meet
+from contactlab.advisories.met_advisories import can_act, may_meet
 from contactlab.errors import AdvisoryError
 from contactlab.expression import ExpressionError
 from contactlab.scene.mujoco_versions import silence_mujoco
@@ -15,7 +15,7 @@ from contactlab.schema.advisory import Advisory, Witness
 
 
 class WitnessRun(NamedTuple):
-    """The measured value of a witness, and whether its model meets the advisory's predicate."""
+    """The measured value of a witness, and whether it meets the advisory's predicates."""
 
     measured: float
     meets: bool
@@ -38,9 +38,8 @@ def replay_witness(advisory: Advisory) -> WitnessRun:
         mujoco.mj_forward(model, data)
         elements = list_elements(ET.fromstring(witness.model))  # noqa: S314 - MuJoCo has read it
         facts = ModelFacts(model, data, elements)
-        return WitnessRun(
-            FieldExpression(witness.measure).evaluate_facts(facts), may_meet(advisory, facts)
-        )
+        meets = may_meet(advisory, facts) and can_act(advisory, facts)
+        return WitnessRun(FieldExpression(witness.measure).evaluate_facts(facts), meets)
     except (ValueError, KeyError, mujoco.FatalError, ExpressionError) as error:
         raise AdvisoryError(f"{advisory.id}: {str(error).partition(chr(10))[0]}") from error
 

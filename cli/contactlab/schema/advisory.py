@@ -77,6 +77,11 @@ class Advisory(Model):
     affected: tuple[AffectedReleases, ...] = about("The releases that have it.", min_length=1)
     severity: Severity = about("Its worst consequence.")
     applies: Word = about("Expression over fields of mjModel: whether a model may meet the fault.")
+    occurs: str = about(
+        "Expression over fields of mjModel and mjData: whether the fault can act in a state of a "
+        "run; leave out if it can in every state.",
+        default="",
+    )
     witness: Witness = about("The model that shows it.")
     workarounds: tuple[Workaround, ...] = about("Ways to avoid it, the best one first.", default=())
     advice: str = about("What to do if no setting avoids it, in one sentence.", default="")

@@ -134,7 +134,7 @@ def _yield_causes(report: Examination, verdict: VerdictWord) -> Iterator[str]:
     if verdict != "ok":
         named = any(cause.stage == "start" for cause in report.causes)
         for kind in ("advisory",) if named else ("overlap", "advisory"):
-            yield from (fact.sentence for fact in report.facts if fact.kind == kind)
+            yield from (fact.sentence for fact in report.facts if fact.kind == kind and fact.value)
     failed = {*_failed_checks(report)}
     failures = [
         *(label_line(label, len(report.task.seeds)) for label in labels_in_why(report)),
@@ -271,7 +271,7 @@ def _fix(report: Examination, verdict: VerdictWord, tried: int, not_tried: int) 
         return "not needed"
     start = report.task.start if report.task.start == QPOS0 else f"keyframe {report.task.start}"
     first = f"move the bodies apart in {start} first; " if _overlaps(report) else ""
-    met = [fact.place for fact in report.facts if fact.kind == "advisory"]
+    met = [fact.place for fact in report.facts if fact.kind == "advisory" and fact.value]
     first += f"avoid {' and '.join(met)} first; " if met else ""
     return first + _no_fix(report, tried, not_tried)
 

@@ -284,7 +284,7 @@ def _measured(
     tried = search.tried if search else ()
     if "facts" in request.sections:
         found = (
-            *list_advisory_facts(examined.motions[0].model, examined.scene.source),
+            *list_advisory_facts(examined.motions, times, examined.scene.source),
             *facts(examined.motions, times),
             *list_sagging_servos(report.servos),
             *(list_unheld_servos(report.servos) if request.assign else ()),  # as lint has them
