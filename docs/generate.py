@@ -28,19 +28,16 @@ from contactlab.studies.lint.linting import RULES
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "docs/reference"
-FILES = {"sweep": "Sweep file", "scene": "scene.yaml", "policy": "Policy of `compare`"}
+FILES = {"sweep": "Sweep file", "scene": "scene.yaml"}
 LEVELS = {"gate": "Error", "warn": "Warning", "note": "Note"}
 CONTEXTS = frozenset(
     {
         "verdict of a model",
         "error budget",
         "task",
-        "finding",
         "comparison of stores",
         "sweep",
         "store",
-        "tune",
-        "trade-off",
     }
 )
 """Contexts of terms that more than one page uses; `contactlab explain WORD` has all terms."""
@@ -73,9 +70,10 @@ def list_commands() -> Iterator[str]:
         for option in read_options(command):
             users[option].append(command.name)
     shared = {option: names for option, names in users.items() if len(names) >= SHARED}
-    yield "Options of several commands:\n"
+    yield "Options of several commands, with the commands that have them:\n"
     for option, names in sorted(shared.items(), key=lambda each: each[0].flags):
-        yield f"- `{option.flags}`: {option.help} ({', '.join(sorted(names))})"
+        some = ", ".join(sorted(names)) if len(names) <= SHARED + 1 else "most studies"
+        yield f"`{option.flags}` ({some}): {option.help}\n"
     for group, title in TITLES.items():
         yield f"\n## {title}"
         for command in sorted(commands, key=lambda each: each.name):
@@ -90,9 +88,9 @@ def list_command(command: Command, shared: Iterable[CommandOption]) -> Iterator[
     arguments = [each for each in parameters if not getattr(each.default, "param_decls", None)]
     usage = " ".join([command.name, *(each.default.metavar for each in arguments)])
     yield f"\n### {command.name}\n\n`{usage}` {summary}\n"
-    yield from (f"- {each.default.metavar}: {each.default.help}" for each in arguments)
+    yield from (f"{each.default.metavar}: {each.default.help}\n" for each in arguments)
     yield from (
-        f"- `{option.flags}`: {option.help}"
+        f"`{option.flags}`: {option.help}\n"
         for option in read_options(command)
         if option not in shared
     )
@@ -133,7 +131,7 @@ def describe_keys(
         default = key.get("default")
         kind = spell_kind(key)
         # A word of a part leads to its keys; a meaning says its own kind.
-        notes = [kind] if not meaning or not kind.islower() or "|" in kind else []
+        notes = [kind] if not meaning or not kind.islower() else []
         if name in schema.get("required", ()):
             notes.append("required")
         elif default not in (None, "", [], {}):
@@ -141,7 +139,7 @@ def describe_keys(
         before = known.setdefault((name, meaning), part)
         text = f"as in {before}" if before != part and meaning else meaning
         note = f" ({', '.join(notes)})" if notes else ""
-        yield f"- `{name}`{note}{': ' if text else ''}{text}"
+        yield f"`{name}`{note}{': ' if text else ''}{text}\n"
 
 
 def spell_kind(key: Mapping[str, Any]) -> str:
@@ -167,7 +165,7 @@ def list_columns() -> Iterator[str]:
     """Yield all columns of a table that records have."""
     for column in (*FIXED_COLUMNS, PLUGINS_COLUMN, *LOOP_COLUMNS):
         unit = f" [{column.unit}]" if column.unit not in ("", "1") else ""
-        yield f"- `{column.name}` ({spell_type(column.type)}): {column.description}{unit}"
+        yield f"`{column.name}` ({spell_type(column.type)}): {column.description}{unit}\n"
 
 
 def spell_type(kind: pa.DataType) -> str:
@@ -186,27 +184,28 @@ def list_terms() -> Iterator[str]:
         if term.context != context:
             context = term.context
             yield f"\n## {context[0].upper()}{context[1:]}\n"
-        yield f"- **{term.word}**: {term.definition}"
+        yield f"**{term.word}**: {term.definition}\n"
 
 
 def list_labels() -> Iterator[str]:
     """Yield the labels, and the limits that they read."""
     for label in LABELS.values():
         limits = f" (`{'`, `'.join(each.name for each in label.thresholds)}`)"
-        advice = f" *Change*: {label.advice}." if label.advice else ""
-        yield f"- `{label.name}`{limits if label.thresholds else ''}: {label.meaning}{advice}"
+        yield f"`{label.name}`{limits if label.thresholds else ''}: {label.meaning}\n"
     yield "\n## Limits\n\nA sweep or a scene replaces a default by its key `thresholds`.\n"
     for limit in THRESHOLDS.values():
         unit = f" {limit.unit}" if limit.unit != "1" else ""
         default = "unset" if limit.default is None else f"{limit.default:g}{unit}"
-        yield f"- `{limit.name}` ({default}): {limit.source}"
+        yield f"`{limit.name}` ({default}): {limit.source}\n"
 
 
 def list_metrics() -> Iterator[str]:
     """Yield the metrics with their units."""
     for metric in METRICS.values():
         unit = f" [{metric.unit}]" if metric.unit != "1" else ""
-        yield f"- `{metric.name}`{unit}: {metric.definition}"
+        # The first sentence; a period within an abbreviation has no space and capital behind it.
+        summary = re.split(r"(?<=\.) (?=[A-Z])", metric.definition)[0]
+        yield f"`{metric.name}`{unit}: {summary}\n"
 
 
 def list_parameters() -> Iterator[str]:
@@ -214,17 +213,17 @@ def list_parameters() -> Iterator[str]:
     for axis in PARAMETERS.values():
         unit = f" [{axis.unit}]" if axis.unit not in ("", "1") else ""
         words = f" ({', '.join(axis.choices)})" if axis.choices else ""
-        yield f"- `{axis.name}`{unit}: {axis.description}{words}"
+        yield f"`{axis.name}`{unit}: {axis.description}{words}\n"
     yield "\n## Effects\n\nThe key `effects` switches these.\n"
     for effect in EFFECTS.values():
         needed = f"; needed by {effect.called_by}" if effect.called_by else ""
-        yield f"- `{effect.name}`: {effect.what}{needed}"
+        yield f"`{effect.name}`: {effect.what}{needed}\n"
 
 
 def list_modifications() -> Iterator[str]:
     """Yield the entries of the catalogue with what they edit and their uses."""
     for entry in CATALOGUE.values():
-        yield f"- {describe_modification(entry)}"
+        yield f"{describe_modification(entry)}\n"
 
 
 def describe_modification(entry: Modification) -> str:
@@ -267,7 +266,8 @@ PAGES: Mapping[str, Page] = {
     ),
     "keys": Page(
         "Keys of files",
-        "Values with units are numbers in SI, or text: `2s`, `1mm`, `5%`.",
+        "Values with units are numbers in SI, or text: `2s`, `1mm`, `5%`. `contactlab schema NAME` "
+        "has the types, and the keys of policies.",
         list_keys,
     ),
     "parameters": Page(
@@ -277,12 +277,14 @@ PAGES: Mapping[str, Page] = {
     ),
     "metrics": Page(
         "Metrics",
-        "Units are SI. A metric that does not apply to a run is null.",
+        "Units are SI. A metric that does not apply to a run is null. `contactlab explain METRIC` "
+        "has the whole definition.",
         list_metrics,
     ),
     "labels": Page(
         "Labels, the worst first",
-        "A run has each label that applies; the worst is its `label`. In brackets are its limits.",
+        "A run has each label that applies; the worst is its `label`. In brackets are its limits. "
+        "`contactlab explain LABEL` has the recommended change.",
         list_labels,
     ),
     "columns": Page(

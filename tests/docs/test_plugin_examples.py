@@ -1,4 +1,4 @@
-"""The examples of CONTRIBUTING.md declare what they say they do."""
+"""The examples of docs/how-to/plugins.md declare what they say they do."""
 
 import re
 from pathlib import Path
@@ -11,7 +11,7 @@ from contactlab.judge.limits import LIMITS
 from contactlab.measure import LABELS, METRICS, ORACLES, THRESHOLDS
 from contactlab.studies.check.check_entries import CHECKS
 
-TEXT = (Path(__file__).parents[2] / "CONTRIBUTING.md").read_text(encoding="utf-8")
+TEXT = (Path(__file__).parents[2] / "docs/how-to/plugins.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"^```python\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)
 
 pytestmark = pytest.mark.usefixtures("_registries_restored")
@@ -21,9 +21,11 @@ def test_each_example_adds_its_entries() -> None:
     names: dict[str, Any] = {"__name__": "example"}
     for example in EXAMPLES:
         exec(example, names)  # noqa: S102 - it is ours
-    assert METRICS["joint_speed_max"].definition == "Largest speed of any joint, at any time."
-    assert LABELS["overspeed"].thresholds == (THRESHOLDS["joint_speed_max"],)
+    gained = "Largest height that the first body gains over its start."
+    assert METRICS["hover_height"].definition == gained
+    assert LABELS["hovering"].thresholds == (THRESHOLDS["hover"],)
     assert ORACLES["fall"].relative
     assert ENGINES["mine"].version == "1.0"
     assert CHECKS["mass"].limits == (LIMITS["mass"],)
-    assert len(EXAMPLES) == 4
+    assert names["ring"]("ding", times=2) == "ding ding"
+    assert len(EXAMPLES) == 3
