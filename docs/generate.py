@@ -266,8 +266,8 @@ PAGES: Mapping[str, Page] = {
     ),
     "keys": Page(
         "Keys of files",
-        "Values with units are numbers in SI, or text: `2s`, `1mm`, `5%`. `contactlab schema NAME` "
-        "has the types, and the keys of policies.",
+        "Values with units are numbers in SI, or text: `2s`, `1mm`, `5%`. `contactlab list schemas "
+        "NAME` has the types, and the keys of policies.",
         list_keys,
     ),
     "parameters": Page(
