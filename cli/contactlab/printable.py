@@ -24,6 +24,11 @@ _MARKUP = "\\|`*_<>[]~$"
 _REFERENCE = re.compile(r"[@#]|:(?=//)|\bwww(?=\.)|\bGH(?=-)", re.IGNORECASE)
 
 
+def visible_or_other(value: object) -> object:
+    """Return visible text of plain text, and any other value, such as markup, unchanged."""
+    return visible(value) if type(value) is str else value
+
+
 def visible(text: str) -> str:
     r"""Return text with control characters written out, as in JSON: `\u001b`."""
     return _CONTROL.sub(_escape_character, text)

@@ -7,9 +7,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.advisories.field_expressions import FieldExpression, ModelFacts, list_elements
+from contactlab.advisories.field_expressions import FieldExpression, ModelFacts
 from contactlab.expression import ExpressionError, NoValueError
-from contactlab.scene.model_xml import ET
+from contactlab.scene.model_xml import ET, list_elements
 
 TEXT = """
 <mujoco>
@@ -39,7 +39,7 @@ def facts() -> ModelFacts:
     data = mujoco.MjData(model)
     data.qvel[:] = np.arange(1, model.nv + 1)
     mujoco.mj_forward(model, data)
-    return ModelFacts(model, data, list_elements(ET.fromstring(TEXT)))
+    return ModelFacts(model, data, lambda: list_elements(ET.fromstring(TEXT)))
 
 
 LOOPS: dict[str, Callable[[mujoco.MjModel, mujoco.MjData], Any]] = {

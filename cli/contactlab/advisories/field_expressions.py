@@ -10,8 +10,7 @@ geom_type == 'mesh'.
 
 import ast
 import operator
-import xml.etree.ElementTree as ET
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import cache, reduce
 from typing import Any, ClassVar
@@ -25,6 +24,7 @@ from contactlab.mjcf import OPTIONS
 from contactlab.numerical_tolerance import ROUNDING
 from contactlab.scene.contact_pairs import geom_pairs, touch_mask
 from contactlab.scene.model_edits import FLAG_NAMES, read_flag, read_option
+from contactlab.scene.model_xml import Elements
 from contactlab.scene.mujoco_versions import enum_members, missing_flags
 
 _SPARSE_FROM = 60
@@ -61,17 +61,6 @@ _FIRST_ROWS = {"qpos": "jnt_qposadr", "dof": "jnt_dofadr"}
 """Fields with the first row of each joint."""
 
 
-Elements = Sequence[tuple[str, Mapping[str, str]]]
-"""Elements of XML files, each with its path and its attributes."""
-
-
-def list_elements(root: ET.Element, path: str = "") -> Elements:
-    """Return an element and all below it, with their paths and attributes."""
-    place = f"{path}/{root.tag}" if path else root.tag
-    below = (found for part in root for found in list_elements(part, place))
-    return [(place, root.attrib), *below]
-
-
 @dataclass(frozen=True)
 class ModelFacts:
     """A compiled model and, for measures, a state of it.
@@ -79,13 +68,13 @@ class ModelFacts:
     Attributes:
         model: the compiled model.
         data: the state after a forward computation; None for facts of the model alone.
-        elements: of the model's files, each with its path, such as mujoco/default/geom, and its
-            attributes; None if the files are unknown.
+        list_elements: returns those of the model's files, each with its path, such as
+            mujoco/default/geom, and its attributes; None if the files are unknown.
     """
 
     model: mujoco.MjModel
     data: mujoco.MjData | None = None
-    elements: Elements | None = None
+    list_elements: Callable[[], Elements] | None = None
 
     def read_value(self, name: str) -> Any:  # noqa: ANN401 - a number, word or array
         """Return the value of a name; NoValueError if this MuJoCo does not have it."""
@@ -127,11 +116,11 @@ class ModelFacts:
 
     def count_elements(self, path: str, attribute: str) -> int:
         """Return how many elements with an attribute have a path that ends like this one."""
-        if self.elements is None:
+        if self.list_elements is None:
             raise NoValueError("elements() needs the files of the model")
         return sum(
             f"/{place}".endswith(f"/{path}") and attribute in values
-            for place, values in self.elements
+            for place, values in self.list_elements()
         )
 
     def count_pairs(self, first: Any, second: Any) -> int:  # noqa: ANN401 - truth values of geoms

@@ -1,24 +1,19 @@
 """Finds the advisories that a model meets under an engine."""
 
-from collections.abc import Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import mujoco
 
 from contactlab.advisories.advisory_files import list_advisories
 from contactlab.advisories.field_expressions import (
-    Elements,
     FieldExpression,
     ModelFacts,
-    list_elements,
 )
-from contactlab.errors import SceneError
 from contactlab.expression import NoValueError
 from contactlab.mjcf import MODEL_ENGINE
-from contactlab.scene.model_xml import parse
+from contactlab.scene.model_xml import Elements
 from contactlab.scene.mujoco_versions import VERSION
-from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource
 from contactlab.schema.advisory import Advisory
 
 
@@ -27,17 +22,6 @@ class InstalledEngine(NamedTuple):
 
     name: str = MODEL_ENGINE
     version: str = VERSION
-
-
-def list_model_elements(source: SceneSource) -> Elements:
-    """Return the elements of the model files of a scene; none of files that are not XML."""
-    files = (source.content.root / name for name in source.content.files)
-    found = list[tuple[str, Mapping[str, str]]]()
-    for path in files:
-        if path.suffix in MODEL_SUFFIXES:
-            with suppress(SceneError):
-                found += list_elements(parse(path))
-    return found
 
 
 def may_meet(advisory: Advisory, facts: ModelFacts) -> bool:
@@ -61,7 +45,7 @@ def can_act(advisory: Advisory, facts: ModelFacts) -> bool:
 def find_met_advisories(
     model: mujoco.MjModel,
     engine: InstalledEngine = InstalledEngine(),  # noqa: B008 - immutable
-    elements: Elements | None = None,
+    elements: Callable[[], Elements] | None = None,
     advisories: Iterable[Advisory] | None = None,
 ) -> tuple[Advisory, ...]:
     """Return the advisories that a compiled model meets under an engine, by id.
@@ -69,10 +53,10 @@ def find_met_advisories(
     Args:
         model: the compiled model.
         engine: the engine that simulates it.
-        elements: of the model's files, if these are known.
+        elements: returns those of the model's files, if these are known.
         advisories: by default those of contactlab and of installed packages.
     """
-    facts = ModelFacts(model, elements=elements)
+    facts = ModelFacts(model, list_elements=elements)
     return tuple(
         advisory
         for advisory in (list_advisories() if advisories is None else advisories)

@@ -6,10 +6,11 @@ from typing import NamedTuple
 
 import mujoco
 
-from contactlab.advisories.field_expressions import FieldExpression, ModelFacts, list_elements
+from contactlab.advisories.field_expressions import FieldExpression, ModelFacts
 from contactlab.advisories.met_advisories import can_act, may_meet
 from contactlab.errors import AdvisoryError
 from contactlab.expression import ExpressionError
+from contactlab.scene.model_xml import list_elements
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.schema.advisory import Advisory, Witness
 
@@ -37,7 +38,7 @@ def replay_witness(advisory: Advisory) -> WitnessRun:
         mujoco.mj_step(model, data, nstep=witness.steps)
         mujoco.mj_forward(model, data)
         elements = list_elements(ET.fromstring(witness.model))  # noqa: S314 - MuJoCo has read it
-        facts = ModelFacts(model, data, elements)
+        facts = ModelFacts(model, data, lambda: elements)
         meets = may_meet(advisory, facts) and can_act(advisory, facts)
         return WitnessRun(FieldExpression(witness.measure).evaluate_facts(facts), meets)
     except (ValueError, KeyError, mujoco.FatalError, ExpressionError) as error:

@@ -16,7 +16,7 @@ from contactlab.live.browser_models import BrowserModel
 from contactlab.live.budget_switches import rows_of, switched_models
 from contactlab.live.sliders import offered_values, value_text
 from contactlab.mjcf import MODEL_ENGINE
-from contactlab.run.planned_runs import stored_sweep_scene
+from contactlab.run.planned_runs import open_store_scene
 from contactlab.run.stored_runs import canonical_values, resolve_record, stored_start
 from contactlab.scene.initial_states import STATE_PARTS, InitialStates
 from contactlab.scene.model_edits import LOOP_ENGINE
@@ -100,7 +100,7 @@ class LiveRuns:
 
     @cached_property
     def _scene(self) -> Scene:
-        return stored_sweep_scene(self.store.manifest.sweep, self.store.scene_folder)
+        return open_store_scene(self.store)
 
     def geom_names(self, place: int) -> list[str]:
         """Return the names of the geoms of a structure; without a name, those of their bodies."""

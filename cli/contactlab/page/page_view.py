@@ -40,7 +40,7 @@ from contactlab.pareto.recommendation import (
     setting_text,
     settings_text,
 )
-from contactlab.printable import visible
+from contactlab.printable import visible_or_other
 from contactlab.rendering.amounts import format_percent
 from contactlab.reporting.boundaries import boundary_lines, describe_coverage
 from contactlab.reporting.finding import write_finding
@@ -519,7 +519,7 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
         loader=PackageLoader(PACKAGE),
         autoescape=True,
         # Markup is text of our own; all other text may be data.
-        finalize=lambda value: visible(value) if type(value) is str else value,
+        finalize=visible_or_other,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

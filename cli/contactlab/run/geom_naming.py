@@ -5,7 +5,7 @@ from contextlib import suppress
 
 from contactlab.errors import ContactlabError
 from contactlab.printable import Told
-from contactlab.run.planned_runs import stored_sweep_scene
+from contactlab.run.planned_runs import open_store_scene
 from contactlab.run.stored_runs import resolve_record
 from contactlab.scene.model_names import geom_name_replacer
 from contactlab.schema.evidence import EvidenceRecord
@@ -23,7 +23,7 @@ def geom_replacers(store: Store, records: Mapping[int, EvidenceRecord]) -> dict[
     ]
     if unnamed:
         with suppress(ContactlabError):
-            scene = stored_sweep_scene(store.manifest.sweep, store.scene_folder)
+            scene = open_store_scene(store)
             for place in unnamed:
                 model = scene.base_of(resolve_record(scene, records[place])).model
                 replacements[place] = geom_name_replacer(model)

@@ -10,6 +10,7 @@ from copy import copy
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,7 @@ from contactlab.schema.evidence import SweepIdentity
 from contactlab.schema.sweep_schema import Sweep, effects_base
 from contactlab.store.control_tables import read_control_table
 from contactlab.store.controls_file import read_controls
+from contactlab.store.finished_store import Store
 from contactlab.store.folder_backend import backend_at
 from contactlab.store.run_columns import hash_of_ids
 from contactlab.store.store_files import SCENES, Address
@@ -298,6 +300,16 @@ def stored_sweep_scene(identity: SweepIdentity, folder: Path) -> Scene:
         return scene
     drive = parse_drive(stored)
     return scene.with_drive(drive, folder.parent / (LocatedDrive(drive).hash or ""))
+
+
+_OPENED = WeakKeyDictionary[Store, Scene]()
+
+
+def open_store_scene(store: Store) -> Scene:
+    """Return the scene of a finished store, which is opened once; see `stored_sweep_scene`."""
+    if store not in _OPENED:
+        _OPENED[store] = stored_sweep_scene(store.manifest.sweep, store.scene_folder)
+    return _OPENED[store]
 
 
 def local_scene(store: Address, folder: Path) -> Path:

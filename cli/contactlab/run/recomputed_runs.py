@@ -19,7 +19,7 @@ from contactlab.plan.overrides import Overrides
 from contactlab.plan.sweep_file import read_sweep
 from contactlab.plugins import loaded_plugins
 from contactlab.run.evidence_record import find_engine, find_provenance, hash_definitions
-from contactlab.run.planned_runs import RunIndex, stored_sweep_scene
+from contactlab.run.planned_runs import RunIndex, open_store_scene
 from contactlab.run.recomputed_rows import recomputed_rows
 from contactlab.run.run_verdicts import unmet_means
 from contactlab.run.shards import parse_shard, part_of, shard_of_sweep
@@ -82,7 +82,7 @@ def recomputed_problems(store: Store, chosen: NDArray[np.bool_] | None = None) -
     """
     identity, plan = store.manifest.sweep, None
     try:
-        scene = stored_sweep_scene(store.manifest.sweep, store.scene_folder)
+        scene = open_store_scene(store)
         if scene.hash != identity.scene_hash:
             yield f"{SCENES}/{identity.scene_hash}: its files have the hash {scene.hash}"
             return
@@ -176,7 +176,7 @@ def plan_again(identity: SweepIdentity, scene: Scene) -> Plan:
 def simulated_problems(store: Store, count: int, *, allow_code: bool = False) -> Iterator[str]:
     """Simulate, measure and label a random sample of the runs again. Yield the differences."""
     identity, columns = store.manifest.sweep, store.columns
-    scene = stored_sweep_scene(store.manifest.sweep, store.scene_folder)
+    scene = open_store_scene(store)
     names = [
         *_OUTCOME_COLUMNS,
         *(name for name in identity.metric_versions if name in columns.measured),

@@ -25,7 +25,7 @@ from contactlab.errors import ContactlabError, PluginError, PolicyError, StoreEr
 from contactlab.mjcf import MODEL_ENGINE
 from contactlab.plugins import loaded_plugins
 from contactlab.registry import fill_registry, registry_fillers
-from contactlab.run.planned_runs import stored_sweep_scene
+from contactlab.run.planned_runs import open_store_scene
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.mujoco_versions import silence_mujoco
@@ -74,7 +74,7 @@ def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, RunSpec]:
     missing = [str(plugin) for plugin in record.plugins if plugin.name not in loaded]
     try:
         find_engine(record.engine.name)
-        scene = stored_sweep_scene(store.manifest.sweep, store.scene_folder)
+        scene = open_store_scene(store)
         return record, scene, resolve_record(scene, record)
     except ContactlabError as error:
         if not missing:

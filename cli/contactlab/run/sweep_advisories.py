@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from contactlab.advisories.met_advisories import (
     InstalledEngine,
     find_met_advisories,
-    list_model_elements,
 )
 from contactlab.engines import engine_of
 from contactlab.run.planned_runs import RunIndex
@@ -23,13 +22,12 @@ def find_sweep_advisories(index: RunIndex, scene: Scene) -> tuple[tuple[Advisory
 
     If a sweep has many models, some are examined, evenly spread over it.
     """
-    elements = list_model_elements(scene.source)
     counts, found, models = Counter[str](), dict[str, Advisory](), 0
     for run in _spread_runs(index):
         engine = engine_of(run)
         model = scene.base_of(run).prepare(run.edits()).model
         installed = InstalledEngine(engine.name, engine.version)
-        met = find_met_advisories(model, installed, elements)
+        met = find_met_advisories(model, installed, lambda: scene.source.elements)
         found |= {each.id: each for each in met}
         counts.update(each.id for each in met)
         models += 1

@@ -10,7 +10,7 @@ attributes become spaces in XML, but not in MuJoCo, so they are refused in the n
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NoReturn
 from xml.parsers import expat
@@ -121,3 +121,14 @@ class _Reading:
 
     def _refuse_file(self, why: str) -> NoReturn:
         raise SceneError(f"{self._path}:{self._parser.CurrentLineNumber}: {why}")
+
+
+Elements = Sequence[tuple[str, Mapping[str, str]]]
+"""Elements of XML files, each with its path and its attributes."""
+
+
+def list_elements(root: ET.Element, path: str = "") -> Elements:
+    """Return an element and all below it, with their paths and attributes."""
+    place = f"{path}/{root.tag}" if path else root.tag
+    below = (found for part in root for found in list_elements(part, place))
+    return [(place, root.attrib), *below]

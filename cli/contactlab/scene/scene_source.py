@@ -6,9 +6,9 @@ A scene is a shipped name, a folder with a manifest, a model file, or a robot of
 
 import importlib
 from collections.abc import Generator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -22,6 +22,7 @@ from contactlab.errors import SceneError, install_command, no_file
 from contactlab.plugins import extensions
 from contactlab.scene.model_files import SceneFiles, collect_files, relative_path
 from contactlab.scene.model_guards import check_places
+from contactlab.scene.model_xml import Elements, list_elements, parse
 from contactlab.schema.drive import drive_files
 from contactlab.schema.requirement import explain_error
 from contactlab.schema.scene_manifest import SceneManifest
@@ -115,6 +116,17 @@ class SceneSource:
     def model(self) -> Path:
         """The model file."""
         return self.content.root / self.content.model
+
+    @cached_property
+    def elements(self) -> Elements:
+        """The elements of the model's XML files; none of other files."""
+        files = (self.content.root / name for name in self.content.files)
+        found = list[tuple[str, Mapping[str, str]]]()
+        for path in files:
+            if path.suffix in MODEL_SUFFIXES:
+                with suppress(SceneError):
+                    found += list_elements(parse(path))
+        return found
 
     @contextmanager
     def named_in_errors(self) -> Generator[None]:

@@ -92,7 +92,7 @@ class Runs:
         return _html_table(_SHOWN_COLUMNS, (row.values() for row in rows)) + more
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Store:
     """A finished store."""
 

@@ -15,7 +15,7 @@ from contactlab.pareto.analysis import analyze_tradeoff
 from contactlab.pareto.criteria import Criteria, find_error_metric, find_store
 from contactlab.plan.overrides import FlagSetting, Overrides
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
-from contactlab.run.planned_runs import stored_sweep_scene
+from contactlab.run.planned_runs import open_store_scene
 from contactlab.run.stored_runs import canonical_values
 from contactlab.run.sweep_request import SweepRequest, read_request
 from contactlab.scene.effects.effect_table import EFFECTS
@@ -96,7 +96,7 @@ def _written(
     settings = {name for name in changed if name in PARAMETERS or name in EFFECTS or "[" in name}
     other = {name: pick.configuration[name] for name in changed if name not in settings}
     try:
-        scene = stored_sweep_scene(store.manifest.sweep, store.scene_folder)
+        scene = open_store_scene(store)
         values = canonical_values(scene, store.record(pick.run_id).axes)
         edits = ModelEdits({setting: values[setting] for setting in settings if setting in values})
         lines = write_model(scene, edits, folder).lines

@@ -17,7 +17,7 @@ from contactlab.rendering.document import (
     document_of,
     table_of,
 )
-from contactlab.run.planned_runs import stored_sweep_scene
+from contactlab.run.planned_runs import open_store_scene
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.contact_pairs import body_reaches, touch_mask
 from contactlab.scene.model_edits import FLAG_NAMES, read_flag, read_option
@@ -67,7 +67,7 @@ def find_model_scene(reference: str) -> Scene:
     folder = Path(reference).expanduser()
     if (folder / "manifest.json").is_file():
         store = Store.open(folder)
-        return stored_sweep_scene(store.manifest.sweep, store.scene_folder)
+        return open_store_scene(store)
     return SceneLoader(Path()).open(reference).with_effects("all")
 
 

@@ -11,7 +11,6 @@ from contactlab.advisories.met_advisories import (
     can_act,
     describe_met_advisory,
     find_met_advisories,
-    list_model_elements,
 )
 from contactlab.budget.motion import INTEGRATION, Motion
 from contactlab.budget.windows import replay
@@ -35,7 +34,7 @@ def list_advisory_facts(
     run, and 0 if it can act in none of their states that are looked at.
     """
     model = motions[0].model
-    met = find_met_advisories(model, elements=list_model_elements(source))
+    met = find_met_advisories(model, elements=lambda: source.elements)
     times = _find_first_times([each for each in met if each.occurs], motions, begins)
     for advisory in met:
         sentence, time = describe_met_advisory(advisory), times.get(advisory.id)
@@ -75,7 +74,7 @@ def list_workaround_candidates(
     model: mujoco.MjModel, source: SceneSource, word: VerdictWord
 ) -> Iterator[Candidate]:
     """Yield the workarounds of met advisories that keep the model, as fixes of a verdict."""
-    for met in find_met_advisories(model, elements=list_model_elements(source)):
+    for met in find_met_advisories(model, elements=lambda: source.elements):
         for workaround in met.workarounds:
             keeps = CATALOGUE[workaround.modification].kind == "computation"
             if keeps and workaround.settings.keys() <= {*OPTIONS, *FLAG_NAMES}:

@@ -19,7 +19,7 @@ def known_fault(linted: LintedModel) -> Iterator[Fault]:
     The message has the release that fixes it and a workaround. `contactlab MODEL` shows whether it
     matters in a motion. Fix: the workaround, or another release.
     """
-    for each in find_met_advisories(linted.model, elements=linted.elements):
+    for each in find_met_advisories(linted.model, elements=lambda: linted.elements):
         place = linted.place_of("option")
         yield Fault(describe_met_advisory(each), place, _list_edits(linted, each))
 

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import mujoco
 
-from contactlab.advisories.field_expressions import Elements, list_elements
 from contactlab.errors import SceneError
 from contactlab.scene.body_inertia import inertia_faults
 from contactlab.scene.compile_model import (
@@ -36,7 +35,7 @@ from contactlab.scene.model_text import (
     line_of,
     with_attributes,
 )
-from contactlab.scene.model_xml import parse
+from contactlab.scene.model_xml import Elements, list_elements, parse
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource
 from contactlab.scene.task import keyframe_names
