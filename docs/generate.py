@@ -244,6 +244,7 @@ def list_uses(entry: Modification) -> Iterator[str]:
         "part": [removal.kind for removal in entry.removals],
         "`tune --apply`": [one.name for one in entry.reductions if not one.is_exact],
         "grip fix against": list(dict.fromkeys(fix.against for fix in entry.grip_fixes)),
+        "variant": [variant.name for variant in entry.variants],
         "fix": [fix.name for fix in entry.fixes],
         "fix `--apply`": [fix.apply for fix in entry.part_fixes],
     }

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from contactlab.commands.show import show
     from contactlab.commands.shrink import shrink
     from contactlab.commands.stability import stability
+    from contactlab.commands.success import success
     from contactlab.commands.sweep import sweep
     from contactlab.commands.tradeoff import tradeoff
     from contactlab.commands.tune import tune
@@ -73,6 +74,7 @@ __all__ = [
     "show",
     "shrink",
     "stability",
+    "success",
     "sweep",
     "tradeoff",
     "tune",

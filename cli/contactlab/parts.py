@@ -71,6 +71,12 @@ def _load_parity_schema() -> Any:  # noqa: ANN401 - a class
     return ParityReport
 
 
+def _load_variants() -> Any:  # noqa: ANN401 - a function
+    from contactlab.modifications.catalogue import list_variants
+
+    return list_variants
+
+
 def _load_advisories() -> Path:
     from contactlab.resources import ADVISORIES
 
@@ -109,6 +115,8 @@ def _load_description(report: str) -> Any:  # noqa: ANN401, C901, PLR0912, PLR09
             from contactlab.studies.shrink.shrink_document import describe_shrinking as describe
         case "StabilityReport":
             from contactlab.reporting.stability_document import describe_stability as describe
+        case "SuccessReport":
+            from contactlab.studies.success.success_document import describe_success as describe
         case "TradeoffReport":
             from contactlab.pareto.tradeoff_document import describe_tradeoff as describe
         case "TuneReport":
@@ -157,6 +165,7 @@ _DESCRIBED = (
     "GripReport",
     "ShrinkReport",
     "StabilityReport",
+    "SuccessReport",
     "TradeoffReport",
     "TuneReport",
     "DiffReport",
@@ -190,6 +199,7 @@ def add_parts() -> None:
     add_part("schema", _load_parity_schema, "parity")
     for report in _DESCRIBED:
         add_part("description", partial(_load_description, report), report)
+    add_part("variants", _load_variants, "contactlab")
     add_part("advisory_folder", _load_advisories, "contactlab")
     add_part("fork server", _load_fork_server, "preloaded")
 

@@ -136,6 +136,17 @@ def pairs_to_tell(gained: int, lost: int, pairs: int) -> int | None:
     return math.ceil((root / apart) ** 2)
 
 
+def runs_to_decide(share: float, limit: float) -> int | None:
+    """Return how many runs with this share have a Wilson interval without a limit; None if equal.
+
+    The least number of runs n with |share - limit| >= z sqrt(limit (1 - limit) / n): the score
+    test, which that interval inverts.
+    """
+    if share == limit:
+        return None
+    return max(1, math.ceil(limit * (1 - limit) * (_Z / (share - limit)) ** 2))
+
+
 def unpaired_difference(good: int, runs: int, were: int, of: int) -> tuple[float, float]:
     """Return the interval of 95 % of the difference of two shares of different cases.
 

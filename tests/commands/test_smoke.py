@@ -56,6 +56,7 @@ SMOKES: dict[str, tuple[str, int, str]] = {
     "gradients": ("{folder}/ball.xml --output-coordinate nothing", 2, "no such coordinate"),
     "grip": ("{folder}/ball.xml", 2, "no actuator"),
     "parity --install nobody": ("", 2, "nobody"),
+    "success": ("{store}", 3, "no episode says how it ended"),
     "advisories": ("", 0, "CL-2026-0001"),
     "render STORE": ("{store} -o {folder}/messages", 0, "4 traces"),
 }

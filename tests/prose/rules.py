@@ -110,6 +110,10 @@ _ENDS_IN_ED = frozenset(
 )
 
 
+_INTERFACES = frozenset({"main", "act", "reset", "step", "close"})
+"""Functions that others call by these names: the interfaces of environments and policies."""
+
+
 def find_problems(content: FileContent, path: Path) -> list[Finding]:
     """Return the places in a file that break a rule, by line."""
     found = [finding for text in content.texts for finding in check_text(text)]
@@ -132,7 +136,8 @@ def check_name(name: Name) -> Iterator[Finding]:
     words = split_name(name.name)
     is_dunder = name.name.startswith("__") and name.name.endswith("__")
     if name.kind == "function" and not is_dunder:
-        if len(words) == 1 and not (name.is_property or name.is_published or words == ["main"]):
+        named = name.is_property or name.is_published or {*words} <= _INTERFACES
+        if len(words) == 1 and not named:
             yield Finding("one-word-function", name.line, name.name, f"def {name.name}")
         if name.name.startswith("_") and name.has_docstring:
             yield Finding("private-docstring", name.line, name.name, f"def {name.name}")

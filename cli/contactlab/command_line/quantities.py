@@ -41,6 +41,19 @@ def read_error(error: float | str | None) -> float | None:
     return _read_positive(str(error), ("", "m", "rad", "1"), f"--error {error}: write {expected}")
 
 
+def read_share(text: float | str, option: str) -> float:
+    """Return the share of an option; 5% is 0.05.
+
+    Raises:
+        SweepFileError: it is not a share above 0 and of at most 1.
+    """
+    mistake = f"{option} {text}: write a share of at most 100%, such as 5%"
+    share = _read_positive(str(text), ("", "1"), mistake)
+    if share > 1:
+        raise SweepFileError(mistake)
+    return share
+
+
 def _read_positive(text: str, units: tuple[str, ...], mistake: str) -> float:
     from contactlab.schema.setting_values import read_quantity
 

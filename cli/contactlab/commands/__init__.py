@@ -24,6 +24,7 @@ CommandModule = Literal[
     "show",
     "shrink",
     "stability",
+    "success",
     "sweep",
     "tradeoff",
     "tune",
@@ -32,7 +33,7 @@ CommandModule = Literal[
 """The names of the modules, sorted."""
 
 
-def load_command(name: CommandModule) -> ModuleType:  # noqa: C901, PLR0912 - a table
+def load_command(name: CommandModule) -> ModuleType:  # noqa: C901, PLR0912, PLR0915 - a table
     """Import and return the module of a command."""
     match name:
         case "advisories":
@@ -75,6 +76,8 @@ def load_command(name: CommandModule) -> ModuleType:  # noqa: C901, PLR0912 - a 
             from contactlab.commands import shrink as module
         case "stability":
             from contactlab.commands import stability as module
+        case "success":
+            from contactlab.commands import success as module
         case "sweep":
             from contactlab.commands import sweep as module
         case "tradeoff":

@@ -2,7 +2,9 @@
 
 import copy
 import math
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Generator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -20,6 +22,7 @@ from contactlab.loop.simulation import differing_parts, find_simulation, unwrap_
 from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.contact_pairs import effective_parameters
 from contactlab.scene.scene import Scene
+from contactlab.scene.variants import find_variant
 from contactlab.schema.drive import PolicyDrive
 
 SUCCESS = ("success", "is_success")
@@ -83,7 +86,7 @@ class Player:
         """Reset the environment with a run's model and seed; return its observation."""
         if self._env is None:
             self._env = self._make()
-        base, wanted = self._scene.base({}).model, plan.prepared.model
+        base, wanted = self._scene.base({}).model, _environment_model(plan)
         model, data = find_simulation(unwrap_environment(self._env))
         _check_same_parts(model, base)
         write_fields(model, wanted)
@@ -129,10 +132,25 @@ class Player:
             total, ended = total + float(reward), any(ends)
             if not math.isfinite(total):
                 raise FailureError(f"step() of the environment returned the reward {reward}")
-            if listener.model.opt.timestep != plan.prepared.model.opt.timestep:
+            if listener.model.opt.timestep != listener.control_timestep:
                 raise FailureError(f"step() of the environment changes {_TIMESTEP}")
             successes = [bool(info[name]) for name in SUCCESS if name in info]
             fields |= {"total_reward": total, **({"success": successes[0]} if successes else {})}
+
+
+def _environment_model(plan: PlannedModel) -> mujoco.MjModel:
+    """Return the model of a run as its environment sees it: with the step as written."""
+    model, rate = plan.prepared.model, _step_rate(plan)
+    if rate > 1:
+        model = copy.copy(model)
+        model.opt.timestep *= rate
+    return model
+
+
+def _step_rate(plan: PlannedModel) -> int:
+    """Return the number of steps of a run for each step that its environment makes."""
+    variant = find_variant(plan.run.settings)
+    return variant.rate if variant else 1
 
 
 def _check_same_parts(model: mujoco.MjModel, base: mujoco.MjModel) -> None:
@@ -141,13 +159,40 @@ def _check_same_parts(model: mujoco.MjModel, base: mujoco.MjModel) -> None:
 
 
 class _EpisodeListener(Listener):
-    """Listens to one episode, which ends when its time decreases."""
+    """Listens to one episode, which ends when its time decreases.
+
+    Attributes:
+        control_timestep: the step that the environment sees; the run may make several for each.
+    """
 
     def __init__(
         self, scene: Scene, plan: PlannedModel, model: mujoco.MjModel, data: mujoco.MjData
     ) -> None:
         super().__init__(LoopReader(scene.base({}), model, data))
         self._scene, self._plan = scene, plan
+        self._rate, self.control_timestep = _step_rate(plan), _environment_model(plan).opt.timestep
+
+    def step(self, count: int = 1) -> None:
+        """Make steps, or several finer ones for each."""
+        with self._fine_steps():
+            super().step(count * self._rate)
+
+    def mj_step2(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Finish a step, or make several finer ones under the same inputs."""
+        if self._rate > 1 and data is self._reader.data:
+            self.step()
+        else:
+            super().mj_step2(model, data)
+
+    @contextmanager
+    def _fine_steps(self) -> Generator[None]:
+        """Show the model with the step of the run; environments see the one as written."""
+        option = self._reader.model.opt
+        option.timestep /= self._rate
+        try:
+            yield
+        finally:
+            option.timestep *= self._rate
 
     @property
     def steps(self) -> int:
@@ -159,6 +204,10 @@ class _EpisodeListener(Listener):
 
     def episode(self, said: dict[str, Any], failed: str | None) -> Episode:
         """Return the episode with further fields, and the reason of a failure, if any."""
+        with self._fine_steps():
+            return self._build_episode(said, failed)
+
+    def _build_episode(self, said: dict[str, Any], failed: str | None) -> Episode:
         reader, made, plan = self._reader, self.steps, self._plan
         if not made:
             # One row, which is not measured.
@@ -188,9 +237,13 @@ def create_actor(
     data: mujoco.MjData,
 ) -> Act:
     """Return a function of actions for an episode that begins now; a FailureError without one."""
+    variant = find_variant(plan.run.settings)
+    noise = _noise_source(plan.run.seed, variant.noise) if variant and variant.noise else None
     if policy is not None:
         assert isinstance(plan.run.drive, PolicyDrive)
-        return _policy_actor(policy(copy.copy(model)), plan.run.drive.rate, data)
+        made = policy(copy.copy(model))
+        act = _policy_actor(made, plan.run.drive.rate, data, noise)
+        return _delayed_actor(act, variant.delay) if variant and variant.delay else act
     space: Any = getattr(env, "action_space", None)
     if not (hasattr(space, "seed") and hasattr(space, "sample")):
         raise FailureError(
@@ -201,22 +254,57 @@ def create_actor(
     return lambda _: space.sample()
 
 
-def _policy_actor(policy: Any, rate: float, data: mujoco.MjData) -> Act:  # noqa: ANN401 - code
+def _delayed_actor(act: Act, delay: int) -> Act:
+    """Return an actor with actions that come some steps late; the first one comes at once."""
+    waiting = deque[Any]()
+
+    def act_late(observation: Any) -> Any:  # noqa: ANN401 - as environments take them
+        waiting.append(copy.copy(act(observation)))
+        return waiting.popleft() if len(waiting) > delay else waiting[0]
+
+    return act_late
+
+
+def _noise_source(seed: int, deviation: float) -> Act:
+    """Return a function that adds normal noise to all real numbers of an observation."""
+    stream = 4  # random stream of a run's seed for noise in environments
+    rng = np.random.default_rng([seed, stream])
+
+    def add_noise(observation: Any) -> Any:  # noqa: ANN401 - as environments return them
+        if isinstance(observation, Mapping):
+            return {name: add_noise(value) for name, value in observation.items()}
+        if isinstance(observation, tuple | list):
+            return type(observation)(map(add_noise, observation))
+        values = np.asarray(observation)
+        if values.dtype.kind != "f":
+            return observation
+        return (values + deviation * rng.standard_normal(values.shape)).astype(values.dtype)
+
+    return add_noise
+
+
+def _policy_actor(
+    policy: Any,  # noqa: ANN401 - code
+    rate: float,
+    data: mujoco.MjData,
+    noise: Act | None,
+) -> Act:
     """Return a policy that acts on each observation, or on the state at its rate."""
     if not hasattr(policy, "act"):
-        return _StateActor(policy, rate, data)
+        return _StateActor(policy, rate, data, noise)
     if rate != _DEFAULT_RATE:
         raise FailureError(
             "a policy with act() acts in each step of the environment; remove its rate"
         )
-    return policy.act
+    return policy.act if noise is None else lambda observation: policy.act(noise(observation))
 
 
 class _StateActor:
     """Asks a policy at its rate for the action in a state; it stays until the next one."""
 
-    def __init__(self, policy: Policy, rate: float, data: mujoco.MjData) -> None:
+    def __init__(self, policy: Policy, rate: float, data: mujoco.MjData, noise: Act | None) -> None:
         self._policy, self._rate, self._data, self._start = policy, rate, data, data.time
+        self._noise = noise
         self._calls, self._action = 0, None
 
     def __call__(self, _: object) -> Any:  # noqa: ANN401 - as environments take them
@@ -233,7 +321,8 @@ class _StateActor:
 
     def _ask_policy(self, time: float) -> Any:  # noqa: ANN401 - likewise
         data = self._data
-        parts = (np.array(time), data.qpos, data.qvel, data.sensordata)
+        parts = (data.qpos, data.qvel, data.sensordata)
+        parts = (np.array(time), *(self._noise(parts) if self._noise else parts))
         returned = np.asarray(self._policy(*(part.copy()[None] for part in parts)))
         if returned.ndim == 0 or len(returned) != 1 or not np.isfinite(returned).all():
             raise FailureError(

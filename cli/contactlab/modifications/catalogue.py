@@ -19,6 +19,7 @@ from contactlab.modifications.modification import (
     RowKind,
 )
 from contactlab.registry import Registry
+from contactlab.scene.variants import Variant, VariantKind
 
 CATALOGUE: Registry[Modification] = Registry("modification")
 """All modifications, by name."""
@@ -71,6 +72,13 @@ def list_features() -> tuple[Feature, ...]:
 def list_reductions() -> tuple[Reduction, ...]:
     """Return the parts that `tune` leaves out."""
     return tuple(one for entry in CATALOGUE.values() for one in entry.reductions)
+
+
+def list_variants() -> dict[str, Variant]:
+    """Return the variants of an episode by name: numerics, the control, then those of a robot."""
+    kinds = get_args(VariantKind)
+    variants = [one for entry in CATALOGUE.values() for one in entry.variants]
+    return {one.name: one for one in sorted(variants, key=lambda one: kinds.index(one.kind))}
 
 
 def find_safeguards() -> frozenset[str]:

@@ -10,11 +10,13 @@ from contactlab.modifications.model_changes import (
     add_several_contacts,
     add_speculative_contacts,
     add_torsional_friction,
+    choose_other_cone,
     clear_fields,
     converge_collision,
     double_friction,
     find_stiff_impratio,
     limit_condim,
+    multiply_impratio,
     reduce_condim,
     scale_friction,
     set_option,
@@ -59,6 +61,7 @@ from contactlab.modifications.state_predicates import (
     pushes_at_distance,
 )
 from contactlab.scene.model_edits import FLAG_NAMES, read_flag
+from contactlab.scene.variants import Variant
 
 _MARGIN_FIELDS = ("geom_margin", "geom_gap", "pair_margin", "pair_gap", "flex_margin", "flex_gap")
 COLLISION_LABELS = ("tunneling", "deep_penetration", *ENERGY_LABELS)
@@ -124,6 +127,15 @@ MODIFICATIONS = (
             ),
         ),
         features=(Feature("elliptic", on={"elliptic": True}),),
+        variants=(
+            Variant(
+                "other cone",
+                "elliptic friction cones, or pyramids in place of cones",
+                "numerics",
+                choose_other_cone,
+                has_condim_above(NO_FRICTION),
+            ),
+        ),
     ),
     Modification(
         "impratio",
@@ -164,6 +176,15 @@ MODIFICATIONS = (
         ),
         features=(Feature("impratio", off={"impratio": 1.0}, on={"impratio": 10.0}),),
         grip_fixes=(GripFix(_name_stiff_grip, "regularized", stiffen_grip),),
+        variants=(
+            Variant(
+                "impratio x 10",
+                "elliptic cones with ten times the impratio",
+                "numerics",
+                multiply_impratio,
+                has_condim_above(NO_FRICTION),
+            ),
+        ),
     ),
     Modification(
         "noslip",
@@ -216,6 +237,15 @@ MODIFICATIONS = (
                 "regularized",
                 stiffen_grip_with_noslip,
                 is_both=True,
+            ),
+        ),
+        variants=(
+            Variant(
+                "noslip",
+                "ten more iterations that remove slip",
+                "numerics",
+                add_noslip_iterations,
+                may_slip,
             ),
         ),
     ),
@@ -279,6 +309,15 @@ MODIFICATIONS = (
             ),
         ),
         features=(Feature("multiccd"),),
+        variants=(
+            Variant(
+                "multiccd",
+                "several contacts of convex shapes that meet in a face",
+                "numerics",
+                lambda model, _own: add_several_contacts(model),
+                _has_single_contacts,
+            ),
+        ),
     ),
     Modification(
         "native convex collision",
@@ -369,6 +408,15 @@ MODIFICATIONS = (
                 ("geom_solref",),
             ),
         ),
+        variants=(
+            Variant(
+                "half the solref",
+                "half the time constant of contacts",
+                "numerics",
+                stiffen_fields(*CONTACT_SOLREF_FIELDS),
+                may_collide,
+            ),
+        ),
     ),
     Modification(
         "contact margins",
@@ -398,6 +446,15 @@ MODIFICATIONS = (
         ),
         features=(
             Feature("margin", fields=("geom_margin", "geom_gap", "pair_margin", "pair_gap")),
+        ),
+        variants=(
+            Variant(
+                "no margins",
+                "contacts act only when geoms touch",
+                "numerics",
+                clear_fields(*_MARGIN_FIELDS),
+                lambda model: may_collide(model) and has_nonzero(*_MARGIN_FIELDS)(model),
+            ),
         ),
     ),
     Modification(
@@ -472,6 +529,16 @@ MODIFICATIONS = (
                 double_friction,
                 ("geom_friction",),
             ),
+        ),
+        variants=tuple(
+            Variant(
+                f"friction x {factor:g}",
+                "sliding friction of all contacts",
+                "robot",
+                scale_friction(factor),
+                has_condim_above(NO_FRICTION),
+            )
+            for factor in (0.8, 1.25)
         ),
     ),
 )

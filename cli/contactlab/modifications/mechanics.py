@@ -39,6 +39,7 @@ from contactlab.modifications.state_predicates import (
     is_clamped,
     joins_bodies,
 )
+from contactlab.scene.variants import Variant
 
 TENDON_FORCE_FIELDS = (
     "tendon_stiffness",
@@ -365,6 +366,39 @@ MODIFICATIONS = (
                 "unknown",
                 (scale_masses(1.05), scale_masses(0.95)),
                 timed=False,
+            ),
+        ),
+        variants=(
+            Variant(
+                "nudged",
+                "all masses + 1 in a million, to see what chance alone changes",
+                "control",
+                scale_masses(1 + 1e-6),
+            ),
+            *(
+                Variant(f"mass x {factor:g}", "all masses", "robot", scale_masses(factor))
+                for factor in (0.8, 1.25)
+            ),
+        ),
+    ),
+    Modification(
+        "latency",
+        "Delays the actions of a policy.",
+        ("ctrl",),
+        "model",
+        variants=(Variant("late actions", "actions one control step late", "robot", delay=1),),
+    ),
+    Modification(
+        "sensor noise",
+        "Adds noise to the observations of a policy.",
+        ("sensor",),
+        "model",
+        variants=(
+            Variant(
+                "noisy observations",
+                "normal noise of 0.001 (1 mm, 1 mrad) on each observed number",
+                "robot",
+                noise=1e-3,
             ),
         ),
     ),

@@ -9,6 +9,7 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.modifications.model_predicates import (
     CLAMP_FLAG,
     ELLIPTIC,
+    PYRAMIDAL,
     SLEEP_BIT,
     SOLREF_FIELDS,
     find_disable_bit,
@@ -76,6 +77,25 @@ def converge_solver(model: mujoco.MjModel, _own: mujoco.MjModel | None = None) -
     option.tolerance = _SMALL
     if has_branches(model) and model.nv <= DENSE_UP_TO:
         option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+
+
+def choose_other_solver(model: mujoco.MjModel, _own: mujoco.MjModel) -> None:
+    """Use another solver, converged: Newton's, or conjugate gradients in place of Newton's."""
+    newton = int(mujoco.mjtSolver.mjSOL_NEWTON)
+    other = mujoco.mjtSolver.mjSOL_CG if int(model.opt.solver) == newton else newton
+    converge_solver(model)
+    model.opt.solver = other
+
+
+def choose_other_cone(model: mujoco.MjModel, _own: mujoco.MjModel) -> None:
+    """Use elliptic friction cones in place of pyramids, or pyramids in place of cones."""
+    model.opt.cone = PYRAMIDAL if model.opt.cone == ELLIPTIC else ELLIPTIC
+
+
+def multiply_impratio(model: mujoco.MjModel, own: mujoco.MjModel) -> None:
+    """Set elliptic cones with ten times the impratio, or at least ten."""
+    model.opt.impratio = find_stiff_impratio(own)
+    model.opt.cone = ELLIPTIC
 
 
 # Smooth shapes converge within 35 iterations, the default. A signed distance field takes the best

@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 
 from contactlab.scene.model_draft import ModelEdits, object_name
+from contactlab.scene.variants import Variant
 from contactlab.schema.effects_report import PartKind
 from contactlab.schema.verdict import VerdictWord
 
@@ -317,6 +318,7 @@ class Modification:
         removals: its parts that `effects` removes one by one.
         reductions: its parts that `tune` leaves out.
         grip_fixes: its fixes of a grip.
+        variants: its variants of an episode, for `success`.
     """
 
     name: str
@@ -332,6 +334,7 @@ class Modification:
     removals: Sequence[PartRemoval] = ()
     reductions: Sequence[Reduction] = ()
     grip_fixes: Sequence[GripFix] = ()
+    variants: Sequence[Variant] = ()
 
     @property
     def answered_rows(self) -> tuple[str, ...]:

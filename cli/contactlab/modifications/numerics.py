@@ -7,6 +7,7 @@ import mujoco
 from contactlab.modifications.model_changes import (
     DENSE_UP_TO,
     choose_other_integrator,
+    choose_other_solver,
     converge_solver,
     has_branches,
     keep_awake,
@@ -42,6 +43,7 @@ from contactlab.modifications.state_predicates import (
 )
 from contactlab.scene.model_edits import FLAG_NAMES
 from contactlab.scene.parameters import WORDS
+from contactlab.scene.variants import Variant
 
 _EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
@@ -125,6 +127,22 @@ MODIFICATIONS = (
             Candidate("a quarter of the step", "inaccurate", rate=4, labels=(ANY_LABEL,)),
             Candidate("an eighth of the step", "inaccurate", rate=8, labels=(ANY_LABEL,)),
         ),
+        variants=(
+            Variant(
+                "half the step",
+                "two steps for each, at the same control rate",
+                "numerics",
+                applies=has_no_flex,
+                rate=2,
+            ),
+            Variant(
+                "a quarter of the step",
+                "four steps for each, at the same control rate",
+                "numerics",
+                applies=has_no_flex,
+                rate=4,
+            ),
+        ),
     ),
     Modification(
         "solver",
@@ -146,6 +164,15 @@ MODIFICATIONS = (
         ),
         fixes=(CONVERGED_SOLVER,),
         levers=(Lever("solver", _words_of("solver"), cost_falls=False),),
+        variants=(
+            Variant(
+                "other solver",
+                "Newton, or CG in place of Newton, with 100 iterations",
+                "numerics",
+                choose_other_solver,
+                has_constraints,
+            ),
+        ),
     ),
     Modification(
         "jacobian",

@@ -1,11 +1,14 @@
 """Reads a sweep file into a request: its plan, its scene, and the allowed names."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import starmap
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.engines import ENGINES
 from contactlab.errors import SceneError
@@ -14,6 +17,7 @@ from contactlab.plan.grid import Plan
 from contactlab.plan.overrides import Overrides
 from contactlab.plan.starter import starter_text
 from contactlab.plan.sweep_file import SweepFile, read_sweep
+from contactlab.run.chosen_runs import ChosenRuns
 from contactlab.run.tasks import Executor
 from contactlab.scene.mujoco_versions import incomplete_axes, why_unsupported
 from contactlab.scene.requirements import mistake_in_requirement
@@ -26,6 +30,8 @@ from contactlab.store.control_tables import read_control_table
 from contactlab.store.store_files import Address
 from contactlab.store.table_layout import RESERVED_COLUMNS
 
+Chooser = Callable[[Plan, NDArray[np.uint64]], ChosenRuns]
+"""Makes the chooser of a plan's runs from the plan and the ids (runs) of its runs in order."""
 _ORACLE_METRICS = ("oracle_error", "oracle_expected", "oracle_measured")
 _NO_ORACLE = "the scene has no oracle"
 
@@ -49,6 +55,9 @@ class SweepRequest:
     repair: bool = False
     shard: tuple[int, int] | None = None  # number and count of the shard to run; all if None
     allow_code: bool = False  # whether code of a policy may run; that of environments already has
+    choose: Chooser | None = (
+        None  # how a study chooses runs by earlier results; by the plan if None
+    )
 
 
 def read_request(  # noqa: PLR0913 - one argument an option

@@ -25,7 +25,7 @@ from contactlab.run.planned_runs import RunIndex, pack_jobs
 from contactlab.run.run_verdicts import conclude_runs
 from contactlab.run.shards import shard_of_sweep
 from contactlab.run.sweep_advisories import find_sweep_advisories
-from contactlab.run.sweep_request import SweepRequest
+from contactlab.run.sweep_request import Chooser, SweepRequest
 from contactlab.run.tasks import (
     BeginCallback,
     Crashed,
@@ -107,7 +107,7 @@ def run_sweep(
         task = make_task(request, identity, store, policy)
         executor, stop = request.cluster or LocalPool(request.workers), stop or Stop()
         session = SweepSession(task, request.scene, store, index, executor, stop, begin, progress)
-        if chosen := chosen_runs(request.plan, index):
+        if chosen := chosen_runs(request.plan, index, request.choose):
             session, identity = _run_chosen(session, chosen)
         else:
             _run_remaining(session)
@@ -134,9 +134,11 @@ def shared_fields(identity: SweepIdentity) -> dict[str, object]:
     }
 
 
-def chosen_runs(plan: Plan, index: RunIndex) -> ChosenRuns | None:
+def chosen_runs(plan: Plan, index: RunIndex, choose: Chooser | None = None) -> ChosenRuns | None:
     """Return the chooser of a plan's runs, if the choice depends on earlier results."""
     sweep = plan.sweep
+    if choose:
+        return choose(plan, index.ids)
     if sweep.refining:
         return RefinedRuns(sweep.refining, plan, index.ids)
     if sweep.until:

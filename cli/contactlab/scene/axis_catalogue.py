@@ -18,6 +18,7 @@ from contactlab.scene.model_names import (
 from contactlab.scene.mujoco_versions import in_this_version, missing_flags
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.task import keyframe_names
+from contactlab.scene.variants import AS_WRITTEN, load_variants
 from contactlab.schema.scene_manifest import InitialValue, SceneManifest, StructureValue
 from contactlab.schema.setting_values import (
     choice_parser,
@@ -27,7 +28,7 @@ from contactlab.schema.setting_values import (
 )
 from contactlab.schema.sweep_schema import effect_switches
 from contactlab.schema.task import QPOS0
-from contactlab.schema.vocabulary import DROP_HEIGHT, RECORDED_RUN, AxisSpec
+from contactlab.schema.vocabulary import DROP_HEIGHT, RECORDED_RUN, VARIANT, AxisSpec
 
 
 class EngineTraits(Protocol):
@@ -148,6 +149,10 @@ def _list_axes(
     if starts := keyframe_names(base.model):
         words = (*starts, QPOS0)
         axes.append(AxisSpec("keyframe", "", "keyframe to start from", choice_parser(words), words))
+    if manifest and manifest.environment:
+        words = (AS_WRITTEN, *load_variants())
+        text = "variant of an episode (see `contactlab success`)"
+        axes.append(AxisSpec(VARIANT, "", text, choice_parser(words), words))
     own = [*manifest.initial.items(), *manifest.structure.items()] if manifest else []
     if base.model.njnt and "joint_speed" not in dict(own):
         text = "speed of every joint at the start; the seed decides the direction"
@@ -155,7 +160,7 @@ def _list_axes(
     if "perturbation" not in dict(own):
         text = "factor of the perturbation by a seed; 0 starts exactly as the scene defines"
         axes.append(AxisSpec("perturbation", "1", text, number_parser()))
-    taken = {"mass", "seed", "keyframe", RECORDED_RUN, *PARAMETERS, *EFFECTS}
+    taken = {"mass", "seed", VARIANT, "keyframe", RECORDED_RUN, *PARAMETERS, *EFFECTS}
     for name, _ in own:
         if name in taken:
             raise SceneError(f"'{name}' is the name of another axis; rename it")

@@ -57,10 +57,12 @@ from contactlab.scene.model_names import find_id, is_address, name_of
 from contactlab.scene.scene_source import BINARY, SceneSource
 from contactlab.scene.task import keyframe_names
 from contactlab.scene.timed_inputs import HoldSpec, find_hold
+from contactlab.scene.variants import write_variant
 from contactlab.schema.evidence import PairRecord
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.setting_values import Settings, as_number
 from contactlab.schema.task import QPOS0
+from contactlab.schema.vocabulary import VARIANT
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +124,9 @@ class CompiledScene:
             edit for edit in edits if edit in EFFECTS and edit not in (*FLAG_NAMES, *OPTIONS)
         ):
             EFFECTS[name].switch.write(model, bool(edits[name]))
+        if VARIANT in edits:
+            write_variant(model, edits)
+            derived = True
         if derived:
             derive_fields(model)
         for name in edits.keys() & AT_REST.keys():

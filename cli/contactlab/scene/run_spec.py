@@ -3,24 +3,33 @@
 Only `write_axis` decides how the value of an axis changes the settings.
 """
 
+import copy
 import hashlib
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain
 from typing import Any
 
+from contactlab.mjcf import CONTACT, OPTIONS
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.effects.effect import EffectRequest
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.effects.proofs import RunState
-from contactlab.scene.model_edits import FLAG_NAMES, non_default_flags
+from contactlab.scene.model_edits import (
+    FLAG_NAMES,
+    base_settings,
+    non_default_flags,
+    read_flags,
+)
 from contactlab.scene.parameters import PARAMETERS, application_order
+from contactlab.scene.variants import load_variants
 from contactlab.schema.drive import Drive, drive_identity
 from contactlab.schema.setting_values import Settings, as_number
 from contactlab.schema.task import QPOS0
+from contactlab.schema.vocabulary import VARIANT
 
 
 @dataclass(frozen=True)
@@ -160,6 +169,28 @@ def write_axis(settings: Settings, axis: str, value: object) -> tuple[str, ...]:
         return switch.settings if switch.fold(settings, bool(value)) else (axis,)
     settings[axis] = value
     return (axis,)
+
+
+def resolve_variant(base: CompiledScene, run: RunSpec, name: str) -> RunSpec:
+    """Return a run with a variant: with its options and flags, its step and its contacts."""
+    variant = load_variants()[name]
+    own = base.prepare(run.edits()).model
+    model = copy.copy(own)
+    variant.change(model, own)
+    model.opt.timestep = run.timestep / variant.rate
+    subject = base.targets.subject
+    before, after = (base_settings(each, base.pairs, subject) for each in (own, model))
+    flags, on = read_flags(own), read_flags(model)
+    differing = {key for key, value in after.items() if value != before[key]}
+    switched = {key: on[key] for key in FLAG_NAMES if on[key] != flags[key]}
+    # Contact settings of the record are those of the first pair; only the change writes them.
+    updated = {key: after[key] for key in differing & {*OPTIONS, *CONTACT, "mass"}}
+    return replace(
+        run,
+        settings=Settings({**run.settings, **updated, VARIANT: name}),
+        flags={**run.flags, **switched},
+        changed=run.changed | {VARIANT, *switched} | (differing & {*OPTIONS}),
+    )
 
 
 START_SETTINGS = ("keyframe", "joint_speed", "perturbation")

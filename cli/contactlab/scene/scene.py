@@ -47,11 +47,13 @@ from contactlab.scene.requirements import check_requirements
 from contactlab.scene.run_spec import (
     START_SETTINGS,
     RunSpec,
+    resolve_variant,
     run_ids,
     write_axes,
 )
 from contactlab.scene.scene_source import SceneSource, find_scene
 from contactlab.scene.task import infer_drive, infer_task
+from contactlab.scene.variants import AS_WRITTEN
 from contactlab.schema.drive import (
     Drive,
     FileDrive,
@@ -60,7 +62,7 @@ from contactlab.schema.drive import (
 )
 from contactlab.schema.setting_values import Settings, as_number
 from contactlab.schema.task import QPOS0, SEEDS, Task
-from contactlab.schema.vocabulary import RECORDED_RUN
+from contactlab.schema.vocabulary import RECORDED_RUN, VARIANT
 
 _NO_ENGINES: Engines = MappingProxyType({})
 
@@ -266,6 +268,7 @@ class Scene:
             elif axis not in self.lacking:
                 # A version without a flag behaves as with its default, the only accepted value.
                 of_model[axis] = value
+        variant = str(of_model.pop(VARIANT, AS_WRITTEN))
         base, drive = self.base(structure), with_values(self.drive.drive, driving)
         settings, flags = Settings(base.settings), dict(base.flags)
         settings.update(drive_settings(drive))
@@ -278,7 +281,7 @@ class Scene:
             requested.setdefault("sensor", True)
         auto = self.auto and (engine is None or engine.omits_unused_effects)
         request = EffectRequest(requested, frozenset(changed), auto)
-        return RunSpec(
+        run = RunSpec(
             structure=structure,
             settings=settings,
             changed=frozenset(changed),
@@ -290,6 +293,7 @@ class Scene:
             without=left_uncompiled(base.facts, request),
             drive=drive,
         )
+        return run if variant == AS_WRITTEN else resolve_variant(base, run, variant)
 
     def resolve_seeds(
         self, values: Mapping[str, object], seeds: Sequence[int], duration: float | None

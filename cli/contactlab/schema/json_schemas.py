@@ -24,6 +24,7 @@ from contactlab.schema.lint_report import LintReport
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.shrink_report import ShrinkReport
 from contactlab.schema.study_reports import FitReport
+from contactlab.schema.success import SuccessReport
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.schema.tune_report import TuneReport
@@ -53,6 +54,7 @@ EMITTED: Mapping[str, type[BaseModel]] = {
     "engine-panel.schema.json": EnginePanel,
     "grip.schema.json": GripReport,
     "shrink.schema.json": ShrinkReport,
+    "success.schema.json": SuccessReport,
     "advisories-check.schema.json": AdvisoriesCheck,
     "advisories-find.schema.json": DifferencesReport,
 }

@@ -13,6 +13,8 @@ Role = Literal["knob", "scenario"]
 TraceFormat = Literal["messages", "compact"]
 RECORDED_RUN = "recorded_run"
 """The axis of recorded runs; each is a scenario."""
+VARIANT = "variant"
+"""The axis that names the variant of an episode."""
 DROP_HEIGHT = "drop_height"
 """The axis that raises the free bodies of a model at the start; a scene may define its own."""
 MOST_VALUES = 1_000_000

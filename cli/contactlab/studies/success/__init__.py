@@ -1,0 +1,1 @@
+"""Successes of episodes: which of them are physical."""

@@ -1,0 +1,139 @@
+"""Describes successes of episodes: as written and physical, losses, variants, the parting."""
+
+from collections.abc import Iterator
+
+from contactlab.judge.wording import out_of
+from contactlab.rendering.amounts import format_amount, format_interval, format_percent
+from contactlab.rendering.document import (
+    Block,
+    Column,
+    Document,
+    Facts,
+    Headline,
+    Items,
+    Row,
+    Section,
+    Sentence,
+    Table,
+    document_of,
+    table_of,
+)
+from contactlab.schema.success import SuccessReport, SuccessShare, VariantResult
+
+_GROUPS = {
+    "numerics": "must not matter",
+    "control": "chance alone",
+    "robot": "a robot meets them",
+}
+
+
+def describe_success(report: SuccessReport) -> Document:
+    """Describe how many successes are physical, and the causes that take the others away."""
+    return document_of(
+        [Headline(headline_of(report)), *_requirement_sentences(report)],
+        [Facts(tuple(_share_facts(report)))],
+        Section(tuple(_loss_table(report)), "losses"),
+        Section(tuple(_variant_table(report)), "variants"),
+        [Facts(tuple(_parting_facts(report)))] if report.parting else [],
+        [Items(report.not_checked, "not known from these episodes:")] if report.not_checked else [],
+        [Sentence(note) for note in report.notes],
+    )
+
+
+def headline_of(report: SuccessReport) -> str:
+    """Return the result in one sentence: `95 % succeed, 60 % physically`."""
+    shares = [format_percent(each.share) for each in (report.written, report.physical)]
+    if not report.repeated:
+        return f"{shares[0]} succeed, {shares[1]} with sound contacts"
+    same = "all of them" if report.written.good else "none"
+    if report.written.good == report.physical.good:
+        return f"{shares[0]} succeed, {same} physically"
+    return f"{shares[0]} succeed, {shares[1]} physically"
+
+
+def _requirement_sentences(report: SuccessReport) -> Iterator[Block]:
+    for each in report.requirements:
+        more = f"; about {each.needed:,} episodes would decide it" if each.needed else ""
+        yield Sentence(f"{each.text}: {each.outcome}{more}")
+
+
+def _share_facts(report: SuccessReport) -> Iterator[tuple[str, str]]:
+    yield "as written", _share_text(report.written)
+    yield "sound contacts", _share_text(report.sound)
+    if report.repeated:
+        yield "physical", _share_text(report.physical)
+    lost = report.written.good - report.physical.good
+    ends = format_interval(*report.difference)
+    told = f"p = {report.chance:.2g}, McNemar"
+    if lost and report.needed:
+        told = (
+            f"not distinguishable from chance ({told}); about {report.needed:,} episodes would be"
+        )
+    noun = "success" if lost == 1 else "successes"
+    yield "difference", f"{lost} {noun} lost, {ends}; {told}"
+    if report.stop == "decided":
+        yield "episodes", f"stopped at {report.written.episodes}, once decided"
+    elif report.anytime:
+        yield "episodes", "all; intervals hold at any number of them"
+    named = "named" if report.named else "found in the traces"
+    yield "object", f"{', '.join(report.objects)} ({named})"
+    yield (
+        "contacts",
+        ", ".join(f"{each.pair} {format_percent(each.share)}" for each in report.pairs),
+    )
+    yield "policy", report.policy
+
+
+def _share_text(share: SuccessShare) -> str:
+    ends = format_interval(share.low, share.high)
+    return (
+        f"{out_of(share.good, share.episodes, 'episode')}, {format_percent(share.share)} ({ends})"
+    )
+
+
+def _loss_table(report: SuccessReport) -> Iterator[Block]:
+    if report.losses:
+        heads = ("takes successes away", Column("lost", "right"), Column("alone", "right"), "")
+        rows = [(each.cause, each.episodes, each.alone, each.example) for each in report.losses]
+        yield table_of(heads, rows)
+
+
+def _variant_table(report: SuccessReport) -> Iterator[Block]:
+    if report.variants:
+        columns = (
+            Column("variant"),
+            Column("success", "right"),
+            Column("95 %", "right"),
+            Column("lost", "right"),
+            Column("gained", "right"),
+            Column("p", "right"),
+        )
+        yield Table(columns, tuple(map(_variant_row, report.variants)))
+
+
+def _variant_row(result: VariantResult) -> Row:
+    share = result.success
+    if share is None or result.chance is None:
+        cells = ("-", "-", "-", "-", "-")
+    else:
+        cells = (
+            format_percent(share.share),
+            format_interval(share.low, share.high),
+            str(result.lost),
+            str(result.gained),
+            f"{result.chance:.2g}",
+        )
+    details = (result.problem,) if result.problem else ()
+    return Row((result.name, *cells), _GROUPS[result.kind], details, result.summary)
+
+
+def _parting_facts(report: SuccessReport) -> Iterator[tuple[str, str]]:
+    parting = report.parting
+    assert parting is not None
+    case = ", ".join(f"{name} {value}" for name, value in parting.case.items())
+    distance = format_amount(parting.distance, "mm")
+    time = format_amount(parting.time, "s")
+    yield "parting", f"{parting.body} is {distance} apart at {time} ({parting.variant}; {case})"
+    for each in parting.forces:
+        before, after = (format_amount(value, "N") for value in (each.written, each.variant))
+        yield "", f"{each.pair}: {before} as written, {after} in the variant"
