@@ -134,14 +134,24 @@ class FrontPoint(Model):
 
     number: int = about("From the most accurate on, as in `--pick`.")
     name: str = about("Integrator and timestep, with a setting if another point has the same.")
-    marks: tuple[str, ...] = about("as written, recommended, equal error: what the point is.")
-    candidate: Candidate
+    marks: tuple[str, ...] = about("as written, recommended, equal error, or none.")
+    candidate: Candidate = about("As the search measured it.")
+    error: FiniteOrNull = about(
+        "Error in the worst body on seeds that the search did not use: the mean, or the largest "
+        "forward error. Null if MuJoCo gave up."
+    )
+    error_low: FiniteOrNull = about("Lower end of the 95 % interval of the error.")
+    error_high: FiniteOrNull = about("Its upper end.")
+    error_seeds: int = about("Number of these seeds; more are run if they differ.")
     real_time: float = about("Simulated over CPU time, on one core of this machine.")
     state: PointState = about(
         "Only a point that was written and passed is verified. failed: it was written, and a "
         "measure is worse than that of the model as written."
     )
-    verification: str = about("The result of its verification in a phrase; empty without one.")
+    verification: str = about(
+        "The result of its verification in a phrase; empty without one. A point that is not "
+        "verified may have failed as a candidate for the target."
+    )
     changed_settings: tuple[ChangedSetting, ...]
     verified: Verification | None = about("Null if it was not written.")
     file: str | None = about("The written model, relative to the report; null if not written.")

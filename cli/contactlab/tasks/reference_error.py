@@ -51,6 +51,7 @@ class ErrorEstimate:
         body, phase: the worst.
         time: when its worst window begins [s since the phase began].
         low, high: least and largest over seeds.
+        shares: error of that body for each seed; empty if the seeds are not known.
     """
 
     error: float
@@ -59,6 +60,7 @@ class ErrorEstimate:
     time: float
     low: float
     high: float
+    shares: tuple[float, ...] = ()
 
 
 class PhaseReference:
@@ -194,10 +196,9 @@ class PhaseReference:
         worst = which[int(np.argmax(each[:, body]))]
         time = float(self._run.begins[worst[1]] * self.step)
         name = body_name(self._motion.model, int(self._bodies[body]))
-        own = shares[:, body]
-        return ErrorEstimate(
-            float(mean[body]), name, self._motion.name, time, float(own.min()), float(own.max())
-        )
+        own = tuple(shares[:, body].tolist())
+        phase = self._motion.name
+        return ErrorEstimate(float(mean[body]), name, phase, time, min(own), max(own), own)
 
     def _slack_of(self, multiple: int) -> int:
         """Return the largest shift in time that is no error, in fine steps."""
@@ -318,7 +319,11 @@ class TaskReference:
         if multiple > 1 and _RK4 not in (model.opt.integrator, fine.opt.integrator):
             rest = multiple / (multiple - 1)
         return replace(
-            worst, error=worst.error * rest, low=worst.low * rest, high=worst.high * rest
+            worst,
+            error=worst.error * rest,
+            low=worst.low * rest,
+            high=worst.high * rest,
+            shares=tuple(rest * share for share in worst.shares),
         )
 
     def uncorrected_error(self, model: mujoco.MjModel, multiple: int) -> ErrorEstimate:

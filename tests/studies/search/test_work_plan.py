@@ -9,7 +9,7 @@ import pytest
 from contactlab.schema.task import Phase, Task
 from contactlab.studies.search.time_limit import TimeLimit
 from contactlab.studies.search.tune_request import TuneRequest
-from contactlab.studies.search.tuning_problem import SEARCH_SHARE, WORK_SHARE, TuningProblem
+from contactlab.studies.search.tuning_problem import PLAN, TuningProblem
 from contactlab.studies.verification.panel_cost import estimate_panel
 from contactlab.tasks.checked_model import open_model
 from contactlab.tasks.session import Session
@@ -63,7 +63,7 @@ def test_the_first_verification_fits_into_the_work(tmp_path: Path) -> None:
         cost = estimate_panel(
             plan.own_model, TASK, plan.verified_seeds, plan.length_share, plan.cost.step_seconds
         )
-        assert cost.first <= (1 - SEARCH_SHARE) * WORK_SHARE * seconds
+        assert cost.first <= PLAN.verification * PLAN.whole * seconds
         assert cost.next < cost.first
 
 

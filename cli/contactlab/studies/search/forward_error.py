@@ -198,7 +198,8 @@ class ForwardError:
         _, which, place = map(int, np.unravel_index(np.argmax(distances), distances.shape))
         seeds, time = distances.max(axis=(1, 2)), places[place] * multiple * self.step
         most, least, name = float(seeds.max()), float(seeds.min()), self._observed[which].name
-        return ErrorEstimate(most, name, self._motion.name, time, least, most)
+        phase, shares = self._motion.name, tuple(seeds.tolist())
+        return ErrorEstimate(most, name, phase, time, least, most, shares)
 
 
 def _read_output(

@@ -42,7 +42,6 @@ def choose_front(
     candidates: Iterable[Evaluation],
     marked: Sequence[Evaluation],
     limit: float,
-    left_out: Container[Key] = (),
     rules: FrontRules | None = None,
 ) -> list[Evaluation]:
     """Return the points of the front from the most accurate to the fastest.
@@ -51,7 +50,6 @@ def choose_front(
         candidates: measured candidates.
         marked: candidates that are points in any case, such as the model as written.
         limit: largest error of the others.
-        left_out: keys of candidates that are no points.
         rules: when candidates are points of their own.
     """
     rules = rules or FrontRules()
@@ -62,7 +60,6 @@ def choose_front(
         if one.error
         and math.isfinite(one.cost)
         and error_of(one) <= limit
-        and one.configuration.key not in left_out
         and one.configuration.key not in fixed
     ]
     points = _drop_equal(_undominated([*usable, *fixed.values()]), fixed, rules)

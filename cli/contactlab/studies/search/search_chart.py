@@ -71,12 +71,12 @@ def specification(report: TuneReport, layout: FrontLayout | None = None) -> alt.
     other one of it beats.
     """
     layout = layout or FrontLayout()
-    points = [point for point in report.front if point.candidate.error]
+    points = [point for point in report.front if point.error]
     times = [_time_of(point) for point in points]
-    errors = [point.candidate.error or 0.0 for point in points]
+    errors = [point.error or 0.0 for point in points]
     across = Scale(min(times) / 1.25, max(times) * 1.25, layout.width)
-    lows = [point.candidate.low or math.inf for point in points]
-    highs = [point.candidate.high or 0.0 for point in points]
+    lows = [point.error_low or math.inf for point in points]
+    highs = [point.error_high or 0.0 for point in points]
     top = max([*errors, *highs, *_limits_near(report, errors)])
     upward = Scale(min([*errors, *lows]) / 1.4, 1.6 * top, layout.height)
     x = _axis(alt.X("time:Q"), across, "time of a simulated second, over that as written", "x")
@@ -172,9 +172,9 @@ def _point_row(point: FrontPoint, report: TuneReport) -> dict[str, object]:
         "time": time,
         "fast": ratio.low if ratio else time,
         "slow": ratio.high if ratio else time,
-        "error": candidate.error,
-        "low": candidate.low or candidate.error,
-        "high": candidate.high or candidate.error,
+        "error": point.error,
+        "low": point.error_low or point.error,
+        "high": point.error_high or point.error,
         "integrator": _integrator_of(candidate, report),
     }
 
@@ -268,7 +268,7 @@ def _name_layers(
 ) -> Iterator[alt.Chart]:
     """Yield the names of points, each at the first free place around its point."""
     places = [
-        (across.place(_time_of(point)), layout.height - upward.place(point.candidate.error or 0.0))
+        (across.place(_time_of(point)), layout.height - upward.place(point.error or 0.0))
         for point in points
     ]
     taken += [(left - 6, top - 6, left + 6, top + 6) for left, top in places]
@@ -288,7 +288,7 @@ def _name_layers(
         )
         taken.append(box)
         shift = {"left": 11, "right": -11, "center": 0}[align]
-        row = {"time": _time_of(point), "error": point.candidate.error, "name": text}
+        row = {"time": _time_of(point), "error": point.error, "name": text}
         words = layer_of(f"name {place}", [row]).encode(x=x, y=y, text="name:N")
         weight = "bold" if "recommended" in point.marks else "normal"
         yield from halo_layers(

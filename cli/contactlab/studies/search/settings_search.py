@@ -45,7 +45,6 @@ _LOSSLESS_SHARE = (
 )
 _MAX_SINGLE_GEOMS = 12  # geoms whose contacts are tried one by one; more would crowd the patch
 _MAX_FAILED_STEPS = 2  # failed timesteps in a row, after which longer ones are not tried
-_LEAST_GAIN = 0.8  # ratio of errors above which a finer step gains nothing: another error is left
 _MAX_FRONT_COST = 50.0  # most accurate points cost at most this, over the model as written
 
 _UNUSED: Reductions = frozenset({"unused"})
@@ -266,19 +265,21 @@ class Search:
                 break
 
     def _try_finer_steps(self, base: Configuration) -> None:
-        """Evaluate ever finer steps while they gain accuracy, and a converged solver."""
-        before = self._error_of(base)
+        """Evaluate ever finer steps until two in a row gain no accuracy, and a converged solver."""
+        best, failed = self._evaluate(base), 0
         for multiple in reversed([each for each in self.space.steps if each < base.multiple]):
-            choice = base.with_step(multiple)
-            if self._cost_of(choice) > _MAX_FRONT_COST:
+            tried = self._evaluate(base.with_step(multiple))
+            if tried.cost > _MAX_FRONT_COST or failed == _MAX_FAILED_STEPS:
                 break
-            error = self._error_of(choice)
-            if error > _LEAST_GAIN * before:
-                converged = self._with_converged_solver(choice)
-                if converged == choice or self._error_of(converged) > _LEAST_GAIN * error:
-                    break
-                base, error = converged, self._error_of(converged)
-            before = error
+            # Half of what a method of first order gains.
+            gain = math.sqrt(multiple / best.configuration.multiple)
+            if error_of(tried) > gain * error_of(best):
+                failed += 1
+                solved = self._evaluate(self._with_converged_solver(tried.configuration))
+                if error_of(solved) > gain * error_of(best):
+                    continue
+                base, tried = solved.configuration, solved
+            best, failed = tried, 0
 
     def _with_converged_solver(self, choice: Configuration) -> Configuration:
         option = self.space.model_of(choice).opt

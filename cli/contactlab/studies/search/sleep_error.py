@@ -53,5 +53,5 @@ class SleepAwareError:
         run = phase.run
         if run.error <= found.error:
             return found
-        low, high = float(run.seeds.min()), float(run.seeds.max())
-        return ErrorEstimate(run.error, phase.bodies[run.body], phase.name, run.time, low, high)
+        seeds, body = tuple(map(float, run.seeds)), phase.bodies[run.body]
+        return ErrorEstimate(run.error, body, phase.name, run.time, min(seeds), max(seeds), seeds)

@@ -23,7 +23,6 @@ from contactlab.schema.time_ratio import LEAST_SAVING
 from contactlab.schema.tune_report import (
     PATCH,
     REPORT,
-    Candidate,
     CurrentVerdict,
     FarPairs,
     FrontPoint,
@@ -41,12 +40,11 @@ from contactlab.studies.search.tuning_problem import LIMITED
 _MAX_UNCHANGED = 6  # settings that are listed
 _MAX_LINES = 12  # of the patch
 _HEADS = (
-    Column("", "right"),
     Column("point", breakable=True),
     Column("error", "right"),
-    Column("over seeds", "right"),
+    Column("interval", "right"),
     Column("time", "right"),
-    Column("real time", "right"),
+    Column("speed", "right"),
 )
 
 
@@ -142,10 +140,9 @@ def _front_row(point: FrontPoint, report: TuneReport) -> Row:
     elif "as written" in point.marks:
         time = format_amount(1.0, "x")
     cells = (
-        str(point.number),
-        ", ".join((point.name, *point.marks)),
-        error_text(candidate.error, unit),
-        _range_text(candidate, unit),
+        f"{point.number} {', '.join((point.name, *point.marks))}",
+        error_text(point.error, unit),
+        _range_text(point, unit),
         time,
         f"{format_amount(point.real_time, digits=2)}x",
     )
@@ -153,10 +150,10 @@ def _front_row(point: FrontPoint, report: TuneReport) -> Row:
     return Row(cells, details=(text,) if text else ())
 
 
-def _range_text(candidate: Candidate, unit: str) -> str:
+def _range_text(point: FrontPoint, unit: str) -> str:
     if unit == "1":
-        return format_interval(candidate.low, candidate.high)
-    low, high = (error_text(value, unit) for value in (candidate.low, candidate.high))
+        return format_interval(point.error_low, point.error_high)
+    low, high = (error_text(value, unit) for value in (point.error_low, point.error_high))
     return f"{low.removesuffix(f' {unit}')} to {high}"
 
 
@@ -174,8 +171,7 @@ def _point_texts(point: FrontPoint) -> Iterator[str]:
         yield "without far pairs"
     if candidate.simplifies_hulls:
         yield "simplified hulls"
-    reason = f": {point.verification}" if point.verification else ""
-    yield f"{point.state}{reason}"
+    yield f"{point.state}: {point.verification}" if point.verification else point.state
     if point.file:
         yield point.file
 

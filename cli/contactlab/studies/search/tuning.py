@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from shutil import rmtree
+from statistics import fmean, stdev
 
 import mujoco
 
@@ -16,6 +17,7 @@ from contactlab.errors import ExpectationError, SweepFileError
 from contactlab.modifications.catalogue import list_rows
 from contactlab.modifications.model_predicates import may_sleep
 from contactlab.modifications.modification import ModelChange, ReductionName
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.rendering.amounts import format_amount
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_edits import FLAG_NAMES, read_flag, read_option
@@ -40,6 +42,7 @@ from contactlab.schema.tune_report import (
     TargetKind,
     TuneReport,
 )
+from contactlab.shares import SURE
 from contactlab.store.table_layout import axis_cell
 from contactlab.studies.search.configuration import (
     INTEGRATOR,
@@ -61,21 +64,21 @@ from contactlab.studies.search.settings_search import (
 )
 from contactlab.studies.search.time_limit import TimeLimit
 from contactlab.studies.search.tune_request import TuneRequest, refuse_contradictions
-from contactlab.studies.search.tuning_problem import SEARCH_SHARE, TuningProblem
+from contactlab.studies.search.tuning_problem import PLAN, TuningProblem
 from contactlab.studies.search.verification import CandidateVerifier, Goal, VerifiedCandidate
 from contactlab.studies.verification.panel import ERROR_FLOOR
 from contactlab.tasks.checked_model import open_model
+from contactlab.tasks.reference_error import ErrorEstimate
 from contactlab.tasks.session import Session
 from contactlab.tasks.stress_motions import join_seeds
 from contactlab.tasks.task_clock import Clock
 from contactlab.tasks.task_motions import with_new_seeds
 
-_FRONT_SHARE = 0.5
-"""Counted work of the front, over that of the search for what is recommended."""
 _TIMING_SHARE = 0.3  # share of the remaining time for timing a verified candidate
 _TIMING_SEED_FACTOR = 6  # seeds of the clock, in multiples of the search's seeds, if seeds differ
-_FRONT_TIMING_SHARE = 0.1  # of the time limit, in counted work, for timing points of the front
 _FEWEST_TIMINGS = 8  # runs per point at least: two seeds, each twice there and twice back
+_POINT_PRECISION = 0.05  # standard error of the mean over seeds, as a share, that is wanted
+_MOST_POINT_SEEDS = 48
 _LARGE_SAVING = 0.8  # cost above which the unconstrained cost is reported
 
 
@@ -149,9 +152,9 @@ class TuningStudy:
             (),
             self._max_cost(),
             problem.search_passes,
-            allowed.begin + SEARCH_SHARE * allowed.seconds,
+            allowed.begin + PLAN.searched * allowed.seconds,
             problem.moves_alike,
-            front_work=_FRONT_SHARE * problem.search_passes,
+            front_work=PLAN.front / PLAN.search * problem.search_passes,
         )
         self._divergence: Divergence | None = None
         self._target = self._find_target()
@@ -235,7 +238,8 @@ class TuningStudy:
         met = best is not None or self._meets_target(known)
         nearest = None if met else search.closest_to(self._target.limit, verifier.rejected)
         made = [answer for answer in (best, as_current) if answer]
-        used = any("unused" in answer.evaluation.configuration.reductions for answer in made)
+        front = self._describe_front(best, as_current)
+        used = any(point.candidate.removes_unused for point in front)
         edits = self._problem.unused if used else ModelEdits()
         report = TuneReport(
             model=self._request.model,
@@ -256,7 +260,7 @@ class TuningStudy:
                 best.evaluation if best else None, as_current.evaluation if as_current else None
             ),
             equal_error=self._alternative(as_current),
-            front=self._describe_front(best, as_current),
+            front=front,
             picked=None,
             uncertainty=tuple(self._measure_uncertainty()),
             real_time=1 / self._clock.base_seconds,
@@ -352,20 +356,48 @@ class TuningStudy:
             ],
             [verifier.current, *made],
             search.front_limit,
-            verifier.worse,
         )
         self._time_points(points)
-        names = self._name_points(points)
+        rows = zip(self._name_points(points), points, self._measure_points(points), strict=True)
         return tuple(
-            self._describe_point(number, name, one, answers)
-            for number, (name, one) in enumerate(zip(names, points, strict=True), 1)
+            self._describe_point(number, name, one, error, answers)
+            for number, (name, one, error) in enumerate(rows, 1)
         )
+
+    def _measure_points(self, points: Sequence[Evaluation]) -> list[ErrorEstimate]:
+        """Return the errors of points on fresh seeds, on as many as their spread needs.
+
+        Bodies meet stops and others at other times for each seed, so that few seeds say little of
+        the mean of accurate points.
+        """
+        problem, search = self._problem, self._search
+        spread = max(map(_relative_spread, points))
+        wanted = math.ceil((spread / _POINT_PRECISION) ** 2)
+        reference = problem.reference.substeps * (4 if problem.reference_integrator else 1)
+        work = reference + sum(one.cost for one in points)
+        points_work = PLAN.points / PLAN.search * problem.work
+        allowed = int(points_work / (problem.cost.pass_seconds * work))
+        count = max(problem.seeds, min(wanted, allowed, _MOST_POINT_SEEDS))
+        first = max(problem.task.seeds) + 1
+        task = problem.task.model_copy(update={"seeds": tuple(range(first, first + count))})
+        motions = problem.examined.motions_of(task)
+        fine = problem.run_reference(
+            motions, problem.reference.substeps, problem.reference_integrator
+        )
+        estimator = problem.error_estimator(fine, motions)
+        return [
+            estimator.estimate_error(
+                search.space.model_of(one.configuration), one.configuration.multiple
+            )
+            for one in points
+        ]
 
     def _describe_point(
         self,
         number: int,
         name: str,
         tried: Evaluation,
+        error: ErrorEstimate,
         answers: Mapping[str, VerifiedCandidate],
     ) -> FrontPoint:
         key = tried.configuration.key
@@ -377,15 +409,21 @@ class TuningStudy:
         answer = next(iter(own.values()), None)
         is_current = key == self._search.current.key
         ratio = tried.time_ratio.ratio if tried.time_ratio else tried.cost
+        failed = self._verifier.worse.get(key, "")
+        low, high = _interval_of(error)
         state: PointState = "as written" if is_current else "verified" if answer else "not verified"
         return FrontPoint(
             number=number,
             name=name,
             marks=("as written",) * is_current + tuple(own),
             candidate=self._candidate(tried),
+            error=error.error,
+            error_low=low,
+            error_high=high,
+            error_seeds=len(error.shares),
             real_time=1 / self._clock.base_seconds / (1.0 if is_current else ratio),
             state=state,
-            verification=answer.verification.sentence if answer else "",
+            verification=answer.verification.sentence if answer else failed,
             changed_settings=tuple(self._changed_settings(tried)),
             verified=answer.verification if answer else None,
             file=self._file_of(answer) if answer else None,
@@ -412,7 +450,7 @@ class TuningStudy:
     def _time_points(self, points: Sequence[Evaluation]) -> None:
         """Time the points that were not timed, from the fastest on, as far as the work allows."""
         seconds = _FEWEST_TIMINGS * self._problem.cost.pass_seconds
-        left = _FRONT_TIMING_SHARE * self._request.max_time - seconds
+        left = PLAN.timing / PLAN.search * self._problem.work - seconds
         chosen = list[Evaluation]()
         current = self._verifier.current
         for one in sorted(points, key=lambda one: one.cost):
@@ -604,3 +642,22 @@ def _change_reference(model: mujoco.MjModel, change: ModelChange) -> mujoco.MjMo
     made = build_reference_model(model, 1)
     change(made, model)
     return made
+
+
+def _relative_spread(tried: Evaluation) -> float:
+    """Return the standard deviation over seeds as a share of the mean."""
+    shares = tried.error.shares if tried.error else ()
+    mean = fmean(shares) if shares else 0.0
+    return stdev(shares) / mean if len(shares) > 1 and 0 < mean < math.inf else 0.0
+
+
+def _interval_of(error: ErrorEstimate) -> tuple[float, float]:
+    """Return the 95 % interval of the mean over seeds; for a largest error, its range."""
+    from scipy.special import stdtrit  # noqa: PLC0415 - it takes a while to load
+
+    count, mean = len(error.shares), fmean(error.shares or [error.error])
+    is_mean = error.error <= mean * (1 + SUM_ROUNDING)
+    if count < 2 or not math.isfinite(error.error) or not is_mean:
+        return error.low, error.high
+    half = float(stdtrit(count - 1, (1 + SURE) / 2)) * stdev(error.shares) / math.sqrt(count)
+    return max(error.low, mean - half), mean + half

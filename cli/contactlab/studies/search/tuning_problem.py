@@ -3,7 +3,7 @@
 import copy
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import mujoco
@@ -56,11 +56,6 @@ from contactlab.tasks.stress_motions import (
 )
 from contactlab.tasks.task_motions import shorten_task
 
-WORK_SHARE = 0.25
-"""Share of the time limit that a study may take, in counted time of one core. So it ends at the
-same trial, with the same answer, when it has a quarter of a core."""
-SEARCH_SHARE = 0.4
-"""Share of that work, and of the time limit, for the search. The rest is for verification."""
 _FIRST_VERIFICATION_SHARE = 0.8
 """Share of the work of verification for the first candidate. The rest is for those that follow if
 it fails."""
@@ -89,6 +84,39 @@ _MAX_DIGITS, _ROUNDED = 6, 1e-7
 _MANY_VERTICES = 32
 _UNUSED: Reductions = frozenset({"unused"})
 _SPARSER: Reductions = frozenset({"unused", "far-pairs"})
+
+
+@dataclass(frozen=True)
+class WorkPlan:
+    """The division of the counted work of a study, which never looks at a clock.
+
+    Attributes:
+        whole: share of the time limit, in counted time of one core. So a study ends at the same
+            trial, with the same answer, when it has a third of a core.
+        search: share of that for the search for a target.
+        front: for the ladders of steps of the front.
+        points: for errors of its points on fresh seeds.
+        timing: for times of its points.
+    """
+
+    whole: float = 1 / 3
+    search: float = 0.3
+    front: float = 0.12
+    points: float = 0.06
+    timing: float = 0.09
+
+    @property
+    def verification(self) -> float:
+        """Share for verification: the rest."""
+        return 1 - self.search - self.front - self.points - self.timing
+
+    @property
+    def searched(self) -> float:
+        """Share of the time limit until the search ends, if time ends it."""
+        return self.search + self.front
+
+
+PLAN = WorkPlan()
 
 
 class TuningProblem:
@@ -125,7 +153,7 @@ class TuningProblem:
         self.motions = examined.motions_of(self.task)
         self.model = compile_changed(self.examined, ModelEdits())
         self.skipped = list[SkippedParameter]()
-        self.work = SEARCH_SHARE * WORK_SHARE * request.max_time
+        self.work = PLAN.search * PLAN.whole * request.max_time
         one = [first_seeds(motion, 1) for motion in self.motions]
         self.cost = CountedCost(one, self.model, threads)
         self._window_stride = self._plan_windows()
@@ -212,7 +240,7 @@ class TuningProblem:
 
     @property
     def _verification_work(self) -> float:
-        return self.work / SEARCH_SHARE * (1 - SEARCH_SHARE)
+        return self.work * PLAN.verification / PLAN.search
 
     def _estimate_panel(self, seeds: int, share: float) -> PanelCost:
         found = estimate_panel(self.own_model, self.task, seeds, share, self.cost.step_seconds)

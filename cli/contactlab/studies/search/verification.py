@@ -144,7 +144,7 @@ class CandidateVerifier:
     Attributes:
         skipped: candidates that failed or were not verified, and why.
         rejected: keys of candidates that failed on fresh seeds.
-        worse: of those, the written ones that made a measure worse.
+        worse: of those, the written ones, and the measure that was worse.
         ending: whether work or time ended verification early.
     """
 
@@ -163,7 +163,7 @@ class CandidateVerifier:
         self._problem, self._search, self._target = problem, search, aim
         self._time_limit, self._time_candidate = allowed, time_candidate
         self.skipped = list[SkippedParameter]()
-        self.rejected, self.worse = set[Key](), set[Key]()
+        self.rejected, self.worse = set[Key](), dict[Key, str]()
         self.ending: Ending = "complete"
         self._reserve = 0.0  # s: what the longest verification has taken
         self._current_verdicts = dict[tuple[int, ...], _Judgement]()
@@ -201,7 +201,7 @@ class CandidateVerifier:
                     return VerifiedCandidate(tried, written, verified)
                 if not verified.holds:
                     self._reject(tried, f"on fresh seeds: {verified.sentence}")
-                    self.worse.add(tried.configuration.key)
+                    self.worse[tried.configuration.key] = verified.sentence
                     # A label or another measure may be caused by the step, whatever the error.
                     limits = [self._examined.task.tolerance]
                     if not goal.must_be_sound:

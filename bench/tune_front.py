@@ -1,0 +1,220 @@
+"""The points of a front in plain loops of MuJoCo: their errors and times on unseen seeds.
+
+Run: python -m bench.tune_front FOLDER ...
+
+A folder is the output of `contactlab tune MODEL -o FOLDER`. Each point is built from the settings
+of its report, or loaded if it was written. Errors are those of `bench/tune_error.py`, against the
+model as written at the fine step and with the integrator of the report's reference. Times are the
+medians of CPU times of whole runs, in turns, without the time that it takes to set inputs.
+"""
+
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from statistics import median
+
+import mujoco
+import numpy as np
+from bench.tune_cost import motions_of
+from bench.tune_error import Motion, Plain, away, go_on, impulses, over
+
+from contactlab.budget.motion import INTEGRATION
+from contactlab.parts import register_parts
+from contactlab.schema.tune_report import REPORT, FrontPoint, TuneReport
+
+WINDOW, SLACK = 0.04, 0.05
+FIRST, SEEDS, TIMED_SEEDS, TURNS = 200, 30, 3, 7
+ENUMS = {
+    "integrator": (mujoco.mjtIntegrator, "mjINT_"),
+    "solver": (mujoco.mjtSolver, "mjSOL_"),
+    "cone": (mujoco.mjtCone, "mjCONE_"),
+    "jacobian": (mujoco.mjtJacobian, "mjJAC_"),
+}
+ENABLED = ("multiccd", "energy", "fwdinv", "sleep")
+"""Flags that are off by default."""
+
+
+def build_point(report: TuneReport, point: FrontPoint, folder: Path) -> mujoco.MjModel:
+    """Return the model of a point, from its file or from its settings."""
+    if point.file:
+        return mujoco.MjModel.from_xml_path(str(folder / point.file))
+    spec = mujoco.MjSpec.from_file(report.model)
+    if point.candidate.removes_unused:
+        for name in report.masked:
+            geom = spec.geom(name)
+            geom.contype = geom.conaffinity = 0
+        for first, second in report.excluded:
+            spec.add_exclude(bodyname1=first, bodyname2=second)
+    model = spec.compile()
+    apply_settings(model, point.candidate.settings)
+    model.opt.timestep = point.candidate.timestep
+    return model
+
+
+def apply_settings(model: mujoco.MjModel, settings: Mapping[str, object]) -> None:
+    """Write settings of a report into a compiled model."""
+    for name, value in settings.items():
+        if name.startswith("geom_condim["):
+            model.geom(name[12:-1]).condim = int(str(value))
+        elif name in ENUMS:
+            enum, prefix = ENUMS[name]
+            setattr(model.opt, name, getattr(enum, prefix + str(value).upper()))
+        elif isinstance(value, bool):
+            set_flag(model, name, on=value)
+        else:
+            setattr(model.opt, name, value)
+
+
+def set_flag(model: mujoco.MjModel, name: str, *, on: bool) -> None:
+    """Turn a flag on or off."""
+    known = name in ENABLED
+    enum = mujoco.mjtEnableBit if known else mujoco.mjtDisableBit
+    bit = int(getattr(enum, ("mjENBL_" if known else "mjDSBL_") + name.upper()))
+    field = "enableflags" if known else "disableflags"
+    bits = int(getattr(model.opt, field))
+    setattr(model.opt, field, bits | bit if on is known else bits & ~bit)
+
+
+class Reference:
+    """The reference motion of one seed of a phase: its velocities at each fine step."""
+
+    def __init__(self, written: Plain, motion: Motion, seed: int, own: float) -> None:
+        self.written, self.motion, self.own = written, motion, own
+        self.rate = round(own / written.model.opt.timestep)
+        self.steps = max(1, round(WINDOW / own)) * self.rate
+        self.total = motion.steps * self.rate
+        self.inputs = motion.inputs[seed].repeat(self.rate, axis=0)
+        written.begin(motion.starts[seed])
+        self.states, speeds = dict[int, np.ndarray](), list[np.ndarray]()
+        for place in range(self.total + 1):
+            if place % self.steps == 0:
+                self.states[place] = written.state()
+            speeds.append(written.velocities())
+            if place < self.total:
+                written.step(self.inputs[place], motion.spec)
+        self.speeds = np.array(speeds)
+
+    def shares_of(self, tuned: Plain) -> np.ndarray:
+        """Return (B,) residual impulses of a model over real ones."""
+        multiple = round(tuned.model.opt.timestep / self.written.model.opt.timestep)
+        held = max(2, round(self.steps / multiple))
+        slack = max(1, min(multiple, int(SLACK * held * multiple + 1e-6)))
+        residual, real = np.zeros(self.speeds.shape[1]), np.zeros(self.speeds.shape[1])
+        for begin, state in self.states.items():
+            end = begin + held * multiple
+            if begin + self.steps > self.total or end + multiple > self.total:
+                continue
+            tuned.begin(state)
+            seen = [tuned.velocities()]
+            for place in range(begin, end + multiple, multiple):
+                rows = self.inputs[place : place + multiple]
+                tuned.step(rows.mean(axis=0) if rows.shape[1] else rows[0], self.motion.spec)
+                seen.append(tuned.velocities())
+            fast = self.speeds[end - slack : end + slack + 1]
+            slow = np.array(seen[held - 1 : held + 2])
+            slow = slow[1] + (slow - slow[1]) * slack / multiple
+            apart = np.maximum(away(slow[1], fast), away(fast[slack], slow))
+            residual += apart * self.steps / (held * multiple)
+            way = self.speeds[begin : begin + self.steps + 1 : self.rate]
+            real += impulses(self.written, way, self.own)
+            if begin == 0:
+                real += np.linalg.norm(self.speeds[0], axis=1)
+        return over(residual, real)
+
+
+def measure_errors(
+    report: TuneReport, motions: Sequence[Motion], models: Sequence[mujoco.MjModel]
+) -> list[float]:
+    """Return the error of each model, in its worst body and phase, as the mean over seeds."""
+    model = mujoco.MjModel.from_xml_path(report.model)
+    own = float(model.opt.timestep)
+    apply_settings(model, {"integrator": report.reference_integrator})
+    written = Plain(model, report.reference_step)
+    go_on(written)
+    worst = np.zeros(len(models))
+    observed = motions[0].observed
+    names = [model.body(int(body)).name for body in written.bodies]
+    kept = [place for place, name in enumerate(names) if not observed or name in observed]
+    for motion in motions:
+        found = list[list[np.ndarray]]()
+        for seed in range(motion.seeds):
+            reference = Reference(written, motion, seed, own)
+            tuned = [Plain(each, float(each.opt.timestep)) for each in models]
+            found.append([reference.shares_of(each) for each in tuned])
+        worst = np.maximum(worst, np.mean(found, axis=0)[:, kept].max(axis=1))
+    rk4 = mujoco.mjtIntegrator.mjINT_RK4
+    for place, each in enumerate(models):
+        multiple = round(each.opt.timestep / report.reference_step)
+        if multiple > 1 and rk4 not in (written.model.opt.integrator, each.opt.integrator):
+            worst[place] *= multiple / (multiple - 1)
+    return worst.tolist()
+
+
+def time_runs(
+    motions: Sequence[Motion], models: Sequence[mujoco.MjModel], own: float
+) -> list[float]:
+    """Return the median CPU time of each model over that of the first, in turns."""
+    datas = [mujoco.MjData(model) for model in models]
+    spent = [list[float]() for _ in models]
+    for turn in range(TURNS + 1):
+        order = list(range(len(models)))
+        for place in order if turn % 2 else order[::-1]:
+            taken = sum(
+                run_once(models[place], datas[place], motion, seed, own)
+                for motion in motions
+                for seed in range(TIMED_SEEDS)
+            )
+            if turn:  # the first turn loads memory
+                spent[place].append(taken)
+    found = [median(each) for each in spent]
+    return [each / found[0] for each in found]
+
+
+def run_once(
+    model: mujoco.MjModel, data: mujoco.MjData, motion: Motion, seed: int, own: float
+) -> float:
+    """Return the CPU time of a run per simulated second, without that of setting its inputs."""
+    step = float(model.opt.timestep)
+    steps, rows = round(motion.steps * own / step), motion.inputs[seed]
+    places = np.minimum((np.arange(steps) * step / own + 1e-6).astype(int), motion.steps - 1)
+    mujoco.mj_resetData(model, data)
+    mujoco.mj_setState(model, data, motion.starts[seed], INTEGRATION)
+    begin = time.thread_time()
+    for place in places:
+        if rows.shape[1]:
+            mujoco.mj_setState(model, data, rows[place], motion.spec)
+        mujoco.mj_step(model, data)
+    taken = time.thread_time() - begin
+    if rows.shape[1]:
+        begin = time.thread_time()
+        for place in places:
+            mujoco.mj_setState(model, data, rows[place], motion.spec)
+        taken -= time.thread_time() - begin
+    return taken / (steps * step)
+
+
+def measure_front(folder: Path) -> None:
+    """Print the claimed and the measured error and time of each point of a study."""
+    report = TuneReport.model_validate_json((folder / REPORT).read_text())
+    task = report.task.model_copy(update={"seeds": tuple(range(FIRST, FIRST + SEEDS))})
+    motions = motions_of(report, task)
+    models = [build_point(report, point, folder) for point in report.front]
+    written = mujoco.MjModel.from_xml_path(report.model)
+    errors = measure_errors(report, motions, models)
+    times = time_runs(motions, [written, *models], float(written.opt.timestep))[1:]
+    for point, error, ratio in zip(report.front, errors, times, strict=True):
+        claimed, timed = point.error or np.nan, point.candidate.time_ratio
+        shown = timed.ratio if timed else point.candidate.cost or np.nan
+        print(
+            f"{folder.name:10} {point.number} {point.name[:24]:24} error {claimed:9.4%} "
+            f"measured {error:9.4%} ({error / claimed - 1:+6.1%})   time x{shown:.3f} "
+            f"measured x{ratio:.3f} ({ratio / shown - 1:+6.1%}){'' if timed else ' counted'}",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    register_parts()
+    for word in sys.argv[1:]:
+        measure_front(Path(word))
