@@ -262,7 +262,7 @@ PAGES: Mapping[str, Page] = {
         "Commands",
         "`--format json` prints results for programs; `--help` has the formats of a command. Exit "
         "codes: 0 success, 1 not as expected, 2 bad input, 3 unreadable evidence, 4 runs crashed "
-        "or timed out, 130 interrupted.",
+        "or timed out, 70 internal fault, 130 interrupted.",
         list_commands,
     ),
     "keys": Page(
