@@ -121,7 +121,7 @@ def test_a_model_meets_what_applies_to_it_under_an_affected_engine(tmp_path: Pat
         ({"applies": "geom_type = 'box'"}, "applies"),
         ({"witness__measure": "qacc['ball'"}, "witness.measure"),
         ({"witness__wrong": -1.63}, "measure something that differs more"),
-        ({"workarounds": [{"modification": "nothing", "settings": {}}]}, "no modification 'noth"),
+        ({"workarounds": [{"modification": "nothing", "settings": {}}]}, "'nothing' is missing"),
         (
             {"workarounds": [{"modification": "jacobian", "settings": {"cone": "elliptic"}}]},
             "does not set cone",

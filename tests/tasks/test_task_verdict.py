@@ -4,14 +4,17 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 import contactlab
+from contactlab.budget import ErrorBudget
+from contactlab.budget.readings import Origin, PhaseBudget, Reading
 from contactlab.errors import EngineError, SweepFileError
 from contactlab.schema.evidence import LabelEntry
 from contactlab.schema.examination import Examination
 from contactlab.schema.task import Phase, Task
-from contactlab.tasks.task_verdict import run_labels
+from contactlab.tasks.task_verdict import run_labels, verdict_of
 
 NUMERIC = "step_dependent"
 # A pendulum beside one whose spring swings ten times in a second, both driven by sines.
@@ -97,6 +100,34 @@ def test_a_dependence_on_the_step_is_of_all_seeds_together(mean: float, kept: li
     budget: Any = SimpleNamespace(phases=[SimpleNamespace(run=SimpleNamespace(error=mean))])
     assert [label.label for label in run_labels(task, [record], budget)] == kept
     assert [label.label for label in run_labels(task, [record])] == ["chatter", NUMERIC]
+
+
+def phase_budget(name: str, error: float, body: str) -> PhaseBudget:
+    """Return the budget of a phase whose worst body of two is the one that is named."""
+    errors = np.array([error, error / 2])
+    run = Reading("numerical error", "the run", "numerics", True, errors, seeds=errors[:1])
+    return PhaseBudget(
+        name, 0.01, 100, 0.04, 25, (body, "other"), np.ones(2), run, (), np.zeros(1), np.zeros(1),
+        Origin(body, "", 0.0), np.zeros(2), 0.0, error, 1.0, 0.0, (),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("errors", [(0.02, 0.3), (0.3, 0.02), (0.03, 0.02), (0.02, 0.03)])
+def test_the_worst_phase_gives_the_verdict(errors: tuple[float, float]) -> None:
+    """Its number, body and name stand in the sentence, wherever it is among the phases."""
+    phases = (Phase(name="rest", begin=0, end=1), Phase(name="excitation", begin=1, end=2))
+    task = Task(start="home", drive="hold", own_controls=True, duration=2.0, phases=phases)
+    parts = [
+        phase_budget(phase.name, error, body)
+        for phase, error, body in zip(phases, errors, ("foot", "torso"), strict=True)
+    ]
+    found = verdict_of(task, ErrorBudget(tuple(parts)), [])
+    worst = errors.index(max(errors))
+    assert found.verdict == ("inaccurate" if max(errors) > task.tolerance else "ok")
+    assert f"{100 * max(errors):g} %" in found.sentence
+    assert f"in {('foot', 'torso')[worst]}, {phases[worst].name}" in found.sentence
+    assert [phase.numerical_error for phase in found.phases] == [*errors]
+    assert [phase.body for phase in found.phases] == ["foot", "torso"]
 
 
 def test_a_length_is_refused(tmp_path: Path) -> None:
