@@ -65,7 +65,8 @@ def run_checks(
     judge: BackwardErrorFunction | None = None,
 ) -> SelfChecks:
     """Return the self-checks of completed runs; see `ChecksRuns.check_runs`."""
-    geometry_steps = _spread_steps(trace.steps, _GEOMETRY_SAMPLES)
+    steps = trace.steps
+    geometry_steps = np.linspace(0, steps - 1, min(steps, _GEOMETRY_SAMPLES)).astype(np.intp)
     found, backward = list[tuple[Any, ...]](), list[BackwardError]()
     # Complete each run before the next one, so that its time limit covers nothing else.
     for run, model in enumerate(runs.models):
@@ -94,10 +95,6 @@ def run_checks(
         geometry_steps=geometry_steps,
         **dict(zip(BY_RUN, map(np.array, zip(*found, strict=True)), strict=True)),
     )
-
-
-def _spread_steps(steps: int, most: int) -> NDArray[np.intp]:
-    return np.linspace(0, steps - 1, min(steps, most)).astype(np.intp)
 
 
 def _roll_out_again(

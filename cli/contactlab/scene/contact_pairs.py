@@ -213,7 +213,20 @@ def effective_parameters(model: mujoco.MjModel, pair: MonitoredPair) -> PairReco
             **{name: getattr(model, field)[explicit].tolist() for name, field in fields.items()}
         )
     else:
-        record = _mixed_parameters(model, first, second)
+        both, deciding = [first, second], _deciding_geoms(model, first, second)
+        weight = mixing_weight(model, first, second)
+        (one, two), (solimp, other) = model.geom_solref[both], model.geom_solimp[both]
+        mean = len(deciding) == 1 or (one[0] > 0 and two[0] > 0)
+        record = PairRecord(
+            condim=int(model.geom_condim[deciding].max()),
+            friction=_pair_friction(model, first, second),
+            solref=_float_tuple(
+                weight * one + (1 - weight) * two if mean else np.minimum(one, two)
+            ),
+            solimp=_float_tuple(weight * solimp + (1 - weight) * other),
+            margin=float(model.geom_margin[both].sum()),
+            gap=float(model.geom_gap[both].sum()),
+        )
     frictions = [record.friction]
     if pair.bodies:
         frictions += [_pair_friction(model, *geoms) for geoms in product(*pair.geoms)]
@@ -234,21 +247,6 @@ def explicit_pair(model: mujoco.MjModel, first: int, second: int) -> int | None:
     """Return the index of the <pair> element that names both geoms, or None."""
     pairs = zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True)
     return next((index for index, pair in enumerate(pairs) if set(pair) == {first, second}), None)
-
-
-def _mixed_parameters(model: mujoco.MjModel, first: int, second: int) -> PairRecord:
-    both, deciding = [first, second], _deciding_geoms(model, first, second)
-    weight = mixing_weight(model, first, second)
-    (one, two), (solimp, other) = model.geom_solref[both], model.geom_solimp[both]
-    mean = len(deciding) == 1 or (one[0] > 0 and two[0] > 0)
-    return PairRecord(
-        condim=int(model.geom_condim[deciding].max()),
-        friction=_pair_friction(model, first, second),
-        solref=_float_tuple(weight * one + (1 - weight) * two if mean else np.minimum(one, two)),
-        solimp=_float_tuple(weight * solimp + (1 - weight) * other),
-        margin=float(model.geom_margin[both].sum()),
-        gap=float(model.geom_gap[both].sum()),
-    )
 
 
 def _deciding_geoms(model: mujoco.MjModel, first: int, second: int) -> list[int]:

@@ -192,18 +192,14 @@ def _place_scene(source: SceneSource, folder: Path, name: str) -> SceneSource:
         text = re.sub("(?m)^model:.*\n", "", source.path.read_text(encoding="utf-8-sig"))
         source.path.write_text(f"{text.rstrip()}\nmodel: {named}\n", encoding="utf-8")
     try:
-        _copy_contents(root, folder)
+        # Copy files and folders without their permissions: those of new files are the user's.
+        folder.mkdir(parents=True, exist_ok=True)
+        for path in sorted(root.rglob("*")):
+            target = folder / path.relative_to(root)
+            if path.is_dir():
+                target.mkdir(exist_ok=True)
+            else:
+                shutil.copyfile(path, target)
     except OSError as error:
         raise OutputError(f"cannot write {folder}: {error.strerror or error}") from error
     return stored_scene(folder.resolve(), model.relative_to(root).as_posix(), source.name)
-
-
-def _copy_contents(root: Path, folder: Path) -> None:
-    """Copy files and folders without their permissions: those of new files are the user's."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for path in sorted(root.rglob("*")):
-        target = folder / path.relative_to(root)
-        if path.is_dir():
-            target.mkdir(exist_ok=True)
-        else:
-            shutil.copyfile(path, target)

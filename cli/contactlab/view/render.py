@@ -271,18 +271,17 @@ def open_viewer(model: mujoco.MjModel, start: InitialStates) -> None:
     with window:
         while window.is_running():
             tick = time.perf_counter()
-            _apply_driven_inputs(model, data, start)
+            # Set the inputs that change over time; the user sets the others.
+            step = np.array([round(data.time / model.opt.timestep)])
+            inputs = start.input_rows(0, model.opt.timestep, step)[0]
+            own = np.concatenate(
+                [
+                    part.ravel()
+                    for part in (data.ctrl, data.xfrc_applied, data.mocap_pos, data.mocap_quat)
+                ]
+            )
+            own[start.driven_inputs] = inputs[start.driven_inputs]
+            apply_inputs(model, data, own)
             mujoco.mj_step(model, data)
             window.sync()
             time.sleep(max(0.0, model.opt.timestep - (time.perf_counter() - tick)))
-
-
-def _apply_driven_inputs(model: mujoco.MjModel, data: mujoco.MjData, start: InitialStates) -> None:
-    """Set the inputs that change over time; the user sets the others."""
-    step = np.array([round(data.time / model.opt.timestep)])
-    inputs = start.input_rows(0, model.opt.timestep, step)[0]
-    own = np.concatenate(
-        [part.ravel() for part in (data.ctrl, data.xfrc_applied, data.mocap_pos, data.mocap_quat)]
-    )
-    own[start.driven_inputs] = inputs[start.driven_inputs]
-    apply_inputs(model, data, own)

@@ -38,7 +38,19 @@ def write_rrd(
     recording.send_blueprint(_viewer_blueprint(motion))
     recording.log("record", rr.TextDocument(trace.record_json.decode()), static=True)
     _send_bodies(recording, motion)
-    _send_forces(recording, motion)
+    forces = motion.forces
+    lengths = np.bincount(forces.frame, minlength=len(motion.time))
+    colours = np.array([MODE_COLOURS[mode] for mode in forces.mode.tolist()]).reshape(-1, 4)
+    arrows = rr.Arrows3D.columns(
+        vectors=motion.arrows,
+        origins=forces.position,
+        colors=(colours * 255).astype(np.uint8),
+        radii=np.full(len(forces.frame), 0.01 * motion.radius),
+    )
+    columns = arrows.partition(lengths=lengths)
+    recording.send_columns(
+        _entity_path(_SPACE_ENTITY, _FORCE_ENTITY), [_time_column(motion.time)], columns
+    )
     _send_events(recording, events)
     for name, values in zip(motion.joints.names, motion.joints.position.T, strict=True):
         entity = _entity_path(_JOINT_ENTITY, name)
@@ -114,22 +126,6 @@ def _shape_archetype(shape: BodyShape) -> rr.AsComponents:
         return rr.Cylinders3D(lengths=shape.size[2], radii=half[0], **look)
     kind = rr.Boxes3D if shape.form == "box" else rr.Ellipsoids3D
     return kind(half_sizes=[half], **look)
-
-
-def _send_forces(recording: rr.RecordingStream, motion: BodyMotion) -> None:
-    forces = motion.forces
-    lengths = np.bincount(forces.frame, minlength=len(motion.time))
-    colours = np.array([MODE_COLOURS[mode] for mode in forces.mode.tolist()]).reshape(-1, 4)
-    arrows = rr.Arrows3D.columns(
-        vectors=motion.arrows,
-        origins=forces.position,
-        colors=(colours * 255).astype(np.uint8),
-        radii=np.full(len(forces.frame), 0.01 * motion.radius),
-    )
-    columns = arrows.partition(lengths=lengths)
-    recording.send_columns(
-        _entity_path(_SPACE_ENTITY, _FORCE_ENTITY), [_time_column(motion.time)], columns
-    )
 
 
 def _time_series(trace: StoredTrace) -> Iterator[tuple[str, Floats]]:

@@ -49,27 +49,6 @@ def motion_change(
     scene: Scene, one: mujoco.MjModel, other: mujoco.MjModel, found: MatchedParts
 ) -> tuple[MotionChange | None, str]:
     """Return the change in motion between two models, or None and the reason."""
-    places = _shared_indices(one, other, found)
-    moving = [body for body in judged_bodies(one).tolist() if body in places.bodies[:, 0]]
-    if not len(places.qvel) or not moving:
-        return None, "no moving body is in both models"
-    try:
-        task = scene.task({}, _SECONDS, seeds=(0,))
-        motions = task_motions(scene, {}, task)
-        parts = [_phase_impulses(motion, other, places, np.array(moving)) for motion in motions]
-    except (EngineError, SceneError) as error:
-        return None, str(error).splitlines()[0]
-    apart, real = (np.sum([part[row] for part in parts], axis=0) for row in (0, 1))
-    shares = apart / scale_of_impulses(real)
-    worst = int(np.argmax(np.nan_to_num(shares, nan=np.inf)))
-    share = float(shares[worst]) if np.isfinite(shares[worst]) else float(np.finfo(float).max)
-    body = name_of(one, "body", moving[worst])
-    return MotionChange(task=task.line, error=share, body=body, window=WINDOW), ""
-
-
-def _shared_indices(
-    one: mujoco.MjModel, other: mujoco.MjModel, found: MatchedParts
-) -> _SharedIndices:
     qpos, qvel = list[tuple[int, int]](), list[tuple[int, int]]()
     for joint, same in found.both["joint"]:
         if one.jnt_type[joint] == other.jnt_type[same]:
@@ -88,7 +67,22 @@ def _shared_indices(
         if one.body_mocapid[first] >= 0 and other.body_mocapid[second] >= 0
     ]
     made = (qpos, qvel, ctrl, act, list(found.both["body"]), mocap)
-    return _SharedIndices(*(np.array(pairs, int).reshape(-1, 2) for pairs in made))
+    places = _SharedIndices(*(np.array(pairs, int).reshape(-1, 2) for pairs in made))
+    moving = [body for body in judged_bodies(one).tolist() if body in places.bodies[:, 0]]
+    if not len(places.qvel) or not moving:
+        return None, "no moving body is in both models"
+    try:
+        task = scene.task({}, _SECONDS, seeds=(0,))
+        motions = task_motions(scene, {}, task)
+        parts = [_phase_impulses(motion, other, places, np.array(moving)) for motion in motions]
+    except (EngineError, SceneError) as error:
+        return None, str(error).splitlines()[0]
+    apart, real = (np.sum([part[row] for part in parts], axis=0) for row in (0, 1))
+    shares = apart / scale_of_impulses(real)
+    worst = int(np.argmax(np.nan_to_num(shares, nan=np.inf)))
+    share = float(shares[worst]) if np.isfinite(shares[worst]) else float(np.finfo(float).max)
+    body = name_of(one, "body", moving[worst])
+    return MotionChange(task=task.line, error=share, body=body, window=WINDOW), ""
 
 
 def _index_pairs(first: int, second: int, count: int) -> Iterator[tuple[int, int]]:
@@ -171,7 +165,19 @@ def _restarts(
     ahead = (times / motion.model.opt.timestep * (1 + ROUNDING)).astype(int)
     for start, given, begin, state in zip(starts, inputs, begins, states, strict=True):
         mujoco.mj_setState(motion.model, data, state, INTEGRATION)
-        _copy_state(data, twin, places)
+        # Copy the state of the first model into the second.
+        mujoco.mj_resetData(twin.model, twin)
+        for name in ("qpos", "qvel", "act"):
+            first, second = getattr(places, name).T
+            getattr(twin, name)[second] = getattr(data, name)[first]
+        first, second = places.mocap.T
+        twin.mocap_pos[second], twin.mocap_quat[second] = (
+            data.mocap_pos[first],
+            data.mocap_quat[first],
+        )
+        first, second = places.qvel.T
+        twin.qacc_warmstart[second] = data.qacc_warmstart[first]
+        _copy_inputs(data, twin, places)
         mujoco.mj_getState(other, twin, start, INTEGRATION)
         # Where nothing is stored of each step, the start's own controls and forces act.
         mujoco.mj_setState(motion.model, data, motion.starts[0], INTEGRATION)
@@ -182,19 +188,6 @@ def _restarts(
             _copy_inputs(data, twin, places)
             mujoco.mj_getState(other, twin, row, _INPUTS)
     return starts, inputs
-
-
-def _copy_state(data: mujoco.MjData, twin: mujoco.MjData, places: _SharedIndices) -> None:
-    """Copy the state of the first model into the second."""
-    mujoco.mj_resetData(twin.model, twin)
-    for name in ("qpos", "qvel", "act"):
-        first, second = getattr(places, name).T
-        getattr(twin, name)[second] = getattr(data, name)[first]
-    first, second = places.mocap.T
-    twin.mocap_pos[second], twin.mocap_quat[second] = data.mocap_pos[first], data.mocap_quat[first]
-    first, second = places.qvel.T
-    twin.qacc_warmstart[second] = data.qacc_warmstart[first]
-    _copy_inputs(data, twin, places)
 
 
 def _copy_inputs(data: mujoco.MjData, twin: mujoco.MjData, places: _SharedIndices) -> None:

@@ -151,7 +151,14 @@ class EffectsStudy:
             request.keep,
             with_masks=not needs_masks(examined, self.runs.grips),
         )
-        _refuse_unknown_names(request.keep, parts, self.base)
+        keep = request.keep
+        model = self.base
+        sizes = {"body": model.nbody, "geom": model.ngeom, "tendon": model.ntendon}
+        objects = {name_of(model, kind, row) for kind, size in sizes.items() for row in range(size)}
+        named = {name for part in parts for name in (part.name, *part.members)}
+        known = {*objects, *own_sensors(model), "sensors", *named}
+        for name in keep:
+            SceneError.unless_known(name, known, f"--keep: no feature or part '{name}'")
         self.measured = [MeasuredPart(part) for part in parts]
         self.noise_floor: TimeRatio | None = None
 
@@ -221,17 +228,6 @@ def _measure_step_seconds(motion: Motion) -> float:
     begin = time.thread_time()
     mujoco.mj_step(motion.model, data, nstep=_PROBED_STEPS)
     return (time.thread_time() - begin) / _PROBED_STEPS
-
-
-def _refuse_unknown_names(
-    keep: Sequence[str], parts: Sequence[ModelPart], model: mujoco.MjModel
-) -> None:
-    sizes = {"body": model.nbody, "geom": model.ngeom, "tendon": model.ntendon}
-    objects = {name_of(model, kind, row) for kind, size in sizes.items() for row in range(size)}
-    named = {name for part in parts for name in (part.name, *part.members)}
-    known = {*objects, *own_sensors(model), "sensors", *named}
-    for name in keep:
-        SceneError.unless_known(name, known, f"--keep: no feature or part '{name}'")
 
 
 def _rank_part(one: MeasuredPart, tolerance: float) -> tuple[bool, float]:
