@@ -127,7 +127,7 @@ atlas-compare: .venv/dev
 	    mv build/atlas-before/$$records build/atlas-before/records; break; fi; done
 	$(BIN)/python -m bench.atlas compare build/atlas-before/records
 
-# The picture and the film of the README, from real runs.
+# The film of the README, from real runs.
 picture: .venv/dev
 	$(BIN)/python -m docs.picture
 

@@ -1,9 +1,9 @@
-"""Draws the pictures of docs/how-to/budget.md, and prints its tables.
+"""Draw the picture of docs/how-to/budget.md, and print its table.
 
 Run: python -m docs.budget_pictures [FOLDER]
 
-FOLDER has gymnasium's models (gymnasium/envs/mujoco/assets), of which the ant is one; without one,
-what is installed is used. The other two are shipped scenes.
+FOLDER has gymnasium's models (gymnasium/envs/mujoco/assets), with the ant. The installed package
+is used by default.
 """
 
 import sys
@@ -18,14 +18,11 @@ from contactlab.budget import (
     budget_report,
     error_budget,
     judge,
-    motion_of_run,
 )
 from contactlab.charts import Rows, halo_layers, layer_of, save_figure, word_colours
-from contactlab.engines import PreparedRuns
 from contactlab.palette import COLOURS, INK
 from contactlab.rendering.text import render_text
 from contactlab.reporting.budget_document import describe_budget
-from contactlab.run.sweep_request import SceneLoader
 from contactlab.schema.error_budget import BudgetRow
 
 _FOLDER = Path(__file__).parent / "pictures"
@@ -35,19 +32,10 @@ _WIDTH, _STEP, _NAMES = 380, 18, 110  # pixels
 
 
 def main() -> None:
-    """Draw all three."""
+    """Draw the budget of an ant."""
     ant = mujoco.MjModel.from_xml_path(str(assets() / "ant.xml"))
     budget = error_budget([driven_by_sines(ant, 2.0, 3)])
     draw(budget, "budget-ant.svg", "An ant that tumbles (RK4 at 10 ms)")
-    draw(of_scene("gripping_pad", {}), "budget-grip.svg", "A grip that creeps")
-    draw(of_scene("box_stack", {"boxes": 5}), "budget-stack.svg", "A stack of five boxes")
-
-
-def of_scene(name: str, values: dict[str, int]) -> ErrorBudget:
-    """Return the budget of a shipped scene with settings."""
-    scene = SceneLoader(Path()).open(name).with_effects("all")
-    runs = PreparedRuns.of(scene, scene.resolve(values, 0, None))
-    return error_budget([motion_of_run(runs.models[0], runs.starts, 0, runs.steps)])
 
 
 def draw(budget: ErrorBudget, file: str, title: str) -> None:

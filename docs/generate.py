@@ -35,12 +35,13 @@ CONTEXTS = frozenset(
         "verdict of a model",
         "error budget",
         "task",
-        "comparison of stores",
         "sweep",
         "store",
     }
 )
 """Contexts of terms that more than one page uses; `contactlab explain WORD` has all terms."""
+KNOWN_ARGUMENTS = frozenset({"STORE", "MODEL", "SCENE"})
+"""Arguments that the head of the page explains."""
 SHARED = 3
 """An option of at least this number of commands is described once, before all commands."""
 
@@ -88,7 +89,11 @@ def list_command(command: Command, shared: Iterable[CommandOption]) -> Iterator[
     arguments = [each for each in parameters if not getattr(each.default, "param_decls", None)]
     usage = " ".join([command.name, *(each.default.metavar for each in arguments)])
     yield f"\n### {command.name}\n\n`{usage}` {summary}\n"
-    yield from (f"{each.default.metavar}: {each.default.help}\n" for each in arguments)
+    yield from (
+        f"{each.default.metavar}: {each.default.help}\n"
+        for each in arguments
+        if each.default.metavar not in KNOWN_ARGUMENTS
+    )
     yield from (
         f"`{option.flags}`: {option.help}\n"
         for option in read_options(command)
@@ -236,19 +241,22 @@ def describe_modification(entry: Modification) -> str:
 
 
 def list_uses(entry: Modification) -> Iterator[str]:
-    """Yield each use of a modification: rows, settings of tune, features, parts and fixes."""
+    """Yield each use of a modification: rows, fixes, and the commands that try it."""
     uses = {
         "row": [row.name for row in entry.rows],
-        "lever": [f"`{lever.setting}`" for lever in entry.levers],
-        "feature": [feature.name for feature in entry.features],
-        "part": [removal.kind for removal in entry.removals],
-        "`tune --apply`": [one.name for one in entry.reductions if not one.is_exact],
-        "grip fix against": list(dict.fromkeys(fix.against for fix in entry.grip_fixes)),
-        "variant": [variant.name for variant in entry.variants],
         "fix": [fix.name for fix in entry.fixes],
-        "fix `--apply`": [fix.apply for fix in entry.part_fixes],
+        "`--apply`": [fix.apply for fix in entry.part_fixes],
+        "`tune --apply`": [one.name for one in entry.reductions if not one.is_exact],
     }
     yield from (f"{use} {', '.join(names)}" for use, names in uses.items() if names)
+    commands = {
+        "tune": entry.levers,
+        "effects": [*entry.features, *entry.removals],
+        "grip": entry.grip_fixes,
+        "success": entry.variants,
+    }
+    if names := [name for name, uses in commands.items() if uses]:
+        yield f"by {', '.join(names)}"
 
 
 def list_rules() -> Iterator[str]:
@@ -260,9 +268,11 @@ def list_rules() -> Iterator[str]:
 PAGES: Mapping[str, Page] = {
     "commands": Page(
         "Commands",
-        "`--format json` prints results for programs; `--help` has the formats of a command. Exit "
-        "codes: 0 success, 1 not as expected, 2 bad input, 3 unreadable evidence, 4 runs crashed "
-        "or timed out, 70 internal fault, 130 interrupted.",
+        "A MODEL or SCENE is a shipped scene, a folder, an .xml or .urdf file or menagerie:ROBOT; "
+        "a STORE a folder or s3://BUCKET/PREFIX. `--format json` prints results for programs; "
+        "`--help` has the formats of a command. Exit codes: 0 success, 1 not as expected, 2 bad "
+        "input, 3 unreadable evidence, 4 runs crashed or timed out, 70 internal fault, 130 "
+        "interrupted.",
         list_commands,
     ),
     "keys": Page(
