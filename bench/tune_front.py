@@ -24,7 +24,7 @@ from contactlab.parts import register_parts
 from contactlab.schema.tune_report import REPORT, FrontPoint, TuneReport
 
 WINDOW, SLACK = 0.04, 0.05
-FIRST, SEEDS, TIMED_SEEDS, TURNS = 200, 30, 3, 7
+FIRST, SEEDS, TIMED_SEEDS, TURNS = 200, 20, 3, 7
 ENUMS = {
     "integrator": (mujoco.mjtIntegrator, "mjINT_"),
     "solver": (mujoco.mjtSolver, "mjSOL_"),
@@ -154,21 +154,23 @@ def measure_errors(
 def time_runs(
     motions: Sequence[Motion], models: Sequence[mujoco.MjModel], own: float
 ) -> list[float]:
-    """Return the median CPU time of each model over that of the first, in turns."""
+    """Return the CPU time of each model over that of the first: medians over turns.
+
+    In a turn each model runs before and after the others, from a first model that changes.
+    """
     datas = [mujoco.MjData(model) for model in models]
-    spent = [list[float]() for _ in models]
+    spent = np.zeros((TURNS + 1, len(models)))
     for turn in range(TURNS + 1):
-        order = list(range(len(models)))
-        for place in order if turn % 2 else order[::-1]:
-            taken = sum(
+        order = np.roll(np.arange(len(models)), turn).tolist()
+        for place in (*order, *order[::-1]):
+            spent[turn, place] += sum(
                 run_once(models[place], datas[place], motion, seed, own)
                 for motion in motions
                 for seed in range(TIMED_SEEDS)
             )
-            if turn:  # the first turn loads memory
-                spent[place].append(taken)
-    found = [median(each) for each in spent]
-    return [each / found[0] for each in found]
+    # The first turn loads memory.
+    ratios = spent[1:] / spent[1:, :1]
+    return [median(each) for each in ratios.T.tolist()]
 
 
 def run_once(

@@ -116,7 +116,6 @@ def adaptive_svg(spec: Spec) -> str:
 
 
 def _dark_colour(text: str) -> str:
-    """Return a colour as on a dark page, from its style sheet; any other text is unchanged."""
     page = re.fullmatch(r"var\(--([\w-]+),[^)]*\)", _page_colour(text))
     if page is None:
         return text
@@ -201,7 +200,7 @@ def check_figure(path: Path, page: str = "") -> None:
 def save_figure(chart: alt.TopLevelMixin, path: Path, *, dark: bool | None = False) -> None:
     """Write a chart as a .png or .svg file; an OutputError if it cannot be written.
 
-    It is light or dark; with None, an SVG is as its reader prefers.
+    It is light or dark; if `dark` is None, an SVG is as its reader prefers.
     """
     try:
         spec = apply_theme(chart.to_dict())

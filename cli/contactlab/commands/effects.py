@@ -109,7 +109,6 @@ def _check_model_file(model: Path) -> None:
 
 
 def _check_recorded_request(source: str, max_time: float) -> None:
-    """Refuse a model, and a time limit: each recorded run is simulated in any case."""
     from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie
 
     if is_menagerie(source) or Path(source).suffix in MODEL_SUFFIXES:

@@ -208,7 +208,7 @@ class TuneReport(ReportModel):
     )
     front: tuple[FrontPoint, ...] = about(
         "Points from the most accurate to the fastest within the tolerance. The model as written "
-        "and what is recommended are points in any case."
+        "and the recommended one are points in any case."
     )
     picked: int | None = about("Number of the point that was requested with `--pick`.")
     uncertainty: tuple[ParameterUncertainty, ...] = about(

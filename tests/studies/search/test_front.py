@@ -26,7 +26,7 @@ def random_candidates(seed: int, count: int = 60) -> list[Evaluation]:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_no_candidate_beats_a_point_by_what_can_be_told_apart(seed: int) -> None:
+def test_no_candidate_beats_a_point_distinctly(seed: int) -> None:
     found = random_candidates(seed)
     rules = FrontRules(most=len(found))
     points = choose_front(found, [], math.inf, rules=rules)
@@ -35,7 +35,7 @@ def test_no_candidate_beats_a_point_by_what_can_be_told_apart(seed: int) -> None
         assert not any(
             other.cost < point.cost and error_of(other) < error_of(point) for other in found
         )
-    # Each candidate has a point that is no worse, as far as both can be told apart.
+    # Each candidate has a point that is no worse, as far as both can be distinguished.
     for one in found:
         assert any(
             point.cost <= rules.cost_ratio * one.cost
@@ -55,7 +55,7 @@ def test_few_points_span_the_front_and_marked_ones_stay(seed: int) -> None:
     assert (points[0], points[-1]) == (whole[0], whole[-1])
 
 
-def test_points_that_cannot_be_told_apart_are_one() -> None:
+def test_points_that_cannot_be_distinguished_are_one() -> None:
     slow, same_time, same_error, fast = (
         candidate(1, 2.0, 1e-3),
         candidate(2, 1.95, 2e-3),
@@ -64,6 +64,8 @@ def test_points_that_cannot_be_told_apart_are_one() -> None:
     )
     assert choose_front([slow, same_time, fast], [], 1.0) == [slow, fast]
     assert choose_front([slow, same_error, fast], [], 1.0) == [same_error, fast]
+    twin = candidate(5, 0.51, 5.1e-3)
+    assert choose_front([slow, fast, twin], [twin], 1.0) == [slow, twin]
     # A marked candidate is the one that stays.
     assert choose_front([slow, same_time, fast], [same_time], 1.0) == [same_time, fast]
     assert choose_front([slow, fast], [], 2e-3) == [slow]

@@ -1,11 +1,11 @@
 """The front of accuracy and time: a few candidates that no other one beats in both.
 
-It is chosen by counted work and errors, so that it repeats. Candidates that cannot be told apart
+It is chosen by counted work and errors, so that it repeats. Candidates that cannot be distinguished
 are one point.
 """
 
 import math
-from collections.abc import Callable, Container, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -19,9 +19,10 @@ class FrontRules:
 
     Attributes:
         most: points that are shown.
-        cost_ratio: of counted works below which two points take the same time: half of all counts
-            are within 1.3 % of the measured time, and nine of ten within 13 %.
-        error_ratio: of errors below which two points are equally accurate: seeds differ by more.
+        cost_ratio: two points with a smaller ratio of counted works take the same time: half of all
+            counts are within 1.3 % of the measured time, and nine of ten within 13 %.
+        error_ratio: two points with a smaller ratio of errors are equally accurate: seeds differ by
+            more.
     """
 
     most: int = 8
@@ -62,14 +63,22 @@ def choose_front(
         and error_of(one) <= limit
         and one.configuration.key not in fixed
     ]
-    points = _drop_equal(_undominated([*usable, *fixed.values()]), fixed, rules)
-    known = {one.configuration.key for one in points}
-    points += [one for key, one in fixed.items() if key not in known]
+    points = _drop_equal(_find_undominated([*usable, *fixed.values()]), fixed, rules)
+    points = [one for one in points if not _is_marked_twin(one, fixed, rules)]
+    points += fixed.values()
     points.sort(key=lambda one: (-one.cost, error_of(one)))
     return _thin_out(points, fixed, rules.most)
 
 
-def _undominated(candidates: Sequence[Evaluation]) -> list[Evaluation]:
+def _is_marked_twin(one: Evaluation, fixed: Mapping[Key, Evaluation], rules: FrontRules) -> bool:
+    """Return whether a candidate is a marked one, or cannot be distinguished from one."""
+    return any(
+        one is other or (rules.is_same_cost(one, other) and rules.is_same_error(one, other))
+        for other in fixed.values()
+    )
+
+
+def _find_undominated(candidates: Sequence[Evaluation]) -> list[Evaluation]:
     """Return candidates that no other one beats in both cost and error, the slowest first."""
     kept, best = list[Evaluation](), math.inf
     for one in sorted(candidates, key=lambda one: (cost_of(one), error_of(one))):
@@ -82,7 +91,7 @@ def _undominated(candidates: Sequence[Evaluation]) -> list[Evaluation]:
 def _drop_equal(
     points: Sequence[Evaluation], fixed: Container[Key], rules: FrontRules
 ) -> list[Evaluation]:
-    """Return one of the points that cannot be told apart: the marked, accurate, or fast one."""
+    """Return one of several points that cannot be distinguished: a marked, accurate or fast one."""
     kept = list[Evaluation]()
     most_accurate: Evaluation | None = None  # of those that the last point stands for
     for one in points:
@@ -103,15 +112,15 @@ def _drop_equal(
 
 
 def _thin_out(points: Sequence[Evaluation], fixed: Container[Key], most: int) -> list[Evaluation]:
-    """Return at most so many points, evenly spread over costs and errors; marked ones stay."""
+    """Return points that are evenly spread over costs and errors; marked ones stay."""
     left = list(points)
-    spans = [_span(left, value) for value in (cost_of, error_of)]
+    spans = [_total_span(left, value) for value in (cost_of, error_of)]
 
-    def gap(place: int) -> float:
+    def measure_gap(place: int) -> float:
         before, after = left[place - 1], left[place + 1]
         return math.hypot(
             *(
-                _distance(value(before), value(after)) / span
+                _log_distance(value(before), value(after)) / span
                 for value, span in zip((cost_of, error_of), spans, strict=True)
             )
         )
@@ -122,15 +131,15 @@ def _thin_out(points: Sequence[Evaluation], fixed: Container[Key], most: int) ->
         ]
         if not inner:
             break
-        left.pop(min(inner, key=gap))
+        left.pop(min(inner, key=measure_gap))
     return left
 
 
-def _span(points: Sequence[Evaluation], value: Callable[[Evaluation], float]) -> float:
-    steps = (_distance(value(one), value(other)) for one, other in pairwise(points))
+def _total_span(points: Sequence[Evaluation], value: Callable[[Evaluation], float]) -> float:
+    steps = (_log_distance(value(one), value(other)) for one, other in pairwise(points))
     return sum(steps) or 1.0
 
 
-def _distance(one: float, other: float) -> float:
+def _log_distance(one: float, other: float) -> float:
     tiny = 1e-300  # an error of 0 has no logarithm
     return abs(math.log(max(one, tiny) / max(other, tiny)))
