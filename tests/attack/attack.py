@@ -33,7 +33,7 @@ from contactlab.parts import register_parts
 from contactlab.run import planned_runs
 from contactlab.run.recomputed_runs import (
     recomputed_problems,
-    simulated_problems,
+    simulate_again,
     why_ids_unverifiable,
     why_plan_unverifiable,
 )
@@ -278,7 +278,7 @@ def judge_runs(store: Store) -> str:
     if why_ids_unverifiable(store) is None:
         if any(recomputed_problems(store)):
             return OUTCOMES[2]
-        if any(simulated_problems(store, store.manifest.runs)):
+        if simulate_again(store, store.manifest.runs).problems:
             return OUTCOMES[3]
     return "undetected"
 

@@ -14,7 +14,7 @@ from tests.push_env import PUSHED, SKIP
 import contactlab
 from contactlab.errors import ContactlabError, SceneError, SweepFileError
 from contactlab.measure import METRICS
-from contactlab.run.recomputed_runs import simulated_problems
+from contactlab.run.recomputed_runs import simulate_again
 from contactlab.run.stored_runs import replay_run
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
@@ -231,10 +231,10 @@ def test_code_runs_only_if_it_is_allowed(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=rf"run {run} is an episode of .*--allow-code"):
         replay_run(store, run)
     with pytest.raises(SceneError, match="is an episode"):
-        list(simulated_problems(store, 1))
+        simulate_again(store, 1)
     (tmp_path / FILE.name).unlink()  # The store has its own.
     assert replay_run(store, run, allow_code=True).equal
-    assert list(simulated_problems(store, 2, allow_code=True)) == []
+    assert simulate_again(store, 2, allow_code=True).problems == []
 
 
 def test_a_replay_finds_what_a_seed_does_not_decide(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from contactlab.plugins import hash_of_packages
 from contactlab.run.evidence_record import hash_definitions
 from contactlab.run.recomputed_runs import (
     recomputed_problems,
-    simulated_problems,
+    simulate_again,
     why_plan_unverifiable,
 )
 from contactlab.store.atomic_files import sha256_of
@@ -291,6 +291,11 @@ def test_without_traces_the_engine_tells(bent: Path, attack: Attack, said: str) 
     [
         (edited("penetration_max", lambda depth: depth / 2), "penetration_max is "),
         (edited("trajectory_hash", lambda _: "0" * 32), "trajectory_hash is "),
+        (edited("initial_qpos", lambda qpos: [qpos[0] + 1, *qpos[1:]]), "initial_qpos is "),
+        (edited("warnings", lambda _: '{"BADQACC":1}'), "warnings is "),
+        (edited("effects", lambda effects: {**effects, "limit": True}), "effects is "),
+        (edited("edited_geoms", lambda _: ["ball"]), "edited_geoms is "),
+        (edited("coverage", lambda _: "{}"), "coverage is "),
     ],
 )
 def test_without_traces_outcomes_are_told_by_simulating_again(
@@ -302,15 +307,29 @@ def test_without_traces_outcomes_are_told_by_simulating_again(
     assert unverifiable_parts(Store.open(bent)) == [
         "trajectories, metrics and labels: the traces were left out"
     ]
-    (found,) = simulated_problems(Store.open(bent), 100)
+    (found,) = simulate_again(Store.open(bent), 100).problems
     assert said in found
+
+
+@pytest.mark.parametrize("status", ["timeout", "crashed"])
+def test_a_run_with_results_did_not_end_with_its_process(bent: Path, status: str) -> None:
+    drop_traces(bent)
+    edit(bent, "status", lambda _: status)
+    edit(bent, "status_reason", lambda _: "said so")
+    assert any("its status contradicts its other values" in each for each in problems(bent))
+
+
+def test_fewer_simulated_runs_than_requested_are_a_problem(bent: Path) -> None:
+    in_manifest("sweep", "engine", value={"name": "mujoco", "version": "3.99.0"})(bent)
+    (found,) = simulate_again(Store.unchecked(bent), 3).problems
+    assert found.startswith("simulated again: 0 of 3: 3 run ids and settings: they are of mujoco")
 
 
 @pytest.mark.long
 def test_what_only_a_trace_holds_is_told_by_simulating_again(bent: Path) -> None:
     edit_energy(bent)
     assert problems(bent) == []
-    (found,) = simulated_problems(Store.open(bent), 100)
+    (found,) = simulate_again(Store.open(bent), 100).problems
     assert found.endswith("its trace differs")
 
 
@@ -347,7 +366,7 @@ def test_a_stored_sweep_reads_no_file_of_the_folder_that_it_is_verified_in(
 def test_a_sound_store_simulates_alike(sound: Path) -> None:
     assert problems(sound) == []
     assert unverifiable_parts(Store.open(sound)) == []
-    assert list(simulated_problems(Store.open(sound), 3)) == []
+    assert simulate_again(Store.open(sound), 3).problems == []
 
 
 def test_an_edited_table_is_not_opened(bent: Path) -> None:

@@ -95,6 +95,9 @@ def sound(record_of: Callable[..., EvidenceRecord], columns_of: Any) -> pa.Recor
     crashed = record_of(
         2, status="crashed", status_reason="it died", cost=None, trajectory_hash=None, steps=0
     )
+    reason = LabelEntry(label="crashed", reason="it died", step=None)
+    nothing = {"label": "crashed", "labels": (reason,), "metrics": dict.fromkeys(crashed.metrics)}
+    crashed = crashed.model_copy(update=nothing)
     records = [record_of(0, cost=Cost.of_steps(1.0, 4, 1e-3, BUDGET)), full, crashed]
     schema = table_schema(columns_of(records))
     rows = [record_to_row(record) for record in records]

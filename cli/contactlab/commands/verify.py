@@ -63,6 +63,7 @@ def verify(
         CommandLineError: the sample is not a share, or belongs to a whole store.
         StoreError: there is no store or run, or it cannot be simulated here.
     """
+    from contactlab.plugins import loaded_plugins
     from contactlab.schema.store_reports import StoreVerification
     from contactlab.store.finished_store import Store
     from contactlab.store.verify_store import MOST_PROBLEMS, find_problems, unverifiable_parts
@@ -80,8 +81,10 @@ def verify(
     problems = find_problems(address, chosen=chosen)
     # Later, so that the engine and the reader of the whole table are not in memory at once.
     from contactlab.run.recomputed_runs import (
+        Resimulation,
         recomputed_problems,
-        simulated_problems,
+        simulate_again,
+        uncompared_parts,
         why_ids_unverifiable,
         why_plan_unverifiable,
     )
@@ -90,7 +93,10 @@ def verify(
     if chosen is not None:
         seen = int(chosen.sum())
         left.append(f"records and traces of {len(chosen) - seen:,} runs: {seen:,} were drawn")
-    if plugins := "; ".join(map(str, opened.manifest.sweep.plugins)):
+    loaded = {each.sha256 for each in loaded_plugins()}
+    if plugins := "; ".join(
+        str(each) for each in opened.manifest.sweep.plugins if each.sha256 not in loaded
+    ):
         say(
             f"{address} was written with plug-ins that are not loaded: {plugins}; "
             "their values are shown as stored"
@@ -99,8 +105,11 @@ def verify(
     if not problems and why_ids_unverifiable(opened) is None:
         # A damaged store need not be run or compiled.
         problems = list(islice(recomputed_problems(opened, chosen), MOST_PROBLEMS))
-        again = simulated_problems(opened, simulate, allow_code=allow_code)
-        problems += again if simulate and not problems else ()
+    again = Resimulation(min(simulate, opened.manifest.runs))
+    if simulate and not problems:
+        again = simulate_again(opened, simulate, allow_code=allow_code)
+        problems += again.problems[:MOST_PROBLEMS]
+        left += uncompared_parts(opened)
     physics = "" if problems else opened.physics
     return StoreVerification(
         store=str(address),
@@ -108,6 +117,8 @@ def verify(
         problems=tuple(map(in_one_line, problems)),
         unverified=tuple(left),
         runs=opened.manifest.runs,
+        simulated=again.simulated,
+        simulation_asked=again.asked,
         traces=opened.manifest.traces,
         traces_left_out=opened.manifest.traces_left_out,
         digest=opened.digest,

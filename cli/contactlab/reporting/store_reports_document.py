@@ -1,6 +1,7 @@
 """Describes the reports of commands that plan, check and copy stores."""
 
 from collections.abc import Iterator
+from math import prod
 
 from contactlab.comparison.report import report_of
 from contactlab.judge.wording import plural
@@ -84,9 +85,25 @@ def describe_verification(report: StoreVerification) -> Document:
         [
             Headline(f"{report.store} is sound: {runs}, {traces}{left_out}"),
             *(Sentence(f"not verified: {reason}") for reason in report.unverified),
+            *(Sentence(text) for text in _simulation_text(report)),
             Facts((("physics", report.physics), ("digest", report.digest))),
         ]
     )
+
+
+def _simulation_text(report: StoreVerification) -> Iterator[str]:
+    if not report.simulation_asked:
+        return
+    text = f"simulated again: {report.simulated:,} of {report.simulation_asked:,}"
+    if report.simulated < report.runs:
+        forged = -(-report.runs // 100)
+        missed = prod(
+            max(0, report.runs - forged - drawn) / (report.runs - drawn)
+            for drawn in range(report.simulated)
+        )
+        chance = f"chance to find {plural(forged, 'forged run')}: {1 - missed:.0%}"
+        text += f", drawn from {report.runs:,} runs; {chance}"
+    yield text
 
 
 def describe_replay(report: RunReplay) -> Document:

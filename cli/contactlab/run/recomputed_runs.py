@@ -1,12 +1,14 @@
 """Recomputes runs of a store: resolves all of them again, and simulates a sample again."""
 
 import random
-from collections.abc import Iterator
-from dataclasses import replace
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,13 +32,14 @@ from contactlab.run.tasks import Task
 from contactlab.run.worker import Worker
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import PolicyDrive, parse_drive
-from contactlab.schema.evidence import SweepIdentity
+from contactlab.schema.evidence import Accuracy, EvidenceRecord, SweepIdentity, Timing
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.vocabulary import Vocabulary
 from contactlab.store.arrow_values import numpy_array
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredTrace, read_trace
 from contactlab.store.store_files import IDENTITY, MANIFEST, SCENES, TABLE, is_slice, shard_of
+from contactlab.store.table_layout import COLUMNS_OF_MACHINE
 
 _OUTCOME_COLUMNS = (
     *("status", "steps", "trajectory_hash"),
@@ -138,8 +141,8 @@ def _differing_plan(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
             yield f"{TABLE}: runs are missing that the results of the others require"
         _, planned = chosen.finished_part(index, planned)
     ours, stored = planned.model_dump(), identity.model_dump()
-    for field in (key for key in ours if ours[key] != stored[key]):
-        yield f"{IDENTITY}: {field} contradicts the sweep's text and options"
+    for key in (key for key in ours if ours[key] != stored[key]):
+        yield f"{IDENTITY}: {key} contradicts the sweep's text and options"
     if columns.shared.get("severity") != list(LABELS):
         yield f"{TABLE}: its severity is not the order of the labels"
     if columns.shared.get("labels", {}) != added_labels():
@@ -173,52 +176,133 @@ def plan_again(identity: SweepIdentity, scene: Scene) -> Plan:
     return replace(plan, sweep=plan.sweep.model_copy(update={"drive": drive}))
 
 
-def simulated_problems(store: Store, count: int, *, allow_code: bool = False) -> Iterator[str]:
-    """Simulate, measure and label a random sample of the runs again. Yield the differences."""
-    identity, columns = store.manifest.sweep, store.columns
+@dataclass
+class Resimulation:
+    """Runs of a store that were simulated, measured and labelled again."""
+
+    asked: int  # runs that were requested, at most all
+    simulated: int = 0
+    problems: list[str] = field(default_factory=list[str])
+    left_out: Counter[str] = field(default_factory=Counter[str])
+    """Reasons why runs cannot be simulated again, each with their number."""
+
+    def add_shortage(self) -> None:
+        """Add a problem if fewer runs were simulated than requested."""
+        if self.simulated < self.asked:
+            why = "; ".join(f"{count:,} {reason}" for reason, count in self.left_out.items())
+            said = f"simulated again: {self.simulated:,} of {self.asked:,}"
+            self.problems.append(f"{said}: {why}" if why else said)
+
+
+def simulate_again(store: Store, count: int, *, allow_code: bool = False) -> Resimulation:
+    """Simulate, measure and label a random sample of the runs again, and compare all fields.
+
+    A sample has runs that can be repeated, if there are enough.
+    """
+    columns = store.columns
+    found = Resimulation(min(count, columns.runs))
+    if (why := why_ids_unverifiable(store)) is not None:
+        found.left_out[why] = found.asked
+        found.add_shortage()
+        return found
     scene = open_store_scene(store)
-    names = [
-        *_OUTCOME_COLUMNS,
-        *(name for name in identity.metric_versions if name in columns.measured),
-    ]
+    # The code of a loop is not available, but that of an environment is.
+    played = bool(scene.source.environment)
+    order = random.sample(range(columns.runs), columns.runs)
     with TemporaryDirectory() as folder:
-        identity = store.manifest.sweep
-        sweep = Sweep.model_validate(identity.resolved).model_copy(update={"trace": "all"})
-        worker = Worker(
-            Task(
-                sweep,
-                (),
-                identity,
-                Path(folder),
-                store.scene_folder,
-                find_provenance(),
-                loaded_plugins(),
-            ),
-            None,
-        )
-        for row in sorted(random.sample(range(columns.runs), min(count, columns.runs))):
+        worker = _make_worker(store, Path(folder))
+        for row in order:
+            if found.simulated >= found.asked:
+                break
             stored = columns.row(row)
-            # The code of a loop is not available, but that of an environment is.
-            played = bool(scene.source.environment)
-            if stored["status"] not in {"ok", "stopped"} or (stored.get("loop") and not played):
+            if stored["status"] in {"crashed", "timeout"}:
+                found.left_out[f"ended by {stored['status']}, which is not repeated"] += 1
                 continue
+            if stored.get("loop") and not played:
+                found.left_out["of a loop: its code is not in the store"] += 1
+                continue
+            found.simulated += 1
             record = store.record(stored["run_id"])
-            if played or isinstance(record.drive, PolicyDrive):
-                # The code of a policy is not run: its recorded controls are applied.
-                if not (result := replay_run(store, record.run_id, allow_code=allow_code)).equal:
-                    yield f"run {record.run_id}: simulated again, its hash is {result.hash}"
+            if played:
+                replay = replay_run(store, record.run_id, allow_code=allow_code)
+                if not replay.equal:
+                    found.problems.append(
+                        f"run {record.run_id}: simulated again, its hash is {replay.hash}"
+                    )
                 continue
-            values = canonical_values(scene, record.axes)
-            (run,) = scene.plan_runs(values, [record.seed], record.duration, record.index)
-            (finished,) = worker.run((replace(run, run_id=record.run_id),))
-            again = from_json(finished.row)
-            before = f"run {record.run_id}: simulated again, "
-            for name in (known for known in names if again.get(known) != stored[known]):
-                yield f"{before}{name} is {again.get(name)}, not {stored[name]}"
-            if record.trace is not None and not store.manifest.traces_left_out:
-                new = read_trace(Path(folder) / again["trace_file"])
-                if _trace_bytes(store.trace(record)) != _trace_bytes(new):
-                    yield f"{before}its trace differs"
+            found.problems += _differing_fields(store, scene, worker, record, stored)
+    found.add_shortage()
+    return found
+
+
+def _make_worker(store: Store, folder: Path) -> Worker:
+    identity = store.manifest.sweep
+    sweep = Sweep.model_validate(identity.resolved).model_copy(update={"trace": "all"})
+    provenance, plugins = find_provenance(), loaded_plugins()
+    return Worker(Task(sweep, (), identity, folder, store.scene_folder, provenance, plugins), None)
+
+
+# Fields that depend on the sweep's expectations, which `recomputed_rows` judges again.
+_JUDGED_COLUMNS = frozenset(
+    ("expected", "expectation_met", "expectation_reason", "tolerances_met", "axis_names")
+)
+
+
+def compared_columns(store: Store) -> list[str]:
+    """Return the columns that a simulation of a run makes again, except clocks and axes.
+
+    With other definitions of metrics, these are the outcomes and the metrics of the same version.
+    """
+    names, metrics = store.columns.schema.names, store.manifest.sweep.metric_versions
+    if why_plan_unverifiable(store) is not None:
+        return [name for name in names if name in {*_OUTCOME_COLUMNS, *metrics}]
+    unknown = {*COLUMNS_OF_MACHINE, *_JUDGED_COLUMNS, *Accuracy.model_fields, *Timing.model_fields}
+    return [name for name in names if name not in {*unknown, *store.columns.axis_names}]
+
+
+def uncompared_parts(store: Store) -> list[str]:
+    """Return the parts of records that no simulation of a run makes again, with reasons."""
+    asked, parts = store.manifest.sweep.resolved, list[str]()
+    if asked.get("accuracy"):
+        parts.append("errors: they are measured against references by a sweep alone")
+    if asked.get("timing"):
+        parts.append("times: no run takes the same time again")
+    if store.manifest.parameter_budgets:
+        parts.append("error budgets of parameters: a sweep alone measures them")
+    return parts
+
+
+def _differing_fields(
+    store: Store, scene: Scene, worker: Worker, record: EvidenceRecord, stored: Mapping[str, Any]
+) -> Iterator[str]:
+    values = canonical_values(scene, record.axes)
+    (run,) = scene.plan_runs(values, [record.seed], record.duration, record.index)
+    run, names = replace(run, run_id=record.run_id), compared_columns(store)
+    before = f"run {record.run_id}: simulated again, "
+    if isinstance(record.drive, PolicyDrive):
+        # The code of a policy is not run: its recorded controls are applied.
+        names = [name for name in names if name != "controls"]
+        if record.controls is None:
+            yield f"{before}it has no controls, which its policy made"
+            return
+        worker.keep_controls(record.controls, store.backend)
+        run = replace(run, controls=record.controls)
+    (finished,) = worker.run((run,))
+    again = from_json(finished.row)
+    for name in names:
+        new, old = _without_nulls(again.get(name)), _without_nulls(stored[name])
+        if new != old:
+            yield f"{before}{name} is {new}, not {old}"
+    if record.trace is not None and not store.manifest.traces_left_out:
+        new_trace = read_trace(worker.store_folder / again["trace_file"])
+        if _trace_bytes(store.trace(record)) != _trace_bytes(new_trace):
+            yield f"{before}its trace differs"
+
+
+def _without_nulls(value: Any) -> Any:  # noqa: ANN401 - of any column
+    if isinstance(value, dict):
+        return {name: entry for name, entry in value.items() if entry is not None}
+    return value
 
 
 def _trace_bytes(trace: StoredTrace) -> list[bytes]:

@@ -55,6 +55,7 @@ from contactlab.scene.run_setup import make_setup, measurement_key
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene_source import BINARY
 from contactlab.schema.evidence import LabelEntry, TraceFile
+from contactlab.store.backend import Backend
 from contactlab.store.controls_file import controls_name, encode_controls
 from contactlab.store.folder_backend import backend_at
 from contactlab.store.mcap.trace_reader import ACTIVATIONS
@@ -319,6 +320,19 @@ class Worker:
             return time.monotonic() < end or self._proceed()
 
         return proceed
+
+    @property
+    def store_folder(self) -> Path:
+        """The folder of its store, on this machine."""
+        assert isinstance(self._task.store, Path)
+        return self._task.store
+
+    def keep_controls(self, sha256: str, source: Backend) -> None:
+        """Copy recorded controls of another store, for a run that names them."""
+        if sha256 not in self._controls:
+            name = controls_name(sha256)
+            self._store.put_file(name, source.read_file(name) or b"")
+            self._controls.add(sha256)
 
     def record_crash(self, run: RunSpec, label: LabelEntry) -> Finished:
         """Record a run that crashes every worker; it has no trace."""

@@ -53,6 +53,8 @@ class StoreVerification(ReportModel):
     sound: bool
     problems: tuple[str, ...] = ()
     unverified: tuple[str, ...] = about("Parts that could not be checked here.", default=())
+    simulated: int = about("Runs that were simulated again.", default=0)
+    simulation_asked: int = about("Runs that should be simulated again.", default=0)
     runs: int
     traces: int
     traces_left_out: bool = about("Whether the store is a baseline, without its traces.")

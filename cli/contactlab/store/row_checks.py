@@ -4,7 +4,7 @@ Whole columns are checked at once. A record is built, and checked field by field
 found here. Every row that violates a rule is found; a row that is found may still be valid.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cache, cached_property, reduce
 from types import NoneType, UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
@@ -88,6 +88,7 @@ class RowChecks:
         yield _wrong_labels(columns)
         through = compute_digests("equal", columns["status"], text_scalar("ok"))
         yield numpy_array(through) != is_null(columns["status_reason"])
+        yield _wrong_ends(columns, self._shared["units"])
         yield _misnamed_traces(columns)
         for part in ("accuracy", "timing"):
             if not self._asked.get(part):
@@ -265,6 +266,18 @@ def equal_values(one: pa.Array, other: pa.Array) -> Truths:
     )
     equal[equal] = ~_any_of_lists(rows_of(one, equal), ~equal_values(ours, theirs))
     return equal
+
+
+def _wrong_ends(columns: Columns, metrics: Iterable[str]) -> Truths:
+    # A run that ended with its process has no results.
+    statuses = columns["status"].to_pylist()
+    ended = np.array([status in {"crashed", "timeout"} for status in statuses], bool)
+    if not ended.any():
+        return ended
+    left = ~equal_values(columns["label"], columns["status"]) | (numpy_array(columns["steps"]) != 0)
+    for name in ("trajectory_hash", "trace_file", *metrics):
+        left |= ~is_null(columns[name])
+    return ended & left
 
 
 def _misnamed_traces(columns: Columns) -> Truths:

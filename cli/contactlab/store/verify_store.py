@@ -49,6 +49,7 @@ from contactlab.store.table_layout import (
 )
 
 MOST_PROBLEMS = 1000
+_ENDED = frozenset(("crashed", "timeout"))
 # Checking this many records takes about two seconds; a baseline in a repository has fewer.
 _MAX_QUICK_RECORDS = 1 << 17
 _MAX_NAMED_DAMAGES = 3
@@ -365,6 +366,15 @@ def wrong_parts(
         yield "label"
     if (record.status == "ok") != (record.status_reason is None):
         yield "status_reason"
+    if record.status in _ENDED and (
+        record.label != record.status
+        or record.steps
+        or record.trajectory_hash
+        or record.trace is not None
+        or any(value is not None for value in record.metrics.values())
+    ):
+        # A run that ended with its process has no results.
+        yield "status"
     if record.trace is not None and not record.trace.file.endswith(f"/{record.run_id}.mcap"):
         yield "trace"
     if (record.timing and not asked.get("timing")) or (
