@@ -11,8 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
-
 import contactlab.plugin  # noqa: F401 - fills the registries  # pyright: ignore[reportUnusedImport]
 from contactlab.command_line.declaration import TITLES, Command
 from contactlab.command_line.modules import command_modules, commands_of
@@ -132,6 +130,8 @@ def describe_keys(
 ) -> Iterator[str]:
     """Yield each key of a mapping: its form, default and meaning, unless that is known already."""
     for name, key in schema["properties"].items():
+        if name in ("version", "description", "title", "sha256"):
+            continue
         meaning = key.get("description", "")
         default = key.get("default")
         kind = spell_kind(key)
@@ -170,14 +170,7 @@ def list_columns() -> Iterator[str]:
     """Yield all columns of a table that records have."""
     for column in (*FIXED_COLUMNS, PLUGINS_COLUMN, *LOOP_COLUMNS):
         unit = f" [{column.unit}]" if column.unit not in ("", "1") else ""
-        yield f"`{column.name}` ({spell_type(column.type)}): {column.description}{unit}\n"
-
-
-def spell_type(kind: pa.DataType) -> str:
-    """Return the type of a column in words."""
-    if pa.types.is_list(kind):
-        return f"list of {spell_type(kind.value_type)}"
-    return "struct" if pa.types.is_struct(kind) else str(kind)
+        yield f"`{column.name}`{unit}: {column.description}\n"
 
 
 def list_terms() -> Iterator[str]:
@@ -196,7 +189,8 @@ def list_labels() -> Iterator[str]:
     """Yield the labels, and the limits that they read."""
     for label in LABELS.values():
         limits = f" (`{'`, `'.join(each.name for each in label.thresholds)}`)"
-        yield f"`{label.name}`{limits if label.thresholds else ''}: {label.meaning}\n"
+        meaning = first_sentence(label.meaning)
+        yield f"`{label.name}`{limits if label.thresholds else ''}: {meaning}\n"
     yield "\n## Limits\n\nA sweep or a scene replaces a default by its key `thresholds`.\n"
     for limit in THRESHOLDS.values():
         unit = f" {limit.unit}" if limit.unit != "1" else ""
@@ -208,9 +202,12 @@ def list_metrics() -> Iterator[str]:
     """Yield the metrics with their units."""
     for metric in METRICS.values():
         unit = f" [{metric.unit}]" if metric.unit != "1" else ""
-        # The first sentence; a period within an abbreviation has no space and capital behind it.
-        summary = re.split(r"(?<=\.) (?=[A-Z])", metric.definition)[0]
-        yield f"`{metric.name}`{unit}: {summary}\n"
+        yield f"`{metric.name}`{unit}: {first_sentence(metric.definition)}\n"
+
+
+def first_sentence(text: str) -> str:
+    """Return the first sentence; a period in an abbreviation has no space and capital behind it."""
+    return re.split(r"(?<=\.) (?=[A-Z])", text)[0]
 
 
 def list_parameters() -> Iterator[str]:
@@ -221,8 +218,7 @@ def list_parameters() -> Iterator[str]:
         yield f"`{axis.name}`{unit}: {axis.description}{words}\n"
     yield "\n## Effects\n\nThe key `effects` switches these.\n"
     for effect in EFFECTS.values():
-        needed = f"; needed by {effect.called_by}" if effect.called_by else ""
-        yield f"`{effect.name}`: {effect.what}{needed}\n"
+        yield f"`{effect.name}`: {effect.what}\n"
 
 
 def list_modifications() -> Iterator[str]:
@@ -295,7 +291,7 @@ PAGES: Mapping[str, Page] = {
     "labels": Page(
         "Labels, the worst first",
         "A run has each label that applies; the worst is its `label`. In brackets are its limits. "
-        "`contactlab explain LABEL` has the recommended change.",
+        "`contactlab explain LABEL` has the whole meaning and the recommended change.",
         list_labels,
     ),
     "columns": Page(
