@@ -135,16 +135,16 @@ def tune(
 
 def _draw_front(report: "TuneReport", path: Path, *, dark: bool) -> None:
     from contactlab.charts import save_figure
-    from contactlab.studies.search.search_chart import NARROW, specification
+    from contactlab.studies.search.search_chart import NARROW, draw_front
 
     if path.suffix != ".html":
-        save_figure(specification(report), path, dark=dark or None)
+        save_figure(draw_front(report), path, dark=dark or None)
         return
     from contactlab.page.front_page import build_front_page
     from contactlab.store.atomic_files import atomic_write
     from contactlab.studies.search.tune_document import describe_tuning
 
-    wide, narrow = specification(report).to_dict(), specification(report, NARROW).to_dict()
+    wide, narrow = draw_front(report).to_dict(), draw_front(report, NARROW).to_dict()
     page = build_front_page(Path(report.model).name, describe_tuning(report), wide, narrow)
     with atomic_write(path) as temporary:
         temporary.write_text(page, encoding="utf-8")

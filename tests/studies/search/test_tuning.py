@@ -14,7 +14,7 @@ from tests.studies.verification.planted import BARE_JAWS
 from contactlab.errors import ExpectationError, SweepFileError
 from contactlab.plan.task_options import TaskOptions, read_task_options
 from contactlab.schema.tune_report import TuneReport
-from contactlab.studies.search.search_chart import specification
+from contactlab.studies.search.search_chart import draw_front
 from contactlab.studies.search.time_limit import TimeLimit
 from contactlab.studies.search.tuning import TuneRequest, tune_model
 from contactlab.studies.search.tuning_problem import TuningProblem
@@ -76,7 +76,7 @@ def test_needless_steps_go_and_lines_that_save_nothing_stay(tmp_path: Path) -> N
     assert 2 <= len(report.front) <= 8
     for slower, faster in itertools.pairwise(report.front):
         assert slower.candidate.cost >= faster.candidate.cost  # pyright: ignore[reportOperatorIssue]
-    drawn = str(specification(report).to_dict())
+    drawn = str(draw_front(report).to_dict())
     assert all(f"{point.number} {point.name}" in drawn for point in report.front)
 
 

@@ -71,7 +71,6 @@ def choose_front(
 
 
 def _is_marked_twin(one: Evaluation, fixed: Mapping[Key, Evaluation], rules: FrontRules) -> bool:
-    """Return whether a candidate is a marked one, or cannot be distinguished from one."""
     return any(
         one is other or (rules.is_same_cost(one, other) and rules.is_same_error(one, other))
         for other in fixed.values()
@@ -79,7 +78,6 @@ def _is_marked_twin(one: Evaluation, fixed: Mapping[Key, Evaluation], rules: Fro
 
 
 def _find_undominated(candidates: Sequence[Evaluation]) -> list[Evaluation]:
-    """Return candidates that no other one beats in both cost and error, the slowest first."""
     kept, best = list[Evaluation](), math.inf
     for one in sorted(candidates, key=lambda one: (cost_of(one), error_of(one))):
         if error_of(one) < best:
@@ -91,7 +89,7 @@ def _find_undominated(candidates: Sequence[Evaluation]) -> list[Evaluation]:
 def _drop_equal(
     points: Sequence[Evaluation], fixed: Container[Key], rules: FrontRules
 ) -> list[Evaluation]:
-    """Return one of several points that cannot be distinguished: a marked, accurate or fast one."""
+    # Of equal points a marked one stays, else the accurate or fast one.
     kept = list[Evaluation]()
     most_accurate: Evaluation | None = None  # of those that the last point stands for
     for one in points:
@@ -112,7 +110,7 @@ def _drop_equal(
 
 
 def _thin_out(points: Sequence[Evaluation], fixed: Container[Key], most: int) -> list[Evaluation]:
-    """Return points that are evenly spread over costs and errors; marked ones stay."""
+    # The rest is evenly spread over costs and errors; marked points stay.
     left = list(points)
     spans = [_total_span(left, value) for value in (cost_of, error_of)]
 

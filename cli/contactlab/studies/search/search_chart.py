@@ -51,12 +51,12 @@ class Scale:
     high: float
     length: float
 
-    def place(self, value: float) -> float:
+    def locate_value(self, value: float) -> float:
         """Return the distance of a value from the low end [px]."""
         span = math.log(self.high / self.low)
         return self.length * math.log(max(value, 1e-300) / self.low) / span
 
-    def ticks(self) -> list[float]:
+    def list_ticks(self) -> list[float]:
         """Return 1, 2 and 5 times powers of ten; of many powers, these alone."""
         powers = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
         digits = (1, 2, 5) if len(powers) < 5 else (1,)
@@ -64,7 +64,7 @@ class Scale:
         return [tick for tick in found if self.low <= tick <= self.high]
 
 
-def specification(report: TuneReport, layout: FrontLayout | None = None) -> alt.TopLevelMixin:
+def draw_front(report: TuneReport, layout: FrontLayout | None = None) -> alt.TopLevelMixin:
     """Return the chart of a front.
 
     The axes span its points. Dots and lines are all measured candidates of an integrator that no
@@ -78,9 +78,13 @@ def specification(report: TuneReport, layout: FrontLayout | None = None) -> alt.
     lows = [point.error_low or math.inf for point in points]
     highs = [point.error_high or 0.0 for point in points]
     top = max([*errors, *highs, *_limits_near(report, errors)])
-    upward = Scale(min([*errors, *lows]) / 1.4, 1.6 * top, layout.height)
-    x = _axis(alt.X("time:Q"), across, "time of a simulated second, over that as written", "x")
-    y = _axis(alt.Y("error:Q"), upward, _error_title(report), report.target.unit)
+    low = min([*errors, *lows])
+    room = 1.2 * (top / low) ** 0.06  # at both ends, for names
+    upward = Scale(low / room, room * top, layout.height)
+    x = _scale_axis(
+        alt.X("time:Q"), across, "time of a simulated second, over that as written", "x"
+    )
+    y = _scale_axis(alt.Y("error:Q"), upward, _error_title(report), report.target.unit)
     levels = _find_levels(report, upward)
     boxes = [*_level_boxes(levels, upward, layout)]
     colours = _integrator_colours(report, points)
@@ -103,7 +107,7 @@ def specification(report: TuneReport, layout: FrontLayout | None = None) -> alt.
     ]
     title = alt.TitleParams(
         f"{Path(report.model).name}: what accuracy costs",
-        subtitle=_subtitle(report),
+        subtitle=_write_subtitle(report),
         fontSize=13,
         subtitleFontSize=11,
     )
@@ -128,12 +132,12 @@ def _limits_near(report: TuneReport, errors: Sequence[float]) -> Iterator[float]
         yield limit
 
 
-def _axis(channel: Channel, scale: Scale, title: str, unit: str) -> Channel:
+def _scale_axis(channel: Channel, scale: Scale, title: str, unit: str) -> Channel:
     label = {
         "x": "'x' + format(datum.value, '~g')",
         "1": "format(100 * datum.value, '~g') + ' %'",
     }.get(unit, "format(datum.value, '~g')")
-    axis = alt.Axis(values=scale.ticks(), labelExpr=label, labelOverlap=True)
+    axis = alt.Axis(values=scale.list_ticks(), labelExpr=label, labelOverlap=True)
     domain = alt.Scale(type="log", domain=[scale.low, scale.high], nice=False)
     return channel.title(title).scale(domain).axis(axis)
 
@@ -143,7 +147,7 @@ def _error_title(report: TuneReport) -> str:
     return "numerical error, share of the real forces" if unit == "1" else f"forward error [{unit}]"
 
 
-def _subtitle(report: TuneReport) -> str:
+def _write_subtitle(report: TuneReport) -> str:
     step = format_amount(report.reference_step, "ms")
     if report.target.unit != "1":
         return f"error at the {report.target.error_at} of {', '.join(report.target.observed)}"
@@ -180,7 +184,7 @@ def _point_row(point: FrontPoint, report: TuneReport) -> dict[str, object]:
 
 
 def _ladder_rows(report: TuneReport, across: Scale, upward: Scale) -> Iterator[dict[str, object]]:
-    """Yield the candidates of each integrator that no other one of it beats."""
+    # Candidates of an integrator that no other one of it beats.
     measured = [each for each in report.candidates if each.error and each.cost]
     measured.sort(key=lambda each: (_integrator_of(each, report), each.cost, each.error))
     for name, own in itertools.groupby(measured, lambda each: _integrator_of(each, report)):
@@ -196,7 +200,6 @@ def _ladder_rows(report: TuneReport, across: Scale, upward: Scale) -> Iterator[d
 
 
 def _find_levels(report: TuneReport, upward: Scale) -> Rows:
-    """Return the tolerance, the target, and what the model is known to, the largest first."""
     unit = report.target.unit
     levels: Rows = []
     if unit == "1":
@@ -217,7 +220,7 @@ def _find_levels(report: TuneReport, upward: Scale) -> Rows:
 def _level_layers(
     levels: Rows, upward: Scale, layout: FrontLayout, y: alt.Y
 ) -> Iterator[alt.Chart]:
-    """Yield a line and its text for each level; of two near levels the lower one's is below."""
+    # Of two near levels the text of the lower one is below its line.
     for row, is_below in zip(levels, _texts_below(levels, upward), strict=True):
         line = layer_of(row["text"], [row]).encode(y=y)
         yield line.mark_rule(color=_EDGE, strokeDash=[5, 4])
@@ -233,13 +236,17 @@ def _level_layers(
 
 
 def _texts_below(levels: Rows, upward: Scale) -> list[bool]:
-    places = [upward.place(row["error"]) for row in levels]
+    places = [upward.locate_value(row["error"]) for row in levels]
     return [before - place < 28 for before, place in zip([math.inf, *places], places, strict=False)]
 
 
 def _level_boxes(levels: Rows, upward: Scale, layout: FrontLayout) -> Iterator[Box]:
     for row, is_below in zip(levels, _texts_below(levels, upward), strict=True):
-        top = layout.height - upward.place(row["error"]) + (2 if is_below else -layout.line - 2)
+        top = (
+            layout.height
+            - upward.locate_value(row["error"])
+            + (2 if is_below else -layout.line - 2)
+        )
         left = layout.width - layout.letter * len(row["text"])
         yield left, top, float(layout.width), top + layout.line
 
@@ -247,7 +254,7 @@ def _level_boxes(levels: Rows, upward: Scale, layout: FrontLayout) -> Iterator[B
 def _ring_layers(
     points: Sequence[FrontPoint], report: TuneReport, x: alt.X, y: alt.Y
 ) -> Iterator[alt.Chart]:
-    """Yield a ring around each marked point: dashed as written, closed if recommended."""
+    # Dashed as written, closed if recommended.
     for mark, dash in (("as written", [2, 2]), ("recommended", [1, 0])):
         rows = [_point_row(point, report) for point in points if mark in point.marks]
         if rows:
@@ -266,9 +273,12 @@ def _name_layers(
     x: alt.X,
     y: alt.Y,
 ) -> Iterator[alt.Chart]:
-    """Yield the names of points, each at the first free place around its point."""
+    # Each at the first free place around its point.
     places = [
-        (across.place(_time_of(point)), layout.height - upward.place(point.error or 0.0))
+        (
+            across.locate_value(_time_of(point)),
+            layout.height - upward.locate_value(point.error or 0.0),
+        )
         for point in points
     ]
     taken += [(left - 6, top - 6, left + 6, top + 6) for left, top in places]
@@ -283,7 +293,8 @@ def _name_layers(
         align, dy, box = min(
             spots,
             key=lambda spot: (
-                sum(_overlap(spot[2], other) for other in taken) + _outside(spot[2], layout)
+                sum(_overlap_area(spot[2], other) for other in taken)
+                + _outside_penalty(spot[2], layout)
             ),
         )
         taken.append(box)
@@ -305,7 +316,6 @@ def _name_layers(
 def _spots_around(
     left: float, top: float, room: float, layout: FrontLayout
 ) -> Iterator[tuple[str, float, Box]]:
-    """Yield alignments, shifts and boxes of a name around a point, the best first."""
     half = layout.line / 2
     for shift in (-8.0, 9.0, -20.0, 21.0, -33.0, 34.0):
         for align in ("left", "right", "center"):
@@ -313,13 +323,13 @@ def _spots_around(
             yield align, shift, (begin, top + shift - half, begin + room, top + shift + half)
 
 
-def _overlap(one: Box, other: Box) -> float:
+def _overlap_area(one: Box, other: Box) -> float:
     wide = min(one[2], other[2]) - max(one[0], other[0])
     high = min(one[3], other[3]) - max(one[1], other[1])
     return wide * high if wide > 0 and high > 0 else 0.0
 
 
-def _outside(box: Box, layout: FrontLayout) -> float:
+def _outside_penalty(box: Box, layout: FrontLayout) -> float:
     left, top, right, bottom = box
     over = max(0.0, -left) + max(0.0, right - layout.width - 40)
     return 20 * (over + max(0.0, -top) + max(0.0, bottom - layout.height))
