@@ -228,8 +228,8 @@ def examine(
         Sequence[str],
         Option(
             "NAME",
-            "Show only this section: labels, budget, facts, checks, contacts, servos or fixes; may "
-            "be repeated.",
+            "Show only this section: labels, budget, facts, checks, contacts, servos, loop or "
+            "fixes; may be repeated.",
             kind=list[str],
         ),
     ] = (),

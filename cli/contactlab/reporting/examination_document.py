@@ -34,6 +34,7 @@ from contactlab.reporting.examination import (
     labels_in_why,
     not_tried_line,
 )
+from contactlab.reporting.loop_words import loop_blocks
 from contactlab.reporting.servo_words import servo_tables
 from contactlab.reporting.verified_measures import measure_rows
 from contactlab.schema.check_report import CheckResult, Measure
@@ -97,6 +98,8 @@ def describe_examination(
         first = report.servos[0]
         step = f"step {format_amount(first.timestep, 'ms')}, {first.integrator}"
         sections.append(Section((*servo_tables(report.servos),), "servos", f"servos: {step}"))
+    if details_or_alone and report.loop is not None:
+        sections.append(Section((*loop_blocks(report.loop),), "loop", "loop of the policy"))
     others = (fix for fix in report.fixes if fix is not first_fix(report.fixes))
     sections += [
         Section(

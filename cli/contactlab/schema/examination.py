@@ -3,6 +3,7 @@
 from typing import Literal
 
 from contactlab.schema.check_report import CheckResult
+from contactlab.schema.control_loop import ControlLoopReport
 from contactlab.schema.error_budget import BudgetReport
 from contactlab.schema.evidence import Setting
 from contactlab.schema.finding import Finding
@@ -20,7 +21,7 @@ EXAMINATION_VERSION = 2
 MOST_FIXES = 3
 """Fixes of a model that are reported with their lines."""
 
-SectionName = Literal["labels", "budget", "facts", "checks", "contacts", "servos", "fixes"]
+SectionName = Literal["labels", "budget", "facts", "checks", "contacts", "servos", "loop", "fixes"]
 """A part of an examination."""
 
 
@@ -41,6 +42,7 @@ class Fact(Model):
         "file",
         "advisory",
         "servo",
+        "loop",
     ]
     place: str = about("The contact, the joint, the body, or the line of a file.")
     value: float
@@ -187,7 +189,8 @@ class Examination(ReportModel):
     task: Task
     sections: tuple[SectionName, ...] = about("The requested sections.")
     verdict: VerdictWord | None = about(
-        "The verdict of the whole examination; null if only contacts or servos were requested.",
+        "The verdict of the whole examination; null if only contacts, servos or the loop were "
+        "requested.",
         default=None,
     )
     headline: str = about(
@@ -216,6 +219,7 @@ class Examination(ReportModel):
     findings: tuple[Finding, ...] = about("Results of the checks, failures first.", default=())
     contacts: tuple[RestingContact, ...] = ()
     servos: tuple[Servo, ...] = ()
+    loop: ControlLoopReport | None = about("Of a policy; null without one.", default=None)
     requested: tuple[str, ...] = about(
         "Requested values of contacts, such as `depth_at_rest`, which settings were found for.",
         default=(),

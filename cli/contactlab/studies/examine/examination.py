@@ -16,6 +16,7 @@ from contactlab.budget import (
     Trial,
     budget_report,
 )
+from contactlab.closed_loop.loop_margins import LoopStudy
 from contactlab.errors import SweepFileError
 from contactlab.judge.waivers import unused_waivers
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
@@ -53,6 +54,7 @@ from contactlab.studies.examine.field_passages import (
 )
 from contactlab.studies.examine.fixes import FixSearch, RepairedFiles, TaskRepeats
 from contactlab.studies.examine.linted_file import lint_file
+from contactlab.studies.examine.policy_loop import list_loop_facts, make_loop_study
 from contactlab.studies.examine.repaired_causes import (
     CauseRepairer,
     RepairedModel,
@@ -78,8 +80,8 @@ SECTIONS: tuple[SectionName, ...] = get_args(SectionName)
 REFERENCE = "reference.json"
 RESULTS = "examine"
 """Name of its folder among the results."""
-_OF_MOTIONS = {"budget", "facts", "fixes", "servos"}
-_NOT_JUDGED = {"contacts", "servos"}
+_OF_MOTIONS = {"budget", "facts", "fixes", "servos", "loop"}
+_NOT_JUDGED = {"contacts", "servos", "loop"}
 """Sections that need no verdict of the task."""
 _OF_RUNS = {"labels", "checks", "contacts"}
 SETTINGS = Settings(timed=True)
@@ -131,7 +133,8 @@ class ExamineRequest:
         """Largest number of its parts."""
         wanted = {*self.sections}
         measured = not wanted <= _NOT_JUDGED
-        parts = self.has_runs + ("checks" in wanted) + ("servos" in wanted) + measured
+        alone = ("checks" in wanted) + ("servos" in wanted) + ("loop" in wanted)
+        parts = self.has_runs + alone + measured
         return parts + 2 * ("fixes" in wanted)
 
 
@@ -187,10 +190,14 @@ def run(request: ExamineRequest, session: Session) -> Examination:
     if "servos" in wanted and examined.moves:
         request.begins("measuring its servos")
         report = report.model_copy(update={"servos": measure_task_servos(examined.motions[0])})
+    study = make_loop_study(examined) if "loop" in wanted and examined.moves else None
+    if study is not None:
+        request.begins("measuring the loop of its policy")
+        report = report.model_copy(update={"loop": study.measure()})
     if wanted <= _NOT_JUDGED:
         return judge_servos(report)
     with TemporaryDirectory(prefix="contactlab-") as folder:
-        return _measured(request, report, examined, begun, Path(folder))
+        return _measured(request, report, examined, begun, (Path(folder), study))
 
 
 def _rested(
@@ -236,13 +243,14 @@ def _measured(
     report: Examination,
     examined: CheckedModel,
     begun: float,
-    folder: Path,
+    place: tuple[Path, LoopStudy | None],
 ) -> Examination:
     """Return a report with its budget, facts, fixes and verdict.
 
-    The examination began when the process had used `begun` seconds of CPU. Repaired models are
-    written into the folder.
+    The examination began when the process had used `begun` seconds of CPU. The place is a folder
+    for repaired models, and the study of the loop of a policy.
     """
+    folder, study = place
     until = begun + _FIXING * request.max_cpu
     request.begins("measuring its error budget")
     if not examined.moves:
@@ -275,6 +283,7 @@ def _measured(
                 repaired = repairer.repair_grip(repaired, cause)
             else:
                 repaired = replace(repaired, causes=(*repaired.causes, cause))
+        repaired = repairer.repair_loop(repaired, study, report.loop)
         files = repairer.list_files(repaired)
         if not files or repaired.word not in PASSING_VERDICTS:
             verifier = _make_verifier(request, examined, report.labels, begun)
@@ -287,6 +296,7 @@ def _measured(
             *list_advisory_facts(examined.motions, times, examined.scene.source),
             *facts(examined.motions, times),
             *list_sagging_servos(report.servos),
+            *list_loop_facts(report.loop),
             *(list_unheld_servos(report.servos) if request.assign else ()),  # as lint has them
         )
         if grip is not None and (fact := describe_grip(grip)).sentence not in {

@@ -44,6 +44,7 @@ from contactlab.scene.model_draft import ModelEdits, join_edits
 from contactlab.scene.model_edits import set_timestep
 from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.scene.scene import Scene
+from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.error_budget import BudgetReason
 from contactlab.schema.examination import MOST_FIXES, Fix, RunLabel
 from contactlab.studies.examine.engine_faults import list_workaround_candidates
@@ -150,6 +151,8 @@ class FixSearch:
         word: VerdictWord = "depends" if verdict.word == "depends" else "inaccurate"
         advised = [*list_workaround_candidates(motions[0].model, scene.source, word)]
         against = candidates_against(motions, verdict)
+        if isinstance(scene.drive.drive, PolicyDrive):
+            against = [*filter(self._keeps_integrator, against)]
         self._candidates = (*starts, *advised, *against, *shapes)
         self.label_trials, self.not_tried = 0, list[str]()
         self.without_labels = [*self._without_labels(advised)][:1]
@@ -173,6 +176,15 @@ class FixSearch:
             and candidate.name not in known
             and self._parts(candidate)
         ]
+
+    def _keeps_integrator(self, candidate: Candidate) -> bool:
+        # RK4 is more accurate for replayed controls; in the loop of a policy it holds no more.
+        model = self._motions[0].model
+        made = changed_model(model, candidate)
+        return made.opt.integrator in (
+            model.opt.integrator,
+            mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
+        )
 
     @property
     def _trial(self) -> Trial:

@@ -10,12 +10,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 from contactlab.budget.measuring import evaluations, pace, steps_of
+from contactlab.closed_loop.loop_margins import LoopStudy
 from contactlab.errors import OutputError, SceneError
 from contactlab.modifications.catalogue import list_rows
+from contactlab.reporting.loop_words import loop_sentence
 from contactlab.scene.model_draft import ModelEdits, join_edits
 from contactlab.scene.model_names import name_of
 from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.scene.scene import Scene
+from contactlab.schema.control_loop import ControlLoopReport
 from contactlab.schema.examination import Cause, Fix, RejectedFix, RunLabel, Stage
 from contactlab.schema.verdict import PASSING_VERDICTS, VERDICT_ORDER, VerdictWord, join_verdict
 from contactlab.schema.verification import VerifiedChange
@@ -24,6 +27,7 @@ from contactlab.studies.examine.linted_file import FileFault, write_rule_edits
 from contactlab.studies.examine.permanent_overlaps import find_permanent_overlaps
 from contactlab.studies.examine.start_fixes import MovedStart, moved_starts, standing_starts
 from contactlab.studies.grip.gripping import GripRequest, judge_grip
+from contactlab.studies.examine.policy_loop import list_loop_repairs
 from contactlab.studies.lint.overlaps import COINCIDENT, find_coincident_geoms
 from contactlab.tasks.checked_model import CheckedModel
 from contactlab.tasks.task_verdict import run_labels
@@ -192,6 +196,22 @@ class CauseRepairer:
         edits = ModelEdits(excluded=tuple(overlap.names for overlap in overlaps))
         return self._try_repair(model, Repair("file", sentence, name, "exclude", edits))
 
+    def repair_loop(
+        self, model: RepairedModel, study: LoopStudy | None, report: ControlLoopReport | None
+    ) -> RepairedModel:
+        """Return the model with a change that makes the loop of its policy hold, if one helps."""
+        if study is None or report is None or report.holds or model.word in PASSING_VERDICTS:
+            return model
+        sentence = loop_sentence(report)
+        for repair in list_loop_repairs(study, report):
+            change = Repair("numerics", sentence, repair.name, repair.apply, repair.edits)
+            tried = self._try_repair(model, change)
+            if tried.fixes != model.fixes:
+                return tried
+            model = replace(model, rejected=tried.rejected)
+        cause = Cause(stage="numerics", sentence=sentence)
+        return replace(model, causes=(*model.causes, cause))
+
     def _single_geoms(self, fault: FileFault) -> Repair:
         model = self.original.base.model
         doubled = [name_of(model, "geom", second) for _, second in find_coincident_geoms(model)]
@@ -237,7 +257,7 @@ class CauseRepairer:
             changes_model=True,
             apply=repair.apply,
             removes=removes,
-            settings={},
+            settings=dict(repair.edits.settings),
             changed_keyframes=edits.posed,
             moved_bodies=edits.placed,
             masked_geoms=edits.masked,

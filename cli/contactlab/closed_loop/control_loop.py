@@ -1,0 +1,293 @@
+"""A model under a controller: its control period as a map, linearized and simulated.
+
+The state of a loop is the state of the model, the controls that act, those that wait for their
+latency, what the controller keeps between its calls, and the sensors of the last step. One control
+period maps it to the next state. All rows of a batch make the period at once, so the derivative of
+the map is a central difference between rows, whatever the integrator is.
+"""
+
+import copy
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.engines.engine import PolicyClass
+from contactlab.errors import SceneError, in_one_line
+from contactlab.numerical_tolerance import COARSE_ROUNDING
+from contactlab.scene.compile_model import SENSOR_PREFIX
+
+INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+_NUDGE = 1e-6  # of central differences and of offsets: far above rounding, far below a stroke
+
+
+@dataclass(frozen=True)
+class ControlLoop:
+    """A model and its controller.
+
+    Attributes:
+        model: with its timestep, the longest of the loop: a period has a whole number of steps.
+        policy: makes the controller.
+        start: (nstate,) of mjSTATE_INTEGRATION.
+        rate: calls per second [Hz].
+        latency: from observation to action [s].
+        gain: factor on the differences between the controls of two rows.
+    """
+
+    model: mujoco.MjModel
+    policy: PolicyClass
+    start: Floats
+    rate: float
+    latency: float = 0.0
+    gain: float = 1.0
+
+    @cached_property
+    def substeps(self) -> int:
+        """Number of steps of a period."""
+        return max(1, math.ceil(1 / (self.rate * self.model.opt.timestep) - COARSE_ROUNDING))
+
+    @property
+    def timestep(self) -> float:
+        """Step of the loop [s]."""
+        return 1 / (self.rate * self.substeps)
+
+    @property
+    def delay(self) -> tuple[int, int]:
+        """Whole periods, and steps after them, from observation to action."""
+        steps = max(0, math.ceil(self.latency / self.timestep - COARSE_ROUNDING))
+        return divmod(steps, self.substeps)
+
+    @cached_property
+    def driven_dofs(self) -> np.ndarray:
+        """Ids of the degrees of freedom of slides and hinges that actuators move."""
+        data = mujoco.MjData(self.model)
+        mujoco.mj_setState(self.model, data, self.start, INTEGRATION)
+        mujoco.mj_forward(self.model, data)
+        columns = np.ravel(data.moment_colind)[np.ravel(data.actuator_moment) != 0]
+        kinds = self.model.jnt_type[self.model.dof_jntid[columns]]
+        return np.unique(columns[kinds >= int(mujoco.mjtJoint.mjJNT_SLIDE)])
+
+    def with_armature(self, least: float) -> "ControlLoop":
+        """Return the loop with at least this armature of each driven degree of freedom."""
+        return self._with_least("dof_armature", least)
+
+    def with_damping(self, least: float) -> "ControlLoop":
+        """Return the loop with at least this damping of each driven degree of freedom."""
+        return self._with_least("dof_damping", least)
+
+    def _with_least(self, field: str, least: float) -> "ControlLoop":
+        model, dofs = copy.copy(self.model), self.driven_dofs
+        values = getattr(model, field)
+        values[dofs] = np.maximum(values[dofs], least)
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+        return replace(self, model=model)
+
+
+class LoopRows:
+    """Loops that run next to each other, with one instance of the controller."""
+
+    def __init__(self, loop: ControlLoop) -> None:
+        """Begin with one row, at the loop's start."""
+        self.loop, self.model = loop, copy.copy(loop.model)
+        self.model.opt.timestep = loop.timestep
+        self.model.opt.tolerance = min(self.model.opt.tolerance, 1e-12)  # for differences
+        data = mujoco.MjData(self.model)
+        mujoco.mj_setState(self.model, data, loop.start, INTEGRATION)
+        mujoco.mj_forward(self.model, data)
+        self.data, self.controls = [data], data.ctrl[None].copy()
+        self.waiting = [self.controls.copy() for _ in range(loop.delay[0])]
+        own = [
+            sensor
+            for sensor in range(self.model.nsensor)
+            if not self.model.sensor(sensor).name.startswith(SENSOR_PREFIX)
+        ]
+        self._sensors = int((self.model.sensor_adr + self.model.sensor_dim)[own].max(initial=0))
+        self._policy: Any = loop.policy(copy.copy(loop.model))
+        self._first: Floats | None = None
+        self._known = {id(owner[key]) for owner, key in self._list_arrays()}
+
+    def advance(self, periods: int = 1) -> bool:
+        """Make control periods; return whether MuJoCo raised no warning."""
+        first = self.loop.delay[1]
+        for _ in range(periods):
+            self.waiting.append(self._ask_policy())
+            self._step(first)
+            self.controls = self.waiting.pop(0)
+            self._step(self.loop.substeps - first)
+            if not all(np.isfinite(data.qvel).all() for data in self.data):
+                return False
+        return not any(data.warning.number.any() for data in self.data)
+
+    def repeat_row(self, count: int) -> "LoopRows":
+        """Return so many rows, all in the state of the first one."""
+        made = copy.copy(self)
+        made.data = [copy.copy(self.data[0]) for _ in range(count)]
+        made.controls = np.repeat(self.controls[:1], count, axis=0)
+        made.waiting = [np.repeat(each[:1], count, axis=0) for each in self.waiting]
+        made._policy = copy.deepcopy(self._policy)
+        for owner, key in made._list_memory(len(self.data), self._list_arrays()):
+            owner[key] = np.repeat(owner[key][:1], count, axis=0)
+        return made
+
+    def nudge_velocity(self, row: int, nudge: Floats) -> None:
+        """Add (nv,) to the velocity of a row."""
+        self.data[row].qvel += nudge
+
+    def linearize(self) -> Floats:
+        """Return the derivative of the next period at the state of the first row."""
+        alone = self.repeat_row(1)
+        size = len(alone._read_state(0, 0))
+        rows = self.repeat_row(1 + 2 * size)
+        for place in range(size):
+            rows._nudge_state(1 + 2 * place, place, _NUDGE)
+            rows._nudge_state(2 + 2 * place, place, -_NUDGE)
+        rows.advance()
+        ends = np.array([rows._read_state(row, 0) for row in range(1, 1 + 2 * size)])
+        return ((ends[::2] - ends[1::2]) / (2 * _NUDGE)).T
+
+    def find_difference(self, row: int) -> float:
+        """Return how much the velocity of a row differs from that of the first [rad/s or m/s]."""
+        return float(np.linalg.norm(self.data[row].qvel - self.data[0].qvel))
+
+    def _ask_policy(self) -> Floats:
+        time = np.array([data.time for data in self.data])
+        qpos, qvel = (np.array([getattr(d, name) for d in self.data]) for name in ("qpos", "qvel"))
+        measured = np.array([data.sensordata[: self._sensors] for data in self.data])
+        try:
+            wanted = np.asarray(self._policy(time, qpos, qvel, measured), np.float64)
+        except Exception as error:
+            raise SceneError(f"the policy failed: {in_one_line(error, __file__)}") from error
+        if wanted.shape != self.controls.shape:
+            raise SceneError(
+                f"the policy returned an array of shape {wanted.shape}; one control for each run "
+                f"and actuator is {self.controls.shape}"
+            )
+        if self._first is None:
+            self._first = wanted[0].copy()
+        # A loop that does not hold has no run to keep: its controls shrink toward the first ones.
+        about = wanted[:1] if self.loop.gain > 1 else self._first
+        return about + self.loop.gain * (wanted - about)
+
+    def _step(self, count: int) -> None:
+        if count:
+            for data, control in zip(self.data, self.controls, strict=True):
+                data.ctrl[:] = control
+                mujoco.mj_step(self.model, data, nstep=count)
+
+    def _list_arrays(self) -> Iterator[tuple[Any, Any]]:
+        """Yield the containers and keys of the arrays that the controller keeps."""
+        todo, seen = [vars(self._policy) if hasattr(self._policy, "__dict__") else {}], set[int]()
+        while todo:
+            owner = todo.pop()
+            if id(owner) in seen:
+                continue
+            seen.add(id(owner))
+            items = owner.items() if isinstance(owner, dict) else enumerate(owner)
+            for key, value in list(items):
+                if isinstance(value, np.ndarray) and value.dtype.kind == "f" and value.ndim:
+                    yield owner, key
+                elif isinstance(value, dict | list):
+                    todo.append(value)
+                elif type(value).__module__ == type(self._policy).__module__:
+                    todo.append(vars(value) if hasattr(value, "__dict__") else {})
+
+    def _list_memory(self, rows: int, copied: Iterator[tuple[Any, Any]]) -> list[tuple[Any, Any]]:
+        # An array with a row for each loop can only be made in a call, which knows their number.
+        return [
+            own
+            for own, (owner, key) in zip(self._list_arrays(), copied, strict=True)
+            if id(owner[key]) not in self._known and len(owner[key]) == rows
+        ]
+
+    def _parts(self, row: int) -> list[Floats]:
+        """Return views of the parts of a row's state besides positions."""
+        data = self.data[row]
+        parts: list[Floats] = [data.qvel, data.act]
+        if self.loop.delay != (0, 0):
+            parts += [self.controls[row], *(each[row] for each in self.waiting)]
+        memory = self._list_memory(len(self.data), self._list_arrays())
+        parts += [owner[key][row].reshape(-1) for owner, key in memory]
+        return [*parts, data.sensordata[: self._sensors]]
+
+    def _read_state(self, row: int, base: int) -> Floats:
+        positions = np.empty(self.model.nv)
+        mujoco.mj_differentiatePos(
+            self.model, positions, 1.0, self.data[base].qpos, self.data[row].qpos
+        )
+        parts = zip(self._parts(row), self._parts(base), strict=True)
+        return np.concatenate([positions, *(one - other for one, other in parts)])
+
+    def _nudge_state(self, row: int, place: int, nudge: float) -> None:
+        data, size = self.data[row], self.model.nv
+        if place < size:
+            way = np.zeros(size)
+            way[place] = nudge
+            mujoco.mj_integratePos(self.model, data.qpos, way, 1.0)
+            return
+        place -= size
+        for part in self._parts(row):
+            if place < len(part):
+                part[place] += nudge
+                return
+            place -= len(part)
+
+
+def find_modes(loop: ControlLoop, times: Floats) -> tuple[float, int]:
+    """Return the largest growth rate of a mode [1/s] and the degree of freedom that it moves most.
+
+    It is the largest at states of the loop's own run at these times [s]; infinite for a run that
+    MuJoCo gives up.
+    """
+    rows, worst, dof = LoopRows(loop), -math.inf, 0
+    rows.advance()  # the controller makes its memory in its first call
+    done = 1
+    for time in times:
+        periods = max(0, round(time * loop.rate) - done)
+        if not rows.advance(periods):
+            return worst if worst > 0 else math.inf, dof
+        done += periods
+        values, shapes = np.linalg.eig(rows.linearize())
+        place = int(np.abs(values).argmax())
+        rate = math.log(max(abs(values[place]), 1e-300)) * loop.rate
+        if rate > worst:
+            speeds = np.abs(shapes[loop.model.nv : 2 * loop.model.nv, place])
+            worst, dof = rate, int((speeds**2 * _dof_inertia(rows)).argmax())
+    return worst, dof
+
+
+def _dof_inertia(rows: LoopRows) -> Floats:
+    model, mass = rows.model, np.empty((rows.model.nv, rows.model.nv))
+    for row, unit in zip(mass, np.eye(model.nv), strict=True):
+        mujoco.mj_mulM(model, rows.data[0], row, unit)
+    return np.diag(mass)
+
+
+def simulate_growth(loop: ControlLoop, seconds: float) -> float:
+    """Return the rate at which small offsets of a loop grow in its own run [1/s].
+
+    Two rows begin with velocities slightly off. Growth is between the second tenth and the last
+    fifth; it is infinite if MuJoCo gives up, or if offsets leave the small quickly.
+    """
+    periods = max(20, round(seconds * loop.rate))
+    rows = LoopRows(loop).repeat_row(3)
+    random = np.random.default_rng(0)
+    for row in (1, 2):
+        rows.nudge_velocity(row, _NUDGE * random.standard_normal(loop.model.nv))
+    differences = np.zeros(periods)
+    # No small motion of a loop is faster than half its rate: beyond, its offset has grown.
+    beyond = 100 * _NUDGE * math.pi * loop.rate
+    for period in range(periods):
+        if not rows.advance():
+            return math.inf
+        differences[period] = max(rows.find_difference(row) for row in (1, 2))
+        if differences[period] > beyond:
+            return math.inf
+    early = differences[periods // 10 : 3 * periods // 10].max()
+    late = differences[4 * periods // 5 :].max()
+    span = 0.7 * periods / loop.rate
+    return math.log(max(late, 1e-300) / max(early, 1e-300)) / span

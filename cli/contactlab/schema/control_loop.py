@@ -1,0 +1,39 @@
+"""The loop of a controller and a model: its fastest growth, and the margins that it has."""
+
+from typing import Literal
+
+from contactlab.schema.strict_model import FiniteOrNull, Model, about
+
+
+class LoopMargin(Model):
+    """The border of one parameter of a loop, other parameters as they are."""
+
+    name: Literal["rate", "delay", "gain", "armature"] = about(
+        "rate of the controller; delay from observation to action; factor on its gains; least "
+        "armature of all driven joints"
+    )
+    unit: str
+    holds_above: bool = about("Whether larger values hold, instead of smaller ones.")
+    current: float
+    linear: FiniteOrNull = about("Border of the linear loop; null if there is none.")
+    border: FiniteOrNull = about("Border of the simulated loop; null if there is none.")
+
+
+class ControlLoopReport(Model):
+    """Whether the loop of a controller holds, and its margins."""
+
+    rate: float = about("Of the controller [Hz].")
+    latency: float = about("From observation to action [s].")
+    timestep: float = about("Of the loop: the largest that divides a period [s].")
+    growth: FiniteOrNull = about(
+        "Rate at which the fastest mode of the linear loop grows [1/s]; null if MuJoCo gives up."
+    )
+    eigenvalue: FiniteOrNull = about("Its magnitude over a control period.")
+    joint: str = about("The joint that it moves most.")
+    simulated_growth: FiniteOrNull = about("Of a small offset in a run [1/s]; null likewise.")
+    allowed_growth: float = about(
+        "Up to which a loop holds [1/s]: more than the model grows under a controller that is much "
+        "faster."
+    )
+    holds: bool = about("Whether the simulated loop holds.")
+    margins: tuple[LoopMargin, ...] = ()

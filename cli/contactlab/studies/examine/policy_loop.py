@@ -1,0 +1,92 @@
+"""Examines the loop of a policy: its margins, and the changes that make it hold."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from contactlab.closed_loop.control_loop import ControlLoop
+from contactlab.closed_loop.loop_margins import LoopStudy
+from contactlab.engines.closed_loop import load_policy
+from contactlab.reporting.loop_words import loop_sentence
+from contactlab.scene.model_draft import ModelEdits, object_name
+from contactlab.schema.control_loop import ControlLoopReport
+from contactlab.schema.drive import PolicyDrive
+from contactlab.schema.examination import Fact
+from contactlab.tasks.checked_model import CheckedModel
+
+_MARGIN = 2.0
+"""Factor on a border that is recommended: a gain margin of two (6 dB), the usual one."""
+
+
+def make_loop_study(checked: CheckedModel) -> LoopStudy | None:
+    """Return the study of the loop of a task's policy; None without a policy.
+
+    It is linearized at the start, and at two later states of the loop's own run.
+    """
+    drive, motion = checked.scene.drive.drive, checked.motions[0]
+    if not isinstance(drive, PolicyDrive) or not motion.model.nu:
+        return None
+    loop = ControlLoop(
+        model=motion.model,
+        policy=load_policy(checked.scene.drive),
+        start=motion.starts[0],
+        rate=drive.rate,
+        latency=drive.latency_seconds,
+    )
+    duration = checked.task.duration
+    return LoopStudy(loop, (0.0, duration / 4, duration / 2))
+
+
+def list_loop_facts(report: ControlLoopReport | None) -> Iterator[Fact]:
+    """Yield the margins of a loop as a fact; nothing without a loop."""
+    if report is not None:
+        sentence = loop_sentence(report)
+        yield Fact(kind="loop", place=report.joint, value=report.rate, unit="Hz", sentence=sentence)
+
+
+class LoopRepair(NamedTuple):
+    """A change of a model with which the loop of its policy holds."""
+
+    name: str
+    apply: str
+    edits: ModelEdits
+
+
+def list_loop_repairs(study: LoopStudy, report: ControlLoopReport) -> Iterator[LoopRepair]:
+    """Yield changes of a model with which the loop holds, also with twice its gains.
+
+    They are more armature or damping of all driven joints, and an implicit integrator.
+    """
+    loop = study.loop
+    armature = next(one.border for one in report.margins if one.name == "armature")
+    implicit = replace(loop, model=loop.model.__copy__())
+    implicit.model.opt.integrator = 3  # mjINT_IMPLICITFAST
+    changes = [
+        ("dof_armature", "armature", armature, loop.with_armature),
+        ("dof_damping", "damping", study.find_damping(), loop.with_damping),
+    ]
+    if study.holds_simulated(replace(implicit, gain=_MARGIN)):
+        edits = ModelEdits({"integrator": "implicitfast"})
+        yield LoopRepair("implicitfast", "implicit", edits)
+    for field, word, border, make in changes:
+        if not border:
+            continue
+        value = _round_up(_MARGIN * border)
+        if not study.holds_simulated(replace(make(value), gain=_MARGIN)):
+            continue
+        values = getattr(loop.model, field)
+        dofs = [int(dof) for dof in loop.driven_dofs if values[dof] < value]
+        names = [object_name(loop.model, field, dof) for dof in dofs]
+        edits = ModelEdits({f"{field}[{name}]": value for name in names})
+        more = f" and {len(names) - 1} more joints" if len(names) > 1 else ""
+        name = f"{word} {value:g} of {names[0]}{more}"
+        yield LoopRepair(name, f"loop-{word}", edits)
+
+
+def _round_up(value: float) -> float:
+    """Return a value rounded up to two digits."""
+    power = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return float(f"{np.ceil(value / power - 1e-9) * power:.3g}")

@@ -1,0 +1,123 @@
+"""Laws of control loops: the discrete poles of a hinge, memory, and simulated borders."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+
+from contactlab.closed_loop.control_loop import (
+    INTEGRATION,
+    ControlLoop,
+    LoopRows,
+    find_modes,
+    simulate_growth,
+)
+from contactlab.closed_loop.loop_margins import LoopStudy
+from contactlab.contact.trace_arrays import Floats
+
+HINGE = """<mujoco><option timestep="{h}" gravity="0 0 0" integrator="{integrator}"/>
+<worldbody><body><joint name="hinge" axis="0 1 0"/>
+<inertial pos="0 0 0" mass="1" diaginertia=".02 .02 .02"/></body></worldbody>
+<actuator><motor joint="hinge"/></actuator></mujoco>"""
+INERTIA = 0.02
+
+
+def hinge_loop(
+    kp: float, kd: float, *, h: float = 1e-3, integrator: str = "Euler", **values: float
+) -> ControlLoop:
+    class Hold:
+        def __init__(self, model: mujoco.MjModel) -> None:
+            self.size = model.nu
+
+        def __call__(self, *seen: Floats) -> Floats:
+            return -kp * seen[1] - kd * seen[2]
+
+    model = mujoco.MjModel.from_xml_string(HINGE.format(h=h, integrator=integrator))
+    return ControlLoop(model, Hold, start_of(model), **{"rate": 200.0, **values})
+
+
+def start_of(model: mujoco.MjModel) -> Floats:
+    data, start = mujoco.MjData(model), np.empty(mujoco.mj_stateSize(model, INTEGRATION))
+    mujoco.mj_getState(model, data, start, INTEGRATION)
+    return start
+
+
+def growth_of_poles(loop: ControlLoop, kp: float, kd: float) -> float:
+    """Return the largest discrete pole of a hinge, from its recursion written by hand."""
+    steps, (late, part) = loop.substeps, loop.delay
+    inertia = INERTIA + float(loop.model.dof_armature[0])
+    state = np.eye(3 + late)  # x, v, the acting torque, and the waiting ones
+    ask = np.zeros(3 + late)
+    ask[:2] = -kp * loop.gain, -kd * loop.gain
+    queue = [state[3 + place] for place in range(late)] + [ask]
+    x, v, torque = state[0], state[1], state[2]
+    for step in range(steps):
+        torque = queue.pop(0) if step == part else torque
+        v = v + loop.timestep / inertia * torque
+        x = x + loop.timestep * v
+    return float(np.abs(np.linalg.eigvals(np.array([x, v, torque, *queue]))).max())
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.004, 0.0125])
+@pytest.mark.parametrize(("kp", "kd"), [(5.0, 0.3), (20.0, 1.5)])
+def test_the_modes_of_a_hinge_are_its_discrete_poles(kp: float, kd: float, latency: float) -> None:
+    for rate in (100.0, 200.0, 500.0, 2000.0):
+        loop = hinge_loop(kp, kd, rate=rate, latency=latency)
+        growth, _ = find_modes(loop, np.array([0.0]))
+        assert math.exp(growth / rate) == pytest.approx(growth_of_poles(loop, kp, kd), rel=1e-5)
+
+
+@pytest.mark.parametrize(("kp", "kd"), [(5.0, 0.3), pytest.param(20, 1.5, marks=pytest.mark.long)])
+def test_the_simulated_borders_of_a_hinge_are_those_of_its_poles(kp: float, kd: float) -> None:
+    study = LoopStudy(hinge_loop(kp, kd))
+    for margin, axis in zip(study.measure().margins, study.list_axes(), strict=True):
+        if not margin.border:
+            assert growth_of_poles(axis.make(axis.within[0]), kp, kd) < 1
+            continue
+        step = study.loop.timestep if margin.unit == "s" else 0.0  # a delay is whole steps
+        inner, outer = (0.99 * margin.border - step, 1.01 * margin.border + step)
+        inner, outer = (outer, inner) if margin.holds_above else (inner, outer)
+        assert growth_of_poles(axis.make(inner), kp, kd) < 1, margin
+        assert growth_of_poles(axis.make(outer), kp, kd) > 1, margin
+
+
+def test_rk4_holds_a_controller_outside_of_the_model_no_better() -> None:
+    loops = [hinge_loop(20, 1.5, integrator=one, rate=20.0) for one in ("Euler", "RK4")]
+    assert all(find_modes(loop, np.array([0.0]))[0] > 0 for loop in loops)
+
+
+def test_the_memory_of_a_controller_is_a_part_of_its_loop() -> None:
+    """An integrator u' = u - k T x of a damped slider makes three poles."""
+    model = mujoco.MjModel.from_xml_string(
+        HINGE.format(h=1e-3, integrator="Euler").replace('"0 1 0"', '"0 1 0" damping="1"')
+    )
+
+    class Integrator:
+        def __init__(self, _: mujoco.MjModel) -> None:
+            self.sum: Floats | None = None
+
+        def __call__(self, *seen: Floats) -> Floats:
+            self.sum = -0.01 * seen[1] if self.sum is None else self.sum - 0.01 * seen[1]
+            return self.sum - 2 * seen[1]
+
+    loop = ControlLoop(model, Integrator, start_of(model), 100.0)
+    rows = LoopRows(loop)
+    rows.advance()
+    period, kept = rows.linearize(), INERTIA + 1e-3
+    step = np.array([[1, 0, 0], [0, INERTIA / kept, 0], [0, 0, 1]])
+    force = np.array([-2 - 0.01, 0, 1])
+    x, v = np.eye(3)[0], np.eye(3)[1]
+    for _ in range(10):
+        v = step[1, 1] * v + 1e-3 / kept * force
+        x = x + 1e-3 * v
+    expected = np.array([x, v, [-0.01, 0, 1]])
+    assert period.shape == (3, 3)
+    assert period == pytest.approx(expected, rel=1e-6, abs=1e-8)
+
+
+def test_a_run_grows_as_fast_as_its_mode() -> None:
+    for rate in (8.0, 9.0):
+        loop = hinge_loop(5, 0.3, rate=rate)
+        growth, _ = find_modes(loop, np.array([0.0]))
+        assert simulate_growth(loop, 4.0) == pytest.approx(growth, rel=0.2)
