@@ -138,6 +138,7 @@ def sweep(
     from contactlab.run.shards import parse_shard
     from contactlab.run.sweep_request import read_request
     from contactlab.run.worker_pool import worker_count
+    from contactlab.schema.drive import PolicyDrive
 
     opt.load_plugins(plugin)
     task = opt.task_of(keyframe, drive, duration, require=require)
@@ -154,6 +155,11 @@ def sweep(
     for warning in request.plan.warnings:
         say(str(warning))
     if plan:
+        if isinstance(request.scene.drive.drive, PolicyDrive):
+            say(
+                "a policy acts: every run starts slightly off rest, by its seed; "
+                "--set perturbation=0 starts exactly as written"
+            )
         return forecast_sweep(replace(request, allow_code=allow_code))
     if request.plan.count > CONFIRM_ABOVE and not yes:
         raise SweepFileError(

@@ -1,10 +1,10 @@
 """Words and the table of the loop of a policy."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from contactlab.rendering.amounts import format_amount, format_digits
 from contactlab.rendering.document import Block, Column, Sentence, table_of
-from contactlab.schema.control_loop import ControlLoopReport, LoopMargin
+from contactlab.schema.control_loop import ControlLoopReport
 
 _NAMES = {
     "rate": "rate of the controller",
@@ -16,36 +16,26 @@ _NAMES = {
 
 def loop_sentence(report: ControlLoopReport) -> str:
     """Return whether a loop holds, and its borders, in a sentence."""
-    rate = format_frequency(report.rate)
-    borders = {margin.name: margin for margin in report.margins}
-    parts = [
-        _border_text(borders[name])
-        for name in ("rate", "delay", "gain", "armature")
-        if name in borders and _is_told(borders[name], holds=report.holds)
-    ]
-    told = f": it holds {', '.join(parts)}" if parts else ""
+    rate, borders = format_frequency(report.rate), {one.name: one for one in report.margins}
+    known = {name: margin.border for name, margin in borders.items() if margin.border is not None}
+    words = {
+        "rate": "{} of at least " + format_frequency(known.get("rate", 0.0)),
+        "delay": "{} of at most " + format_amount(known.get("delay"), "ms"),
+        "gain": "{} of at most x" + format_digits(known.get("gain", 0.0), 2),
+        "armature": "{} of at least " + format_digits(known.get("armature", 0.0), 2),
+    }
+    nouns = {"rate": "a rate", "delay": "a delay", "gain": "gains", "armature": "an armature"}
+    parts = [words[name].format(nouns[name]) for name in words if name in known]
     if report.holds:
+        told = f"; each alone, {_join_parts(parts, 'and')} would hold it too" if parts else ""
         return f"the loop at {rate} holds{told}"
-    return f"the loop at {rate} does not hold, first at joint {report.joint}{told}"
+    told = f"; {_join_parts(parts, 'or')} holds it, and half or twice leaves a margin of two"
+    return f"the loop at {rate} does not hold joint {report.joint}{told if parts else ''}"
 
 
-def _is_told(margin: LoopMargin, *, holds: bool) -> bool:
-    if margin.border is None:
-        return False
-    return not holds or margin.border != margin.current or margin.name == "delay"
-
-
-def _border_text(margin: LoopMargin) -> str:
-    value = margin.border or 0.0
-    match margin.name:
-        case "rate":
-            return f"from {format_frequency(value)}"
-        case "delay":
-            return f"up to a delay of {format_amount(value, 'ms')}"
-        case "gain":
-            return f"up to x{format_digits(value, 2)} of its gains"
-        case "armature":
-            return f"with an armature from {format_digits(value, 2)}"
+def _join_parts(parts: Sequence[str], word: str) -> str:
+    *first, last = parts
+    return f"{', '.join(first)} {word} {last}" if first else last
 
 
 def format_frequency(rate: float) -> str:

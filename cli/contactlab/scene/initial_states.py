@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import mujoco
@@ -205,6 +205,14 @@ class InitialStateRule:
             heights=() if DROP_HEIGHT in own_values else tuple(free_body_heights(model)),
             first_as_written=manifest is None,
         )
+
+    def start_off_rest(self, model: mujoco.MjModel) -> "InitialStateRule":
+        """Return the rule with a perturbation by each seed, so that no run starts exactly at rest.
+
+        A loop that starts in an unstable equilibrium would stay there.
+        """
+        perturbed = self.perturbed or _perturbed_coordinates(model, None)
+        return replace(self, perturbed=perturbed, first_as_written=False)
 
     @property
     def qpos(self) -> Floats:

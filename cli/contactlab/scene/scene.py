@@ -412,6 +412,8 @@ class Scene:
             base, manifest = self.base(run.structure), self.source.manifest
             recorded = self.recorded if base is self.base({}) else self._recorded_in(base)
             rule = InitialStateRule.from_model(base.model, manifest, run.keyframe)
+            if isinstance(self.drive.drive, PolicyDrive):
+                rule = rule.start_off_rest(base.model)
             self._rules[key] = replace(rule, recorded=recorded)
         return self._rules[key]
 

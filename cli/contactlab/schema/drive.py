@@ -196,7 +196,8 @@ def drive_identity(drive: Drive) -> object:
             return drive.model_dump(exclude={"file"})
         case PolicyDrive():
             _, _, name = drive.policy.rpartition(":")
-            return {**drive.model_dump(), "policy": name, "latency": drive.latency_seconds}
+            timing = {"latency": drive.latency_seconds, "starts": "off rest"}
+            return {**drive.model_dump(), "policy": name, **timing}
 
 
 def drive_text(drive: Drive) -> str:

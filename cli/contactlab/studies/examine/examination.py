@@ -63,7 +63,7 @@ from contactlab.studies.examine.repaired_causes import (
 )
 from contactlab.studies.examine.resting_contacts import resting_contacts
 from contactlab.studies.examine.servo_table import (
-    judge_servos,
+    judge_loops,
     list_sagging_servos,
     list_unheld_servos,
     measure_task_servos,
@@ -195,7 +195,7 @@ def run(request: ExamineRequest, session: Session) -> Examination:
         request.begins("measuring the loop of its policy")
         report = report.model_copy(update={"loop": study.measure()})
     if wanted <= _NOT_JUDGED:
-        return judge_servos(report)
+        return judge_loops(report)
     with TemporaryDirectory(prefix="contactlab-") as folder:
         return _measured(request, report, examined, begun, (Path(folder), study))
 

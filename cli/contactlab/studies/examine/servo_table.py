@@ -9,6 +9,7 @@ from contactlab.budget.motion import INTEGRATION, Motion
 from contactlab.budget.windows import replay
 from contactlab.closed_loop.servos import measure_servos
 from contactlab.rendering.amounts import format_amount, format_digits, format_percent
+from contactlab.reporting.loop_words import loop_sentence
 from contactlab.reporting.servo_words import format_length
 from contactlab.schema.examination import Examination, Fact
 from contactlab.schema.servo import Servo
@@ -35,10 +36,14 @@ def _forward_state(model: mujoco.MjModel, state: np.ndarray) -> mujoco.MjData:
     return data
 
 
-def judge_servos(report: Examination) -> Examination:
-    """Return a report that is of servos alone with a verdict, if the step does not hold one."""
-    for fact in list_unheld_servos(report.servos):
-        update = {"verdict": "fails", "headline": f"fails: {fact.sentence}"}
+def judge_loops(report: Examination) -> Examination:
+    """Return a report of servos or a loop alone with a verdict, if one does not hold."""
+    lost = [fact.sentence for fact in list_unheld_servos(report.servos)]
+    if report.loop is not None and not report.loop.holds:
+        lost.append(loop_sentence(report.loop))
+    for sentence in lost:
+        first, *_ = sentence.split(";")
+        update = {"verdict": "fails", "headline": f"fails: {first}"}
         return report.model_copy(update=update)
     return report
 
