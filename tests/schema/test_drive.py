@@ -24,6 +24,7 @@ FORMS: dict[str, Any] = {
     "runs/controls.csv": {"file": "runs/controls.csv"},
     "file=controls.npz,interpolation=hold": {"file": "controls.npz", "interpolation": "hold"},
     "balance.py:Balance": {"policy": "balance.py:Balance"},
+    "kp=40,kd=1,rate=500": {"kp": 40, "kd": 1, "rate": 500},
     "policy=p.py:P,rate=20,latency=0.01,noise.qvel=0.1": {
         "policy": "p.py:P",
         "rate": 20,

@@ -22,6 +22,8 @@ from contactlab.errors import SceneError, in_one_line
 from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.compile_model import SENSOR_PREFIX
 
+Path = tuple[Any, ...]
+"""Names and places that lead from a controller to an array."""
 INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _NUDGE = 1e-6  # of central differences and of offsets: far above rounding, far below a stroke
 
@@ -109,7 +111,9 @@ class LoopRows:
         self._sensors = int((self.model.sensor_adr + self.model.sensor_dim)[own].max(initial=0))
         self._policy: Any = loop.policy(copy.copy(loop.model))
         self._first: Floats | None = None
-        self._known = {id(owner[key]) for owner, key in self._list_arrays()}
+        # Arrays made before the first call know no number of rows, and are no memory.
+        self._known = {path: owner[key] for path, (owner, key) in self._list_arrays()}
+        self._memory: tuple[Path, ...] | None = None
 
     def advance(self, periods: int = 1) -> bool:
         """Make control periods; return whether MuJoCo raised no warning."""
@@ -125,12 +129,19 @@ class LoopRows:
 
     def repeat_row(self, count: int) -> "LoopRows":
         """Return so many rows, all in the state of the first one."""
+        if self._memory is None:
+            rows, known = len(self.data), self._known
+            self._memory = tuple(
+                path
+                for path, (owner, key) in self._list_arrays()
+                if owner[key] is not known.get(path) and len(owner[key]) == rows
+            )
         made = copy.copy(self)
         made.data = [copy.copy(self.data[0]) for _ in range(count)]
         made.controls = np.repeat(self.controls[:1], count, axis=0)
         made.waiting = [np.repeat(each[:1], count, axis=0) for each in self.waiting]
         made._policy = copy.deepcopy(self._policy)
-        for owner, key in made._list_memory(len(self.data), self._list_arrays()):
+        for owner, key in made._list_memory():
             owner[key] = np.repeat(owner[key][:1], count, axis=0)
         return made
 
@@ -179,30 +190,28 @@ class LoopRows:
                 data.ctrl[:] = control
                 mujoco.mj_step(self.model, data, nstep=count)
 
-    def _list_arrays(self) -> Iterator[tuple[Any, Any]]:
-        """Yield the containers and keys of the arrays that the controller keeps."""
-        todo, seen = [vars(self._policy) if hasattr(self._policy, "__dict__") else {}], set[int]()
+    def _list_arrays(self) -> Iterator[tuple[Path, tuple[Any, Any]]]:
+        """Yield path, container and key of each array that the controller keeps."""
+        root = vars(self._policy) if hasattr(self._policy, "__dict__") else {}
+        todo, seen = [((), root)], set[int]()
         while todo:
-            owner = todo.pop()
+            path, owner = todo.pop()
             if id(owner) in seen:
                 continue
             seen.add(id(owner))
             items = owner.items() if isinstance(owner, dict) else enumerate(owner)
             for key, value in list(items):
+                place = (*path, key)
                 if isinstance(value, np.ndarray) and value.dtype.kind == "f" and value.ndim:
-                    yield owner, key
+                    yield place, (owner, key)
                 elif isinstance(value, dict | list):
-                    todo.append(value)
+                    todo.append((place, value))
                 elif type(value).__module__ == type(self._policy).__module__:
-                    todo.append(vars(value) if hasattr(value, "__dict__") else {})
+                    todo.append((place, vars(value) if hasattr(value, "__dict__") else {}))
 
-    def _list_memory(self, rows: int, copied: Iterator[tuple[Any, Any]]) -> list[tuple[Any, Any]]:
-        # An array with a row for each loop can only be made in a call, which knows their number.
-        return [
-            own
-            for own, (owner, key) in zip(self._list_arrays(), copied, strict=True)
-            if id(owner[key]) not in self._known and len(owner[key]) == rows
-        ]
+    def _list_memory(self) -> list[tuple[Any, Any]]:
+        arrays = dict(self._list_arrays())
+        return [arrays[path] for path in self._memory or ()]
 
     def _parts(self, row: int) -> list[Floats]:
         """Return views of the parts of a row's state besides positions."""
@@ -210,8 +219,7 @@ class LoopRows:
         parts: list[Floats] = [data.qvel, data.act]
         if self.loop.delay != (0, 0):
             parts += [self.controls[row], *(each[row] for each in self.waiting)]
-        memory = self._list_memory(len(self.data), self._list_arrays())
-        parts += [owner[key][row].reshape(-1) for owner, key in memory]
+        parts += [owner[key][row : row + 1].reshape(-1) for owner, key in self._list_memory()]
         return [*parts, data.sensordata[: self._sensors]]
 
     def _read_state(self, row: int, base: int) -> Floats:
@@ -271,23 +279,33 @@ def simulate_growth(loop: ControlLoop, seconds: float) -> float:
     """Return the rate at which small offsets of a loop grow in its own run [1/s].
 
     Two rows begin with velocities slightly off. Growth is between the second tenth and the last
-    fifth; it is infinite if MuJoCo gives up, or if offsets leave the small quickly.
+    fifth; it is infinite if MuJoCo gives up, if offsets leave the small quickly, or if the run
+    itself alternates from period to period, as all its rows may do in step.
     """
     periods = max(20, round(seconds * loop.rate))
     rows = LoopRows(loop).repeat_row(3)
     random = np.random.default_rng(0)
     for row in (1, 2):
         rows.nudge_velocity(row, _NUDGE * random.standard_normal(loop.model.nv))
-    differences = np.zeros(periods)
+    differences, speeds = np.zeros(periods), np.zeros((periods, loop.model.nv))
     # No small motion of a loop is faster than half its rate: beyond, its offset has grown.
     beyond = 100 * _NUDGE * math.pi * loop.rate
     for period in range(periods):
         if not rows.advance():
             return math.inf
+        speeds[period] = rows.data[0].qvel
         differences[period] = max(rows.find_difference(row) for row in (1, 2))
         if differences[period] > beyond:
             return math.inf
+    if _alternates(speeds[4 * periods // 5 :], beyond):
+        return math.inf
     early = differences[periods // 10 : 3 * periods // 10].max()
     late = differences[4 * periods // 5 :].max()
     span = 0.7 * periods / loop.rate
     return math.log(max(late, 1e-300) / max(early, 1e-300)) / span
+
+
+def _alternates(speeds: Floats, least: float) -> bool:
+    change = np.linalg.norm(np.diff(speeds, axis=0), axis=1)
+    turn = np.linalg.norm(np.diff(speeds, n=2, axis=0), axis=1)
+    return bool(len(turn) and np.median(turn) > max(0.5 * np.median(change), least / 100))

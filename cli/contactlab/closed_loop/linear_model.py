@@ -6,6 +6,8 @@ step is then a linear map of (x, v), which grows if an eigenvalue of it exceeds 
 ``W = M + h D`` and ``P = I - h W^-1 (C + D)``,
 
 * the Euler family has ``v' = P v - h W^-1 K x`` and ``x' = x + h v'``;
+* equalities are soft: with their Jacobian J, forces accelerate ``N = M + J^T D J``, and the Euler
+  family has ``W^-1 M N^-1`` for ``W^-1``. They add ``J^T D k J`` to K and ``J^T D b J`` to C;
 * RK4 has ``1 + z + z^2/2 + z^3/6 + z^4/24`` of the step times the eigenvalues of the system.
 
 Source: MuJoCo's documentation, Computation > Numerical integration; LaSalle, The stability and
@@ -60,6 +62,7 @@ class LinearModel:
         mass: the inertia.
         stiffness: of servos, springs and tendons.
         explicit, implicit: damping that Euler takes explicitly and implicitly.
+        soft_mass, soft_damping: of equalities, which resist forces like an inertia.
         free: (nv, k) directions that no equality holds.
         timestep: [s].
         integrator: as in mjtIntegrator.
@@ -69,14 +72,16 @@ class LinearModel:
     stiffness: Floats
     explicit: Floats
     implicit: Floats
+    soft_mass: Floats
+    soft_damping: Floats
     free: Floats
     timestep: float
     integrator: int
 
     @property
     def weighs(self) -> bool:
-        """Whether something moves, and each free direction has inertia."""
-        mass = self.free.T @ self.mass @ self.free
+        """Whether something moves, and all that moves has inertia."""
+        mass = self.mass
         return bool(mass.size and np.linalg.eigvalsh(mass).min() > mujoco.mjMINVAL)
 
     def find_growth(self, timestep: float | None = None, integrator: int | None = None) -> float:
@@ -92,8 +97,7 @@ class LinearModel:
     def find_growing_dofs(self) -> Floats:
         """Return (nv,) the kinetic energy of the motion that grows most, as shares of the dofs."""
         modes, shapes = self._find_modes(self.timestep, self.integrator)
-        size = self.free.shape[1]
-        velocity = self.free @ shapes[size:, int(np.abs(modes).argmax())]
+        velocity = shapes[len(self.mass) :, int(np.abs(modes).argmax())]
         energy = np.diag(self.mass) * np.abs(velocity) ** 2
         return energy / max(energy.sum(), np.finfo(float).tiny)
 
@@ -113,22 +117,19 @@ class LinearModel:
         return replace(self, mass=mass)
 
     def _find_modes(self, timestep: float, integrator: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return the eigenvalues (2k,) of one step, and its eigenvectors of (x, v)."""
-        parts = (self.mass, self.stiffness, self.explicit, self.implicit)
-        mass, stiffness, explicit, implicit = (self.free.T @ part @ self.free for part in parts)
+        mass, whole = self.mass, self.explicit + self.implicit + self.soft_damping
         unit, h = np.eye(len(mass)), timestep
+        loaded = np.linalg.inv(mass + self.soft_mass)
         if integrator == _INTEGRATOR.mjINT_RK4:
-            inverse = np.linalg.inv(mass)
-            rates = np.block(
-                [[0 * unit, unit], [-inverse @ stiffness, -inverse @ (explicit + implicit)]]
-            )
+            rates = np.block([[0 * unit, unit], [-loaded @ self.stiffness, -loaded @ whole]])
             values, shapes = np.linalg.eig(rates)
             z = h * values
             return 1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24, shapes
+        late = self.implicit
         if integrator != _INTEGRATOR.mjINT_EULER:
-            implicit, explicit = implicit + explicit, 0 * explicit
-        inverse = np.linalg.inv(mass + h * implicit)
-        pull, keep = -h * inverse @ stiffness, unit - h * inverse @ (explicit + implicit)
+            late = self.implicit + self.explicit
+        push = h * np.linalg.inv(mass + h * late) @ mass @ loaded
+        pull, keep = -push @ self.stiffness, unit - push @ whole
         return np.linalg.eig(np.block([[unit + h * pull, h * keep], [pull, keep]]))
 
 
@@ -150,12 +151,20 @@ def linearize_model(model: mujoco.MjModel, data: mujoco.MjData) -> LinearModel:
         stiffness += spring * np.outer(row, row)
         explicit += damper * np.outer(row, row)
     late = bool(flags & _EULERDAMP)
+    rows = _equality_rows(model, data)
+    spring, damper, impedance = np.asarray(data.efc_KBIP)[: data.ne, :3].T
+    hard = np.asarray(data.efc_D)[: data.ne]
+    soft_mass, soft_stiffness, soft_damping = (
+        (rows.T * weight) @ rows for weight in (hard, hard * spring * impedance, hard * damper)
+    )
     return LinearModel(
         mass,
-        stiffness,
+        stiffness + soft_stiffness,
         explicit + late * damping,
         (not late) * damping,
-        _free_directions(model, data),
+        soft_mass,
+        soft_damping,
+        _free_directions(rows),
         float(model.opt.timestep),
         int(model.opt.integrator),
     )
@@ -206,23 +215,24 @@ def _dense_row(
     return found
 
 
-def _free_directions(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
-    """Return (nv, k) the directions that no equality constrains."""
+def _equality_rows(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
+    """Return (ne, nv) the Jacobian of equalities."""
     rows = np.zeros((data.ne, model.nv))
     if not data.ne:
-        return np.eye(model.nv)
+        return rows
     if mujoco.mj_isSparse(model):
+        sparse = data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind
         for place, row in enumerate(rows):
-            row[:] = _dense_row(
-                model.nv,
-                data.efc_J,
-                data.efc_J_rownnz,
-                data.efc_J_rowadr,
-                data.efc_J_colind,
-                place,
-            )
-    else:
-        rows[:] = np.reshape(data.efc_J, (-1, model.nv))[: data.ne]
+            row[:] = _dense_row(model.nv, data.efc_J, *sparse, place)
+        return rows
+    rows[:] = np.reshape(data.efc_J, (-1, model.nv))[: data.ne]
+    return rows
+
+
+def _free_directions(rows: Floats) -> Floats:
+    """Return (nv, k) the directions that no equality constrains."""
+    if not len(rows):
+        return np.eye(rows.shape[1])
     _, sizes, directions = np.linalg.svd(rows)
     held = int(np.sum(sizes > SUM_ROUNDING * sizes.max(initial=0.0)))
     return directions[held:].T

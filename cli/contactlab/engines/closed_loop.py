@@ -8,6 +8,7 @@ that starts at or after an additional latency, and stay until the next ones take
 import copy
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import chain, groupby, pairwise
 from pathlib import Path
 from statistics import mean
@@ -37,13 +38,14 @@ from contactlab.engines.mujoco_batch import (
     start_batch,
 )
 from contactlab.engines.older_mujoco import SimulationError
+from contactlab.engines.pd_controller import PdController
 from contactlab.errors import SceneError, in_one_line
 from contactlab.foreign_code import ends_command, limited_code, printed_as_text
 from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.compile_model import SENSOR_PREFIX
 from contactlab.scene.drive.located_drive import LocatedDrive
 from contactlab.scene.run_spec import RunSpec
-from contactlab.schema.drive import PolicyDrive
+from contactlab.schema.drive import PdDrive, PolicyDrive
 
 _STATE = int(STATE)
 _INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
@@ -351,7 +353,7 @@ def allowed_policy(drive: LocatedDrive, *, allowed: bool) -> LocatedDrive | None
     """Return a drive if it is a policy; a SceneError if its code is not allowed, or fails."""
     if not isinstance(drive.drive, PolicyDrive):
         return None
-    if not allowed:
+    if not allowed and not isinstance(drive.drive, PdDrive):
         raise SceneError(
             f"drive: {drive.files[0]} is Python code, which runs only if you allow it; add "
             "--allow-code, or allow_code=True in Python"
@@ -363,6 +365,8 @@ def allowed_policy(drive: LocatedDrive, *, allowed: bool) -> LocatedDrive | None
 def load_policy(located: LocatedDrive) -> PolicyClass:
     """Return the class of a policy; a SceneError if its file changed, fails or lacks it."""
     assert isinstance(located.drive, PolicyDrive)
+    if isinstance(located.drive, PdDrive):
+        return partial(PdController, kp=located.drive.kp, kd=located.drive.kd)
     located.check_unchanged()
     name = located.drive.policy.rpartition(":")[2]
     return cast("PolicyClass", load_code("policy", located.files[0], name))

@@ -407,12 +407,13 @@ class Scene:
         return self._driving[key]
 
     def _initial_state_rule(self, run: RunSpec) -> InitialStateRule:
-        key = self._start_key(run)
+        acts = isinstance(run.drive, PolicyDrive)
+        key = f"{self._start_key(run)}{acts}"
         if key not in self._rules:
             base, manifest = self.base(run.structure), self.source.manifest
             recorded = self.recorded if base is self.base({}) else self._recorded_in(base)
             rule = InitialStateRule.from_model(base.model, manifest, run.keyframe)
-            if isinstance(self.drive.drive, PolicyDrive):
+            if acts:
                 rule = rule.start_off_rest(base.model)
             self._rules[key] = replace(rule, recorded=recorded)
         return self._rules[key]

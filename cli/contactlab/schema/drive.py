@@ -23,7 +23,8 @@ from contactlab.schema.strict_model import Model, Number, Positive, Word, about,
 DRIVE_WORDS = ("auto", "none", "hold", "exercise")
 """Drives that a word names."""
 DRIVE_TAKES = (
-    "auto, none, hold, exercise, {noise: SHARE, rate: HZ}, {file: FILE} or {policy: FILE.py:CLASS}"
+    "auto, none, hold, exercise, {noise: SHARE, rate: HZ}, {file: FILE}, {policy: FILE.py:CLASS} "
+    "or {kp: GAIN, kd: GAIN}"
 )
 """The forms of a drive, in words."""
 _CLASS = r"^.+\.py:[A-Za-z_]\w*$"
@@ -96,7 +97,16 @@ class PolicyDrive(Model):
         return self.latency
 
 
+class PdDrive(PolicyDrive):
+    """A PD controller outside of the model, which holds the start by the torques of motors."""
+
+    policy: Literal["pd"] = "pd"  # pyright: ignore[reportIncompatibleVariableOverride]
+    kp: Positive = about("gain of positions [N/m or Nm/rad]")
+    kd: Annotated[Number, Field(ge=0)] = about("gain of velocities", default=0.0)
+
+
 DRIVE_FORMS: Mapping[str, type[Model]] = {
+    "kp": PdDrive,
     "policy": PolicyDrive,
     "file": FileDrive,
     "noise": NoiseDrive,
@@ -116,7 +126,8 @@ Drive = Annotated[
     Annotated[Literal["auto", "none", "hold", "exercise"], Tag("@word")]
     | Annotated[NoiseDrive, Tag("@noise")]
     | Annotated[FileDrive, Tag("@file")]
-    | Annotated[PolicyDrive, Tag("@policy")],
+    | Annotated[PolicyDrive, Tag("@policy")]
+    | Annotated[PdDrive, Tag("@kp")],
     Discriminator(
         _drive_form,
         custom_error_type="drive_form",
@@ -176,6 +187,8 @@ def drive_files(drive: Drive) -> tuple[str, ...]:
     match drive:
         case FileDrive(file=file):
             return (file,)
+        case PdDrive():
+            return ()
         case PolicyDrive(policy=policy, files=files):
             return (policy.rpartition(":")[0], *files)
         case _:
@@ -212,6 +225,8 @@ def drive_text(drive: Drive) -> str:
         case PolicyDrive():
             noise = drive.noise
             parts = [f"policy={drive.policy}", f"rate={drive.rate:g}"]
+            if isinstance(drive, PdDrive):
+                parts[0] = f"kp={drive.kp:g},kd={drive.kd:g}"
             parts += [f"latency={drive.latency}"] * bool(drive.latency)
             parts += [f"noise.qpos={noise.qpos:g}"] * bool(noise.qpos)
             parts += [f"noise.qvel={noise.qvel:g}"] * bool(noise.qvel)
