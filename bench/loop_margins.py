@@ -61,7 +61,8 @@ class Plain:
             mujoco.mj_setState(model, data, self.start, INTEGRATION)
         two.qvel += 1e-7 * np.random.default_rng(1).standard_normal(model.nv)
         waiting = [[data.ctrl.copy()] * (self.delay + 1) for data in (one, two)]
-        apart, steps = [], max(200, round(seconds / model.opt.timestep))
+        apart, speeds = list[float](), list[Floats]()
+        steps = max(200, round(seconds / model.opt.timestep))
         for step in range(steps):
             for data, queue in zip((one, two), waiting, strict=True):
                 if self.control is not None:
@@ -73,10 +74,17 @@ class Plain:
                     queue.pop(0)
                     data.ctrl[:] = queue[-1 - self.delay]
                 mujoco.mj_step(model, data)
+            if step % self.substeps == 0:
+                speeds.append(one.qvel.copy())
             apart.append(float(np.linalg.norm(one.qvel - two.qvel)))
             # A limit cycle ends the growth of what was a thousandth of a small motion.
             if not math.isfinite(apart[-1]) or two.warning.number.any() or apart[-1] > 1e-4:
                 return True
+        # Both runs may alternate in step, from call to call.
+        late = np.array(speeds[-len(speeds) // 5 :])
+        change, turn = (np.linalg.norm(np.diff(late, n=n, axis=0), axis=1) for n in (1, 2))
+        if np.median(turn) > max(0.5 * np.median(change), 1e-4):
+            return True
         tenth = steps // 10
         return max(apart[-2 * tenth :]) > 1.3 * max(apart[tenth : 3 * tenth])
 

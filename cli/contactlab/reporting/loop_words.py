@@ -30,7 +30,11 @@ def loop_sentence(report: ControlLoopReport) -> str:
         told = f"; each alone, {_join_parts(parts, 'and')} would hold it too" if parts else ""
         return f"the loop at {rate} holds{told}"
     told = f"; {_join_parts(parts, 'or')} holds it, and half or twice leaves a margin of two"
-    return f"the loop at {rate} does not hold joint {report.joint}{told if parts else ''}"
+    inside = "; so do the same gains as position servos of the model, with implicitfast"
+    return (
+        f"the loop at {rate} does not hold joint {report.joint}{told if parts else ''}"
+        f"{inside if report.inside else ''}"
+    )
 
 
 def _join_parts(parts: Sequence[str], word: str) -> str:

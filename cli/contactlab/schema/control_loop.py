@@ -36,4 +36,9 @@ class ControlLoopReport(Model):
         "faster."
     )
     holds: bool = about("Whether the simulated loop holds.")
+    inside: bool | None = about(
+        "Whether the same PD holds as position servos of the model, with its step and "
+        "implicitfast; null without a PD by gains.",
+        default=None,
+    )
     margins: tuple[LoopMargin, ...] = ()

@@ -54,7 +54,11 @@ from contactlab.studies.examine.field_passages import (
 )
 from contactlab.studies.examine.fixes import FixSearch, RepairedFiles, TaskRepeats
 from contactlab.studies.examine.linted_file import lint_file
-from contactlab.studies.examine.policy_loop import list_loop_facts, make_loop_study
+from contactlab.studies.examine.policy_loop import (
+    list_loop_facts,
+    make_loop_study,
+    measure_loop,
+)
 from contactlab.studies.examine.repaired_causes import (
     CauseRepairer,
     RepairedModel,
@@ -193,7 +197,7 @@ def run(request: ExamineRequest, session: Session) -> Examination:
     study = make_loop_study(examined) if "loop" in wanted and examined.moves else None
     if study is not None:
         request.begins("measuring the loop of its policy")
-        report = report.model_copy(update={"loop": study.measure()})
+        report = report.model_copy(update={"loop": measure_loop(examined, study)})
     if wanted <= _NOT_JUDGED:
         return judge_loops(report)
     with TemporaryDirectory(prefix="contactlab-") as folder:

@@ -5,15 +5,18 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
+import mujoco
 import numpy as np
 
-from contactlab.closed_loop.control_loop import ControlLoop
+from contactlab.closed_loop.control_loop import INTEGRATION, ControlLoop
 from contactlab.closed_loop.loop_margins import LoopStudy
+from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.closed_loop import load_policy
+from contactlab.engines.pd_controller import find_motors
 from contactlab.reporting.loop_words import loop_sentence
 from contactlab.scene.model_draft import ModelEdits, object_name
 from contactlab.schema.control_loop import ControlLoopReport
-from contactlab.schema.drive import PolicyDrive
+from contactlab.schema.drive import PdDrive, PolicyDrive
 from contactlab.schema.examination import Fact
 from contactlab.tasks.checked_model import CheckedModel
 
@@ -40,6 +43,40 @@ def make_loop_study(checked: CheckedModel) -> LoopStudy | None:
     return LoopStudy(loop, (0.0, duration / 4, duration / 2))
 
 
+def measure_loop(checked: CheckedModel, study: LoopStudy) -> ControlLoopReport:
+    """Return the report of a loop, and whether the same PD holds as servos of the model."""
+    report, drive = study.measure(), checked.scene.drive.drive
+    if not isinstance(drive, PdDrive):
+        return report
+    servos, held = make_position_servos(study.loop, drive)
+    inside = replace(
+        study.loop,
+        model=servos,
+        policy=lambda _: lambda *seen: np.repeat(held[None], len(seen[0]), axis=0),
+        rate=1 / float(servos.opt.timestep),
+        latency=0.0,
+    )
+    return report.model_copy(update={"inside": study.holds_simulated(inside)})
+
+
+def make_position_servos(loop: ControlLoop, drive: PdDrive) -> tuple[mujoco.MjModel, Floats]:
+    """Return a model with a PD as position servos and implicitfast, and (nu,) their targets."""
+    model, motors = loop.model.__copy__(), find_motors(loop.model)
+    data = mujoco.MjData(model)
+    mujoco.mj_setState(model, data, loop.start, INTEGRATION)
+    driven = np.flatnonzero(motors.controls)
+    gears = model.actuator_gear[driven, 0]
+    model.actuator_biastype[driven] = int(mujoco.mjtBias.mjBIAS_AFFINE)
+    model.actuator_gainprm[driven, 0] = drive.kp / gears**2
+    model.actuator_biasprm[driven, 1] = -drive.kp / gears**2
+    model.actuator_biasprm[driven, 2] = -drive.kd / gears**2
+    model.actuator_ctrllimited[driven] = 0
+    model.opt.integrator = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
+    targets = np.zeros(model.nu)
+    targets[driven] = gears * data.qpos[motors.places[driven]]
+    return model, targets
+
+
 def list_loop_facts(report: ControlLoopReport | None) -> Iterator[Fact]:
     """Yield the margins of a loop as a fact; nothing without a loop."""
     if report is not None:
@@ -63,7 +100,7 @@ def list_loop_repairs(study: LoopStudy, report: ControlLoopReport) -> Iterator[L
     loop = study.loop
     armature = next(one.border for one in report.margins if one.name == "armature")
     implicit = replace(loop, model=loop.model.__copy__())
-    implicit.model.opt.integrator = 3  # mjINT_IMPLICITFAST
+    implicit.model.opt.integrator = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
     changes = [
         ("dof_armature", "armature", armature, loop.with_armature),
         ("dof_damping", "damping", study.find_damping(), loop.with_damping),
