@@ -25,9 +25,9 @@ from contactlab.schema.verification import VerifiedChange
 from contactlab.studies.examine.fixes import RepairedFiles
 from contactlab.studies.examine.linted_file import FileFault, write_rule_edits
 from contactlab.studies.examine.permanent_overlaps import find_permanent_overlaps
+from contactlab.studies.examine.policy_loop import list_loop_repairs
 from contactlab.studies.examine.start_fixes import MovedStart, moved_starts, standing_starts
 from contactlab.studies.grip.gripping import GripRequest, judge_grip
-from contactlab.studies.examine.policy_loop import list_loop_repairs
 from contactlab.studies.lint.overlaps import COINCIDENT, find_coincident_geoms
 from contactlab.tasks.checked_model import CheckedModel
 from contactlab.tasks.task_verdict import run_labels
