@@ -274,9 +274,8 @@ def _measured(
     if passages:
         causes = list_passage_causes(examined.motions[0].model, passages)
         repaired, broken = replace(repaired, causes=(*repaired.causes, *causes)), FINER_GRID
-    grip = None
-    if not request.assign:
-        grip = find_grip(request.model, examined.motions[0].model, task.start)
+    model = examined.motions[0].model
+    grip = None if request.assign else find_grip(request.model, model, task.start)
     designs = tuple(_list_design_causes(examined, grip)) if not (broken or faults) else ()
     repaired = replace(repaired, causes=(*repaired.causes, *designs))
     if "fixes" in request.sections and not broken:
@@ -296,18 +295,17 @@ def _measured(
         fixes = (*repaired.fixes, *fixes)
     tried = search.tried if search else ()
     if "facts" in request.sections:
-        found = (
+        found = [
             *list_advisory_facts(examined.motions, times, examined.scene.source),
             *facts(examined.motions, times),
-            *list_sagging_servos(report.servos),
+            *(() if designs else list_sagging_servos(report.servos)),
             *list_loop_facts(report.loop),
             *(list_unheld_servos(report.servos) if request.assign else ()),  # as lint has them
-        )
-        if grip is not None and (fact := describe_grip(grip)).sentence not in {
-            cause.sentence for cause in repaired.causes
-        }:
-            found += (fact,)
-        found += () if request.assign else file.facts
+            *(() if grip is None else (describe_grip(grip),)),
+            *(() if request.assign else file.facts),
+        ]
+        known = {cause.sentence for cause in repaired.causes}
+        found = tuple(fact for fact in found if fact.sentence not in known)
         report = report.model_copy(update={"facts": found})
     skipped = tuple(search.not_tried) if search else ()
     report = report.model_copy(
@@ -321,8 +319,7 @@ def _measured(
     )
     trials = len(tried) + search.label_trials if search else 0
     report = conclude(report, fixes_tried=trials, fixes_not_tried=skipped)
-    if broken:
-        report = report.model_copy(update={"fix": broken})
+    report = report.model_copy(update={"fix": broken or report.fix})
     return _written(request, examined, report, verifier, search, files)
 
 
