@@ -138,7 +138,9 @@ class SceneLoader:
             scene = self._open_undriven(reference)
             # A model without a manifest decides its own drive.
             bare = "auto" if scene.source.manifest is None else None
-            self._driven[reference] = scene.with_drive(self.drive or bare, self.drive_folder)
+            self._driven[reference] = scene.with_drive(
+                self.drive or bare, self.drive_folder, named_by_user=True
+            )
         return self._driven[reference]
 
     def _open_undriven(self, reference: str) -> Scene:

@@ -23,7 +23,13 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 from contactlab.engines.engine import no_limit
-from contactlab.errors import ContactlabError, OutputError, error_text, in_one_line
+from contactlab.errors import (
+    CommandLineError,
+    ContactlabError,
+    OutputError,
+    error_text,
+    in_one_line,
+)
 from contactlab.foreign_code import PrintedFile, ends_command, printed_as_text
 from contactlab.run.fork_server import CONTEXT, STOP_SIGNALS, signals_blocked, start_process
 from contactlab.run.tasks import Crashed, Job, Result, Stop, Task
@@ -41,6 +47,9 @@ _SILENT_INTERVALS = 20  # number of such silent intervals before workers are che
 
 def worker_count(requested: int | None) -> int:
     """Return the number of worker processes: as requested, or one per available core."""
+    most = 4096  # processes, more than any machine has cores
+    if requested is not None and requested > most:
+        raise CommandLineError(f"--workers {requested}: write at most {most:,}")
     if requested is not None:
         return requested
     if hasattr(os, "sched_getaffinity"):

@@ -145,7 +145,9 @@ class Scene:
         scene.auto = self.auto if rest is None else rest == "auto"
         return scene
 
-    def with_drive(self, drive: Drive | None, folder: Path) -> "Scene":
+    def with_drive(
+        self, drive: Drive | None, folder: Path, *, named_by_user: bool = False
+    ) -> "Scene":
         """Return the scene with another drive, if any; its relative paths start in a folder.
 
         A SceneError says that the drive does not fit the model, or names a missing file.
@@ -153,7 +155,7 @@ class Scene:
         if drive is None:
             return self
         scene = copy.copy(self)
-        scene._set_drive(locate_drive(drive, folder))
+        scene._set_drive(locate_drive(drive, folder, named_by_user=named_by_user))
         return scene
 
     def _recorded_in(self, base: CompiledScene) -> RecordedRuns | None:

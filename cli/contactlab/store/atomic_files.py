@@ -119,11 +119,22 @@ def exchange_folders(new: Path, target: Path) -> None:
     if rename is None or rename(
         _AT_CURRENT_FOLDER, paths[0], _AT_CURRENT_FOLDER, paths[1], _RENAME_EXCHANGE
     ):
-        target.rename(old := new.with_name("old"))
+        move_folder(target, old := new.with_name("old"))
         try:
-            new.rename(target)
+            move_folder(new, target)
         except OSError:
-            old.rename(target)
+            move_folder(old, target)
+            raise
+
+
+def move_folder(source: Path, target: Path) -> None:
+    """Rename a folder, even if the system reports a failure of what it did, as NFS may."""
+    moved = source.stat()
+    try:
+        source.rename(target)
+    except OSError:
+        found = target.stat() if target.exists() and not source.exists() else None
+        if found is None or (found.st_dev, found.st_ino) != (moved.st_dev, moved.st_ino):
             raise
 
 
@@ -135,7 +146,9 @@ def sync_filesystem(folder: Path) -> None:
         if (syncfs := getattr(_LIBC, "syncfs", None)) is None:
             os.sync()
         elif syncfs(handle):
-            raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()), str(folder))
+            if ctypes.get_errno() != errno.ENOSYS:
+                raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()), str(folder))
+            os.sync()
         os.fsync(handle)
     finally:
         os.close(handle)

@@ -12,6 +12,12 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from contactlab.errors import SceneError
+from contactlab.store.table_bounds import (
+    check_archive,
+    check_arrow,
+    check_extent,
+    check_parquet,
+)
 
 Columns = dict[str, NDArray[np.float64]]
 
@@ -27,6 +33,7 @@ def read_control_table(path: Path) -> Columns:
         known = ", ".join(_READERS)
         raise SceneError(f"{path.name} is not a table of columns; write a file {known}")
     try:
+        check_extent(path.stat().st_size)
         columns = read(path)
     except Exception as error:
         # Each format's library raises different errors.
@@ -68,9 +75,12 @@ def _number_or_nan(cell: str) -> float:
 
 def _read_table(path: Path) -> Columns:
     if path.suffix.lower() == ".parquet":
+        check_parquet(path)
         table = pq.read_table(path)
     else:
-        with pa.ipc.open_file(path) as file:
+        data = pa.py_buffer(path.read_bytes())
+        check_arrow(data)
+        with pa.ipc.open_file(data) as file:
             table = file.read_all()
     return _split_vectors(
         dict(zip(table.column_names, map(_column_cells, table.columns), strict=True))
@@ -90,6 +100,7 @@ def _column_cells(column: pa.ChunkedArray) -> object:
 
 
 def _read_npz(path: Path) -> Columns:
+    check_archive(path)
     with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
         return _split_vectors({name: arrays[name] for name in arrays.files})
 

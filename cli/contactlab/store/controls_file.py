@@ -4,6 +4,7 @@ Its columns are `time`, the actuators, and forces on bodies, so that it can also
 """
 
 import json
+import struct
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,6 +15,7 @@ from contactlab.errors import StoreError
 from contactlab.store.arrow_values import number_array, numpy_array
 from contactlab.store.backend import Backend
 from contactlab.store.store_files import CONTROLS
+from contactlab.store.table_bounds import check_arrow
 
 
 def controls_name(sha256: str) -> str:
@@ -47,11 +49,12 @@ def read_controls(backend: Backend, sha256: str) -> RecordedControls:
     if data is None:
         raise StoreError(f"{backend.address / name} is missing")
     try:
+        check_arrow(pa.py_buffer(data))
         table = pa.ipc.open_file(data).read_all()
         time, *levels = map(numpy_array, table.columns)
         places = json.loads((table.schema.metadata or {}).get(_PLACES_KEY, b"[]"))
         controls = RecordedControls(time, np.array(levels).T, tuple(places))
-    except (pa.ArrowException, OSError, ValueError) as error:
+    except (pa.ArrowException, OSError, ValueError, LookupError, struct.error) as error:
         raise StoreError(f"{backend.address / name} is damaged: {error}") from error
     if controls.sha256 != sha256:
         raise StoreError(f"{backend.address / name} changed since it was written")

@@ -40,6 +40,7 @@ from contactlab.store.table_layout import (
 OUTCOME_COLUMNS = ["label", "status", "trace_file", "expectation_met"]
 _COLUMNS_KEY = b"contactlab.columns"
 _SHARED_KEY = b"contactlab.shared"
+_MOST_GROUPS = 256  # row groups of a table; opening it decodes the metadata of all their columns
 GROUP = 1 << 14
 """Rows that are written at once, and read at once if some are needed: a row group or a part."""
 _BLOCK_BYTES = 8 << 20  # bytes of the journal that are parsed at once
@@ -143,8 +144,7 @@ def _write_groups(
 def rows_of_group(runs: int) -> int:
     """Return the rows per row group in a table of `runs` rows; the last may have fewer."""
     size = GROUP
-    # Row groups of a table; opening it decodes the metadata of all their columns.
-    while runs > 256 * size:
+    while runs > _MOST_GROUPS * size:
         size *= 2
     return size
 
@@ -333,6 +333,9 @@ def check_table_size(path: Path, runs: int) -> None:
         return
     if meta.num_rows > runs:
         raise StoreError(f"{path} is damaged: it has {meta.num_rows:,} rows for {runs:,} runs")
+    if meta.num_row_groups > 2 * _MOST_GROUPS:
+        groups = f"{meta.num_row_groups:,} row groups"
+        raise StoreError(f"{path} is damaged: it has {groups} for {runs:,} runs")
     size = sum(meta.row_group(group).total_byte_size for group in range(meta.num_row_groups))
     if size > _MAX_TABLE_BYTES + runs * _MAX_ROW_BYTES:
         raise StoreError(f"{path} is damaged: its header declares {size:,} bytes")

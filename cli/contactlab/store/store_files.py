@@ -62,7 +62,8 @@ def parse_address(text: str | Address) -> Address:
     if url is None and (scheme := text.partition(":")[0]) in extensions("store") and ":" in text:
         raise OutputError(f"{text}: write {scheme}://BUCKET/PREFIX")
     if url is None:
-        return Path(text)
+        # Arrow would read a relative path with a colon as a URL.
+        return Path(text).absolute() if ":" in text else Path(text)
     if _CREDENTIALS.search(url["rest"]):
         # The text is not repeated, because it would appear in the logs of CI jobs.
         raise OutputError(

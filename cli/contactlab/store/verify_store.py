@@ -21,7 +21,13 @@ from numpy.typing import NDArray
 from contactlab.errors import OutputError, StoreError
 from contactlab.schema.evidence import RECORD_VERSION, Cost, EvidenceRecord, SweepIdentity
 from contactlab.store.arrow_values import numpy_array
-from contactlab.store.atomic_files import exchange_folders, sha256_of, sync_filesystem, write_error
+from contactlab.store.atomic_files import (
+    exchange_folders,
+    move_folder,
+    sha256_of,
+    sync_filesystem,
+    write_error,
+)
 from contactlab.store.controls_file import controls_name, read_controls
 from contactlab.store.finished_store import Store
 from contactlab.store.row_checks import RowChecks, is_null
@@ -409,7 +415,7 @@ def write_baseline(source: Address, target: Path, pinned: str | None = None) -> 
             if target.exists():
                 exchange_folders(folder / "new", target)
             else:
-                (folder / "new").rename(target)
+                move_folder(folder / "new", target)
     except OSError as error:
         raise write_error(Path(error.filename or target), error) from error
     return Store.unchecked(target)
@@ -435,6 +441,9 @@ def _staging_folder(target: Path) -> Generator[Path]:
         try:
             yield folder
         finally:
+            if (folder / "old").exists() and not target.exists():
+                # The only copy: an update failed between two renames.
+                (folder / "old").rename(target)
             shutil.rmtree(folder)
     finally:
         os.close(lock)

@@ -11,11 +11,14 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from contactlab.errors import SceneError, no_file
+from contactlab.scene.model_guards import check_places
+from contactlab.scene.model_xml import check_regular
 from contactlab.schema.drive import Drive, FileDrive, PolicyDrive, drive_files, drive_text
 from contactlab.schema.setting_values import number_parser
 from contactlab.schema.vocabulary import AxisSpec
 
 _HASH_DIGITS = 16
+_MOST_BYTES = 1 << 30  # of a file of a drive, which is copied into stores
 
 
 @dataclass(frozen=True)
@@ -52,14 +55,19 @@ class LocatedDrive:
             shutil.copyfile(file, folder / file.name)
 
 
-def locate_drive(drive: Drive, folder: Path) -> LocatedDrive:
+def locate_drive(drive: Drive, folder: Path, *, named_by_user: bool = False) -> LocatedDrive:
     """Find the files of a drive; relative paths start at a folder.
 
-    A SceneError names a file that is missing, or that differs from the hash in a record or store.
+    Unless the user names them, they lie where a model in this folder may name files. A SceneError
+    names a file that is missing, or that differs from the hash in a record or store.
     """
     if not isinstance(drive, FileDrive | PolicyDrive):
         return LocatedDrive(drive)
     files = tuple(folder / Path(file).expanduser() for file in drive_files(drive))
+    for file in files:
+        check_regular(file)
+    if not named_by_user:
+        check_places(files, folder.absolute())
     sha256 = drive.sha256 or _hash_files(files)
     if isinstance(drive, FileDrive):
         names: dict[str, object] = {"file": Path(drive.file).name}
@@ -75,6 +83,8 @@ def _hash_files(files: tuple[Path, ...]) -> str:
     digest = hashlib.sha256()
     for file in files:
         try:
+            if (size := file.stat().st_size) > _MOST_BYTES:
+                raise SceneError(f"drive: {file} has {size:,} bytes, more than {_MOST_BYTES:,}")
             data = file.read_bytes()
         except OSError as error:
             raise SceneError(f"drive: {no_file(file, 'file', {file.suffix})}") from error

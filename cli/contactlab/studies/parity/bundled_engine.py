@@ -4,6 +4,7 @@ import json
 from collections import Counter
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import mujoco
 import numpy as np
@@ -13,8 +14,10 @@ from contactlab.engines.engine import PreparedRuns, Watch, no_limit
 from contactlab.errors import StoreError
 from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.resources import ADAPTERS
+from contactlab.scene.model_xml import check_regular
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
+from contactlab.store.table_bounds import check_archive
 from contactlab.studies.parity.bundle import ENGINE, Bundle
 
 
@@ -94,6 +97,14 @@ class BundledEngine(AdaptedEngine):
     def _load_arrays(self, part: str, run_id: str) -> dict[str, np.ndarray]:
         key = part, run_id
         if key not in self._read:
-            with np.load(self._folder / part / f"{run_id}.npz") as arrays:
-                self._read[key] = dict(arrays)
+            path = self._folder / part / f"{run_id}.npz"
+            check_regular(path)
+            try:
+                check_archive(path)
+                with np.load(path, allow_pickle=False) as arrays:
+                    self._read[key] = dict(arrays)
+            except FileNotFoundError:
+                raise
+            except (OSError, ValueError, EOFError, BadZipFile) as error:
+                raise StoreError(f"{path} is not a file of arrays (.npz): {error}") from error
         return self._read[key]
