@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypedDict
 
 from contactlab.command_line.declaration import Argument, Option, flag
+from contactlab.command_line.quantities import read_length
 from contactlab.command_line.surroundings import say
 from contactlab.errors import OutputError, SweepFileError
 
 if TYPE_CHECKING:
+    from contactlab.modifications.modification import ReductionName
     from contactlab.plan.task_options import TaskOptions
     from contactlab.plugins import Plugin
     from contactlab.store.finished_store import Store
@@ -293,3 +295,26 @@ def _check_units(task: "TaskOptions") -> None:
         if unit and own not in (unit, "any"):
             like = "a plain number" if own == "1" else f"a number in {own}"
             raise SweepFileError(f"--tolerance {name}: write {like}, not in {unit}")
+
+
+def read_reductions(
+    words: Sequence[str], allowed: Sequence[str] = ()
+) -> "dict[ReductionName, float | None]":
+    """Return the distances [m] of reductions by name, from NAME or NAME=LENGTH each.
+
+    `allowed` are names that a command takes; all by default.
+    """
+    from contactlab.modifications.catalogue import list_reductions
+
+    known = {one.name: one for one in list_reductions() if not one.is_exact}
+    taken = [name for name in known if not allowed or name in allowed]
+    found: dict[ReductionName, float | None] = {}
+    for word in words:
+        name, equals, length = word.partition("=")
+        SweepFileError.unless_known(name, taken, f"--apply: no '{name}'")
+        reduction = known[name]
+        if equals and reduction.distance is None:
+            raise SweepFileError(f"--apply {word}: {name} has no length; write --apply {name}")
+        given = read_length(length, f"--apply {name}, length", "5cm or 0.05") if equals else None
+        found[reduction.name] = reduction.distance if given is None else given
+    return found

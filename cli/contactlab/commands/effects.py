@@ -13,6 +13,7 @@ from contactlab.errors import OutputError, SweepFileError
 
 if TYPE_CHECKING:
     from contactlab.schema.effects_report import EffectsReport
+    from contactlab.studies.effects.effects_request import EffectsRequest
 
 
 _MAX_TIME = "2min"
@@ -42,6 +43,14 @@ def effects(
     keep: Annotated[
         Sequence[str],
         Option("NAME", "Keep this feature or part; may be repeated.", kind=list[str]),
+    ] = (),
+    apply: Annotated[
+        Sequence[str],
+        Option(
+            "NAME",
+            "Also leave out far-pairs[=5cm], which no proof allows.",
+            kind=list[str],
+        ),
     ] = (),
     max_time: opt.MaxTime = _MAX_TIME,
     metric: Annotated[
@@ -77,12 +86,15 @@ def effects(
     folder = opt.study_folder("effects", source, output)
     if write is not None:
         _check_model_file(Path(write))
+    words = (apply,) if isinstance(apply, str) else apply
+    reductions = opt.read_reductions(words, ["far-pairs"])
     request = EffectsRequest(
         source=str(source),
         assign=opt.assigned(set),
         task=asked,
         max_time=read_seconds(max_time),
         keep=(keep,) if isinstance(keep, str) else tuple(keep),
+        far_distance=reductions.get("far-pairs"),
         write=None if write is None else Path(write),
     )
     count = worker_count(workers)
@@ -90,7 +102,7 @@ def effects(
     if metric is None:
         report = study_effects(request, session)
     else:
-        _check_recorded_request(str(source), request.max_time)
+        _check_recorded_request(str(source), request)
         report = study_recordings(request, session)
     if figure is not None:
         from contactlab.charts import save_figure
@@ -108,12 +120,14 @@ def _check_model_file(model: Path) -> None:
         raise OutputError(f"--write {model}: a model is written as MJCF; write a name as new.xml")
 
 
-def _check_recorded_request(source: str, max_time: float) -> None:
+def _check_recorded_request(source: str, request: "EffectsRequest") -> None:
     from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie
 
     if is_menagerie(source) or Path(source).suffix in MODEL_SUFFIXES:
         raise SweepFileError("--metric needs a scene or a sweep with a recording")
-    if max_time != read_seconds(_MAX_TIME):
+    if request.far_distance is not None:
+        raise SweepFileError("--apply far-pairs compares no recordings. Leave --metric out")
+    if request.max_time != read_seconds(_MAX_TIME):
         raise SweepFileError(
             "--max-time does not limit --metric reality, which simulates every recorded run. Leave "
             "one of both out"

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Literal, Unpack
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, Option, command, flag
-from contactlab.command_line.quantities import read_error, read_length, read_seconds
+from contactlab.command_line.quantities import read_error, read_seconds
 from contactlab.command_line.report_formats import print_text, report_formats
 from contactlab.command_line.surroundings import say
 from contactlab.command_line.terminal import echo_bytes
 from contactlab.errors import SweepFileError
 
 if TYPE_CHECKING:
-    from contactlab.modifications.modification import ReductionName
     from contactlab.schema.tune_report import TuneReport
 
 
@@ -113,7 +112,7 @@ def tune(
         error_at=error_at,
         max_time=read_seconds(max_time),
         pick=pick,
-        apply=_read_reductions((apply,) if isinstance(apply, str) else apply),
+        apply=opt.read_reductions((apply,) if isinstance(apply, str) else apply),
     )
     opt.load_plugins(plugin)
     folder = opt.study_folder("tune", model, output)
@@ -154,20 +153,3 @@ def _positive_rate(rate: float | None) -> float | None:
     if rate is not None and not 0 < rate < math.inf:
         raise SweepFileError(f"--real-time {rate:g}: write a number above 0, such as 5")
     return rate
-
-
-def _read_reductions(words: Sequence[str]) -> "dict[ReductionName, float | None]":
-    # Each word is NAME or NAME=LENGTH; the values are distances [m].
-    from contactlab.modifications.catalogue import list_reductions
-
-    known = {one.name: one for one in list_reductions() if not one.is_exact}
-    found: dict[ReductionName, float | None] = {}
-    for word in words:
-        name, equals, length = word.partition("=")
-        SweepFileError.unless_known(name, known, f"--apply: no '{name}'")
-        reduction = known[name]
-        if equals and reduction.distance is None:
-            raise SweepFileError(f"--apply {word}: {name} has no length; write --apply {name}")
-        given = read_length(length, f"--apply {name}, length", "5cm or 0.05") if equals else None
-        found[reduction.name] = reduction.distance if given is None else given
-    return found

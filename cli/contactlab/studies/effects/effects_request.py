@@ -32,6 +32,7 @@ class EffectsRequest:
         task: options that replace parts of the task; of its limits, only the tolerance.
         max_time: wall time limit [s].
         keep: names of features and parts that stay.
+        far_distance: collisions of bodies that stayed this far apart may go [m]; None to offer it.
         write: file of the smaller model; by default it is in the session's folder.
     """
 
@@ -40,6 +41,7 @@ class EffectsRequest:
     task: TaskOptions = AS_INFERRED
     max_time: float = 120.0
     keep: Sequence[str] = ()
+    far_distance: float | None = None
     write: Path | None = None
 
 

@@ -150,6 +150,7 @@ class EffectsStudy:
             positions,
             request.keep,
             with_masks=not needs_masks(examined, self.runs.grips),
+            far=request.far_distance,
         )
         keep = request.keep
         model = self.base
@@ -168,8 +169,8 @@ class EffectsStudy:
             one
             for one in self.measured
             if one.part.edits is not None
-            and not one.part.kept
-            and (one.part.exercised or one.part.proof)
+            and (one.part.assumed or not one.part.kept)
+            and (one.part.assumed or one.part.exercised or one.part.proof)
         ]
         models = [self._compile_without(one.part) for one in may_go]
         timed = [(one, model) for one, model in zip(may_go, models, strict=True) if model]
@@ -248,6 +249,6 @@ def _describe_part(one: MeasuredPart, tolerance: float) -> PartEffect:
         phase=estimate.phase if estimate else "",
         time=estimate.time if estimate else None,
         time_ratio=one.ratio,
-        reason=part.proof or part.kept,
+        reason=part.proof or part.kept or part.assumed,
         can_go=one.can_go(tolerance),
     )

@@ -16,7 +16,12 @@ from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.windows import without_sensors
 from contactlab.contact.trace_arrays import Floats
-from contactlab.modifications.catalogue import CATALOGUE, find_safeguards, list_features
+from contactlab.modifications.catalogue import (
+    CATALOGUE,
+    find_safeguards,
+    list_features,
+    list_reductions,
+)
 from contactlab.modifications.mechanics import TENDON_FORCE_FIELDS
 from contactlab.modifications.model_predicates import may_sleep
 from contactlab.modifications.modification import (
@@ -28,6 +33,7 @@ from contactlab.modifications.modification import (
 from contactlab.modifications.unused_pairs import (
     exclusion_edits,
     own_sensors,
+    pairs_within,
     unused_flags,
 )
 from contactlab.scene.effects.effect import EffectState
@@ -55,6 +61,8 @@ _NO_TARGETS = EditTargets((), (), None)
 _FAR_BELOW = -1e6  # m: margin of an explicit pair that never touches
 _CANNOT_TOUCH = "cannot touch, whatever their joints do within their ranges"
 _SLEEP = "sleep"
+FAR_PAIRS = "far-pairs"
+"""Name of the collisions of bodies that stayed far apart in every run."""
 _OF_RECORDING = {"sensor", "energy"}
 _OF_PARTS = {"actuation", "tendon", "limit"}
 """Features that are left out part by part."""
@@ -74,6 +82,7 @@ class ModelPart:
         kept: why it stays, whatever it saves; empty if it may go.
         adds: whether the edits add it instead.
         recompiles: whether only a model that is compiled from edited files shows its time.
+        assumed: the assumption under which it may go although nothing proves it; empty without.
         members: names of the parts, if several go together.
     """
 
@@ -86,6 +95,7 @@ class ModelPart:
     kept: str = ""
     adds: bool = False
     recompiles: bool = False
+    assumed: str = ""
     members: tuple[str, ...] = ()
 
     @property
@@ -144,6 +154,7 @@ def find_parts(
     keep: Sequence[str],
     *,
     with_masks: bool,
+    far: float | None = None,
 ) -> list[ModelPart]:
     """Return the features and parts of a model, and whether any motion depends on each of them.
 
@@ -154,10 +165,12 @@ def find_parts(
         positions: configurations (T, nq) that proofs take for joints without ranges.
         keep: names of parts that stay.
         with_masks: whether geoms that touch nothing may go: their file has all that they touch.
+        far: pairs that stayed at least this far apart may go [m]; None to offer that only.
     """
     found = [
         *list_model_features(checked, motions[0].model, with_masks=with_masks),
         *_list_collisions(motions, positions, keep, with_masks=with_masks),
+        *_list_far_pairs(motions[0].model, positions, keep, far, with_masks=with_masks),
         *_list_limits_and_tendons(motions, keep),
         *_list_actuators(checked, motions[0]),
         *_list_sensors(model, keep),
@@ -172,7 +185,9 @@ def find_parts(
         others = [replace(motion, model=change_model(motion.model, *changes)) for motion in motions]
         return all(map(eq, own, state_bytes(others, checked.threads)))
 
-    idle = [part for part in found if not (part.exercised or part.proof or part.adds)]
+    idle = [
+        part for part in found if not (part.exercised or part.proof or part.adds or part.assumed)
+    ]
     parts = [part for part in idle if part.kind != "feature"]
     used = [part for part in idle if part.kind == "feature" and not is_idle([part])]
     if parts and not is_idle(parts):
@@ -330,6 +345,42 @@ def _list_collisions(
             kept="a safeguard",
             members=(),
         )
+
+
+def _list_far_pairs(
+    model: mujoco.MjModel,
+    positions: Sequence[Floats],
+    keep: Sequence[str],
+    requested: float | None,
+    *,
+    with_masks: bool,
+) -> Iterator[ModelPart]:
+    (offered,) = (one.distance for one in list_reductions() if one.name == FAR_PAIRS)
+    distance = requested or offered
+    assert distance
+    filtered = filtered_pairs(model)
+    wanted = [pair for pair in filtered if not _is_kept(model, pair, keep)]
+    near = pairs_within(model, positions, distance) if wanted else None
+    if near is None:
+        return
+    proved = unreachable_pairs(model, wanted, positions)
+    apart = [pair for pair in wanted if pair not in near]
+    edits = exclusion_edits(model, filtered, apart, with_masks=with_masks)
+    if not (edits.masked or edits.excluded) or {*apart} <= {*proved}:
+        return
+    length = f"{1e3 * distance:g}"
+    assumed = f"an assumption: at least {length} mm apart in every run"
+    names = (*edits.masked, *(f"{first} - {second}" for first, second in edits.excluded))
+    yield ModelPart(
+        "pair",
+        FAR_PAIRS,
+        edits,
+        lambda _: None,
+        kept="" if requested else f"{assumed}; --apply {FAR_PAIRS}={length}mm leaves them out",
+        recompiles=True,
+        assumed=assumed,
+        members=names,
+    )
 
 
 def _is_kept(model: mujoco.MjModel, pair: tuple[int, int], keep: Sequence[str]) -> bool:

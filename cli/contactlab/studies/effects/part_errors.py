@@ -92,5 +92,8 @@ class MeasuredPart:
 
     def can_go(self, tolerance: float) -> bool:
         """Return whether a smaller model may lack it."""
-        free = self.find_verdict(tolerance) in ("unused", "below the tolerance")
+        free = bool(self.part.assumed) or self.find_verdict(tolerance) in (
+            "unused",
+            "below the tolerance",
+        )
         return free and not self.part.kept and self.part.edits is not None

@@ -102,8 +102,8 @@ class WorkPlan:
     whole: float = 1 / 3
     search: float = 0.3
     front: float = 0.12
-    points: float = 0.06
-    timing: float = 0.09
+    points: float = 0.1
+    timing: float = 0.06
 
     @property
     def verification(self) -> float:
