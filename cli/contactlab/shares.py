@@ -49,16 +49,16 @@ def evidence_against(share: float, good: int, runs: int) -> float:
     return -math.log(runs + 1) - ways - likely
 
 
-def median_interval(values: Sequence[float]) -> tuple[float, float]:
-    """Return a 95 % confidence interval of the median of the distribution of independent values.
+def median_interval(values: Sequence[float], sure: float = SURE) -> tuple[float, float]:
+    """Return a confidence interval of the median of the distribution of independent values.
 
     Its ends are the k-th sorted value from each end, with the largest k such that fewer than k of n
-    fair coins show heads with a probability of at most 2.5 %. With five values or fewer it is their
-    range, which covers less than 95 %.
+    fair coins show heads with a probability of at most half of 1 - `sure`, 2.5 % by default. With
+    five values or fewer it is then their range, which covers less than 95 %.
     """
     ordered, n = sorted(values), len(values)
     chance, k = 0.0, 0
-    while (chance := chance + math.comb(n, k) / 2**n) <= (1 - SURE) / 2:
+    while (chance := chance + math.comb(n, k) / 2**n) <= (1 - sure) / 2:
         k += 1
     k = max(k, 1)
     return ordered[k - 1], ordered[n - k]

@@ -31,6 +31,11 @@ from contactlab.comparison.run_checks import (
     recommendation_check,
     unpaired_checks,
 )
+from contactlab.comparison.spread_checks import (
+    spread_expectation_checks,
+    spread_label_checks,
+    spread_metric_checks,
+)
 from contactlab.errors import ContactlabError, ExpectationError, PolicyError, StoreError
 from contactlab.judge.conclusion import exit_code
 from contactlab.judge.policies import check_names
@@ -99,7 +104,9 @@ def compare(
     # Make every check, and draw the conclusion of all.
     gated = _select_judged(paired)
     labels = PairLabels.from_pairs(gated)
-    of_labels, transitions = list(label_checks(labels)), labels.count_transitions()
+    spread = policy.judge == "spread"
+    of_labels = list(spread_label_checks(labels) if spread else label_checks(labels))
+    transitions = labels.count_transitions()
     sameness = list(_sameness_checks(before, after, policy))
     checks = [
         _COMPARABLE.single(SAME, "both are sound"),
@@ -115,8 +122,8 @@ def compare(
         checks.append(knife_edge_check(paired))
         checks += of_labels
         checks += outcomes
-        checks += expectation_checks(gated)
-        checks += metric_checks(gated)
+        checks += (spread_expectation_checks if spread else expectation_checks)(gated)
+        checks += (spread_metric_checks if spread else metric_checks)(gated)
         checks.append(recommendation_check(paired))
     if remeasure is not None:
         checks.append(remeasured_check(paired, remeasure))
@@ -133,6 +140,7 @@ def compare(
         candidate=describe_store(after),
         control=describe_store(third) if third else None,
         match=compared_by,
+        judge="spread" if spread else "each",
         pairs=PairCounts(
             paired=len(pairing.baseline),
             missing=len(pairing.missing),
@@ -187,15 +195,17 @@ def unreadable_report(error: ContactlabError, policy: ComparePolicy) -> Comparis
 
 
 def choose_match(baseline: Store, candidate: Store, policy: ComparePolicy) -> ComparePolicy:
-    """Return a policy with the pairing that `auto` chooses: by id if any id is common.
+    """Return a policy with what `auto` chooses: pairs by id if any is common; spreads if not equal.
 
     A changed model gives all runs other ids, and the same axes.
     """
-    if policy.match != "auto":
-        return policy
-    ids = (store.columns.ids() for store in (baseline, candidate))
-    match = "id" if len(pair_keys(*ids).baseline) else "axes"
-    return policy.model_copy(update={"match": match})
+    match, judge = policy.match, policy.judge
+    if match == "auto":
+        ids = (store.columns.ids() for store in (baseline, candidate))
+        match = "id" if len(pair_keys(*ids).baseline) else "axes"
+    if judge == "auto":
+        judge = "spread" if find_difference(baseline, candidate, "scene_hash") else "each"
+    return policy.model_copy(update={"match": match, "judge": judge})
 
 
 def pair_runs(baseline: Store, candidate: Store, policy: ComparePolicy) -> Pairing:

@@ -51,7 +51,7 @@ def metric_checks(paired: PairedStores) -> Iterator[Finding]:
     versions = paired.baseline.manifest.sweep.metric_versions
     for metric in measured.values():
         rule = effective_rule(metric, paired.policy)
-        reason = _not_comparable(paired, metric, rule)
+        reason = explain_incomparable(paired, metric, rule)
         columns = None if reason else paired.read_numbers(metric.name)
         # A table that lacks a metric which its sweep measured was edited.
         is_known = metric.name in {*paired.baseline.columns.measured, *versions}
@@ -78,7 +78,7 @@ def metric_checks(paired: PairedStores) -> Iterator[Finding]:
                 yield unless_unjudged(paired, subject, found, unjudged, after.valid)
 
 
-def _not_comparable(paired: PairedStores, metric: Column, rule: EffectiveRule) -> str | None:
+def explain_incomparable(paired: PairedStores, metric: Column, rule: EffectiveRule) -> str | None:
     """Return why a metric cannot be compared at all; None if it can."""
     if metric.name not in paired.baseline.columns.measured:
         return "the baseline was made before there was this metric"

@@ -71,6 +71,7 @@ def _run_summary(compared: ComparisonReport) -> str:
     parts.append(f"{equal} bitwise equal")
     parts += [f"{pairs.missing:,} missing"] if pairs.missing else []
     parts += [f"{pairs.new:,} new"] if pairs.new else []
+    parts += ["judged together, with 95 % intervals"] if compared.judge == "spread" else []
     if pairs.knife_edge:
         flipped = f" ({pairs.knife_edge_flipped:,} with another label now)"
         parts.append(f"{pairs.knife_edge:,} knife-edge{flipped}")

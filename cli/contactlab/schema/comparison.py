@@ -142,6 +142,11 @@ class ComparePolicy(Waivers):
         "the shares of good ones are compared; auto: by id if an id is common, otherwise by axes",
         default="auto",
     )
+    judge: Literal["auto", "each", "spread"] = about(
+        "each: by each pair of runs; spread: by all pairs together, with intervals, so that single "
+        "runs decide nothing; auto: spread if the model changed",
+        default="auto",
+    )
     baseline_digest: Sha256 | None = about(
         "digest of the only baseline, as `compare --update` prints it", default=None
     )
@@ -228,6 +233,9 @@ class ComparisonReport(Model):
         default=None,
     )
     match: Literal["id", "axes", "none"]
+    judge: Literal["each", "spread"] = about(
+        "Whether each pair of runs was judged, or all pairs together.", default="each"
+    )
     model_changes: tuple[str, ...] = about(
         "Differences of the models in words, alike ones together; empty for equal models.",
         default=(),

@@ -1,0 +1,142 @@
+"""Checks of a changed model: what changed in most pairs of runs, whichever runs these are.
+
+After a contact, the motion of a robot amplifies any change, even one of rounding. A single run then
+says nothing: its label may flip without a cause. What a change does to all runs can be told.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from contactlab.comparison.judged_share import unless_unjudged
+from contactlab.comparison.metric_checks import explain_incomparable
+from contactlab.comparison.pairing import PairedStores, group_pairs
+from contactlab.comparison.run_checks import PairLabels
+from contactlab.contact.trace_arrays import Floats
+from contactlab.judge.policies import EffectiveRule, effective_rule, kind_of
+from contactlab.judge.subjects import BETTER, CHANGED, MISSING, SAME, WORSE, Mask, Subject
+from contactlab.judge.wording import out_of, plural
+from contactlab.rendering.amounts import format_percent
+from contactlab.schema.finding import Finding
+from contactlab.shares import SURE, median_interval, paired_difference
+from contactlab.store.run_columns import NumberColumn
+from contactlab.store.table_layout import Column
+
+
+def spread_label_checks(labels: PairLabels) -> Iterator[Finding]:
+    """Yield for each label and group whether more runs have it than in the baseline."""
+    paired, rules = labels.paired, labels.paired.policy.labels
+    groups = list(group_pairs(paired.baseline, paired.pairing, rules.by))
+    for rank, label in enumerate(paired.ranks[:-1]):
+        gained = (labels.gained >> rank & 1 == 1) & ~labels.allowed
+        lost = labels.lost >> rank & 1 == 1
+        for group, member in groups:
+            subject = Subject(f"no more {label}", "labels", rules.level, group)
+            yield _share_finding(subject, gained & member, lost & member, int(member.sum()), label)
+
+
+def spread_expectation_checks(paired: PairedStores) -> Iterator[Finding]:
+    """Yield whether as many runs meet the expectations, and the tolerances, of the sweep."""
+    for column, name in (("expectation_met", "expectations"), ("tolerances_met", "tolerances")):
+        before, after = paired.read_numbers(column)
+        both = before.valid & after.valid
+        lost = both & (before.values == 1) & (after.values == 0)
+        gained = both & (before.values == 0) & (after.values == 1)
+        subject = Subject(f"{name} still met", "labels", paired.policy.expectations)
+        yield _share_finding(subject, lost, gained, int(both.sum()), f"outside {name}")
+
+
+def _share_finding(subject: Subject, gained: Mask, lost: Mask, pairs: int, word: str) -> Finding:
+    """Return whether an outcome is more frequent, by the interval of the difference of shares."""
+    new, gone = int(gained.sum()), int(lost.sum())
+    if not new and not gone:
+        return subject.single(SAME, f"as often in {plural(pairs)}", judged=pairs)
+    low, high = paired_difference(new, gone, pairs)
+    code = WORSE if low > 0 else BETTER if high < 0 else SAME
+    message = (
+        f"{out_of(new, pairs)} newly {word}, {gone:,} no longer: {low:+.0%} to {high:+.0%} "
+        f"with {format_percent(SURE)}"
+    )
+    return subject.single(code, message, judged=pairs)
+
+
+def spread_metric_checks(paired: PairedStores) -> Iterator[Finding]:
+    """Yield for every metric and group whether most runs are worse, beyond chance and tolerance."""
+    measured = {**paired.candidate.columns.measured, **paired.baseline.columns.measured}
+    valued = sum(paired.read_numbers(name)[1].valid.any() for name in measured)
+    # So that all metrics together raise a false alarm in one comparison of twenty.
+    sure = 1 - (1 - SURE) / max(1, int(valued))
+    for metric in measured.values():
+        rule = effective_rule(metric, paired.policy)
+        reason = explain_incomparable(paired, metric, rule)
+        for group, member in group_pairs(paired.baseline, paired.pairing, rule.by):
+            subject = _metric_subject(metric, rule, group)
+            if reason:
+                yield subject.skipped(reason)
+                continue
+            rows = np.flatnonzero(member)
+            before, after = (column.at(rows) for column in paired.read_numbers(metric.name))
+            found = spread_finding(subject, rule, before, after, sure)
+            unjudged = after.valid & ~before.valid
+            yield unless_unjudged(paired, subject, found, unjudged, after.valid)
+
+
+def _metric_subject(metric: Column, rule: EffectiveRule, group: str) -> Subject:
+    unchanged = rule.better == "none"
+    return Subject(
+        name=f"{metric.name} {'unchanged' if unchanged else 'no worse'}",
+        kind=kind_of(metric.name),
+        level=rule.level,
+        group=group,
+        unit=metric.unit,
+        two_sided=unchanged,
+    )
+
+
+def spread_finding(
+    subject: Subject, rule: EffectiveRule, before: NumberColumn, after: NumberColumn, sure: float
+) -> Finding:
+    """Return whether the median change of paired values is beyond the tolerance, and by chance."""
+    pairs = int((before.valid | after.valid).sum())
+    if not pairs:
+        return subject.single(SAME, "applies to no run")
+    gone, new = int((before.valid & ~after.valid).sum()), int((after.valid & ~before.valid).sum())
+    if paired_difference(gone, new, pairs)[0] > 0:
+        return subject.single(MISSING, f"{out_of(gone, pairs)} without a value now", judged=pairs)
+    both = before.valid & after.valid
+    tolerances, shares = _changes(rule, before.values[both], after.values[both])
+    if not len(tolerances):
+        return subject.single(SAME, "no pair has two values", judged=pairs)
+    low, high = median_interval(tolerances.tolist(), sure)
+    enough = math.ceil(math.log2(2 / (1 - sure)))
+    code = SAME
+    if low > 1:
+        code = CHANGED if rule.better == "none" else WORSE
+    elif high < -1:
+        code = CHANGED if rule.better == "none" else BETTER
+    least, most = median_interval(shares.tolist())
+    message = f"median change {np.median(shares):+.1%} ({least:+.1%} to {most:+.1%})"
+    message += (
+        f", within {format_percent(rule.rel)}" if code == SAME and low > -1 and high < 1 else ""
+    )
+    if len(tolerances) < enough:
+        code = SAME
+        message += f"; {plural(enough, 'pair')} would tell, there are {len(tolerances)}"
+    return subject.single(code, message, judged=pairs)
+
+
+def _changes(rule: EffectiveRule, before: Floats, after: Floats) -> tuple[Floats, Floats]:
+    """Return (n,) the changes for the worse, in tolerances and as shares of the larger value.
+
+    A value that is not finite is worse than any other.
+    """
+    sign = -1.0 if rule.better == "higher" else 1.0
+    with np.errstate(all="ignore"):
+        change = np.where(before == after, 0.0, after - before)
+        size = np.maximum(np.abs(before), np.abs(after))
+        shares = np.where(change == 0, 0.0, change / size)
+        tolerances = sign * change / rule.limit.allowed(before)
+    lost, known = ~np.isfinite(after), np.isfinite(before)
+    tolerances = np.where(lost & known, np.inf, np.where(~lost & ~known, -np.inf, tolerances))
+    return np.nan_to_num(tolerances, nan=0.0, posinf=np.inf, neginf=-np.inf), np.nan_to_num(shares)

@@ -1,0 +1,101 @@
+"""Stores of a changed model: one run decides nothing, and a shift of all runs fails the job."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.comparison.conftest import Given, eight, write
+
+from contactlab.comparison.compare_stores import compare
+from contactlab.comparison.spread_checks import spread_finding
+from contactlab.judge.policies import EffectiveRule
+from contactlab.judge.subjects import Subject
+from contactlab.schema.comparison import ComparePolicy
+from contactlab.schema.finding import Finding
+from contactlab.store.run_columns import NumberColumn
+
+
+def seeded(scene: str, seeds: int = 3) -> Given:
+    """Return runs of eight settings with seeds, of a scene of this hash."""
+    given = eight()
+    runs = [
+        run.model_copy(
+            update={
+                "run_id": f"{scene}{seed:07x}{run.index:08x}"[:16],
+                "index": run.index * seeds + seed,
+                "scene_hash": scene,
+                "seed": seed,
+            }
+        )
+        for run in given.runs
+        for seed in range(seeds)
+    ]
+    return Given(runs, {"scene_hash": scene})
+
+
+def outcome(findings: tuple[Finding, ...], name: str) -> str:
+    return next(found.outcome for found in findings if found.name == name)
+
+
+@pytest.fixture
+def before(tmp_path: Path) -> Path:
+    return write(tmp_path / "before", seeded("a"))
+
+
+def test_one_run_with_a_new_label_fails_no_job(before: Path, tmp_path: Path) -> None:
+    changed = seeded("b")
+    changed.label(5, "chatter")
+    after = write(tmp_path / "after", changed)
+    report = compare(before, after)
+    assert (report.judge, report.match, report.exit_code) == ("spread", "axes", 0)
+    assert outcome(report.findings, "no more chatter") == "passed"
+    each = compare(before, after, ComparePolicy(version=1, judge="each"))
+    assert (each.exit_code, outcome(each.findings, "no new chatter")) == (1, "failed")
+
+
+def test_a_label_of_many_runs_fails_the_job(before: Path, tmp_path: Path) -> None:
+    changed = seeded("b")
+    for index in range(0, 24, 3):
+        changed.label(index, "chatter")
+    report = compare(before, write(tmp_path / "after", changed))
+    assert (report.exit_code, outcome(report.findings, "no more chatter")) == (1, "failed")
+
+
+@pytest.mark.parametrize(("shift", "code"), [(1.0, 0), (1.05, 1)])
+def test_a_shift_beyond_the_noise_fails_the_job(
+    before: Path, tmp_path: Path, shift: float, code: int
+) -> None:
+    changed, rng = seeded("b"), np.random.default_rng(1)
+    for index in range(24):
+        changed.measure(index, depth=1e-3 * shift * (1 + 0.02 * rng.standard_normal()))
+    report = compare(before, write(tmp_path / "after", changed))
+    assert report.exit_code == code
+
+
+def test_the_same_model_is_judged_run_by_run(before: Path, tmp_path: Path) -> None:
+    changed = seeded("a")
+    changed.label(5, "chatter")
+    report = compare(before, write(tmp_path / "after", changed))
+    assert (report.judge, report.exit_code) == ("each", 1)
+
+
+def found_in(before: Any, after: Any) -> str:
+    columns = (NumberColumn(np.asarray(x), np.ones(len(x), np.bool_)) for x in (before, after))
+    subject, rule = Subject("x no worse", "metrics", "gate"), EffectiveRule("lower", 1e-6, 0.01)
+    return spread_finding(subject, rule, *columns, sure=0.95).outcome
+
+
+def test_noise_alone_seldom_fails() -> None:
+    """At 95 %, in at most 1 of 20 comparisons of equal models, by more than the tolerance."""
+    rng = np.random.default_rng(7)
+    failed = sum(
+        found_in(*np.exp(0.3 * rng.standard_normal((2, 20)))) == "failed" for _ in range(400)
+    )
+    # 2.5 % on this side; 400 draws have 10 +- 3.
+    assert failed <= 20
+
+
+def test_values_that_are_lost_are_worse_than_any() -> None:
+    assert found_in(np.ones(12), np.full(12, np.inf)) == "failed"
+    assert found_in(np.full(12, np.nan), np.ones(12)) == "noted"
