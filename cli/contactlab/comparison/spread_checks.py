@@ -78,8 +78,14 @@ def spread_metric_checks(paired: PairedStores) -> Iterator[Finding]:
             rows = np.flatnonzero(member)
             before, after = (column.at(rows) for column in paired.read_numbers(metric.name))
             found = spread_finding(subject, rule, before, after, sure)
-            unjudged = after.valid & ~before.valid
-            yield unless_unjudged(paired, subject, found, unjudged, after.valid)
+            new, gone = after.valid & ~before.valid, before.valid & ~after.valid
+            known = before.valid | after.valid
+            if (
+                known.any()
+                and paired_difference(*map(int, (new.sum(), gone.sum(), known.sum())))[0] > 0
+            ):
+                found = unless_unjudged(paired, subject, found, new, after.valid)
+            yield found
 
 
 def _metric_subject(metric: Column, rule: EffectiveRule, group: str) -> Subject:
