@@ -194,7 +194,7 @@ def check_loop(name: str, file: str, rate: float) -> list[bool]:
             return (kp * (target - seen[1][:, places]) - kd * seen[2][:, dofs]) / gears
 
     loop = ControlLoop(model, Hold, start, rate)
-    report = LoopStudy(loop).measure()
+    report = LoopStudy(loop).measure_margins()
     print(f"{name}: PD at {rate:g} Hz holds: {report.holds}, growth {report.growth}", flush=True)
     for margin in report.margins:
         if not margin.border:

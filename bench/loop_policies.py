@@ -64,7 +64,7 @@ def count_successes(loop: ControlLoop) -> int:
         data.qpos[1] = tilt
     seconds, worst = 20.0, np.zeros(20)
     for period in range(round(seconds * loop.rate)):
-        rows.advance()
+        rows.make_periods()
         if period > 0.9 * seconds * loop.rate:
             worst = np.maximum(worst, [abs(data.qpos[1]) for data in rows.data])
     return int((worst < 0.03).sum())
@@ -76,7 +76,7 @@ def check_policy(policy: type[LinearPolicy | NetworkPolicy]) -> None:
     start = np.empty(mujoco.mj_stateSize(model, INTEGRATION))
     mujoco.mj_getState(model, mujoco.MjData(model), start, INTEGRATION)
     loop = ControlLoop(model, policy, start, 50.0)
-    for margin in LoopStudy(loop).measure().margins:
+    for margin in LoopStudy(loop).measure_margins().margins:
         border = margin.border
         if border is None or margin.name not in ("rate", "delay"):
             continue

@@ -71,7 +71,7 @@ def test_the_modes_of_a_hinge_are_its_discrete_poles(kp: float, kd: float, laten
 @pytest.mark.parametrize(("kp", "kd"), [(5.0, 0.3), pytest.param(20, 1.5, marks=pytest.mark.long)])
 def test_the_simulated_borders_of_a_hinge_are_those_of_its_poles(kp: float, kd: float) -> None:
     study = LoopStudy(hinge_loop(kp, kd))
-    for margin, axis in zip(study.measure().margins, study.list_axes(), strict=True):
+    for margin, axis in zip(study.measure_margins().margins, study.list_axes(), strict=True):
         if not margin.border:
             assert growth_of_poles(axis.make(axis.within[0]), kp, kd) < 1
             continue
@@ -103,8 +103,8 @@ def test_the_memory_of_a_controller_is_a_part_of_its_loop() -> None:
 
     loop = ControlLoop(model, Integrator, start_of(model), 100.0)
     rows = LoopRows(loop)
-    rows.advance()
-    period, kept = rows.linearize(), INERTIA + 1e-3
+    rows.make_periods()
+    period, kept = rows.linearize_period(), INERTIA + 1e-3
     step = np.array([[1, 0, 0], [0, INERTIA / kept, 0], [0, 0, 1]])
     force = np.array([-2 - 0.01, 0, 1])
     x, v = np.eye(3)[0], np.eye(3)[1]

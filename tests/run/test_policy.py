@@ -82,6 +82,18 @@ def test_a_policy_runs_only_where_the_user_allows_it(folder: Path) -> None:
     assert not Path("ran").exists()
 
 
+@pytest.mark.parametrize("factor", [1.0, 0.0])
+def test_an_upright_pole_does_not_stay_under_a_policy_that_pushes_nothing(
+    folder: Path, factor: float
+) -> None:
+    """Seed 0 starts off rest too; without the perturbation it stays in an unstable equilibrium."""
+    write_policy(folder, "wanted = 0 * wanted")
+    swept(folder, axes={"perturbation": [factor], "keyframe": ["qpos0"]}, duration=2.0, trace="all")
+    store = Store.open(folder / "store")
+    tilt = store.trace(store.record(rows(folder)[0]["run_id"])).qpos[:, 1]
+    assert bool(np.abs(tilt).max() > 0.05) == bool(factor)
+
+
 @pytest.mark.long
 def test_runs_repeat_from_their_store_without_the_policy(folder: Path) -> None:
     keys: dict[str, Any] = {"axes": {"drive.latency": [0.0, 0.02]}, "seeds": 2, "checks": "all"}

@@ -115,7 +115,7 @@ class LoopRows:
         self._known = {path: owner[key] for path, (owner, key) in self._list_arrays()}
         self._memory: tuple[Path, ...] | None = None
 
-    def advance(self, periods: int = 1) -> bool:
+    def make_periods(self, periods: int = 1) -> bool:
         """Make control periods; return whether MuJoCo raised no warning."""
         first = self.loop.delay[1]
         for _ in range(periods):
@@ -149,7 +149,7 @@ class LoopRows:
         """Add (nv,) to the velocity of a row."""
         self.data[row].qvel += nudge
 
-    def linearize(self) -> Floats:
+    def linearize_period(self) -> Floats:
         """Return the derivative of the next period at the state of the first row."""
         alone = self.repeat_row(1)
         size = len(alone._read_state(0, 0))
@@ -157,7 +157,7 @@ class LoopRows:
         for place in range(size):
             rows._nudge_state(1 + 2 * place, place, _NUDGE)
             rows._nudge_state(2 + 2 * place, place, -_NUDGE)
-        rows.advance()
+        rows.make_periods()
         ends = np.array([rows._read_state(row, 0) for row in range(1, 1 + 2 * size)])
         return ((ends[::2] - ends[1::2]) / (2 * _NUDGE)).T
 
@@ -191,7 +191,7 @@ class LoopRows:
                 mujoco.mj_step(self.model, data, nstep=count)
 
     def _list_arrays(self) -> Iterator[tuple[Path, tuple[Any, Any]]]:
-        """Yield path, container and key of each array that the controller keeps."""
+        # Path, container and key of each array that the controller keeps.
         root = vars(self._policy) if hasattr(self._policy, "__dict__") else {}
         todo, seen = [((), root)], set[int]()
         while todo:
@@ -213,8 +213,8 @@ class LoopRows:
         arrays = dict(self._list_arrays())
         return [arrays[path] for path in self._memory or ()]
 
-    def _parts(self, row: int) -> list[Floats]:
-        """Return views of the parts of a row's state besides positions."""
+    def _state_parts(self, row: int) -> list[Floats]:
+        # Views, except of positions, which have a tangent of their own.
         data = self.data[row]
         parts: list[Floats] = [data.qvel, data.act]
         if self.loop.delay != (0, 0):
@@ -227,7 +227,7 @@ class LoopRows:
         mujoco.mj_differentiatePos(
             self.model, positions, 1.0, self.data[base].qpos, self.data[row].qpos
         )
-        parts = zip(self._parts(row), self._parts(base), strict=True)
+        parts = zip(self._state_parts(row), self._state_parts(base), strict=True)
         return np.concatenate([positions, *(one - other for one, other in parts)])
 
     def _nudge_state(self, row: int, place: int, nudge: float) -> None:
@@ -238,7 +238,7 @@ class LoopRows:
             mujoco.mj_integratePos(self.model, data.qpos, way, 1.0)
             return
         place -= size
-        for part in self._parts(row):
+        for part in self._state_parts(row):
             if place < len(part):
                 part[place] += nudge
                 return
@@ -252,14 +252,14 @@ def find_modes(loop: ControlLoop, times: Floats) -> tuple[float, int]:
     MuJoCo gives up.
     """
     rows, worst, dof = LoopRows(loop), -math.inf, 0
-    rows.advance()  # the controller makes its memory in its first call
+    rows.make_periods()  # the controller makes its memory in its first call
     done = 1
     for time in times:
         periods = max(0, round(time * loop.rate) - done)
-        if not rows.advance(periods):
+        if not rows.make_periods(periods):
             return worst if worst > 0 else math.inf, dof
         done += periods
-        values, shapes = np.linalg.eig(rows.linearize())
+        values, shapes = np.linalg.eig(rows.linearize_period())
         place = int(np.abs(values).argmax())
         rate = math.log(max(abs(values[place]), 1e-300)) * loop.rate
         if rate > worst:
@@ -276,7 +276,7 @@ def _dof_inertia(rows: LoopRows) -> Floats:
 
 
 def simulate_growth(loop: ControlLoop, seconds: float) -> float:
-    """Return the rate at which small offsets of a loop grow in its own run [1/s].
+    """Return how fast small offsets of a loop grow in its own run [1/s].
 
     Two rows begin with velocities slightly off. Growth is between the second tenth and the last
     fifth; it is infinite if MuJoCo gives up, if offsets leave the small quickly, or if the run
@@ -291,13 +291,13 @@ def simulate_growth(loop: ControlLoop, seconds: float) -> float:
     # No small motion of a loop is faster than half its rate: beyond, its offset has grown.
     beyond = 100 * _NUDGE * math.pi * loop.rate
     for period in range(periods):
-        if not rows.advance():
+        if not rows.make_periods():
             return math.inf
         speeds[period] = rows.data[0].qvel
         differences[period] = max(rows.find_difference(row) for row in (1, 2))
         if differences[period] > beyond:
             return math.inf
-    if _alternates(speeds[4 * periods // 5 :], beyond):
+    if _alternates_in_step(speeds[4 * periods // 5 :], beyond):
         return math.inf
     early = differences[periods // 10 : 3 * periods // 10].max()
     late = differences[4 * periods // 5 :].max()
@@ -305,7 +305,7 @@ def simulate_growth(loop: ControlLoop, seconds: float) -> float:
     return math.log(max(late, 1e-300) / max(early, 1e-300)) / span
 
 
-def _alternates(speeds: Floats, least: float) -> bool:
+def _alternates_in_step(speeds: Floats, least: float) -> bool:
     change = np.linalg.norm(np.diff(speeds, axis=0), axis=1)
     turn = np.linalg.norm(np.diff(speeds, n=2, axis=0), axis=1)
     return bool(len(turn) and np.median(turn) > max(0.5 * np.median(change), least / 100))

@@ -90,7 +90,7 @@ class LinearModel:
         modes, _ = self._find_modes(step, self.integrator if integrator is None else integrator)
         return float(np.abs(modes).max(initial=0.0))
 
-    def holds(self, timestep: float | None = None, integrator: int | None = None) -> bool:
+    def holds_step(self, timestep: float | None = None, integrator: int | None = None) -> bool:
         """Return whether no motion grows in one step."""
         return self.find_growth(timestep, integrator) <= HOLDS
 
@@ -208,7 +208,6 @@ def list_servos(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ServoFor
 def _dense_row(
     width: int, values: Floats, counts: Ids, starts: Ids, columns: Ids, row: int
 ) -> Floats:
-    """Return a row of a sparse matrix as a dense one."""
     found, start = np.zeros(width), int(starts[row])
     some = slice(start, start + int(counts[row]))
     found[np.ravel(columns)[some]] = np.ravel(values)[some]
@@ -216,7 +215,6 @@ def _dense_row(
 
 
 def _equality_rows(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
-    """Return (ne, nv) the Jacobian of equalities."""
     rows = np.zeros((data.ne, model.nv))
     if not data.ne:
         return rows
@@ -230,7 +228,6 @@ def _equality_rows(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
 
 
 def _free_directions(rows: Floats) -> Floats:
-    """Return (nv, k) the directions that no equality constrains."""
     if not len(rows):
         return np.eye(rows.shape[1])
     _, sizes, directions = np.linalg.svd(rows)

@@ -24,7 +24,7 @@ class LoopStudy:
 
     Attributes:
         loop: as it is.
-        times: of the states of its run at which it is linearized [s].
+        times: of its run when it is linearized [s].
     """
 
     loop: ControlLoop
@@ -40,7 +40,7 @@ class LoopStudy:
         return max(0.0, growth) if growth < slow else 0.0
 
     def allow_growth(self, loop: ControlLoop) -> float:
-        """Return the growth up to which a loop holds [1/s]."""
+        """Return the largest growth of a loop that holds [1/s]."""
         return 1.5 * self.natural_growth + _ROUNDING * loop.rate
 
     def holds_linear(self, loop: ControlLoop) -> bool:
@@ -59,7 +59,7 @@ class LoopStudy:
         """Return whether a small offset does not grow in a run."""
         return self.run_loop(loop) <= self.allow_growth(loop)
 
-    def measure(self) -> ControlLoopReport:
+    def measure_margins(self) -> ControlLoopReport:
         """Return the report of the loop with all margins."""
         loop = self.loop
         growth, dof = find_modes(loop, np.array(self.times))
@@ -128,7 +128,7 @@ class LoopStudy:
 
 @dataclass(frozen=True)
 class LoopAxis:
-    """A parameter of a loop, with the range in which its border is searched."""
+    """A parameter of a loop, with the range of the search for its border."""
 
     name: Literal["rate", "delay", "gain", "armature"]
     unit: str
@@ -140,19 +140,19 @@ class LoopAxis:
     def find_border(self, loop_holds: Holds, near: float | None) -> float | None:
         """Return the last value that holds, from the current one or near a known border."""
 
-        def holds(value: float) -> bool:
+        def holds_with(value: float) -> bool:
             return loop_holds(self.make(value))
 
         least, most = self.within
         value = near or self.current or least
         factor = 1.1 if near else 2.0  # a known border is near
         value = before = min(max(value, least), most)
-        held = holds(value)
+        held = holds_with(value)
         grows = self.holds_above != held  # toward larger values
-        while holds(value) == held:
+        while holds_with(value) == held:
             before, value = value, value * factor if grows else value / factor
             factor *= factor if near else 1.0
             if not least <= value <= most:
-                return None if held or not holds(self.current) else self.current
+                return None if held or not holds_with(self.current) else self.current
         inside, outside = (before, value) if held else (value, before)
-        return find_border(holds, inside, outside, 0.01)
+        return find_border(holds_with, inside, outside, 0.01)

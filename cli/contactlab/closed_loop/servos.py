@@ -22,7 +22,7 @@ from contactlab.schema.servo import Servo
 
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
 _HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
-_MOST_GAIN = 100.0  # factor up to which the largest gain is searched
+_MOST_GAIN = 100.0  # largest factor that is tried
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def measure_servos(
 ) -> tuple[Servo, ...]:
     """Return the servos of a model in a state from `mj_forward`.
 
-    `rests` are states of the task in which it rests, also from `mj_forward`.
+    `rests` are states of the task at rest, also from `mj_forward`.
     """
     data = mujoco.MjData(model)
     data.qpos[:], data.ctrl[:], data.act[:] = start.qpos, start.ctrl, start.act
@@ -72,7 +72,7 @@ def measure_servos(
     if not groups or not linear.weighs:
         return ()
     held = model.opt.integrator == getattr(mujoco.mjtIntegrator, "mjINT_DISCRETE", -1)
-    held = held or linear.holds()
+    held = held or linear.holds_step()
     growing = np.zeros(model.nv) if held else linear.find_growing_dofs()
     shares = [float(growing[model.jnt_dofadr[group.joint]]) for group in groups]
     most = max(shares)
@@ -162,9 +162,9 @@ def _find_force(group: _Group, data: mujoco.MjData) -> float:
 def _find_limits(
     model: mujoco.MjModel, linear: LinearModel, group: _Group, *, grows: bool
 ) -> tuple[float, float, float, float]:
-    """Return the largest factor, stiffness and damping, and the least armature; or NaN."""
+    # The largest factor, stiffness and damping, and the least armature; NaN without a border.
     discrete = int(getattr(mujoco.mjtIntegrator, "mjINT_DISCRETE", -1))
-    if model.opt.integrator == discrete or (not grows and not linear.holds()):
+    if model.opt.integrator == discrete or (not grows and not linear.holds_step()):
         return (
             math.nan,
             math.nan,
@@ -175,17 +175,17 @@ def _find_limits(
     own = float(model.dof_armature[dof])
 
     def find_factor(stiffness: bool, damping: bool) -> float:
-        def holds(factor: float) -> bool:
+        def holds_with_gain(factor: float) -> bool:
             scaled = (factor if one else 1.0 for one in (stiffness, damping))
-            return group.scale_gains(linear, *scaled).holds()
+            return group.scale_gains(linear, *scaled).holds_step()
 
         outer = 0.0 if grows else _MOST_GAIN
-        if holds(outer) != grows:
+        if holds_with_gain(outer) != grows:
             return math.nan
-        return find_border(holds, outer if grows else 1.0, 1.0 if grows else outer)
+        return find_border(holds_with_gain, outer if grows else 1.0, 1.0 if grows else outer)
 
     def holds_with(armature: float) -> bool:
-        return linear.add_armature(dof, armature - own).holds()
+        return linear.add_armature(dof, armature - own).holds_step()
 
     factor = find_factor(stiffness=True, damping=True)
     stiffest = find_factor(stiffness=True, damping=False) * (group.stiffness or math.nan)
@@ -212,7 +212,6 @@ def _find_travel(model: mujoco.MjModel, group: _Group) -> float | None:
 
 
 def _find_lever(model: mujoco.MjModel, data: mujoco.MjData, joint: int) -> float:
-    """Return the distance of the farthest point of a joint's body from its axis [m]."""
     body, corners = int(model.jnt_bodyid[joint]), np.array(np.meshgrid(*[[-1, 1]] * 3))
     signs, farthest = corners.reshape(3, -1).T, 0.0
     for geom in np.flatnonzero(model.geom_bodyid == body):
@@ -224,7 +223,7 @@ def _find_lever(model: mujoco.MjModel, data: mujoco.MjData, joint: int) -> float
 
 
 def _find_pressed_body(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> int:
-    """Return a body that moves and that a body with all that it carries touches; 0 for none."""
+    # A moving body that touches this one, or what it carries; 0 for none.
     moved = np.zeros(model.nbody, bool)
     for one in range(body, model.nbody):
         moved[one] = one == body or moved[model.body_parentid[one]]
@@ -237,6 +236,5 @@ def _find_pressed_body(model: mujoco.MjModel, data: mujoco.MjData, body: int) ->
 
 
 def _find_size(model: mujoco.MjModel, body: int) -> float:
-    """Return twice the smallest half extent of a body's geoms [m]."""
     geoms = np.flatnonzero((model.geom_bodyid == body) & (model.geom_contype > 0))
     return 2 * float(model.geom_aabb[geoms, 3:].min(initial=math.inf))

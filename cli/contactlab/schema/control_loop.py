@@ -26,13 +26,13 @@ class ControlLoopReport(Model):
     latency: float = about("From observation to action [s].")
     timestep: float = about("Of the loop: the largest that divides a period [s].")
     growth: FiniteOrNull = about(
-        "Rate at which the fastest mode of the linear loop grows [1/s]; null if MuJoCo gives up."
+        "Of the fastest mode of the linear loop [1/s]; null if MuJoCo gives up."
     )
     eigenvalue: FiniteOrNull = about("Its magnitude over a control period.")
     joint: str = about("The joint that it moves most.")
     simulated_growth: FiniteOrNull = about("Of a small offset in a run [1/s]; null likewise.")
     allowed_growth: float = about(
-        "Up to which a loop holds [1/s]: more than the model grows under a controller that is much "
+        "The largest of a loop that holds [1/s]: more than the model grows under a controller that is much "
         "faster."
     )
     holds: bool = about("Whether the simulated loop holds.")

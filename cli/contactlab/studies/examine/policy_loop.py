@@ -45,7 +45,7 @@ def make_loop_study(checked: CheckedModel) -> LoopStudy | None:
 
 def measure_loop(checked: CheckedModel, study: LoopStudy) -> ControlLoopReport:
     """Return the report of a loop, and whether the same PD holds as servos of the model."""
-    report, drive = study.measure(), checked.scene.drive.drive
+    report, drive = study.measure_margins(), checked.scene.drive.drive
     if not isinstance(drive, PdDrive):
         return report
     servos, held = make_position_servos(study.loop, drive)
@@ -124,6 +124,6 @@ def list_loop_repairs(study: LoopStudy, report: ControlLoopReport) -> Iterator[L
 
 
 def _round_up(value: float) -> float:
-    """Return a value rounded up to two digits."""
+    # To two digits.
     power = 10.0 ** (math.floor(math.log10(value)) - 1)
     return float(f"{np.ceil(value / power - 1e-9) * power:.3g}")

@@ -82,7 +82,7 @@ def list_sagging_servos(servos: Sequence[Servo]) -> Iterator[Fact]:
 
 
 def _list_sags(servo: Servo) -> Iterator[tuple[Servo, str, float, float, str]]:
-    """Yield the loads under which a servo sags much, the sag, its share, and of which length."""
+    # The load, the sag, its share, and the length that it is a share of.
     small = 0.05  # share of the travel or of a held body, up to which a target is met
     loads = [("gravity", servo.gravity_sag)]
     if not servo.held_body:  # a squeeze is no sag

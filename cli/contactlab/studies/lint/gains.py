@@ -46,9 +46,9 @@ def gain_step(linted: LintedModel) -> Iterator[Fault]:
     halvings = 20
     for _ in range(halvings):
         middle = (low + high) / 2
-        low, high = (middle, high) if linear.holds(middle) else (low, middle)
+        low, high = (middle, high) if linear.holds_step(middle) else (low, middle)
     holds = float(f"{0.98 * low:.1e}")
-    implicit = linear.holds(integrator=int(_INTEGRATOR.mjINT_IMPLICITFAST))
+    implicit = linear.holds_step(integrator=int(_INTEGRATOR.mjINT_IMPLICITFAST))
     values = {"integrator": "implicitfast"} if implicit else {"timestep": f"{holds:g}"}
     name = name_integrator(integrator)
     dof = int(linear.find_growing_dofs().argmax())

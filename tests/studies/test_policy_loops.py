@@ -1,0 +1,62 @@
+"""Examinations of loops name the border, and offer what holds in the loop."""
+
+from pathlib import Path
+
+import pytest
+
+from contactlab.plan.task_options import TaskOptions
+from contactlab.schema.drive import read_drive
+from contactlab.schema.examination import Examination, SectionName
+from contactlab.studies.examine.examination import ExamineRequest, run
+from contactlab.tasks.session import Session
+
+INERTIA = 1e-3
+WHEEL = f"""<mujoco><option timestep=".002" gravity="0 0 0"/><worldbody><body name="wheel">
+<joint name="wheel" axis="0 1 0"/><geom size=".01" contype="0" conaffinity="0"/>
+<inertial pos="0 0 0" mass="1" diaginertia="{INERTIA} {INERTIA} {INERTIA}"/></body></worldbody>
+<actuator><motor name="motor" joint="wheel" ctrlrange="-5 5"/></actuator></mujoco>"""
+KD = 1.25 * 2 * INERTIA / 0.002
+"""Beyond 2 I / T, below which a damping holds that is kept for a period T."""
+
+
+def examined(folder: Path, *sections: SectionName, kd: float = KD) -> Examination:
+    (folder / "wheel.xml").write_text(WHEEL)
+    task = TaskOptions(drive=read_drive(f"kp=1e-3,kd={kd},rate=500"), duration=1.0)
+    request = ExamineRequest(str(folder / "wheel.xml"), task=task)
+    if sections:
+        request = ExamineRequest(str(folder / "wheel.xml"), task=task, sections=sections)
+    return run(request, Session(folder / "results"))
+
+
+def test_the_border_of_a_damping_is_that_of_its_pole(tmp_path: Path) -> None:
+    report = examined(tmp_path, "loop")
+    assert report.loop is not None
+    borders = {margin.name: margin.border for margin in report.loop.margins}
+    assert report.verdict == "fails"
+    assert borders["rate"] == pytest.approx(1.25 * 500, rel=0.01)
+    assert borders["gain"] == pytest.approx(1 / 1.25, rel=0.01)
+    assert borders["armature"] == pytest.approx(0.25 * INERTIA, rel=0.01)
+    assert report.loop.inside
+
+
+@pytest.mark.long
+def test_a_loop_with_half_the_damping_has_a_margin_of_two(tmp_path: Path) -> None:
+    report = examined(tmp_path, "loop", kd=KD / 2.5)
+    assert report.loop is not None
+    assert report.verdict is None
+    assert report.loop.holds
+    borders = {margin.name: margin.border for margin in report.loop.margins}
+    assert borders["gain"] == pytest.approx(2, rel=0.01)
+
+
+@pytest.mark.long
+def test_armature_is_the_fix_of_a_loop_that_does_not_hold(tmp_path: Path) -> None:
+    report = examined(tmp_path)
+    assert report.verdict not in ("ok", "depends")
+    assert "does not hold joint wheel" in report.headline
+    first = report.fixes[0]
+    assert "armature" in first.name or "damping" in first.name
+    assert first.verification is not None
+    assert first.verification.passed
+    offered = {fix.name for fix in (*report.fixes, *report.rejected_fixes)}
+    assert not any("RK4" in name for name in offered)
