@@ -70,7 +70,7 @@ def test_the_modes_of_a_hinge_are_its_discrete_poles(kp: float, kd: float, laten
 
 @pytest.mark.parametrize(("kp", "kd"), [(5.0, 0.3), pytest.param(20, 1.5, marks=pytest.mark.long)])
 def test_the_simulated_borders_of_a_hinge_are_those_of_its_poles(kp: float, kd: float) -> None:
-    study = LoopStudy(hinge_loop(kp, kd))
+    study = LoopStudy(hinge_loop(kp, kd), periods=300)
     for margin, axis in zip(study.measure_margins().margins, study.list_axes(), strict=True):
         if not margin.border:
             assert growth_of_poles(axis.make(axis.within[0]), kp, kd) < 1

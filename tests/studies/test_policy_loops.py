@@ -28,6 +28,7 @@ def examined(folder: Path, *sections: SectionName, kd: float = KD) -> Examinatio
     return run(request, Session(folder / "results"))
 
 
+@pytest.mark.long
 def test_the_border_of_a_damping_is_that_of_its_pole(tmp_path: Path) -> None:
     report = examined(tmp_path, "loop")
     assert report.loop is not None

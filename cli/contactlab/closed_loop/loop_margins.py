@@ -25,10 +25,12 @@ class LoopStudy:
     Attributes:
         loop: as it is.
         times: of its run when it is linearized [s].
+        periods: of a run, unless it has more than ten times as many steps.
     """
 
     loop: ControlLoop
     times: tuple[float, ...] = (0.0,)
+    periods: int = 1000
 
     @cached_property
     def natural_growth(self) -> float:
@@ -50,7 +52,7 @@ class LoopStudy:
 
     def run_loop(self, loop: ControlLoop) -> float:
         """Return the growth of a small offset in a run [1/s], above what the run resolves."""
-        periods, steps = 1000, 10_000  # to resolve slow growth, at most so many steps
+        periods, steps = self.periods, 10 * self.periods
         seconds = min(max(periods / loop.rate, 0.5), max(steps * loop.timestep, 20 / loop.rate))
         resolved = math.log(1.2) / (0.7 * seconds)
         return simulate_growth(loop, seconds) - max(0.0, resolved - _ROUNDING * loop.rate)

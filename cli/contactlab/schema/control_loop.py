@@ -32,8 +32,8 @@ class ControlLoopReport(Model):
     joint: str = about("The joint that it moves most.")
     simulated_growth: FiniteOrNull = about("Of a small offset in a run [1/s]; null likewise.")
     allowed_growth: float = about(
-        "The largest of a loop that holds [1/s]: more than the model grows under a controller that is much "
-        "faster."
+        "The largest of a loop that holds [1/s]: above that of the model under a controller that "
+        "is much faster."
     )
     holds: bool = about("Whether the simulated loop holds.")
     inside: bool | None = about(
