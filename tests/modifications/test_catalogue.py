@@ -122,8 +122,10 @@ def test_names_are_unique_in_each_use() -> None:
     for names in (
         [row.name for row in list_rows()],
         [fix.name for stage in ("usual", "further") for fix in list_candidates(stage)],
+        [lever.setting for entry in CATALOGUE.values() for lever in entry.levers],
+        [feature.name for entry in CATALOGUE.values() for feature in entry.features],
     ):
-        assert len(names) == len({*names})
+        assert sorted(names) == sorted({*names})
 
 
 def test_rows_come_by_kind() -> None:
