@@ -142,3 +142,38 @@ def test_other_thresholds_make_other_labels(baseline: Path, runs: Runs, stored: 
     assert report.exit_code == 3
     message = "thresholds differ: chatter by default, now chatter 9.0"
     assert check(report, "no new chatter").message == message
+
+
+DEMANDS = {
+    "must": ["still(box, 5 cm)"],
+    "expect": [{"label": ["stable"]}],
+    "tolerances": {"depth": 1e-3},
+}
+
+
+@pytest.mark.parametrize("name", DEMANDS)
+def test_changed_demands_are_not_comparable(
+    baseline: Path, runs: Runs, stored: Stored, name: str
+) -> None:
+    """A gate cannot be weakened between two stores without a word."""
+    changed = runs()
+    resolved = {"version": 1, "scene": "ball", "checks": "flagged", "thresholds": {}}
+    changed.identity["resolved"] = {**resolved, name: DEMANDS[name]}
+    report = compare(baseline, stored("changed", changed))
+    assert (report.verdict, report.exit_code) == ("not comparable", 3)
+    message = check(report, "same demands").message
+    assert message.startswith(f"must be the same, but is {name} by default, now {name} ")
+    told = policy(require={"same": [], "warn_if_different": ["demands"]})
+    report = compare(baseline, stored("again", changed), told)
+    assert (report.exit_code, check(report, "same demands").outcome) == (0, "warned")
+
+
+def test_no_store_decides_the_order_of_known_labels(
+    baseline: Path, runs: Runs, stored: Stored, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reversed_order = ("stable", "own", "chatter", "creep", "tunneling", "diverged")
+    monkeypatch.setattr("tests.comparison.conftest.SEVERITY", reversed_order)
+    flipped = runs()
+    flipped.label(5, "tunneling")
+    report = compare(baseline, stored("flipped", flipped))
+    assert (report.verdict, report.exit_code) == ("worse", 1)

@@ -1,5 +1,7 @@
 """Pairs of runs by id or by axis values, groups of pairs, and how the two stores differ."""
 
+import hashlib
+import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
@@ -215,15 +217,23 @@ class PairedStores:
 
     @cached_property
     def ranks(self) -> "tuple[str, ...]":
-        """All labels, worst first: in the order of the policy, or of the stores.
+        """All labels, worst first: in the order of the policy, or of this contactlab.
 
-        Labels that this order does not name count as the worst.
+        No store changes the order of labels that are known here. Other labels, of plug-ins, stand
+        where the baseline has them, or the candidate. Labels that no order names count as the
+        worst.
         """
-        stores = (self.candidate, self.baseline)
-        stored = [
-            str(name) for store in stores for name in store.columns.shared.get("severity", ())
-        ]
-        known = self.policy.labels.severity or tuple(dict.fromkeys(stored))
+        # Loaded only here, since most readers of stores need no labels.
+        from contactlab.measure import LABELS  # noqa: PLC0415
+
+        stores = (self.baseline, self.candidate)
+        known = [*(self.policy.labels.severity or LABELS)]
+        for store in stores if self.policy.labels.severity is None else ():
+            stored = [str(name) for name in store.columns.shared.get("severity", ())]
+            for place, name in enumerate(stored):
+                if name not in known:
+                    worse_than = next((next_ for next_ in stored[place:] if next_ in known), None)
+                    known.insert(known.index(worse_than) if worse_than else len(known), name)
         used = {name for store in stores for name in store.manifest.labels}
         order = dict.fromkeys((*sorted(used - set(known) - {"stable"}), *known))
         order.pop("stable", None)
@@ -312,6 +322,20 @@ def _axis_settings(store: Store) -> dict[str, str]:
     return {axis: _axis_setting(store, axis) for axis in store.columns.axis_names}
 
 
+def _demands_of(store: Store) -> dict[str, str]:
+    # Requirements, expectations and tolerances, as short text.
+    resolved = store.manifest.sweep.resolved
+    texts = {name: resolved.get(name) for name in ("must", "expect", "tolerances")}
+    return {name: _short_json(value) for name, value in texts.items() if value}
+
+
+def _short_json(value: object) -> str:
+    text, most = json.dumps(value, sort_keys=True), 160
+    # The end tells apart texts that begin alike.
+    end = hashlib.sha256(text.encode()).hexdigest()[:8]
+    return text if len(text) <= most else f"{text[:most]}... ({end})"
+
+
 def _axis_setting(store: Store, axis: str) -> str:
     if store.columns.is_number(axis):
         values = store.columns.numbers(axis).values
@@ -329,6 +353,7 @@ _PROPERTIES: Mapping[Sameness, Callable[[Store], str | Mapping[str, object]]] = 
     "settings": _axis_settings,
     "metric_versions": lambda store: store.manifest.sweep.metric_versions,
     "thresholds": lambda store: store.manifest.sweep.resolved.get("thresholds", {}),
+    "demands": _demands_of,
     "engine": engine_of,
     "contactlab": lambda store: store.manifest.provenance.contactlab,
     "python": lambda store: store.manifest.provenance.python,

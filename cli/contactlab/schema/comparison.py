@@ -21,6 +21,7 @@ Sameness = Literal[
     "settings",
     "metric_versions",
     "thresholds",
+    "demands",
     "engine",
     "contactlab",
     "python",
@@ -37,7 +38,7 @@ class Require(Model):
     same: tuple[Sameness, ...] = about(
         "properties that must be the same; otherwise the checks that depend on them are skipped; "
         "a changed scene is only reported when runs are matched by axes",
-        default=("scene_hash", "metric_versions", "thresholds"),
+        default=("scene_hash", "metric_versions", "thresholds", "demands"),
     )
     warn_if_different: tuple[Sameness, ...] = about(
         "reported if different",
@@ -59,7 +60,7 @@ class LabelRules(Model):
     """Comparison of labels."""
 
     severity: tuple[Word, ...] | None = about(
-        "labels, worst first; as stored if left out", default=None
+        "labels, worst first; in the order of this contactlab if left out", default=None
     )
     level: Level = about(f"of a new label; {LEVEL}", default="gate")
     by: tuple[Word, ...] = about("axes; each value is judged separately", default=())
