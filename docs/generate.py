@@ -258,7 +258,7 @@ def list_uses(entry: Modification) -> Iterator[str]:
 def list_rules() -> Iterator[str]:
     """Yield the rules of lint, each under its name, the target of links in findings."""
     for rule in RULES.values():
-        yield f"\n### {rule.name}\n\n{LEVELS[rule.level]}. {rule.about} {rule.details}".rstrip()
+        yield f"\n## {rule.name}\n\n{LEVELS[rule.level]}. {rule.about} {rule.details}".rstrip()
 
 
 PAGES: Mapping[str, Page] = {
