@@ -138,7 +138,7 @@ class FrontPoint(Model):
     candidate: Candidate = about("As the search measured it.")
     error: FiniteOrNull = about(
         "Error in the worst body on seeds that the search did not use: the mean, or the largest "
-        "forward error. Null if MuJoCo gave up."
+        "forward error. Null if MuJoCo gave up. Without time, it is the error of the search."
     )
     error_low: FiniteOrNull = about("Lower end of the 95 % interval of the error.")
     error_high: FiniteOrNull = about("Its upper end.")

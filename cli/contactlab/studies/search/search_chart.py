@@ -71,12 +71,12 @@ def draw_front(report: TuneReport, layout: FrontLayout | None = None) -> alt.Top
     other one of it beats.
     """
     layout = layout or FrontLayout()
-    points = [point for point in report.front if point.error]
+    points = [point for point in report.front if point.error is not None]
     times = [_time_of(point) for point in points]
-    errors = [point.error or 0.0 for point in points]
+    errors = [_error_of(point) for point in points]
     across = Scale(min(times) / 1.25, max(times) * 1.25, layout.width)
-    lows = [point.error_low or math.inf for point in points]
-    highs = [point.error_high or 0.0 for point in points]
+    lows = [point.error_low or _error_of(point) for point in points]
+    highs = [point.error_high or _error_of(point) for point in points]
     top = max([*errors, *highs, *_limits_near(report, errors)])
     low = min([*errors, *lows])
     room = 1.2 * (top / low) ** 0.06  # at both ends, for names
@@ -116,6 +116,10 @@ def draw_front(report: TuneReport, layout: FrontLayout | None = None) -> alt.Top
         .properties(width=layout.width, height=layout.height, title=title)
         .configure_legend(orient="bottom", symbolType="circle", symbolOpacity=1)
     )
+
+
+def _error_of(point: FrontPoint) -> float:
+    return max(point.error or 0.0, 1e-16)  # the axis is logarithmic
 
 
 def _time_of(point: FrontPoint) -> float:
@@ -176,9 +180,9 @@ def _point_row(point: FrontPoint, report: TuneReport) -> dict[str, object]:
         "time": time,
         "fast": ratio.low if ratio else time,
         "slow": ratio.high if ratio else time,
-        "error": point.error,
-        "low": point.error_low or point.error,
-        "high": point.error_high or point.error,
+        "error": _error_of(point),
+        "low": point.error_low or _error_of(point),
+        "high": point.error_high or _error_of(point),
         "integrator": _integrator_of(candidate, report),
     }
 
@@ -277,7 +281,7 @@ def _name_layers(
     places = [
         (
             across.locate_value(_time_of(point)),
-            layout.height - upward.locate_value(point.error or 0.0),
+            layout.height - upward.locate_value(_error_of(point)),
         )
         for point in points
     ]
@@ -299,7 +303,7 @@ def _name_layers(
         )
         taken.append(box)
         shift = {"left": 11, "right": -11, "center": 0}[align]
-        row = {"time": _time_of(point), "error": point.error, "name": text}
+        row = {"time": _time_of(point), "error": _error_of(point), "name": text}
         words = layer_of(f"name {place}", [row]).encode(x=x, y=y, text="name:N")
         weight = "bold" if "recommended" in point.marks else "normal"
         yield from halo_layers(

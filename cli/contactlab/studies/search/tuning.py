@@ -359,17 +359,20 @@ class TuningStudy:
         )
         self._time_points(points)
         rows = zip(self._name_points(points), points, self._measure_points(points), strict=True)
+        by_error = sorted(rows, key=lambda row: row[2].error)
         return tuple(
             self._describe_point(number, name, one, error, answers)
-            for number, (name, one, error) in enumerate(rows, 1)
+            for number, (name, one, error) in enumerate(by_error, 1)
         )
 
     def _measure_points(self, points: Sequence[Evaluation]) -> list[ErrorEstimate]:
         """Return the errors of points on fresh seeds, on as many as their spread needs.
 
         Bodies meet stops and others at other times for each seed, so that few seeds say little of
-        the mean of accurate points.
+        the mean of accurate points. Without time, the errors of the search are returned.
         """
+        if self._time_limit.remaining < 0:
+            return [one.error for one in points if one.error]
         problem, search = self._problem, self._search
         spread = max(map(_relative_spread, points))
         wanted = math.ceil((spread / _POINT_PRECISION) ** 2)
