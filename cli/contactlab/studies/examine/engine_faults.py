@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -16,13 +17,24 @@ from contactlab.budget.motion import INTEGRATION, Motion
 from contactlab.budget.windows import replay
 from contactlab.mjcf import OPTIONS
 from contactlab.modifications.catalogue import CATALOGUE
-from contactlab.modifications.modification import ANY_LABEL, Candidate
-from contactlab.scene.model_draft import ModelEdits
-from contactlab.scene.model_edits import FLAG_NAMES, write_flags, write_option
+from contactlab.scene.model_edits import FLAG_NAMES
 from contactlab.scene.scene_source import SceneSource
-from contactlab.schema.advisory import Advisory, Workaround
+from contactlab.schema.evidence import Setting
 from contactlab.schema.examination import Fact
-from contactlab.schema.verdict import VerdictWord
+
+
+class EngineWorkaround(NamedTuple):
+    """Settings that avoid a fault of the engine.
+
+    Attributes:
+        name: as in "fix: jacobian=dense against CL-2026-0001".
+        settings: options and flags.
+        sentence: the fault that the model meets.
+    """
+
+    name: str
+    settings: dict[str, Setting]
+    sentence: str
 
 
 def list_advisory_facts(
@@ -70,31 +82,15 @@ def _find_first_times(
     return times
 
 
-def list_workaround_candidates(
-    model: mujoco.MjModel, source: SceneSource, word: VerdictWord
-) -> Iterator[Candidate]:
-    """Yield the workarounds of met advisories that keep the model, as fixes of a verdict."""
+def list_workarounds(model: mujoco.MjModel, source: SceneSource) -> Iterator[EngineWorkaround]:
+    """Yield the workarounds of met advisories that keep the model."""
     for met in find_met_advisories(model, elements=lambda: source.elements):
         for workaround in met.workarounds:
             keeps = CATALOGUE[workaround.modification].kind == "computation"
             if keeps and workaround.settings.keys() <= {*OPTIONS, *FLAG_NAMES}:
-                yield _make_candidate(met, workaround, word)
-
-
-def _make_candidate(met: Advisory, workaround: Workaround, word: VerdictWord) -> Candidate:
-    settings = workaround.settings
-
-    def change_model(model: mujoco.MjModel) -> None:
-        for name in settings.keys() & {*OPTIONS}:
-            write_option(model, name, settings[name])
-        if flags := {name: bool(settings[name]) for name in settings.keys() & {*FLAG_NAMES}}:
-            write_flags(model, flags)
-
-    said = " ".join(f"{name}={value}" for name, value in settings.items())
-    return Candidate(
-        f"{said} against {met.id}",
-        word,
-        change_model,
-        labels=(ANY_LABEL,),
-        edits=ModelEdits(dict(settings)),
-    )
+                said = " ".join(f"{name}={value}" for name, value in workaround.settings.items())
+                yield EngineWorkaround(
+                    f"{said} against {met.id}",
+                    dict(workaround.settings),
+                    describe_met_advisory(met),
+                )

@@ -47,7 +47,6 @@ from contactlab.scene.scene import Scene
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.error_budget import BudgetReason
 from contactlab.schema.examination import MOST_FIXES, Fix, RunLabel
-from contactlab.studies.examine.engine_faults import list_workaround_candidates
 from contactlab.studies.examine.facts import facts
 from contactlab.studies.examine.primitive_fixes import primitives
 from contactlab.studies.examine.start_fixes import separated
@@ -148,23 +147,19 @@ class FixSearch:
         starts = [*filter(self._can_begin, separated(scene, values, motions, verdict))]
         shapes = [*filter(self._can_begin, primitives(scene, values, motions, verdict))]
         physical = [*starts, *shapes]
-        word: VerdictWord = "depends" if verdict.word == "depends" else "inaccurate"
-        advised = [*list_workaround_candidates(motions[0].model, scene.source, word)]
         against = candidates_against(motions, verdict)
         if isinstance(scene.drive.drive, PolicyDrive):
             against = [*filter(self._keeps_integrator, against)]
-        self._candidates = (*starts, *advised, *against, *shapes)
+        self._candidates = (*starts, *against, *shapes)
         self.label_trials, self.not_tried = 0, list[str]()
-        self.without_labels = [*self._without_labels(advised)][:1]
-        found = tuple[TriedFix, ...]()
-        if not self.without_labels:
-            found = try_fixes(motions, verdict, candidates=self._candidates, trial=self._trial)
+        self.without_labels = list[TriedFix]()
+        found = try_fixes(motions, verdict, candidates=self._candidates, trial=self._trial)
         ended = [fix for fix in found if fix.is_complete]
         self.not_tried += [fix.name for fix in found if not fix.is_complete]
         self.helping = self._by_labels([fix for fix in ended if fix.removes])
         self.tried = [*self.helping, *(fix for fix in ended if not fix.removes)]
         harmful = any(fix.harms for fix in ended)
-        if not self.helping and not self.without_labels and not harmful:
+        if not self.helping and not harmful:
             against = candidates_against_labels(motions, verdict, repeats.labels)
             self.without_labels = [*self._without_labels(against)]
         helping = (*self.helping, *self.without_labels)

@@ -22,6 +22,7 @@ from contactlab.schema.control_loop import ControlLoopReport
 from contactlab.schema.examination import Cause, Fix, RejectedFix, RunLabel, Stage
 from contactlab.schema.verdict import PASSING_VERDICTS, VERDICT_ORDER, VerdictWord, join_verdict
 from contactlab.schema.verification import VerifiedChange
+from contactlab.studies.examine.engine_faults import list_workarounds
 from contactlab.studies.examine.fixes import RepairedFiles
 from contactlab.studies.examine.linted_file import FileFault, write_rule_edits
 from contactlab.studies.examine.permanent_overlaps import find_permanent_overlaps
@@ -45,6 +46,7 @@ class Repair(NamedTuple):
         stage: of the cause.
         sentence: the cause.
         is_certain: whether the cause is known without a run of the repaired model.
+        keeps_model: whether it computes the same model differently.
         file: main file of a model with the change, if its own files have it, and changed lines.
     """
 
@@ -54,6 +56,7 @@ class Repair(NamedTuple):
     apply: str
     edits: ModelEdits
     is_certain: bool = False
+    keeps_model: bool = False
     file: tuple[Path, tuple[str, ...]] | None = None
 
 
@@ -120,7 +123,20 @@ class CauseRepairer:
         if model.word != "ok":
             model = self._part_links(model)
         known = [fault.sentence for fault in faults if fault.stage == "start"]
-        return self._move_start(model, next(iter(known), ""))
+        return self._avoid_engine_fault(self._move_start(model, next(iter(known), "")))
+
+    def _avoid_engine_fault(self, model: RepairedModel) -> RepairedModel:
+        if model.word == "ok":
+            return model
+        source = (model.scene or self.original.scene).source
+        for fault in list_workarounds(model.examined.motions[0].model, source):
+            edits = ModelEdits(fault.settings)
+            repair = Repair("engine", fault.sentence, fault.name, "", edits, keeps_model=True)
+            tried = self._try_repair(model, repair)
+            if len(tried.fixes) > len(model.fixes):
+                return tried
+            model = replace(model, rejected=tried.rejected)
+        return model
 
     def _move_start(self, first: RepairedModel, known: str) -> RepairedModel:
         # The best start lets the robot stand; the next best is the nearest that limits allow.
@@ -157,7 +173,7 @@ class CauseRepairer:
         name = f"the edit of lint's rule {fault.rule}"
         return self._try_repair(
             model,
-            Repair("file", fault.sentence, name, fault.rule, ModelEdits(), True, written),
+            Repair("file", fault.sentence, name, fault.rule, ModelEdits(), True, False, written),
         )
 
     def repair_grip(self, model: RepairedModel, cause: Cause) -> RepairedModel:
@@ -238,7 +254,8 @@ class CauseRepairer:
         try:
             if repair.file is not None:
                 scene = self.original.scenes.open(str(repair.file[0]))
-            written = self._write_repaired(scene, edits, repair.apply)
+            folder = str(len(model.causes)) + (repair.apply or repair.stage)
+            written = self._write_repaired(scene, edits, folder)
             changed = self.open_model(written.reference, rows)
             labels = self._find_labels(changed)
         except (SceneError, OutputError):
@@ -254,7 +271,7 @@ class CauseRepairer:
         removes = "verdict" if repaired.word in PASSING_VERDICTS else "cause"
         fix = Fix(
             name=repair.name,
-            changes_model=True,
+            changes_model=not repair.keeps_model,
             apply=repair.apply,
             removes=removes,
             settings=dict(repair.edits.settings),
@@ -295,7 +312,7 @@ class CauseRepairer:
             return None
         edits = replace(model.edits, settings={**self.original.values, **model.edits.settings})
         scene = (model.scene or self.original.scene).with_effects("all")
-        return RepairedFiles(scene, edits, tuple(fix.apply for fix in model.fixes))
+        return RepairedFiles(scene, edits, tuple(fix.apply for fix in model.fixes if fix.apply))
 
 
 def find_fallen_start(examined: CheckedModel) -> Iterator[FileFault]:
