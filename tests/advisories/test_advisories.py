@@ -22,7 +22,7 @@ from contactlab.schema.advisory import Advisory, AffectedReleases
 from contactlab.studies.advisories.checking import check_advisories
 from contactlab.studies.examine.engine_faults import (
     list_advisory_facts,
-    list_workaround_candidates,
+    list_workarounds,
 )
 from contactlab.studies.lock.versions import list_supported_releases
 
@@ -233,17 +233,16 @@ def test_a_sweep_and_its_plan_say_which_advisories_are_met(sparse_is_wrong: Advi
     assert "advisories" not in Path("other/manifest.json").read_text(encoding="utf-8")
 
 
-def test_an_examination_offers_the_workaround_first(sparse_is_wrong: Advisory) -> None:
+def test_an_examination_repairs_a_met_fault_by_its_workaround(sparse_is_wrong: Advisory) -> None:
     scene = find_scene("ball.xml")
     motion = move_freely(AFFECTED)
     model = motion.model
     (fact,) = list_advisory_facts([motion], [0.0], scene)
     assert fact.place == sparse_is_wrong.id
-    (candidate,) = list_workaround_candidates(model, scene, "inaccurate")
-    candidate.change(model)
-    assert model.opt.jacobian == mujoco.mjtJacobian.mjJAC_DENSE
-    assert candidate.edits.settings == {"jacobian": "dense"}
-    assert not candidate.changes_model
+    (workaround,) = list_workarounds(model, scene)
+    assert workaround.settings == {"jacobian": "dense"}
+    assert sparse_is_wrong.id in workaround.sentence
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     assert not [*list_advisory_facts([motion], [0.0], scene)]
 
 

@@ -1,7 +1,7 @@
 """Known faults of the engine that an examined model meets, and the fixes that avoid them."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import mujoco
@@ -19,7 +19,6 @@ from contactlab.mjcf import OPTIONS
 from contactlab.modifications.catalogue import CATALOGUE
 from contactlab.scene.model_edits import FLAG_NAMES
 from contactlab.scene.scene_source import SceneSource
-from contactlab.schema.evidence import Setting
 from contactlab.schema.examination import Fact
 
 
@@ -33,7 +32,7 @@ class EngineWorkaround(NamedTuple):
     """
 
     name: str
-    settings: dict[str, Setting]
+    settings: Mapping[str, object]
     sentence: str
 
 
