@@ -76,8 +76,12 @@ def find_lost_grip(motion: Motion, grip: GripReport | None, sentence: str) -> It
     """
     if grip is None or not grip.keyframe or grip.verdict not in ("drops", "creeps"):
         return
-    if not _has_constant_inputs(motion):
-        return
+    if _has_constant_inputs(motion) and leaves_hand(motion, grip):
+        yield Cause(stage=_stage_of(grip), sentence=sentence)
+
+
+def leaves_hand(motion: Motion, grip: GripReport) -> bool:
+    """Return whether the object of a keyframe's grip moves in the hand more than if it rested."""
     model, data = motion.model, begin_motion(motion)
     held, base = model.body(grip.object.removeprefix("body ")).id, model.body(grip.base).id
     geoms = np.flatnonzero(model.geom_bodyid == held)
@@ -87,8 +91,7 @@ def find_lost_grip(motion: Motion, grip: GripReport | None, sentence: str) -> It
         pass
     seconds = motion.steps * float(model.opt.timestep)
     way = float(np.linalg.norm(_place_in(data, held, base) - begun))
-    if size and way > _MOST_SPEED * seconds * size:
-        yield Cause(stage=_stage_of(grip), sentence=sentence)
+    return bool(size) and way > _MOST_SPEED * seconds * size
 
 
 def _stage_of(grip: GripReport) -> Stage:

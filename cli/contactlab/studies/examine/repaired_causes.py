@@ -22,6 +22,7 @@ from contactlab.schema.control_loop import ControlLoopReport
 from contactlab.schema.examination import Cause, Fix, RejectedFix, RunLabel, Stage
 from contactlab.schema.verdict import PASSING_VERDICTS, VERDICT_ORDER, VerdictWord, join_verdict
 from contactlab.schema.verification import VerifiedChange
+from contactlab.studies.examine.design_causes import leaves_hand
 from contactlab.studies.examine.engine_faults import list_workarounds
 from contactlab.studies.examine.fixes import RepairedFiles
 from contactlab.studies.examine.linted_file import FileFault, write_rule_edits
@@ -178,20 +179,22 @@ class CauseRepairer:
 
     def repair_grip(self, model: RepairedModel, cause: Cause) -> RepairedModel:
         """Return the model with the first fix that keeps the object of its keyframe in the hand."""
-        grip = judge_grip(GripRequest(self.original.reference, keyframe=self.original.task.start))
-        catalogue = self.original.scene.catalogue
+        original = self.original
+        grip = judge_grip(GripRequest(original.reference, keyframe=original.task.start))
+        catalogue = original.scene.catalogue
         for fix in grip.fixes:
-            if fix.verdict != "holds" or not fix.options:
-                continue
             axes = {name: catalogue.find(name) for name in fix.options}
             settings = {
                 name: axis.parse(fix.options[name]) if axis else fix.options[name]
                 for name, axis in axes.items()
             }
-            edits = ModelEdits(settings)
-            tried = self._try_repair(
-                model, Repair(cause.stage, cause.sentence, fix.name, "grip", edits, True)
+            motions = original.motions_of(original.task, {**original.values, **settings})
+            if not settings or leaves_hand(motions[0], grip):
+                continue
+            repair = Repair(
+                cause.stage, cause.sentence, fix.name, "grip", ModelEdits(settings), True
             )
+            tried = self._try_repair(model, repair)
             if len(tried.fixes) > len(model.fixes):
                 return tried
             model = replace(model, rejected=tried.rejected)
