@@ -159,6 +159,8 @@ class CauseRepairer:
                 best is None or _rank_verdict(tried.word) > _rank_verdict(best.word)
             ):
                 best = tried
+            if known and best is not None and best.word in PASSING_VERDICTS:
+                break
         if best is not None:
             return best
         cause = (Cause(stage="start", sentence=known),) if known else ()
@@ -264,8 +266,10 @@ class CauseRepairer:
         except (SceneError, OutputError):
             return listed
         repaired = replace(model, examined=changed, labels=labels, edits=edits, scene=scene)
-        gain = _rank_verdict(repaired.word) - _rank_verdict(model.word)
-        if not of_file and gain < (0 if repair.is_certain else 1):
+        # A cause that is known may leave a modeling choice to decide.
+        own, depends = _rank_verdict(model.word), _rank_verdict("depends")
+        least = min(own, depends) if repair.is_certain else own + 1
+        if not of_file and _rank_verdict(repaired.word) < least:
             return model
         found = None if of_file else self.verify(changed, edits)
         if found is not None and not found.passed:
