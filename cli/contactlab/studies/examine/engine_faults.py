@@ -19,6 +19,7 @@ from contactlab.mjcf import OPTIONS
 from contactlab.modifications.catalogue import CATALOGUE
 from contactlab.scene.model_edits import FLAG_NAMES
 from contactlab.scene.scene_source import SceneSource
+from contactlab.schema.advisory import Advisory
 from contactlab.schema.examination import Fact
 
 

@@ -276,7 +276,8 @@ def _measured(
         repaired, broken = replace(repaired, causes=(*repaired.causes, *causes)), FINER_GRID
     model = examined.motions[0].model
     grip = None if request.assign else find_grip(request.model, model, task.start)
-    designs = tuple(_list_design_causes(examined, grip)) if not (broken or faults) else ()
+    certain = broken or any(fault.is_certain for fault in faults)
+    designs = () if certain else tuple(_list_design_causes(examined, grip))
     repaired = replace(repaired, causes=(*repaired.causes, *designs))
     if "fixes" in request.sections and not broken:
         repairer = _make_repairer(request, examined, report, folder, begun)

@@ -31,6 +31,7 @@ class FileFault(NamedTuple):
         sentence: the mistake, and its line.
         stage: of the cause: the file, or the start that its keyframe gives.
         is_of_start: whether the numbers of the start are not those that its file means.
+        is_certain: whether the runs say nothing; otherwise the edit of the rule is tried.
         fix: the sentence that a report has instead of a fix; "" if others may help.
     """
 
@@ -39,6 +40,7 @@ class FileFault(NamedTuple):
     stage: Stage = "file"
     is_of_start: bool = False
     fix: str = ""
+    is_certain: bool = True
 
 
 @dataclass(frozen=True)
@@ -60,9 +62,11 @@ def lint_file(source: SceneSource, reference: str, start: str) -> LintedFile:
     found = [*report.open("error"), *report.open("warning")]
     faults = [*_list_start_faults(source, reference, start)]
     for finding in found:
-        if RULES[finding.name].voids_runs:
+        rule = RULES[finding.name]
+        if rule.voids_runs or rule.may_decide:
             place = f"{_relative_to_model(finding.file, reference)}:{finding.line}"
-            faults.append(FileFault(finding.name, f"{finding.message} ({place})"))
+            sentence = f"{finding.message} ({place})"
+            faults.append(FileFault(finding.name, sentence, is_certain=rule.voids_runs))
     return LintedFile(tuple(faults), tuple(_file_facts(found, reference)))
 
 

@@ -117,7 +117,7 @@ class CauseRepairer:
         for fault in faults:
             if fault.rule == COINCIDENT:
                 model = self._try_repair(model, self._single_geoms(fault))
-            elif fault.stage == "file":
+            elif fault.stage == "file" and (fault.is_certain or model.word != "ok"):
                 model = self._repair_by_lint(model, fault)
         if any(fault.is_of_start for fault in faults):
             return model
@@ -173,10 +173,11 @@ class CauseRepairer:
         written = write_rule_edits(source, fault.rule, folder)
         if written is None:
             return replace(model, causes=(*model.causes, *list_file_causes([fault])))
+        certain = fault.is_certain
         name = f"the edit of lint's rule {fault.rule}"
         return self._try_repair(
             model,
-            Repair("file", fault.sentence, name, fault.rule, ModelEdits(), True, False, written),
+            Repair("file", fault.sentence, name, fault.rule, ModelEdits(), certain, False, written),
         )
 
     def repair_grip(self, model: RepairedModel, cause: Cause) -> RepairedModel:
@@ -333,7 +334,8 @@ def find_fallen_start(examined: CheckedModel) -> Iterator[FileFault]:
 def list_file_causes(faults: Sequence[FileFault]) -> Iterator[Cause]:
     """Yield the causes that a file has before any is repaired."""
     for fault in faults:
-        yield Cause(stage=fault.stage, sentence=fault.sentence)
+        if fault.is_certain:
+            yield Cause(stage=fault.stage, sentence=fault.sentence)
 
 
 def _rank_verdict(word: VerdictWord) -> int:

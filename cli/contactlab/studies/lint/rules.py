@@ -22,6 +22,7 @@ class Rule:
         function: yields the faults of a model.
         of_refused: whether it also judges models that MuJoCo does not compile.
         voids_runs: whether runs of such a model say nothing of the one that its author meant.
+        may_decide: whether a verdict may follow from the fault, so that its edit is tried.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Rule:
     function: RuleFunction
     of_refused: bool = False
     voids_runs: bool = False
+    may_decide: bool = False
 
     @property
     def about(self) -> str:
@@ -51,7 +53,12 @@ RULES: Registry[Rule] = Registry("rule")
 
 
 def rule(
-    name: str, level: Level, *, of_refused: bool = False, voids_runs: bool = False
+    name: str,
+    level: Level,
+    *,
+    of_refused: bool = False,
+    voids_runs: bool = False,
+    may_decide: bool = False,
 ) -> Callable[[RuleFunction], RuleFunction]:
     """Declare a rule: the function yields the faults of a `LintedModel`.
 
@@ -59,7 +66,7 @@ def rule(
     """
 
     def declare(function: RuleFunction) -> RuleFunction:
-        RULES.add(Rule(name, level, function, of_refused, voids_runs))
+        RULES.add(Rule(name, level, function, of_refused, voids_runs, may_decide))
         return function
 
     return declare

@@ -10,7 +10,8 @@ from contactlab.contact.contact_laws import rest_penetration
 from contactlab.contact.trace_arrays import Floats
 from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.contact_pairs import half_extents
-from contactlab.studies.lint.linted_model import Fault, LintedModel
+from contactlab.scene.model_draft import mjcf_text
+from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel
 from contactlab.studies.lint.rules import rule
 
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
@@ -80,7 +81,15 @@ def control_range(linted: LintedModel) -> Iterator[Fault]:
         )
 
 
-@rule("jaw-force", "warn")
+class _JawForce(NamedTuple):
+    depth: float  # [m]
+    force: float  # [N]
+    servo: _Servo
+    geom: int
+    edits: tuple[Edit, ...]  # that limit the force
+
+
+@rule("jaw-force", "warn", may_decide=True)
 def jaw_force(linted: LintedModel) -> Iterator[Fault]:
     """Jaws of position servos without a force range press through an object.
 
@@ -88,7 +97,7 @@ def jaw_force(linted: LintedModel) -> Iterator[Fault]:
     own thickness. Fix: `forcerange`, with the force of the real gripper.
     """
     model, data = linted.model, linted.reference
-    halves, found = half_extents(model), list[tuple[float, float, _Servo, int]]()
+    halves, found = half_extents(model), list[_JawForce]()
     for servo in _list_servos(model):
         geom = _find_jaw_geom(model, data, servo.joint)
         limited = (
@@ -113,9 +122,14 @@ def jaw_force(linted: LintedModel) -> Iterator[Fault]:
             )
         )
         if depth > halves[geom]:
-            found.append((depth, force, servo, geom))
+            # Depth is in proportion to force, as far as the impedance does not rise.
+            shallow = 0.2  # of the jaw's half thickness
+            most = force * float(lever) / abs(servo.gear) * shallow * float(halves[geom]) / depth
+            limits = mjcf_text([-float(f"{most:.2g}"), float(f"{most:.2g}")])
+            edits = linted.set("actuator", servo.actuator, forcerange=limits)
+            found.append(_JawForce(depth, force, servo, geom, edits))
     if found:
-        depth, force, servo, geom = max(found, key=lambda one: one[0])
+        depth, force, servo, geom, _ = max(found, key=lambda one: one.depth)
         more = f"; and {len(found) - 1} more" if len(found) > 1 else ""
         name, jaw = linted.name("actuator", servo.actuator), linted.name("geom", geom)
         yield Fault(
@@ -123,6 +137,7 @@ def jaw_force(linted: LintedModel) -> Iterator[Fault]:
             f"opening it presses with {force:.3g} N, and {jaw} sinks in by "
             f"{1e3 * depth:.3g} mm{more}; write a forcerange, such as that of the real gripper",
             linted.place("actuator", servo.actuator),
+            tuple(edit for one in found for edit in one.edits),
         )
 
 

@@ -8,6 +8,7 @@ from contactlab.modifications.model_predicates import lacks_surroundings
 from contactlab.schema.grip import GripReport
 from contactlab.schema.verification import VerifiedMeasure
 from contactlab.studies.grip.grip_fact import grip_requests
+from contactlab.studies.grip.grip_verdict import MOST_DEPTH
 from contactlab.studies.grip.gripping import GripRequest, judge_grip
 from contactlab.tasks.checked_model import CheckedModel
 
@@ -80,6 +81,9 @@ def _compare_reports(before: GripReport, after: GripReport | None) -> Iterator[V
         worse=other > creep + tolerance,
     )
     force, held = before.pull.force, 0.0 if after is None else after.pull.force
+    least = (1 - _RELATIVE) * force
+    if before.depth_share > MOST_DEPTH:
+        least = min(least, before.weight)  # fingers inside an object do not hold it by force
     yield VerifiedMeasure(
         name="pull-out force",
         run=run,
@@ -87,10 +91,10 @@ def _compare_reports(before: GripReport, after: GripReport | None) -> Iterator[V
         before=force,
         after=held,
         spread=0.0,
-        tolerance=_RELATIVE * force,
+        tolerance=force - least,
         place=before.pull.direction,
         more_is_better=True,
-        worse=held < (1 - _RELATIVE) * force,
+        worse=held < least,
     )
     if after is None:
         return

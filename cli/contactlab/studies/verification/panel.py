@@ -423,6 +423,9 @@ class _Panel:
             return
         before, after, spread, place = errors
         floor = max(ERROR_FLOOR, self._request.allowed_error)
+        if not self._request.keeps_motion:
+            # Another motion has another error, which may be up to half of the tolerance.
+            floor = max(floor, self._original.task.tolerance / 2)
         tolerance = 0.0
         if math.isfinite(before):
             tolerance = max(spread, RELATIVE_TOLERANCE * before, floor - before)
