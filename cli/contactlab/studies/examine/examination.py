@@ -419,9 +419,9 @@ def _make_repairer(
 ) -> CauseRepairer:
     until = begun + _VERIFYING * request.max_cpu
 
-    def open_repaired(reference: str, rows: Sequence[str]) -> CheckedModel:
+    def open_repaired(reference: str, rows: Sequence[str], settings: Settings) -> CheckedModel:
         opened = open_changed_model(reference, examined.session, request.task)
-        return replace(opened, rows=rows, settings=Settings())
+        return replace(opened, rows=rows, settings=settings)
 
     def verify(changed: CheckedModel, edits: ModelEdits) -> VerifiedChange:
         # Another start has other motions, and their errors may differ within the tolerance.
@@ -448,7 +448,7 @@ def _make_repairer(
         folder=folder,
         open_model=open_repaired,
         verify=verify,
-        left=lambda: begun + _FIXING * request.max_cpu - time.process_time(),
+        left=lambda: until - time.process_time(),
         describe=describe,
     )
 

@@ -57,6 +57,8 @@ def _touching(motion: Motion, bodies: set[str]) -> Iterator[str]:
     """Yield names of mesh geoms that touch in a motion, where one of some bodies takes part."""
     model, data = motion.model, mujoco.MjData(motion.model)
     meshes = (model.geom_type == _MESH) & (model.geom_dataid >= 0)
+    if not meshes.any():
+        return
     judged = np.array([model.body(body).name in bodies for body in model.geom_bodyid], bool)
     found = np.zeros(model.ngeom, bool)
     mujoco.mj_setState(model, data, motion.starts[0], INTEGRATION)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from contactlab.budget.measuring import evaluations, pace, steps_of
+from contactlab.budget.measuring import Settings, evaluations, pace, steps_of
 from contactlab.closed_loop.loop_margins import LoopStudy
 from contactlab.errors import OutputError, SceneError
 from contactlab.modifications.catalogue import list_rows
@@ -104,7 +104,7 @@ class CauseRepairer:
 
     original: CheckedModel
     folder: Path
-    open_model: Callable[[str, Sequence[str]], CheckedModel]
+    open_model: Callable[[str, Sequence[str], Settings], CheckedModel]
     verify: Callable[[CheckedModel, ModelEdits], VerifiedChange]
     left: Callable[[], float]
     describe: Callable[[RepairedModel], str]
@@ -243,18 +243,13 @@ class CauseRepairer:
 
     def _try_repair(self, model: RepairedModel, repair: Repair) -> RepairedModel:
         # The model itself if it cannot be judged, or is no better.
-        examined, edits = model.examined, join_edits([model.edits, repair.edits])
+        edits = join_edits([model.edits, repair.edits])
         fails = repair.stage == "file" or repair.is_certain
         known = Cause(stage=repair.stage, sentence=repair.sentence, fails=fails)
         of_file = repair.stage == "file" and repair.is_certain
         listed = replace(model, causes=(*model.causes, known)) if of_file else model
-        rows = [row.name for row in list_rows() if row.kind in _JUDGING]
-        looks = evaluations(
-            examined.motions[0].model,
-            examined.settings,
-            [row for row in list_rows() if row.name in rows],
-        )
-        if looks * steps_of(examined.motions) * pace(examined.motions) > self.left():
+        chosen = self._choose_rows(model)
+        if chosen is None:
             return listed
         scene = model.scene
         try:
@@ -262,7 +257,7 @@ class CauseRepairer:
                 scene = self.original.scenes.open(str(repair.file[0]))
             folder = str(len(model.causes)) + (repair.apply or repair.stage)
             written = self._write_repaired(scene, edits, folder)
-            changed = self.open_model(written.reference, rows)
+            changed = self.open_model(written.reference, *chosen)
             labels = self._find_labels(changed)
         except (SceneError, OutputError):
             return listed
@@ -302,6 +297,18 @@ class CauseRepairer:
         )
         causes = (*model.causes, cause)
         return replace(repaired, causes=causes, fixes=(*model.fixes, fix))
+
+    def _choose_rows(self, model: RepairedModel) -> tuple[list[str], Settings] | None:
+        # Rows of a repaired model's budget, and how it is measured: all that judge, or, if that
+        # takes too long and the numerics fail, a first look at these. None if there is no time.
+        motions = model.examined.motions
+        rows = [row for row in list_rows() if row.kind in _JUDGING]
+        quick = Settings(check=False, energy=False)
+        step = steps_of(motions) * pace(motions)
+        if evaluations(motions[0].model, Settings(), rows) * step <= self.left():
+            return [row.name for row in rows], Settings()
+        affords = evaluations(motions[0].model, quick) * step <= self.left()
+        return ([], quick) if affords and model.word not in PASSING_VERDICTS else None
 
     def _write_repaired(self, scene: Scene | None, edits: ModelEdits, name: str) -> WrittenModel:
         original = self.original
