@@ -123,8 +123,8 @@ def jaw_force(linted: LintedModel) -> Iterator[Fault]:
         )
         if depth > halves[geom]:
             # Depth is in proportion to force, as far as the impedance does not rise.
-            shallow = 0.2  # of the jaw's half thickness
-            most = force * float(lever) / abs(servo.gear) * shallow * float(halves[geom]) / depth
+            rests = 0.5  # of the jaw's half thickness, as deep as contacts may rest
+            most = force * float(lever) / abs(servo.gear) * rests * float(halves[geom]) / depth
             limits = mjcf_text([-float(f"{most:.2g}"), float(f"{most:.2g}")])
             edits = linted.set("actuator", servo.actuator, forcerange=limits)
             found.append(_JawForce(depth, force, servo, geom, edits))
