@@ -277,7 +277,7 @@ class CauseRepairer:
             changes_model=not repair.keeps_model,
             apply=repair.apply,
             removes=removes,
-            settings=dict(repair.edits.settings),
+            settings=dict(repair.edits.settings),  # pyright: ignore[reportArgumentType] - settings
             changed_keyframes=edits.posed,
             moved_bodies=edits.placed,
             masked_geoms=edits.masked,
