@@ -4,9 +4,10 @@ The object is what a robot touches and no actuator moves. Without one, as for a 
 is the robot itself.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -124,39 +125,19 @@ class ContactVerdict:
     """The contacts of the object in one episode.
 
     Attributes:
-        labels: failure labels of the object, worst first.
-        depth: the deepest contact that lasts, as a share of the thickness of the thinner body.
-        pair: its pair.
-        time: when it is deepest [s].
-        is_too_deep: whether that is beyond the limit.
+        causes: the reasons that speak against them, by name: failure labels of the object, worst
+            first, `too deep` and `creeping`.
     """
 
-    labels: tuple[LabelEntry, ...]
-    depth: float
-    pair: str
-    time: float
-    is_too_deep: bool
+    causes: Mapping[str, str]
 
     @property
     def is_sound(self) -> bool:
-        """Whether no label and no depth speaks against the contacts."""
-        return not self.labels and not self.is_too_deep
-
-    @property
-    def causes(self) -> tuple[str, ...]:
-        """The names of what speaks against them."""
-        deep = (TOO_DEEP,) if self.is_too_deep else ()
-        return (*dict.fromkeys(each.label for each in self.labels), *deep)
-
-    def describe_cause(self, name: str) -> str:
-        """Return the reason of a cause; empty if it does not speak against them."""
-        if name == TOO_DEEP and self.is_too_deep:
-            part = format_percent(self.depth)
-            return f"{self.pair}: {part} of the thinner body's thickness at {self.time:.2f} s"
-        return next((each.reason for each in self.labels if each.label == name), "")
+        """Whether nothing speaks against the contacts."""
+        return not self.causes
 
 
-TOO_DEEP = "too deep"
+TOO_DEEP, CREEPING = "too deep", "creeping"
 
 
 @dataclass(frozen=True)
@@ -195,17 +176,17 @@ class DecisiveContacts:
         }
 
     @cached_property
-    def _thickness(self) -> dict[str, float]:
-        """The thickness of the thinner geom of each pair [m]."""
+    def _sizes(self) -> dict[str, tuple[float, float]]:
+        """Thickness of the thinnest and diameter of the smallest geom of each pair [m]."""
+        bounds = 2 * np.asarray(self._base.model.geom_rbound)
+        bounds = np.where(bounds > 0, bounds, np.inf)  # planes have none
         touch, halves = touch_mask(self._base.model), half_extents(self._base.model)
-        return {
-            pair.name: 2
-            * min(
-                (halves[list(geoms)].min() for geoms in colliding_geoms(touch, pair)),
-                default=np.inf,
-            )
-            for pair in self._base.pairs
-        }
+        sizes = dict[str, tuple[float, float]]()
+        for pair in self._base.pairs:
+            geoms = [geom for both in colliding_geoms(touch, pair) for geom in both]
+            thin, small = halves[geoms].min(initial=np.inf), bounds[geoms].min(initial=np.inf)
+            sizes[pair.name] = 2 * float(thin), float(small)
+        return sizes
 
     @property
     def object_names(self) -> tuple[str, ...]:
@@ -262,26 +243,57 @@ class DecisiveContacts:
     def judge(self, labels: Iterable[LabelEntry], trace: StoredTrace | None) -> ContactVerdict:
         """Return the verdict on the contacts of an episode with some labels."""
         names, notes = self.body_names, {"stable", *labels_with("note")}
-        found = tuple(
-            each
-            for each in labels
-            if each.label not in notes and (not each.bodies or not names.isdisjoint(each.bodies))
-        )
-        depth, place, time = 0.0, "", 0.0
+        causes = dict[str, str]()
+        for each in labels:
+            if each.label not in notes and (not each.bodies or not names.isdisjoint(each.bodies)):
+                causes.setdefault(each.label, each.reason)
+        depths, slips = [_NOTHING], [_NOTHING]
         for pair in trace.pairs if trace else ():
             if trace and self._is_decisive(pair.name) and len(pair.steps):
-                share, instant = self._lasting_depth(pair, trace.time)
-                if share > depth:
-                    depth, place, time = share, pair.name, instant
-        return ContactVerdict(found, depth, place, time, depth > self._limit)
+                depths.append(self._find_lasting_depth(pair, trace.time))
+                slips.append(self._find_longest_creep(pair, trace.time))
+        if (deepest := max(depths)).amount > self._limit:
+            part = format_percent(deepest.amount)
+            causes[TOO_DEEP] = f"{deepest.describe()}: {part} of the thinner body's thickness"
+        if (longest := max(slips)).amount > _MOST_CREEP:
+            part = format_percent(longest.amount)
+            causes[CREEPING] = f"{longest.describe()}: slips {part} of its size within its friction"
+        return ContactVerdict(causes)
 
-    def _lasting_depth(self, pair: StoredPair, times: Floats) -> tuple[float, float]:
-        """Return the largest depth that lasts, as a share, and the time when it begins [s]."""
-        step = float(np.diff(times[:2]).sum())
-        steps = len(times) - 1
-        depths: Floats = pair.spread_over_steps(steps, -pair.distance)
-        width = min(max(1, round(SUSTAINED_SECONDS / step)), steps)
+    def _find_lasting_depth(self, pair: StoredPair, times: Floats) -> "_Extreme":
+        depths: Floats = pair.spread_over_steps(len(times) - 1, -pair.distance)
+        width = min(max(1, round(SUSTAINED_SECONDS / float(times[1] - times[0]))), len(depths))
         lasting = np.lib.stride_tricks.sliding_window_view(depths, width).min(axis=1)
         deepest = int(lasting.argmax())
-        share = float(lasting[deepest]) / self._thickness[pair.name]
-        return share, float(times[deepest])
+        share = float(lasting[deepest]) / self._sizes[pair.name][0]
+        return _Extreme(share, pair.name, float(times[deepest]))
+
+    def _find_longest_creep(self, pair: StoredPair, times: Floats) -> "_Extreme":
+        # A body slides only at the limit of its friction. Regularized friction lets it creep below.
+        step, steps = float(times[1] - times[0]), len(times) - 1
+        below = (pair.usage < _FRICTION_USED) & (pair.normal > 0) & (pair.slip > _CREEP_SPEED)
+        creeps = pair.spread_over_steps(steps, below, apart=False)
+        slips: Floats = pair.spread_over_steps(steps, pair.slip)
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], creeps, [False]]).astype(int)))
+        longest = _Extreme(0.0, pair.name, 0.0)
+        for first, last in edges.reshape(-1, 2).tolist():
+            if (last - first) * step >= _CREEP_SECONDS:
+                share = float(slips[first:last].sum()) * step / self._sizes[pair.name][1]
+                longest = max(longest, _Extreme(share, pair.name, float(times[first])))
+        return longest
+
+
+class _Extreme(NamedTuple):
+    amount: float
+    pair: str
+    time: float
+
+    def describe(self) -> str:
+        return f"{self.pair} at {self.time:.2f} s"
+
+
+_NOTHING = _Extreme(0.0, "", 0.0)
+_MOST_CREEP = 0.1
+"""Largest creep in one stretch over the size of the smaller body, as of a grip that slips."""
+_FRICTION_USED, _CREEP_SPEED, _CREEP_SECONDS = 0.9, 1e-3, 0.1
+"""Creep uses less of its friction, is faster [m/s], and lasts longer [s], unlike an impact."""

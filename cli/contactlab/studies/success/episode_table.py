@@ -64,7 +64,7 @@ class EpisodeTable:
     def find_losses(self, case: Case) -> tuple[str, ...]:
         """Return the causes that take the success of a case away: labels, a depth, variants."""
         contact = self.rows[case][AS_WRITTEN].contact
-        by_contact = contact.causes if contact else ()
+        by_contact = tuple(contact.causes) if contact else ()
         lost = (name for name in self.numerics if self.find_outcome(case, name) is False)
         return (*by_contact, *lost)
 

@@ -165,8 +165,8 @@ class _StoreJudge:
 
     def _describe_cause(self, cause: str) -> str:
         written = (row[AS_WRITTEN] for row in self.table.rows.values() if AS_WRITTEN in row)
-        verdicts = [each.contact for each in written if each.contact]
-        return next(filter(None, (each.describe_cause(cause) for each in verdicts)))
+        causes = [each.contact.causes for each in written if each.contact]
+        return next(each[cause] for each in causes if cause in each)
 
     def compare_variant(self, variant: Variant) -> VariantResult:
         counts = self.table.count_outcomes(variant.name)
