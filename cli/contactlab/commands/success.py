@@ -117,11 +117,16 @@ def success(
 
 
 def _write_files(report: "SuccessReport", folder: Path) -> None:
-    from contactlab.schema.success import REPORT
+    from contactlab.page.success_page import success_page
+    from contactlab.schema.success import PAGE, REPORT
     from contactlab.store.atomic_files import atomic_write, write_errors
+    from contactlab.store.finished_store import Store
 
+    page = success_page(report, Store.open(report.store))
+    files = {REPORT: report.model_dump_json(indent=2) + "\n", PAGE: page}
     with write_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        with atomic_write(folder / REPORT) as path:
-            path.write_text(report.model_dump_json(indent=2) + "\n", encoding="utf-8")
-    say(f"wrote {folder / REPORT}")
+        for name, text in files.items():
+            with atomic_write(folder / name) as path:
+                path.write_text(text, encoding="utf-8")
+    say(f"wrote {folder / REPORT} and {PAGE}")

@@ -4,6 +4,7 @@ import copy
 from abc import ABC, abstractmethod
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
+from functools import cache
 from typing import Any, NamedTuple
 
 import mujoco
@@ -172,11 +173,21 @@ def write_fields(model: mujoco.MjModel, wanted: mujoco.MjModel) -> None:
 
 
 def _physical_fields(*models: mujoco.MjModel) -> Generator[tuple[Any, ...]]:
-    first = models[0]
-    for name in dir(first):
-        seen = name.startswith(_VISUAL_PREFIXES) or name.endswith(("rgba", "matid", "group"))
-        if not seen and isinstance(getattr(first, name), np.ndarray):
-            yield name, *(getattr(model, name) for model in models)
-    for name in dir(first.opt):
-        if not name.startswith("_"):
-            yield f"opt.{name}", *(getattr(model.opt, name) for model in models)
+    fields, options = _field_names()
+    for name in fields:
+        yield name, *(getattr(model, name) for model in models)
+    for name in options:
+        yield f"opt.{name}", *(getattr(model.opt, name) for model in models)
+
+
+@cache
+def _field_names() -> tuple[tuple[str, ...], tuple[str, ...]]:
+    # Each episode asks several times, and `dir` takes longer than to compare all fields.
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    fields = (
+        name
+        for name in dir(model)
+        if not (name.startswith(_VISUAL_PREFIXES) or name.endswith(("rgba", "matid", "group")))
+        and isinstance(getattr(model, name), np.ndarray)
+    )
+    return tuple(fields), tuple(name for name in dir(model.opt) if not name.startswith("_"))

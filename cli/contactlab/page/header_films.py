@@ -103,18 +103,19 @@ def _find_stable_run(data: ReportData) -> str | None:
 
 
 class Moment(NamedTuple):
-    """A moment of a run: the worst window of a body [s], and its caption."""
+    """A moment of a run: a window of a body [s], its caption, and a run to show next to it."""
 
     run: str
     body: str
     begin: float
     end: float
     words: str
+    beside: str | None = None
 
 
 def film_of_moment(store: Store, moment: Moment) -> Films:
     """Return a film in slow motion of the time around a moment, from near the body."""
-    between = moment.begin - _BEFORE * _SHOWN, moment.end + (1 - _BEFORE) * _SHOWN
+    between = max(moment.begin - _BEFORE * _SHOWN, 0.0), moment.end + (1 - _BEFORE) * _SHOWN
     try:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "moment.gif"
@@ -126,6 +127,7 @@ def film_of_moment(store: Store, moment: Moment) -> Films:
                 camera=None,
                 speed=(between[1] - between[0]) / _SECONDS_OF_MOMENT,
                 at=(),
+                beside=moment.beside,
                 between=between,
                 around=moment.body,
             )

@@ -59,7 +59,9 @@ class SuccessLoss(Model):
     kind: Literal["contact", "variant"]
     episodes: int = about("Successes that it takes away.", unit="1")
     alone: int = about("Those that nothing else takes away.", unit="1")
-    example: str = about("Reason of the label in the first such episode.", default="")
+    example: str = about("Its reason in the first such episode.", default="")
+    run: str = about("Id of this episode.", default="")
+    time: FiniteOrNull = about("When it begins there.", unit="s", default=None)
 
 
 class PartingForce(Model):

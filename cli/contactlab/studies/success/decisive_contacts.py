@@ -129,12 +129,19 @@ class ContactVerdict:
             first, `too deep` and `creeping`.
     """
 
-    causes: Mapping[str, str]
+    causes: "Mapping[str, ContactCause]"
 
     @property
     def is_sound(self) -> bool:
         """Whether nothing speaks against the contacts."""
         return not self.causes
+
+
+class ContactCause(NamedTuple):
+    """A reason that speaks against contacts, and when it begins [s]; None for a whole episode."""
+
+    reason: str
+    time: float | None
 
 
 TOO_DEEP, CREEPING = "too deep", "creeping"
@@ -243,10 +250,11 @@ class DecisiveContacts:
     def judge(self, labels: Iterable[LabelEntry], trace: StoredTrace | None) -> ContactVerdict:
         """Return the verdict on the contacts of an episode with some labels."""
         names, notes = self.body_names, {"stable", *labels_with("note")}
-        causes = dict[str, str]()
+        causes = dict[str, ContactCause]()
         for each in labels:
             if each.label not in notes and (not each.bodies or not names.isdisjoint(each.bodies)):
-                causes.setdefault(each.label, each.reason)
+                time = None if trace is None or each.step is None else float(trace.time[each.step])
+                causes.setdefault(each.label, ContactCause(each.reason, time))
         depths, slips = [_NOTHING], [_NOTHING]
         for pair in trace.pairs if trace else ():
             if trace and self._is_decisive(pair.name) and len(pair.steps):
@@ -254,10 +262,12 @@ class DecisiveContacts:
                 slips.append(self._find_longest_creep(pair, trace.time))
         if (deepest := max(depths)).amount > self._limit:
             part = format_percent(deepest.amount)
-            causes[TOO_DEEP] = f"{deepest.describe()}: {part} of the thinner body's thickness"
+            text = f"{deepest.describe()}: {part} of the thinner body's thickness"
+            causes[TOO_DEEP] = ContactCause(text, deepest.time)
         if (longest := max(slips)).amount > _MOST_CREEP:
             part = format_percent(longest.amount)
-            causes[CREEPING] = f"{longest.describe()}: slips {part} of its size within its friction"
+            text = f"{longest.describe()}: slips {part} of its size within its friction"
+            causes[CREEPING] = ContactCause(text, longest.time)
         return ContactVerdict(causes)
 
     def _find_lasting_depth(self, pair: StoredPair, times: Floats) -> "_Extreme":

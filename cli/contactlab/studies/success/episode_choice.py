@@ -14,6 +14,8 @@ from contactlab.studies.success.episode_table import Case, EpisodeTable
 
 FIRST_BLOCK = 10
 """Cases before the first look; the object is found in them."""
+COSTLY_CASES = 20
+"""Cases in which a costly variant is played anyway."""
 _GROWTH_DIVISOR = 4  # later blocks grow with a quarter of all cases so far
 
 FinishedEpisode = tuple[Case, str, Mapping[str, Any]]
@@ -28,7 +30,8 @@ class EpisodesUntilDecided(ChosenRuns):
         ids: (runs) of its runs in order.
         tabulate: returns the table of all rows of finished episodes.
         is_decided: whether the table answers the question.
-        control: the variant that is played only if another one of numerics changes an outcome.
+        control: the variant that is played only if one of numerics changes an outcome.
+        costly: variants that are played in the first cases only, unless they change an outcome.
     """
 
     def __init__(
@@ -37,31 +40,47 @@ class EpisodesUntilDecided(ChosenRuns):
         ids: NDArray[np.uint64],
         tabulate: Callable[[Iterable[FinishedEpisode]], EpisodeTable],
         is_decided: Callable[[EpisodeTable], bool],
-        control: str | None,
+        control: str | None = None,
+        costly: Sequence[str] = (),
     ) -> None:
         super().__init__(ids, dict, ())
-        self._tabulate, self._is_decided, self._control = tabulate, is_decided, control
+        self._tabulate, self._is_decided = tabulate, is_decided
+        self._control, self._costly = control, costly
         self._cases = dict[Case, dict[str, int]]()
         for run in plan.iterate_runs():
             values = {**run.values, "seed": run.seed}
             variant = str(values.pop(VARIANT, AS_WRITTEN))
             self._cases.setdefault(case_of(values), {})[variant] = run.index
+        self._variants = [*next(iter(self._cases.values()))]
 
     def choose_next(self) -> Iterable[int]:
         """Return the plan indices of the next episodes."""
-        cases, count = [*self._cases.values()], 0
-        while count < len(cases):
-            count = min(len(cases), count + max(FIRST_BLOCK, count // _GROWTH_DIVISOR))
-            block = cases[:count]
-            for missing in (self._missing_written(block), self._missing_variants(block)):
-                if missing:
-                    return missing
+        count = 0
+        while count < len(self._cases):
+            count = min(len(self._cases), count + max(FIRST_BLOCK, count // _GROWTH_DIVISOR))
+            conditional = {self._control, *self._costly}
+            usual = [name for name in self._variants if name not in conditional]
+            first = min(count, COSTLY_CASES)
+            for places in (
+                self._list_missing([AS_WRITTEN], count),
+                [*self._list_missing(usual, count), *self._list_missing(self._costly, first)],
+            ):
+                if places:
+                    return places
             table = self._tabulate(self._finished_episodes(count))
-            if missing := self._missing_controls(count, table):
-                return missing
+            further = [name for name in self._costly if table.count_outcomes(name).changed]
+            if self._control and any(table.count_outcomes(each).changed for each in table.numerics):
+                further.append(self._control)
+            if places := self._list_missing(further, count):
+                return places
             if self._is_decided(table):
                 break
         return []
+
+    def _list_missing(self, variants: Sequence[str], count: int) -> list[int]:
+        cases = [*self._cases.values()][:count]
+        places = [case[name] for case in cases for name in variants]
+        return [place for place in places if not self.is_known(place)]
 
     def _finished_episodes(self, count: int) -> Iterable[FinishedEpisode]:
         for case, places in [*self._cases.items()][:count]:
@@ -69,30 +88,6 @@ class EpisodesUntilDecided(ChosenRuns):
                 row = self.side_at(place)
                 if isinstance(row, dict):
                     yield case, variant, row
-
-    def _missing_written(self, block: Sequence[Mapping[str, int]]) -> list[int]:
-        return [each[AS_WRITTEN] for each in block if not self.is_known(each[AS_WRITTEN])]
-
-    def _missing_variants(self, block: Sequence[Mapping[str, int]]) -> list[int]:
-        return [
-            place
-            for each in block
-            for variant, place in each.items()
-            if variant not in (AS_WRITTEN, self._control) and not self.is_known(place)
-        ]
-
-    def _missing_controls(self, count: int, table: EpisodeTable) -> list[int]:
-        """Return the episodes of the control: of all cases, once a variant changed an outcome."""
-        if self._control is None or not changes_outcomes(table):
-            return []
-        places = [each[self._control] for each in [*self._cases.values()][:count]]
-        return [place for place in places if not self.is_known(place)]
-
-
-def changes_outcomes(table: EpisodeTable) -> bool:
-    """Return whether any variant of numerics changes an outcome."""
-    counts = map(table.count_outcomes, table.numerics)
-    return any(each.gained or each.lost for each in counts)
 
 
 def case_of(values: Mapping[str, object]) -> Case:

@@ -115,3 +115,8 @@ class PairedOutcomes:
     good: int
     gained: int
     lost: int
+
+    @property
+    def changed(self) -> int:
+        """The number of outcomes that differ."""
+        return self.gained + self.lost

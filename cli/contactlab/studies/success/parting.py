@@ -13,7 +13,7 @@ from contactlab.schema.success import PartingForce
 from contactlab.store.mcap.trace_reader import StoredTrace
 
 _MOST_SAMPLES = 2000
-_SHARE = 0.1  # of the reach of the object from its frame; farther places differ
+_SHARE = 0.5  # of the reach of the object from its frame; farther places differ
 _FORCE_SECONDS = 0.02  # forces are means over this time before the moment [s]
 
 

@@ -4,10 +4,12 @@ import math
 from collections.abc import Iterator
 
 from contactlab.errors import StoreError
+from contactlab.rendering.amounts import format_amount
 from contactlab.run.planned_runs import stored_sweep_scene
 from contactlab.scene.variants import AS_WRITTEN, Variant, load_variants
 from contactlab.schema.drive import PolicyDrive, drive_text
 from contactlab.schema.evidence import EvidenceRecord
+from contactlab.schema.setting_values import as_number
 from contactlab.schema.success import (
     DecisivePair,
     Parting,
@@ -154,19 +156,17 @@ class _StoreJudge:
 
     def list_losses(self) -> Iterator[SuccessLoss]:
         for cause, (episodes, alone) in self.table.count_losses().items():
-            by_variant = cause in self.table.numerics
-            yield SuccessLoss(
-                cause=cause,
-                kind="variant" if by_variant else "contact",
-                episodes=episodes,
-                alone=alone,
-                example="" if by_variant else self._describe_cause(cause),
-            )
+            loss = SuccessLoss(cause=cause, kind="variant", episodes=episodes, alone=alone)
+            yield loss if cause in self.table.numerics else self._add_example(loss)
 
-    def _describe_cause(self, cause: str) -> str:
+    def _add_example(self, loss: SuccessLoss) -> SuccessLoss:
         written = (row[AS_WRITTEN] for row in self.table.rows.values() if AS_WRITTEN in row)
-        causes = [each.contact.causes for each in written if each.contact]
-        return next(each[cause] for each in causes if cause in each)
+        contacts = ((each.run_id, each.contact.causes) for each in written if each.contact)
+        run, found = next(
+            (run, causes[loss.cause]) for run, causes in contacts if loss.cause in causes
+        )
+        update = {"kind": "contact", "example": found.reason, "run": run, "time": found.time}
+        return loss.model_copy(update=update)
 
     def compare_variant(self, variant: Variant) -> VariantResult:
         counts = self.table.count_outcomes(variant.name)
@@ -218,19 +218,34 @@ class _StoreJudge:
 
     def list_notes(self) -> Iterator[str]:
         written = [row[AS_WRITTEN] for row in self.table.rows.values() if AS_WRITTEN in row]
+        whole = [
+            each
+            for each in self._records.values()
+            if _variant_of(each) == AS_WRITTEN and not each.success and _lasts_whole(each)
+        ]
+        if whole and self._scene.source.environment:
+            duration = format_amount(whole[0].duration, "s")
+            yield (
+                f"{len(whole)} failures last the whole {duration} of an episode; "
+                "--duration allows longer ones"
+            )
         if failed := [each.problem for each in written if each.problem]:
             yield f"{len(failed)} episodes as written were not played: {failed[0]}"
         if self._untraced:
             yield f"{self._untraced} episodes have no trace, so their depths are not known"
         for each in self.variants:
             counts = self.table.count_outcomes(each.name)
-            changed = counts.lost + counts.gained
-            if each.kind == "control" and changed:
+            if each.kind == "control" and counts.changed:
                 yield (
-                    f"chance alone changes {changed} of {counts.pairs} outcomes "
+                    f"chance alone changes {counts.changed} of {counts.pairs} outcomes "
                     f"({each.summary.partition(',')[0]}); do not blame a variant for about as many"
                 )
 
 
 def _variant_of(record: EvidenceRecord) -> str:
     return str(record.axes.get(VARIANT, AS_WRITTEN))
+
+
+def _lasts_whole(record: EvidenceRecord) -> bool:
+    timestep = as_number(record.settings["timestep"])
+    return record.steps * timestep >= record.duration - timestep

@@ -27,10 +27,11 @@ _GROUPS = {
 }
 
 
-def describe_success(report: SuccessReport) -> Document:
+def describe_success(report: SuccessReport, *, headed: bool = True) -> Document:
     """Describe how many successes are physical, and the causes that take the others away."""
+    head = [Headline(headline_of(report))] if headed else []
     return document_of(
-        [Headline(headline_of(report)), *_requirement_sentences(report)],
+        [*head, *_requirement_sentences(report)],
         [Facts(tuple(_share_facts(report)))],
         Section(tuple(_loss_table(report)), "losses"),
         Section(tuple(_variant_table(report)), "variants"),

@@ -25,6 +25,8 @@ from contactlab.studies.success.success_request import (
 )
 from contactlab.tasks.session import Session
 
+_COSTLY_RATE = 4  # steps for each step as written
+
 
 def judge_successes(request: SuccessRequest, session: Session) -> SuccessReport:
     """Play the episodes of an environment, or read those of a store, and judge their successes.
@@ -51,11 +53,12 @@ def judge_successes(request: SuccessRequest, session: Session) -> SuccessReport:
     contacts = DecisiveContacts(asked.scene.base({}), request.objects, request.depth_limit)
     numerics = [each.name for each in variants if each.kind == "numerics"]
     control = next((each.name for each in variants if each.kind == "control"), None)
+    costly = [each.name for each in variants if each.rate >= _COSTLY_RATE]
     reader = EpisodeReader(contacts, target, numerics)
 
     def choose_episodes(plan: Plan, ids: NDArray[np.uint64]) -> EpisodesUntilDecided:
         return EpisodesUntilDecided(
-            plan, ids, reader.read_table, lambda table: is_decided(request, table), control
+            plan, ids, reader.read_table, lambda table: is_decided(request, table), control, costly
         )
 
     # A finished store may have been stopped by another question.

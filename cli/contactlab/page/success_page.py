@@ -1,0 +1,50 @@
+"""The page of a study of successes: its headline, a film of a lost success, and its tables."""
+
+from importlib import resources
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from contactlab.page.header_films import Films, Moment, film_of_moment
+from contactlab.printable import shell_word, visible
+from contactlab.rendering.html import render_html
+from contactlab.schema.success import SuccessReport
+from contactlab.store.finished_store import Store
+from contactlab.studies.success.success_document import describe_success, headline_of
+
+_PACKAGE = "contactlab.page"
+
+
+def success_page(report: SuccessReport, store: Store) -> str:
+    """Return the page of a report on the episodes of a store, which needs no other file.
+
+    It has a film of the moment when a lost success parts from the one as written, next to it, or
+    of the moment when a contact fails.
+    """
+    moment = _find_moment(report)
+    environment = Environment(
+        loader=PackageLoader(_PACKAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+    )
+    style = resources.files(_PACKAGE).joinpath("style.css").read_text(encoding="utf-8")
+    return environment.get_template("success.html").render(
+        title=visible(f"Is the success physical? {report.source}"),
+        headline=headline_of(report),
+        lost=report.written.good > report.physical.good,
+        films=film_of_moment(store, moment) if moment else Films([]),
+        body=render_html(describe_success(report, headed=False)),
+        store=shell_word(report.store),
+        style=style,
+    )
+
+
+def _find_moment(report: SuccessReport) -> Moment | None:
+    body = report.objects[0] if report.objects else ""
+    if parting := report.parting:
+        words = f"left as written, right {parting.variant}: they part at {parting.time:.2f} s"
+        written, variant = parting.runs
+        return Moment(written, body, parting.time, parting.time, words, variant)
+    failing = [loss for loss in report.losses if loss.kind == "contact" and loss.time is not None]
+    for loss in failing[:1]:
+        assert loss.time is not None
+        words = f"{loss.cause} at {loss.time:.2f} s"
+        return Moment(loss.run, body, loss.time, loss.time, words)
+    return None
