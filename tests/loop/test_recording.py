@@ -299,21 +299,24 @@ def test_no_episode_begins_with_what_is_no_number(
     assert not find_problems(tmp_path / "mine")
 
 
-def test_the_loop_of_the_readme_runs(
+def test_the_loop_of_the_page_runs(
     model: mujoco.MjModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    text = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
-    (code,) = re.findall(r"```python\n(with contactlab\.record.*?)```", text, re.DOTALL)
+    page = Path(__file__).parents[2] / "docs/how-to/recording.md"
+    text = page.read_text(encoding="utf-8")
+    (code,) = re.findall(r"^(with contactlab\.record.*?)```", text, re.DOTALL | re.MULTILINE)
     names: dict[str, object] = {
         "contactlab": contactlab,
         "mujoco": mujoco,
         "model": model,
         "data": mujoco.MjData(model),
         "policy": lambda _: 0.0,
-        "is_up": lambda data: data.qpos[2] > -1,  # of NumPy
     }
-    exec(code.replace('"mug"', '"ball"').replace("500", "5"), names)  # noqa: S102 - our own
+    changed = {"mug": "ball", "gripper": "ball", "500": "5", "> 0.1": "> -1"}
+    for shown, run in changed.items():
+        code = code.replace(shown, run)
+    exec(code, names)  # noqa: S102 - our own
     records = list(contactlab.open(tmp_path / "results/mine").records())
     assert [each.success for each in records] == [True] * 10
 

@@ -1,6 +1,8 @@
 """Which successes are physical: exploits lose them, honest policies keep them."""
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import mujoco
@@ -14,6 +16,8 @@ from contactlab.schema.success import SuccessReport
 from contactlab.shares import anytime, runs_to_decide, wilson
 from contactlab.store.finished_store import Store
 from contactlab.studies.success.decisive_contacts import Parts, choose_pairs
+from contactlab.studies.success.episode_choice import EpisodesUntilDecided
+from contactlab.studies.success.episode_table import Episode, EpisodeTable
 from contactlab.studies.success.success_request import read_requirement
 
 FILE = Path(exploits.__file__)
@@ -93,9 +97,26 @@ def test_an_exploit_is_not_physical(
 
 
 @pytest.mark.long
+def test_a_grip_that_creeps_is_not_physical(tmp_path: Path) -> None:
+    """No variant shows it: friction is as soft in all of them."""
+    report = judged(tmp_path, "ThickCreep", "Grasp", episodes=2, variant=["half the step"])
+
+    assert [(loss.cause, loss.alone) for loss in report.losses] == [("creeping", 2)]
+    assert report.parting is None
+    page = (tmp_path / "success.html").read_text(encoding="utf-8")
+    assert "100 % succeed, 0 % physically" in page
+    assert "creeping at 0." in page or "No film here" in page
+
+
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("env", "policy"),
-    [("FirmShelf", "PushAside"), ("HonestCarry", "Grasp"), ("HonestThrow", "Swing")],
+    [
+        ("FirmGrip", "Grasp"),
+        ("FirmShelf", "PushAside"),
+        ("HonestCarry", "Grasp"),
+        ("HonestThrow", "Swing"),
+    ],
 )
 def test_an_honest_policy_is_physical(tmp_path: Path, env: str, policy: str) -> None:
     report = judged(tmp_path, env, policy, episodes=2)
@@ -138,6 +159,46 @@ def test_episodes_end_once_a_requirement_is_decided(tmp_path: Path) -> None:
     assert report.written.episodes < 60
     assert report.requirements[0].outcome == "unmet"
     assert report.problem
+
+
+class Planned:
+    """A plan of cases by seed, each as written and under variants."""
+
+    def __init__(self, cases: int, variants: Sequence[str]) -> None:
+        self.cases, self.variants = cases, variants
+
+    def iterate_runs(self) -> Iterator[Any]:
+        for place, variant in enumerate(self.variants):
+            for seed in range(self.cases):
+                index = place * self.cases + seed
+                yield SimpleNamespace(index=index, values={"variant": variant}, seed=seed)
+
+
+def test_costly_variants_and_chance_are_played_if_they_matter() -> None:
+    """A quarter of the step is played in 20 cases, or in all of them once it changes an outcome."""
+    variants = ["as written", "half the step", "a quarter of the step", "nudged"]
+    for changing, quarters, nudged in (
+        ((), 20, 0),
+        (("half the step",), 20, 50),
+        ((variants[2],), 50, 50),
+    ):
+        ids = np.arange(4 * 50, dtype=np.uint64)
+
+        def tabulate(finished: Any, changing: Any = changing) -> EpisodeTable:
+            table = EpisodeTable(variants[1:3])
+            for case, variant, row in finished:
+                table.add_episode(case, variant, Episode(row["run_id"], variant not in changing))
+            return table
+
+        plan: Any = Planned(50, variants)
+        chosen = EpisodesUntilDecided(plan, ids, tabulate, lambda _: False, "nudged", [variants[2]])
+        while (wanted := chosen.next_runs()).any():
+            chosen.add_rows(
+                {"run_id": f"{place:016x}"} for place in np.flatnonzero(wanted).tolist()
+            )
+        played = np.bincount([place // 50 for place in map(int, chosen.known)], minlength=4)
+
+        assert played.tolist() == [50, 50, quarters, nudged]
 
 
 def test_objects_are_the_things_that_no_actuator_moves() -> None:

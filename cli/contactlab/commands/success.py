@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from contactlab.writers import Report
 
 
-def _findings(report: "SuccessReport", given: Given) -> "Report":
+def _list_findings(report: "SuccessReport", given: Given) -> "Report":
     from contactlab.studies.success.success_findings import report_of
 
     del given
@@ -33,7 +33,7 @@ def _findings(report: "SuccessReport", given: Given) -> "Report":
         "success results/recorded",
     ),
     codes="0 as required, 1 a requirement is not met, 2 bad input, 130 interrupted",
-    formats={**report_formats(), **printed(_findings, "junit", "github")},
+    formats={**report_formats(), **printed(_list_findings, "junit", "github")},
 )
 def success(
     source: Annotated[

@@ -139,7 +139,7 @@ class Player:
 
 
 def _environment_model(plan: PlannedModel) -> mujoco.MjModel:
-    """Return the model of a run as its environment sees it: with the step as written."""
+    # Environments see the step as written, and keep their control rate.
     model, rate = plan.prepared.model, _step_rate(plan)
     if rate > 1:
         model = copy.copy(model)
@@ -148,7 +148,6 @@ def _environment_model(plan: PlannedModel) -> mujoco.MjModel:
 
 
 def _step_rate(plan: PlannedModel) -> int:
-    """Return the number of steps of a run for each step that its environment makes."""
     variant = find_variant(plan.run.settings)
     return variant.rate if variant else 1
 
@@ -186,7 +185,6 @@ class _EpisodeListener(Listener):
 
     @contextmanager
     def _fine_steps(self) -> Generator[None]:
-        """Show the model with the step of the run; environments see the one as written."""
         option = self._reader.model.opt
         option.timestep /= self._rate
         try:
@@ -255,7 +253,7 @@ def create_actor(
 
 
 def _delayed_actor(act: Act, delay: int) -> Act:
-    """Return an actor with actions that come some steps late; the first one comes at once."""
+    # The first action comes at once.
     waiting = deque[Any]()
 
     def act_late(observation: Any) -> Any:  # noqa: ANN401 - as environments take them
@@ -266,7 +264,6 @@ def _delayed_actor(act: Act, delay: int) -> Act:
 
 
 def _noise_source(seed: int, deviation: float) -> Act:
-    """Return a function that adds normal noise to all real numbers of an observation."""
     stream = 4  # random stream of a run's seed for noise in environments
     rng = np.random.default_rng([seed, stream])
 
