@@ -236,7 +236,10 @@ class TuneReport(ReportModel):
     reference_step: float = about("s: step of the reference motion that errors are measured from.")
     candidates: tuple[Candidate, ...] = about("Every measured candidate.")
     changed_settings: tuple[ChangedSetting, ...] = about("Settings that are recommended.")
-    masked: tuple[str, ...] = about("Geoms that provably cannot touch anything.")
+    masked: tuple[str, ...] = about(
+        "Geoms that provably cannot touch anything. Points with `removes_unused` lack their "
+        "collisions, and all that follows here up to the flags."
+    )
     excluded: tuple[tuple[str, str], ...] = about("Bodies that provably cannot touch each other.")
     removed_sensors: tuple[str, ...]
     disabled_flags: tuple[str, ...] = about("Flags that change no state, and are turned off.")

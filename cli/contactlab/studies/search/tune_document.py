@@ -166,7 +166,7 @@ def _point_texts(point: FrontPoint) -> Iterator[str]:
     if own:
         yield format_settings(own)
     if candidate.removes_unused:
-        yield "without unused collisions"
+        yield "without unused parts"
     if candidate.removes_far_pairs:
         yield "without far pairs"
     if candidate.simplifies_hulls:
@@ -186,7 +186,7 @@ def _details(report: TuneReport) -> Iterator[Block]:
         )
     if report.disabled_flags:
         flags = " and ".join(report.disabled_flags)
-        yield Sentence(f"unused: {flags}: no state depends on it; turned off")
+        yield Sentence(f"unused: {flags}: no state depends on it")
     if (pairs := report.far_pairs) and (pairs.removed or _saves_time(pairs)):
         yield Sentence(_far_pairs_text(pairs))
     if hulls := report.simplified_hulls:
