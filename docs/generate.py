@@ -26,7 +26,7 @@ from contactlab.studies.lint.linting import RULES
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "docs/reference"
-FILES = {"sweep": "Sweep file", "scene": "scene.yaml"}
+FILES = {"sweep": "Sweep file", "scene": "scene.yaml", "policy": "Policy of `compare`"}
 LEVELS = {"gate": "Error", "warn": "Warning", "note": "Note"}
 CONTEXTS = frozenset(
     {
@@ -69,10 +69,10 @@ def list_commands() -> Iterator[str]:
         for option in read_options(command):
             users[option].append(command.name)
     shared = {option: names for option, names in users.items() if len(names) >= SHARED}
-    yield "Options of several commands, with the commands that have them:\n"
+    yield "Options of several commands, most studies unless some are named:\n"
     for option, names in sorted(shared.items(), key=lambda each: each[0].flags):
-        some = ", ".join(sorted(names)) if len(names) <= SHARED + 1 else "most studies"
-        yield f"`{option.flags}` ({some}): {option.help}\n"
+        some = f" ({', '.join(sorted(names))})" if len(names) <= SHARED + 1 else ""
+        yield f"`{option.flags}`{some}: {option.help}\n"
     for group, title in TITLES.items():
         yield f"\n## {title}"
         for command in sorted(commands, key=lambda each: each.name):
@@ -258,7 +258,8 @@ def list_uses(entry: Modification) -> Iterator[str]:
 def list_rules() -> Iterator[str]:
     """Yield the rules of lint, each under its name, the target of links in findings."""
     for rule in RULES.values():
-        yield f"\n## {rule.name}\n\n{LEVELS[rule.level]}. {rule.about} {rule.details}".rstrip()
+        fix = "".join(rule.details.partition("Fix: ")[1:])
+        yield f"\n## {rule.name}\n\n{LEVELS[rule.level]}. {rule.about} {fix}".rstrip()
 
 
 PAGES: Mapping[str, Page] = {
@@ -270,12 +271,6 @@ PAGES: Mapping[str, Page] = {
         "input, 3 unreadable evidence, 4 runs crashed or timed out, 70 internal fault, 130 "
         "interrupted.",
         list_commands,
-    ),
-    "keys": Page(
-        "Keys of files",
-        "Values with units are numbers in SI, or text: `2s`, `1mm`, `5%`. `contactlab list schemas "
-        "NAME` has the types, and the keys of policies.",
-        list_keys,
     ),
     "parameters": Page(
         "Parameters and effects",
@@ -302,10 +297,10 @@ PAGES: Mapping[str, Page] = {
     ),
     "lint": Page(
         "Rules of lint",
-        "`contactlab lint` prints them with lines ([how-to](../how-to/lint.md)). An error fails "
-        "the job. Runs of a model that breaks `no-actuators`, `welded-root`, `nothing-below`, "
-        "`coincident-geoms`, `radians-as-degrees`, `degrees-as-radians`, or that starts from a "
-        "keyframe that breaks `keyframe-length`, say "
+        "`contactlab lint` prints them with lines ([how-to](../how-to/lint.md)), `contactlab "
+        "explain RULE` the criterion. An error fails the job. Runs of a model that breaks "
+        "`no-actuators`, `welded-root`, `nothing-below`, `coincident-geoms`, `radians-as-degrees`, "
+        "`degrees-as-radians`, or that starts from a keyframe that breaks `keyframe-length`, say "
         "nothing of the robot that its author meant: its verdict is `fails`.",
         list_rules,
     ),
@@ -322,17 +317,22 @@ PAGES: Mapping[str, Page] = {
         list_terms,
     ),
 }
-"""The pages, by their files."""
+"""The pages of docs/reference, by their files."""
+KEYS = Page(
+    "Keys of files",
+    "Values with units are numbers in SI, or text: `2s`, `1mm`, `5%`.",
+    list_keys,
+)
+"""A page of the site alone: the folder schemas has the same descriptions."""
 
 
-def write_page(name: str) -> str:
+def write_page(page: Page) -> str:
     """Return the text of a page."""
-    page = PAGES[name]
     head = f"# {page.title}\n\nWritten by `make schemas`. {page.introduction}\n"
     text = "\n".join([head, *page.lines()]) + "\n"
     return re.sub(r"\n{3,}", "\n\n", text)
 
 
 if __name__ == "__main__":
-    for file in PAGES:
-        (FOLDER / f"{file}.md").write_text(write_page(file), encoding="utf-8")
+    for file, contents in PAGES.items():
+        (FOLDER / f"{file}.md").write_text(write_page(contents), encoding="utf-8")

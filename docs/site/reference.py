@@ -1,8 +1,10 @@
-"""The page of functions; Sphinx takes their texts from the package."""
+"""The pages of functions and of keys, which only the site has."""
 
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
+
+from docs.generate import KEYS, write_page
 
 import contactlab
 from contactlab.command_line.declaration import is_declared
@@ -14,9 +16,11 @@ _CLASSES = (
 
 
 def write(folder: Path) -> tuple[str, ...]:
-    """Write the page into the folder of references; return its name from the folder above."""
-    (folder / "functions.md").write_text("\n".join(_functions()) + "\n", encoding="utf-8")
-    return (f"{folder.name}/functions",)
+    """Write the pages into the folder of references; return their names from the folder above."""
+    pages = {"functions": "\n".join(_functions()) + "\n", "keys": write_page(KEYS)}
+    for name, text in pages.items():
+        (folder / f"{name}.md").write_text(text, encoding="utf-8")
+    return tuple(f"{folder.name}/{name}" for name in pages)
 
 
 def _functions() -> Iterator[str]:

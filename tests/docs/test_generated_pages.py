@@ -1,7 +1,7 @@
 """The pages of docs/reference that list names are those that `make schemas` writes."""
 
 import pytest
-from docs.generate import FOLDER, PAGES, list_commands, write_page
+from docs.generate import FOLDER, KEYS, PAGES, list_commands, write_page
 
 from contactlab.command_line.modules import command_modules, commands_of
 from contactlab.command_line.parser import typed
@@ -10,7 +10,13 @@ from contactlab.command_line.parser import typed
 @pytest.mark.parametrize("name", PAGES)
 def test_a_page_is_current(name: str) -> None:
     page = (FOLDER / f"{name}.md").read_text(encoding="utf-8")
-    assert page == write_page(name), "run make schemas"
+    assert page == write_page(PAGES[name]), "run make schemas"
+
+
+def test_the_page_of_keys_has_each_part_of_each_file_once() -> None:
+    headings = [line for line in write_page(KEYS).splitlines() if line.startswith("#")]
+    assert {"## Sweep file", "## scene.yaml", "### Refine", "### PairEntry"} <= set(headings)
+    assert len(headings) == len(set(headings))
 
 
 def test_every_option_of_every_command_is_listed() -> None:
