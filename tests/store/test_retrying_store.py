@@ -9,7 +9,7 @@ import pytest
 from pydantic_core import to_json
 
 from contactlab.errors import StoreError
-from contactlab.schema.evidence import EvidenceRecord, StoreManifest
+from contactlab.schema.evidence import EvidenceRecord, LabelEntry, StoreManifest
 from contactlab.store.finished_store import Store
 from contactlab.store.row_journal import read_lines, write_journal
 from contactlab.store.store_writer import StoreWriter, open_writer
@@ -24,7 +24,18 @@ FAILED, KEPT = {1, 2, 4}, {0, 3, 5}
 def records(record_of: Callable[..., EvidenceRecord]) -> list[EvidenceRecord]:
     reasons = [None if status == "ok" else "the engine says why" for status in STATUSES]
     ends = zip(STATUSES, reasons, strict=True)
-    return [record_of(i, status=end, status_reason=why) for i, (end, why) in enumerate(ends)]
+    found = [record_of(i, status=end, status_reason=why) for i, (end, why) in enumerate(ends)]
+    return [_without_results(each) if each.status in _LOST else each for each in found]
+
+
+_LOST = ("crashed", "timeout")
+
+
+def _without_results(record: EvidenceRecord) -> EvidenceRecord:
+    reason = LabelEntry(label=record.status, reason="it ended", step=None)
+    nothing = {"metrics": dict.fromkeys(record.metrics), "steps": 0, "trajectory_hash": None}
+    labels = {"label": record.status, "labels": (reason,), "cost": None}
+    return record.model_copy(update={**nothing, **labels})
 
 
 @pytest.fixture
@@ -51,7 +62,12 @@ def finish(columns_of: Any, shared_part: Any, write_run_to: Any) -> Callable[...
 
     def finished(writer: StoreWriter, added: list[EvidenceRecord]) -> StoreManifest:
         writer.append_rows(
-            [to_json(record_to_row(write_run_to(writer.path, each))) for each in added]
+            [
+                to_json(
+                    record_to_row(each if each.status in _LOST else write_run_to(writer.path, each))
+                )
+                for each in added
+            ]
         )
         first = added[0]
         return writer.finish_store(columns_of(added), shared_part(first), first.provenance)
@@ -87,8 +103,9 @@ def test_failed_runs_are_run_again(
     retry: Any,
     store_of: Any,
     finish: Any,
+    record_of: Any,
 ) -> None:
-    mended = [each.model_copy(update={"status": "ok", "status_reason": None}) for each in records]
+    mended = [record_of(place) for place in range(len(records))]
     with retry(failed) as writer:
         assert writer.done == ids(KEPT)
         assert traces(failed) == ids(KEPT)

@@ -55,9 +55,10 @@ from contactlab.reporting.sensitivity import (
 )
 from contactlab.resources import open_user_cache
 from contactlab.schema.evidence import ParameterRow, StoreManifest
-from contactlab.schema.sweep_schema import Bounds, Sweep
+from contactlab.schema.sweep_schema import Bounds
 from contactlab.schema.tradeoff_report import Configuration, TradeoffReport
 from contactlab.store.finished_store import Store
+from contactlab.store.store_files import stored_sweep
 from contactlab.store.verify_store import trace_warning
 from contactlab.studies.parity.report_sections import HEADER, describe_report, run_cells, worst_runs
 
@@ -455,7 +456,7 @@ def expectations_view(store: Store) -> ExpectationsView | None:
 
 
 def _expectation_rows(manifest: StoreManifest) -> Iterator[tuple[str, str, str]]:
-    sweep = Sweep.model_validate(manifest.sweep.resolved)
+    sweep = stored_sweep(manifest.sweep)
     for expectation in sweep.expect:
         conditions = [f"{name} = {value}" for name, value in expectation.where.settings.items()]
         conditions += [expectation.where.where] if expectation.where.where else []

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import Floats
 from contactlab.mjcf import OPTIONS
 from contactlab.schema.evidence import EvidenceRecord, Setting
-from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import (
     REALITY,
     Configuration,
@@ -23,6 +22,7 @@ from contactlab.schema.vocabulary import Role
 from contactlab.shares import wilson
 from contactlab.store.finished_store import Store
 from contactlab.store.run_columns import CodedColumn, RunColumns
+from contactlab.store.store_files import stored_sweep
 
 STABLE = "stable"
 
@@ -57,7 +57,7 @@ class StoredRuns:
 def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
     """Read the runs of a store with some columns; a missing column is NaN."""
     columns, present = store.columns, store.columns.schema.names
-    roles = Sweep.model_validate(store.manifest.sweep.resolved).roles
+    roles = stored_sweep(store.manifest.sweep).roles
 
     def of(kind: Role) -> dict[str, CodedColumn]:
         swept = [name for name in columns.axis_names if roles.get(name, "knob") == kind]

@@ -21,8 +21,9 @@ from contactlab.plan.sides import fields_read_by, side_of
 from contactlab.rendering.amounts import format_setting
 from contactlab.reporting.report_columns import in_small_units, number_with_unit
 from contactlab.schema.evidence import WholeGrid
-from contactlab.schema.sweep_schema import Limit, Sweep
+from contactlab.schema.sweep_schema import Limit
 from contactlab.store.finished_store import Store
+from contactlab.store.store_files import stored_sweep
 
 _MOST_LINES, _MOST_LAYERS, _MOST_LIMITS = 8, 4, 12
 _SIDES = {
@@ -65,7 +66,7 @@ def find_boundaries(store: Store) -> Boundaries | None:
     identity = store.manifest.sweep
     if identity.whole is None or not identity.whole.axes:
         return None
-    sweep = Sweep.model_validate(identity.resolved)
+    sweep = stored_sweep(identity)
     refine = sweep.refining
     assert refine is not None
     stride, columns, axes = first_stride(refine), store.columns, identity.whole.axes

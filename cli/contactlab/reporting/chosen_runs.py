@@ -12,6 +12,7 @@ from contactlab.rendering.amounts import format_setting
 from contactlab.schema.sweep_schema import Sweep, Until
 from contactlab.shares import anytime
 from contactlab.store.finished_store import Store
+from contactlab.store.store_files import stored_sweep
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class KnownShare:
 
 def known_shares(store: Store) -> tuple[Until, list[KnownShare]] | None:
     """Return the stop condition and the shares of a sweep; None if it ran all of its draws."""
-    sweep = Sweep.model_validate(store.manifest.sweep.resolved)
+    sweep = stored_sweep(store.manifest.sweep)
     if sweep.until is None:
         return None
     counts = counts_for_share(sweep.until.share, labels_with("required"))
@@ -75,7 +76,7 @@ _ID_DIGITS = 8
 
 def worst_lines(store: Store) -> Iterator[str]:
     """Yield the worst of each search in a line; no line for a sweep without `search`."""
-    sweep = Sweep.model_validate(store.manifest.sweep.resolved)
+    sweep = stored_sweep(store.manifest.sweep)
     if sweep.search is None:
         return
     metric = sweep.search.metric

@@ -33,12 +33,19 @@ from contactlab.run.worker import Worker
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import PolicyDrive, parse_drive
 from contactlab.schema.evidence import Accuracy, EvidenceRecord, SweepIdentity, Timing
-from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.vocabulary import Vocabulary
 from contactlab.store.arrow_values import numpy_array
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredTrace, read_trace
-from contactlab.store.store_files import IDENTITY, MANIFEST, SCENES, TABLE, is_slice, shard_of
+from contactlab.store.store_files import (
+    IDENTITY,
+    MANIFEST,
+    SCENES,
+    TABLE,
+    is_slice,
+    shard_of,
+    stored_sweep,
+)
 from contactlab.store.table_layout import COLUMNS_OF_MACHINE
 
 _OUTCOME_COLUMNS = (
@@ -237,7 +244,7 @@ def simulate_again(store: Store, count: int, *, allow_code: bool = False) -> Res
 
 def _make_worker(store: Store, folder: Path) -> Worker:
     identity = store.manifest.sweep
-    sweep = Sweep.model_validate(identity.resolved).model_copy(update={"trace": "all"})
+    sweep = stored_sweep(identity).model_copy(update={"trace": "all"})
     provenance, plugins = find_provenance(), loaded_plugins()
     return Worker(Task(sweep, (), identity, folder, store.scene_folder, provenance, plugins), None)
 

@@ -25,7 +25,7 @@ from contactlab.store.runs_table import (
     table_errors,
 )
 from contactlab.store.store_files import TABLE, Address, stored_file
-from contactlab.store.table_layout import Column, column_of
+from contactlab.store.table_layout import Column, check_layout, column_of
 
 _ID_DIGITS = 16
 _BATCH_ROWS = 1 << 12
@@ -63,6 +63,11 @@ class RunColumns:
         with table_errors(self.path):
             self._source = stored_file(store, TABLE) or store / TABLE
             self._file = pq.ParquetFile(self._source)
+        try:
+            check_layout(self._file.schema_arrow, shared_fields(self._file.schema_arrow))
+        except (ValueError, TypeError, LookupError, RecursionError) as error:
+            said = error if isinstance(error, ValueError | TypeError) else type(error).__name__
+            raise StoreError(f"{self.path} is damaged: {said}") from error
         # Cached parts of rows, for requests of neighboring rows.
         self._part_of = lru_cache(4)(self._read_part)
 

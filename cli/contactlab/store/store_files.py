@@ -5,23 +5,25 @@ source. Names are relative and lead nowhere else; below the store's folder, whic
 link, only folders and regular files are used, up to a size that no valid store reaches.
 """
 
+import math
 import os
 import re
 import stat
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
-from pydantic_core import to_json
+from pydantic_core import from_json, to_json
 
 from contactlab.errors import OtherSweepError, OutputError, StoreError
 from contactlab.plugins import extensions
 from contactlab.schema.evidence import STORE_VERSION, StoreManifest, SweepIdentity
 from contactlab.schema.strict_model import is_inner_name
+from contactlab.schema.sweep_schema import Sweep
 
 # NAME:SECRET@HOST, and the parameters of signed addresses.
 _CREDENTIALS = re.compile(r"^[^/]*@|\?.*(key|secret|token|sig)", re.IGNORECASE | re.DOTALL)
@@ -178,6 +180,16 @@ def parse_manifest(data: bytes, store: Address) -> StoreManifest:
     return _parse_document(data, StoreManifest, store / MANIFEST)
 
 
+def stored_sweep(identity: SweepIdentity) -> Sweep:
+    """Return the sweep of a store. Raises a StoreError if it is not one of this version."""
+    try:
+        return Sweep.model_validate(identity.resolved)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(map(str, first["loc"]))
+        raise StoreError(f"{IDENTITY} is damaged: resolved.{where}: {first['msg']}") from error
+
+
 def time_now() -> str:
     """Return the time (UTC) in the format of manifests and records."""
     return datetime.now(UTC).isoformat(timespec="milliseconds")
@@ -284,6 +296,19 @@ def chooses_alike(stored: SweepIdentity, requested: SweepIdentity) -> bool:
     return alike and shard_of(stored) == shard_of(requested)
 
 
+def _check_numbers(value: object, keys: Sequence[str]) -> None:
+    # JSON has neither NaN nor infinity, but its readers accept them.
+    entries: Iterable[tuple[object, object]] = ()
+    if isinstance(value, dict):
+        entries = value.items()
+    elif isinstance(value, list):
+        entries = enumerate(value)
+    for key, inner in entries:
+        _check_numbers(inner, (*keys, str(key)))
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ValueError(f"{'.'.join(keys)} is {value}, no number of JSON")
+
+
 class _VersionedDocument(BaseModel):
     store_version: object = None
 
@@ -297,8 +322,11 @@ def _parse_document(data: bytes, kind: type[_Document], path: Address) -> _Docum
                 f"{STORE_VERSION}: sweep again, or read it with the release of contactlab that "
                 "wrote it"
             )
+        _check_numbers(from_json(data), [])
         return kind.model_validate_json(data)
-    except ValidationError as error:
+    except ValueError as error:
+        if not isinstance(error, ValidationError):
+            raise StoreError(f"{path} is damaged: {error}") from error
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"]))
         raise StoreError(f"{path} is damaged: {where}: {first['msg']}") from error

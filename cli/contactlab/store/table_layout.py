@@ -266,6 +266,61 @@ def original_type(kind: pa.DataType) -> pa.DataType:
     return kind
 
 
+# Columns without which nothing can be said about a run.
+_REQUIRED_COLUMNS = frozenset(
+    (
+        *("run_id", "index", "scene", "seed", "duration", "label", "labels", "label_reason"),
+        *("label_step", "status", "steps", "expectation_met", "trace_file", "settings"),
+        "axis_names",
+    )
+)
+_NUMBER_TYPES = (REAL, _WHOLE_TYPE)
+_MOST_LABELS = 1000
+
+
+def check_layout(schema: pa.Schema, shared: object) -> None:
+    """Check the columns of a stored table, and the fields that its runs share.
+
+    Raises a ValueError with the first fault.
+    """
+    names, fixed = set(schema.names), {column.name: column for column in FIXED_COLUMNS}
+    if len(names) < len(schema.names):
+        twice = next(name for name in schema.names if schema.names.count(name) > 1)
+        raise ValueError(f"column {twice} is there twice")
+    units = _checked_units(shared)
+    if missing := sorted((_REQUIRED_COLUMNS | units.keys()) - names):
+        raise ValueError(f"column {missing[0]} is missing")
+    for field in schema:
+        column, kind = fixed.get(field.name), original_type(field.type)
+        if field.name in units:
+            wanted = "numbers" if kind not in _NUMBER_TYPES else ""
+        elif field.name in ("settings", "effects"):
+            wanted = "" if pa.types.is_struct(kind) else "a struct"
+        else:
+            wanted = "" if column is None or kind == column.type else str(column.type)
+        if wanted:
+            raise ValueError(f"column {field.name} is {kind}, not {wanted}")
+        column_of(field)
+
+
+def _checked_units(shared: object) -> dict[str, str]:
+    if not isinstance(shared, dict):
+        raise TypeError("the fields that all runs share are not a table")
+    known: dict[str, Any] = shared
+    severity = known.get("severity", [])
+    if not _is_table(known.get("units"), str) or not _is_table(known.get("metric_versions"), int):
+        raise ValueError("units and versions of its metrics are missing")
+    if not isinstance(severity, list) or not all(isinstance(name, str) for name in severity):
+        raise ValueError("the order of its labels is no list")
+    if len(severity) > _MOST_LABELS:
+        raise ValueError(f"it has {len(severity):,} labels")
+    return known["units"]
+
+
+def _is_table(value: object, kind: type) -> bool:
+    return isinstance(value, dict) and all(isinstance(entry, kind) for entry in value.values())
+
+
 def texts_of(metadata: Mapping[bytes, bytes] | None) -> dict[str, str]:
     """Return the metadata of a field as texts."""
     return {key.decode(): text.decode() for key, text in (metadata or {}).items()}
