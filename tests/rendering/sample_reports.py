@@ -164,6 +164,8 @@ def effects() -> EffectsReport:
 def forecast() -> SweepForecast:
     sizes = {"messages": (1.25e6, 3.5e9), "compact": (1e5, 2e6)}
     return SweepForecast(
+        start="home",
+        drive="sines and pushes",
         axes=(PlannedAxis(name="timestep", role="numerical", count=2, values="0.001, 0.002"),),
         seeds=3, runs=1200, least_runs=300, steps=120_000, seconds=(4.0, 130.0),
         accuracy_seconds=2.5, timing_seconds=0.0, memory_bytes=6e8,

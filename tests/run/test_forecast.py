@@ -117,3 +117,28 @@ def test_code_that_is_not_allowed_is_not_run(tmp_path: Path) -> None:
     assert (forecast.seconds, forecast.bytes, forecast.memory_bytes) == (None, None, None)
     assert "--allow-code" in render_text(describe_forecast(forecast))
     assert json.loads(forecast.model_dump_json())["runs"] == 3
+
+
+SUNK = """<mujoco><worldbody><geom type="plane" size="1 1 .1"/>
+<body name="ball" pos="0 0 .2"><freejoint/><geom size=".1"/></body></worldbody>
+<keyframe><key name="sunk" qpos="0 0 0 1 0 0 0"/></keyframe></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("axes", "words"),
+    [
+        ("{timestep: [2, 4]}", "timestep 4 s: is 4 ms meant? Write 0.004"),
+        ("{margin: [0, 5]}", "margin 5 m: is 5 mm meant? Write 0.005"),
+        ("{keyframe: [sunk, qpos0]}", "world and ball by 0.1 m"),
+        ("{timestep: [0.002, 0.004]}", ""),
+    ],
+)
+def test_suspicious_values_and_starts_are_questioned(axes: str, words: str, tmp_path: Path) -> None:
+    (tmp_path / "ball.xml").write_text(SUNK)
+    text = f"{{version: 1, scene: ball.xml, drive: none, duration: 1, trace: none, axes: {axes}}}"
+    store = tmp_path / "store"
+    report = forecasts.forecast_sweep(read_request(text, "two", store, folder=tmp_path, workers=0))
+    shown = " ".join(report.warnings)
+    assert words in shown
+    assert words or "meant" not in shown
+    assert report.drive.startswith("the controls of its start")

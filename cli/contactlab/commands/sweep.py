@@ -134,7 +134,7 @@ def sweep(
     surroundings().fork_workers(wanted)
     from contactlab.plan.grid import CONFIRM_ABOVE
     from contactlab.plan.overrides import Overrides
-    from contactlab.run.forecast import forecast_sweep
+    from contactlab.run.forecast import forecast_sweep, question_units
     from contactlab.run.shards import parse_shard
     from contactlab.run.sweep_request import read_request
     from contactlab.run.worker_pool import worker_count
@@ -154,6 +154,9 @@ def sweep(
     )
     for warning in request.plan.warnings:
         say(str(warning))
+    if not plan:
+        for question in question_units(request.plan, request.scene):
+            say(f"warning: {question}")
     if plan:
         if isinstance(request.scene.drive.drive, PolicyDrive):
             say(

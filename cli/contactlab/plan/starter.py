@@ -74,7 +74,7 @@ def starter_text(
         *(["# expect:               # makes the sweep a test"] if expected else []),
         *([f"#   - {{where: {{timestep: {timestep}}}, label: {expected}}}"] if expected else []),
         "trace: all            # all, flagged, none or sample:N; without one, a run has no film",
-        "trace_format: compact # or messages, which viewers open unchanged",
+        "trace_format: messages # which viewers open; compact is smaller, for contactlab alone",
         "",
         *_axis_list(vocabulary),
     ]

@@ -3,7 +3,11 @@
 import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from operator import itemgetter, methodcaller
+
+import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.judge.expectations import EXPECTED, expectation_findings
 from contactlab.measure import METRICS
@@ -24,6 +28,7 @@ from contactlab.reporting.label_shares import share_words, stable_share
 from contactlab.reporting.map_axes import by_importance
 from contactlab.reporting.report_columns import GridAxis, RunLabels, read_axes, read_run_labels
 from contactlab.reporting.start_noise import distance_to_reality
+from contactlab.schema.drive import describe_drive, parse_drive
 from contactlab.schema.evidence import StoreManifest
 from contactlab.store.finished_store import Store
 from contactlab.store.run_columns import RunColumns
@@ -40,9 +45,14 @@ def describe_store(store: Store) -> Document:
     manifest, columns = store.manifest, store.columns
     axes, labels, share = read_axes(store), read_run_labels(store), share_words(store)
     mixed = bool(labels.failed.any())  # otherwise all values are alike, as the headline says
+    began = _failed_at_start(columns, labels)
+    rest = np.flatnonzero(~began)
+    others = [replace(axis, codes=axis.codes[rest]) for axis in axes]
+    left = replace(labels, codes=labels.codes[rest], masks=labels.masks[rest])
     texts = [
         stable_share(labels, share),
-        write_finding(axes, labels, share) if axes and mixed else "",
+        _describe_starts(began, labels),
+        write_finding(others, left, share) if axes and left.failed.any() else "",
         distance_to_reality(axes, columns),
         *_expectation_texts(store),
         *_missing_effects(columns),
@@ -55,12 +65,35 @@ def describe_store(store: Store) -> Document:
         blocks.append(_run_table(store))
     elif axes and mixed:
         blocks += _value_table(by_importance(axes, labels), labels, share)
+    blocks.append(Sentence(f"driven by: {_drive_text(columns)}"))
     path = store.address
     look = columns.run_id(int(labels.codes.argmin()))[:_ID_DIGITS]
     blocks.append(Sentence(f"{_count_runs(manifest)}, {manifest.traces:,} traces in {path}"))
     closer = f"look closer: contactlab show {shell_word(path)} {look}"
     blocks.append(Code((closer, f"one page: contactlab report {shell_word(path)}"), indent=0))
     return document_of(Section(tuple(blocks), "summary"))
+
+
+def _failed_at_start(columns: RunColumns, labels: RunLabels) -> NDArray[np.bool_]:
+    """Return (n,) the runs that fail from the first step on, so that no setting is the cause."""
+    steps = columns.numbers("label_step")
+    return labels.failed & steps.valid & (steps.values <= 1)
+
+
+def _describe_starts(began: NDArray[np.bool_], labels: RunLabels) -> str:
+    if not began.any():
+        return ""
+    most = Counter(labels.codes[began].tolist()).most_common(1)[0][0]
+    return (
+        f"{began.sum():,} of {labels.failed.sum():,} failures begin with the first step, most as "
+        f"{labels.names[most]}: look at the start (another keyframe or height) before any setting"
+    )
+
+
+def _drive_text(columns: RunColumns) -> str:
+    """Return what drives the runs, in words."""
+    drives = (parse_drive(json.loads(word)) for word in columns.coded("drive")[1])
+    return "; ".join(dict.fromkeys(map(describe_drive, drives)))
 
 
 def _count_runs(manifest: StoreManifest) -> str:

@@ -47,6 +47,8 @@ def _forecast_facts(report: SweepForecast) -> Iterator[tuple[str, str]]:
         runs, steps = f"{report.least_runs:,} to {runs}", f"{part * report.steps:,.0f} to {steps}"
     yield "runs", f"{runs} (seeds {report.seeds})"
     yield "steps", steps
+    yield "start", report.start
+    yield "drive", report.drive
     if report.seconds is None or report.bytes is None or report.memory_bytes is None:
         yield "time", "unknown: the runs execute code; add --allow-code to measure some of them"
         return

@@ -1,11 +1,14 @@
 """Forecast of a sweep before it runs: number of runs, time, disk, and suspicious settings."""
 
+import math
 import os
 import resource
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import TypeGuard
 
+import mujoco
 import numpy as np
 
 from contactlab.accuracy.discretization import reference_steps
@@ -17,15 +20,16 @@ from contactlab.engines.engine import PreparedRuns
 from contactlab.plan.grid import Plan
 from contactlab.plan.kept_traces import KeptTraces
 from contactlab.plan.refined_axes import smallest_run_count
-from contactlab.rendering.amounts import format_setting
+from contactlab.rendering.amounts import format_amount, format_setting
 from contactlab.run.planned_runs import RunIndex, reference_models
 from contactlab.run.sampled_cost import sample_cost
 from contactlab.run.sweep_advisories import find_sweep_advisories
 from contactlab.run.sweep_request import SweepRequest
+from contactlab.scene.contact_pairs import half_extents
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
-from contactlab.schema.drive import PolicyDrive
+from contactlab.schema.drive import PolicyDrive, describe_drive
 from contactlab.schema.store_reports import PlannedAxis, SweepForecast
 
 # Above this product of step and natural frequency, contacts gain energy under the Euler family.
@@ -109,6 +113,8 @@ def forecast_sweep(request: SweepRequest) -> SweepForecast:
             )
             for axis in plan.axes
         ),
+        start=_join_names(run.keyframe for run in sums.sampled),
+        drive=_join_names(describe_drive(run.drive) for run in sums.sampled),
         seeds=len(sweep.seed_values),
         runs=len(index),
         least_runs=smallest_run_count(refine, len(index)) if refine else None,
@@ -123,6 +129,8 @@ def forecast_sweep(request: SweepRequest) -> SweepForecast:
         trace_format=sweep.trace_format,
         warnings=(
             *_forecast_warnings(plan, len(index), sums),
+            *([] if scene.source.environment else _overlap_warnings(scene, sums.sampled)),
+            *question_units(plan, scene),
             *(
                 f"{share}: {describe_met_advisory(each)}"
                 for each, share in find_sweep_advisories(index, scene)
@@ -182,6 +190,60 @@ def _forecast_warnings(plan: Plan, runs: int, sums: _RunSums) -> Iterator[str]:
             f"in {sums.clamped:,} of {runs:,} runs refsafe raises the time constant of solref to "
             "2 timesteps, so the solref of the sweep is not used"
         )
+
+
+def _join_names(names: Iterable[str]) -> str:
+    """Return each name once; a few of many."""
+    found, most = [*dict.fromkeys(names)], 4
+    rest = [f"{len(found) - most} more"] if len(found) > most else []
+    return ", ".join([*found[:most], *rest])
+
+
+def _overlap_warnings(scene: Scene, sampled: Sequence[RunSpec]) -> Iterator[str]:
+    """Yield how many of some runs begin with bodies deep inside each other, and the deepest."""
+    # More than a touch: 0.5 of half the thinner geom, where contacts start to push the wrong way.
+    deep_share, most_runs = 0.5, 12
+    chosen = list({(run.keyframe, repr(sorted(run.axes.items()))): run for run in sampled}.values())
+    chosen = chosen[:: max(1, len(chosen) // most_runs)]
+    found = list[tuple[float, str]]()
+    for run in chosen:
+        runs = PreparedRuns.of(scene, run)
+        (model,), data = runs.models, mujoco.MjData(runs.models[0])
+        data.qpos[:], data.qvel[:] = runs.starts.qpos[0], runs.starts.qvel[0]
+        mujoco.mj_forward(model, data)
+        halves, pairs = half_extents(model), data.contact.geom
+        solid = (pairs >= 0).all(axis=1) if len(pairs) else np.zeros(0, bool)
+        shares = np.where(solid, -data.contact.dist / halves[pairs].min(axis=1), 0.0)
+        if len(shares) and shares.max() > deep_share:
+            worst = int(np.argmax(shares))
+            bodies = [model.body(model.geom_bodyid[geom]).name or "?" for geom in pairs[worst]]
+            depth = format_amount(-float(data.contact.dist[worst]), "m")
+            found.append((float(shares[worst]), f"{' and '.join(bodies)} by {depth}"))
+    if found:
+        yield (
+            f"in {len(found)} of {len(chosen)} tried starts bodies begin deep inside each other, "
+            f"{max(found)[1]}: choose another `keyframe`, or a height"
+        )
+
+
+def question_units(plan: Plan, scene: Scene) -> Iterator[str]:
+    """Yield values of axes that look like another unit, with the value that may be meant."""
+    largest = {"timestep": 0.1, "solref.timeconst": 0.5, "solimp.width": 0.1, "margin": 0.1}
+    longest, turn = 20.0, 2 * math.pi  # of a robot [m], of an angle [rad]
+    for axis in plan.axes:
+        spec, numbers = scene.catalogue.find(axis.name), [*filter(is_number, axis.values)]
+        most, unit = max(map(abs, numbers), default=0.0), spec.unit if spec else ""
+        if most > largest.get(axis.name, math.inf):
+            yield f"{axis.name} {most:g} {unit}: is {most:g} m{unit} meant? Write {most / 1e3:g}"
+        elif unit == "m" and most > longest:
+            yield f"{axis.name} {most:g} m: is {most:g} mm meant? Write {most / 1e3:g}"
+        elif unit == "rad" and most > turn:
+            yield f"{axis.name} {most:g} rad: are degrees meant? Write {math.radians(most):.4g}"
+
+
+def is_number(value: object) -> TypeGuard[float]:
+    """Return whether a value is a number, and not a truth value."""
+    return isinstance(value, float | int) and not isinstance(value, bool)
 
 
 @lru_cache(_MAX_CACHED)

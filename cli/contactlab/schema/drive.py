@@ -213,6 +213,19 @@ def drive_identity(drive: Drive) -> object:
             return {**drive.model_dump(), "policy": name, **timing}
 
 
+def describe_drive(drive: Drive) -> str:
+    """Return what moves a run, in words."""
+    match drive:
+        case "exercise":
+            return "sines and pushes of contactlab after a rest (`drive: none` leaves them out)"
+        case "hold":
+            return "an external load holds its joints (`drive: hold`)"
+        case "none":
+            return "the controls of its start or its scene, unchanged (`drive: none`)"
+        case _:
+            return drive_text(drive)
+
+
 def drive_text(drive: Drive) -> str:
     """Return a drive in its short form."""
     match drive:

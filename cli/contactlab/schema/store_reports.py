@@ -27,6 +27,8 @@ class SweepForecast(ReportModel):
 
     forecast_version: Literal[2] = 2
     axes: tuple[PlannedAxis, ...]
+    start: str = about("Keyframes that the runs start from; qpos0 is the default pose.")
+    drive: str = about("What moves the runs, in words.")
     seeds: int = about("Number of seeds.")
     runs: int = about("Number of distinct runs, at most.")
     least_runs: int | None = about(
