@@ -49,14 +49,26 @@ def test_each_of_two_models_of_one_name_has_a_folder(tmp_path: Path) -> None:
     """What is no model's results is passed over, and one that has a folder keeps it."""
     one, other = models(tmp_path)
     results = tmp_path / "results"
-    for model, name in ((one, "robot"), (other, "robot-2"), (one, "robot"), (other, "robot-2")):
-        folder = free_folder(results, "examine", model)
-        assert folder == results / name
-        Session(folder).claim("examine", model)
-    (results / "robot-3").write_text("mine")
-    (tmp_path / "c").mkdir()
-    (tmp_path / "c/robot.xml").write_text("<mujoco/>")
-    assert free_folder(results, "examine", str(tmp_path / "c/robot.xml")) == results / "robot-4"
+    for model, name in ((one, "a-robot"), (other, "b-robot"), (one, "a-robot")):
+        with free_folder(results, "examine", model) as folder:
+            assert folder == results / name
+            Session(folder).claim("examine", model)
+    third = tmp_path / "elsewhere/a/robot.xml"
+    third.parent.mkdir(parents=True)
+    third.write_text("<mujoco/>")
+    (results / "a-robot-2").write_text("mine")
+    with free_folder(results, "examine", str(third)) as folder:
+        assert folder == results / "a-robot-3"
+    assert not folder.exists()
+
+
+def test_variants_and_commands_at_once_have_folders_of_their_own(tmp_path: Path) -> None:
+    (one, _), results = models(tmp_path), tmp_path / "results"
+    with free_folder(results, "examine", one, ["timestep=1e-3", "solref=.01 1"]) as folder:
+        assert folder == results / "a-robot_timestep=1e-3_solref=.01_1"
+        Session(folder).claim("examine", one)
+        with free_folder(results, "examine", one, ["timestep=1e-3", "solref=.01 1"]) as second:
+            assert second == results / "a-robot_timestep=1e-3_solref=.01_1-2"
 
 
 @pytest.mark.parametrize("text", ["[]", "{", '{"check": 1}', "[" * 100_000])

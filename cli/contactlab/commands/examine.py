@@ -63,7 +63,7 @@ def _examined(
     _check_pages(request, page=page, live=live)
     parts = request.parts + page + live
     with (
-        _folder(request.model, None if file else target, kept=file is None) as folder,
+        _folder(request, None if file else target, kept=file is None) as folder,
         surroundings().in_parts(parts) as begin,
     ):
         if file is not None:
@@ -88,7 +88,7 @@ def _examined(
 
 
 @contextmanager
-def _folder(model: str, folder: Path | None, *, kept: bool) -> Generator[Path]:
+def _folder(request: "ExamineRequest", folder: Path | None, *, kept: bool) -> Generator[Path]:
     """Yield the folder of an examination; a temporary one if it is not kept."""
     from contactlab import resources
     from contactlab.studies.examine.examination import RESULTS
@@ -97,8 +97,13 @@ def _folder(model: str, folder: Path | None, *, kept: bool) -> Generator[Path]:
     if not kept:
         with TemporaryDirectory(prefix="contactlab-") as name:
             yield Path(name)
+    elif folder is not None:
+        yield folder
     else:
-        yield folder or free_folder(resources.RESULTS / RESULTS, RESULTS, model)
+        variant = [*request.assign, *request.task.variant]
+        parent = resources.RESULTS / RESULTS
+        with free_folder(parent, RESULTS, request.model, variant) as found:
+            yield found
 
 
 def _check_file(file: Path) -> None:

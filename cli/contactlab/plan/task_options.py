@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 from contactlab.errors import SweepFileError
 from contactlab.plan.overrides import FlagSetting, drive_option
-from contactlab.schema.drive import Drive
+from contactlab.schema.drive import Drive, drive_text
 from contactlab.schema.requirement import read_requirement
 from contactlab.schema.setting_values import read_quantity
 
@@ -44,6 +44,13 @@ class TaskOptions:
         texts = ",".join(json.dumps(text).replace("[", "\\u005b") for text in self.require)
         required = [FlagSetting(f"must={texts}", "--require")] if texts else []
         return [*start, *duration, *required]
+
+    @property
+    def variant(self) -> list[str]:
+        """The replaced start, drive and duration in words, for the name of a folder."""
+        drive = None if self.drive is None else drive_text(self.drive)
+        named = {"keyframe": self.keyframe, "drive": drive, "duration": self.duration}
+        return [f"{name}={value}" for name, value in named.items() if value is not None]
 
 
 AS_INFERRED = TaskOptions()

@@ -92,8 +92,8 @@ def _describe_starts(began: NDArray[np.bool_], labels: RunLabels) -> str:
 
 def _drive_text(columns: RunColumns) -> str:
     """Return what drives the runs, in words."""
-    drives = (parse_drive(json.loads(word)) for word in columns.coded("drive")[1])
-    return "; ".join(dict.fromkeys(map(describe_drive, drives)))
+    texts = [describe_drive(parse_drive(json.loads(word))) for word in columns.coded("drive")[1]]
+    return "; ".join(dict.fromkeys(texts))
 
 
 def _count_runs(manifest: StoreManifest) -> str:

@@ -1,7 +1,11 @@
 """Parts that every study shares: the session that it runs in, and settings given as options."""
 
+import fcntl
 import json
-from collections.abc import Callable, Collection, Mapping, Sequence
+import os
+import re
+from collections.abc import Callable, Collection, Generator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
@@ -116,27 +120,50 @@ def source_of(reference: str) -> str:
     return str(path.resolve()) if path.exists() else reference
 
 
-def free_folder(parent: Path, results: str, reference: str) -> Path:
-    """Return a folder for a model's results: of its name, numbered if other models have it.
+@contextmanager
+def free_folder(
+    parent: Path, results: str, reference: str, variant: Sequence[str] = ()
+) -> Generator[Path]:
+    """Yield a folder for a model's results, which no other command uses until the context ends.
 
-    What else the folder may hold is nobody's results, and left alone: such a name is passed over.
+    It has the model's name and its variant, such as changed settings; a number follows if another
+    model or a running command has it. Other content of such a folder is left alone.
     """
     name, source = model_name(reference), source_of(reference)
+    most_letters = 80  # of a name that a person still reads, and that every file system takes
+    name = re.sub(r"[^\w.=+-]+", "_", ",".join([name, *variant]))[:most_letters]
     for number in count(1):
         folder = parent / (name if number == 1 else f"{name}-{number}")
-        if not folder.exists():
-            return folder
-        if not folder.is_dir():
+        if folder.exists() and not folder.is_dir():
             continue
         claimed = Session(folder).read(CLAIMS, dict[str, str])
-        if claimed.get(results) == source:
-            return folder
-    raise AssertionError
+        if folder.exists() and claimed.get(results) != source:
+            continue
+        made = [each for each in (folder, *folder.parents) if not each.exists()]
+        with write_errors(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+            lock = os.open(folder, os.O_RDONLY)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(lock)
+            continue
+        try:
+            yield folder
+        finally:
+            os.close(lock)
+            with suppress(OSError):  # not empty
+                for each in made:
+                    each.rmdir()
+        return
 
 
 def model_name(reference: str) -> str:
-    """Return a name for a model's folder: that of its file or folder, or of the robot."""
-    return Path(reference.rpartition(":")[2].rstrip("/")).stem or "model"
+    """Return a name for a model's folder: of its folder and its file, without repetition."""
+    path = Path(reference.rpartition(":")[2].rstrip("/"))
+    stem, folder = path.stem or "model", path.parent.name if path.suffix or ":" in reference else ""
+    words, known = ({*re.split(r"[\W_]+", text)} for text in (stem, folder))
+    return stem if not folder or words <= known or known <= words else f"{folder}-{stem}"
 
 
 def read_settings(
