@@ -244,8 +244,9 @@ class Search:
             self._evaluate(base)
         for name, base in bases.items():
             self._try_longer_steps(name, base)
-        for base in bases.values():
-            self._try_finer_steps(base)
+        for name, base in bases.items():
+            own = changed_settings({INTEGRATOR: name}, self.space.model)
+            self._try_finer_steps(self._lossless.with_settings(own), base)
         if self.max_cost is None and self.front_limit > max(each.limit for each in self.bounds):
             self.bound = Bound.of(self.front_limit)
             self._search_bound()
@@ -264,22 +265,27 @@ class Search:
             if error > self.front_limit and multiple > self.space.substeps:
                 break
 
-    def _try_finer_steps(self, base: Configuration) -> None:
-        """Evaluate ever finer steps until two in a row gain no accuracy, and a converged solver."""
-        best, failed = self._evaluate(base), 0
-        for multiple in reversed([each for each in self.space.steps if each < base.multiple]):
+    def _try_finer_steps(self, cheap: Configuration, exact: Configuration) -> None:
+        """Evaluate ever finer steps until two in a row gain no accuracy.
+
+        If the settings that add hardly any error are as large a part of it as the step, they are
+        left out from there on, and a converged solver is tried.
+        """
+        base, best, failed = cheap, self._evaluate(cheap), 0
+        for multiple in reversed([each for each in self.space.steps if each < cheap.multiple]):
             tried = self._evaluate(base.with_step(multiple))
             if tried.cost > _MAX_FRONT_COST or failed == _MAX_FAILED_STEPS:
                 break
             # Half of what a method of first order gains.
-            gain = math.sqrt(multiple / best.configuration.multiple)
-            if error_of(tried) > gain * error_of(best):
+            most = math.sqrt(multiple / best.configuration.multiple) * error_of(best)
+            for other in (exact, self._with_converged_solver(exact)):
+                if error_of(tried) > most:
+                    base = other
+                    tried = self._evaluate(base.with_step(multiple))
+            if error_of(tried) > most:
                 failed += 1
-                solved = self._evaluate(self._with_converged_solver(tried.configuration))
-                if error_of(solved) > gain * error_of(best):
-                    continue
-                base, tried = solved.configuration, solved
-            best, failed = tried, 0
+            else:
+                best, failed = tried, 0
 
     def _with_converged_solver(self, choice: Configuration) -> Configuration:
         option = self.space.model_of(choice).opt
