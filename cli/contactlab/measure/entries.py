@@ -336,7 +336,9 @@ def metric(
     def declare(function: MetricFunction) -> MetricFunction:
         usual = MetricOptions(name=function.__name__, tolerance=_UNIT_TOLERANCES.get(unit, 0.0))
         given: MetricOptions = {**usual, **options}
-        METRICS.add(Metric(unit, better, resolution, _definition(function), function, **given))
+        METRICS.add(
+            Metric(unit, better, resolution, _definition_in_docstring(function), function, **given)
+        )
         return function
 
     return declare
@@ -363,7 +365,9 @@ def label(severity: Severity, **options: Unpack[LabelOptions]) -> Callable[[Labe
 
     def declare(rule: LabelRule) -> LabelRule:
         given: LabelOptions = {"name": rule.__name__, **options}
-        LABELS.add(Label(meaning=_definition(rule), severity=severity, rule=rule, **given))
+        LABELS.add(
+            Label(meaning=_definition_in_docstring(rule), severity=severity, rule=rule, **given)
+        )
         return rule
 
     return declare
@@ -388,14 +392,14 @@ def oracle(
     """
 
     def declare(function: OracleFunction) -> OracleFunction:
-        name, definition = function.__name__, _definition(function)
+        name, definition = function.__name__, _definition_in_docstring(function)
         ORACLES.add(Oracle(name, unit, relative, settings, definition, function))
         return function
 
     return declare
 
 
-def _definition(function: Callable[..., object]) -> str:
+def _definition_in_docstring(function: Callable[..., object]) -> str:
     """Return a function's docstring in one paragraph; `python -OO` removes it."""
     text = " ".join(cleandoc(function.__doc__ or "").split())
     if not text and sys.flags.optimize < 2:

@@ -31,7 +31,7 @@ def tradeoff_sentence(report: TradeoffReport) -> str:
     said = f"{len(feasible):,} of {len(every):,} {are} within every tolerance"
     if chosen is None:
         return f"{said}; none can be recommended."
-    what = _settings(chosen.configuration, report.varying)
+    what = _settings_in_words(chosen.configuration, report.varying)
     timed = [
         configuration
         for configuration in feasible
@@ -41,12 +41,12 @@ def tradeoff_sentence(report: TradeoffReport) -> str:
     if finest is None or finest.configuration == chosen.configuration or not chosen.time:
         return f"{said}; the recommended {what} is the most accurate of them."
     ratio = (finest.time or 0.0) / chosen.time
-    other = _settings(finest.configuration, report.varying)
+    other = _settings_in_words(finest.configuration, report.varying)
     pace = f"takes {ratio:.3g} times as long as the recommended {what}"
     return f"{said}; the most accurate, {other}, {pace}."
 
 
-def _settings(values: Mapping[str, Setting], names: Sequence[str]) -> str:
+def _settings_in_words(values: Mapping[str, Setting], names: Sequence[str]) -> str:
     told = [f"{name} {setting_text(values[name])}" for name in names]
     return " with ".join(told) or "the only one"
 
@@ -63,7 +63,7 @@ def compared_settings(data: ReportData) -> list[ComparedSettings]:
     """Return the settings of a store whose runs were compared with recordings."""
     [reality] = data.quantities_named("reality")
     measured = np.flatnonzero(np.isfinite(reality.values))
-    knobs = _knobs(data)
+    knobs = _list_varying_knobs(data)
     groups = combination_codes(knobs, len(reality.values))[measured]
     several = len(np.unique(groups))
     enough = next(
@@ -77,13 +77,15 @@ def compared_settings(data: ReportData) -> list[ComparedSettings]:
     return sorted(found, key=lambda settings: settings.distance)
 
 
-def _knobs(data: ReportData) -> list[GridAxis]:
+def _list_varying_knobs(data: ReportData) -> list[GridAxis]:
     """Return the knobs that vary, each with all its values."""
     knobs = [axis for axis in data.axes if axis.role == "knob" and axis.name != PERTURBATION]
-    return [axis if axis.numbers is None else _unbinned(axis, axis.numbers) for axis in knobs]
+    return [
+        axis if axis.numbers is None else _numbers_of_bins(axis, axis.numbers) for axis in knobs
+    ]
 
 
-def _unbinned(axis: GridAxis, numbers: Floats) -> GridAxis:
+def _numbers_of_bins(axis: GridAxis, numbers: Floats) -> GridAxis:
     values, codes = np.unique(numbers, return_inverse=True)
     return replace(axis, ticks=tuple(f"{value:.6g}" for value in values), codes=codes, numbers=None)
 
@@ -95,19 +97,19 @@ def reality_sentence(data: ReportData) -> str:
     first, last = compared[0], compared[-1]
     runs = len(first.rows)
     over = f"on average over {runs:,} runs" if runs > 1 else "from its recording"
-    away = f"{_distance(first.distance, reality)} away {over}"
+    away = f"{_distance_in_words(first.distance, reality)} away {over}"
     floor = start_noise(data.axes, reality.values)
-    moved = _distance(floor or 0.0, reality)
+    moved = _distance_in_words(floor or 0.0, reality)
     noise = f" Noise of the start alone moves a run by {moved} on average." if floor else ""
     if len(compared) == 1:
         return f"Simulation is {away}.{noise}"
     return (
         f"Of {len(compared):,} settings, {first.name} is closest to reality: {away}; "
-        f"{last.name} is farthest, {_distance(last.distance, reality)}.{noise}"
+        f"{last.name} is farthest, {_distance_in_words(last.distance, reality)}.{noise}"
     )
 
 
-def _distance(value: float, reality: Quantity) -> str:
+def _distance_in_words(value: float, reality: Quantity) -> str:
     return number_with_unit(f"{value:.3g}", reality.column.unit)
 
 
@@ -118,11 +120,11 @@ def closest_settings(data: ReportData) -> tuple[list[str], list[list[str]], list
     """
     [reality] = data.quantities_named("reality")
     quantities = [quantity for quantity in data.quantities if quantity.name.startswith("reality")]
-    knobs = _knobs(data)
+    knobs = _list_varying_knobs(data)
     rows: list[list[str]] = []
     for setting in compared_settings(data)[:_MOST_CLOSEST]:
         farthest = int(setting.rows[np.argmax(reality.values[setting.rows])])
-        means = [_mean(quantity.values[setting.rows]) for quantity in quantities]
+        means = [_mean_of_finite(quantity.values[setting.rows]) for quantity in quantities]
         ticks = [axis.ticks[axis.codes[farthest]] for axis in knobs]
         rows.append(
             [data.store.columns.run_id(int(farthest)), *ticks, f"{len(setting.rows):,}", *means]
@@ -135,6 +137,6 @@ def closest_settings(data: ReportData) -> tuple[list[str], list[list[str]], list
     return header, rows, foot if any(floors) else []
 
 
-def _mean(values: Floats) -> str:
+def _mean_of_finite(values: Floats) -> str:
     known = values[np.isfinite(values)]
     return f"{known.mean():.3g}" if len(known) else "-"

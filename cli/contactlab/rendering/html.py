@@ -30,15 +30,15 @@ def render_html(document: Document) -> str:
     return "\n".join(line for section in document.sections for line in _section_lines(section))
 
 
-def _text(text: str) -> str:
+def _render_text(text: str) -> str:
     return escape(visible(text))
 
 
 def _section_lines(section: Section) -> Iterator[str]:
     if section.folded:
-        yield f"<details><summary>{_text(section.title)}</summary>"
+        yield f"<details><summary>{_render_text(section.title)}</summary>"
     elif section.title:
-        yield f"<h3>{_text(section.title)}</h3>"
+        yield f"<h3>{_render_text(section.title)}</h3>"
     for block in section.blocks:
         yield from _block_lines(block)
     if section.folded:
@@ -49,36 +49,38 @@ def _block_lines(block: Block) -> Iterator[str]:
     match block:
         case Headline(text, mark):
             text = f"{mark.sign} {text}" if mark else text
-            yield f"<p><strong>{_text(text)}</strong></p>"
+            yield f"<p><strong>{_render_text(text)}</strong></p>"
         case Sentence(text, mark):
-            yield f"<p>{_text(f'{mark.sign} {text}' if mark else text)}</p>"
+            yield f"<p>{_render_text(f'{mark.sign} {text}' if mark else text)}</p>"
         case Commands(entries):
-            yield _code(tuple(f"{purpose}: {command}" for purpose, command in entries))
+            yield _render_code(tuple(f"{purpose}: {command}" for purpose, command in entries))
         case Facts(entries):
             yield '<dl class="causes">'
             for name, text in entries:
-                head = f"<dt>{_text(name)}</dt>" if name else ""
-                yield f"{head}<dd><p>{_text(text)}</p></dd>"
+                head = f"<dt>{_render_text(name)}</dt>" if name else ""
+                yield f"{head}<dd><p>{_render_text(text)}</p></dd>"
             yield "</dl>"
         case Items(texts, title):
-            yield from [f"<p>{_text(title)}</p>"] if title else []
-            yield f'<ul class="reasons">{"".join(f"<li>{_text(text)}</li>" for text in texts)}</ul>'
+            yield from [f"<p>{_render_text(title)}</p>"] if title else []
+            entries = "".join(f"<li>{_render_text(text)}</li>" for text in texts)
+            yield f'<ul class="reasons">{entries}</ul>'
         case Code(lines, more=more):
-            yield _code(lines)
-            yield from [f'<p class="caption">{_text(more)}</p>'] if more else []
+            yield _render_code(lines)
+            yield from [f'<p class="caption">{_render_text(more)}</p>'] if more else []
         case Table():
             yield from _table_lines(block)
 
 
-def _code(lines: tuple[str, ...]) -> str:
-    return f'<pre class="code">{_text(chr(10).join(lines))}</pre>'
+def _render_code(lines: tuple[str, ...]) -> str:
+    return f'<pre class="code">{_render_text(chr(10).join(lines))}</pre>'
 
 
 def _table_lines(table: Table) -> Iterator[str]:
     yield '<div class="scroll"><table class="budget">'
     if any(column.name for column in table.columns):
         heads = "".join(
-            f'<th scope="col"{_class(column)}>{_text(column.name)}</th>' for column in table.columns
+            f'<th scope="col"{_class_of_column(column)}>{_render_text(column.name)}</th>'
+            for column in table.columns
         )
         yield f"<thead><tr>{heads}</tr></thead>"
     yield "<tbody>"
@@ -88,43 +90,43 @@ def _table_lines(table: Table) -> Iterator[str]:
         if row.group != group:
             group = row.group
             if group:
-                head = f'<th scope="rowgroup" colspan="{width}">{_text(group)}</th>'
+                head = f'<th scope="rowgroup" colspan="{width}">{_render_text(group)}</th>'
                 yield f'<tr class="kind">{head}</tr>'
-        yield _row(table.columns, row)
+        yield _render_table_row(table.columns, row)
         if row.details:
-            yield f'<tr><td colspan="{width}">{_code(row.details)}</td></tr>'
+            yield f'<tr><td colspan="{width}">{_render_code(row.details)}</td></tr>'
     yield "</tbody></table></div>"
-    yield from [f'<p class="caption">{_text(table.more)}</p>'] if table.more else []
+    yield from [f'<p class="caption">{_render_text(table.more)}</p>'] if table.more else []
 
 
-def _row(columns: tuple[Column, ...], row: Row) -> str:
+def _render_table_row(columns: tuple[Column, ...], row: Row) -> str:
     first, *others = zip(columns, row.cells, strict=True)
-    title = f' title="{_text(row.title)}"' if row.title else ""
+    title = f' title="{_render_text(row.title)}"' if row.title else ""
     head = f'<th scope="row"{title}>{_cell_text(first[1])}</th>'
     cells = "".join(
-        f'<td class="along">{_bar(cell)}</td>'
+        f'<td class="along">{_draw_bar(cell)}</td>'
         if isinstance(cell, Bar)
-        else f"<td{_class(column)}>{_cell_text(cell)}</td>"
+        else f"<td{_class_of_column(column)}>{_cell_text(cell)}</td>"
         for column, cell in others
     )
     return f"<tr>{head}{cells}</tr>"
 
 
-def _class(column: Column) -> str:
+def _class_of_column(column: Column) -> str:
     return ' class="number"' if column.align == "right" else ""
 
 
 def _cell_text(cell: Cell) -> str:
     match cell:
         case Mark(word):
-            return _text(word)
+            return _render_text(word)
         case Bar():
-            return _bar(cell)
+            return _draw_bar(cell)
         case _:
-            return _text(cell)
+            return _render_text(cell)
 
 
-def _bar(bar: Bar) -> str:
+def _draw_bar(bar: Bar) -> str:
     """Draw a bar with a line at its limit."""
     width, limit = _BAR_PIXELS * min(1.0, max(0.0, bar.part)), ""
     if bar.limit is not None:

@@ -41,7 +41,7 @@ def render_text(document: Document, width: int = COLUMNS, paint: Paint | None = 
     lines: list[str] = []
     for section in document.sections:
         lines += [""] if lines and not section.follows else []
-        lines += _section_lines(section, width, paint or _keep)
+        lines += _section_lines(section, width, paint or _keep_text)
     return "\n".join(line.rstrip() for line in lines)
 
 
@@ -59,7 +59,7 @@ def wrap_text(text: str, width: int = COLUMNS, first: str = "", rest: str | None
     return printable("\n".join(lines or [first]))
 
 
-def _keep(_: str, text: str) -> str:
+def _keep_text(_: str, text: str) -> str:
     return text
 
 
@@ -115,18 +115,18 @@ def _table_lines(table: Table, width: int, paint: Paint) -> Iterator[str]:
         cells[0] = f"{indent if row.group else ''}{cells[0]}"
     widths, least = _column_widths(columns, rows)
     shown = len(columns)
-    while _total(least[:shown]) > width and shown > 1 and columns[shown - 1].droppable:
+    while _total_width(least[:shown]) > width and shown > 1 and columns[shown - 1].droppable:
         shown -= 1
     columns, dropped = columns[:shown], columns[shown:]
-    if _total(least[:shown]) > width:
+    if _total_width(least[:shown]) > width:
         yield from _block_rows(table, rows, width)
         return
     widths = _fit_widths(widths[:shown], least[:shown], width)
     head = [in_one_line(column.name) for column in columns]
     if any(head) and table.headed:
-        yield from _row_lines(columns, head, widths, _keep)
+        yield from _row_lines(columns, head, widths, _keep_text)
         if table.ruled:
-            yield "─" * _total(widths)
+            yield "─" * _total_width(widths)
     group = ""
     for row, cells in zip(table.rows, rows, strict=True):
         if row.group != group:
@@ -154,7 +154,7 @@ def _detail_lines(row: Row, width: int) -> Iterator[str]:
         yield from wrap_text(line, width, "   ", "     ").split("\n")
 
 
-def _total(widths: Sequence[int]) -> int:
+def _total_width(widths: Sequence[int]) -> int:
     return sum(widths) + len(_GAP) * (len(widths) - 1)
 
 
@@ -186,10 +186,10 @@ def _fit_widths(widths: Sequence[int], least: Sequence[int], width: int) -> list
     while low < high:  # the largest width of columns that can wrap
         middle = (low + high + 1) // 2
         cut = [max(few, min(all_, middle)) for few, all_ in zip(least, widths, strict=True)]
-        low, high = (middle, high) if _total(cut) <= width else (low, middle - 1)
+        low, high = (middle, high) if _total_width(cut) <= width else (low, middle - 1)
     fitted = [max(few, min(all_, low)) for few, all_ in zip(least, widths, strict=True)]
     for place, all_ in enumerate(widths):  # signs that are left over
-        fitted[place] += max(0, min(all_ - fitted[place], width - _total(fitted)))
+        fitted[place] += max(0, min(all_ - fitted[place], width - _total_width(fitted)))
     return fitted
 
 
@@ -207,7 +207,7 @@ def _row_lines(
             space = " " * (width - len(text))
             painted = paint(column.name, text) if text else ""
             line += (space + painted if column.align == "right" else painted + space) + _GAP
-        yield printable(line.rstrip()) if paint is _keep else line.rstrip()
+        yield printable(line.rstrip()) if paint is _keep_text else line.rstrip()
 
 
 def _wrap_cell(cell: str, width: int, *, breakable: bool) -> list[str]:

@@ -85,7 +85,7 @@ def phase_section(phase: BudgetPhase, begin: float, tolerance: float) -> Section
     blocks: list[Block] = [
         Sentence(head),
         budget_table(PlacedRow(phase.numerical_error, begin), rows, tolerance),
-        *_unexercised([row.name for row in phase.rows if not row.exercised]),
+        *_describe_unexercised([row.name for row in phase.rows if not row.exercised]),
         Sentence("; ".join(_other_numbers(phase))),
     ]
     return Section(tuple(blocks), "budget")
@@ -104,7 +104,7 @@ def worst_rows_section(budget: BudgetReport, task: Task) -> Section:
     if less := [name for name in found if name not in shown]:
         blocks.append(Sentence(f"below {format_percent(least)}: {', '.join(less)}"))
     rows = dict.fromkeys(row.name for phase in budget.phases for row in phase.rows)
-    blocks += _unexercised([name for name in rows if name not in found])
+    blocks += _describe_unexercised([name for name in rows if name not in found])
     return Section(tuple(blocks), "budget")
 
 
@@ -147,7 +147,7 @@ def share_text(share: float | None) -> str:
     return format_percent(math.inf if share is None else share)
 
 
-def _unexercised(names: Sequence[str]) -> list[Block]:
+def _describe_unexercised(names: Sequence[str]) -> list[Block]:
     return [Sentence(f"not exercised by the task: {', '.join(names)}")] if names else []
 
 
@@ -167,23 +167,23 @@ def _table_row(placed: PlacedRow, group: str, tolerance: float) -> Row:
     error = math.inf if row.infinite else row.error
     spread = ""
     if row.seeds and row.error is not None:
-        low, high = (_short(value).removesuffix(" %") for value in row.seeds)
+        low, high = (_shorten_share(value).removesuffix(" %") for value in row.seeds)
         spread = "" if low == high else f"{low}-{high} %"
     when = "" if row.time is None else f", {placed.begin + row.time:.2f} s"
     exceeds = error is not None and error > tolerance
-    text = format_above(error, tolerance) if error and exceeds else _short(error)
+    text = format_above(error, tolerance) if error and exceeds else _shorten_share(error)
     where = f"{row.body}{when}" if error is not None and error >= _NOTHING else ""
     ratio = format_amount(row.time_ratio.ratio, "x") if row.time_ratio else ""
     judged = not group or row.kind in {"numerics", "model"}
-    bar = Bar(_along(error or 0.0), _along(tolerance), exceeds and judged)
+    bar = Bar(_place_along_bar(error or 0.0), _place_along_bar(tolerance), exceeds and judged)
     return Row((row.name, text, spread, bar, ratio, where), group, title=row.summary)
 
 
-def _short(share: float | None) -> str:
+def _shorten_share(share: float | None) -> str:
     return "0 %" if share is not None and share < _NOTHING else format_percent(share)
 
 
-def _along(share: float) -> float:
+def _place_along_bar(share: float) -> float:
     """Return how far along a bar a share is, 0 to 1."""
     if share <= _LEAST:
         return 0.0

@@ -103,7 +103,10 @@ def describe_examination(
     others = (fix for fix in report.fixes if fix is not first_fix(report.fixes))
     sections += [
         Section(
-            (Sentence(f"fix {number}: {fix_summary(fix, report)}"), *_lines(fix, _MOST_LINES)),
+            (
+                Sentence(f"fix {number}: {fix_summary(fix, report)}"),
+                *_list_fix_lines(fix, _MOST_LINES),
+            ),
             "fixes",
         )
         for number, fix in enumerate(others, 2)
@@ -112,7 +115,7 @@ def describe_examination(
         sections += _verified_section(report)
     notes = report.notes if details_or_alone else ()
     sections.append(Section(tuple(map(Sentence, notes)), "notes"))
-    sections.append(Section(tuple(map(Sentence, _ends(report))), "ends"))
+    sections.append(Section(tuple(map(Sentence, _list_next_steps(report))), "ends"))
     return document_of(*sections)
 
 
@@ -197,7 +200,7 @@ def _head_sections(report: Examination, model: str) -> Iterator[Section]:
     blocks: list[Block] = [Facts((*entries,), colon=True)]
     if report.fixes:
         first = first_fix(report.fixes)
-        blocks += _lines(first, _MOST_FIRST_LINES)
+        blocks += _list_fix_lines(first, _MOST_FIRST_LINES)
         if first.verification is not None:
             blocks.append(Sentence(f"verified: {first.verification.sentence}"))
     # The line of the fix names the first one if no fix remains.
@@ -212,7 +215,7 @@ def _task_blocks(report: Examination) -> Iterator[Block]:
         yield Sentence(_REPLAYED)
 
 
-def _lines(fix: Fix, most: int) -> Iterator[Block]:
+def _list_fix_lines(fix: Fix, most: int) -> Iterator[Block]:
     """Yield the first lines of a fix, or the reason for no lines."""
     if fix.lines:
         more = len(fix.lines) - most
@@ -293,16 +296,16 @@ def _check_section(check: CheckResult) -> Section:
 
 def _measure_row(measure: Measure) -> Sequence[str]:
     verdict = {None: "", True: "holds", False: "exceeded"}[measure.holds]
-    limit = "" if measure.limit is None else _number(measure.limit, measure.unit)
-    value = "none" if measure.value is None else _number(measure.value, measure.unit)
+    limit = "" if measure.limit is None else _number_with_unit(measure.limit, measure.unit)
+    value = "none" if measure.value is None else _number_with_unit(measure.value, measure.unit)
     return measure.name.replace("_", " "), measure.of or "", value, limit, verdict
 
 
-def _number(value: float, unit: str) -> str:
+def _number_with_unit(value: float, unit: str) -> str:
     return format_digits(value, 4) + ("" if unit == "1" else f" {unit}")
 
 
-def _ends(report: Examination) -> Iterator[str]:
+def _list_next_steps(report: Examination) -> Iterator[str]:
     """Yield the skipped parts, and what to do next: the fixed model, the page, the evidence."""
     if skipped := not_tried_line(report):
         yield skipped

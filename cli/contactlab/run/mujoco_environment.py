@@ -103,7 +103,7 @@ def install_commands(folder: Path, wanted: Sequence[str]) -> list[list[str]]:
     It gets the wanted packages, named as for pip.
     """
     python = str(folder / "bin" / "python")
-    if uv := _uv():
+    if uv := _find_uv():
         return [
             [*uv, "venv", "--quiet", "--python", sys.executable, str(folder)],
             [*uv, "pip", "install", "--quiet", "--python", python, *wanted],
@@ -193,7 +193,7 @@ def _pinned_requirements() -> list[str]:
     return pinned
 
 
-def _uv() -> list[str] | None:
+def _find_uv() -> list[str] | None:
     if path := shutil.which("uv"):
         return [path]
     return [sys.executable, "-P", "-m", "uv"] if importlib.util.find_spec("uv") else None

@@ -242,32 +242,34 @@ def collect_files(model: Path, beside: Sequence[Path] = (), copy: Path | None = 
     are the manifest and the files that it names; the folder of a store's copy may hold them. A
     SceneError names a file that cannot be read, is not XML, or is not the scene's to name.
     """
-    model, others = _plain(model), set(map(_plain, beside))
+    model, others = _make_plain_path(model), set(map(_make_plain_path, beside))
     try:
-        search = FileSearch(copy and _plain(copy))
+        search = FileSearch(copy and _make_plain_path(copy))
         named = list(search.references(model))
-        paths = {model, *others, *(_plain(reference.path) for reference in named)}
+        paths = {model, *others, *(_make_plain_path(reference.path) for reference in named)}
         check_places(paths, beside[0].parent if beside else model, copy)
         found = [reference for reference in named if reference.path.is_file()]
-        files = {model, *others, *(_plain(reference.path) for reference in found)}
+        files = {model, *others, *(_make_plain_path(reference.path) for reference in found)}
         for path in files:
             check_picture(path, search.size)
-        root = common_folder({*files, *(_plain(reference.place) for reference in found)})
+        root = common_folder({*files, *(_make_plain_path(reference.place) for reference in found)})
         # What a package is called is no part of the scene: names start where the files do.
         inner = common_folder(files)
         return SceneFiles(
             root=root,
             model=model.relative_to(root),
             files=tuple(sorted(path.relative_to(root) for path in files)),
-            licences=tuple(sorted(path.relative_to(root) for path in _licences(files, root))),
+            licences=tuple(
+                sorted(path.relative_to(root) for path in _list_licence_files(files, root))
+            ),
             resources={
-                plain_name(reference.resource): _plain(reference.path)
+                plain_name(reference.resource): _make_plain_path(reference.path)
                 for reference in found
                 if reference.resource
             },
             copied=copy is not None,
             absolute=any(reference.absolute for reference in found),
-            hash=_digest(inner, sorted(path.relative_to(inner) for path in files)),
+            hash=_hash_files(inner, sorted(path.relative_to(inner) for path in files)),
         )
     except OSError as error:
         raise SceneError(f"{error.filename or model}: {error.strerror}") from error
@@ -275,7 +277,7 @@ def collect_files(model: Path, beside: Sequence[Path] = (), copy: Path | None = 
         raise SceneError(f"{model}: its models include each other too deeply") from error
 
 
-def _plain(path: Path) -> Path:
+def _make_plain_path(path: Path) -> Path:
     """Return an absolute path without `..`; links stay, so that a copy keeps their names."""
     plain = Path(path.anchor)
     for part in path.absolute().parts:
@@ -285,7 +287,7 @@ def _plain(path: Path) -> Path:
 
 def relative_path(path: Path, folder: Path) -> Path:
     """Return a path that leads from a folder to what another path leads to from here."""
-    end, start = _plain(path), _plain(folder)
+    end, start = _make_plain_path(path), _make_plain_path(folder)
     shared = next(parent for parent in (start, *start.parents) if end.is_relative_to(parent))
     ascent = [".."] * (len(start.parts) - len(shared.parts))
     return Path(*ascent, end.relative_to(shared))
@@ -300,7 +302,7 @@ def common_folder(paths: Collection[Path]) -> Path:
 _LICENCE = re.compile(r"(LICEN[SC]E|COPYING|NOTICE)\b.*", re.IGNORECASE)
 
 
-def _licences(files: Iterable[Path], root: Path) -> Iterator[Path]:
+def _list_licence_files(files: Iterable[Path], root: Path) -> Iterator[Path]:
     """Yield the licence files of the folders that hold files, up to the root."""
     folders = {folder for file in files for folder in file.parents if folder.is_relative_to(root)}
     for folder in folders:
@@ -309,7 +311,7 @@ def _licences(files: Iterable[Path], root: Path) -> Iterator[Path]:
                 yield path
 
 
-def _digest(root: Path, names: Iterable[Path]) -> str:
+def _hash_files(root: Path, names: Iterable[Path]) -> str:
     digest = hashlib.sha256()
     for name in names:
         data = (root / name).read_bytes()

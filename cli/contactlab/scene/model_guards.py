@@ -27,7 +27,7 @@ _PACKAGES = (_ROS_PACKAGE, ".git", "pyproject.toml", "setup.py")
 def allow_files(folders: Iterable[Path]) -> None:
     """Allow models to name the files of some folders, in this process and those that it starts."""
     os.environ[ALLOWED] = os.pathsep.join(
-        str(folder.absolute()) for folder in [*_allowed(), *folders]
+        str(folder.absolute()) for folder in [*_read_allowed_folders(), *folders]
     )
 
 
@@ -42,7 +42,7 @@ def check_places(files: Iterable[Path], named: Path, copy: Path | None = None) -
     )
     trees = [(home, copy.resolve() if copy else scene_tree(home)) for home in homes]
     installed = (Path(sysconfig.get_path(name)).resolve() for name in ("purelib", "platlib"))
-    shared = [] if copy else [*_allowed(), *installed]
+    shared = [] if copy else [*_read_allowed_folders(), *installed]
     for file in files:
         real = file.resolve()
         check_regular(file)
@@ -90,7 +90,7 @@ def _is_inside(file: Path, home: Path, tree: Path) -> bool:
     return file.is_relative_to(tree) or beside
 
 
-def _allowed() -> list[Path]:
+def _read_allowed_folders() -> list[Path]:
     return [Path(path).resolve() for path in os.environ.get(ALLOWED, "").split(os.pathsep) if path]
 
 

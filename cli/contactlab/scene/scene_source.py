@@ -48,7 +48,7 @@ def menagerie_model(reference: str) -> Path:
     Without an entry it is the robot's default: its scene if it has one. A SceneError says that the
     package is not installed, knows no such robot or entry, or cannot get it.
     """
-    package = _package(reference)
+    package = _find_package(reference)
     robot, _, entry = reference.removeprefix(_MENAGERIE_SCHEME).partition("/")
     robots: list[str] = package.names()
     message, listing = f"MuJoCo Menagerie has no robot '{robot}'", "`mujoco-menagerie names`"
@@ -70,7 +70,7 @@ def menagerie_model(reference: str) -> Path:
     return path
 
 
-def _package(reference: str) -> ModuleType:
+def _find_package(reference: str) -> ModuleType:
     try:
         return importlib.import_module("mujoco_menagerie")
     except ModuleNotFoundError as error:

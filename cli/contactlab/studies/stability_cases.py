@@ -36,7 +36,7 @@ def run(cases: Sequence[StabilityCase], session: Session) -> StabilityReport:
     results: list[StabilityResult] = []
     for number, case in enumerate(cases, 1):
         result = _run_case(case, session)
-        session.notify(f"{number}/{len(cases)} {case.name}: {_verdict(result)}")
+        session.notify(f"{number}/{len(cases)} {case.name}: {_verdict_of_result(result)}")
         results += [result] if result.runs else []
     return StabilityReport(tuple(results))
 
@@ -47,7 +47,7 @@ def find_cases(names: Sequence[str] = ()) -> list[StabilityCase]:
     Raises:
         SweepFileError: there is no such case.
     """
-    known = _cases()
+    known = _list_hard_cases()
     for name in names:
         shipped = name in resources.scene_names()
         if name not in known and (shipped or is_menagerie(name) or set(name) & set("./")):
@@ -61,7 +61,7 @@ def find_cases(names: Sequence[str] = ()) -> list[StabilityCase]:
     return [StabilityCase(name, known[name]) for name in names or known]
 
 
-def _cases() -> dict[str, Path]:
+def _list_hard_cases() -> dict[str, Path]:
     return {path.stem: path for path in sorted((resources.SWEEPS / FOLDER).glob("*.yaml"))}
 
 
@@ -78,10 +78,10 @@ def _run_case(case: StabilityCase, session: Session) -> StabilityResult:
     )
     sweep = replace(sweep, fresh=(store / "manifest.json").is_file())
     rows = session.run(sweep).table.to_pylist() if sweep.plan.count else []
-    return _result(sweep, rows, time.monotonic() - started)
+    return _judge_case_result(sweep, rows, time.monotonic() - started)
 
 
-def _result(
+def _judge_case_result(
     sweep: SweepRequest, rows: Sequence[Mapping[str, Any]], seconds: float
 ) -> StabilityResult:
     expected = [row for row in rows if row["expectation_met"] is not None]
@@ -110,7 +110,7 @@ def _result(
     )
 
 
-def _verdict(result: StabilityResult) -> str:
+def _verdict_of_result(result: StabilityResult) -> str:
     skipped = "; skipped: " + "; ".join(result.skipped) if result.skipped else ""
     if not result.runs:
         return "not run" + skipped

@@ -26,12 +26,12 @@ def as_annotations(report: Report) -> str:
             warnings.append(text)
         elif finding.outcome == "failed" or finding.is_open:
             errors.append(text)
-    return _both(report.title, errors, warnings)
+    return _join_both_levels(report.title, errors, warnings)
 
 
 def annotations(title: str, errors: Sequence[str], warnings: Sequence[str]) -> str:
     """Return the annotations of errors and warnings: 9 of each, and how many more."""
-    return _both(title, [*map(_Message, errors)], [*map(_Message, warnings)])
+    return _join_both_levels(title, [*map(_Message, errors)], [*map(_Message, warnings)])
 
 
 class _Message(NamedTuple):
@@ -41,24 +41,27 @@ class _Message(NamedTuple):
     properties: Mapping[str, str] = {}
 
 
-def _both(title: str, errors: Sequence[_Message], warnings: Sequence[_Message]) -> str:
-    lines = [*_annotations("error", title, errors), *_annotations("warning", title, warnings)]
+def _join_both_levels(title: str, errors: Sequence[_Message], warnings: Sequence[_Message]) -> str:
+    lines = [
+        *_list_annotations("error", title, errors),
+        *_list_annotations("warning", title, warnings),
+    ]
     return "".join(f"{line}\n" for line in lines)
 
 
-def _annotations(command: str, title: str, messages: Sequence[_Message]) -> Iterator[str]:
+def _list_annotations(command: str, title: str, messages: Sequence[_Message]) -> Iterator[str]:
     shown = list(messages[:_MOST_ANNOTATIONS_OF_A_STEP])
     if len(messages) > len(shown):
         shown.append(_Message(f"and {len(messages) - len(shown):,} more; see the summary"))
     for message in shown:
         properties = {**message.properties, "title": title}
-        listed = ",".join(f"{name}={_property(value)}" for name, value in properties.items())
-        yield f"::{command} {listed}::{_data(message.text)}"
+        listed = ",".join(f"{name}={_escape_property(value)}" for name, value in properties.items())
+        yield f"::{command} {listed}::{_escape_data(message.text)}"
 
 
-def _property(text: str) -> str:
-    return _data(text).replace(":", "%3A").replace(",", "%2C")
+def _escape_property(text: str) -> str:
+    return _escape_data(text).replace(":", "%3A").replace(",", "%2C")
 
 
-def _data(text: str) -> str:
+def _escape_data(text: str) -> str:
     return visible(text).replace("%", "%25").replace("\n", "%0A")

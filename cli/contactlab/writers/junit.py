@@ -15,10 +15,10 @@ _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 
 def as_junit(report: Report) -> str:
     """Return a report as JUnit XML; a warning or a note is passed, with an output."""
-    cases = [_case(finding, report) for finding in report.findings]
+    cases = [_build_test_case(finding, report) for finding in report.findings]
     root = ET.Element("testsuites")
     told = {
-        "name": _clean(report.title),
+        "name": _clean_text(report.title),
         "tests": str(len(cases)),
         "failures": str(sum(case.find("failure") is not None for case in cases)),
         "errors": "0",
@@ -28,32 +28,32 @@ def as_junit(report: Report) -> str:
     suite = ET.SubElement(root, "testsuite", told)
     suite.extend(cases)
     head = [report.headline, *(f"{name}: {text}" for name, text in report.facts)]
-    ET.SubElement(suite, "system-out").text = _lines(head)
+    ET.SubElement(suite, "system-out").text = _join_lines(head)
     ET.indent(root)
     return ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 
 
-def _case(finding: Finding, report: Report) -> ET.Element:
+def _build_test_case(finding: Finding, report: Report) -> ET.Element:
     place = ("contactlab", *report.place, finding.kind, finding.group)
     # Readers split the class name at its dots.
-    classname = _clean(".".join(part.replace(".", "_") for part in place if part))
-    case = ET.Element("testcase", name=_clean(finding.name), classname=classname, time="0")
+    classname = _clean_text(".".join(part.replace(".", "_") for part in place if part))
+    case = ET.Element("testcase", name=_clean_text(finding.name), classname=classname, time="0")
     message = f"{finding.verdict}: {finding.full_message}"
     details = list(pairs_in_words(finding))
     if finding.outcome == "failed":
-        failure = ET.SubElement(case, "failure", message=_clean(message), type=finding.verdict)
-        failure.text = _lines([message, *details, *report.command_lines])
+        failure = ET.SubElement(case, "failure", message=_clean_text(message), type=finding.verdict)
+        failure.text = _join_lines([message, *details, *report.command_lines])
     elif finding.outcome == "skipped":
-        ET.SubElement(case, "skipped", message=_clean(message))
+        ET.SubElement(case, "skipped", message=_clean_text(message))
     elif finding.outcome != "passed":
         output = [f"{finding.outcome}: {message}", *details]
-        ET.SubElement(case, "system-out").text = _lines(output)
+        ET.SubElement(case, "system-out").text = _join_lines(output)
     return case
 
 
-def _lines(texts: Sequence[str]) -> str:
-    return _clean("\n".join(texts))
+def _join_lines(texts: Sequence[str]) -> str:
+    return _clean_text("\n".join(texts))
 
 
-def _clean(text: str) -> str:
+def _clean_text(text: str) -> str:
     return _FORBIDDEN.sub("?", printable(text))

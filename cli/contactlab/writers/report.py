@@ -84,12 +84,15 @@ def finding_lines(report: Report) -> list[Line]:
         if finding.outcome == "skipped":
             skipped.setdefault((finding.level, finding.message), []).append(finding)
         elif finding.outcome != "passed" or report.lists_passed:
-            lines.append(_line(finding))
-    lines += [_line(same[0]) if len(same) == 1 else _together(same) for same in skipped.values()]
+            lines.append(_line_of_finding(finding))
+    lines += [
+        _line_of_finding(same[0]) if len(same) == 1 else _join_skipped_findings(same)
+        for same in skipped.values()
+    ]
     return sorted(lines, key=lambda line: ORDER.index(line.outcome))
 
 
-def _line(finding: Finding) -> Line:
+def _line_of_finding(finding: Finding) -> Line:
     pair = finding.worst[0] if finding.worst else None
     return Line(
         finding.outcome,
@@ -101,7 +104,7 @@ def _line(finding: Finding) -> Line:
     )
 
 
-def _together(findings: Sequence[Finding]) -> Line:
+def _join_skipped_findings(findings: Sequence[Finding]) -> Line:
     """Return one line for all skipped findings of one reason and level."""
     names = list(dict.fromkeys(finding.name.split()[0] for finding in findings))
     where = ", ".join(names if len(names) <= 3 else [*names[:3], "..."])

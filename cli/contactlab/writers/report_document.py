@@ -66,7 +66,7 @@ def describe_findings(report: Report, *, folded: bool = False) -> Document:
         Part((Headline(report.headline, mark),)),
         Part((Facts(report.facts),) if report.facts else ()),
         *findings,
-        *map(_section, report.sections),
+        *map(_blocks_of_section, report.sections),
         Part(tuple(map(Sentence, report.notes))),
         Part((Commands(report.commands),) if report.commands else ()),
     )
@@ -81,7 +81,7 @@ def _first_findings(lines: Sequence[Line]) -> Iterator[Part]:
         if len(same) > _MOST_OF_OUTCOME:
             rest = f"and {len(same) - _MOST_OF_OUTCOME:,} more ({outcome_mark(outcome).word})"
             shown.append(Line(outcome, rest))
-    yield Part(tuple(_table(shown)), "findings")
+    yield Part(tuple(_table_of_lines(shown)), "findings")
 
 
 def _folded_findings(report: Report, lines: Sequence[Line]) -> Iterator[Part]:
@@ -90,12 +90,12 @@ def _folded_findings(report: Report, lines: Sequence[Line]) -> Iterator[Part]:
     shown = sorted(lines, key=lambda line: not line.urgent)
     urgent = sum(line.urgent for line in shown)
     first = len(shown) if report.lists_passed else min(_MOST_FIRST, urgent)
-    yield Part(tuple(_table(shown[:first])), "findings")
+    yield Part(tuple(_table_of_lines(shown[:first])), "findings")
     if rest := shown[first:]:
-        yield Part(tuple(_table(rest)), "findings", f"{len(rest)} more", folded=True)
+        yield Part(tuple(_table_of_lines(rest)), "findings", f"{len(rest)} more", folded=True)
 
 
-def _table(lines: Sequence[Line]) -> Iterator[Block]:
+def _table_of_lines(lines: Sequence[Line]) -> Iterator[Block]:
     if lines:
         rows = tuple(Row((outcome_mark(line.outcome), *line.cells)) for line in lines[:_MOST_ROWS])
         rest = len(lines) - _MOST_ROWS
@@ -103,7 +103,7 @@ def _table(lines: Sequence[Line]) -> Iterator[Block]:
         yield Table(_HEADS, rows, headed=False, more=more)
 
 
-def _section(section: Section) -> Part:
+def _blocks_of_section(section: Section) -> Part:
     blocks: list[Block] = []
     if section.lines:
         blocks.append(Items(section.lines))

@@ -21,16 +21,16 @@ Node = dict[str, object]
 def as_sarif(report: Report) -> str:
     """Return a report as SARIF: a result for each finding; waived ones are suppressed."""
     findings = [finding for finding in report.findings if finding.outcome not in _NOT_SHOWN]
-    rules = {finding.name: _rule(finding, report.rules) for finding in findings}
+    rules = {finding.name: _index_of_rule(finding, report.rules) for finding in findings}
     places = {name: place for place, name in enumerate(rules)}
     driver = {"name": "contactlab", "version": version("contactlab"), "rules": [*rules.values()]}
-    results = [_result(finding, places[finding.name]) for finding in findings]
+    results = [_result_of_finding(finding, places[finding.name]) for finding in findings]
     run = {"tool": {"driver": driver}, "columnKind": "unicodeCodePoints", "results": results}
     log = {"$schema": _SCHEMA, "version": "2.1.0", "runs": [run]}
     return printable(json.dumps(log, indent=2, ensure_ascii=False)) + "\n"
 
 
-def _rule(finding: Finding, rules: Mapping[str, str]) -> Node:
+def _index_of_rule(finding: Finding, rules: Mapping[str, str]) -> Node:
     about = rules.get(finding.name, finding.name)
     rule: Node = {"id": finding.name, "shortDescription": {"text": visible(about)}}
     if isinstance(finding, PlacedFinding) and finding.docs:
@@ -38,16 +38,16 @@ def _rule(finding: Finding, rules: Mapping[str, str]) -> Node:
     return {**rule, "defaultConfiguration": {"level": SEVERITIES[finding.level]}}
 
 
-def _result(finding: Finding, rule: int) -> Node:
+def _result_of_finding(finding: Finding, rule: int) -> Node:
     result: Node = {
         "ruleId": finding.name,
         "ruleIndex": rule,
         "level": SEVERITIES[finding.level],
-        "message": {"text": visible("\n".join(_texts(finding)))},
+        "message": {"text": visible("\n".join(_texts_of_finding(finding)))},
     }
     if isinstance(finding, PlacedFinding):
         place = {
-            "artifactLocation": {"uri": _address(finding.file)},
+            "artifactLocation": {"uri": _address_of_file(finding.file)},
             "region": {"startLine": finding.line},
         }
         result["locations"] = [{"physicalLocation": place}]
@@ -57,11 +57,11 @@ def _result(finding: Finding, rule: int) -> Node:
     return result
 
 
-def _texts(finding: Finding) -> Iterator[str]:
+def _texts_of_finding(finding: Finding) -> Iterator[str]:
     yield finding.message
     if isinstance(finding, PlacedFinding):
         yield from finding.fix
 
 
-def _address(file: str) -> str:
+def _address_of_file(file: str) -> str:
     return Path(file).as_uri() if Path(file).is_absolute() else quote(Path(file).as_posix())

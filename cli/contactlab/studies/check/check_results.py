@@ -71,18 +71,18 @@ def check_section(check: CheckResult) -> Section:
         f"{check.name}: {check.verdict}",
         tuple(filter(None, lines)),
         ("number", "of", "value", "limit", "") if check.measures else (),
-        tuple(map(_row, check.measures)),
+        tuple(map(_describe_measure_row, check.measures)),
     )
 
 
-def _row(measure: Measure) -> tuple[str, ...]:
+def _describe_measure_row(measure: Measure) -> tuple[str, ...]:
     verdict = {None: "", True: "holds", False: "exceeded"}[measure.holds]
-    limit = "" if measure.limit is None else _number(measure.limit, measure.unit)
-    value = _number(measure.value, measure.unit)
+    limit = "" if measure.limit is None else _number_with_unit(measure.limit, measure.unit)
+    value = _number_with_unit(measure.value, measure.unit)
     return measure.name.replace("_", " "), measure.of or "", value, limit, verdict
 
 
-def _number(value: float | None, unit: str) -> str:
+def _number_with_unit(value: float | None, unit: str) -> str:
     if value is None:
         return "none"
     return f"{value:.4g}" + ("" if unit == "1" else f" {unit}")

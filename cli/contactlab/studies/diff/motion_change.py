@@ -129,7 +129,7 @@ def _follow_windows(
     while elapsed < (length + 1) * step * (1 - SUM_ROUNDING):
         times.append(elapsed)
         elapsed += own
-    starts, inputs = _restarts(motion, begins, states, np.array(times), other, places)
+    starts, inputs = _restart_second_model(motion, begins, states, np.array(times), other, places)
     restarted = Motion(other, starts, inputs, _INPUTS, motion.name)
     kept = replay(restarted, len(times) * own, 1).kept
     # From the last step that is not past a step of the run before the end.
@@ -147,7 +147,7 @@ def _follow_windows(
     return (1 - part) * rows[:, before] + part * rows[:, before + 1]
 
 
-def _restarts(
+def _restart_second_model(
     motion: Motion,
     begins: np.ndarray,
     states: Floats,

@@ -101,7 +101,7 @@ class SweepSetup:
         return replace(self, scenes=scenes, reference=reference, base=base)
 
 
-def _scenarios(plan: Plan) -> tuple[Values, ...]:
+def _list_scenarios(plan: Plan) -> tuple[Values, ...]:
     names = [axis.name for axis in plan.axes if axis.role == "scenario"]
     scenarios: dict[str, Values] = {}
     for run in plan.iterate_runs():
@@ -110,7 +110,7 @@ def _scenarios(plan: Plan) -> tuple[Values, ...]:
     return tuple(scenarios.values())
 
 
-def _between(scenarios: Sequence[Values]) -> tuple[Values, ...]:
+def _list_scenarios_between(scenarios: Sequence[Values]) -> tuple[Values, ...]:
     """Return scenarios half way between neighbors, or the given ones if there are none."""
     middles = [_half_way(first, second) for first, second in pairwise(scenarios)]
     return tuple(middle for middle in middles if middle not in scenarios) or tuple(scenarios)
@@ -151,7 +151,7 @@ def read_setup(request: EffectsRequest, *, recordings: bool = False) -> SweepSet
         scenes = replace(scenes, drive=sweep.drive, drive_folder=folder)
     asked = [*request.assign, *request.task.settings]
     assigned, given = read_settings(scenes, reference, asked, ("duration", "must"))
-    scenarios, axes = _scenarios(read.plan), read.plan.axes
+    scenarios, axes = _list_scenarios(read.plan), read.plan.axes
     # Values that the sweep gives to every run, including effects.
     varied = {axis.name for axis in axes if axis.count > 1 or axis.role == "scenario"}
     first = next(read.plan.iterate_runs()).values
@@ -161,7 +161,7 @@ def read_setup(request: EffectsRequest, *, recordings: bool = False) -> SweepSet
         reference=reference,
         base={**fixed, **assigned},
         scenarios=scenarios,
-        fresh_scenarios=_between(scenarios),
+        fresh_scenarios=_list_scenarios_between(scenarios),
         seeds=(0,),
         duration=given.duration or sweep.duration,
         tolerances=sweep.tolerances,

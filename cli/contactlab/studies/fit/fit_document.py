@@ -31,14 +31,17 @@ def describe_fit(report: FitReport, *, folder: Path | None = None) -> Document:
         [
             Headline(head),
             *([] if report.noise_floor is None else [Sentence(noise)]),
-            table_of(("setting", "fitted", "95 %", "identified"), list(map(_row, report.settings))),
+            table_of(
+                ("setting", "fitted", "95 %", "identified"),
+                list(map(_describe_setting_row, report.settings)),
+            ),
             Sentence(f"largest errors: {named}"),
             *([Sentence(written)] if written else []),
         ]
     )
 
 
-def _row(each: FittedSetting) -> tuple[object, ...]:
+def _describe_setting_row(each: FittedSetting) -> tuple[object, ...]:
     interval = ""
     if each.interval:
         interval = " to ".join(map(format_amount, each.interval))

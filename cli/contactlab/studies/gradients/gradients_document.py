@@ -32,7 +32,7 @@ def describe_gradients(report: GradientsReport, *, folder: Path | None = None) -
     if not report.axes:
         blocks.append(Sentence(report.places[0].mode))
     blocks.append(_map_table(report) if report.axes else _place_table(report))
-    blocks += map(Sentence, (*_advice(report), *report.notes))
+    blocks += map(Sentence, (*_list_advice(report), *report.notes))
     if folder is not None:
         blocks.append(Sentence(f"evidence and {REPORT} in {folder}"))
     return document_of(blocks)
@@ -78,7 +78,7 @@ def _map_table(report: GradientsReport) -> Table:
     return table_of(header, rows)
 
 
-def _advice(report: GradientsReport) -> Iterator[str]:
+def _list_advice(report: GradientsReport) -> Iterator[str]:
     """Yield a sentence of advice for each input that needs one."""
     if report.axes:
         yield (
