@@ -56,11 +56,11 @@ def test_the_interval_has_the_shares_without_evidence_against_them(
 
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.5])
 def test_it_holds_at_all_looks_at_once(share: float) -> None:
-    """Of 4,000 sequences of 1,000 runs, the share is left out at any time in at most 5 %.
+    """Of 1,000 sequences of 1,000 runs, the share is left out at any time in at most 5 %.
 
     The bound is what a count with that chance exceeds once in 10^4 such tests.
     """
-    sequences, length = 4_000, 1_000
+    sequences, length = 1_000, 1_000
     draws = np.random.default_rng(0).random((sequences, length)) < share
     good, runs = draws.cumsum(axis=1), np.arange(1, length + 1)
     mean = betaln(good + 1, runs - good + 1)

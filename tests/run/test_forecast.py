@@ -87,21 +87,21 @@ def test_two_workers_take_half_of_the_recording(
     assert one.seconds[1] - 0.5 * FACTOR == pytest.approx(2 * (two.seconds[1] - 0.5 * FACTOR))
 
 
-def test_the_size_of_traces_is_that_of_the_store(tmp_path: Path) -> None:
+@pytest.mark.parametrize("form", [pytest.param("messages", marks=pytest.mark.long), "compact"])
+def test_the_size_of_traces_is_that_of_the_store(tmp_path: Path, form: str) -> None:
     """All runs are short enough to be sampled, so the sizes differ by lengths of names alone."""
-    for form in ("messages", "compact"):
-        request = requested(tmp_path, trace="all", trace_format=form)
-        index = RunIndex(request.plan, request.scene)
-        runs = list(index.iterate_runs())
-        cost = sample_cost(request, index, runs)
-        store = tmp_path / form
-        sweep = {**SWEEP, "trace": "all", "trace_format": form}
-        contactlab.sweep(sweep, output=str(store), workers=0)
-        size = sum(file.stat().st_size for file in (store / "traces").rglob("*.mcap"))
-        steps = sum(run.steps for run in runs)
-        assert cost.trace_bytes[form] * steps == pytest.approx(size, rel=0.25)
-        assert cost.cpu_seconds > 0
-        assert not (tmp_path / "store").exists()
+    request = requested(tmp_path, trace="all", trace_format=form)
+    index = RunIndex(request.plan, request.scene)
+    runs = list(index.iterate_runs())
+    cost = sample_cost(request, index, runs)
+    store = tmp_path / form
+    sweep = {**SWEEP, "trace": "all", "trace_format": form}
+    contactlab.sweep(sweep, output=str(store), workers=0)
+    size = sum(file.stat().st_size for file in (store / "traces").rglob("*.mcap"))
+    steps = sum(run.steps for run in runs)
+    assert cost.trace_bytes[form] * steps == pytest.approx(size, rel=0.25)
+    assert cost.cpu_seconds > 0
+    assert not (tmp_path / "store").exists()
 
 
 def test_code_that_is_not_allowed_is_not_run(tmp_path: Path) -> None:

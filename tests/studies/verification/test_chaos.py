@@ -45,7 +45,9 @@ def _deepest(folder: Path, changed_text: str, nudges: int) -> dict[str, bool]:
     return {measure.name: measure.worse for measure in found}
 
 
-@pytest.mark.parametrize("nudges", [3, 10, 40])
+@pytest.mark.parametrize(
+    "nudges", [3, *(pytest.param(count, marks=pytest.mark.long) for count in (10, 40))]
+)
 def test_an_equal_motion_is_not_worse(tmp_path: Path, nudges: int) -> None:
     found = _deepest(tmp_path, DICE, nudges)
     assert {"depth", "creep", "energy gain"} & {*found}
