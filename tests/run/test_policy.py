@@ -419,3 +419,18 @@ def test_a_policy_holds_an_arm(folder: Path) -> None:
         qpos = store.trace(row["run_id"]).qpos
         assert np.abs(qpos[-1] - [0.3, -0.5]).max() < 1e-6
         assert np.abs(qpos - [0.3, -0.5]).max() < 1e-3
+
+
+UNSEEDED = "wanted = wanted + np.random.default_rng().random()"
+
+
+@pytest.mark.parametrize(("middle", "repeats"), [("", True), (UNSEEDED, False)])
+def test_a_policy_that_does_not_repeat_is_noticed(
+    folder: Path, middle: str, repeats: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    write_policy(folder, middle)
+    manifest = swept(folder)
+    (run_id,) = [row["run_id"] for row in rows(folder)]
+    assert manifest.unrepeatable == (() if repeats else (run_id,))
+    assert (f"run {run_id} does not repeat" in caplog.text) is not repeats
+    assert find_problems(folder / "store") == []

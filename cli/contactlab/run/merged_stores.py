@@ -211,16 +211,17 @@ def _merge_conclusion(stores: Sequence[Store], identity: SweepIdentity) -> Concl
     """Return the function that concludes over all runs together, once they are stored."""
     store = stores[0]
     met = sorted({name for each in stores for name in each.manifest.advisories})
+    changing = sorted({run for each in stores for run in each.manifest.unrepeatable})
     expected = any(expectation.get("mean") for expectation in identity.resolved["expect"])
     if not expected or identity.whole:
-        return partial(conclude_runs, None, (), met)
+        return partial(conclude_runs, None, (), met, changing)
     if isinstance(identity.resolved.get("include"), dict):
         raise StoreError(
             "the sweep expects means, and a file next to it names runs, which shards do not hold; "
             "run the sweep on one machine"
         )
     scene = stored_sweep_scene(identity, store.scene_folder)
-    return partial(conclude_runs, plan_again(identity, scene), (), met)
+    return partial(conclude_runs, plan_again(identity, scene), (), met, changing)
 
 
 def joined_provenance(several: Sequence[Provenance]) -> Provenance:

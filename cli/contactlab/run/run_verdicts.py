@@ -86,6 +86,7 @@ def conclude_runs(
     plan: Plan | None,
     budgets: Sequence[ParameterBudget],
     advisories: Sequence[str],
+    unrepeatable: Sequence[str],
     table: "RunColumns",
 ) -> dict[str, object]:
     """Return the manifest entries about all runs of a plan's store together."""
@@ -93,6 +94,7 @@ def conclude_runs(
         "unmet_means": tuple(unmet_means(plan, table)),
         "parameter_budgets": tuple(budgets),
         "advisories": tuple(advisories),
+        "unrepeatable": tuple(unrepeatable),
     }
 
 

@@ -4,7 +4,7 @@ import logging
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from contactlab.run.evidence_record import find_engine, find_provenance, hash_de
 from contactlab.run.parameter_budgets import parameter_budgets
 from contactlab.run.passes import SweepSession, run_passes
 from contactlab.run.planned_runs import RunIndex, pack_jobs
+from contactlab.run.repeated_runs import find_unrepeatable
 from contactlab.run.run_verdicts import conclude_runs
 from contactlab.run.shards import shard_of_sweep
 from contactlab.run.sweep_advisories import find_sweep_advisories
@@ -117,7 +118,8 @@ def run_sweep(
         # A shard cannot conclude over all runs.
         plan, budgets = (None, ()) if request.shard else (request.plan, parameter_budgets(session))
         met = tuple(each.id for each, _ in find_sweep_advisories(index, request.scene))
-        conclusion = partial(conclude_runs, plan, [*budgets], met)
+        unrepeatable = _repeat_some(session)
+        conclusion = partial(conclude_runs, plan, [*budgets], met, unrepeatable)
         return store.finish_store(columns, shared, task.provenance, values, identity, conclusion)
 
 
@@ -166,6 +168,21 @@ def _run_chosen(session: SweepSession, chosen: ChosenRuns) -> tuple[SweepSession
         stored = 0
     index, identity = chosen.finished_part(whole, store.identity)
     return replace(session, index=index), identity
+
+
+def _repeat_some(session: SweepSession) -> tuple[str, ...]:
+    task, runs = session.task, session.index.iterate_runs()
+    if task.policy is None or session.stop.is_set:
+        return ()
+    some = [*islice(runs, 1)]
+    found = find_unrepeatable(task, some, session.executor.workers, session.stop)
+    for run_id in found:
+        _LOG.warning(
+            "run %s does not repeat: simulated again twice, its motion or controls differed; the "
+            "policy may draw from a generator without a seed, or read a clock",
+            run_id,
+        )
+    return found
 
 
 def _run_remaining(session: SweepSession) -> None:

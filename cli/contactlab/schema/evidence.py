@@ -438,6 +438,11 @@ class StoreManifest(Model):
         default=(),
         exclude_if=lambda ids: not ids,
     )
+    unrepeatable: tuple[str, ...] = about(
+        "Ids of runs with a policy that differ when they are repeated; a sweep tries one run.",
+        default=(),
+        exclude_if=lambda ids: not ids,
+    )
     files: dict[InnerName, Sha256] = about("SHA-256 of every file but traces and this one.")
     records: Sha256 = about("Digest of every record in plan order, whatever the table's encoding.")
     physics: Sha256 | None = about(

@@ -165,17 +165,19 @@ def trace_damage(store: Store, record: EvidenceRecord) -> str | None:
 
 
 def trace_warning(store: Store) -> tuple[str, ...]:
-    """Return a line that names damaged traces; empty if a quick check finds none."""
+    """Return lines that name damaged traces and runs that do not repeat, if there are any."""
+    changing = ", ".join(store.manifest.unrepeatable)
+    lines = (f"its policy does not repeat: run {changing} changes each time",) if changing else ()
     damaged = list(damaged_traces(store))
     if not damaged:
-        return ()
+        return lines
     named = "; ".join(damaged[:_MAX_NAMED_DAMAGES])
     more = (
         f"; and {len(damaged) - _MAX_NAMED_DAMAGES:,} more"
         if len(damaged) > _MAX_NAMED_DAMAGES
         else ""
     )
-    return (f"{named}{more} (see `contactlab verify {store.address}`)",)
+    return (*lines, f"{named}{more} (see `contactlab verify {store.address}`)")
 
 
 def _check_files(store: Store) -> Iterator[str]:

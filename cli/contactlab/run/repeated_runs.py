@@ -1,0 +1,33 @@
+"""Repeats runs with a policy: it may draw from a generator without a seed, or read a clock."""
+
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from pydantic_core import from_json
+
+from contactlab.run.tasks import Crashed, Stop, Task
+from contactlab.run.worker_pool import LocalPool
+from contactlab.scene.run_spec import RunSpec
+
+_COMPARED = ("status", "steps", "trajectory_hash", "controls")
+
+
+def find_unrepeatable(task: Task, runs: list[RunSpec], workers: int, stop: Stop) -> tuple[str, ...]:
+    """Return the ids of those of some runs that differ when they are simulated twice, alone.
+
+    Nothing of it is kept. A run that ends its worker is left out.
+    """
+    found: list[str] = []
+    with TemporaryDirectory(prefix="contactlab-") as folder:
+        sweep = task.sweep.model_copy(update={"trace": "none", "checks": "none"})
+        own = replace(task, sweep=sweep, store=Path(folder))
+        for run in runs:
+            rows = list[object]()
+            for result in LocalPool(min(workers, 1)).run(own, [(run,)] * 2, stop):
+                if not isinstance(result, Crashed):
+                    said = [from_json(each.row) for each in result]
+                    rows += [[row.get(name) for name in _COMPARED] for row in said]
+            if len(rows) == 2 and rows[0] != rows[1]:
+                found.append(run.run_id)
+    return tuple(found)
