@@ -7,9 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.contact.contact_laws import (
+    STABLE_STEP,
     damping_ratio,
     damping_ratio_of,
     impedance_at,
+    largest_step,
+    refsafe_solref,
     rest_penetration,
     restitution_from_damping,
     stiffness_damping,
@@ -136,3 +139,17 @@ def test_rest_penetration_balances(
     # Contact acceleration K r d^2 / dwidth^2 against (1 - d) times that of the load. Sixty
     # halvings of a bracket that spans at most a factor (.99 / .01^2) / (.05 / .95^2) = 2e5.
     assert stiffness * depth * d**2 / 0.95**2 == pytest.approx((1 - d) * load * inverse, rel=1e-9)
+
+
+@given(st.floats(1e-4, 1.0), st.floats(0.05, 20.0))
+def test_the_largest_step_is_stable_and_leaves_solref(constant: float, ratio: float) -> None:
+    """A longer step is unstable, or refsafe replaces the time constant."""
+    solref = (constant, ratio)
+    step = largest_step(solref)
+    rate = np.sqrt(stiffness_damping(solref)[0])
+    assert refsafe_solref(solref, step) == pytest.approx(solref, rel=1e-12)
+    assert step * rate <= STABLE_STEP * (1 + 1e-12)
+    longer = 1.01 * step
+    assert longer * rate > STABLE_STEP or refsafe_solref(solref, longer)[0] > constant
+    direct = (-float(rate**2), -1.0)
+    assert largest_step(direct) * rate == pytest.approx(STABLE_STEP)

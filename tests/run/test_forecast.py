@@ -87,6 +87,23 @@ def test_two_workers_take_half_of_the_recording(
     assert one.seconds[1] - 0.5 * FACTOR == pytest.approx(2 * (two.seconds[1] - 0.5 * FACTOR))
 
 
+def test_more_workers_than_runs_take_no_less(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(forecasts, "sample_cost", lambda *_: SampledCost(1.0, {}))
+    monkeypatch.setattr("os.cpu_count", lambda: 10_000)
+    one = requested(tmp_path)
+    runs = len(RunIndex(one.plan, one.scene))
+    fewer, as_many, more = (
+        forecasts.forecast_sweep(requested(tmp_path, count)).seconds
+        for count in (runs // 2, runs, 10 * runs)
+    )
+    assert as_many == more
+    assert fewer
+    assert as_many
+    assert fewer[1] > as_many[1]
+
+
 @pytest.mark.parametrize("form", [pytest.param("messages", marks=pytest.mark.long), "compact"])
 def test_the_size_of_traces_is_that_of_the_store(tmp_path: Path, form: str) -> None:
     """All runs are short enough to be sampled, so the sizes differ by lengths of names alone."""
