@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import contactlab
+from contactlab.printable import in_markdown
 from contactlab.writers.github import annotations
 
 MOST_CELLS = 12  # a side of the map
@@ -68,15 +69,14 @@ def label_map(axes: Sequence[str], runs: Sequence[dict[str, Any]]) -> Iterator[s
     for run in runs:
         place = _value(run, down), _value(run, across) if across else ""
         cells.setdefault(place, Counter())[run["label"]] += 1
-    yield (
-        f"| {down} | " + " | ".join(f"{across}={each}" if across else "" for each in columns) + " |"
-    )
+    names = [in_markdown(f"{across}={each}") if across else "" for each in columns]
+    yield f"| {in_markdown(down)} | " + " | ".join(names) + " |"
     yield "|---" * (len(columns) + 1) + "|"
     for row in values[down]:
         found = [_square(cells.get((row, column)), squares) for column in columns]
-        yield f"| {row} | " + " | ".join(found) + " |"
+        yield f"| {in_markdown(row)} | " + " | ".join(found) + " |"
     yield ""
-    yield "  ".join(f"{square} {label}" for label, square in squares.items())
+    yield "  ".join(f"{square} {in_markdown(label)}" for label, square in squares.items())
 
 
 def _square(labels: Counter[str] | None, squares: dict[str, str]) -> str:
@@ -90,7 +90,7 @@ def _square(labels: Counter[str] | None, squares: dict[str, str]) -> str:
 
 def _value(run: dict[str, Any], axis: str) -> str:
     value = run.get(axis, run.get(f"settings.{axis}"))
-    return f"{value:.4g}" if isinstance(value, float) else str(value).replace("|", "/")
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _order(text: str) -> tuple[float, str]:

@@ -121,7 +121,7 @@ def test_the_first_run_needs_no_baseline(job: Job) -> None:
     assert job.outputs["verdict"] == "passed"
     [comment] = job.posted().values()
     assert "1 of 1 stated runs are as expected" in comment
-    assert "| drop_height | timestep=0.002 | timestep=0.004 |" in comment
+    assert r"| drop\_height | timestep=0.002 | timestep=0.004 |" in comment
     assert "| 0.02 | 🟩 |" in comment
     assert "https://example.org/page" in comment
     assert (job.folder / "results/contactlab/page.html").stat().st_size > 10_000

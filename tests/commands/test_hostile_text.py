@@ -12,6 +12,8 @@ import pyarrow.parquet as pq
 import pytest
 from tests.attack.mutations import redo
 
+from contactlab.command_line.terminal import print_csv
+
 NAME = "x&#10;::error::boom&#x9b;31m&#x202e; @admin ##[add-mask]1 :x: [red]b[/red]"
 MODEL = f"""
 <mujoco>
@@ -98,3 +100,14 @@ def test_a_page_of_hostile_labels(contactlab: Callable[..., Any], store: Path) -
     assert (code, "Traceback" in err) == (0, False)
     check(out + err)
     assert not re.search("[\x1b\u202e]", (store.parent / "page.html").read_text(encoding="utf-8"))
+
+
+def test_no_cell_of_a_table_is_computed(capsys: pytest.CaptureFixture[str]) -> None:
+    print_csv(["=1+1"], [["=HYPERLINK(1)"], ["@SUM(1)"], ["+1"], [-1.5], ["-"]])
+    assert capsys.readouterr().out.splitlines()[1:] == [
+        "'=HYPERLINK(1)",
+        "'@SUM(1)",
+        "'+1",
+        "-1.5",
+        "-",
+    ]

@@ -102,8 +102,13 @@ def print_csv(header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)
     for row in rows:
-        writer.writerow([in_one_line(cell) if isinstance(cell, str) else cell for cell in row])
+        writer.writerow([_plain_cell(cell) if isinstance(cell, str) else cell for cell in row])
     echo(text.getvalue().removesuffix("\n"))
+
+
+def _plain_cell(text: str) -> str:
+    # Spreadsheets compute a text that begins with one of these signs.
+    return in_one_line(f"'{text}" if text.startswith(("=", "@", "+", "\t", "\r")) else text)
 
 
 def print_report_json(report: "BaseModel", given: object) -> None:
