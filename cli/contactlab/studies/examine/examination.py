@@ -21,7 +21,6 @@ from contactlab.errors import SweepFileError
 from contactlab.judge.waivers import unused_waivers
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.printable import first_names
-from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import refuse_own_folder, write_model
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.coverage import Exercised
@@ -423,7 +422,7 @@ def _make_repairer(
         opened = open_changed_model(reference, examined.session, request.task)
         return replace(opened, rows=rows, settings=settings)
 
-    def verify(changed: CheckedModel, edits: ModelEdits) -> VerifiedChange:
+    def verify(changed: CheckedModel, elsewhere: bool) -> VerifiedChange:
         # Another start has other motions, and their errors may differ within the tolerance.
         return verify_change(
             VerificationRequest(
@@ -431,7 +430,7 @@ def _make_repairer(
                 changed=changed,
                 same_model=False,
                 keeps_motion=False,
-                keeps_start=not edits.fixes_start,
+                keeps_start=not elsewhere,
                 allowed_error=examined.task.tolerance,
                 stop_early=True,
                 left=lambda: until - time.process_time(),

@@ -36,6 +36,8 @@ from contactlab.tasks.task_verdict import run_labels
 
 SINGLE = "single"
 """Name for `--apply` of the repair of geoms that collide twice."""
+GRIP = "grip"
+"""Name for `--apply` of the repair that keeps an object in its hand."""
 _JUDGING = ("numerics", "model")  # kinds of rows that a verdict and its main cause are read from
 _STORE = "repaired"  # of runs of a repaired model
 
@@ -97,7 +99,7 @@ class CauseRepairer:
         original: the model as its author wrote it.
         folder: for written models.
         open_model: opens a written model under the same task, with rows of its budget.
-        verify: compares a repaired model with the original.
+        verify: compares a repaired model with the original, and whether it rests elsewhere.
         left: returns the CPU time that is left [s].
         describe: returns the headline of a repaired model.
     """
@@ -105,7 +107,7 @@ class CauseRepairer:
     original: CheckedModel
     folder: Path
     open_model: Callable[[str, Sequence[str], Settings], CheckedModel]
-    verify: Callable[[CheckedModel, ModelEdits], VerifiedChange]
+    verify: Callable[[CheckedModel, bool], VerifiedChange]
     left: Callable[[], float]
     describe: Callable[[RepairedModel], str]
 
@@ -194,9 +196,7 @@ class CauseRepairer:
             motions = original.motions_of(original.task, {**original.values, **settings})
             if not settings or leaves_hand(motions[0], grip):
                 continue
-            repair = Repair(
-                cause.stage, cause.sentence, fix.name, "grip", ModelEdits(settings), True
-            )
+            repair = Repair(cause.stage, cause.sentence, fix.name, GRIP, ModelEdits(settings), True)
             tried = self._try_repair(model, repair)
             if len(tried.fixes) > len(model.fixes):
                 return tried
@@ -267,7 +267,9 @@ class CauseRepairer:
         least = min(own, depends) if repair.is_certain else own + 1
         if not of_file and _rank_verdict(repaired.word) < least:
             return model
-        found = None if of_file else self.verify(changed, edits)
+        # An object that the original drops comes to rest elsewhere, as with another start.
+        elsewhere = edits.fixes_start or repair.apply == GRIP
+        found = None if of_file else self.verify(changed, elsewhere)
         if found is not None and not found.passed:
             rejected = RejectedFix(name=repair.name, reason=found.sentence)
             return replace(model, rejected=(*model.rejected, rejected))
