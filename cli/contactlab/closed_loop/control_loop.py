@@ -178,10 +178,10 @@ class LoopRows:
                 f"the policy returned an array of shape {wanted.shape}; one control for each run "
                 f"and actuator is {self.controls.shape}"
             )
-        if self._first is None:
-            self._first = wanted[0].copy()
+        first = wanted[0].copy() if self._first is None else self._first
+        self._first = first
         # A loop that does not hold has no run to keep: its controls shrink toward the first ones.
-        about = wanted[:1] if self.loop.gain > 1 else self._first
+        about = wanted[:1] if self.loop.gain > 1 else first[None]
         return about + self.loop.gain * (wanted - about)
 
     def _step(self, count: int) -> None:
@@ -193,7 +193,8 @@ class LoopRows:
     def _list_arrays(self) -> Iterator[tuple[Path, tuple[Any, Any]]]:
         # Path, container and key of each array that the controller keeps.
         root = vars(self._policy) if hasattr(self._policy, "__dict__") else {}
-        todo, seen = [((), root)], set[int]()
+        todo: list[tuple[Path, Any]] = [((), root)]
+        seen = set[int]()
         while todo:
             path, owner = todo.pop()
             if id(owner) in seen:

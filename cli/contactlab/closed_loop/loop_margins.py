@@ -67,6 +67,7 @@ class LoopStudy:
         growth, dof = find_modes(loop, np.array(self.times))
         simulated = self.run_loop(loop)
         allowed = self.allow_growth(loop)
+        holds = simulated <= allowed
         return ControlLoopReport(
             rate=loop.rate,
             latency=loop.latency,
@@ -76,8 +77,8 @@ class LoopStudy:
             joint=name_of(loop.model, "joint", int(loop.model.dof_jntid[dof])),
             simulated_growth=simulated,
             allowed_growth=allowed,
-            holds=simulated <= allowed,
-            margins=tuple(self._find_margin(axis) for axis in self.list_axes()),
+            holds=holds,
+            margins=tuple(self._find_margin(axis, safe=not holds) for axis in self.list_axes()),
         )
 
     def find_damping(self) -> float | None:
@@ -116,15 +117,22 @@ class LoopStudy:
             ),
         )
 
-    def _find_margin(self, axis: "LoopAxis") -> LoopMargin:
+    def _find_margin(self, axis: "LoopAxis", *, safe: bool) -> LoopMargin:
         linear = axis.find_border(self.holds_linear, None)
+        border = axis.find_border(self.holds_simulated, linear)
+        doubled = None
+        if safe and axis.holds_above and border:
+            twice = replace(self, loop=replace(self.loop, gain=2 * self.loop.gain))
+            (other,) = (one for one in twice.list_axes() if one.name == axis.name)
+            doubled = other.find_border(self.holds_simulated, 2 * border)
         return LoopMargin(
             name=axis.name,
             unit=axis.unit,
             holds_above=axis.holds_above,
             current=axis.current,
             linear=linear,
-            border=axis.find_border(self.holds_simulated, linear),
+            border=border,
+            doubled=doubled,
         )
 
 

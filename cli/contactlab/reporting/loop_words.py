@@ -29,7 +29,13 @@ def loop_sentence(report: ControlLoopReport) -> str:
     if report.holds:
         told = f"; each alone, {_join_parts(parts, 'and')} would hold it too" if parts else ""
         return f"the loop at {rate} holds{told}"
-    told = f"; {_join_parts(parts, 'or')} holds it, and half or twice leaves a margin of two"
+    safe = {name: margin.doubled for name, margin in borders.items() if margin.doubled}
+    told = f"; {_join_parts(parts, 'or')} holds it"
+    if len(safe) == 2:
+        told += (
+            f", and {format_frequency(safe['rate'])} or {format_digits(safe['armature'], 2)} holds "
+            "twice its gains"
+        )
     inside = "; so do the same gains as position servos of the model, with implicitfast"
     return (
         f"the loop at {rate} does not hold joint {report.joint}{told if parts else ''}"

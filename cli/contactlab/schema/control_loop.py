@@ -17,6 +17,10 @@ class LoopMargin(Model):
     current: float
     linear: FiniteOrNull = about("Border of the linear loop; null if there is none.")
     border: FiniteOrNull = about("Border of the simulated loop; null if there is none.")
+    doubled: FiniteOrNull = about(
+        "Border of the rate or the armature at twice the gains, if the loop does not hold.",
+        default=None,
+    )
 
 
 class ControlLoopReport(Model):

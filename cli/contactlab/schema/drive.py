@@ -100,7 +100,9 @@ class PolicyDrive(Model):
 class PdDrive(PolicyDrive):
     """A PD controller outside of the model, which holds the start by the torques of motors."""
 
-    policy: Literal["pd"] = "pd"  # pyright: ignore[reportIncompatibleVariableOverride]
+    policy: Literal["pd"] = about(  # pyright: ignore[reportIncompatibleVariableOverride]
+        "always pd: the controller of contactlab", default="pd"
+    )
     kp: Positive = about("gain of positions [N/m or Nm/rad]")
     kd: Annotated[Number, Field(ge=0)] = about("gain of velocities", default=0.0)
 

@@ -98,20 +98,21 @@ def list_loop_repairs(study: LoopStudy, report: ControlLoopReport) -> Iterator[L
     They are more armature or damping of all driven joints, and an implicit integrator.
     """
     loop = study.loop
-    armature = next(one.border for one in report.margins if one.name == "armature")
-    implicit = replace(loop, model=loop.model.__copy__())
+    implicit = replace(loop, model=loop.model.__copy__(), gain=_MARGIN)
     implicit.model.opt.integrator = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
-    changes = [
-        ("dof_armature", "armature", armature, loop.with_armature),
-        ("dof_damping", "damping", study.find_damping(), loop.with_damping),
-    ]
-    if study.holds_simulated(replace(implicit, gain=_MARGIN)):
-        edits = ModelEdits({"integrator": "implicitfast"})
-        yield LoopRepair("implicitfast", "implicit", edits)
-    for field, word, border, make in changes:
+    if study.holds_simulated(implicit):
+        yield LoopRepair("implicitfast", "implicit", ModelEdits({"integrator": "implicitfast"}))
+    for field, word, make in (
+        ("dof_armature", "armature", loop.with_armature),
+        ("dof_damping", "damping", loop.with_damping),
+    ):
+        known = {margin.name: margin.doubled for margin in report.margins}
+        border = known.get("armature")
+        if word == "damping":
+            border = replace(study, loop=replace(loop, gain=_MARGIN)).find_damping()
         if not border:
             continue
-        value = _round_up(_MARGIN * border)
+        value = _round_up(border)
         if not study.holds_simulated(replace(make(value), gain=_MARGIN)):
             continue
         values = getattr(loop.model, field)
@@ -119,8 +120,7 @@ def list_loop_repairs(study: LoopStudy, report: ControlLoopReport) -> Iterator[L
         names = [object_name(loop.model, field, dof) for dof in dofs]
         edits = ModelEdits({f"{field}[{name}]": value for name in names})
         more = f" and {len(names) - 1} more joints" if len(names) > 1 else ""
-        name = f"{word} {value:g} of {names[0]}{more}"
-        yield LoopRepair(name, f"loop-{word}", edits)
+        yield LoopRepair(f"{word} {value:g} of {names[0]}{more}", f"loop-{word}", edits)
 
 
 def _round_up(value: float) -> float:
