@@ -260,11 +260,10 @@ def _measured(
         return conclude(report)
     task, search, verifier = report.task, None, None
     file = lint_file(examined.scene.source, request.model, task.start)
-    repaired = RepairedModel(examined, report.labels)
     faults = [*file.faults]
     if not any(fault.stage == "start" or fault.is_of_start for fault in faults):
         faults += find_fallen_start(examined)
-    repaired = replace(repaired, causes=tuple(list_file_causes(faults)))
+    repaired = RepairedModel(examined, report.labels, tuple(list_file_causes(faults)))
     broken = next((fault.fix for fault in file.faults if fault.is_of_start), "")
     fixes, files = tuple[Fix, ...](), None
     begins = {phase.name: phase.begin for phase in task.phases}
@@ -288,8 +287,9 @@ def _measured(
                 repaired = replace(repaired, causes=(*repaired.causes, cause))
         repaired = repairer.repair_loop(repaired, study, report.loop)
         files = repairer.list_files(repaired)
-        unheld = report.loop is not None and not report.loop.holds  # a replay misleads there
-        if not unheld and (not files or repaired.word not in PASSING_VERDICTS):
+        # A replay of a loop that does not hold misleads.
+        held = report.loop is None or report.loop.holds
+        if held and (not files or repaired.word not in PASSING_VERDICTS):
             verifier = _make_verifier(request, examined, report.labels, begun)
             search = _search_fixes(request, repaired, files, verifier, until)
             fixes = verifier.recommend_fixes(search)
