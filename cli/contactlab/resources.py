@@ -71,6 +71,10 @@ def sweep_index() -> dict[str, tuple[str, str, int, str]]:
 def sweep_file(name: str) -> Path:
     """Return the path of a shipped sweep; raise SweepFileError for an unknown name."""
     message = f"no sweep file and no shipped sweep named '{name}'"
+    if Path(name, "manifest.json").is_file():
+        raise SweepFileError(
+            f"{name} is a store; read it by `contactlab show {name}`, or join shards by --merge"
+        )
     SweepFileError.unless_known(name, sweep_names(), message, rest="; see `contactlab list sweeps`")
     return SWEEPS / f"{name}.yaml"
 

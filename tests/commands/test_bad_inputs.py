@@ -109,6 +109,8 @@ OF_OPTIONS = [
     Bad("sound.xml --observe crat", "'crat'", "did you mean 'crate'?"),
     Bad("sound.xml --tolerance 1kg", "--tolerance 1kg", "write a share or a length"),
     Bad("sound.xml --tolerance -1%", "--tolerance -1%", "write a share or a length"),
+    Bad("sound.xml --tolerance 20", "--tolerance 20", "write 20% or a share"),
+    Bad("compare sound.xml text.xml", "stores", "contactlab diff sound.xml text.xml", code=3),
     Bad("sound.xml --tolerance much", "--tolerance much", "write a share or a length"),
     Bad("sound.xml --tolerance slip=1mm", "no limit 'slip'", "did you mean 'hold_slip'?"),
     Bad(

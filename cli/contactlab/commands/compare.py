@@ -100,6 +100,8 @@ def compare(
         PolicyError: the policy names something that the stores do not have.
         OutputError: the baseline cannot be written.
     """
+    if all(Path(str(each)).suffix in {".xml", ".urdf"} for each in (baseline, candidate)):
+        raise StoreError(f"compare reads stores; models: contactlab diff {baseline} {candidate}")
     if update:
         return _write_baseline(baseline, candidate, baseline_digest)
     from contactlab.comparison.compare_stores import compare as compare_stores

@@ -78,6 +78,8 @@ def read_task_options(
         name, equals, value = text.rpartition("=")
         number, unit = read_quantity(value)
         of_task = not equals and number > 0 and unit in _TOLERANCE_UNITS
+        if of_task and not unit and number > 1 and not value.rstrip().endswith("%"):
+            raise SweepFileError(f"'--tolerance {text}' is {number:.0%}; write {value}% or a share")
         if not 0 <= number < math.inf or not (name or of_task):
             raise SweepFileError(
                 f"'--tolerance {text}' is not a tolerance; write a share or a length, 10% or 1mm, "
