@@ -52,24 +52,15 @@ def _list_reasons(
             alternative = alternatives.get(row.name, row.name)
             size = format_above(row.error, tolerance)
             sentence = f"{alternative} changes {where.body}'s motion by {size}"
-            yield _build_reason("depends", phase, row.name, row.error, where, sentence)
+            yield build_reason("depends", phase.name, row.name, row.error, where, sentence)
 
 
-def _build_reason(
-    verdict: VerdictWord,
-    phase: PhaseBudget,
-    row: str,
-    error: float,
-    where: Origin,
-    sentence: str,
+def build_reason(
+    verdict: VerdictWord, phase: str, row: str, error: float, where: Origin, sentence: str
 ) -> BudgetReason:
+    """Build the reason for a verdict: a row in a phase, and where its error is largest."""
     return BudgetReason(
-        verdict=verdict,
-        phase=phase.name,
-        row=row,
-        error=error,
-        sentence=sentence,
-        **where._asdict(),
+        verdict=verdict, phase=phase, row=row, error=error, sentence=sentence, **where._asdict()
     )
 
 
@@ -79,7 +70,7 @@ def _warning_reasons(phase: PhaseBudget) -> Iterator[BudgetReason]:
         at = f" at {warning.place}" if warning.place else ""
         where = Origin(body, warning.cause or warning.place, warning.time)
         sentence = f"MuJoCo warned of {warning.kind}{at}"
-        yield _build_reason("inaccurate", phase, "warning", np.inf, where, sentence)
+        yield build_reason("inaccurate", phase.name, "warning", np.inf, where, sentence)
 
 
 def _numerical_reasons(phase: PhaseBudget, tolerance: float) -> Iterator[BudgetReason]:
@@ -87,20 +78,22 @@ def _numerical_reasons(phase: PhaseBudget, tolerance: float) -> Iterator[BudgetR
     where = Origin(phase.bodies[run.body], run.place, run.time)
     if run.error > tolerance and not phase.warnings:
         sentence = f"numerical error {format_above(run.error, tolerance)} in {where.body}"
-        yield _build_reason("inaccurate", phase, run.name, run.error, where, sentence)
+        yield build_reason("inaccurate", phase.name, run.name, run.error, where, sentence)
     drift = phase.energy_drift
     if abs(drift) > tolerance:
         origin = phase.energy_origin
         sign = "+" if drift > 0 else "-"
         size = format_above(abs(drift), tolerance)
         sentence = f"energy drift {sign}{size}, most in {origin.body}"
-        yield _build_reason("inaccurate", phase, "energy", drift, origin, sentence)
+        yield build_reason("inaccurate", phase.name, "energy", drift, origin, sentence)
     if phase.invalid_windows:
         sentence = f"the reference fails in {format_percent(phase.invalid_windows)} of the windows"
-        yield _build_reason("undecided", phase, "reference", phase.invalid_windows, where, sentence)
+        yield build_reason(
+            "undecided", phase.name, "reference", phase.invalid_windows, where, sentence
+        )
     elif run.error <= tolerance < phase.doubt:
         sentence = "the reference fails at an eighth of the time step"
         if np.isfinite(phase.upper_bound):
             size = format_above(phase.upper_bound, tolerance)
             sentence = f"the numerical error may be up to {size} in {where.body}"
-        yield _build_reason("undecided", phase, "reference", phase.upper_bound, where, sentence)
+        yield build_reason("undecided", phase.name, "reference", phase.upper_bound, where, sentence)

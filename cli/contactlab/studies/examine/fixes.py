@@ -27,8 +27,9 @@ from contactlab.budget.fixes import (
     without_margins,
 )
 from contactlab.budget.measuring import evaluations, pace, steps_of
+from contactlab.budget.readings import Origin
 from contactlab.budget.report import fix_report
-from contactlab.budget.verdict import VerdictWord
+from contactlab.budget.verdict import VerdictWord, build_reason
 from contactlab.budget.windows import joint_name
 from contactlab.errors import SceneError
 from contactlab.modifications.catalogue import (
@@ -552,17 +553,8 @@ def _joints_of(model: mujoco.MjModel, label: RunLabel) -> Iterator[int]:
 
 
 def _reason(word: VerdictWord, label: RunLabel, row: str, share: float, place: str) -> BudgetReason:
-    body, time = next(iter(label.bodies), ""), label.time or 0.0
-    return BudgetReason(
-        verdict=word,
-        phase=label.phase,
-        row=row,
-        error=share,
-        body=body,
-        place=place,
-        time=time,
-        sentence=label.reason,
-    )
+    where = Origin(next(iter(label.bodies), ""), place, label.time or 0.0)
+    return build_reason(word, label.phase, row, share, where, label.reason)
 
 
 def _untimed(
