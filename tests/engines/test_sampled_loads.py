@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.engines.sampled_loads import _Sampler, sampled_steps
+from contactlab.engines.sampled_loads import LoadSampler, sampled_steps
 
 PAIR = """<mujoco><worldbody>
 <body><joint name="one" type="slide"/><geom size=".1" mass="1"/></body>
@@ -30,5 +30,5 @@ def test_a_lasting_violation_is_that_of_the_last_quarter(
     states[1 + round(begin * STEPS) : 1 + round(end * STEPS), 1] = 0.5
     inputs = np.zeros((1 + len(sampled_steps(STEPS)), model.nu + 6 * model.nbody))
     start: Any = SimpleNamespace(input_rows=lambda *_: inputs)
-    _, gaps, _ = _Sampler(model).sample_loads(model, start, states)
+    _, gaps, _ = LoadSampler(model).sample_loads(model, start, states)
     assert gaps[0] == pytest.approx([0.5, rest])

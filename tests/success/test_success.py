@@ -25,7 +25,13 @@ FILE = Path(exploits.__file__)
 
 def judged(folder: Path, env: str, policy: str, **options: Any) -> SuccessReport:
     drive = f"{FILE}:{policy}"
-    given = {"episodes": 3, "allow_code": True, "workers": 0, "output": folder, **options}
+    given: dict[str, Any] = {
+        "episodes": 3,
+        "allow_code": True,
+        "workers": 0,
+        "output": folder,
+        **options,
+    }
     return contactlab.success(f"{FILE}:{env}", drive=drive, **given)
 
 

@@ -28,7 +28,7 @@ def with_loads(runs: PreparedRuns, rollout: Rollout) -> Rollout:
     """Return a rollout with ranges of its controls, and the results of a few states."""
     first, count = runs.prepared[0].model, len(rollout.steps)
     brakes = first.dof_frictionloss.any() or first.tendon_frictionloss.any()
-    sampler = _Sampler(first) if first.neq or brakes else None
+    sampler = LoadSampler(first) if first.neq or brakes else None
     ranges = np.zeros((count, first.nu, 2))
     loads, gaps = np.zeros((count, first.neq)), np.zeros((count, first.neq, 2))
     creep, sleeper = np.zeros((count, first.nv + first.ntendon)), np.full((count, 4), np.nan)
@@ -138,7 +138,7 @@ def _awake_motion(
     return gone, np.abs(data.qvel) * model.dof_length
 
 
-class _Sampler:
+class LoadSampler:
     """Evaluates a few states of runs of one structure."""
 
     def __init__(self, model: mujoco.MjModel) -> None:

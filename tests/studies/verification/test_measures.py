@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from contactlab.studies.verification.run_measures import RELATIVE_TOLERANCE, _average_measure
+from contactlab.studies.verification.run_measures import RELATIVE_TOLERANCE, average_measure
 
 
 @pytest.mark.parametrize("before", [1.0, 250.0])
@@ -22,7 +22,7 @@ def test_the_largest_tolerance_counts(
     for factor, worse in ((0.99, False), (1.01, True)):
         after = before * (1 + factor * allowed)
         values = [np.array([each]) for each in (before, after, before * (1 + twin), before)]
-        found = _average_measure(
+        found = average_measure(
             "depth", "task", "m", values, floor * before, "floor", chaotic=False
         )
         assert found.worse is worse

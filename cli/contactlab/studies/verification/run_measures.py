@@ -136,7 +136,7 @@ def compare_run(
         if any(each.any() for each in values[:2]):
             floor = LENGTH_TOLERANCE * scale
             place = tables.changed.extremes["depth"].place
-            yield _average_measure(
+            yield average_measure(
                 "resting depth", run.name, "m", values, floor, place, chaotic=chaotic
             )
         yield from _compare_creep(run, tables, good, chaotic=chaotic)
@@ -181,7 +181,7 @@ def _compare_extremes(
         if name in LIMIT_EXCESSES and not keeps_motion:
             # A body that is meant to move otherwise may meet a limit as hard as any soft limit is.
             floor = max(floor, SOFT_LIMIT_SHARE * _range_of(model, place))
-        yield _average_measure(name, run.name, unit, values, floor, place, chaotic=chaotic)
+        yield average_measure(name, run.name, unit, values, floor, place, chaotic=chaotic)
 
 
 def _range_of(model: mujoco.MjModel, joint: str) -> float:
@@ -221,7 +221,7 @@ def _count_failures(run: PairedRun, tables: Tables) -> VerifiedMeasure:
     )  # fmt: skip
 
 
-def _average_measure(
+def average_measure(
     name: str,
     run: str,
     unit: str,
@@ -231,7 +231,10 @@ def _average_measure(
     *,
     chaotic: bool,
 ) -> VerifiedMeasure:
-    # Values (S,) of the original, the changed model, the twin and the reference.
+    """Return a measure of the means over S seeds, with their spread as part of its tolerance.
+
+    Values are (S,) those of the original, the changed model, the twin and the reference.
+    """
     before, after, twin, reference = (float(np.mean(each)) for each in values)
     spread = abs(twin - before)
     if len(values[0]) > 1:
@@ -318,12 +321,12 @@ def _compare_energy(
     # lifted by the size of a body: a share of a vanishing energy would mean nothing.
     scale = np.maximum(np.ptp(whole[3], axis=1), weight) + 1e-300
     gains = [(each.max(axis=1) - each[:, 0]) / scale for each in whole]
-    yield _average_measure(
+    yield average_measure(
         "energy gain", run.name, "1", gains, ENERGY_TOLERANCE, "", chaotic=chaotic
     )
     if keeps_motion:
         ends = [np.abs(each[:, -1] - whole[3][:, -1]) / scale for each in whole]
-        yield _average_measure(
+        yield average_measure(
             "energy error", run.name, "1", ends, ENERGY_TOLERANCE, "", chaotic=chaotic
         )
 
