@@ -23,6 +23,7 @@ _ROOT = _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT
 ADVISORIES = _ROOT / "advisories"  # known faults of engines
 MODELS, SWEEPS, SCHEMAS = _ROOT / "models", _ROOT / "sweeps", _ROOT / "schemas"
 """The folders of shipped scenes, one folder each, of sweep files and of published schemas."""
+PAGE_STYLE = Path(__file__).parent / "page" / "style.css"  # colors of pages, light and dark
 ADAPTERS = _ROOT / "adapters"  # of engines that run in environments of their own
 
 
@@ -71,7 +72,7 @@ def sweep_index() -> dict[str, tuple[str, str, int, str]]:
 def sweep_file(name: str) -> Path:
     """Return the path of a shipped sweep; raise SweepFileError for an unknown name."""
     message = f"no sweep file and no shipped sweep named '{name}'"
-    if Path(name, "manifest.json").is_file():
+    if name not in sweep_names() and Path(name, "manifest.json").is_file():
         raise SweepFileError(
             f"{name} is a store; read it by `contactlab show {name}`, or join shards by --merge"
         )

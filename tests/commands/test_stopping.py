@@ -124,8 +124,8 @@ def test_it_may_come_while_something_is_written() -> None:
 def test_a_machine_without_memory_is_told_of_in_a_line(error: str) -> None:
     code = f"""
 from contactlab.command_line import main
-def run(): raise {error}
-main.main = run
+def run(words): raise {error}
+main._run_words = run
 from contactlab.__main__ import main
 main()
 """

@@ -202,6 +202,16 @@ def rewrite(store: Path, table: pa.Table) -> None:
     rehash(store)
 
 
+def without_metrics(table: pa.Table, *names: str) -> pa.Table:
+    """Return a table as of a release without some metrics."""
+    meta = dict(table.schema.metadata)
+    shared = json.loads(meta[b"contactlab.shared"])
+    for each in ("units", "metric_versions"):
+        shared[each] = {name: value for name, value in shared[each].items() if name not in names}
+    meta[b"contactlab.shared"] = json.dumps(shared).encode()
+    return table.drop_columns([*names]).replace_schema_metadata(meta)
+
+
 def rehash(store: Path) -> None:
     path = store / "manifest.json"
     manifest = json.loads(path.read_text())
@@ -260,5 +270,11 @@ def baseline(tmp_path: Path) -> Path:
 def tampering() -> SimpleNamespace:
     """Ways to change a stored store so that only what it holds is wrong, not its hashes."""
     return SimpleNamespace(
-        edit=edit, rewrite=rewrite, rehash=rehash, reshare=reshare, cut=cut, substitute=substitute
+        edit=edit,
+        rewrite=rewrite,
+        without_metrics=without_metrics,
+        rehash=rehash,
+        reshare=reshare,
+        cut=cut,
+        substitute=substitute,
     )

@@ -29,7 +29,8 @@ class Balance:
 def store(tmp_path: Path) -> Store:
     (tmp_path / "cart.xml").write_text(CART_POLE)
     (tmp_path / "balance.py").write_text(POLICY)
-    sweep = {"version": 1, "scene": str(tmp_path / "cart.xml"), "axes": {}, "checks": "all"}
+    sweep = {"version": 1, "scene": str(tmp_path / "cart.xml"), "checks": "all"}
+    sweep |= {"axes": {"perturbation": [0]}}
     sweep |= {
         "duration": STEPS * STEP,
         "drive": {"policy": f"{tmp_path / 'balance.py'}:Balance", "rate": 250},

@@ -97,7 +97,7 @@ def uv(monkeypatch: pytest.MonkeyPatch) -> str:
     """The real uv, with a cache of its own, as what it holds would be asked of no index."""
     path = os.pathsep.join([os.environ["PATH"], str(ROOT / ".uv" / "bin")])
     found = shutil.which("uv", path=path) or pytest.skip("uv is not installed")
-    monkeypatch.setattr(mujoco_environment, "_uv", lambda: [found, "--no-cache"])
+    monkeypatch.setattr(mujoco_environment, "_find_uv", lambda: [found, "--no-cache"])
     return found
 
 
@@ -161,7 +161,7 @@ def test_a_configuration_that_the_user_names_wins(
 def test_pip_asks_the_index_of_the_user(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own: Index, planted: Index
 ) -> None:
-    monkeypatch.setattr(mujoco_environment, "_uv", lambda: None)
+    monkeypatch.setattr(mujoco_environment, "_find_uv", lambda: None)
     monkeypatch.setenv("PIP_INDEX_URL", own.address)
     with pytest.raises(EngineError, match="cannot be installed"):
         make_environment(tmp_path / "cache" / "a", ["absent"], "an engine", "", lambda _: None)

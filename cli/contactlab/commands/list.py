@@ -119,7 +119,8 @@ def _schemas(name: str | None, folder: str | Path | None) -> Listing | dict[str,
     read = {file.removesuffix(suffix): json.loads(text) for file, text in texts.items()}
     if name is None:
         rows = [
-            (each, one.get("title", ""), one.get("description", "")) for each, one in read.items()
+            (each, one.get("title", ""), one.get("description", "").partition("\n\n")[0])
+            for each, one in read.items()
         ]
         return Listing(("schema", "title", "description"), rows)
     name = name.removesuffix(suffix)

@@ -32,6 +32,7 @@ from contactlab.comparison.run_checks import (
     unpaired_checks,
 )
 from contactlab.comparison.spread_checks import (
+    pairs_to_tell,
     spread_expectation_checks,
     spread_label_checks,
     spread_metric_checks,
@@ -98,6 +99,7 @@ def compare(
     after = _open_store("candidate", candidate, thorough=thorough)
     policy = choose_match(before, after, policy)
     pairing = pair_runs(before, after, policy)
+    policy = choose_judge(before, after, len(pairing.baseline), policy)
     paired = PairedStores(before, after, pairing, policy, today or date.today())  # noqa: DTZ011
     check_names(policy, {**before.columns.measured, **after.columns.measured}, paired.ranks)
     third = _open_store("control", control, thorough=thorough) if control else None
@@ -195,17 +197,31 @@ def unreadable_report(error: ContactlabError, policy: ComparePolicy) -> Comparis
 
 
 def choose_match(baseline: Store, candidate: Store, policy: ComparePolicy) -> ComparePolicy:
-    """Return a policy with what `auto` chooses: pairs by id if any is common; spreads if not equal.
+    """Return a policy that pairs by id if an id is common, and otherwise by axes.
 
     A changed model gives all runs other ids, and the same axes.
     """
-    match, judge = policy.match, policy.judge
+    match = policy.match
     if match == "auto":
         ids = (store.columns.ids() for store in (baseline, candidate))
         match = "id" if len(pair_keys(*ids).baseline) else "axes"
+    return policy.model_copy(update={"match": match})
+
+
+def choose_judge(
+    baseline: Store, candidate: Store, pairs: int, policy: ComparePolicy
+) -> ComparePolicy:
+    """Return a policy that says whether each pair of runs is judged, or all together.
+
+    A changed model is judged by all pairs together if these are enough to tell a change of all.
+    With fewer, no change at all would be told.
+    """
+    judge = policy.judge
     if judge == "auto":
-        judge = "spread" if find_difference(baseline, candidate, "scene_hash") else "each"
-    return policy.model_copy(update={"match": match, "judge": judge})
+        metrics = len({**baseline.columns.measured, **candidate.columns.measured})
+        changed = find_difference(baseline, candidate, "scene_hash") is not None
+        judge = "spread" if changed and pairs >= pairs_to_tell(metrics) else "each"
+    return policy.model_copy(update={"judge": judge})
 
 
 def pair_runs(baseline: Store, candidate: Store, policy: ComparePolicy) -> Pairing:

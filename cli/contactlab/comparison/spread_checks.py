@@ -24,6 +24,21 @@ from contactlab.store.run_columns import NumberColumn
 from contactlab.store.table_layout import Column
 
 
+def pairs_to_tell(metrics: int) -> int:
+    """Return the number of pairs from which a change of all of them is told by some metrics."""
+    return _pairs_for(_sure_of_each(metrics))
+
+
+def _sure_of_each(metrics: int) -> float:
+    # So that all metrics together raise a false alarm in one comparison of twenty.
+    return 1 - (1 - SURE) / max(1, metrics)
+
+
+def _pairs_for(sure: float) -> int:
+    # By chance, all of n changes have one sign with a probability of 2 / 2^n.
+    return math.ceil(math.log2(2 / (1 - sure)))
+
+
 def spread_label_checks(labels: PairLabels) -> Iterator[Finding]:
     """Yield for each label and group whether more runs have it than in the baseline."""
     paired, rules = labels.paired, labels.paired.policy.labels
@@ -65,8 +80,7 @@ def spread_metric_checks(paired: PairedStores) -> Iterator[Finding]:
     """Yield for every metric and group whether most runs are worse, beyond chance and tolerance."""
     measured = {**paired.candidate.columns.measured, **paired.baseline.columns.measured}
     valued = sum(paired.read_numbers(name)[1].valid.any() for name in measured)
-    # So that all metrics together raise a false alarm in one comparison of twenty.
-    sure = 1 - (1 - SURE) / max(1, int(valued))
+    sure = _sure_of_each(int(valued))
     for metric in measured.values():
         rule = effective_rule(metric, paired.policy)
         reason = explain_incomparable(paired, metric, rule)
@@ -115,7 +129,7 @@ def spread_finding(
     if not len(tolerances):
         return subject.single(SAME, "no pair has two values", judged=pairs)
     low, high = median_interval(tolerances.tolist(), sure)
-    enough = math.ceil(math.log2(2 / (1 - sure)))
+    enough = _pairs_for(sure)
     code = SAME
     if low > 1:
         code = CHANGED if rule.better == "none" else WORSE

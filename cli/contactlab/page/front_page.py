@@ -1,12 +1,12 @@
 """The page of a search for settings: the front as a figure, and the report as text."""
 
 from html import escape
-from importlib.resources import files
 
 from contactlab.charts import Spec, apply_theme, static_svg
 from contactlab.printable import visible
 from contactlab.rendering.document import Document
 from contactlab.rendering.html import render_html
+from contactlab.resources import PAGE_STYLE
 
 _STYLE = """
 p, dd { overflow-wrap: anywhere; }
@@ -21,7 +21,7 @@ p, dd { overflow-wrap: anywhere; }
 
 def build_front_page(title: str, document: Document, wide: Spec, narrow: Spec) -> str:
     """Return one HTML page that needs no other file, with a figure for wide and narrow windows."""
-    style = (files("contactlab.page") / "style.css").read_text(encoding="utf-8") + _STYLE
+    style = PAGE_STYLE.read_text(encoding="utf-8") + _STYLE
     name = f"Numerical error over time of {title}"
     figures = "".join(
         f'<div class="{width}">{static_svg(apply_theme(spec), f"{name}, {width}")}</div>'

@@ -11,7 +11,7 @@ from contactlab.schema.success import SuccessReport
 from contactlab.store.finished_store import Store
 from contactlab.studies.success.success_document import describe_success, headline_of
 
-_PACKAGE = "contactlab.page"
+_PACKAGE = __package__ or ""
 
 
 def success_page(report: SuccessReport, store: Store) -> str:

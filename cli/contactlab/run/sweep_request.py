@@ -79,7 +79,8 @@ def read_request(  # noqa: PLR0913 - one argument an option
     SweepFileError that lists all mistakes of the file or the overrides.
     """
     options = overrides or Overrides()
-    scenes = SceneLoader(folder, drive, allow_code=allow_code)
+    written_here = isinstance(source, Mapping)
+    scenes = SceneLoader(folder, drive, allow_code=allow_code, written_here=written_here)
     read = read_sweep(source, partial(scenes.vocabulary, lenient=partly), options)
     scene, plan = scenes.for_sweep(read)
     plan, reasons = supported_plan(plan)
@@ -129,6 +130,7 @@ class SceneLoader:
     drive: Drive | None = None  # drive of an option, which overrides sweep and scene
     drive_folder: Path = Path()  # base of relative paths in `drive`
     allow_code: bool = False  # whether the code of environments may run
+    written_here: bool = False  # whether the caller wrote the sweep, and no file names its drive
     _opened: dict[str, Scene] = field(default_factory=dict[str, Scene])
     _driven: dict[str, Scene] = field(default_factory=dict[str, Scene])
 
@@ -174,7 +176,9 @@ class SceneLoader:
         """Return the scene of a sweep, and the sweep's plan with the hash of its drive."""
         sweep = read.sweep
         if sweep.drive is not None and self.drive is None:
-            scene = self._open_undriven(sweep.scene).with_drive(sweep.drive, self.folder or Path())
+            scene = self._open_undriven(sweep.scene).with_drive(
+                sweep.drive, self.folder or Path(), named_by_user=self.written_here
+            )
         else:
             scene = self.open(sweep.scene)
         # The manifest's drive is already in the scene's own copy.

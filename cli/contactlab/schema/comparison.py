@@ -145,7 +145,7 @@ class ComparePolicy(Waivers):
     )
     judge: Literal["auto", "each", "spread"] = about(
         "each: by each pair of runs; spread: by all pairs together, with intervals, so that single "
-        "runs decide nothing; auto: spread if the model changed",
+        "runs decide nothing; auto: spread if the model changed and there are enough pairs",
         default="auto",
     )
     baseline_digest: Sha256 | None = about(
