@@ -38,8 +38,12 @@ CONTEXTS = frozenset(
     }
 )
 """Contexts of terms that more than one page uses; `contactlab explain WORD` has all terms."""
-KNOWN_ARGUMENTS = frozenset({"STORE", "MODEL", "SCENE"})
+KNOWN_ARGUMENTS = frozenset({"STORE", "MODEL", "MODEL...", "SCENE"})
 """Arguments that the head of the page explains."""
+KINDS = {"computation": "The same model, computed differently", "model": "Another model"}
+"""Kinds of modifications, as headings."""
+REPEATED = "; may be repeated"
+"""Part of the help of options that the page marks by dots."""
 SHARED = 3
 """An option of at least this number of commands is described once, before all commands."""
 
@@ -55,7 +59,7 @@ class Page:
 
 @dataclass(frozen=True)
 class CommandOption:
-    """An option as `--help` has it."""
+    """An option: its usage, with dots if it may be repeated, and its help."""
 
     flags: str
     help: str
@@ -106,7 +110,9 @@ def read_options(command: Command) -> Iterator[CommandOption]:
         flags = getattr(option, "param_decls", None)
         if flags and flags[-1] != "--format":
             value = option.metavar or ("" if isinstance(option.default, bool) else name.upper())
-            yield CommandOption(" ".join([*flags[-1:], *filter(None, [value])]), option.help)
+            usage = " ".join([*flags[-1:], *filter(None, [value])])
+            dots = "..." if REPEATED in option.help else ""
+            yield CommandOption(f"{usage}{dots}", option.help.replace(REPEATED, ""))
 
 
 def list_keys() -> Iterator[str]:
@@ -222,18 +228,22 @@ def list_parameters() -> Iterator[str]:
 
 
 def list_modifications() -> Iterator[str]:
-    """Yield the entries of the catalogue with what they edit and their uses."""
-    for entry in CATALOGUE.values():
-        yield f"{describe_modification(entry)}\n"
+    """Yield the entries of the catalogue by kind, with their edits and their uses."""
+    for kind, title in KINDS.items():
+        yield f"\n## {title}\n"
+        yield from (
+            f"{describe_modification(entry)}\n"
+            for entry in CATALOGUE.values()
+            if entry.kind == kind
+        )
 
 
 def describe_modification(entry: Modification) -> str:
     """Return an entry of the catalogue as a line."""
-    notes = [entry.kind, *(["safeguard"] if entry.safeguard else [])]
-    edits = ", ".join(f"`{name}`" for name in entry.edits)
+    notes = [*(["safeguard"] if entry.safeguard else []), *(f"`{name}`" for name in entry.edits)]
     uses = "; ".join(list_uses(entry)) or "not tried yet"
     labels = f" Against {', '.join(entry.labels)}." if entry.labels else ""
-    return f"**{entry.name}** ({', '.join(notes)}): {entry.summary} Edits {edits}. {uses}.{labels}"
+    return f"**{entry.name}** ({', '.join(notes)}): {entry.summary} {uses}.{labels}"
 
 
 def list_uses(entry: Modification) -> Iterator[str]:
@@ -267,9 +277,9 @@ PAGES: Mapping[str, Page] = {
         "Commands",
         "A MODEL or SCENE is a shipped scene, a folder, an .xml or .urdf file or menagerie:ROBOT; "
         "a STORE a folder or s3://BUCKET/PREFIX. `--format json` prints results for programs; "
-        "`--help` has the formats of a command. Exit codes: 0 success, 1 not as expected, 2 bad "
-        "input, 3 unreadable evidence, 4 runs crashed or timed out, 70 internal fault, 130 "
-        "interrupted.",
+        "`--help` has the formats of a command. An option with dots may be repeated. Exit codes: "
+        "0 success, 1 not as expected, 2 bad input, 3 unreadable evidence, 4 runs crashed or timed "
+        "out, 70 internal fault, 130 interrupted.",
         list_commands,
     ),
     "parameters": Page(
@@ -306,9 +316,9 @@ PAGES: Mapping[str, Page] = {
     ),
     "modifications": Page(
         "Modifications",
-        "A modification is one thing that a command may change in a model. A computation gives the "
-        "same model; a model, another one. A *safeguard* protects runs that a task does not show, "
-        "so nothing removes it.",
+        "A modification is one thing that a command may change in a model. In brackets are the "
+        "edited settings. A *safeguard* protects runs that a task does not show, so nothing "
+        "removes it.",
         list_modifications,
     ),
     "glossary": Page(

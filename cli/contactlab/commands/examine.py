@@ -240,7 +240,7 @@ def examine(
     ] = (),
     check: Annotated[
         Sequence[str],
-        Option("NAME", "Of the checks run only this one; may be repeated.", kind=list[str]),
+        Option("NAME", "Run only this check; may be repeated.", kind=list[str]),
     ] = (),
     waive: Annotated[
         "str | Path | Sequence[Waiver] | None",
