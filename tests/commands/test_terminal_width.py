@@ -63,6 +63,8 @@ def test_a_pipe_gets_all_and_may_close_early(contactlab: Run, swept: Path) -> No
     assert len(rows) == 18
     assert {row["timestep"] for row in rows} == {"0.0005", "0.002", "0.02"}
     assert all(float(row["penetration_max"]) > 0 for row in rows if row["penetration_max"])
+    empty = {name for name in rows[0] if not any(row[name] for row in rows)}
+    assert empty <= {"expectation_met"}
     reader, writer = os.pipe()
     os.close(reader)
     command = [sys.executable, "-m", "contactlab", "show", str(swept)]

@@ -34,11 +34,12 @@ def unexpected(store: "Store") -> ContactlabError | None:
 
 
 def summary_csv(store: "Store", given: Given) -> None:
-    """Print the runs of a store: axes, label and metrics."""
+    """Print the runs of a store: axes, label, and the metrics that any run has."""
     del given
     columns = store.columns
     names = ["run_id", *columns.axis_names, "seed", "label", "expectation_met"]
-    values = columns.to_pydict([*dict.fromkeys(names), *columns.measured])
+    measured = [name for name in columns.measured if columns.has_value(name).any()]
+    values = columns.to_pydict([*dict.fromkeys(names), *measured])
     print_csv([*values], zip(*values.values(), strict=True))
 
 

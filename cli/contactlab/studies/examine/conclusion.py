@@ -270,10 +270,14 @@ def _fix(report: Examination, verdict: VerdictWord, tried: int, not_tried: int) 
     if verdict == "ok":
         return "not needed"
     start = report.task.start if report.task.start == QPOS0 else f"keyframe {report.task.start}"
-    first = f"move the bodies apart in {start} first; " if _overlaps(report) else ""
-    met = [fact.place for fact in report.facts if fact.kind == "advisory" and fact.value]
-    first += f"avoid {' and '.join(met)} first; " if met else ""
-    return first + _no_fix(report, tried, not_tried)
+    first = [f"move the bodies apart in {start}"] if _overlaps(report) else []
+    first += [
+        f"avoid {fact.place}" for fact in report.facts if fact.kind == "advisory" and fact.value
+    ]
+    # What is left after these is another model's verdict.
+    if first:
+        return f"{' and '.join(first)}, and examine the model again"
+    return _no_fix(report, tried, not_tried)
 
 
 def _overlaps(report: Examination) -> bool:
