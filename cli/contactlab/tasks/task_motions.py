@@ -104,7 +104,7 @@ def _acted(prepared: PreparedRuns) -> PreparedRuns:
     """Return runs driven by the actions of their policies."""
     rollout = engine_of(prepared.resolved[0]).roll_out(prepared, Buffers())
     if failed := next((error for error in rollout.errors if error), None):
-        raise SceneError(f"the policy cannot be replayed: {failed}")
+        raise SceneError(f"the controller ended the run: {failed}")
     return prepared.with_recorded_controls(rollout.controls)
 
 
