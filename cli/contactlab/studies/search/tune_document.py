@@ -230,11 +230,13 @@ def _far_pairs_text(pairs: FarPairs) -> str:
 def _notes(report: TuneReport) -> Iterator[str]:
     """Yield the settings that were not changed and why, then the effects of the time limit."""
     limited = {each.name: each.reason for each in report.not_changed if each.name in LIMITED}
-    unchanged = [
-        f"{each.name} ({each.reason})"
-        for each in report.not_changed
-        if each.name not in limited and each.reason != UNVERIFIED
-    ]
+    unchanged = list(
+        dict.fromkeys(
+            f"{each.name} ({each.reason})"
+            for each in report.not_changed
+            if each.name not in limited and each.reason != UNVERIFIED
+        )
+    )
     yield from (f"Not changed: {each}." for each in unchanged[:_MAX_UNCHANGED])
     if (more := len(unchanged) - _MAX_UNCHANGED) > 0:
         yield f"Not changed: {more} more settings, listed in {REPORT}."
