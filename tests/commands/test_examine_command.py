@@ -418,8 +418,9 @@ def test_bad_input_is_named(arm: str) -> None:
 def test_a_model_has_one_page(arm: str, contactlab: Run, tmp_path: Path) -> None:
     """Beside its report and its evidence, or in a file of its own, which is all that is left."""
     printed = contactlab(arm, "--duration", "0.1", "--workers", "1")
-    folder = tmp_path / "results/examine/arm"
-    assert "page: results/examine/arm/page.html" in printed.out
+    (folder,) = (tmp_path / "results/examine").iterdir()
+    assert folder.name.endswith("-arm_duration=0.1")
+    assert f"page: results/examine/{folder.name}/page.html" in printed.out
     assert {path.name for path in folder.iterdir()} >= {"page.html", "examination.json", "run"}
     report = Examination.model_validate_json((folder / "examination.json").read_text())
     page = (folder / "page.html").read_text()

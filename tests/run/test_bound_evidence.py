@@ -229,7 +229,7 @@ def edit_tags(store: Path) -> None:
         (in_manifest("finished", value="2020-01-01T00:00:00.000+00:00"), "differ in finished"),
         (in_manifest("provenance", "host", "os", value="Plan 9"), "differ in provenance"),
         (edit_tags, "has other fields than its schema"),
-        (edit_shared("units", lambda units: units | {"slip_max": "m"}), "differ in units"),
+        (edit_shared("units", lambda units: units | {"penetration_max": "mm"}), "differ in units"),
         (edit_shared("severity", lambda order: order[1:-1]), "its severity is not the order"),
         (
             in_manifest("sweep", "plan_hash", value="0" * 32),

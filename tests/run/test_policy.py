@@ -361,7 +361,7 @@ def test_a_scene_may_name_its_policy(folder: Path) -> None:
 
 @pytest.mark.long
 def test_recorded_controls_drive_a_sweep_as_the_policy_did(folder: Path) -> None:
-    swept(folder, drive={"latency": 0.01})
+    swept(folder, drive={"latency": 0.01}, axes={"perturbation": [0]})
     (controls,) = (folder / "store" / "controls").rglob("*.arrow")
     sweep = {"version": 1, "scene": "cart.xml", "duration": 0.4}
     drive = {"file": str(controls), "interpolation": "hold"}

@@ -223,7 +223,7 @@ def describe_drive(drive: Drive) -> str:
         case "hold":
             return "an external load holds its joints (`drive: hold`)"
         case "none":
-            return "the controls of its start or its scene, unchanged (`drive: none`)"
+            return "nothing but the controls of its start (`drive: none`)"
         case _:
             return drive_text(drive)
 

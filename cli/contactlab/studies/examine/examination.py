@@ -61,6 +61,7 @@ from contactlab.studies.examine.policy_loop import (
 from contactlab.studies.examine.repaired_causes import (
     CauseRepairer,
     RepairedModel,
+    add_lost_loop,
     find_fallen_start,
     list_file_causes,
 )
@@ -254,7 +255,6 @@ def _measured(
     for repaired models, and the study of the loop of a policy.
     """
     folder, study = place
-    until = begun + _FIXING * request.max_cpu
     request.begins("measuring its error budget")
     if not examined.moves:
         return conclude(report)
@@ -266,16 +266,15 @@ def _measured(
     repaired = RepairedModel(examined, report.labels, tuple(list_file_causes(faults)))
     broken = next((fault.fix for fault in file.faults if fault.is_of_start), "")
     fixes, files = tuple[Fix, ...](), None
-    begins = {phase.name: phase.begin for phase in task.phases}
-    times = [begins.get(motion.name, 0.0) for motion in examined.motions]
+    times = _list_begins(examined)
     passages = find_field_passages(examined.motions, times) if not broken else []
     if passages:
         causes = list_passage_causes(examined.motions[0].model, passages)
         repaired, broken = replace(repaired, causes=(*repaired.causes, *causes)), FINER_GRID
     model = examined.motions[0].model
     grip = None if request.assign else find_grip(request.model, model, task.start)
-    certain = broken or any(fault.is_certain for fault in faults)
-    designs = () if certain else tuple(_list_design_causes(examined, grip))
+    is_known = bool(broken) or any(fault.is_certain for fault in faults)
+    designs = () if is_known else tuple(_list_design_causes(examined, grip))
     repaired = replace(repaired, causes=(*repaired.causes, *designs))
     if "fixes" in request.sections and not broken:
         repairer = _make_repairer(request, examined, report, folder, begun)
@@ -291,9 +290,11 @@ def _measured(
         held = report.loop is None or report.loop.holds
         if held and (not files or repaired.word not in PASSING_VERDICTS):
             verifier = _make_verifier(request, examined, report.labels, begun)
+            until = begun + _FIXING * request.max_cpu
             search = _search_fixes(request, repaired, files, verifier, until)
             fixes = verifier.recommend_fixes(search)
         fixes = (*repaired.fixes, *fixes)
+    repaired = add_lost_loop(repaired, report.loop)
     tried = search.tried if search else ()
     if "facts" in request.sections:
         found = [
@@ -320,8 +321,20 @@ def _measured(
     )
     trials = len(tried) + search.label_trials if search else 0
     report = conclude(report, fixes_tried=trials, fixes_not_tried=skipped)
-    report = report.model_copy(update={"fix": broken or report.fix})
-    return _written(request, examined, report, verifier, search, files)
+    return _written(
+        request,
+        examined,
+        report.model_copy(update={"fix": broken or report.fix}),
+        verifier,
+        search,
+        files,
+    )
+
+
+def _list_begins(examined: CheckedModel) -> list[float]:
+    """Return the times at which the phases of the motions begin [s]."""
+    begins = {phase.name: phase.begin for phase in examined.task.phases}
+    return [begins.get(motion.name, 0.0) for motion in examined.motions]
 
 
 def _list_design_causes(examined: CheckedModel, grip: GripReport | None) -> Iterator[Cause]:

@@ -13,6 +13,7 @@ from contactlab.closed_loop.loop_margins import LoopStudy
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.closed_loop import load_policy
 from contactlab.engines.pd_controller import find_motors
+from contactlab.foreign_code import printed_as_text
 from contactlab.reporting.loop_words import loop_sentence
 from contactlab.scene.model_draft import ModelEdits, object_name
 from contactlab.schema.control_loop import ControlLoopReport
@@ -43,6 +44,7 @@ def make_loop_study(checked: CheckedModel) -> LoopStudy | None:
     return LoopStudy(loop, (0.0, duration / 4, duration / 2))
 
 
+@printed_as_text()
 def measure_loop(checked: CheckedModel, study: LoopStudy) -> ControlLoopReport:
     """Return the report of a loop, and whether the same PD holds as servos of the model."""
     report, drive = study.measure_margins(), checked.scene.drive.drive

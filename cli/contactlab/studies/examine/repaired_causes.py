@@ -12,6 +12,7 @@ from typing import NamedTuple
 from contactlab.budget.measuring import Settings, evaluations, pace, steps_of
 from contactlab.closed_loop.loop_margins import LoopStudy
 from contactlab.errors import OutputError, SceneError
+from contactlab.foreign_code import printed_as_text
 from contactlab.modifications.catalogue import list_rows
 from contactlab.reporting.loop_words import loop_sentence
 from contactlab.scene.model_draft import ModelEdits, join_edits
@@ -218,21 +219,23 @@ class CauseRepairer:
         edits = ModelEdits(excluded=tuple(overlap.names for overlap in overlaps))
         return self._try_repair(model, Repair("file", sentence, name, "exclude", edits))
 
+    @printed_as_text()
     def repair_loop(
         self, model: RepairedModel, study: LoopStudy | None, report: ControlLoopReport | None
     ) -> RepairedModel:
         """Return the model with a change that makes the loop of its policy hold, if one helps."""
-        if study is None or report is None or report.holds or model.word in PASSING_VERDICTS:
+        if study is None or report is None or report.holds:
             return model
         sentence = loop_sentence(report)
         for repair in list_loop_repairs(study, report):
-            change = Repair("numerics", sentence, repair.name, repair.apply, repair.edits)
+            change = Repair(
+                "numerics", sentence, repair.name, repair.apply, repair.edits, is_certain=True
+            )
             tried = self._try_repair(model, change)
             if tried.fixes != model.fixes:
                 return tried
             model = replace(model, rejected=tried.rejected)
-        cause = Cause(stage="numerics", sentence=sentence)
-        return replace(model, causes=(*model.causes, cause))
+        return model
 
     def _single_geoms(self, fault: FileFault) -> Repair:
         model = self.original.base.model
@@ -349,3 +352,17 @@ def list_file_causes(faults: Sequence[FileFault]) -> Iterator[Cause]:
 
 def _rank_verdict(word: VerdictWord) -> int:
     return VERDICT_ORDER.index(word)
+
+
+def add_lost_loop(model: RepairedModel, report: ControlLoopReport | None) -> RepairedModel:
+    """Return a model with the loop of its policy among its causes, if that does not hold.
+
+    Such a loop may end in an oscillation of full controls, which no label finds.
+    """
+    if report is None or report.holds:
+        return model
+    sentence = loop_sentence(report)
+    if any(cause.sentence == sentence for cause in model.causes):
+        return model
+    lost = Cause(stage="numerics", sentence=sentence, fails=True)
+    return replace(model, causes=(*model.causes, lost))
