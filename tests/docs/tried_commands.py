@@ -180,6 +180,12 @@ class Trial:
         words = [word.replace(HOLE, "{}") for word in self.shown.words if word != _LEFT_OUT]
         if self.shown.words[0] == _LEFT_OUT or misreading(self.shown):
             return misreading(self.shown)
+        refused = self._try_words(words)
+        if refused and "{}" in words:  # one or more words, or none
+            refused = self._try_words([word for word in words if word != "{}"])
+        return refused
+
+    def _try_words(self, words: list[str]) -> str:
         try:
             with contextlib.redirect_stderr(io.StringIO()):
                 context = read(words)

@@ -162,7 +162,8 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Store:
         text = pa.array([ENDING] * len(table), table.schema.field(column).type)
         table = table.set_column(place, table.schema.field(column), text)
     place = table.schema.get_field_index("label_reasons")
-    reasons = pa.array([[ENDING]] * len(table), table.schema.field("label_reasons").type)
+    texts = [[ENDING] * len(labels) for labels in table["labels"].to_pylist()]
+    reasons = pa.array(texts, table.schema.field("label_reasons").type)
     parquet.write_table(table.set_column(place, table.schema.field("label_reasons"), reasons), path)
     # He states the bent table's hash, too.
     manifest = json.loads((folder / "store/manifest.json").read_text())
