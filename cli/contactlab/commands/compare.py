@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     from contactlab.store.store_files import Address
 
 
-def _failure(result: "ComparisonReport | WrittenBaseline", given: Given) -> ContactlabError | None:
+def _find_failure(
+    result: "ComparisonReport | WrittenBaseline", given: Given
+) -> ContactlabError | None:
     from contactlab.schema.store_reports import WrittenBaseline
 
     return None if isinstance(result, WrittenBaseline) else failure(result, given)
@@ -42,7 +44,7 @@ def _failure(result: "ComparisonReport | WrittenBaseline", given: Given) -> Cont
     formats=formats_by_type(
         {"ComparisonReport": printed(compared), "WrittenBaseline": report_formats()}
     ),
-    failure=_failure,
+    failure=_find_failure,
 )
 def compare(
     baseline: Annotated[

@@ -89,7 +89,6 @@ def _examined(
 
 @contextmanager
 def _folder(request: "ExamineRequest", folder: Path | None, *, kept: bool) -> Generator[Path]:
-    """Yield the folder of an examination; a temporary one if it is not kept."""
     from contactlab import resources
     from contactlab.studies.examine.examination import RESULTS
     from contactlab.tasks.session import free_folder
@@ -333,7 +332,6 @@ def examine(
 def _check_several(
     models: Sequence[str], output: Path | None, write: str | Path | None, *, live: bool
 ) -> None:
-    """Refuse options that belong to one model, and missing models before any is examined."""
     from contactlab.scene.scene_source import find_scene
 
     if write is not None or live:

@@ -16,7 +16,7 @@ from contactlab.command_line.terminal import echo
 from contactlab.errors import SweepFileError, did_you_mean
 
 
-def _scenes() -> Listing:
+def _list_scenes() -> Listing:
     from contactlab import resources
     from contactlab.scene.scene_source import find_scene
 
@@ -29,7 +29,7 @@ def _scenes() -> Listing:
     return Listing(("scene", "title", "duration"), rows, {"duration": "s"})
 
 
-def _axes(scene: str) -> Listing:
+def _list_axes(scene: str) -> Listing:
     from contactlab.run.sweep_request import SceneLoader
 
     catalogue = SceneLoader(None).open(scene).catalogue
@@ -41,7 +41,7 @@ def _axes(scene: str) -> Listing:
     return Listing(("axis", "unit", "description", "values"), rows)
 
 
-def _sweeps() -> Listing:
+def _list_sweeps() -> Listing:
     from contactlab import resources
 
     # To count the runs of a file that is not indexed takes the engine.
@@ -60,7 +60,7 @@ def sweep_row(path: Path) -> tuple[str, str, int, str]:
     return path.stem, read.sweep.scene, read.plan.count, read.sweep.description or ""
 
 
-def _metrics() -> Listing:
+def _list_metrics() -> Listing:
     from contactlab.measure import METRICS
 
     rows = [
@@ -70,7 +70,7 @@ def _metrics() -> Listing:
     return Listing(("metric", "unit", "better", "version", "definition"), rows)
 
 
-def _labels() -> Listing:
+def _list_labels() -> Listing:
     from contactlab.measure import LABELS
 
     rows = [
@@ -80,7 +80,7 @@ def _labels() -> Listing:
     return Listing(("label", "meaning", "thresholds"), rows)
 
 
-def _limits() -> Listing:
+def _list_limits() -> Listing:
     from contactlab.measure import THRESHOLDS
 
     rows = [
@@ -90,7 +90,7 @@ def _limits() -> Listing:
     return Listing(("threshold", "default", "unit", "source"), rows)
 
 
-def _engines() -> Listing:
+def _list_engines() -> Listing:
     from contactlab.engines import ENGINES
     from contactlab.engines.adapted_engine import AdaptedEngine
 
@@ -104,8 +104,7 @@ def _engines() -> Listing:
     return Listing(("engine", "version", "size", "summary"), rows, {"size": "MB"})
 
 
-def _schemas(name: str | None, folder: str | Path | None) -> Listing | dict[str, Any]:
-    """List the published schemas, or return one; write all into a folder, if there is one."""
+def _list_schemas(name: str | None, folder: str | Path | None) -> Listing | dict[str, Any]:
     from contactlab.schema.json_schemas import schema_texts
     from contactlab.store.atomic_files import write_errors
 
@@ -135,12 +134,12 @@ def _print_schema(schema: dict[str, Any], given: Given) -> None:
 
 
 _KINDS: Mapping[str, tuple[str, Callable[[], Listing]]] = {
-    "scenes": ("the shipped scenes", _scenes),
-    "sweeps": ("the shipped sweeps, with their number of runs", _sweeps),
-    "metrics": ("unit, direction, version and definition of each metric", _metrics),
-    "labels": ("the outcomes of runs, worst first", _labels),
-    "limits": ("limits of labels, which a scene or sweep may set", _limits),
-    "engines": ("the simulation engines, with version and size if installed", _engines),
+    "scenes": ("the shipped scenes", _list_scenes),
+    "sweeps": ("the shipped sweeps, with their number of runs", _list_sweeps),
+    "metrics": ("unit, direction, version and definition of each metric", _list_metrics),
+    "labels": ("the outcomes of runs, worst first", _list_labels),
+    "limits": ("limits of labels, which a scene or sweep may set", _list_limits),
+    "engines": ("the simulation engines, with version and size if installed", _list_engines),
 }
 _OF_SCENE, _SCHEMAS = "axes", "schemas"
 _EXTENDED = {"metrics", "labels", "limits", "engines"}  # by plug-ins
@@ -184,13 +183,13 @@ def list(
             "--write writes schemas; write `contactlab list schemas --write FOLDER`"
         )
     if what == _SCHEMAS:
-        return _schemas(None if of is None else str(of), write)
+        return _list_schemas(None if of is None else str(of), write)
     if plugin or what in _EXTENDED:
         opt.load_plugins(plugin)
     if what == _OF_SCENE:
         if of is None:
             raise SweepFileError("list axes: name a scene too; write `contactlab list axes SCENE`")
-        return _axes(str(of))
+        return _list_axes(str(of))
     if of is not None:
         raise SweepFileError(f"only axes belong to a scene; write `contactlab list axes {of}`")
     if what is None:

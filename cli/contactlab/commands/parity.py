@@ -35,7 +35,7 @@ def _report_of(report: "ParityReport", given: Given) -> "Report":
     return report_of(report)
 
 
-def _failure(
+def _find_failure(
     result: "ParityReport | WrittenBundle | EnginePanel | str", given: Given
 ) -> ContactlabError | None:
     from contactlab.studies.parity.parity_report import ParityReport
@@ -71,7 +71,7 @@ def _panel_folder(output: str | Path | None) -> Path:
             "str": {"text": _print_installed},
         }
     ),
-    failure=_failure,
+    failure=_find_failure,
 )
 def parity(
     sources: Annotated[
@@ -140,7 +140,7 @@ def parity(
     opt.load_plugins(plugin)
     named = [str(each) for each in ([sources] if isinstance(sources, str | Path) else sources)]
     if install is not None:
-        return _install(install)
+        return _install_engine(install)
     if closed_forms:
         return _compare_engines(named, (against or "").split(","), figure, output)
     if figure is not None:
@@ -155,15 +155,14 @@ def parity(
     if bundle:
         return _write_bundle(str(source), overrides, drive, Path(bundle))
     if from_:
-        return _compared(_bundled(Path(from_), policy))
-    engine, changed = _engine(str(against), device), tuple(opt.assigned(with_))
-    panel = _panel(str(source), engine.name, overrides, changed, drive)
+        return _compare_runs(_read_bundle(Path(from_), policy))
+    engine, changed = _open_engine(str(against), device), tuple(opt.assigned(with_))
+    panel = _make_panel(str(source), engine.name, overrides, changed, drive)
     folder = opt.study_folder("parity", source, output)
-    return _compared(ParityRequest(panel, engine, device, changed, policy_of(policy), folder))
+    return _compare_runs(ParityRequest(panel, engine, device, changed, policy_of(policy), folder))
 
 
-def _install(name: str) -> str:
-    """Install an engine in its own environment, in the user's cache; return its version."""
+def _install_engine(name: str) -> str:
     from contactlab.engines import find_engine
     from contactlab.engines.adapted_engine import AdaptedEngine
     from contactlab.run.mujoco_environment import make_environment
@@ -197,7 +196,7 @@ def _compare_engines(
     return report
 
 
-def _compared(request: "ParityRequest") -> "ParityReport":
+def _compare_runs(request: "ParityRequest") -> "ParityReport":
     from contactlab.run.tasks import Finished
     from contactlab.studies.parity.sweep_parity import compare_runs
 
@@ -211,7 +210,7 @@ def _compared(request: "ParityRequest") -> "ParityReport":
         return compare_runs(request, watch.begin, done)
 
 
-def _panel(
+def _make_panel(
     name: str, engine: str, overrides: "Overrides", changes: Sequence[str], drive: str | None
 ) -> "Panel":
     from contactlab import resources
@@ -228,14 +227,14 @@ def _write_bundle(
     from contactlab.schema.store_reports import WrittenBundle
     from contactlab.studies.parity.bundle import ENGINE, write_bundle
 
-    panel = _panel(name, ENGINE, overrides, (), drive)
+    panel = _make_panel(name, ENGINE, overrides, (), drive)
     made = write_bundle(panel, overrides, drive, folder)
     for why in dict.fromkeys(made.refused.values()):
         say(f"{plural(list(made.refused.values()).count(why), 'run')} refused: {why}")
     return WrittenBundle(folder=folder, runs=len(made.runs), refused=dict(made.refused))
 
 
-def _bundled(folder: Path, policy: str | Path | None) -> "ParityRequest":
+def _read_bundle(folder: Path, policy: str | Path | None) -> "ParityRequest":
     from contactlab.studies.parity.bundle import Bundle
     from contactlab.studies.parity.bundled_engine import BundledEngine
     from contactlab.studies.parity.sweep_parity import ParityRequest
@@ -245,7 +244,7 @@ def _bundled(folder: Path, policy: str | Path | None) -> "ParityRequest":
     return ParityRequest(bundle.panel(folder), engine, engine.device, (), policy_of(policy))
 
 
-def _engine(name: str, device: str) -> "SimulationEngine":
+def _open_engine(name: str, device: str) -> "SimulationEngine":
     from contactlab.engines import find_engine
     from contactlab.engines.adapted_engine import AdaptedEngine
 

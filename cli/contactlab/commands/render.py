@@ -115,7 +115,6 @@ def render(
 
 
 def _write_messages(store: "Store", run: str | None, folder: Path) -> "ExpandedTraces":
-    """Write the traces of a store, or of one of its runs, as messages."""
     from contactlab.schema.store_reports import ExpandedTraces
     from contactlab.store.atomic_files import atomic_write, write_errors
 

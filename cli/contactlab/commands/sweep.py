@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from contactlab.store.store_files import Address
 
 
-def _failure(result: "Store | SweepForecast", given: Given) -> ContactlabError | None:
+def _find_failure(result: "Store | SweepForecast", given: Given) -> ContactlabError | None:
     """Return the error of lost runs, or of runs that are not as the sweep expects."""
     from contactlab.store.finished_store import Store
 
@@ -54,7 +54,7 @@ def _failure(result: "Store | SweepForecast", given: Given) -> ContactlabError |
             "SweepForecast": report_formats(),
         }
     ),
-    failure=_failure,
+    failure=_find_failure,
 )
 def sweep(
     source: Annotated[
@@ -115,7 +115,7 @@ def sweep(
     """
     places: Sequence[Any] = source if isinstance(source, list | tuple) else [source]
     if merge:
-        return _merge(places, output, shard=shard or plan, may_lack=partial, fresh=fresh)
+        return _merge_shards(places, output, shard=shard or plan, may_lack=partial, fresh=fresh)
     if len(places) != 1 or partial:
         raise SweepFileError("name one sweep; to join the shards of a sweep, add --merge")
     if executor == "local" and address is not None:
@@ -125,7 +125,7 @@ def sweep(
     if executor != "local" and workers == 0:
         raise SweepFileError("--workers 0 runs in this process; leave it out for a cluster")
     one: Any = places[0]
-    text, name, folder = _source(one)
+    text, name, folder = _find_source(one)
     target = _default_store(name) if output is None else opt.address_of(output)
     rerun_with_mujoco(mujoco, None if output else target)
     # A finished store is unlikely to need workers. Their parent process loads during planning.
@@ -177,12 +177,12 @@ def sweep(
         allow_code=allow_code,
         shard=None if shard is None else parse_shard(shard),
     )
-    return _run(
-        request, _cluster(executor, address, request.workers if address is None else workers)
+    return _run_request(
+        request, _open_cluster(executor, address, request.workers if address is None else workers)
     )
 
 
-def _merge(
+def _merge_shards(
     places: "Sequence[Address | str]",
     output: "Address | str | None",
     *,
@@ -204,7 +204,7 @@ def _merge(
     return Store.open(target)
 
 
-def _source(
+def _find_source(
     source: str | Path | Mapping[str, object],
 ) -> "tuple[Path | Mapping[str, object], str, Path]":
     """Return a sweep's file or data, its name, and the folder where its relative paths start."""
@@ -222,7 +222,9 @@ def _default_store(name: str) -> Path:
     return RESULTS / name
 
 
-def _run(request: "SweepRequest", cluster: "AbstractContextManager[Executor | None]") -> "Store":
+def _run_request(
+    request: "SweepRequest", cluster: "AbstractContextManager[Executor | None]"
+) -> "Store":
     from contactlab.run.sweep_runner import run_sweep
     from contactlab.store.finished_store import Store
 
@@ -237,7 +239,7 @@ def _run(request: "SweepRequest", cluster: "AbstractContextManager[Executor | No
     return Store.open(request.store)
 
 
-def _cluster(
+def _open_cluster(
     name: str, address: str | None, workers: int | None
 ) -> "AbstractContextManager[Executor | None]":
     """Return the connection to an executor, an entry point; none for this machine."""

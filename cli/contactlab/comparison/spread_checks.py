@@ -63,7 +63,6 @@ def spread_expectation_checks(paired: PairedStores) -> Iterator[Finding]:
 
 
 def _share_finding(subject: Subject, gained: Mask, lost: Mask, pairs: int, word: str) -> Finding:
-    """Return whether an outcome is more frequent, by the interval of the difference of shares."""
     new, gone = int(gained.sum()), int(lost.sum())
     if not new and not gone:
         return subject.single(SAME, f"as often in {plural(pairs)}", judged=pairs)
@@ -125,7 +124,7 @@ def spread_finding(
     if paired_difference(gone, new, pairs)[0] > 0:
         return subject.single(MISSING, f"{out_of(gone, pairs)} without a value now", judged=pairs)
     both = before.valid & after.valid
-    tolerances, shares = _changes(rule, before.values[both], after.values[both])
+    tolerances, shares = _find_changes(rule, before.values[both], after.values[both])
     if not len(tolerances):
         return subject.single(SAME, "no pair has two values", judged=pairs)
     low, high = median_interval(tolerances.tolist(), sure)
@@ -146,7 +145,7 @@ def spread_finding(
     return subject.single(code, message, judged=pairs)
 
 
-def _changes(rule: EffectiveRule, before: Floats, after: Floats) -> tuple[Floats, Floats]:
+def _find_changes(rule: EffectiveRule, before: Floats, after: Floats) -> tuple[Floats, Floats]:
     """Return (n,) the changes for the worse, in tolerances and as shares of the larger value.
 
     A value that is not finite is worse than any other.

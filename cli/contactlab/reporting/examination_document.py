@@ -139,7 +139,7 @@ def findings_of_examinations(report: Examinations) -> Report:
         title="contactlab examine",
         place=("examine",),
         headline=report.headline,
-        passed=not report.failed,
+        passed=not report.failing_models,
         record=report,
         facts=tuple((one.model, one.headline) for one in report.examinations),
         findings=tuple(
@@ -216,7 +216,6 @@ def _task_blocks(report: Examination) -> Iterator[Block]:
 
 
 def _list_fix_lines(fix: Fix, most: int) -> Iterator[Block]:
-    """Yield the first lines of a fix, or the reason for no lines."""
     if fix.lines:
         more = len(fix.lines) - most
         rest = f"and {more} more line{'s' * (more > 1)}, which --write writes" if more > 0 else ""

@@ -75,7 +75,6 @@ def describe_store(store: Store) -> Document:
 
 
 def _failed_at_start(columns: RunColumns, labels: RunLabels) -> NDArray[np.bool_]:
-    """Return (n,) the runs that fail from the first step on, so that no setting is the cause."""
     steps = columns.numbers("label_step")
     return labels.failed & steps.valid & (steps.values <= 1)
 
@@ -91,7 +90,6 @@ def _describe_starts(began: NDArray[np.bool_], labels: RunLabels) -> str:
 
 
 def _drive_text(columns: RunColumns) -> str:
-    """Return what drives the runs, in words."""
     texts = [describe_drive(parse_drive(json.loads(word))) for word in columns.coded("drive")[1]]
     return "; ".join(dict.fromkeys(texts))
 

@@ -193,14 +193,12 @@ def _forecast_warnings(plan: Plan, runs: int, sums: _RunSums) -> Iterator[str]:
 
 
 def _join_names(names: Iterable[str]) -> str:
-    """Return each name once; a few of many."""
     found, most = [*dict.fromkeys(names)], 4
     rest = [f"{len(found) - most} more"] if len(found) > most else []
     return ", ".join([*found[:most], *rest])
 
 
 def _overlap_warnings(scene: Scene, sampled: Sequence[RunSpec]) -> Iterator[str]:
-    """Yield how many of some runs begin with bodies deep inside each other, and the deepest."""
     # More than a touch: 0.5 of half the thinner geom, where contacts start to push the wrong way.
     deep_share, most_runs = 0.5, 12
     chosen = list({(run.keyframe, repr(sorted(run.axes.items()))): run for run in sampled}.values())

@@ -264,19 +264,20 @@ class Examinations(ReportModel):
     examinations: tuple[Examination, ...]
 
     @property
-    def failed(self) -> tuple[str, ...]:
+    def failing_models(self) -> tuple[str, ...]:
         """The models that do not pass."""
         return tuple(one.model for one in self.examinations if one.problem)
 
     @property
     def headline(self) -> str:
         """The number of models that pass, and the names of the others."""
-        passing = (
-            f"{len(self.examinations) - len(self.failed)} of {len(self.examinations)} models pass"
+        count, failing = len(self.examinations), len(self.failing_models)
+        passing = f"{count - failing} of {count} models pass"
+        return (
+            f"{passing}; not {', '.join(self.failing_models)}" if self.failing_models else passing
         )
-        return f"{passing}; not {', '.join(self.failed)}" if self.failed else passing
 
     @property
     def problem(self) -> str:
         """The headline, if a model does not pass."""
-        return self.headline if self.failed else ""
+        return self.headline if self.failing_models else ""

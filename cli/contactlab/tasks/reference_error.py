@@ -201,7 +201,6 @@ class PhaseReference:
         return ErrorEstimate(float(mean[body]), name, phase, time, min(own), max(own), own)
 
     def _slack_of(self, multiple: int) -> int:
-        """Return the largest shift in time that is no error, in fine steps."""
         window = multiple * max(MIN_WINDOW_STEPS, round(self._run.steps / multiple))
         return max(1, min(multiple, math.floor(SLACK_SHARE * window + COARSE_ROUNDING)))
 

@@ -92,7 +92,6 @@ def measure_contacts(
 
 
 def _missed_values(pair: RestingPair, words: Mapping[str, float], timestep: float) -> Iterator[str]:
-    """Yield the requested values that a run does not reach."""
     most = largest_step(pair.law.solref)
     if timestep > most * (1 + SUM_ROUNDING):
         yield f"{pair.name}: a timestep of {timestep:g} s is too long for these values"

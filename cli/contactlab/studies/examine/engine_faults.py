@@ -64,7 +64,6 @@ def list_advisory_facts(
 def _find_first_times(
     advisories: Sequence[Advisory], motions: Sequence[Motion], begins: Sequence[float]
 ) -> dict[str, float]:
-    """Return the time of the first state in which each fault can act [s], infinite without one."""
     times = {advisory.id: math.inf for advisory in advisories}
     if not advisories:
         return times

@@ -161,7 +161,7 @@ def run(request: ExamineRequest, session: Session) -> Examination:
         raise SweepFileError("--apply needs --write FILE")
     assign, values = split_values(request.assign)
     if wanted == {"contacts"}:
-        return _rested(request, assign, values, session)
+        return _measure_rest(request, assign, values, session)
     if values:
         raise SweepFileError(
             f"--set {next(iter(values))}=... needs --section contacts, which finds its solref"
@@ -187,10 +187,10 @@ def run(request: ExamineRequest, session: Session) -> Examination:
     report = Examination(model=request.model, mujoco=VERSION, task=task, sections=request.sections)
     if request.has_runs:
         request.begins("running its task")
-        report = _ran(report, examined)
+        report = _run_task(report, examined)
     if "checks" in wanted:
         request.begins("checking it")
-        report = _checked(report, checks, examined, request.accepted)
+        report = _check_model(report, checks, examined, request.accepted)
     if "servos" in wanted and examined.moves:
         request.begins("measuring its servos")
         report = report.model_copy(update={"servos": measure_task_servos(examined.motions[0])})
@@ -201,10 +201,10 @@ def run(request: ExamineRequest, session: Session) -> Examination:
     if wanted <= _NOT_JUDGED:
         return judge_loops(report)
     with TemporaryDirectory(prefix="contactlab-") as folder:
-        return _measured(request, report, examined, begun, (Path(folder), study))
+        return _measure_budget(request, report, examined, begun, (Path(folder), study))
 
 
-def _rested(
+def _measure_rest(
     request: ExamineRequest, assign: Sequence[str], values: Mapping[str, str], session: Session
 ) -> Examination:
     """Return a report of the contacts alone, with settings for any requested values."""
@@ -227,8 +227,7 @@ def _rested(
     )
 
 
-def _ran(report: Examination, examined: CheckedModel) -> Examination:
-    """Return a report with the contacts and labels of the task's runs."""
+def _run_task(report: Examination, examined: CheckedModel) -> Examination:
     if "contacts" in report.sections:
         contacts = tuple(resting_contacts(examined))
         report = report.model_copy(update={"contacts": contacts})
@@ -242,7 +241,7 @@ def _ran(report: Examination, examined: CheckedModel) -> Examination:
     return report.model_copy(update={"task_verdict": examined.verdict, "labels": labels})
 
 
-def _measured(
+def _measure_budget(
     request: ExamineRequest,
     report: Examination,
     examined: CheckedModel,
@@ -321,7 +320,7 @@ def _measured(
     )
     trials = len(tried) + search.label_trials if search else 0
     report = conclude(report, fixes_tried=trials, fixes_not_tried=skipped)
-    return _written(
+    return _write_result(
         request,
         examined,
         report.model_copy(update={"fix": broken or report.fix}),
@@ -332,13 +331,11 @@ def _measured(
 
 
 def _list_begins(examined: CheckedModel) -> list[float]:
-    """Return the times at which the phases of the motions begin [s]."""
     begins = {phase.name: phase.begin for phase in examined.task.phases}
     return [begins.get(motion.name, 0.0) for motion in examined.motions]
 
 
 def _list_design_causes(examined: CheckedModel, grip: GripReport | None) -> Iterator[Cause]:
-    """Yield causes in the design of a model with good numerics."""
     if examined.judged.word not in PASSING_VERDICTS:
         return
     motion = examined.motions[0]
@@ -361,7 +358,7 @@ def sections_of(names: Sequence[str]) -> tuple[SectionName, ...]:
     return tuple(section for section in SECTIONS if section in names or not names)
 
 
-def _checked(
+def _check_model(
     report: Examination,
     checks: Mapping[str, Check],
     examined: CheckedModel,
@@ -479,7 +476,7 @@ def _make_verifier(
     return FixVerifier(examined, examined.judged, labels, open_changed, until)
 
 
-def _written(
+def _write_result(
     request: ExamineRequest,
     examined: CheckedModel,
     report: Examination,

@@ -233,7 +233,6 @@ class Search:
             self.ending = "time"
 
     def _search_front(self) -> None:
-        """Evaluate each integrator at all usable steps up to the limit of the front."""
         if not self.front_limit:
             return
         bases = {
@@ -393,7 +392,6 @@ class Search:
         return self.evaluations.setdefault(choice.key, Evaluation(choice))
 
     def _evaluate(self, choice: Configuration) -> Evaluation:
-        """Return a configuration with its cost and error."""
         entry = self._evaluation_of(choice)
         cost = self._cost_of(choice)
         if entry.error is None:
@@ -442,7 +440,6 @@ class Search:
         return base
 
     def _evaluate_milder(self, choice: Configuration) -> None:
-        """Evaluate a configuration with ever milder values, in case it fails on fresh seeds."""
         milder = self._milder_choice(choice)
         while milder != choice and self._saves_work(milder, self.current):
             self._evaluate(milder)

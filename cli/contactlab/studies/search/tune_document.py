@@ -93,7 +93,6 @@ def _uncertainty_texts(report: TuneReport) -> Iterator[str]:
 
 
 def _front_notes(report: TuneReport) -> Iterator[str]:
-    """Say how to get another point."""
     if any(point.state == "not verified" for point in report.front):
         yield (
             "--pick N writes and verifies another point; --error 1% searches the fastest within 1 %"
@@ -158,7 +157,6 @@ def _range_text(point: FrontPoint, unit: str) -> str:
 
 
 def _point_texts(point: FrontPoint) -> Iterator[str]:
-    """Yield the settings of a point besides integrator and timestep, its verification, its file."""
     if point.state == "as written":
         return
     candidate = point.candidate

@@ -183,7 +183,7 @@ class TuningStudy:
                     f"{request.model}: a forward error is not available, since the motion is "
                     f"{self._divergence.sentence}. Remove --error-at to use the error budget"
                 )
-            unit = problem.observed[0].unit
+            unit = problem.observed_outputs[0].unit
         now = self._current_error
         limit = max(now, ERROR_FLOOR)
         if request.error is not None:
@@ -340,7 +340,6 @@ class TuningStudy:
     def _describe_front(
         self, best: VerifiedCandidate | None, as_current: VerifiedCandidate | None
     ) -> tuple[FrontPoint, ...]:
-        """Choose the points of the front, time those that the work allows, and describe them."""
         search, verifier = self._search, self._verifier
         answers = {
             name: answer
@@ -433,7 +432,6 @@ class TuningStudy:
         )
 
     def _name_points(self, points: Sequence[Evaluation]) -> list[str]:
-        """Return the integrator and timestep of each point; with changes if two have the same."""
         model = self._problem.model
 
         def short_name(tried: Evaluation) -> str:
@@ -451,7 +449,6 @@ class TuningStudy:
         return names
 
     def _time_points(self, points: Sequence[Evaluation]) -> None:
-        """Time the points that were not timed, from the fastest on, as far as the work allows."""
         seconds = _FEWEST_TIMINGS * self._problem.cost.pass_seconds
         left = PLAN.timing / PLAN.search * self._problem.work - seconds
         chosen = list[Evaluation]()
@@ -469,7 +466,6 @@ class TuningStudy:
             self._time_closely(chosen)
 
     def _measure_uncertainty(self) -> Iterator[ParameterUncertainty]:
-        """Yield the effects of parameters that are known to a few percent."""
         reference, own = self._problem.reference, self._problem.own_model
         if self._target.unit != "1" or self._time_limit.remaining < 0:
             return
@@ -511,7 +507,6 @@ class TuningStudy:
         return known.error.error <= self._target.limit
 
     def _time_candidate(self, tried: Evaluation) -> None:
-        """Time a candidate and the model as written on whole runs."""
         self._time_closely([self._verifier.current, tried])
 
     def _time_closely(self, candidates: Sequence[Evaluation]) -> None:
@@ -648,14 +643,12 @@ def _change_reference(model: mujoco.MjModel, change: ModelChange) -> mujoco.MjMo
 
 
 def _relative_spread(tried: Evaluation) -> float:
-    """Return the standard deviation over seeds as a share of the mean."""
     shares = tried.error.shares if tried.error else ()
     mean = fmean(shares) if shares else 0.0
     return stdev(shares) / mean if len(shares) > 1 and 0 < mean < math.inf else 0.0
 
 
 def _interval_of(error: ErrorEstimate) -> tuple[float, float]:
-    """Return the 95 % interval of the mean over seeds; for a largest error, its range."""
     from scipy.special import stdtrit  # noqa: PLC0415 - it takes a while to load
 
     count, mean = len(error.shares), fmean(error.shares or [error.error])

@@ -184,7 +184,7 @@ class TuningProblem:
         return self.motions[0].seeds
 
     @property
-    def observed(self) -> list[ObservedOutput]:
+    def observed_outputs(self) -> list[ObservedOutput]:
         """Outputs of the forward error."""
         return [ObservedOutput.find(self.model, name) for name in self._request.observed]
 
@@ -204,10 +204,9 @@ class TuningProblem:
         if self._request.error_at is None:
             return SleepAwareError(reference, motions, self.reference.substeps, self.threads)
         finer, at = self.reference.substeps, self._request.error_at
-        return ForwardError(motions, finer, self.observed, at, self.threads)
+        return ForwardError(motions, finer, self.observed_outputs, at, self.threads)
 
     def _plan_windows(self) -> int:
-        """Take as many seeds as the work allows; return that one in how many windows is used."""
         takes, allowed = self.cost.pass_seconds, self._trial_work / _SEARCH_PASSES
         seeds = min(self.seeds, max(1, int(_MAX_WINDOW_STRIDE * allowed / takes)))
         self.motions = [first_seeds(motion, seeds) for motion in self.motions]

@@ -184,7 +184,6 @@ class DecisiveContacts:
 
     @cached_property
     def _sizes(self) -> dict[str, tuple[float, float]]:
-        """Thickness of the thinnest and diameter of the smallest geom of each pair [m]."""
         bounds = 2 * np.asarray(self._base.model.geom_rbound)
         bounds = np.where(bounds > 0, bounds, np.inf)  # planes have none
         touch, halves = touch_mask(self._base.model), half_extents(self._base.model)
@@ -228,7 +227,6 @@ class DecisiveContacts:
         self.pairs = tuple(each for each in shares if each.share >= least)
 
     def _touched_things(self, impulses: dict[str, float]) -> Bodies:
-        """Return the things that a robot touches, directly or by other things; else the robot."""
         things, reached = self.parts.things, set(self.parts.agents)
         loaded = [self._sides[name] for name, value in impulses.items() if value > 0]
         while True:
@@ -247,7 +245,9 @@ class DecisiveContacts:
     def _is_decisive(self, pair: str) -> bool:
         return any(not side.isdisjoint(self.objects) for side in self._sides[pair])
 
-    def judge(self, labels: Iterable[LabelEntry], trace: StoredTrace | None) -> ContactVerdict:
+    def judge_episode(
+        self, labels: Iterable[LabelEntry], trace: StoredTrace | None
+    ) -> ContactVerdict:
         """Return the verdict on the contacts of an episode with some labels."""
         names, notes = self.body_names, {"stable", *labels_with("note")}
         causes = dict[str, ContactCause]()
@@ -262,11 +262,11 @@ class DecisiveContacts:
                 slips.append(self._find_longest_creep(pair, trace.time))
         if (deepest := max(depths)).amount > self._limit:
             part = format_percent(deepest.amount)
-            text = f"{deepest.describe()}: {part} of the thinner body's thickness"
+            text = f"{deepest.describe_contact()}: {part} of the thinner body's thickness"
             causes[TOO_DEEP] = ContactCause(text, deepest.time)
         if (longest := max(slips)).amount > _MOST_CREEP:
             part = format_percent(longest.amount)
-            text = f"{longest.describe()}: slips {part} of its size within its friction"
+            text = f"{longest.describe_contact()}: slips {part} of its size within its friction"
             causes[CREEPING] = ContactCause(text, longest.time)
         return ContactVerdict(causes)
 
@@ -298,7 +298,7 @@ class _Extreme(NamedTuple):
     pair: str
     time: float
 
-    def describe(self) -> str:
+    def describe_contact(self) -> str:
         return f"{self.pair} at {self.time:.2f} s"
 
 

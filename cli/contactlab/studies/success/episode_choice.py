@@ -68,8 +68,10 @@ class EpisodesUntilDecided(ChosenRuns):
                 if places:
                     return places
             table = self._tabulate(self._finished_episodes(count))
-            further = [name for name in self._costly if table.count_outcomes(name).changed]
-            if self._control and any(table.count_outcomes(each).changed for each in table.numerics):
+            further = [name for name in self._costly if table.count_outcomes(name).changed_outcomes]
+            if self._control and any(
+                table.count_outcomes(each).changed_outcomes for each in table.numerics
+            ):
                 further.append(self._control)
             if places := self._list_missing(further, count):
                 return places

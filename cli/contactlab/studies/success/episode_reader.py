@@ -50,7 +50,7 @@ class EpisodeReader:
         if trace is None:
             return None
         record = EvidenceRecord.model_validate_json(trace.record_json)
-        return self._contacts.judge(record.labels, trace)
+        return self._contacts.judge_episode(record.labels, trace)
 
     def _read_trace(self, row: Mapping[str, Any]) -> StoredTrace | None:
         run_id = str(row["run_id"])

@@ -117,6 +117,6 @@ class PairedOutcomes:
     lost: int
 
     @property
-    def changed(self) -> int:
+    def changed_outcomes(self) -> int:
         """The number of outcomes that differ."""
         return self.gained + self.lost

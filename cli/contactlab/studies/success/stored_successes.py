@@ -133,7 +133,7 @@ class _StoreJudge:
         contact = None
         if _variant_of(record) == AS_WRITTEN and record.success:
             trace = None if record.trace is None else self._store.trace(record)
-            contact = self.contacts.judge(record.labels, trace)
+            contact = self.contacts.judge_episode(record.labels, trace)
         return played_episode(vars(record), contact)
 
     @property
@@ -235,9 +235,9 @@ class _StoreJudge:
             yield f"{self._untraced} episodes have no trace, so their depths are not known"
         for each in self.variants:
             counts = self.table.count_outcomes(each.name)
-            if each.kind == "control" and counts.changed:
+            if each.kind == "control" and counts.changed_outcomes:
                 yield (
-                    f"chance alone changes {counts.changed} of {counts.pairs} outcomes "
+                    f"chance alone changes {counts.changed_outcomes} of {counts.pairs} outcomes "
                     f"({each.summary.partition(',')[0]}); do not blame a variant for about as many"
                 )
 
