@@ -1,14 +1,22 @@
 """The pages of docs/reference that list names are those that `make schemas` writes."""
 
+from pathlib import Path
+
+import mujoco
 import pytest
 from docs.generate import FOLDER, KEYS, PAGES, list_commands, write_page
 
 from contactlab.command_line.modules import command_modules, commands_of
 from contactlab.command_line.parser import typed
 
+PINNED = Path(__file__).parents[2] / ".ci/constraints/run.txt"
+
 
 @pytest.mark.parametrize("name", PAGES)
 def test_a_page_is_current(name: str) -> None:
+    pinned = f"mujoco=={mujoco.__version__}" in PINNED.read_text(encoding="utf-8").splitlines()
+    if name == "parameters" and not pinned:
+        pytest.skip("other releases of MuJoCo have other options")
     page = (FOLDER / f"{name}.md").read_text(encoding="utf-8")
     assert page == write_page(PAGES[name]), "run make schemas"
 
