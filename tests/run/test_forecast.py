@@ -158,4 +158,4 @@ def test_suspicious_values_and_starts_are_questioned(axes: str, words: str, tmp_
     shown = " ".join(report.warnings)
     assert words in shown
     assert words or "meant" not in shown
-    assert report.drive.startswith("the controls of its start")
+    assert report.drive.startswith("nothing but the controls of its start")

@@ -9,7 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from contactlab.scene import contact_pairs
-from contactlab.scene.contact_pairs import detected_pairs
+from contactlab.scene.contact_pairs import detected_pairs, touch_mask
 from contactlab.scene.scene import Scene
 
 SHAPES = {
@@ -232,3 +232,54 @@ def test_the_search_goes_from_a_keyframe_as_well(make_scene: Make) -> None:
     )
     names = {pair.name for pair in make_scene(text).base({}).pairs}
     assert names == {"g0-g1", "g4-g5"}
+
+
+def touches_by_rules(model: mujoco.MjModel, first: int, second: int) -> bool:
+    """Return whether two geoms may touch, by the rules of MuJoCo's documentation, one by one."""
+    pairs = zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True)
+    if {first, second} in map(set, pairs):
+        return True
+    geoms = first, second
+    bodies = [int(model.geom_bodyid[geom]) for geom in geoms]
+    one, other = (int(model.body_weldid[body]) for body in bodies)
+    kinds = [(int(model.geom_contype[each]), int(model.geom_conaffinity[each])) for each in geoms]
+    if not (kinds[0][0] & kinds[1][1] or kinds[1][0] & kinds[0][1]) or one == other:
+        return False
+    surfaces = {int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD)}
+    flat = {int(model.geom_type[geom]) for geom in geoms} <= surfaces
+    if flat or not (model.body_dofnum[one] or model.body_dofnum[other]):
+        return False
+    excluded = [divmod(int(each), 1 << 16) for each in model.exclude_signature]
+    if tuple(bodies) in excluded or tuple(reversed(bodies)) in excluded:
+        return False
+    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FILTERPARENT:
+        return True
+    above = {each: int(model.body_weldid[model.body_parentid[each]]) for each in (one, other)}
+    return not ((one and above[other] == one) or (other and above[one] == other))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_mask_is_that_of_the_rules_pair_by_pair(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1, 1, 1])
+    bodies = [spec.worldbody]
+    for number in range(9):
+        body = bodies[random.integers(len(bodies))].add_body(name=f"b{number}")
+        if random.random() < 0.6:
+            body.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE)
+        for _ in range(random.integers(1, 3)):
+            bits = random.integers(0, 4, 2).tolist()
+            body.add_geom(size=[0.1, 0, 0], contype=bits[0], conaffinity=bits[1])
+        bodies.append(body)
+    for _ in range(2):
+        names = random.choice(9, 2, replace=False).tolist()
+        spec.add_exclude(bodyname1=f"b{names[0]}", bodyname2=f"b{names[1]}")
+    if seed % 2:
+        spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
+    model = spec.compile()
+    touch = touch_mask(model)
+    for first in range(model.ngeom):
+        for second in range(model.ngeom):
+            expected = first != second and touches_by_rules(model, first, second)
+            assert touch[first, second] == expected, (first, second)

@@ -125,6 +125,8 @@ class ModelFacts:
 
     def count_pairs(self, first: Any, second: Any) -> int:  # noqa: ANN401 - truth values of geoms
         """Return how many pairs that may collide have one of the first geoms, and a second one."""
+        if not (np.any(first) and np.any(second)):
+            return 0
         mask = np.logical_and.outer(first, second)
         return len(geom_pairs(touch_mask(self.model) & (mask | mask.T)))
 

@@ -6,16 +6,18 @@ same holds for vertices and edges of a rope, and for a center that crosses a fle
 geom that turns far in a step is followed within it.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.contact.rotations import rotate_vectors, rotate_vectors_back
 from contactlab.contact.trace_arrays import Floats, Passage, squared_lengths
 from contactlab.numerical_tolerance import SUM_ROUNDING
-from contactlab.scene.contact_pairs import body_reaches, geom_pairs, half_extents, touch_mask
+from contactlab.scene.contact_pairs import body_reaches, half_extents, pair_places, touch_mask
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.scene.model_edits import read_flag
 from contactlab.scene.model_names import name_of
@@ -48,7 +50,9 @@ class Passages:
 
     def __init__(self, model: mujoco.MjModel, runs: int) -> None:
         """Prepare the search in n runs; their geoms are those of one model."""
-        self._thinnest, self._motion_lengths, self._reach, self._least = _reach_of_steps(model)
+        self._thinnest, self._motion_lengths, self._reach, self._pairs, self._least = (
+            _reach_of_steps(model)
+        )
         self.found = [tuple[Passage, ...]()] * runs
 
     def enter_run(
@@ -74,15 +78,18 @@ class Passages:
             moved = (shift + turned * self._reach)[:, model.geom_bodyid]
             # Pairs that can touch, and that a step may carry through each other.
             most = moved.max(axis=0, initial=0)
-            pairs = geom_pairs(most[:, None] + most > self._least)[:_MAX_PAIRS]
+            first, second = self._pairs
+            fast = np.flatnonzero(most[first] + most[second] > self._least)[:_MAX_PAIRS]
+            places = zip(first[fast].tolist(), second[fast].tolist(), strict=True)
+            pairs = dict(zip(places, self._least[fast].tolist(), strict=True))
             found = [*self._fast_passages(model, pairs, position, rotation, turned)]
             within = _StepSearch(model, states[:, 1 : positions + model.nv], acting)
-            for pair in pairs:
+            for pair, least in pairs.items():
                 apart = np.subtract(
                     *(_point_positions(model, position, rotation, geom) for geom in pair)
                 )
                 found += within.find_passages(
-                    pair, apart[:-1], moved[:, pair].sum(axis=1), least=float(self._least[pair])
+                    pair, apart[:-1], moved[:, pair].sum(axis=1), least=least
                 )
             found += _passages_through_flexes(model, position, rotation, vertices)
             self.found[run] = tuple(sorted(found, key=lambda passage: passage.step))
@@ -90,12 +97,12 @@ class Passages:
     def _fast_passages(
         self,
         model: mujoco.MjModel,
-        pairs: list[tuple[int, int]],
+        pairs: Mapping[tuple[int, int], float],
         position: Floats,
         rotation: Floats,
         turned: Floats,
     ) -> Iterator[Passage]:
-        """Yield the first passage of each fast pair of geoms.
+        """Yield the first passage of each fast pair of geoms; pairs have their least motions [m].
 
         Poses are (N, nbody, 3 and 4); steps turn bodies by at most `turned` (N - 1, nbody) [rad].
         """
@@ -103,12 +110,12 @@ class Passages:
             return
         none = np.zeros((model.nbody, 1))
         turned = np.concatenate([none, turned.cumsum(axis=0).T], axis=1)
-        for first, second in pairs:
+        for (first, second), least in pairs.items():
             for mover, wall in ((first, second), (second, first)):
                 if model.geom_type[mover] in (_PLANE_TYPE, _HFIELD_TYPE):
                     continue
                 shape = _PassableGeom(model, wall, float(model.geom_rbound[mover]))
-                steps, least = list[int](), float(self._least[first, second])
+                steps = list[int]()
                 # The center of a geom, and the ends of its axis of symmetry.
                 half = model.geom_aabb[mover, 3:]
                 end = (half.max() - half.min()) * (np.arange(3) == half.argmax())
@@ -185,23 +192,29 @@ def _make_passage(model: mujoco.MjModel, mover: int, wall: int, step: int) -> Pa
     return Passage(name_of(model, "geom", mover), name_of(model, "geom", wall), step, bodies)
 
 
-@lru_cache(maxsize=1)
-def _reach_of_steps(model: mujoco.MjModel) -> tuple[float, Floats, Floats, Floats]:
-    """Return the thinnest half extent, `_motion_lengths`, `reaches`, and the relevant motions [m].
+class _ReachOfSteps(NamedTuple):
+    """How far steps may move parts of a model before they pass through others."""
 
-    The last is (ngeom, ngeom) the smallest relevant motion of two geoms in a step.
-    """
-    meeting = np.triu(touch_mask(model), 1)
-    on = read_flag(model, "contact") and (meeting.any() or model.nflex)
+    thinnest: float  # the thinnest half extent [m]
+    motion_lengths: Floats  # see `_motion_lengths`
+    reaches: Floats  # (nbody,) see `body_reaches` [m]
+    pairs: tuple[NDArray[np.intp], NDArray[np.intp]]  # (P,) geoms that may touch
+    least: Floats  # (P,) their smallest relevant motion in a step [m]
+
+
+@lru_cache(maxsize=1)
+def _reach_of_steps(model: mujoco.MjModel) -> _ReachOfSteps:
+    first, second = pair_places(touch_mask(model))
+    on = read_flag(model, "contact") and (len(first) or model.nflex)
     # Half the smallest extents [m]; infinite for geoms that cannot collide.
     meets = (np.asarray(model.geom_contype) | np.asarray(model.geom_conaffinity)) != 0
     meets[[*model.pair_geom1, *model.pair_geom2]] = True
     half = np.where(meets, half_extents(model), np.inf)
     thinnest = float(half.min(initial=np.inf)) if on else np.inf
     half[np.isin(model.geom_type, (_PLANE_TYPE, _HFIELD_TYPE))] = 0
-    least = _MIN_MOTION_SHARE * (half[:, None] + half)
-    least[~meeting] = np.inf
-    return thinnest, _motion_lengths(model), body_reaches(model), least
+    least = _MIN_MOTION_SHARE * (half[first] + half[second])
+    reaches = body_reaches(model)
+    return _ReachOfSteps(thinnest, _motion_lengths(model), reaches, (first, second), least)
 
 
 def _body_poses(

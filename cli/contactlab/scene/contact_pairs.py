@@ -64,9 +64,11 @@ def detected_pairs(model: mujoco.MjModel, keyframe: str = QPOS0) -> tuple[Monito
     The runs start at qpos0 and at the keyframe, because contacts depend on the posture, such as
     whether fingers are open or closed.
     """
-    pairs = geom_pairs(touch_mask(model))
-    if len(pairs) > MAX_PAIRS:
+    touch = touch_mask(model)
+    if np.count_nonzero(touch) > 2 * MAX_PAIRS:
         pairs = _touching_pairs(model, {QPOS0, keyframe})[:MAX_PAIRS]
+    else:
+        pairs = geom_pairs(touch)
     rough = [bool((model.geom_type[[*pair]] == _GEOM_OBJECT.mjGEOM_HFIELD).any()) for pair in pairs]
     # At most the 50 contacts of two geoms in MuJoCo (mjMAXCONPAIR), as only height fields need. All
     # pairs with height fields share 400 slots; each slot takes 184 bytes per step.
@@ -152,16 +154,27 @@ def touch_mask(model: mujoco.MjModel, *, listed: bool = True) -> NDArray[np.bool
     """
     bodies = np.asarray(model.geom_bodyid)
     welds, flat = model.body_weldid[bodies], np.isin(model.geom_type, _SURFACE_TYPES)
-    moving = model.body_dofnum[welds] > 0
-    touch = mask_overlap(model) & (welds[:, None] != welds) & ~(flat[:, None] & flat)
-    touch &= moving[:, None] | moving
-    if not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FILTERPARENT:
-        parents = model.body_weldid[model.body_parentid[welds]]
-        below = (welds > 0) & (welds == parents[:, None])
-        touch &= ~(below | below.T)
+    kinds, affinities = np.asarray(model.geom_contype), np.asarray(model.geom_conaffinity)
+    parents = model.body_weldid[model.body_parentid[welds]]
+    filters_parents = not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
+    # One of two geoms moves. Rows of moving geoms are filled some at a time: pages of zeros that
+    # are not written take no memory.
+    touch = np.zeros((model.ngeom, model.ngeom), np.bool_)
+    moving = np.flatnonzero(model.body_dofnum[welds] > 0)
+    at_once = max(1, (1 << 22) // max(model.ngeom, 1))
+    for begin in range(0, len(moving), at_once):
+        rows = moving[begin : begin + at_once]
+        own = welds[rows, None]
+        part = (kinds[rows, None] & affinities | affinities[rows, None] & kinds) != 0
+        part &= (own != welds) & ~(flat[rows, None] & flat)
+        if filters_parents:
+            part &= ~((welds > 0) & (welds == parents[rows, None]))
+            part &= ~((own > 0) & (own == parents))
+        touch[rows] = part
+        touch[:, rows] = part.T
     for signature in model.exclude_signature:
-        first, second = (bodies == body for body in divmod(int(signature), 1 << 16))
-        touch &= ~(first[:, None] & second | second[:, None] & first)
+        first, second = (np.flatnonzero(bodies == body) for body in divmod(int(signature), 1 << 16))
+        touch[np.ix_(first, second)] = touch[np.ix_(second, first)] = False
     for pair in zip(model.pair_geom1, model.pair_geom2, strict=True):
         touch[pair] = touch[pair[::-1]] = listed
     return touch
@@ -176,8 +189,14 @@ def mask_overlap(model: mujoco.MjModel) -> NDArray[np.bool_]:
 
 def geom_pairs(touch: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Return the geom pairs with a true entry in a symmetric (ngeom, ngeom) mask, in order."""
-    pairs: list[list[int]] = np.argwhere(np.triu(touch, 1)).tolist()
-    return [(first, second) for first, second in pairs]
+    return list(zip(*(each.tolist() for each in pair_places(touch)), strict=True))
+
+
+def pair_places(touch: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return (P,) the first and the second geoms of the pairs that `geom_pairs` lists."""
+    first, second = np.nonzero(touch)
+    upper = first < second
+    return first[upper], second[upper]
 
 
 def _touching_pairs(model: mujoco.MjModel, keyframes: set[str]) -> list[tuple[int, int]]:
