@@ -69,12 +69,18 @@ def find_met_advisories(
 def describe_met_advisory(
     advisory: Advisory,
     engine: InstalledEngine = InstalledEngine(),  # noqa: B008 - immutable
+    *,
+    verb: str = "meets",
+    where: str = "",
 ) -> str:
-    """Say in a sentence that a model meets an advisory, and how to avoid the fault."""
+    """Say in a sentence that a model meets an advisory, where it does, and how to avoid the fault.
+
+    The verb is weaker for a fault that a model may meet.
+    """
     fixed = advisory.find_fixed_release(engine.version)
     state = f"fixed in {fixed}" if fixed else "not fixed yet"
     known = f"{advisory.severity} in {advisory.engine} {engine.version}, {state}"
-    return f"meets {advisory.id} ({known}): {advisory.title}; {describe_remedy(advisory)}"
+    return f"{verb} {advisory.id}{where} ({known}): {advisory.title}; {describe_remedy(advisory)}"
 
 
 def describe_remedy(advisory: Advisory) -> str:

@@ -1,12 +1,11 @@
 """The page of a study of successes: its headline, a film of a lost success, and its tables."""
 
-from importlib import resources
-
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from contactlab.page.header_films import Films, Moment, film_of_moment
 from contactlab.printable import shell_word, visible
 from contactlab.rendering.html import render_html
+from contactlab.resources import PAGE_STYLE
 from contactlab.schema.success import SuccessReport
 from contactlab.store.finished_store import Store
 from contactlab.studies.success.success_document import describe_success, headline_of
@@ -24,7 +23,6 @@ def success_page(report: SuccessReport, store: Store) -> str:
     environment = Environment(
         loader=PackageLoader(_PACKAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
-    style = resources.files(_PACKAGE).joinpath("style.css").read_text(encoding="utf-8")
     return environment.get_template("success.html").render(
         title=visible(f"Is the success physical? {report.source}"),
         headline=headline_of(report),
@@ -32,7 +30,7 @@ def success_page(report: SuccessReport, store: Store) -> str:
         films=film_of_moment(store, moment) if moment else Films([]),
         body=render_html(describe_success(report, headed=False)),
         store=shell_word(report.store),
-        style=style,
+        style=PAGE_STYLE.read_text(encoding="utf-8"),
     )
 
 

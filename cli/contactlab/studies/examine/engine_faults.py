@@ -49,13 +49,12 @@ def list_advisory_facts(
     met = find_met_advisories(model, elements=lambda: source.elements)
     times = _find_first_times([each for each in met if each.occurs], motions, begins)
     for advisory in met:
-        sentence, time = describe_met_advisory(advisory), times.get(advisory.id)
+        time = times.get(advisory.id)
         acts = time is None or math.isfinite(time)
-        if time is not None:
-            where = f" in this run, from {time:.2f} s" if acts else ", but not in this run"
-            sentence = sentence.replace(advisory.id, advisory.id + where, 1)
-        if not acts:
-            sentence = sentence.replace("meets", "may meet", 1)
+        verb, where = ("meets", "") if acts else ("may meet", ", but not in this run")
+        if acts and time is not None:
+            where = f" in this run, from {time:.2f} s"
+        sentence = describe_met_advisory(advisory, verb=verb, where=where)
         yield Fact(
             kind="advisory", place=advisory.id, value=float(acts), unit="1", sentence=sentence
         )
