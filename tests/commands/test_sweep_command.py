@@ -34,7 +34,7 @@ def test_options_change_the_sweep(contactlab: Run, small: Path) -> None:
     assert json.loads(out)["runs"] == 6
     code, _, err = contactlab("sweep", small.name, "--workers", "0")
     assert code == 3
-    assert "holds another sweep (other seeds, axes)" in err
+    assert "holds another sweep (other seeds, axes: seeds is [0,1,2] there and [0] here; " in err
     assert contactlab("sweep", small.name, "--workers", "0", "--fresh")[0] == 0
 
 

@@ -18,8 +18,9 @@ def test_a_filter_has_the_name_of_today() -> None:
     read = SweepIdentity.model_validate_json(json.dumps(stored))
     assert read.overrides == NEW
     assert other_parts(read, identity(4, overrides=NEW)) == []
-    other = identity(4, overrides=("--where cone=pyramidal",))
-    assert other_parts(read, other) == ["options"]
+    other = {"overrides": ("--where cone=pyramidal",)}
+    assert other_parts(read, identity(4, **other)) == [], "the same runs by other options"
+    assert other_parts(read, identity(4, **other, plan_hash="b" * 16)) == ["options", "runs"]
 
 
 @pytest.mark.parametrize("text", ["--set only=1", "--set x='--only y'"])

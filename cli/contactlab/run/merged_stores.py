@@ -2,11 +2,8 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
 from functools import partial
 from operator import attrgetter
-from pathlib import Path
-from shutil import copytree
 
 import numpy as np
 
@@ -14,6 +11,7 @@ from contactlab.errors import OutputError, StoreError
 from contactlab.judge.wording import plural
 from contactlab.run.planned_runs import stored_sweep_scene
 from contactlab.run.recomputed_runs import plan_again
+from contactlab.run.resumed_sweep import StoredScene
 from contactlab.run.run_verdicts import conclude_runs
 from contactlab.schema.evidence import Host, Provenance, StoreManifest, SweepIdentity
 from contactlab.store.atomic_files import hashes_below, sha256_of
@@ -66,10 +64,10 @@ def merge_stores(
     with open_writer(
         target,
         identity,
-        _StoredScene(first.path / SCENES / identity.scene_hash),
+        StoredScene(first.path / SCENES / identity.scene_hash),
         fresh=fresh,
         beside={
-            folder.name: _StoredScene(folder)
+            folder.name: StoredScene(folder)
             for folder in sorted((first.path / SCENES).iterdir())
             if folder.name != identity.scene_hash
         },
@@ -143,17 +141,6 @@ def _check_same_sweep(stores: Sequence[Store]) -> None:
 
 def _scene_files(manifest: StoreManifest) -> dict[str, str]:
     return {name: sha for name, sha in manifest.files.items() if name.startswith(f"{SCENES}/")}
-
-
-@dataclass(frozen=True)
-class _StoredScene:
-    """Files of a scene in a store; see `CopyableFiles`."""
-
-    source: Path
-
-    def copy_to(self, folder: Path) -> None:
-        """Copy every file into the folder."""
-        copytree(self.source, folder, dirs_exist_ok=True)
 
 
 def _count_runs(stores: Sequence[Store]) -> int:

@@ -23,6 +23,11 @@ from contactlab.run.parameter_budgets import parameter_budgets
 from contactlab.run.passes import SweepSession, run_passes
 from contactlab.run.planned_runs import RunIndex, pack_jobs
 from contactlab.run.repeated_runs import find_unrepeatable
+from contactlab.run.resumed_sweep import (
+    keep_stored_identity,
+    keep_stored_scene,
+    read_stored_identity,
+)
 from contactlab.run.run_verdicts import conclude_runs
 from contactlab.run.shards import shard_of_sweep
 from contactlab.run.sweep_advisories import find_sweep_advisories
@@ -85,14 +90,20 @@ def run_sweep(
     index = RunIndex(request.plan, request.scene)
     if not len(index):
         raise SweepFileError(f"sweep '{request.name}' has no runs; see `--plan`")
+    stored = None if request.fresh else read_stored_identity(request.store)
+    kept, files = keep_stored_scene(request, stored, index.firsts.values())
+    if kept is not request:
+        _LOG.info("the files of the scene are written differently; runs use the store's copy")
+        request, index = kept, RunIndex(kept.plan, kept.scene)
     columns = _table_columns(request, index)
     identity = identity_of(request, index)
     if request.shard:
         index, identity = shard_of_sweep(request.shard, request.plan.sweep, index, identity)
+    identity = keep_stored_identity(stored, identity)
     writer = open_writer(
         request.store,
         identity,
-        request.scene.source.content,
+        files,
         fresh=request.fresh,
         retry_failed=request.retry_failed,
         repair=request.repair,

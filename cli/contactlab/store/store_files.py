@@ -10,9 +10,10 @@ import os
 import re
 import stat
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from fractions import Fraction
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -203,16 +204,66 @@ def document_json(document: BaseModel) -> str:
 def other_parts(stored: SweepIdentity, requested: SweepIdentity) -> list[str]:
     """Return the different parts of two sweeps, as text, whatever runs of their grids they make.
 
-    Differences of their files are given by key; the resulting differences of runs are omitted.
+    Parts that are only written differently are equal: a list of seeds and their count, or values
+    of an axis as a list and as a form, if the plans have the same runs. Differences of their files
+    are given by key; the resulting differences of runs are omitted.
     """
     ours, theirs = _whole_grid(requested), _whole_grid(stored)
-    asked, held = ours.pop("resolved"), theirs.pop("resolved")
+    asked, held = (_plain_form(whole.pop("resolved")) for whole in (ours, theirs))
     keys = [name for name in {**asked, **held} if asked.get(name) != held.get(name)]
-    unsaid = {"source", *(_MADE_BY_KEYS if keys else ())}
+    same_runs = all(ours[name] == theirs[name] for name in ("plan_hash", "runs_asked"))
+    shapes = [_grid_shape(_plain_form(each.resolved)) for each in (requested, stored)]
+    if same_runs and shapes[0] == shapes[1]:
+        keys = [name for name in keys if name not in _GRID_KEYS]
+    unsaid = {"source", *(_MADE_BY_KEYS if keys else ("overrides",) if same_runs else ())}
     # One that is empty, such as no plug-ins, is left out.
     names = dict.fromkeys((*ours, *theirs))
     others = [each for each in names if each not in unsaid and ours.get(each) != theirs.get(each)]
     return [*dict.fromkeys([*keys, *(_PART_TEXTS.get(name, name) for name in others)])]
+
+
+_GRID_KEYS = ("seeds", "axes", "zip", "sample", "include", "exclude")
+
+
+def _plain_form(resolved: Mapping[str, Any]) -> dict[str, Any]:
+    # Seeds, and the values of axes that are knobs, are lists.
+    seeds, axes, keys = resolved.get("seeds", 1), resolved.get("axes", {}), {"values", "role"}
+    listed = {
+        name: axis["values"] if isinstance(axis, dict) and axis.keys() == keys else axis
+        for name, axis in axes.items()
+        if not isinstance(axis, dict) or axis.get("role") == "knob"
+    }
+    plain = [*range(seeds)] if isinstance(seeds, int) else [*seeds]
+    return {**resolved, "seeds": plain, "axes": {**axes, **listed}}
+
+
+def _grid_shape(resolved: Mapping[str, Any]) -> object:
+    # The parts that the hash of the plan lacks; all parts if results choose the runs.
+    if any(map(resolved.get, _CHOICE_KEYS)):
+        return [resolved.get(name) for name in _GRID_KEYS]
+    blocks, include = (resolved.get("axes", {}), *resolved.get("zip", ())), resolved.get("include")
+    return (
+        resolved.get("seeds"),
+        [(name, *_axis_shape(axis)) for block in blocks for name, axis in block.items()],
+        [[*row] for row in include] if isinstance(include, list) else include,
+        resolved.get("sample"),
+    )
+
+
+def _axis_shape(axis: object) -> tuple[object, object]:
+    # Role and number of values; a drawn axis as written.
+    match axis:
+        case {"values": values, "role": role}:
+            return role, len(values)
+        case {"linspace": (_, _, count), "role": role} | {"logspace": (_, _, count), "role": role}:
+            return role, count
+        case {"range": steps, "role": role}:
+            first, last, step = (Fraction(str(value)) for value in steps)
+            return role, (last - first) // step + 1
+        case list() | tuple():
+            return "knob", len(axis)
+        case _:
+            return "", axis
 
 
 _MADE_BY_KEYS = {"overrides": "options", "runs_asked": "number of runs", "plan_hash": "runs"}
@@ -251,12 +302,33 @@ def check_same_sweep(store: Address, stored: SweepIdentity, requested: SweepIden
             ", ".join(map(str, identity.plugins)) or "none" for identity in (stored, requested)
         )
         plugins = f": it was begun with {old}; loaded now: {new}"
-    held = f"another sweep (other {', '.join(differing)}{plugins})"
+    both = _plain_form(stored.resolved), _plain_form(requested.resolved)
+    details = "; ".join(_different_values(*both, differing))
+    held = f"another sweep (other {', '.join(differing)}{plugins}{details and f': {details}'})"
     if differing == ["definitions"]:
         held = "runs of another contactlab, which prepares, measures or labels them differently"
     raise OtherSweepError(
         f"{store} holds {held}", "write elsewhere with -o, or replace it with --fresh"
     )
+
+
+def _different_values(
+    held: Mapping[str, Any], asked: Mapping[str, Any], keys: Iterable[str], within: str = ""
+) -> Iterator[str]:
+    most_characters = 60
+    for key in keys:
+        if key not in held.keys() | asked.keys() or held.get(key) == asked.get(key):
+            continue
+        one, other, name = held.get(key), asked.get(key), f"{within}{key}"
+        if isinstance(one, dict) and isinstance(other, dict):
+            both: dict[str, Any] = {**one, **other}
+            yield from _different_values(one, other, both, f"{name}.")
+        else:
+            texts = [
+                text if len(text) <= most_characters else f"{text[:most_characters]}..."
+                for text in (to_json(each).decode() for each in (one, other))
+            ]
+            yield f"{name} is {texts[0]} there and {texts[1]} here"
 
 
 # Keys of a sweep that choose the runs to make; the grid is the same for all of their values.
