@@ -1,5 +1,6 @@
 """Code that never returns ends at a limit, with its name; Ctrl-C while all loads is quiet."""
 
+import logging
 import signal
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import contactlab
 from contactlab import foreign_code
 from contactlab.engines.closed_loop import load_code
 from contactlab.errors import PluginError, SceneError, SweepFileError
+from contactlab.foreign_code import printed_as_text
 from contactlab.plugins import load_plugins
 
 HANGS = "while True:\n    try:\n        pass\n    except Exception:\n        pass\n"
@@ -94,3 +96,14 @@ def test_an_interrupt_while_all_loads_is_quiet(module: str) -> None:
         [sys.executable, "-c", INTERRUPTED, module], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+
+
+def test_a_logger_that_code_makes_still_writes(capfd: pytest.CaptureFixture[str]) -> None:
+    """A handler keeps the stream of its making, which ends with the code."""
+    logger = logging.getLogger("made_by_code")
+    with printed_as_text():
+        logger.addHandler(logging.StreamHandler())
+    logger.warning("one")
+    with printed_as_text():
+        logger.warning("two")
+    assert capfd.readouterr().err == "one\ntwo\n"

@@ -250,3 +250,21 @@ def test_a_row_of_the_journal_has_no_nulls(folder: Path) -> None:
 def test_the_index_of_sweeps_is_that_of_the_files() -> None:
     stored = {key: list(row) for key, row in resources.sweep_index().items()}
     assert stored == sweep_index(), "make it anew: python -m tests.commands.sweep_index"
+
+
+def test_an_older_mujoco_loads_without_a_display() -> None:
+    """Up to 3.x it imports the context of GLFW without asking whether it is there."""
+    code = """
+import contactlab.startup
+from mujoco.glfw import GLContext
+try:
+    GLContext(1, 1)
+except ImportError as error:
+    print(error)
+"""
+    named = {name: value for name, value in os.environ.items() if "DISPLAY" not in name}
+    named.pop("MUJOCO_GL", None)
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=named, capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "GLFW needs a display; set MUJOCO_GL to egl or osmesa\n"

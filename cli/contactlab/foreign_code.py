@@ -94,12 +94,18 @@ class PrintedFile:
 
 
 class _StreamByThread:
-    """The stream of one thread, and another one for the others, such as a progress display."""
+    """The stream of one thread, and another one for the others, such as a progress display.
+
+    Loggers that code makes keep it: after its end it is the stderr of then.
+    """
 
     def __init__(self, own: TextIO, others: TextIO) -> None:
         self._own, self._others, self._thread = own, others, threading.get_ident()
+        self.has_ended = False
 
     def __getattr__(self, name: str) -> object:
+        if self.has_ended:
+            return getattr(sys.stderr, name)
         stream = self._own if threading.get_ident() == self._thread else self._others
         return getattr(stream, name)
 
@@ -144,6 +150,7 @@ def printed_as_text() -> Generator[None]:
         for number, kept in enumerate(before, 1):
             os.dup2(kept, number)
         sys.stdout, sys.stderr = streams
+        streams_by_thread.has_ended = True
         with suppress(OSError, ValueError):
             streams[1].write(printed.take_text())
         if others is not streams[1]:

@@ -7,6 +7,7 @@ import atexit
 import gc
 import os
 import sys
+from types import ModuleType
 
 # Nearly all that is made at the start stays: garbage is looked for after this number of new
 # objects.
@@ -21,4 +22,12 @@ os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 # GLFW starts a process as MuJoCo loads it, and cannot draw without a display.
 if sys.platform == "linux" and not os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL"}:
-    sys.modules.setdefault("mujoco.glfw", None)  # pyright: ignore[reportArgumentType]
+
+    class _MissingContext:
+        def __init__(self, *_: object) -> None:
+            raise ImportError("GLFW needs a display; set MUJOCO_GL to egl or osmesa")
+
+    # MuJoCo up to 3.x does not load without this module.
+    _without_glfw = ModuleType("mujoco.glfw")
+    _without_glfw.GLContext = _MissingContext  # pyright: ignore[reportAttributeAccessIssue]
+    sys.modules.setdefault("mujoco.glfw", _without_glfw)

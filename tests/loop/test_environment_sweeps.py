@@ -13,6 +13,7 @@ from tests.push_env import PUSHED, SKIP
 
 import contactlab
 from contactlab.errors import ContactlabError, SceneError, SweepFileError
+from contactlab.loop.simulation import read_success, reset_with_seed
 from contactlab.measure import METRICS
 from contactlab.run.recomputed_runs import simulate_again
 from contactlab.run.stored_runs import replay_run
@@ -358,3 +359,23 @@ def test_an_episode_lasts_as_long_as_the_run(tmp_path: Path, timestep: float) ->
     """An environment that goes on makes no step more than the run has, where its own divide it."""
     (record,) = _sweep(tmp_path, axes={"timestep": [timestep]}, checks="none").records()
     assert (record.status, record.steps) == ("ok", round(0.1 / timestep))
+
+
+def test_robosuites_conventions() -> None:
+    """Its environments draw from `rng`, take no seed, and answer `_check_success()`."""
+
+    class Lift:
+        rng = np.random.default_rng(7)
+
+        def reset(self) -> float:
+            return self.rng.uniform()
+
+        def _check_success(self) -> np.bool_:
+            return np.bool_(True)
+
+    env = Lift()
+    starts = [reset_with_seed(env, seed) for seed in (3, 4, 3)]
+    assert starts == [np.random.default_rng(seed).uniform() for seed in (3, 4, 3)]
+    assert read_success(env, {}) is True
+    assert read_success(env, {"is_success": 0}) is False
+    assert read_success(object(), {"TimeLimit.truncated": True}) is None

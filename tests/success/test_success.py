@@ -1,6 +1,8 @@
 """Which successes are physical: exploits lose them, honest policies keep them."""
 
+import json
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,6 +14,8 @@ from tests.success import episodes_of_exploits as exploits
 
 import contactlab
 from contactlab.errors import SceneError, SweepFileError
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
 from contactlab.schema.success import SuccessReport
 from contactlab.shares import anytime, runs_to_decide, wilson
 from contactlab.store.finished_store import Store
@@ -56,15 +60,30 @@ def final_state(store: Store, variant: str) -> np.ndarray:
 
 @pytest.mark.long
 def test_a_variant_is_what_an_obvious_loop_plays(tmp_path: Path) -> None:
-    """Finer steps keep the control rate; other variants change the model before the reset."""
-    names = ["a quarter of the step", "other cone", "half the solref", "mass x 0.8"]
-    report = judged(tmp_path, "FirmShelf", "PushAside", episodes=1, variant=names)
-    store = Store.open(report.store)
+    """Finer steps keep the control rate; other variants change the model before the reset.
 
-    for name, rate in (
-        ("as written", 1),
-        *((name, 4 * name.startswith("a q") or 1) for name in names),
-    ):
+    An episode without a record ends as the recorded one does.
+    """
+    names = ["as written", "a quarter of the step", "other cone", "half the solref", "mass x 0.8"]
+    sweep = {
+        "version": 1,
+        "scene": {"environment": f"{FILE}:FirmShelf"},
+        "drive": {"policy": f"{FILE}:PushAside"},
+        "axes": {"variant": names},
+        "seeds": 1,
+        "duration": 2.0,
+    }
+    ask = read_request(
+        sweep, "variants", tmp_path / "store", folder=tmp_path, workers=0, allow_code=True
+    )
+    run_sweep(replace(ask, allow_code=True), lambda *_: None, lambda *_: None)
+    store = Store.open(tmp_path / "store")
+    report = judged(tmp_path / "study", "FirmShelf", "PushAside", episodes=1, variant=names[1:])
+    unrecorded = json.loads((tmp_path / "study" / "outcomes.json").read_text(encoding="utf-8"))
+    ends = {each["axes"]["variant"]: each for each in unrecorded}
+
+    assert report.written.good == 1
+    for name in names:
         env = exploits.FirmShelf()
         match name:
             case "other cone":
@@ -77,8 +96,13 @@ def test_a_variant_is_what_an_obvious_loop_plays(tmp_path: Path) -> None:
                 mujoco.mj_setConst(env.model, mujoco.MjData(env.model))
             case _:
                 pass
+        rate = 4 if name.startswith("a quarter") else 1
         state = played(env, exploits.PushAside(env.model), 0, rate)
         assert np.array_equal(final_state(store, name), state), name
+        (record,) = (each for each in store.records() if each.axes["variant"] == name)
+        if name != "as written":
+            for field in ("status", "success", "total_reward", "steps", "status_reason"):
+                assert ends[name][field] == getattr(record, field), (name, field)
 
 
 @pytest.mark.long
@@ -181,11 +205,14 @@ class Planned:
 
 
 def test_costly_variants_and_chance_are_played_if_they_matter() -> None:
-    """A quarter of the step is played in 20 cases, or in all of them once it changes an outcome."""
+    """A quarter of the step is played in 10 cases, or in all of them once it changes an outcome.
+
+    Variants are played without a record, except for the first success that each takes away.
+    """
     variants = ["as written", "half the step", "a quarter of the step", "nudged"]
     for changing, quarters, nudged in (
-        ((), 20, 0),
-        (("half the step",), 20, 50),
+        ((), 10, 0),
+        (("half the step",), 10, 50),
         ((variants[2],), 50, 50),
     ):
         ids = np.arange(4 * 50, dtype=np.uint64)
@@ -198,13 +225,19 @@ def test_costly_variants_and_chance_are_played_if_they_matter() -> None:
 
         plan: Any = Planned(50, variants)
         chosen = EpisodesUntilDecided(plan, ids, tabulate, lambda _: False, "nudged", [variants[2]])
+        counts = np.zeros(4, int)
         while (wanted := chosen.next_runs()).any():
-            chosen.add_rows(
-                {"run_id": f"{place:016x}"} for place in np.flatnonzero(wanted).tolist()
-            )
-        played = np.bincount([place // 50 for place in map(int, chosen.known)], minlength=4)
+            ids = [f"{place:016x}" for place in np.flatnonzero(wanted).tolist()]
+            if chosen.purpose == "record":
+                chosen.add_rows({"run_id": run_id} for run_id in ids)
+            else:
+                counts += np.bincount([int(run_id, 16) // 50 for run_id in ids], minlength=4)
+                chosen.learn_notes({run_id: {"status": "ok", "steps": 1} for run_id in ids})
+        recorded = np.bincount([place // 50 for place in map(int, chosen.known)], minlength=4)
 
-        assert played.tolist() == [50, 50, quarters, nudged]
+        assert counts.tolist() == [0, 50, quarters, nudged]
+        assert recorded.tolist() == [50, *(int(name in changing) for name in variants[1:])]
+        assert sum(1 for _ in chosen.iterate_unrecorded()) == counts.sum() - len(changing)
 
 
 def test_objects_are_the_things_that_no_actuator_moves() -> None:

@@ -6,9 +6,7 @@ from typing import Any, cast
 from gymnasium import Wrapper  # pyright: ignore[reportMissingImports] - an extra
 
 from contactlab.loop.recording import Recording, record
-from contactlab.loop.simulation import find_simulation
-
-_SUCCESS_KEYS = ("success", "is_success")
+from contactlab.loop.simulation import find_simulation, read_success
 
 
 class Evidence(Wrapper):  # pyright: ignore[reportUntypedBaseClass] - likewise
@@ -43,8 +41,8 @@ class Evidence(Wrapper):  # pyright: ignore[reportUntypedBaseClass] - likewise
             answer = self.env.step(action)
         _, reward, terminated, truncated, info = answer
         self._reward += float(reward)
-        successes = [info[name] for name in _SUCCESS_KEYS if name in info]
-        self._success = bool(successes[0]) if successes else self._success
+        success = read_success(self.env, info)
+        self._success = self._success if success is None else success
         if terminated or truncated:
             self._end_episode()
         return answer

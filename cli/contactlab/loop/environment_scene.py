@@ -192,8 +192,15 @@ class Environment:
 
 
 def _default_manifest(name: str, env: Any) -> SceneManifest:  # noqa: ANN401 - as above
-    most = getattr(getattr(env, "spec", None), "max_episode_steps", None)
-    step = getattr(unwrap_environment(env), "dt", None)
+    own = unwrap_environment(env)
+    # Those of robosuite have the other names.
+    most, step = (
+        next((found for holder, word in names if (found := getattr(holder, word, None))), None)
+        for names in (
+            ((getattr(env, "spec", None), "max_episode_steps"), (own, "horizon")),
+            ((own, "dt"), (own, "control_timestep")),
+        )
+    )
     default_duration = 2.0  # of an environment without a known length [s]
     seconds = float(most * step) if most and step else default_duration
     about = {"title": name, "description": "Episodes of an environment."}

@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import mujoco
 import numpy as np
@@ -38,6 +38,28 @@ class Episode(NamedTuple):
     known: Mapping[str, object]
     started: str
     extra_fields: Mapping[str, object]
+
+
+class HearsSteps(Protocol):
+    """Makes the steps of other code, in the place of MuJoCo's own functions."""
+
+    def mj_step(self, model: mujoco.MjModel, data: mujoco.MjData, nstep: int = 1) -> None:
+        """Make steps."""
+        ...
+
+    def mj_step2(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Finish a step."""
+        ...
+
+
+@contextmanager
+def hear_steps(listener: HearsSteps) -> Generator[None]:
+    """Let a listener make the steps of other code by `mj_step` or `mj_step2` meanwhile."""
+    mujoco.mj_step, mujoco.mj_step2 = listener.mj_step, listener.mj_step2
+    try:
+        yield
+    finally:
+        mujoco.mj_step, mujoco.mj_step2 = mj_step, mj_step2
 
 
 class Listener(ABC):
@@ -86,11 +108,8 @@ class Listener(ABC):
     @contextmanager
     def listening(self) -> Generator[None]:
         """Record the steps of other code by `mujoco.mj_step` or `mujoco.mj_step2` meanwhile."""
-        mujoco.mj_step, mujoco.mj_step2 = self.mj_step, self.mj_step2
-        try:
+        with hear_steps(self):
             yield
-        finally:
-            mujoco.mj_step, mujoco.mj_step2 = mj_step, mj_step2
 
     def _handle_changes(self) -> None:
         """Handle changes since the last step, before the next one."""
@@ -153,11 +172,20 @@ def known_setup(steps: LoopSteps) -> Mapping[str, object]:
 
 def changed_fields(before: mujoco.MjModel, after: mujoco.MjModel) -> tuple[str, ...]:
     """Return the changed fields of a model, except for purely visual ones."""
+    # Models are compared whole first, since one by one their fields take as long as an episode.
+    if np.array_equal(_model_bytes(before), _model_bytes(after)):
+        return ()
     return tuple(
         name
         for name, old, new in _physical_fields(before, after)
         if np.asarray(old).tobytes() != np.asarray(new).tobytes()
     )
+
+
+def _model_bytes(model: mujoco.MjModel) -> np.ndarray:
+    buffer = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, buffer)
+    return buffer
 
 
 def write_fields(model: mujoco.MjModel, wanted: mujoco.MjModel) -> None:

@@ -6,28 +6,43 @@ from collections import deque
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import mujoco
 import numpy as np
+from mujoco import mj_step, mj_step2  # as names of their own, since they are replaced meanwhile
 
 from contactlab.accuracy.reference import PlannedModel
 from contactlab.engines import PreparedRuns
 from contactlab.engines.engine import Policy, PolicyClass
 from contactlab.errors import SceneError, in_one_line
 from contactlab.foreign_code import ends_command, printed_as_text
-from contactlab.loop.listener import Episode, Listener, changed_fields, known_setup, write_fields
+from contactlab.loop.listener import (
+    Episode,
+    Listener,
+    changed_fields,
+    hear_steps,
+    known_setup,
+    write_fields,
+)
 from contactlab.loop.reader import LoopReader
-from contactlab.loop.simulation import differing_parts, find_simulation, unwrap_environment
+from contactlab.loop.simulation import (
+    differing_parts,
+    find_simulation,
+    read_success,
+    reset_with_seed,
+    unwrap_environment,
+)
 from contactlab.numerical_tolerance import COARSE_ROUNDING
+from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.contact_pairs import effective_parameters
 from contactlab.scene.scene import Scene
 from contactlab.scene.variants import find_variant
 from contactlab.schema.drive import PolicyDrive
 
-SUCCESS = ("success", "is_success")
 _UNCHECKED_TEXT = "backward errors and repeats: only the environment's own code makes its steps"
 _TIMESTEP = "opt.timestep"
+_RESET_TEXT = "the environment was reset within a step"
 _SHORT_RESULT, _LONG_RESULT = (
     4,
     5,
@@ -36,6 +51,9 @@ _SHORT_RESULT, _LONG_RESULT = (
 Act = Callable[[Any], Any]
 """Returns an action for the last observation of the environment."""
 _DEFAULT_RATE = PolicyDrive.model_fields["rate"].default
+
+
+_Listens = TypeVar("_Listens", "_EpisodeListener", "_StepCounter")
 
 
 class FailureError(Exception):
@@ -58,19 +76,50 @@ class Player:
     def __init__(self, scene: Scene, make: Callable[[], Any], policy: PolicyClass | None) -> None:
         self._scene, self._make, self._policy = scene, make, policy
         self._env: Any = None
+        # The last prepared model, and the fields that differ from the model as written.
+        self._edited: tuple[PreparedModel, frozenset[str]] | None = None
 
     def play(self, plan: PlannedModel) -> Episode:
         """Return the episode of a run; a failed one with its finished part and the reason."""
-        model = plan.prepared.model
-        # This listener replaces that of an environment that cannot be created or reset.
-        spare = listener = _EpisodeListener(self._scene, plan, model, mujoco.MjData(model))
+        listener, fields, failure = self._play_episode(plan, self._listener_of)
+        if listener is None or not listener.steps:
+            # The environment could not be created or reset.
+            model = plan.prepared.model
+            listener = self._listener_of(plan, model, mujoco.MjData(model))
+        return listener.episode(fields, failure)
+
+    def play_outcome(self, plan: PlannedModel) -> dict[str, Any]:
+        """Play the episode of a run without a record; return its end as fields of one.
+
+        It costs as much as the environment's own steps: a record takes several times longer.
+        """
+        counter, fields, failure = self._play_episode(plan, _StepCounter)
+        fields = {"status": "ok", "status_reason": None, **fields}
+        if failure is not None:
+            fields |= {"status": "error", "status_reason": failure}
+        elif counter is not None and counter.failed and fields["status"] == "ok":
+            fields |= {"status": "stopped", "status_reason": "the simulation failed"}
+        return {**fields, "steps": counter.steps if counter else 0}
+
+    def _listener_of(
+        self, plan: PlannedModel, model: mujoco.MjModel, data: mujoco.MjData
+    ) -> "_EpisodeListener":
+        return _EpisodeListener(self._scene, plan, model, data)
+
+    def _play_episode(
+        self,
+        plan: PlannedModel,
+        listen: Callable[[PlannedModel, mujoco.MjModel, mujoco.MjData], _Listens],
+    ) -> tuple[_Listens | None, dict[str, Any], str | None]:
+        # The listener, if the episode began; the results; and the reason of a failure.
         fields: dict[str, Any] = {"success": None, "total_reward": None}
+        listener: _Listens | None = None
         failure: str | None = None
         try:
             with printed_as_text():
                 observation = self._reset_environment(plan)
                 own = find_simulation(unwrap_environment(self._env))
-                listener = _EpisodeListener(self._scene, plan, *own)
+                listener = listen(plan, *own)
                 self._step_until_end(plan, listener, observation, fields)
         except _CutError as error:
             fields |= {"status": "stopped", "status_reason": f"cut: {error}"}
@@ -80,24 +129,26 @@ class Player:
             plain = isinstance(error, FailureError | SceneError)
             failure = str(error) if plain else f"environment: {in_one_line(error, __file__)}"
             self._env = None
-        return (listener if listener.steps else spare).episode(fields, failure)
+        return listener, fields, failure
 
     def _reset_environment(self, plan: PlannedModel) -> Any:  # noqa: ANN401 - whatever it observes
         """Reset the environment with a run's model and seed; return its observation."""
         if self._env is None:
             self._env = self._make()
         base, wanted = self._scene.base({}).model, _environment_model(plan)
+        if self._edited is None or self._edited[0] is not plan.prepared:
+            self._edited = plan.prepared, frozenset(changed_fields(base, wanted))
         model, data = find_simulation(unwrap_environment(self._env))
         _check_same_parts(model, base)
         write_fields(model, wanted)
         mujoco.mj_resetData(model, data)
-        answer = self._env.reset(seed=plan.run.seed)
+        answer = reset_with_seed(self._env, plan.run.seed)
         again, data = find_simulation(unwrap_environment(self._env))
         if again is not model:
             _check_same_parts(again, base)
             write_fields(again, wanted)
             mujoco.mj_forward(again, data)
-        kept = {*changed_fields(base, wanted), _TIMESTEP}
+        kept = {*self._edited[1], _TIMESTEP}
         if lost := [name for name in changed_fields(wanted, again) if name in kept]:
             raise FailureError(
                 f"reset() of the environment overwrites values of the sweep: {', '.join(lost)}"
@@ -107,7 +158,7 @@ class Player:
     def _step_until_end(
         self,
         plan: PlannedModel,
-        listener: "_EpisodeListener",
+        listener: "_EpisodeListener | _StepCounter",
         observation: Any,  # noqa: ANN401 - as above
         fields: dict[str, Any],
     ) -> None:
@@ -116,7 +167,7 @@ class Player:
         act = create_actor(env, self._policy, plan, self._scene.base({}).model, listener.data)
         while not ended and listener.steps < plan.run.steps:
             before, action = listener.steps, act(observation)
-            with listener.listening():
+            with hear_steps(listener):
                 answer = env.step(action)
             if listener.steps == before:
                 raise FailureError(
@@ -134,8 +185,9 @@ class Player:
                 raise FailureError(f"step() of the environment returned the reward {reward}")
             if listener.model.opt.timestep != listener.control_timestep:
                 raise FailureError(f"step() of the environment changes {_TIMESTEP}")
-            successes = [bool(info[name]) for name in SUCCESS if name in info]
-            fields |= {"total_reward": total, **({"success": successes[0]} if successes else {})}
+            fields["total_reward"] = total
+            if (success := read_success(env, info)) is not None:
+                fields["success"] = success
 
 
 def _environment_model(plan: PlannedModel) -> mujoco.MjModel:
@@ -157,6 +209,62 @@ def _check_same_parts(model: mujoco.MjModel, base: mujoco.MjModel) -> None:
         raise FailureError(f"the model differs from that of the sweep in {differing}")
 
 
+@contextmanager
+def finer_steps(model: mujoco.MjModel, rate: int) -> Generator[None]:
+    """Divide the step of a model by a rate meanwhile."""
+    option = model.opt
+    option.timestep /= rate
+    try:
+        yield
+    finally:
+        option.timestep *= rate
+
+
+class _StepCounter:
+    """Counts the steps of one episode, which ends when its time decreases.
+
+    Attributes:
+        steps: number of steps that were made.
+        failed: whether the simulation failed in one of them, and was reset.
+        control_timestep: the step that the environment sees.
+    """
+
+    def __init__(self, plan: PlannedModel, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        self.model, self.data, self.steps, self.failed = model, data, 0, False
+        self._rate = _step_rate(plan)
+        self.control_timestep = plan.prepared.model.opt.timestep * self._rate
+        self._time: float | None = None  # after the last step
+
+    def mj_step(self, model: mujoco.MjModel, data: mujoco.MjData, nstep: int = 1) -> None:
+        """Make steps, or several finer ones for each."""
+        if data is not self.data:
+            mj_step(model, data, nstep)
+            return
+        count, begin = nstep * self._rate, data.time
+        self._check_time(begin)
+        with finer_steps(model, self._rate):
+            mj_step(model, data, count)
+            # A failed simulation is reset, so that its time is too early.
+            self.failed |= data.time < begin + (count - 0.5) * model.opt.timestep
+        self.steps, self._time = self.steps + count, data.time
+
+    def mj_step2(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Finish a step, or make several finer ones under the same inputs."""
+        if data is self.data and self._rate > 1:
+            self.mj_step(model, data)
+            return
+        if data is self.data:
+            self._check_time(data.time)
+        mj_step2(model, data)
+        if data is self.data:
+            self.steps, self._time = self.steps + 1, data.time
+
+    def _check_time(self, time: float) -> None:
+        if self._time is not None and time != self._time:
+            missed = time > self._time
+            raise _CutError("the data was stepped without the recording" if missed else _RESET_TEXT)
+
+
 class _EpisodeListener(Listener):
     """Listens to one episode, which ends when its time decreases.
 
@@ -169,11 +277,12 @@ class _EpisodeListener(Listener):
     ) -> None:
         super().__init__(LoopReader(scene.base({}), model, data))
         self._scene, self._plan = scene, plan
-        self._rate, self.control_timestep = _step_rate(plan), _environment_model(plan).opt.timestep
+        self._rate = _step_rate(plan)
+        self.control_timestep = plan.prepared.model.opt.timestep * self._rate
 
     def step(self, count: int = 1) -> None:
         """Make steps, or several finer ones for each."""
-        with self._fine_steps():
+        with finer_steps(self._reader.model, self._rate):
             super().step(count * self._rate)
 
     def mj_step2(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -183,26 +292,17 @@ class _EpisodeListener(Listener):
         else:
             super().mj_step2(model, data)
 
-    @contextmanager
-    def _fine_steps(self) -> Generator[None]:
-        option = self._reader.model.opt
-        option.timestep /= self._rate
-        try:
-            yield
-        finally:
-            option.timestep *= self._rate
-
     @property
     def steps(self) -> int:
         """Number of steps that were made."""
         return self._reader.steps
 
     def _cut_episode(self, why: str | None) -> None:
-        raise _CutError(why or "the environment was reset within a step")
+        raise _CutError(why or _RESET_TEXT)
 
     def episode(self, said: dict[str, Any], failed: str | None) -> Episode:
         """Return the episode with further fields, and the reason of a failure, if any."""
-        with self._fine_steps():
+        with finer_steps(self._reader.model, self._rate):
             return self._build_episode(said, failed)
 
     def _build_episode(self, said: dict[str, Any], failed: str | None) -> Episode:

@@ -1,11 +1,16 @@
-"""Finds the model and data of MuJoCo that an environment steps."""
+"""Conventions of environments: their model and data of MuJoCo, their seeds and successes."""
 
+import inspect
+from collections.abc import Mapping
 from typing import Any
 
 import mujoco
+import numpy as np
 
 from contactlab.errors import SceneError
 
+SUCCESS = ("success", "is_success")
+"""Names of an episode's success in infos."""
 _PART_FIELDS = ("nq", "nv", "na", "nu", "nbody", "njnt", "ngeom", "ntendon", "nmocap", "names")
 
 
@@ -27,6 +32,28 @@ def find_simulation(env: Any) -> tuple[mujoco.MjModel, mujoco.MjData]:  # noqa: 
 def unwrap_environment(env: Any) -> Any:  # noqa: ANN401 - likewise
     """Return an environment without the wrappers of Gymnasium."""
     return getattr(env, "unwrapped", env)
+
+
+def reset_with_seed(env: Any, seed: int) -> Any:  # noqa: ANN401 - whatever it observes
+    """Reset an environment with a seed, and return its answer.
+
+    Those of robosuite draw from a generator of their own, `rng`, and take no seed.
+    """
+    rng = getattr(unwrap_environment(env), "rng", None)
+    if isinstance(rng, np.random.Generator) and not inspect.signature(env.reset).parameters:
+        rng.bit_generator.state = np.random.default_rng(seed).bit_generator.state
+        return env.reset()
+    return env.reset(seed=seed)
+
+
+def read_success(env: Any, info: Mapping[str, Any]) -> bool | None:  # noqa: ANN401 - likewise
+    """Return whether an episode succeeds now, by its info or by robosuite's `_check_success`.
+
+    None stands for an environment with neither.
+    """
+    said = [bool(info[name]) for name in SUCCESS if name in info]
+    check = getattr(unwrap_environment(env), "_check_success", None)
+    return said[0] if said else bool(check()) if callable(check) else None
 
 
 def differing_parts(model: mujoco.MjModel, known: mujoco.MjModel) -> str:

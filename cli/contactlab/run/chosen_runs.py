@@ -26,7 +26,7 @@ from contactlab.plan.sampled_shares import configuration_of
 from contactlab.plan.search import Trials, axis_coordinates, searched_axes
 from contactlab.plan.sides import Side, counts_for_share, fields_read_by, side_of
 from contactlab.run.planned_runs import RunIndex
-from contactlab.run.tasks import Finished
+from contactlab.run.tasks import Finished, Purpose
 from contactlab.schema.evidence import SweepIdentity, WholeGrid
 from contactlab.schema.sweep_schema import Refine, Search, Until
 from contactlab.shares import anytime
@@ -37,7 +37,12 @@ class ChosenRuns(ABC):
 
     The choice depends on nothing else, so neither the order of finished runs nor an interruption
     changes it.
+
+    Attributes:
+        purpose: of the next runs; for another than `record`, their results are notes.
     """
+
+    purpose: Purpose = "record"
 
     def __init__(self, ids: NDArray[np.uint64], side: Side, read_by: tuple[str, ...]) -> None:
         """Take the ids (runs) of a plan, and the function that classifies rows by some fields."""
@@ -53,6 +58,9 @@ class ChosenRuns(ABC):
     def learn_finished(self, finished: Collection[Finished]) -> None:
         """Add finished runs, as workers return them."""
         self.add_rows({**from_json(one.shared or b"{}"), **from_json(one.row)} for one in finished)
+
+    def learn_notes(self, notes: Mapping[str, Mapping[str, Any]]) -> None:  # noqa: B027
+        """Add the results of runs that were not recorded, by run id."""
 
     def next_runs(self) -> NDArray[np.bool_]:
         """Return (runs) a mask of the next runs, all unknown; empty once enough are known."""

@@ -95,7 +95,7 @@ def run_passes(session: SweepSession) -> tuple[dict[str, dict[str, Any]], Sequen
         controls = {run_id: run.controls for run_id, run in runs.items()}
         models = reference_models(session.scene, session.task.sweep, repeatable)
         grouped = reference_families(models, session.scene, controls)
-        notes = _pass_results(
+        notes = results_of_pass(
             session, "errors", [tuple(map(runs.__getitem__, rows)) for rows in grouped]
         )
         errors = run_accuracies(sweep.accuracy, session.scene, _by_id(session.planned), notes)
@@ -129,7 +129,7 @@ def _measure_times(
     timed = set(firsts.values())
     runs = [run for run in able if run.run_id in timed]
     jobs = list(pack_jobs(runs, len(runs), session.scene, session.executor.workers))
-    work = _pass_results(session, "work", jobs)
+    work = results_of_pass(session, "work", jobs)
     taken = _timed_runs(session, request, runs, work, errors)
     times = {run_id: taken[firsts[key]] for run_id, key in keys.items() if firsts[key] in taken}
     return run_timings(_by_id(session.planned), request, work, times)
@@ -140,8 +140,13 @@ def _axes_key(run: RunSpec, but: Collection[str] = ()) -> object:
     return tuple(item for item in run.axes.items() if item[0] not in but)
 
 
-def _pass_results(session: SweepSession, purpose: Purpose, jobs: Sequence[Job]) -> dict[str, Note]:
-    """Return the results of workers in a pass, by run id; empty for runs that crash a worker."""
+def results_of_pass(
+    session: SweepSession, purpose: Purpose, jobs: Sequence[Job]
+) -> dict[str, Note]:
+    """Return the results of workers in a pass, by run id; empty for runs that crash a worker.
+
+    Results from before an interruption are among them.
+    """
     done = notes_by_run(session.store.read_notes(), purpose)
     rest = [job for job in jobs if any(run.run_id not in done for run in job)]
     runs = sum(map(len, jobs))

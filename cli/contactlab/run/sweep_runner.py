@@ -20,7 +20,7 @@ from contactlab.plugins import loaded_plugins
 from contactlab.run.chosen_runs import ChosenRuns, RefinedRuns, RunsUntilKnown, SearchedRuns
 from contactlab.run.evidence_record import find_engine, find_provenance, hash_definitions
 from contactlab.run.parameter_budgets import parameter_budgets
-from contactlab.run.passes import SweepSession, run_passes
+from contactlab.run.passes import SweepSession, results_of_pass, run_passes
 from contactlab.run.planned_runs import RunIndex, pack_jobs
 from contactlab.run.repeated_runs import find_unrepeatable
 from contactlab.run.resumed_sweep import (
@@ -41,6 +41,7 @@ from contactlab.run.tasks import (
     ProgressCallback,
     Stop,
     Task,
+    notes_by_run,
     results_of,
 )
 from contactlab.run.worker import Worker
@@ -166,6 +167,7 @@ def _run_chosen(session: SweepSession, chosen: ChosenRuns) -> tuple[SweepSession
     """
     whole, store = session.index, session.store
     chosen.add_rows(store.read_rows())
+    chosen.learn_notes(notes_by_run(store.read_notes(), "outcomes"))
     stored = whole.count_done(store.done)
 
     def learn(finished: Sequence[Finished]) -> None:
@@ -174,6 +176,12 @@ def _run_chosen(session: SweepSession, chosen: ChosenRuns) -> tuple[SweepSession
 
     while (wanted := chosen.next_runs()).any():
         index = whole.select_ids(wanted)
+        if chosen.purpose != "record":
+            jobs = pack_jobs(
+                index.iterate_runs(), len(index), session.scene, session.executor.workers
+            )
+            chosen.learn_notes(results_of_pass(session, chosen.purpose, [*jobs]))
+            continue
         session.begin(stored + len(index), stored)
         _run_missing(replace(session, index=index, progress=learn))
         stored = 0

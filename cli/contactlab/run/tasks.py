@@ -44,7 +44,7 @@ class Stop:
             self.is_watched = False
 
 
-Purpose = Literal["record", "errors", "work", "times"]
+Purpose = Literal["record", "outcomes", "errors", "work", "times"]
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,8 @@ class Task:
     # The policy code that acts in the runs, which the user allows; None without a policy.
     policy: LocatedDrive | None = None
     environment: Any = None  # likewise, the environment with the runs as its episodes
-    # The purpose of the runs: record them, compare them with a reference, or count their work. The
-    # process of the sweep itself measures times.
+    # The purpose of the runs: record them, play episodes without a record, compare them with a
+    # reference, or count their work. The process of the sweep itself measures times.
     purpose: Purpose = "record"
     # Functions that fill the registry of a worker, as they filled that of the sweep's process.
     fillers: tuple[Callable[[], None], ...] = field(default_factory=registry_fillers)
@@ -132,6 +132,7 @@ def results_of(task: Task, jobs: Iterable[Job], executor: Executor, stop: Stop) 
 
 _NOTE_LABELS: Mapping[Purpose, str] = {
     "record": "recorded",
+    "outcomes": "played",
     "errors": "compared with references",
     "work": "counted",
     "times": "timed",

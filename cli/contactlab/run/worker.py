@@ -117,6 +117,8 @@ class Worker:
             return finished
         if self._task.purpose == "record":
             finished = self._play_episodes(job) if self._player else self._record_job(job)
+        elif self._task.purpose == "outcomes":
+            finished = self._play_outcomes(job)
         else:
             with suppress(_AbandonedError):
                 finished = self._run_pass(job)
@@ -190,6 +192,16 @@ class Worker:
                     start_clock()
                     episode = self._player.play(plan)
                 finished.append(self.finish_loop(*episode))
+        return finished
+
+    def _play_outcomes(self, job: Job) -> list[Finished]:
+        finished: list[Finished] = []
+        for plan in self._preparer.plan_job(job):
+            if not finished or self._proceed():
+                with self._preparer.start_watchdog() as start_clock:
+                    start_clock()
+                    ended = self._player.play_outcome(plan)
+                finished.append(note_result("outcomes", plan.run.run_id, ended))
         return finished
 
     def _roll_out_and_measure(

@@ -260,7 +260,9 @@ def _number_fields(kind: type[mujoco.MjModel]) -> list[str]:
         for name, field in fields.items()
         if isinstance(field, np.ndarray) and field.dtype.kind == "f"
     ]
-    return [name for name in found if not name.endswith("_user") and name != "numeric_data"]
+    # MuJoCo computes this one, and a polygon of a mesh without an area has no normal.
+    others = "numeric_data", "mesh_polynormal"
+    return [name for name in found if not name.endswith("_user") and name not in others]
 
 
 def check_numbers(model: mujoco.MjModel, path: Path) -> None:
@@ -276,7 +278,9 @@ def check_numbers(model: mujoco.MjModel, path: Path) -> None:
             continue
         place, (kind, _, part) = int(np.argwhere(wrong)[0][0]), name.partition("_")
         named: Any = getattr(model, kind, None)
-        element: Any = named(place) if callable(named) else None
+        element: Any = None
+        with suppress(IndexError):  # Fields such as vertices have more rows than elements.
+            element = named(len(field) - 1) and named(place) if callable(named) else None
         owner = f" of {kind} '{element.name}'" if element else ""
         text = " ".join(f"{number:g}" for number in np.ravel(field[place]))
         raise SceneError(

@@ -2,13 +2,28 @@
 
 from typing import Literal
 
-from contactlab.schema.evidence import Setting
+from contactlab.schema.evidence import Setting, Status
 from contactlab.schema.report_model import ReportModel
 from contactlab.schema.strict_model import FiniteOrNull, Model, about
 
 REPORT, PAGE, EPISODES = "success.json", "success.html", "episodes"
 """Names in the folder of a result: its report, its page, and the store of its episodes."""
+OUTCOMES = "outcomes.json"
+"""Name next to a store: the outcomes of the episodes that were played without a record."""
 Outcome = Literal["met", "unmet", "undecided"]
+
+
+class PlayedEpisode(Model):
+    """An episode that was played without a record."""
+
+    run_id: str
+    axes: dict[str, Setting] = about("Axis values, with the variant.")
+    seed: int
+    status: Status
+    status_reason: str | None = None
+    success: bool | None = None
+    total_reward: FiniteOrNull = about("Sum of the rewards.", unit="1", default=None)
+    steps: int = about("Steps made.", unit="1")
 
 
 class SuccessShare(Model):

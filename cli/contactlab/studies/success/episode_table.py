@@ -68,6 +68,15 @@ class EpisodeTable:
         lost = (name for name in self.numerics if self.find_outcome(case, name) is False)
         return (*by_contact, *lost)
 
+    def find_first_losses(self) -> Mapping[str, Case]:
+        """Return the first success that each variant of numerics takes away, by variant."""
+        found = dict[str, Case]()
+        for case in self._lost_cases():
+            for cause in self.find_losses(case):
+                if cause in self.numerics:
+                    found.setdefault(cause, case)
+        return found
+
     def count_outcomes(self, variant: str) -> "PairedOutcomes":
         """Return the outcomes of a variant next to those as written."""
         pairs = [

@@ -1,7 +1,10 @@
 """Judges the episodes of a finished store: shares, losses, variants, and where two part."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from pydantic import TypeAdapter, ValidationError
 
 from contactlab.errors import StoreError
 from contactlab.rendering.amounts import format_amount
@@ -11,8 +14,10 @@ from contactlab.schema.drive import PolicyDrive, drive_text
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.setting_values import as_number
 from contactlab.schema.success import (
+    OUTCOMES,
     DecisivePair,
     Parting,
+    PlayedEpisode,
     SuccessLoss,
     SuccessReport,
     SuccessRequirement,
@@ -29,6 +34,7 @@ from contactlab.shares import (
     wilson,
 )
 from contactlab.store.finished_store import Store
+from contactlab.store.store_files import read_stored
 from contactlab.studies.success.decisive_contacts import DecisiveContacts
 from contactlab.studies.success.episode_choice import FIRST_BLOCK, case_of
 from contactlab.studies.success.episode_reader import played_episode
@@ -40,6 +46,8 @@ _NOT_REPEATED = (
     "whether a success survives another step, cone, solver or softness: recorded episodes are not "
     "played again"
 )
+OUTCOMES_FILE = TypeAdapter(list[PlayedEpisode])
+"""Reads and writes the file of outcomes next to a store."""
 _NOT_VARIED = "how often it succeeds with other friction, mass, latency and noise"
 
 
@@ -116,11 +124,12 @@ class _StoreJudge:
                 "`success` or `is_success` in its infos, a loop by recording.reset(success=...)"
             )
         self.contacts = DecisiveContacts(self._base, request.objects, request.depth_limit)
+        unrecorded = _read_unrecorded(store)
         written = [each for each in records if _variant_of(each) == AS_WRITTEN]
         traced = [each for each in written if each.trace is not None]
         self._untraced = len(written) - len(traced)
         self.contacts.find_object([store.trace(each) for each in traced[:FIRST_BLOCK]])
-        played = set(map(_variant_of, records))
+        played = set(map(_variant_of, (*records, *unrecorded)))
         self.variants = [each for name, each in load_variants().items() if name in played]
         numerics = [each.name for each in self.variants if each.kind == "numerics"]
         self.table = EpisodeTable(numerics)
@@ -128,6 +137,9 @@ class _StoreJudge:
         for each in records:
             case = case_of({**each.axes, "seed": each.seed})
             self.table.add_episode(case, _variant_of(each), self._read_episode(each))
+        for each in unrecorded:
+            case = case_of({**each.axes, "seed": each.seed})
+            self.table.add_episode(case, _variant_of(each), played_episode(vars(each), None))
 
     def _read_episode(self, record: EvidenceRecord) -> Episode:
         contact = None
@@ -242,7 +254,16 @@ class _StoreJudge:
                 )
 
 
-def _variant_of(record: EvidenceRecord) -> str:
+def _read_unrecorded(store: Store) -> Sequence[PlayedEpisode]:
+    if not isinstance(store.address, Path):
+        return ()
+    try:
+        return OUTCOMES_FILE.validate_json(read_stored(store.address.parent, OUTCOMES) or b"[]")
+    except ValidationError as error:
+        raise StoreError(f"{store.address.parent / OUTCOMES} is damaged; remove it") from error
+
+
+def _variant_of(record: EvidenceRecord | PlayedEpisode) -> str:
     return str(record.axes.get(VARIANT, AS_WRITTEN))
 
 

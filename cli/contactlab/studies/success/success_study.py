@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from contactlab.pareto.criteria import find_store
 from contactlab.plan.grid import Plan
 from contactlab.run.sweep_request import read_request
-from contactlab.schema.success import EPISODES, SuccessReport
+from contactlab.schema.success import EPISODES, OUTCOMES, SuccessReport
 from contactlab.shares import anytime
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import MANIFEST
@@ -17,7 +17,7 @@ from contactlab.studies.success.decisive_contacts import DecisiveContacts
 from contactlab.studies.success.episode_choice import EpisodesUntilDecided
 from contactlab.studies.success.episode_reader import EpisodeReader
 from contactlab.studies.success.episode_table import EpisodeTable
-from contactlab.studies.success.stored_successes import judge_store
+from contactlab.studies.success.stored_successes import OUTCOMES_FILE, judge_store
 from contactlab.studies.success.success_request import (
     SuccessRequest,
     read_requirement,
@@ -56,14 +56,21 @@ def judge_successes(request: SuccessRequest, session: Session) -> SuccessReport:
     costly = [each.name for each in variants if each.rate >= _COSTLY_RATE]
     reader = EpisodeReader(contacts, target, numerics)
 
+    chosen: EpisodesUntilDecided | None = None
+
     def choose_episodes(plan: Plan, ids: NDArray[np.uint64]) -> EpisodesUntilDecided:
-        return EpisodesUntilDecided(
+        nonlocal chosen
+        chosen = EpisodesUntilDecided(
             plan, ids, reader.read_table, lambda table: is_decided(request, table), control, costly
         )
+        return chosen
 
     # A finished store may have been stopped by another question.
     fresh = (target / MANIFEST).exists()
     store = session.run(replace(asked, choose=choose_episodes, fresh=fresh))
+    assert chosen is not None
+    unrecorded = OUTCOMES_FILE.dump_json([*chosen.iterate_unrecorded()], indent=1)
+    session.write({OUTCOMES: unrecorded.decode() + "\n"})
     cases = asked.plan.count // (1 + len(variants))
     return judge_store(request, store, planned=cases)
 
