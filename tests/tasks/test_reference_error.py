@@ -8,7 +8,7 @@ from contactlab.budget import Motion
 from contactlab.budget.motion import GRAVITY_AS_REAL, INTEGRATION
 from contactlab.budget.restarts import held_inputs
 from contactlab.studies.search.configuration import Configuration
-from contactlab.tasks.reference_error import TaskReference
+from contactlab.tasks.reference_error import SLACK_SHARE, TaskReference
 from contactlab.tasks.task_clock import whole_run
 
 FALL = """<mujoco><option timestep="0.002"/><worldbody>
@@ -64,6 +64,17 @@ def test_fewer_windows_count_the_first_once(every: int) -> None:
     # Of ten windows the last does not fit into the motion with its end: a tenth of the fall.
     assert shares[0] == pytest.approx(2 * 9.81 * 0.4 / (30 + 9.81 * 0.4), rel=0.15)
     assert shares[1] == pytest.approx(shares[0], rel=0.1)
+
+
+@pytest.mark.parametrize("finer", [2, 8, 12])
+def test_slack_is_a_time_however_fine_the_reference_is(finer: int) -> None:
+    """With .9 g, a body has g (.1 T - .9 s) too little speed after T if a time s is forgiven."""
+    falling = motion(FALL.replace("0.002", "0.01"), 0.4)
+    reference = TaskReference.run_references([falling], finer, 1)
+    light = Configuration({"gravity": (0.0, 0.0, -0.9 * 9.81)}).apply_to(falling.model)
+    apart = reference.uncorrected_error(light, finer)
+    missing = 0.1 - 0.9 * SLACK_SHARE
+    assert apart.error == pytest.approx(missing / (1 + GRAVITY_AS_REAL), rel=0.03)
 
 
 def test_the_model_itself_at_the_fine_step_is_not_apart() -> None:

@@ -200,9 +200,10 @@ class PhaseReference:
         phase = self._motion.name
         return ErrorEstimate(float(mean[body]), name, phase, time, min(own), max(own), own)
 
-    def _slack_of(self, multiple: int) -> int:
+    def _slack_of(self, multiple: int) -> float:
+        # In fine steps. Not rounded to these, or the error would depend on how fine they are.
         window = multiple * max(MIN_WINDOW_STEPS, round(self._run.steps / multiple))
-        return max(1, min(multiple, math.floor(SLACK_SHARE * window + COARSE_ROUNDING)))
+        return min(float(multiple), SLACK_SHARE * window)
 
     def _window_ends(self, multiple: int) -> tuple[np.ndarray, np.ndarray]:
         """Return (M,) fine steps at which windows end, and the (M, 2) windows that fit."""
@@ -222,18 +223,22 @@ class PhaseReference:
 
     def _observe_reference(self, ends: np.ndarray, which: np.ndarray, multiple: int) -> Floats:
         slack = self._slack_of(multiple)
-        stride = max(1, slack // _REFERENCE_POINTS)
-        places = sorted({*range(-slack, slack + 1, stride), 0, slack})
+        last = math.floor(slack + COARSE_ROUNDING)
+        share = slack - last
+        stride = max(1, last // _REFERENCE_POINTS)
+        half = [*range(stride, last, stride), last] if last else []
+        if share > COARSE_ROUNDING:
+            half.append(last + 1)
         # The end itself must be in the middle, where defects expect it.
-        half = [place for place in places if place > 0]
-        places = [-place for place in half[::-1]] + [0, *half]
+        places = np.array([-place for place in half[::-1]] + [0, *half])
         kept = np.stack(
-            [
-                self._run.kept[seed, end + np.array(places)]
-                for (seed, _), end in zip(which, ends, strict=True)
-            ]
+            [self._run.kept[seed, end + places] for (seed, _), end in zip(which, ends, strict=True)]
         )
-        return self._observe(kept)[0]
+        seen = self._observe(kept)[0]
+        if share > COARSE_ROUNDING:
+            for edge, inner in ((0, 1), (-1, -2)):
+                seen[:, edge] = seen[:, inner] + share * (seen[:, edge] - seen[:, inner])
+        return seen
 
     def velocities_around(self, model: mujoco.MjModel, multiple: int) -> Floats:
         """Return (M, 3, B, 6) velocities of a model one step before, at and after window ends."""

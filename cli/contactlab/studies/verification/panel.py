@@ -24,6 +24,7 @@ from contactlab.reporting.verified_measures import describe_measure, measure_cha
 from contactlab.schema.grip import GripReport
 from contactlab.schema.task import Task
 from contactlab.schema.verification import SkippedRun, VerifiedChange, VerifiedMeasure
+from contactlab.studies.verification.falls import repeat_peak
 from contactlab.studies.verification.grip_measures import compare_grips
 from contactlab.studies.verification.loop_runs import LoopRuns, has_policy
 from contactlab.studies.verification.panel_cost import MAX_TRACKED_ACTUATORS
@@ -39,7 +40,7 @@ from contactlab.studies.verification.runs import (
     build_tracking_runs,
     pair_motions,
 )
-from contactlab.studies.verification.state_tables import StateTable
+from contactlab.studies.verification.state_tables import EXTREME_UNITS, StateTable
 from contactlab.tasks.checked_model import CheckedModel
 from contactlab.tasks.reference_error import ErrorEstimate, TaskReference
 from contactlab.tasks.task_motions import shorten_task, with_new_seeds
@@ -63,6 +64,7 @@ class OriginalRuns:
         references: motions at a fine step with the original's own error, by the name of the task
             and the rate of the reference.
         grips: reports of its grips, by keyframe; None for one that cannot be judged.
+        falls: states of the original from nudged starts, by the name of the run.
     """
 
     tables: dict[str, tuple[StateTable, StateTable, StateTable]] = field(
@@ -75,6 +77,7 @@ class OriginalRuns:
     grips: dict[str | None, GripReport | None] = field(
         default_factory=dict[str | None, GripReport | None]
     )
+    falls: dict[str, StateTable] = field(default_factory=dict[str, StateTable])
 
 
 @dataclass(frozen=True)
@@ -369,13 +372,19 @@ class _Panel:
         tables = tabulate_run(run, self._original.threads, self._request.runs.tables)
         self._equal_runs.append(tables.original.bits == tables.changed.bits)
         request = self._request
-        yield from compare_run(
+        compared = compare_run(
             run,
             tables,
             request.allowed_error,
             keeps_motion=request.keeps_motion,
             keeps_start=request.keeps_start,
         )
+        repeats = not (request.keeps_motion or run.in_loop)
+        for measure in compared:
+            if repeats and measure.worse and measure.name in EXTREME_UNITS:
+                yield repeat_peak(run, measure, self._original.threads, request.runs.falls)
+            else:
+                yield measure
 
     def _count_lost_seeds(self, run: PairedRun) -> VerifiedMeasure:
         # A seed that the engine gave up in an earlier phase does not reach this one.

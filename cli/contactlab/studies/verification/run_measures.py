@@ -53,7 +53,8 @@ CHAOTIC_PATH = 3.0
 """Distance of two paths of a chaotic motion, in multiples of the distance of others."""
 _REST_BEGIN = 0.8  # share of a run; the rest of it counts as settled
 _FEWEST_SAMPLES = 3  # of a path, before the first impact
-_STANDARD_ERRORS = 2.0  # a spread is the half-width of a 95 % interval of the mean over seeds
+STANDARD_ERRORS = 2.0
+"""A spread is the half-width of a 95 % interval of the mean over seeds."""
 
 
 @dataclass(frozen=True)
@@ -238,7 +239,7 @@ def average_measure(
     before, after, twin, reference = (float(np.mean(each)) for each in values)
     spread = abs(twin - before)
     if len(values[0]) > 1:
-        spread += _STANDARD_ERRORS * float(np.std(values[0], ddof=1)) / math.sqrt(len(values[0]))
+        spread += STANDARD_ERRORS * float(np.std(values[0], ddof=1)) / math.sqrt(len(values[0]))
     if chaotic:
         spread = max(spread, float(largest_by_chance(values)) - before)
     tolerance = max(spread, RELATIVE_TOLERANCE * before, floor)

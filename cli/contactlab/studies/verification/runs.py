@@ -81,12 +81,14 @@ def pair_motions(
 def nudge_start(motion: Motion) -> Motion:
     """Return a motion with start velocities slightly off, by the same amount for each seed."""
     model, starts = motion.model, motion.starts.copy()
-    first = mujoco.mj_stateSize(
-        model, int(mujoco.mjtState.mjSTATE_TIME) | int(mujoco.mjtState.mjSTATE_QPOS)
-    )
     signs = np.where(np.arange(model.nv) % 2, -1.0, 1.0)
-    starts[:, first : first + model.nv] += NUDGE * signs
+    starts[:, velocity_slice(model)] += NUDGE * signs
     return replace(motion, starts=starts)
+
+
+def velocity_slice(model: mujoco.MjModel) -> slice:
+    """Return where starts have their velocities."""
+    return _state_slice(model, int(mujoco.mjtState.mjSTATE_QVEL))
 
 
 def build_load_runs(original: Motion, changed: Motion, share: float = 1.0) -> list[PairedRun]:

@@ -80,7 +80,12 @@ LIMIT_EXCESSES = {"slide beyond its limit", "hinge beyond its limit"}
 
 
 def tabulate_states(
-    motion: Motion, workers: int, times: Floats, *, extremes_too: bool = True
+    motion: Motion,
+    workers: int,
+    times: Floats,
+    *,
+    extremes_too: bool = True,
+    contact_states: int = CONTACT_STATES,
 ) -> StateTable:
     """Run a motion and evaluate its states.
 
@@ -89,6 +94,7 @@ def tabulate_states(
         workers: threads that simulate.
         times: (K,) sample times of bodies and actuators [s], the last at most its length.
         extremes_too: False to leave depths and gaps at 0, which take most of the time.
+        contact_states: states with evaluated contacts, over all seeds.
     """
     model, seeds, steps = motion.model, motion.seeds, motion.steps
     run = replay(motion, steps * float(model.opt.timestep), workers)
@@ -104,7 +110,7 @@ def tabulate_states(
     resting = np.zeros(seeds)
     if extremes_too:
         _measure_joints(motion, kept, extremes)
-    stride = max(1, -(-seeds * steps // CONTACT_STATES))
+    stride = max(1, -(-seeds * steps // contact_states))
     for seed in range(seeds):
         if failed[seed]:
             continue
