@@ -14,7 +14,7 @@ import vl_convert
 from contactlab.errors import OutputError
 from contactlab.palette import COLOURS, INK, OTHERS_COLOUR, STABLE_COLOUR, on_dark
 from contactlab.printable import visible
-from contactlab.resources import PAGE_STYLE, open_user_cache, short_hash
+from contactlab.resources import open_user_cache, read_style, short_hash
 
 Rows = list[dict[str, Any]]
 Spec = dict[str, Any]
@@ -123,7 +123,7 @@ def _dark_colour(text: str) -> str:
 
 @cache
 def _dark_page() -> dict[str, str]:
-    style = PAGE_STYLE.read_text(encoding="utf-8")
+    style = read_style("page")
     _, _, dark = style.partition("prefers-color-scheme: dark")
     block, _, _ = dark.partition("}")
     return dict(re.findall(r"--([\w-]+): (#[0-9a-f]+)", block))

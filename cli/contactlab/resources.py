@@ -23,8 +23,12 @@ _ROOT = _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT
 ADVISORIES = _ROOT / "advisories"  # known faults of engines
 MODELS, SWEEPS, SCHEMAS = _ROOT / "models", _ROOT / "sweeps", _ROOT / "schemas"
 """The folders of shipped scenes, one folder each, of sweep files and of published schemas."""
-PAGE_STYLE = Path(__file__).parent / "page" / "style.css"  # colors of pages, light and dark
 ADAPTERS = _ROOT / "adapters"  # of engines that run in environments of their own
+
+
+def read_style(package: str) -> str:
+    """Return the style sheet of a package with pages, `page` or `live`."""
+    return Path(__file__).with_name(package).joinpath("style.css").read_text(encoding="utf-8")
 
 
 def short_hash(parts: Sequence[str]) -> str:

@@ -8,13 +8,11 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.metadata import version
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from contactlab.errors import ContactlabError, OutputError
 from contactlab.live.browser_build import BrowserBuild, find_build
@@ -25,14 +23,15 @@ from contactlab.live.surfaces import Texture
 from contactlab.measure import LABELS
 from contactlab.page.header_films import film_of
 from contactlab.page.packing import as_json, pack_columns, packed_text
+from contactlab.page.page_template import fill_template
 from contactlab.printable import visible
+from contactlab.resources import read_style
 from contactlab.scene.timed_inputs import Signals
 from contactlab.schema.examination import Examination
 from contactlab.store.atomic_files import atomic_write
 from contactlab.store.finished_store import Store
 
 MOST_BYTES = 16_000_000
-_PACKAGE_NAME = __name__.rpartition(".")[0]
 
 
 def write_live_page(
@@ -53,14 +52,7 @@ def write_live_page(
     chosen = [runs.run(run) for run in run_ids or _representative_runs(store)]
     document = _PageContent(build, runs)
     page = document.of(store, chosen)
-    environment = Environment(
-        loader=PackageLoader(_PACKAGE_NAME, ""),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    text = environment.get_template("page.html").render(page)
+    text = fill_template("live.html", Path(__file__).parent, **page)
     size = len(text.encode())
     if size > MOST_BYTES:
         raise OutputError(
@@ -120,7 +112,7 @@ class _PageContent:
                 for kind, found in bits.items()
             },
         }
-        style = files(_PACKAGE_NAME).joinpath("style.css").read_text(encoding="utf-8")
+        style = read_style("live")
         scripts, styles = (
             "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
             for text in (self.build.script, style)

@@ -81,7 +81,8 @@ def examination_view(
         report=report,
         film=Films([]) if moment is None else film_of_moment(store, moment),
         grip=None if grip is None else film_in(grip, "the hand closes"),
-        document=describe_examination(report, details=True),
+        # A page does not name its own file.
+        document=describe_examination(report.model_copy(update={"page": None}), details=True),
         chart=static_svg(chart, "Error over time of the fixes that were tried") if chart else "",
     )
 

@@ -3,18 +3,14 @@
 The view has all that the templates read, by topic. Each part is built by one function.
 """
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from importlib import resources
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 from altair.utils.schemapi import debug_mode
-from jinja2 import Environment, FileSystemBytecodeCache, PackageLoader, StrictUndefined
 
 from contactlab.charts import Spec, colours_on_dark, static_svg, vega_bundle
 from contactlab.page.engine_parts import EngineParts, engine_parts, engines_sentence
@@ -30,6 +26,7 @@ from contactlab.page.inferred_cells import inferred_labels
 from contactlab.page.map_cells import label_counts
 from contactlab.page.packing import packed_text
 from contactlab.page.page_charts import KnobChange, knob_changes, tradeoff_chart
+from contactlab.page.page_template import open_templates
 from contactlab.page.paper_figures import physical_figures
 from contactlab.page.script_data import ScriptData, listed_metrics, page_colours, script_data
 from contactlab.page.sentences import closest_settings, reality_sentence, tradeoff_sentence
@@ -53,7 +50,7 @@ from contactlab.reporting.sensitivity import (
     by_share,
     find_sensitivities,
 )
-from contactlab.resources import open_user_cache
+from contactlab.resources import read_style
 from contactlab.schema.evidence import ParameterRow, StoreManifest
 from contactlab.schema.sweep_schema import Bounds
 from contactlab.schema.tradeoff_report import Configuration, TradeoffReport
@@ -62,7 +59,6 @@ from contactlab.store.store_files import stored_sweep
 from contactlab.store.verify_store import trace_warning
 from contactlab.studies.parity.report_sections import HEADER, describe_report, run_cells, worst_runs
 
-PACKAGE = __name__.rpartition(".")[0]
 _SCRIPTS = (
     *("data", "state", "elements", "heatmap", "evaluation", "plots", "timeline", "run"),
     *("runs_table", "parallel", "tabs", "main"),
@@ -250,7 +246,7 @@ def page_view(store: Store, request: PageRequest) -> PageView:
     return PageView(
         store=str(store.address),
         manifest=store.manifest,
-        style=_read_resource("style.css") + colours_on_dark(data.labels.colours),
+        style=read_style("page") + colours_on_dark(data.labels.colours),
         head=head_view(data, request, reality, script.notes),
         outcomes=list(outcome_views(data)),
         # Seeds of one model make neither a map nor a trade-off.
@@ -270,14 +266,16 @@ def page_view(store: Store, request: PageRequest) -> PageView:
         examination=examination_view(store, request.examination, request.grip),
         script=ScriptView(
             script,
-            "\n".join(_read_resource(f"script/{name}.js") for name in _SCRIPTS),
+            "\n".join(
+                Path(__file__)
+                .with_name("script")
+                .joinpath(f"{name}.js")
+                .read_text(encoding="utf-8")
+                for name in _SCRIPTS
+            ),
             packed_text(vega_bundle()),
         ),
     )
-
-
-def _read_resource(name: str) -> str:
-    return resources.files(PACKAGE).joinpath(name).read_text(encoding="utf-8")
 
 
 def head_view(
@@ -516,32 +514,13 @@ def comparison_view(data: ReportData, request: PageRequest) -> ComparisonView | 
 
 def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]:
     """Return the page of a store, and notes on omitted data."""
-    environment = Environment(
-        loader=PackageLoader(PACKAGE),
-        autoescape=True,
-        # Markup is text of our own; all other text may be data.
-        finalize=visible_or_other,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        bytecode_cache=_open_template_cache(),
-    )
+    # Markup is text of our own; all other text may be data.
+    environment = open_templates(finalize=visible_or_other)
     environment.filters.update(_FILTERS)
     # Altair's checks of each part take longer than the page; tests/reporting makes them.
     with debug_mode(False):
         view = page_view(store, request)
     return environment.get_template("page.html").render(view=view), view.head.notes
-
-
-def _open_template_cache() -> FileSystemBytecodeCache | None:
-    # Jinja takes longer to compile the templates than to fill them.
-    try:
-        folder = open_user_cache()
-    except OSError:  # a machine without a home that can be written to
-        return None
-    if folder is None or not os.access(folder, os.W_OK):
-        return None
-    return FileSystemBytecodeCache(str(folder), f"template-{jinja2.__version__}-%s.bin")
 
 
 def _format_number(value: float | None) -> str:

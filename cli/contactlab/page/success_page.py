@@ -1,16 +1,13 @@
 """The page of a study of successes: its headline, a film of a lost success, and its tables."""
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from contactlab.page.header_films import Films, Moment, film_of_moment
+from contactlab.page.page_template import fill_template
 from contactlab.printable import shell_word, visible
 from contactlab.rendering.html import render_html
-from contactlab.resources import PAGE_STYLE
+from contactlab.resources import read_style
 from contactlab.schema.success import SuccessReport
 from contactlab.store.finished_store import Store
 from contactlab.studies.success.success_document import describe_success, headline_of
-
-_PACKAGE = __package__ or ""
 
 
 def success_page(report: SuccessReport, store: Store) -> str:
@@ -20,17 +17,15 @@ def success_page(report: SuccessReport, store: Store) -> str:
     of the moment when a contact fails.
     """
     moment = _find_moment(report)
-    environment = Environment(
-        loader=PackageLoader(_PACKAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True
-    )
-    return environment.get_template("success.html").render(
+    return fill_template(
+        "success.html",
         title=visible(f"Is the success physical? {report.source}"),
         headline=headline_of(report),
         lost=report.written.good > report.physical.good,
         films=film_of_moment(store, moment) if moment else Films([]),
         body=render_html(describe_success(report, headed=False)),
         store=shell_word(report.store),
-        style=PAGE_STYLE.read_text(encoding="utf-8"),
+        style=read_style("page"),
     )
 
 

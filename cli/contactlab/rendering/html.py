@@ -76,7 +76,9 @@ def _render_code(lines: tuple[str, ...]) -> str:
 
 
 def _table_lines(table: Table) -> Iterator[str]:
-    yield '<div class="scroll"><table class="budget">'
+    has_bars = any(isinstance(cell, Bar) for row in table.rows for cell in row.cells)
+    # Rows with a bar are stacked in a narrow window; each cell then names its column.
+    yield f'<div class="scroll"><table class="budget{" bars" if has_bars else ""}">'
     if any(column.name for column in table.columns):
         heads = "".join(
             f'<th scope="col"{_class_of_column(column)}>{_render_text(column.name)}</th>'
@@ -106,7 +108,8 @@ def _render_table_row(columns: tuple[Column, ...], row: Row) -> str:
     cells = "".join(
         f'<td class="along">{_draw_bar(cell)}</td>'
         if isinstance(cell, Bar)
-        else f"<td{_class_of_column(column)}>{_cell_text(cell)}</td>"
+        else f'<td{_class_of_column(column)} data-head="{_render_text(column.name)}">'
+        f"{_cell_text(cell)}</td>"
         for column, cell in others
     )
     return f"<tr>{head}{cells}</tr>"

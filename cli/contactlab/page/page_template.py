@@ -1,0 +1,45 @@
+"""Fills the templates of pages, which share one head."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from jinja2 import Environment, FileSystemBytecodeCache, FileSystemLoader, StrictUndefined
+
+from contactlab.resources import open_user_cache
+
+
+def open_templates(
+    *folders: Path, finalize: Callable[[object], object] | None = None
+) -> Environment:
+    """Return the templates of pages, those of other folders first.
+
+    `finalize` changes values before they are written.
+    """
+    return Environment(
+        loader=FileSystemLoader([*folders, Path(__file__).parent / "templates"]),
+        autoescape=True,
+        finalize=finalize,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        bytecode_cache=_open_cache(),
+    )
+
+
+def fill_template(name: str, *folders: Path, **values: Any) -> str:  # noqa: ANN401 - of any type
+    """Return a page from its template; values are `title`, `style` and those it names."""
+    return open_templates(*folders).get_template(name).render(values)
+
+
+def _open_cache() -> FileSystemBytecodeCache | None:
+    # Jinja takes longer to compile the templates than to fill them.
+    try:
+        folder = open_user_cache()
+    except OSError:  # a machine without a home that can be written to
+        return None
+    if folder is None or not os.access(folder, os.W_OK):
+        return None
+    return FileSystemBytecodeCache(str(folder), f"template-{jinja2.__version__}-%s.bin")
