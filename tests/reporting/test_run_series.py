@@ -15,7 +15,6 @@ from contactlab.store.mcap.trace_reader import StoredPair
 STEP = 0.25  # a power of 2, so that no time is rounded
 STEPS = st.lists(
     st.tuples(st.sampled_from([NO_CONTACT, STICK, SLIDE]), st.integers(-8, 8)),
-    min_size=1,
     max_size=40,
 )
 
@@ -49,6 +48,9 @@ def test_modes_begin_and_depths_are_as_recorded(steps: list[tuple[int, int]]) ->
         model_xml=b"<mujoco/>",
     )
     named, columns = run_series(trace)
+    if not steps:  # a run that ended before its first step
+        assert named["bands"] == []
+        return
     depth = next(n for n, each in enumerate(named["signals"]) if each[0] == "floor-ball depth")
     drawn = dict(zip(columns[f"t{depth}"].tolist(), columns[f"v{depth}"].tolist(), strict=True))
     assert drawn == {

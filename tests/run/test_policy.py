@@ -13,6 +13,9 @@ from tests.cart_pole import cart_pole
 
 from contactlab import foreign_code
 from contactlab.errors import SceneError, StoreError
+from contactlab.rendering.text import render_text
+from contactlab.reporting.store_document import describe_store
+from contactlab.run.forecast import forecast_sweep
 from contactlab.run.stored_runs import replay_run, timed_run
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
@@ -335,6 +338,31 @@ def test_a_rate_above_that_of_the_steps_costs_those_runs_alone(folder: Path) -> 
     good, bad = rows(folder)
     assert good["status"] == "ok"
     assert "steps of 0.03 s have a rate of 33.3333 Hz" in bad["status_reason"]
+    store = Store.open(folder / "store")
+    summary = render_text(describe_store(store))
+    assert "1 runs are invalid: the policy should act at 50 Hz" in " ".join(summary.split())
+    assert "look at the start" not in summary
+
+
+def test_a_plan_counts_the_runs_that_are_too_slow_for_a_policy(folder: Path) -> None:
+    sweep = {
+        "version": 1,
+        "scene": "cart.xml",
+        "drive": {"kp": 1, "rate": 125},
+        "axes": {"timestep": [0.004, 0.008, 0.009], "drive.rate": [100, 125]},
+    }
+    ask = read_request(sweep, "s", folder / "store", folder=folder, workers=0)
+    (warning,) = (each for each in forecast_sweep(ask).warnings if "period" in each)
+    assert warning.startswith("in 1 of 6 runs")
+
+
+def test_a_drive_without_files_leaves_a_store_sound(folder: Path) -> None:
+    swept(folder, drive={"kp": 1.0, "policy": "pd"})
+    store = Store.open(folder / "store")
+    assert find_problems(folder / "store") == []
+    assert [each.name for each in (folder / "store" / "scenes").iterdir()] == [
+        store.manifest.sweep.scene_hash
+    ]
 
 
 def test_what_no_drive_has_is_no_axis(folder: Path) -> None:

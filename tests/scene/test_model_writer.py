@@ -445,8 +445,21 @@ def test_a_scene_is_not_written_over(robot: Scene, tmp_path: Path) -> None:
     model = (tmp_path / "own" / "robot.xml").read_text().replace("parts/legs", "legs")
     (tmp_path / "own" / "robot.xml").write_text(model)
     scene = Scene.open(str(tmp_path / "own" / "robot.xml"))
-    with pytest.raises(SceneError, match=r"has another file legs\.xml"):
+    with pytest.raises(OutputError, match=r"has another file legs\.xml"):
         write_model(scene, ModelEdits(), tmp_path / "out", "legs.xml")
+
+
+def test_a_folder_with_other_scenes_does_not_change_the_written_one(
+    robot: Scene, tmp_path: Path
+) -> None:
+    other = tmp_path / "out" / "checkout" / "other"
+    other.mkdir(parents=True)
+    (other / "scene.yaml").write_text(
+        "version: 1\ntitle: t\ndescription: d\nduration: 1\nmodel: scene.xml\n"
+    )
+    (other / "scene.xml").write_text("<mujoco/>")
+    written = write_model(robot, ModelEdits({"timestep": 0.001}), tmp_path / "out", "new.xml")
+    assert written.path == tmp_path / "out" / "new.xml"
 
 
 ROBOTS = {

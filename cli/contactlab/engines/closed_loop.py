@@ -45,7 +45,7 @@ from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.compile_model import SENSOR_PREFIX
 from contactlab.scene.drive.located_drive import LocatedDrive
 from contactlab.scene.run_spec import RunSpec
-from contactlab.schema.drive import PdDrive, PolicyDrive
+from contactlab.schema.drive import PdDrive, PolicyDrive, acts_too_often
 
 _STATE = int(STATE)
 _INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
@@ -149,7 +149,7 @@ class _Flight:
         # Each of these steps follows a call of the policy.
         rate, timestep = _policy_drive(runs.resolved[0]).rate, self._timestep
         period = 1 / (rate * timestep)
-        if period < 1 - COARSE_ROUNDING:
+        if acts_too_often(rate, timestep):
             raise _PolicyFailureError(
                 f"the policy should act at {rate:g} Hz, but steps of {timestep:g} s have a rate of "
                 f"{1 / timestep:g} Hz; lower its rate, or the timestep"

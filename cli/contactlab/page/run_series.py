@@ -46,12 +46,14 @@ def run_series(
         columns[f"t{index}"] = rounded_floats(trace.time[kept], _BITS)
         columns[f"v{index}"] = rounded_floats(values[kept], _BITS)
         signals.append((name, unit, panel))
-    for index, pair in enumerate(trace.pairs):
+    # A run that ended before its first step has no contacts over time.
+    pairs = trace.pairs if len(trace.contacts) else ()
+    for index, pair in enumerate(pairs):
         modes = pair.spread_over_steps(len(trace.contacts), pair.mode, NO_CONTACT)
         starts = np.concatenate(([0], np.flatnonzero(np.diff(modes)) + 1))[:_POINTS]
         columns[f"s{index}"] = rounded_floats(trace.time[starts], _BITS)
         columns[f"m{index}"] = packed_integers(modes[starts])
-    bands = [(told(pair.name), float(trace.time[-1])) for pair in trace.pairs]
+    bands = [(told(pair.name), float(trace.time[-1])) for pair in pairs]
     return {"signals": signals, "bands": bands}, columns
 
 

@@ -51,6 +51,7 @@ def describe_store(store: Store) -> Document:
     left = replace(labels, codes=labels.codes[rest], masks=labels.masks[rest])
     texts = [
         stable_share(labels, share),
+        _describe_invalid(columns, labels),
         _describe_starts(began, labels),
         write_finding(others, left, share) if axes and left.failed.any() else "",
         distance_to_reality(axes, columns),
@@ -76,7 +77,19 @@ def describe_store(store: Store) -> Document:
 
 def _failed_at_start(columns: RunColumns, labels: RunLabels) -> NDArray[np.bool_]:
     steps = columns.numbers("label_step")
-    return labels.failed & steps.valid & (steps.values <= 1)
+    invalid = [labels.names.index("invalid")] if "invalid" in labels.names else []
+    return labels.failed & steps.valid & (steps.values <= 1) & ~np.isin(labels.codes, invalid)
+
+
+def _describe_invalid(columns: RunColumns, labels: RunLabels) -> str:
+    """Return how many runs could not be run as asked, with the most frequent reason."""
+    if "invalid" not in labels.names:
+        return ""
+    invalid = np.flatnonzero(labels.codes == labels.names.index("invalid"))
+    if not len(invalid):
+        return ""
+    reasons = columns.arrow(["label_reason"])["label_reason"].take(invalid).to_pylist()
+    return f"{len(invalid):,} runs are invalid: {Counter(reasons).most_common(1)[0][0]}"
 
 
 def _describe_starts(began: NDArray[np.bool_], labels: RunLabels) -> str:

@@ -29,7 +29,7 @@ from contactlab.scene.contact_pairs import half_extents
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
-from contactlab.schema.drive import PolicyDrive, describe_drive
+from contactlab.schema.drive import PolicyDrive, acts_too_often, describe_drive
 from contactlab.schema.store_reports import PlannedAxis, SweepForecast
 
 # Above this product of step and natural frequency, contacts gain energy under the Euler family.
@@ -51,12 +51,13 @@ class _RunSums:
     """Sums over the runs, and a sample of them.
 
     `fast` runs have a timestep too long for a contact; `clamped` ones so long that refsafe changes
-    their solref.
+    their solref; `late` ones so long that their policy cannot act at its rate.
     """
 
     steps: int = 0
     fast: int = 0
     clamped: int = 0
+    late: int = 0
     sampled: list[RunSpec] = field(default_factory=list[RunSpec])
 
 
@@ -156,6 +157,8 @@ def _sum_runs(index: RunIndex) -> _RunSums:
                 round(run.timestep * _contact_frequency(used), 1) > _MAX_STEP_RATE
             )
             sums.clamped += count * (used != solref)
+        if isinstance(run.drive, PolicyDrive):
+            sums.late += count * acts_too_often(run.drive.rate, run.timestep)
         # One sample for each multiple of the stride among the indices of the row's runs.
         samples = -(-(runs + count) // stride) - -(-runs // stride)
         sums.sampled += [replace(run, seed=seed) for seed in range(samples)]
@@ -189,6 +192,11 @@ def _forecast_warnings(plan: Plan, runs: int, sums: _RunSums) -> Iterator[str]:
         yield (
             f"in {sums.clamped:,} of {runs:,} runs refsafe raises the time constant of solref to "
             "2 timesteps, so the solref of the sweep is not used"
+        )
+    if sums.late:
+        yield (
+            f"in {sums.late:,} of {runs:,} runs a timestep is longer than the period of the "
+            "policy, so they end as `invalid`: lower its rate or the timestep, or exclude them"
         )
 
 

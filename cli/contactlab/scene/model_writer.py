@@ -30,7 +30,7 @@ from contactlab.scene.model_draft import (
 from contactlab.scene.model_edits import FIELD_KINDS
 from contactlab.scene.model_files import common_folder, plain_name, relative_path
 from contactlab.scene.scene import Scene
-from contactlab.scene.scene_source import SceneSource, stored_scene
+from contactlab.scene.scene_source import SceneSource, copied_scene
 
 
 @dataclass(frozen=True)
@@ -59,10 +59,19 @@ class WrittenModel:
         return tuple(map(str, self.changes))
 
 
-def refuse_own_folder(source: SceneSource, folder: Path) -> None:
-    """Refuse to write into a scene's own folder, with an OutputError."""
+def refuse_place(source: SceneSource, folder: Path, name: str = "") -> None:
+    """Refuse to write a scene's model where it cannot lie, with an OutputError.
+
+    This is the scene's own folder, or a name that another file of the scene needs beside it.
+    """
     if folder.resolve() == source.content.root.resolve():
         raise OutputError(f"{folder} is the folder of the scene; write into another folder")
+    model = source.content.model
+    if name and (named := model.with_name(name)) != model and named in source.content.files:
+        raise OutputError(
+            f"{folder / name}: {model.name} has another file {name}, which is written beside it; "
+            "choose another name"
+        )
 
 
 def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -> WrittenModel:
@@ -74,7 +83,7 @@ def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -
     the scene's own.
     """
     source = scene.source
-    refuse_own_folder(source, folder)
+    refuse_place(source, folder, name)
     with TemporaryDirectory(prefix="contactlab-") as temporary, source.named_in_errors():
         copied = _copy_scene(source, Path(temporary).resolve(), name, fused=not edits.freed)
         edit = partial(edit_spec, edits=edits) if edits.changes_spec else None
@@ -184,8 +193,6 @@ def _copy_scene(source: SceneSource, folder: Path, name: str, *, fused: bool) ->
 
 def _place_scene(source: SceneSource, folder: Path, name: str) -> SceneSource:
     root, model = source.content.root, source.model.with_name(name)
-    if model != source.model and model.exists():
-        raise SceneError(f"the model has another file {name}; choose another name")
     source.model.rename(model)
     named = source.manifest and Path(source.manifest.model).with_name(name).as_posix()
     if source.manifest and named != source.manifest.model:
@@ -202,4 +209,7 @@ def _place_scene(source: SceneSource, folder: Path, name: str) -> SceneSource:
                 shutil.copyfile(path, target)
     except OSError as error:
         raise OutputError(f"cannot write {folder}: {error.strerror or error}") from error
-    return stored_scene(folder.resolve(), model.relative_to(root).as_posix(), source.name)
+    # The folder may have other scenes, too.
+    folder = folder.resolve()
+    manifest = folder / relative_path(source.path, root) if source.manifest else None
+    return copied_scene(folder, relative_path(model, root).as_posix(), manifest, source.name)

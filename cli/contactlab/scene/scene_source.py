@@ -176,9 +176,16 @@ def reference_from(folder: Path, reference: str) -> str:
 
 
 def stored_scene(folder: Path, model: str, name: str) -> SceneSource:
-    """Return a scene that was copied into a store's folder."""
+    """Return a scene that was copied into a store's folder, which has no other files."""
     # Only the scene's own files were copied, so any manifest among them is the scene's.
-    manifest = next(folder.rglob(MANIFEST), None)
+    return copied_scene(folder, model, next(folder.rglob(MANIFEST), None), name)
+
+
+def copied_scene(folder: Path, model: str, manifest: Path | None, name: str) -> SceneSource:
+    """Return a scene that was copied into a folder, with its model's path there.
+
+    The manifest is the copy of the scene's own, or None for a bare model.
+    """
     if manifest is not None:
         return _scene_of_folder(manifest.parent, name, copy=folder)
     return _scene_of_model(folder / model, name, copy=folder)

@@ -18,6 +18,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.schema.strict_model import Model, Number, Positive, Word, about, listed
 
 DRIVE_WORDS = ("auto", "none", "hold", "exercise")
@@ -195,6 +196,11 @@ def drive_files(drive: Drive) -> tuple[str, ...]:
             return (policy.rpartition(":")[0], *files)
         case _:
             return ()
+
+
+def acts_too_often(rate: float, timestep: float) -> bool:
+    """Return whether a policy at this rate [Hz] acts more than once in a step [s]."""
+    return rate * timestep > 1 + COARSE_ROUNDING
 
 
 def drive_identity(drive: Drive) -> object:

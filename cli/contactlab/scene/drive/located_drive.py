@@ -33,8 +33,8 @@ class LocatedDrive:
 
     @property
     def hash(self) -> str | None:
-        """Start of the hash of its files: the name of their folder in a store."""
-        if isinstance(self.drive, FileDrive | PolicyDrive):
+        """Start of the hash of its files: the name of their folder in a store; None without."""
+        if isinstance(self.drive, FileDrive | PolicyDrive) and drive_files(self.drive):
             return str(self.drive.sha256)[:_HASH_DIGITS]
         return None
 

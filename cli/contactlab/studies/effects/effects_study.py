@@ -18,6 +18,7 @@ from contactlab.errors import SceneError, SweepFileError
 from contactlab.modifications.unused_pairs import own_sensors, unused_flags, with_flags
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_names import name_of
+from contactlab.scene.model_writer import refuse_place
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.effects_report import REPORT, EffectsReport, PartEffect
 from contactlab.schema.time_ratio import LEAST_SAVING, TimeRatio
@@ -71,6 +72,8 @@ def study_effects(request: EffectsRequest, session: Session) -> EffectsReport:
         raise SweepFileError(f"--tolerance {name}=: write a share of the real forces, as 5%")
     scenarios = open_scenarios(request, session)
     examined = scenarios.models[0]
+    if request.write is not None:
+        refuse_place(examined.scene.source, request.write.parent, request.write.name)
     session.claim("effects", request.source)
     session.notify(f"leaving out parts of {request.source}: {examined.task.line}")
     study = EffectsStudy(request, scenarios, begin)

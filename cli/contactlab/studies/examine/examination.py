@@ -21,7 +21,7 @@ from contactlab.errors import SweepFileError
 from contactlab.judge.waivers import unused_waivers
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.printable import first_names
-from contactlab.scene.model_writer import refuse_own_folder, write_model
+from contactlab.scene.model_writer import refuse_place, write_model
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.coverage import Exercised
 from contactlab.schema.evidence import EvidenceRecord
@@ -175,7 +175,7 @@ def run(request: ExamineRequest, session: Session) -> Examination:
         seconds=_BUDGETING * request.max_cpu,
     )
     if request.write is not None:
-        refuse_own_folder(examined.scene.source, request.write.parent)
+        refuse_place(examined.scene.source, request.write.parent, request.write.name)
     if wanted & _OF_MOTIONS and not examined.moves:
         # It says why there are none, before anything is run.
         examined.motions_of(examined.task)
