@@ -169,10 +169,10 @@ def test_the_map_has_the_axes_that_decide_the_label() -> None:
 
 
 def test_changes_are_of_pairs_that_differ_in_nothing_else() -> None:
-    """Value 1 doubles the quantity wherever both runs are stable; the last run has no pair."""
+    """The last run has no pair; the run that fails at value 1 counts, with the worst ratio."""
     knob, world = [0, 0, 0, 1, 1, 1, 1], [0, 1, 2, 0, 1, 2, 3]
     axes = axis("k", knob, 2), axis("w", world, 4, "scenario")
-    values = [1.0, 3.0, 5.0, 2.0, 6.0, 99.0, 7.0]
+    values = [1.0, 3.0, 5.0, 1.5, 6.0, 99.0, 7.0]
     (found,) = knob_changes(axes, run_labels([2, 2, 2, 2, 2, 0, 2]), [quantity(values)], 1)
     assert (found.axis, found.pairs, found.failed) == ("k", 3, (0.0, pytest.approx(1 / 3)))
     assert found.ratios["q"] == pytest.approx(2.0)

@@ -75,8 +75,9 @@ def tradeoff_chart(data: ReportData) -> Spec | None:
 class KnobChange:
     """One knob from one value to another, over the pairs of runs that differ in nothing else.
 
-    `failed` has the failed fractions before and after. The ratios are, by quantity, the geometric
-    mean of after over before for pairs without failure; None if no pair has two positive values.
+    `failed` has the failed fractions before and after. The ratios are, by quantity, the median of
+    after over before; None if no pair has two positive values. Failed runs count: a comparison of
+    the runs that survive a longer step would show how little the survivors suffer.
     """
 
     axis: str
@@ -99,7 +100,7 @@ def knob_changes(
     pairs = [found for axis in knobs for found in _changes_of(axis, axes, labels)]
     told = 0
     for quantity in quantities if pairs else ():
-        ratios = [_mean_ratio(*(quantity.values[rows] for rows in fine)) for _, fine in pairs]
+        ratios = [_median_ratio(*(quantity.values[rows] for rows in both)) for _, both in pairs]
         if any(ratio is not None for ratio in ratios):
             for (change, _), ratio in zip(pairs, ratios, strict=True):
                 change.ratios[quantity.name] = ratio
@@ -112,7 +113,7 @@ def knob_changes(
 def _changes_of(
     axis: GridAxis, axes: Sequence[GridAxis], labels: RunLabels
 ) -> Iterator[tuple[KnobChange, tuple[Codes, Codes]]]:
-    """Yield changes, each with the rows (m,), before and after, of pairs without failure."""
+    """Yield changes, each with the rows (m,) of its pairs, before and after."""
     others = combination_codes([other for other in axes if other is not axis], len(axis.codes))
     base = np.flatnonzero(axis.codes == 0)
     failed = labels.failed
@@ -121,18 +122,17 @@ def _changes_of(
         _, *places = np.intersect1d(others[base], others[rows], return_indices=True)
         before, after = base[places[0]], rows[places[1]]
         if len(before):
-            fine = ~(failed[before] | failed[after])
             shares = float(failed[before].mean()), float(failed[after].mean())
             ticks = axis.ticks[0], axis.ticks[code]
-            change = KnobChange(axis.name, *ticks, len(before), shares, {})
-            yield change, (before[fine].astype(np.int32), after[fine].astype(np.int32))
+            change = KnobChange(axis.title, *ticks, len(before), shares, {})
+            yield change, (before.astype(np.int32), after.astype(np.int32))
 
 
-def _mean_ratio(before: Floats, after: Floats) -> float | None:
+def _median_ratio(before: Floats, after: Floats) -> float | None:
     positive = (before > 0) & (after > 0)
     if not positive.any():
         return None
-    return float(np.exp(np.log(after[positive] / before[positive]).mean()))
+    return float(np.median(after[positive] / before[positive]))
 
 
 def change_panels(changes: Sequence[KnobChange], names: Sequence[str]) -> Spec:
