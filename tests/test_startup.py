@@ -180,7 +180,7 @@ def test_ctrl_c_is_quiet_where_libraries_in_c_are_loaded(folder: Path) -> None:
     """They lose an exception, or tell of it as an ImportError; a sweep says how to resume."""
     found = interrupted(folder, 1, "-m", "contactlab", *SWEEP)
     assert {"mujoco._structs", "mujoco._callbacks"} <= {name for name, *_ in found}
-    resume = "interrupted; run the same command again to resume\n"
+    resume = "interrupted; finished runs are kept: run the same command again to resume\n"
     assert {(end, said) for _, end, said in found} <= {("130", "0"), ("130", str(len(resume)))}
 
 

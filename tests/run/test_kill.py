@@ -87,7 +87,10 @@ def test_interrupted_and_resumed(command: Any, tmp_path: Path, until: Until) -> 
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert (process.returncode, out) == (130, "")
-    assert err.splitlines()[-1] == "interrupted; run the same command again to resume"
+    assert (
+        err.splitlines()[-1]
+        == "interrupted; finished runs are kept: run the same command again to resume"
+    )
     assert "Traceback" not in err
     until(lambda: command.living(process.pid) == [])
     code, out, err = command.run("sweep", "long.yaml", *limit)

@@ -169,7 +169,10 @@ def test_interrupted_and_resumed(
     _, err = process.communicate(timeout=60)
     assert "Traceback" not in err
     assert process.returncode == 130, err
-    assert err.splitlines()[-1] == "interrupted; run the same command again to resume"
+    assert (
+        err.splitlines()[-1]
+        == "interrupted; finished runs are kept: run the same command again to resume"
+    )
     assert client.find_object("manifest.json") is None, "the sweep is too short for this test"
     code, _, err = command.run(*asked, str(address))
     assert code == 0, err

@@ -235,7 +235,10 @@ def test_a_stop_waits_for_what_runs_and_a_second_does_not(
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=30)
     assert (process.returncode, out) == (130, "")
-    assert err.splitlines()[-1] == "interrupted; run the same command again to resume"
+    assert (
+        err.splitlines()[-1]
+        == "interrupted; finished runs are kept: run the same command again to resume"
+    )
     assert "Traceback" not in err
     code, _, err = command.run("sweep", "small.yaml", "-o", "store", "--workers", "2")
     assert code == 0, err

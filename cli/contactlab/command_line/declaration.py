@@ -47,6 +47,8 @@ CODES: Mapping[Group, str] = {
 
 Given = Mapping[str, Any]
 """The parameters of a call by name, with the defaults of those that are left out."""
+Keeps = Literal["finished runs", "finished parts", "nothing"]
+"""The results that an interrupted command keeps for its next call."""
 Show = Callable[[Any, Given], None]
 """Prints the result of a command."""
 
@@ -104,6 +106,15 @@ class Command:
     formats: Mapping[str, Show] = field(default_factory=dict[str, Show])
     # Returns the error that the command line ends with, once a result is printed.
     failure: Callable[[Any, Given], ContactlabError | None] = _problem_of
+    # Results that stay after Ctrl-C; None for a command that ends at once.
+    keeps: "Keeps | Callable[[Given], Keeps] | None" = None
+
+    def describe_interruption(self, given: Given) -> str:
+        """Return one line: the results that stay after Ctrl-C, and the next step."""
+        keeps = self.keeps(given) if callable(self.keeps) else self.keeps
+        if keeps == "nothing":
+            return "interrupted; nothing is kept: run the same command again to start over"
+        return f"interrupted; {keeps} are kept: run the same command again to resume"
 
     @property
     def end_of_help(self) -> str:
@@ -120,6 +131,7 @@ def command(
     codes: str | None = None,
     formats: Mapping[str, Show] | None = None,
     failure: Callable[[Any, Given], ContactlabError | None] = _problem_of,
+    keeps: Keeps | Callable[[Given], Keeps] | None = None,
 ) -> Callable[[Callable[_Parameters, _Result]], Callable[_Parameters, _Result]]:
     """Declare a function as a command of the command line, by its own name unless another is given.
 
@@ -130,6 +142,7 @@ def command(
         codes: exit codes, if they are not those of the group.
         formats: printers of its result, by the name that `--format` takes.
         failure: returns the error to end with, from result and parameters; None if it is fine.
+        keeps: results that stay after Ctrl-C, of a command that may take long.
 
     Raises:
         PluginError: there is no such group.
@@ -148,7 +161,14 @@ def command(
         if function.__code__.co_flags & inspect.CO_VARKEYWORDS:
             call.__dict__["__signature__"] = _spelled_out(inspect.signature(function))
         call.__dict__["command"] = Command(
-            call, words, group, examples or (words,), codes or CODES[group], formats or {}, failure
+            call,
+            words,
+            group,
+            examples or (words,),
+            codes or CODES[group],
+            formats or {},
+            failure,
+            keeps,
         )
         return call
 

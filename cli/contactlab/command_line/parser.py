@@ -12,8 +12,8 @@ import typer
 
 from contactlab.command_line.declaration import Argument, Command, Given, Option, Parameter
 from contactlab.command_line.surroundings import within
-from contactlab.command_line.terminal import Terminal, notice
-from contactlab.errors import CommandLineError, suggestion
+from contactlab.command_line.terminal import Terminal, notice, say
+from contactlab.errors import CommandLineError, StoppedError, suggestion
 
 _FORMAT, _CONTEXT = "format", "context"
 # The parser's words for mistakes that have no class of their own.
@@ -59,10 +59,15 @@ def call(command: Command, values: Given) -> None:
     given = {name: values[name] for name in own.parameters if _is_given(values[name])}
     bound = own.bind_partial(**given)
     bound.apply_defaults()
-    with within(Terminal()):
-        result = command.function(**given)
-        if chosen is not None:
-            command.formats[chosen](result, bound.arguments)
+    try:
+        with within(Terminal()):
+            result = command.function(**given)
+            if chosen is not None:
+                command.formats[chosen](result, bound.arguments)
+    except (KeyboardInterrupt, StoppedError) as error:
+        if command.keeps:
+            say(command.describe_interruption(bound.arguments))
+        raise typer.Exit(StoppedError.exit_code) from error
     if failure := command.failure(result, bound.arguments):
         raise failure
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from contactlab.errors import EngineError
+from contactlab.step_progress import StepCount, listening_to_steps
 
 if TYPE_CHECKING:
     from contactlab.run.tasks import Finished, Stop
@@ -19,10 +20,6 @@ if TYPE_CHECKING:
 
 Progress = Callable[[int, int], None]
 """Called with the runs done and the runs in all, as they finish."""
-
-
-Begin = Callable[[str], None]
-"""Called with words for a part of some work as it begins."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +35,7 @@ class Surroundings:
     """Those of a call from Python: nothing is printed, and a signal is the caller's."""
 
     def __init__(self, progress: Progress | None = None) -> None:
-        self._progress = progress
+        self._progress, self._counts_runs = progress, False
 
     def say(self, message: str) -> None:
         """Tell people a message."""
@@ -57,9 +54,8 @@ class Surroundings:
             f"`contactlab ... --mujoco {version}`, or call it in a Python that has that one"
         )
 
-    def watching(self, then: str) -> AbstractContextManager[Watch]:
-        """Follow runs; if they are interrupted, the same command would do `then`."""
-        del then
+    def watching(self) -> AbstractContextManager[Watch]:
+        """Follow runs."""
         done = total = 0
 
         def begin(runs: int, stored: int) -> None:
@@ -73,20 +69,13 @@ class Surroundings:
             if self._progress is not None:
                 self._progress(done, total)
 
+        self._counts_runs = True
         return nullcontext(Watch(begin, advance))
 
-    def in_parts(self, most: int) -> "AbstractContextManager[Begin]":
-        """Follow work of at most `parts` parts; the returned function begins the next."""
-        begun = 0
-
-        def begin(part: str) -> None:
-            nonlocal begun
-            del part
-            if self._progress is not None:
-                self._progress(min(begun, most), most)
-            begun += 1
-
-        return nullcontext(begin)
+    def show_steps(self, nested: Sequence[StepCount]) -> None:
+        """Follow counted work; steps between runs are not reported."""
+        if self._progress is not None and not self._counts_runs:
+            self._progress(round(nested[0].done), round(nested[0].total))
 
 
 _PYTHON = Surroundings()
@@ -103,7 +92,8 @@ def within(place: Surroundings) -> Generator[None]:
     """Let commands be called from a place."""
     token = _current.set(place)
     try:
-        yield
+        with listening_to_steps(place.show_steps):
+            yield
     finally:
         _current.reset(token)
 
@@ -130,7 +120,7 @@ def rerun_with_mujoco(version: str | None, target: object) -> None:
 
 @contextmanager
 def study_session(
-    folder: Path, workers: int | None, then: str = "resume", *, allow_code: bool = False
+    folder: Path, workers: int | None, *, allow_code: bool = False
 ) -> "Generator[Session]":
     """Yield a session that the surroundings follow."""
     surroundings().fork_workers(workers)
@@ -138,5 +128,5 @@ def study_session(
     from contactlab.tasks.session import Session
 
     count = worker_count(workers)
-    with surroundings().watching(then) as watch:
+    with surroundings().watching() as watch:
         yield Session(folder, count, watch.begin, watch.advance, say, watch.stop, allow_code)

@@ -25,11 +25,12 @@ from rich.live import Live
 from rich.style import Style
 from rich.text import Text
 
-from contactlab.command_line.surroundings import Begin, Surroundings, Watch
+from contactlab.command_line.surroundings import Surroundings, Watch
 from contactlab.errors import StoppedError
 from contactlab.printable import in_one_line, printable
 from contactlab.rendering.document import Document, document_of, table_of
 from contactlab.rendering.text import render_text
+from contactlab.step_progress import StepCount, finished_share, interrupt_steps
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -43,16 +44,45 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _STOPPING = b"finishing the current runs; interrupt again to stop at once\n"
 
 
-class _Notice:
-    """A word on a terminal from when a command starts until it says more, which may take long."""
+class StatusLine:
+    """A line on a terminal about the work of a command, until it prints something else."""
 
-    _is_shown = False
+    seconds_between_lines = 0.1
+
+    def __init__(self) -> None:
+        self.nested: Sequence[StepCount] = ()
+        self._is_shown = self._is_held = False
+        self._names = list[str]()
+        self._began = self._drawn = 0.0
 
     def show(self) -> None:
-        """Show it, where stderr is a terminal that can take it back."""
-        self._is_shown = os.isatty(2) and os.environ.get("TERM") != "dumb"
+        """Show that a command works, if stderr is a terminal that can take it back."""
+        self._began = time.monotonic()
+        self._is_shown = _is_screen()
         if self._is_shown:
             os.write(2, b"working\r")
+
+    def show_steps(self, nested: Sequence[StepCount]) -> None:
+        """Show the state of counted work, a few times a second and when a name changes."""
+        self.nested, now = nested, time.monotonic()
+        names = [count.name for count in nested]
+        is_soon = now - self._drawn < self.seconds_between_lines and names == self._names
+        if self._is_held or is_soon or not any(names) or not _is_screen():
+            return
+        self._drawn, self._is_shown, self._names = now, True, names
+        width = os.get_terminal_size(2).columns or 80
+        os.write(2, f"\r{self.line().plain[: width - 1]}\x1b[K\r".encode())
+
+    def line(self) -> Text:
+        """Return bar, counts and the time left."""
+        share, elapsed = finished_share(self.nested), time.monotonic() - self._began
+        filled = int(_BAR * share)
+        line = Text(no_wrap=True, overflow="ellipsis")
+        line.append("█" * filled, "green").append("░" * (_BAR - filled), "dim")
+        if share:
+            line.append(f" {_format_time(elapsed * (1 / share - 1))} left ")
+        names = [in_one_line(count.text) for count in self.nested if count.text]
+        return line.append(f" {': '.join(names)}")
 
     def clear(self) -> None:
         """Take it back, if it is shown."""
@@ -60,8 +90,22 @@ class _Notice:
             os.write(2, b"\x1b[K")
         self._is_shown = False
 
+    @contextmanager
+    def hold(self) -> Generator[None]:
+        """Leave the terminal to another display."""
+        self.clear()
+        self._is_held = True
+        try:
+            yield
+        finally:
+            self._is_held = False
 
-notice = _Notice()
+
+def _is_screen() -> bool:
+    return os.isatty(2) and os.environ.get("TERM") != "dumb"
+
+
+notice = StatusLine()
 
 
 def echo(text: object, *, err: bool = False) -> None:
@@ -198,6 +242,9 @@ class ProgressDisplay:
 
     def line(self) -> Text:
         """Return the current state as one line: bar, counts, rate, time left, labels."""
+        if notice.nested and self._done >= self._total:
+            # The runs are over, or have not begun.
+            return notice.line()
         if not self._total:
             return Text("compiling models, starting workers", "dim")
         filled, left = _BAR * self._done // self._total, self.seconds_left()
@@ -239,24 +286,6 @@ class ProgressDisplay:
         )
 
 
-class PartsBar:
-    """Bar of some work in parts, with words for the one that is under way."""
-
-    def __init__(self, most: int) -> None:
-        self._most, self._begun, self._part = most, 0, "reading the model"
-
-    def begin(self, part: str) -> None:
-        """Begin the next part."""
-        self._part, self._begun = part, min(self._begun + 1, self._most)
-
-    def line(self) -> Text:
-        """Return the current state as one line."""
-        filled = _BAR * max(0, self._begun - 1) // self._most
-        line = Text(no_wrap=True, overflow="ellipsis")
-        line.append("█" * filled, "green").append("░" * (_BAR - filled), "dim")
-        return line.append(f" {in_one_line(self._part)}")
-
-
 @contextmanager
 def progress_display() -> Generator[ProgressDisplay]:
     """Yield a display on stderr: live on a terminal, otherwise a plain line every ten seconds."""
@@ -264,7 +293,8 @@ def progress_display() -> Generator[ProgressDisplay]:
     console = Console(stderr=True)
     display = ProgressDisplay(console, live=console.is_terminal)
     if console.is_terminal:
-        with Live(console=console, get_renderable=display.line, transient=True):
+        live = Live(console=console, get_renderable=display.line, transient=True)
+        with notice.hold(), live:
             yield display
         return
     ended = threading.Event()
@@ -291,20 +321,6 @@ def _format_time(seconds: float) -> str:
     return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
 
 
-@contextmanager
-def resumable(then: str = "resume") -> Generator["Stop"]:
-    """Yield the event that Ctrl-C and SIGTERM set; `then` names the next action of the command."""
-    from contactlab.run.tasks import Stop
-
-    stop = Stop()
-    try:
-        with stop_on_signals(stop):
-            yield stop
-    except (KeyboardInterrupt, StoppedError) as error:
-        say(f"interrupted; run the same command again to {then}")
-        raise typer.Exit(StoppedError.exit_code) from error
-
-
 def begin_workers(count: int | None) -> None:
     """Start the server that workers are forked from, if any are wanted; it loads meanwhile."""
     if count != 0:
@@ -325,23 +341,17 @@ class Terminal(Surroundings):
         begin_workers(count)
 
     @contextmanager
-    def watching(self, then: str) -> Generator[Watch]:
+    def watching(self) -> Generator[Watch]:
         """Show progress on stderr, and stop on Ctrl-C and SIGTERM."""
-        with resumable(then) as stop, progress_display() as display:
+        from contactlab.run.tasks import Stop
+
+        stop = Stop()
+        with stop_on_signals(stop), progress_display() as display:
             yield Watch(display.begin, display.advance, stop)
 
-    @contextmanager
-    def in_parts(self, most: int) -> "Generator[Begin]":
-        """Show one bar for all parts on a terminal's stderr; elsewhere nothing."""
-        notice.clear()
-        console = Console(stderr=True)
-        bar = PartsBar(most)
-        with resumable("examine it again"):
-            if not console.is_terminal:
-                yield bar.begin
-                return
-            with Live(console=console, get_renderable=bar.line, transient=True):
-                yield bar.begin
+    def show_steps(self, nested: Sequence[StepCount]) -> None:
+        """Show the progress of counted work on a terminal's stderr."""
+        notice.show_steps(nested)
 
     def announce(self, markdown: Callable[[], str], annotations: Callable[[], str]) -> None:
         """Add to the summary of a GitHub job, and annotate it; nothing elsewhere."""
@@ -372,6 +382,7 @@ def interrupt(_number: int, frame: FrameType | None) -> None:
         if frame.f_code.co_filename.startswith("<frozen importlib"):
             os._exit(StoppedError.exit_code)
         frame = frame.f_back
+    interrupt_steps()
     raise KeyboardInterrupt
 
 

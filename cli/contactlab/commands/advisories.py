@@ -39,6 +39,7 @@ def advisories() -> Listing:
 
 @command(
     "gate",
+    keeps="nothing",
     name="advisories check",
     examples=(
         "advisories check --mujoco 3.17.0,4.0.0",
@@ -77,6 +78,7 @@ def check(
 
 @command(
     "gate",
+    keeps="nothing",
     name="advisories find",
     examples=(
         "advisories find --mujoco 3.13.0,4.0.0",

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 @command(
     "gate",
+    keeps="finished runs",
     examples=(
         "bisect tower.yaml --good 3.11.0 --bad 4.0.0",
         "bisect tests/test_grasp.py::test_held --good 3.11.0 --bad 4.0.0",

@@ -37,6 +37,7 @@ def _find_failure(
 
 @command(
     "gate",
+    keeps="nothing",
     examples=(
         "compare results/before results/after",
         "compare baselines/grasp results/grasp --update",

@@ -15,6 +15,7 @@ _WHAT = "Scene, .xml or .urdf file, menagerie:ROBOT, or a store, for its scene."
 
 @command(
     "gate",
+    keeps="nothing",
     examples=("diff robot.xml converted.xml", "diff robot.urdf robot.xml --tolerance 1%"),
     formats=report_formats(),
 )

@@ -25,6 +25,7 @@ def _choose_folder(given: Given) -> Path:
 
 @command(
     "examine",
+    keeps=lambda given: "finished runs" if given["metric"] else "nothing",
     examples=("effects robot.xml", "effects robot.xml --write small/robot.xml --keep sensors"),
     formats=report_formats(_choose_folder),
 )

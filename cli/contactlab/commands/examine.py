@@ -11,7 +11,7 @@ from contactlab.command_line.declaration import Argument, Given, Option, command
 from contactlab.command_line.judgements import printed
 from contactlab.command_line.quantities import read_seconds
 from contactlab.command_line.report_formats import print_markdown, print_text, report_formats
-from contactlab.command_line.surroundings import say, surroundings
+from contactlab.command_line.surroundings import say
 from contactlab.errors import OutputError, SceneError, SweepFileError
 
 if TYPE_CHECKING:
@@ -55,6 +55,7 @@ def _examined(
     from dataclasses import replace
 
     from contactlab.run.worker_pool import worker_count
+    from contactlab.step_progress import step_names
     from contactlab.studies.examine.examination import run
     from contactlab.tasks.session import Session
 
@@ -64,7 +65,7 @@ def _examined(
     parts = request.parts + page + live
     with (
         _folder(request, None if file else target, kept=file is None) as folder,
-        surroundings().in_parts(parts) as begin,
+        step_names(parts) as begin,
     ):
         if file is not None:
             _check_file(file)
@@ -203,6 +204,7 @@ def _read_waivers(waive: "str | Path | Sequence[Waiver] | None") -> "Sequence[Wa
 
 @command(
     "examine",
+    keeps="nothing",
     examples=(
         "examine robot.xml",
         "robot.xml --tolerance 30% --write fixed/robot.xml",

@@ -19,6 +19,7 @@ def _folder(given: Given) -> Path:
 
 @command(
     "examine",
+    keeps="finished runs",
     examples=("fit cube_toss", "fit scene/ --free friction.slide=0.1:1,solref --fitted 60"),
     codes="0 fitted, 2 bad input, 130 interrupted",
     formats=report_formats(_folder),

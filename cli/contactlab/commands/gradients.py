@@ -19,6 +19,7 @@ def _folder(given: Given) -> Path:
 
 @command(
     "examine",
+    keeps="finished runs",
     examples=(
         "gradients robot.xml --output-coordinate torso.z --input thigh.v --drive none",
         "gradients map.yaml --output-coordinate x.v --input speed --figure map.svg",

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 @command(
     "examine",
+    keeps="nothing",
     examples=(
         "grip gripper.xml",
         "grip robot.xml --object cylinder:30x60mm,.2kg --film grip.mp4",

@@ -24,6 +24,7 @@ def _findings(report: "LintReport", given: Given) -> "Report":
 
 @command(
     "examine",
+    keeps="nothing",
     examples=("lint robot.xml", "lint models/*.xml --format sarif"),
     formats={
         **report_formats(),

@@ -32,6 +32,7 @@ def _failure(result: "WrittenLock | ComparisonReport", given: Given) -> Contactl
 
 @command(
     "gate",
+    keeps="finished runs",
     examples=(
         "lock sweeps/gripper.yaml",
         "lock sweeps/gripper.yaml --check -o lock.xml",

@@ -55,6 +55,7 @@ def _panel_folder(output: str | Path | None) -> Path:
 
 @command(
     "gate",
+    keeps=lambda given: "nothing" if given["from_"] else "finished runs",
     examples=(
         "parity grasp --against warp",
         "parity grid.yaml --bundle bundle",
@@ -200,7 +201,7 @@ def _compare_runs(request: "ParityRequest") -> "ParityReport":
     from contactlab.run.tasks import Finished
     from contactlab.studies.parity.sweep_parity import compare_runs
 
-    with surroundings().watching("resume" if request.folder else "start over") as watch:
+    with surroundings().watching() as watch:
 
         def done(compared: "RunParity") -> None:
             watch.advance([Finished(b"", compared.verdict, compared.verdict, None)])

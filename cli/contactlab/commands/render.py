@@ -24,6 +24,7 @@ def _text(result: Any, given: Given) -> None:  # noqa: ANN401 - a path, or None
 
 @command(
     "read",
+    keeps="nothing",
     examples=(
         "render results/grasp 3ead3115 -o run.mcap",
         "render results/grasp 3ead3115            # in MuJoCo's viewer",
@@ -116,6 +117,7 @@ def render(
 
 def _write_messages(store: "Store", run: str | None, folder: Path) -> "ExpandedTraces":
     from contactlab.schema.store_reports import ExpandedTraces
+    from contactlab.step_progress import count_steps
     from contactlab.store.atomic_files import atomic_write, write_errors
 
     records = [store.record(run)] if run else [one for one in store.records() if one.trace]
@@ -126,7 +128,7 @@ def _write_messages(store: "Store", run: str | None, folder: Path) -> "ExpandedT
     if isinstance(store.address, Path) and folder.resolve().is_relative_to(store.address.resolve()):
         raise OutputError(f"{folder} is in the store; name another folder")
     size = 0
-    for record in records:
+    for record in count_steps(records, "traces", len(records)):
         content = store.trace_messages(record)
         with write_errors(folder):
             folder.mkdir(parents=True, exist_ok=True)

@@ -30,6 +30,7 @@ def _text(result: Path | list[Path] | Listing, given: Given) -> None:
 
 @command(
     "read",
+    keeps="nothing",
     examples=("report results/grasp", "report results/grasp --figures paper --format pdf"),
     formats={"text": _text},
 )

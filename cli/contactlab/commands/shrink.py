@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 @command(
     "read",
+    keeps="nothing",
     examples=("shrink results/grasp 3ead3115", "shrink results/pile 1fef82b1 -o pile-small"),
     formats=report_formats(),
 )

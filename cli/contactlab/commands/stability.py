@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 @command(
     "run",
+    keeps="finished runs",
     examples=("stability", "stability tower_20 newtons_cradle"),
     formats=report_formats(),
 )
@@ -40,6 +41,5 @@ def stability(
     rerun_with_mujoco(mujoco, None if output else folder)
     opt.load_plugins(())
     cases = find_cases([names] if isinstance(names, str) else names)
-    then = "repeat the finished cases and resume this one"
-    with study_session(folder, workers, then) as session:
+    with study_session(folder, workers) as session:
         return run(cases, session)

@@ -27,6 +27,7 @@ def _list_findings(report: "SuccessReport", given: Given) -> "Report":
 
 @command(
     "examine",
+    keeps="finished runs",
     examples=(
         "success lift.py:make --drive pick.py:Policy --allow-code",
         'success push.yaml --require "physical >= 80 %" --format junit --allow-code',

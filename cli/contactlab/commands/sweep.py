@@ -38,6 +38,7 @@ def _find_failure(result: "Store | SweepForecast", given: Given) -> ContactlabEr
 
 @command(
     "run",
+    keeps=lambda given: "nothing" if given["merge"] else "finished runs",
     examples=(
         "sweep grasp",
         "sweep grid.yaml --set timestep=1e-3 --workers 4",
@@ -228,7 +229,7 @@ def _run_request(
     from contactlab.run.sweep_runner import run_sweep
     from contactlab.store.finished_store import Store
 
-    with surroundings().watching("resume") as watch, cluster as nodes:
+    with surroundings().watching() as watch, cluster as nodes:
         manifest = run_sweep(
             replace(request, cluster=nodes), watch.begin, watch.advance, watch.stop
         )

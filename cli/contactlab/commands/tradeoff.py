@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 @command(
     "examine",
+    keeps="finished runs",
     examples=("tradeoff results/bounce --tolerance oracle_error=1%",),
     formats=report_formats(),
 )

@@ -34,6 +34,7 @@ def _text(report: "TuneReport", given: Given) -> None:
 
 @command(
     "examine",
+    keeps="nothing",
     examples=("tune robot.xml",),
     formats={**report_formats(_folder), "text": _text},
 )

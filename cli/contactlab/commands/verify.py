@@ -36,6 +36,7 @@ def _failure(result: "StoreVerification | RunReplay", given: Given) -> Contactla
 
 @command(
     "read",
+    keeps="nothing",
     examples=("verify results/grasp --simulate 20", "verify results/grasp 3ead3115"),
     formats=formats_by_type({"StoreVerification": report_formats(), "RunReplay": report_formats()}),
     failure=_failure,

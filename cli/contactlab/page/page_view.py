@@ -54,6 +54,7 @@ from contactlab.resources import read_style
 from contactlab.schema.evidence import ParameterRow, StoreManifest
 from contactlab.schema.sweep_schema import Bounds
 from contactlab.schema.tradeoff_report import Configuration, TradeoffReport
+from contactlab.step_progress import step_names
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import stored_sweep
 from contactlab.store.verify_store import trace_warning
@@ -239,9 +240,20 @@ class PageView:
 
 def page_view(store: Store, request: PageRequest) -> PageView:
     """Return the view of a store's page; for the errors see `read_report_data`."""
-    data = read_report_data(store, request.criteria)
-    chart = tradeoff_chart(data)
-    script = script_data(data, request, chart)
+    with step_names(3) as begin_step:
+        begin_step("reading the runs")
+        data = read_report_data(store, request.criteria)
+        chart = tradeoff_chart(data)
+        begin_step("reading traces")
+        script = script_data(data, request, chart)
+        begin_step("drawing")
+        return _view_data(data, request, chart, script)
+
+
+def _view_data(
+    data: ReportData, request: PageRequest, chart: Spec | None, script: ScriptData
+) -> PageView:
+    store = data.store
     reality = reality_view(data)
     return PageView(
         store=str(store.address),

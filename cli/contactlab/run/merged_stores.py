@@ -14,6 +14,7 @@ from contactlab.run.recomputed_runs import plan_again
 from contactlab.run.resumed_sweep import StoredScene
 from contactlab.run.run_verdicts import conclude_runs
 from contactlab.schema.evidence import Host, Provenance, StoreManifest, SweepIdentity
+from contactlab.step_progress import count_steps
 from contactlab.store.atomic_files import hashes_below, sha256_of
 from contactlab.store.controls_file import controls_name
 from contactlab.store.finished_store import Store
@@ -75,7 +76,7 @@ def merge_stores(
         if isinstance(store, StoreManifest) or store.done:
             raise OutputError(f"{target} holds runs of a sweep; name another place, or add --fresh")
         to = backend_at(target, OutputError)
-        for source in stores:
+        for source in count_steps(stores, "shards", len(stores)):
             # Traces and recorded controls are checked against their hashes.
             for sha256 in filter(
                 None, source.columns.arrow(["controls"])["controls"].unique().to_pylist()
@@ -86,7 +87,8 @@ def merge_stores(
             wanted = traces.filter(traces["trace_file"].is_valid())
             names = [name.as_py() for name in wanted["trace_file"]]
             with closing(source.backend.local_files(names)) as files:
-                for name, sha256, path in zip(names, wanted["trace_sha256"], files, strict=True):
+                triples = zip(names, wanted["trace_sha256"], files, strict=True)
+                for name, sha256, path in count_steps(triples, "traces", len(names)):
                     if path is None:
                         raise StoreError(f"{source.address / name} is missing")
                     if sha256_of(path) != sha256.as_py():

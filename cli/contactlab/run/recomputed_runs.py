@@ -34,6 +34,7 @@ from contactlab.scene.scene import Scene
 from contactlab.schema.drive import PolicyDrive, parse_drive
 from contactlab.schema.evidence import Accuracy, EvidenceRecord, SweepIdentity, Timing
 from contactlab.schema.vocabulary import Vocabulary
+from contactlab.step_progress import finish_step, step_count
 from contactlab.store.arrow_values import numpy_array
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredTrace, read_trace
@@ -216,7 +217,7 @@ def simulate_again(store: Store, count: int, *, allow_code: bool = False) -> Res
     # The code of a loop is not available, but that of an environment is.
     played = bool(scene.source.environment)
     order = random.sample(range(columns.runs), columns.runs)
-    with TemporaryDirectory() as folder:
+    with TemporaryDirectory() as folder, step_count("runs", found.asked) as again:
         worker = _make_worker(store, Path(folder))
         for row in order:
             if found.simulated >= found.asked:
@@ -228,6 +229,7 @@ def simulate_again(store: Store, count: int, *, allow_code: bool = False) -> Res
             if stored.get("loop") and not played:
                 found.left_out["of a loop: its code is not in the store"] += 1
                 continue
+            finish_step(again, found.simulated - again.done)
             found.simulated += 1
             record = store.record(stored["run_id"])
             if played:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from contactlab.errors import OutputError, StoreError
 from contactlab.schema.evidence import RECORD_VERSION, Cost, EvidenceRecord, SweepIdentity
+from contactlab.step_progress import count_steps
 from contactlab.store.arrow_values import numpy_array
 from contactlab.store.atomic_files import (
     exchange_folders,
@@ -142,7 +143,8 @@ def damaged_traces(store: Store) -> Iterator[str]:
         return
     # A quick check reads traces up to this total size, and only checks the size of the others.
     left = 256 << 20
-    for trace in store.columns.present(("trace_file", "trace_bytes", "trace_sha256")):
+    traces = store.columns.present(("trace_file", "trace_bytes", "trace_sha256"))
+    for trace in count_steps(traces, "traces", store.manifest.traces):
         file, expected, sha256 = trace.values()
         left -= expected or 0
         size = store.backend.trace_size(file)
@@ -302,7 +304,9 @@ def _check_records(
     named = set[str]() if left_out else store.columns.values("trace_file")
     records, ahead = tee(_traced_records(store, problems, chosen, digest))
     paths = store.backend.local_files(record.trace.file for record in ahead if record.trace)
-    for record, path in zip(records, paths, strict=True):
+    traces = store.manifest.traces if chosen is None else min(chosen.sum(), store.manifest.traces)
+    pairs = zip(records, paths, strict=True)
+    for record, path in count_steps(pairs, "traces", traces):
         assert record.trace is not None
         found = ("missing",) if path is None else trace_problems(path, record, model)
         yield from (f"{record.trace.file}: {problem}" for problem in found)

@@ -28,6 +28,7 @@ from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.palette import MODE_COLOURS
 from contactlab.rendering.amounts import format_amount
 from contactlab.run.stored_runs import PreparedReplay
+from contactlab.step_progress import count_steps
 from contactlab.store.atomic_files import atomic_write
 from contactlab.view.drawn_motion import BodyMotion, Stage, frame_times, nearest_indices
 
@@ -343,7 +344,8 @@ class RunPictures:
         if len(motion.forces.frame) and self.camera is None:
             bar = force_bar(model, motion.view(0), self.size, motion.scale)
         drawn = draw_pictures(model, motion, chosen, self.size, self.camera, self.recorded)
-        for frame, picture in zip(frames, drawn, strict=True):
+        pairs = zip(frames, drawn, strict=True)
+        for frame, picture in count_steps(pairs, "pictures", len(frames)):
             said = [f"begins: {self.captions[frame]}"] if frame in self.captions else []
             yield add_caption(picture, [f"{motion.time[frame]:.3f} s", *said, run], bar)
 

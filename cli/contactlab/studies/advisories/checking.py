@@ -10,6 +10,7 @@ from typing import Any
 from contactlab.advisories.witness_runs import fault_share
 from contactlab.schema.advisory import Advisory, numbers_of
 from contactlab.schema.advisory_report import AdvisoriesCheck, WitnessOutcome, WitnessResult
+from contactlab.step_progress import count_steps
 from contactlab.studies.advisories import witness_process
 from contactlab.studies.lock.versions import run_python
 
@@ -35,7 +36,7 @@ def check_advisories(
         for file, advisory in files.items():
             # JSON is YAML.
             Path(file).write_text(advisory.model_dump_json(exclude_none=True), encoding="utf-8")
-        for release in ordered:
+        for release in count_steps(ordered, "releases", len(ordered)):
             notify(f"MuJoCo {release}")
             lines = _replay_files(list(files), release, notify)
             found += [

@@ -25,6 +25,7 @@ from contactlab.scene.model_names import OBJECT_LISTS, name_of
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.scene.scene import Scene
 from contactlab.schema.diff_report import Difference, DiffReport
+from contactlab.step_progress import step_names
 from contactlab.store.finished_store import Store
 from contactlab.studies.diff.matching import MatchedParts, match_parts
 from contactlab.studies.diff.motion_change import motion_change
@@ -46,10 +47,13 @@ def diff_models(before: str, after: str, tolerance: float = DEFAULT_TOLERANCE) -
 
     A SceneError says that there is no such model, or why it does not compile.
     """
-    scenes = [find_model_scene(reference) for reference in (before, after)]
-    one, other = (scene.base({}).model for scene in scenes)
-    found = match_parts(one, other)
-    motion, no_motion_reason = motion_change(scenes[0], one, other, found)
+    with step_names(2) as begin_step:
+        begin_step("reading the models")
+        scenes = [find_model_scene(reference) for reference in (before, after)]
+        one, other = (scene.base({}).model for scene in scenes)
+        found = match_parts(one, other)
+        begin_step("comparing their motion")
+        motion, no_motion_reason = motion_change(scenes[0], one, other, found)
     return DiffReport(
         mujoco=VERSION,
         before=before,

@@ -20,8 +20,9 @@ from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_names import name_of
 from contactlab.scene.model_writer import refuse_place
 from contactlab.scene.mujoco_versions import VERSION
-from contactlab.schema.effects_report import REPORT, EffectsReport, PartEffect
+from contactlab.schema.effects_report import REPORT, EffectsReport, PartEffect, SmallerModel
 from contactlab.schema.time_ratio import LEAST_SAVING, TimeRatio
+from contactlab.step_progress import count_steps, step_names
 from contactlab.studies.effects.effects_request import EffectsRequest
 from contactlab.studies.effects.examined_scenarios import Scenarios, open_scenarios
 from contactlab.studies.effects.model_parts import ModelPart, change_model, find_parts
@@ -76,22 +77,15 @@ def study_effects(request: EffectsRequest, session: Session) -> EffectsReport:
         refuse_place(examined.scene.source, request.write.parent, request.write.name)
     session.claim("effects", request.source)
     session.notify(f"leaving out parts of {request.source}: {examined.task.line}")
-    study = EffectsStudy(request, scenarios, begin)
-    study.measure_parts()
-    search = SmallerSearch(
-        scenarios=scenarios,
-        session=session,
-        clock=study.clock,
-        errors=study.errors,
-        base=study.base,
-        runs=study.runs,
-        until=begin + request.max_time,
-        write=request.write,
-    )
+    steps = ("running the reference", "leaving out parts", "verifying the smaller model")
+    with step_names(len(steps)) as begin_step:
+        begin_step(steps[0])
+        study = EffectsStudy(request, scenarios, begin)
+        begin_step(steps[1])
+        study.measure_parts()
+        begin_step(steps[2])
+        search, smaller = _find_smaller(request, session, study, begin)
     tolerance = examined.task.tolerance
-    smaller = search.find_smaller(
-        [(one.part, one.ratio, one.error) for one in study.measured if one.can_go(tolerance)]
-    )
     ranked = sorted(study.measured, key=lambda one: _rank_part(one, tolerance))
     effects = tuple(_describe_part(one, tolerance) for one in ranked)
     report = EffectsReport(
@@ -114,10 +108,30 @@ def study_effects(request: EffectsRequest, session: Session) -> EffectsReport:
     return report
 
 
+def _find_smaller(
+    request: EffectsRequest, session: Session, study: "EffectsStudy", begin: float
+) -> tuple[SmallerSearch, SmallerModel | None]:
+    search = SmallerSearch(
+        scenarios=study.scenarios,
+        session=session,
+        clock=study.clock,
+        errors=study.errors,
+        base=study.base,
+        runs=study.runs,
+        until=begin + request.max_time,
+        write=request.write,
+    )
+    tolerance = study.scenarios.models[0].task.tolerance
+    return search, search.find_smaller(
+        [(one.part, one.ratio, one.error) for one in study.measured if one.can_go(tolerance)]
+    )
+
+
 class EffectsStudy:
     """The measurement of the parts of one model.
 
     Attributes:
+        scenarios: of the model.
         base: the model as written, compiled from its files.
         errors: of models without parts.
         clock: that times models without parts.
@@ -128,6 +142,7 @@ class EffectsStudy:
 
     def __init__(self, request: EffectsRequest, scenarios: Scenarios, begin: float) -> None:
         """Run the reference, and find the parts."""
+        self.scenarios = scenarios
         examined = scenarios.models[0]
         self._timing_seconds = _TIMING_SHARE * request.max_time
         self._examined, self._limit = examined, begin + _MEASURING_SHARE * request.max_time
@@ -187,7 +202,8 @@ class EffectsStudy:
             one.ratio = ratio
         others = [one for one in self.measured if one not in may_go and one.part.exercised]
         may_go.sort(key=lambda one: 1.0 if one.ratio is None else one.ratio.ratio)
-        for one in (*may_go, *others):
+        both = (*may_go, *others)
+        for one in count_steps(both, "parts", len(both)):
             if one.verdict_at != "not measured":
                 continue
             one.late = time.monotonic() > self._limit

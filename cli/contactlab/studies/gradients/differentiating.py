@@ -26,6 +26,7 @@ from contactlab.schema.gradients import (
     GradientsReport,
 )
 from contactlab.schema.setting_values import as_number, as_vector
+from contactlab.step_progress import count_steps
 from contactlab.store.table_layout import axis_cell
 from contactlab.studies.gradients import automatic_differentiation
 from contactlab.studies.gradients.automatic_differentiation import ADAPTIVE, ENGINE
@@ -103,7 +104,10 @@ def differentiate_scene(request: GradientsRequest, session: Session) -> Gradient
             "by": (ENGINES[MODEL_ENGINE].version, automatic_differentiation.engine().version),
         },
     )
-    derivatives = {each.name: _differentiate_all(how, each, points, kept) for each in parameters}
+    derivatives = {
+        each.name: _differentiate_all(how, each, points, kept)
+        for each in count_steps(parameters, "inputs", len(parameters))
+    }
     ends, modes = subject.end_values(points), subject.contact_modes(points)
     most = max(influence(by) for found in derivatives.values() for by in found)
     places = tuple(
@@ -198,7 +202,8 @@ def _differentiate_all(
     how: Differentiation, parameter: Parameter, points: Sequence[Point], kept: DerivativeCache
 ) -> list[GradientInput]:
     found: list[GradientInput] = []
-    for first in range(0, len(points), _BATCH_SIZE):
+    batches = range(0, len(points), _BATCH_SIZE)
+    for first in count_steps(batches, "batches of places", len(batches)):
         some = kept.get(parameter.name, first)
         if some is None:
             some = how.by(parameter, points[first : first + _BATCH_SIZE])

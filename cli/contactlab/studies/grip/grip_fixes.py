@@ -16,6 +16,7 @@ from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.model_edits import read_option
 from contactlab.schema.grip import GripVerdict
 from contactlab.schema.time_ratio import TimeRatio
+from contactlab.step_progress import count_steps
 from contactlab.studies.grip.closing import Closing, Squeeze, close_at, measure_squeeze
 from contactlab.studies.grip.fingers import control_ranges
 from contactlab.studies.grip.grip_fixture import GripFixture
@@ -151,7 +152,8 @@ def run_fixes(grip: Grip, within: float) -> list[TestedFix]:
             if fix.deep <= MOST_DEPTH:
                 break
     model, geoms = grip.fixture.model, grip.held.geoms
-    for candidate in (fix for entry in CATALOGUE.values() for fix in entry.grip_fixes):
+    fixes = [fix for entry in CATALOGUE.values() for fix in entry.grip_fixes]
+    for candidate in count_steps(fixes, "fixes", len(fixes)):
         if candidate.change is None:
             continue
         name, other = less + candidate.find_name(model), model.__copy__()

@@ -28,6 +28,7 @@ from contactlab.schema.grip import (
     GripReport,
 )
 from contactlab.schema.time_ratio import cost_class
+from contactlab.step_progress import step_names
 from contactlab.studies.grip.closing import (
     Closing,
     Squeeze,
@@ -115,23 +116,33 @@ def judge_grip(request: GripRequest) -> GripReport:
         SceneError: there is no such model, keyframe or body; nothing closes, or nothing is held.
         SweepFileError: a squeeze is requested for a keyframe, or is more than the actuators give.
     """
+    with step_names(5 if request.fixes else 4) as begin_step:
+        return _judge_in_steps(request, begin_step)
+
+
+def _judge_in_steps(request: GripRequest, begin_step: Callable[[str], None]) -> GripReport:
+    begin_step("closing the hand")
     setup = _read_keyframe(request) if request.keyframe else _mount_and_close(request)
     grip = setup.grip
     force = weakest_finger_force(grip.held)
     request.notify(f"closed on {_object_words(setup)} with {force:.3g} N per finger; loading")
+    begin_step("pulling in six directions")
     drifts = grip.measure_drifts()
     deep = grip.depth_share
     word = verdict_of(drifts, request.tolerance, deep)
     directions = grip.directions()
     down = directions[grip.names[1] if setup.mounted_hand is None else grip.names[0]]
     across = dict(list(directions.items())[:4])
+    begin_step("shaking and turning")
     trials = [
         each(grip.fixture, grip.held, grip.load, down) for each in (shake_object, turn_object)
     ]
+    begin_step("pulling it out")
     pull = pull_object(grip.fixture, grip.held, grip.load, across)
     tried = list[TestedFix]()
     if word != "holds" and request.fixes:
         request.notify(f"it {word}; testing fixes")
+        begin_step("testing fixes")
         tried = run_fixes(grip, request.tolerance)
     # The least speed over fixes, by the cause that they test.
     speeds = dict[str, float]()

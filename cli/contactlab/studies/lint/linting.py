@@ -14,6 +14,7 @@ from contactlab.scene.mujoco_versions import VERSION
 from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource, find_scene
 from contactlab.schema.finding import PlacedFinding
 from contactlab.schema.lint_report import LintReport
+from contactlab.step_progress import count_steps
 from contactlab.studies.lint.ignores import Ignored, ignored
 from contactlab.studies.lint.linted_model import Fault, LintedModel, linted_model, shown_path
 from contactlab.studies.lint.rules import DOCS, RULES, Rule
@@ -30,7 +31,8 @@ def lint(models: Sequence[str]) -> LintReport:
     A SceneError says that there is no such file or scene.
     """
     found, skipped = _split_models(models)
-    findings = (finding for model in found for finding in _model_findings(model))
+    counted = count_steps(found, "models", len(found))
+    findings = (finding for model in counted for finding in _model_findings(model))
     return _report_of(found, skipped, findings)
 
 

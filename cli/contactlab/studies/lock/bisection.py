@@ -6,6 +6,7 @@ The result of each release is kept in a folder of its own, and read from there t
 """
 
 import json
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +16,7 @@ from contactlab.errors import ContactlabError, ExpectationError, PolicyError, St
 from contactlab.schema.comparison import ComparePolicy, ComparisonReport
 from contactlab.schema.finding import Finding
 from contactlab.schema.store_reports import ChangingRelease
+from contactlab.step_progress import StepCount, finish_step, step_count
 from contactlab.store.atomic_files import atomic_write, sha256_of
 
 # Checks that count as an outcome: those of the first of these groups that differ at the ends.
@@ -29,6 +31,17 @@ def find_change(
     The first and the last differ. For n versions, ceil(log2(n - 1)) are run, and more only if some
     raise a ContactlabError.
     """
+    trials = math.ceil(math.log2(max(2, len(versions) - 1)))
+    with step_count("releases", trials) as count:
+        return _search_releases(versions, differs, notify, count)
+
+
+def _search_releases(
+    versions: Sequence[str],
+    differs: Callable[[str], bool],
+    notify: Callable[[str], None],
+    count: StepCount,
+) -> ChangingRelease:
     same, other, steps = 0, len(versions) - 1, 0
     skipped: dict[str, str] = {}
     while left := [index for index in range(same + 1, other) if versions[index] not in skipped]:
@@ -36,6 +49,7 @@ def find_change(
         version, steps = versions[middle], steps + 1
         try:
             is_other = differs(version)
+            finish_step(count)
         except StoppedError:
             raise
         except ContactlabError as error:

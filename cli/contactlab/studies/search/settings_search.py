@@ -23,6 +23,7 @@ import mujoco
 from contactlab.modifications.modification import Settings
 from contactlab.modifications.numerics import SLEEP_SETTINGS
 from contactlab.schema.time_ratio import LEAST_SAVING, TimeRatio
+from contactlab.step_progress import StepCount, finish_step, step_count
 from contactlab.studies.search.configuration import (
     AS_WRITTEN,
     INTEGRATOR,
@@ -191,6 +192,7 @@ class Search:
     ending: Ending = "complete"
     done: float = 0.0
     _allowed: float = math.inf
+    _counted: StepCount = field(default_factory=lambda: StepCount("", 1.0))
 
     @property
     def current(self) -> Configuration:
@@ -215,6 +217,10 @@ class Search:
 
     def run_search(self) -> None:
         """Search until nothing is left to try, or until work or time are over."""
+        with step_count("work of the search", self.work + self.front_work) as self._counted:
+            self._search_all()
+
+    def _search_all(self) -> None:
         try:
             self.evaluate_current()
             for place, bound in enumerate(self.bounds):
@@ -229,7 +235,7 @@ class Search:
                 self._search_front()
             except OutOfWorkError:
                 self.ending = "work"
-        except (OutOfTimeError, KeyboardInterrupt):
+        except OutOfTimeError:
             self.ending = "time"
 
     def _search_front(self) -> None:
@@ -399,6 +405,7 @@ class Search:
             found = self.estimator.estimate_error(self.space.model_of(choice), choice.multiple)
             entry.error = found
             self.done += cost if math.isfinite(cost) else 1.0
+            finish_step(self._counted, self.done - self._counted.done)
         return entry
 
     def _error_of(self, choice: Configuration) -> float:

@@ -43,6 +43,7 @@ from contactlab.schema.tune_report import (
     TuneReport,
 )
 from contactlab.shares import SURE
+from contactlab.step_progress import step_names
 from contactlab.store.table_layout import axis_cell
 from contactlab.studies.search.configuration import (
     INTEGRATOR,
@@ -228,8 +229,16 @@ class TuningStudy:
     def run_study(self) -> TuneReport:
         """Search, write and verify candidates, and return the report."""
         search, verifier = self._search, self._verifier
-        search.run_search()
-        verifier.judge_current()
+        with step_names(3) as begin_step:
+            begin_step("searching")
+            search.run_search()
+            begin_step("judging the model as written")
+            verifier.judge_current()
+            begin_step("verifying candidates")
+            return self._verify_and_report()
+
+    def _verify_and_report(self) -> TuneReport:
+        search, verifier = self._search, self._verifier
         known = verifier.current
         points = self._session.folder.glob(POINT_FOLDER.format(number="*"))
         for folder in (FOLDER, EQUAL_ERROR_FOLDER, *points):

@@ -23,6 +23,7 @@ from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import BINARY
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.shrink_report import ShrinkReport
+from contactlab.step_progress import count_steps
 from contactlab.store.finished_store import Store
 from contactlab.studies.shrink.failing_model import (
     PARTS,
@@ -270,7 +271,9 @@ def _shrink_model(
 ) -> FailingModel:
     """Return the model with a shorter run, and without removable parts."""
     notify("shortening the run")
-    model = _shorten_run(_start_later(_shorten_run(model, trials), trials), trials)
+    shortened = (_shorten_run, _start_later, _shorten_run)
+    for shorten in count_steps(shortened, "shorter runs", len(shortened)):
+        model = shorten(model, trials)
     return remove_unneeded_parts(model, trials, notify)
 
 
@@ -287,7 +290,7 @@ def remove_unneeded_parts(
         model = coarser
     while True:
         before = model.text
-        for kind in PARTS:
+        for kind in count_steps(PARTS, "kinds of parts", len(PARTS)):
             notify(f"removing {kind}")
             model = _remove_parts(
                 model, kind, partial(FailingModel.remove_parts, kind=kind), trials

@@ -10,6 +10,7 @@ from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
 from contactlab.schema.grip import GripFix, GripReport
 from contactlab.schema.verification import VerifiedChange
+from contactlab.step_progress import count_steps
 from contactlab.studies.grip.gripping import GripRequest, judge_grip
 from contactlab.studies.verification.panel import OriginalRuns, VerificationRequest, verify_change
 from contactlab.tasks.checked_model import open_changed_model, open_model
@@ -27,7 +28,7 @@ def judge_verified_grip(request: GripRequest) -> GripReport:
     if not any(fix.lines for fix in report.fixes if fix.verdict == "holds"):
         return report
     fixes, runs = list(report.fixes), OriginalRuns()
-    for place, fix in enumerate(fixes):
+    for place, fix in enumerate(count_steps(report.fixes, "verified fixes", len(fixes))):
         if fix.verdict != "holds" or not fix.lines:
             continue
         request.notify(f"verifying {fix.name}")

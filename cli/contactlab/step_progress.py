@@ -1,0 +1,119 @@
+"""Progress of long work: each layer counts its own steps, and one listener shows them together.
+
+for trace in count_steps(traces, "traces", len(traces)):
+    ...
+"""
+
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from typing import TypeVar
+
+_Item = TypeVar("_Item")
+
+
+@dataclass
+class StepCount:
+    """Steps of some work: their number, the finished ones, and the name of the current one."""
+
+    name: str
+    total: float
+    done: float = 0.0
+    is_named: bool = False  # whether steps have names; otherwise their count is shown
+
+    @property
+    def text(self) -> str:
+        """Its state in words."""
+        if self.is_named:
+            return self.name
+        return f"{self.name} {min(self.done, self.total):,.0f} of {self.total:,.0f}"
+
+
+Listener = Callable[[Sequence[StepCount]], None]
+"""Called with the counts of nested work, the outermost first, after each step."""
+
+
+class _Counts:
+    """Counts of nested work of one listener."""
+
+    def __init__(self, listener: Listener) -> None:
+        self.nested = list[StepCount]()
+        self.is_interrupted = False
+        self._listener = listener
+
+    def report(self) -> None:
+        """Call the listener."""
+        self._listener(self.nested)
+
+
+_current: ContextVar[_Counts | None] = ContextVar("step_counts", default=None)
+
+
+@contextmanager
+def listening_to_steps(listener: Listener) -> Generator[None]:
+    """Report all steps of this thread to a listener."""
+    token = _current.set(_Counts(listener))
+    try:
+        yield
+    finally:
+        _current.reset(token)
+
+
+@contextmanager
+def step_count(name: str, total: float, *, named: bool = False) -> Generator[StepCount]:
+    """Yield the count of some work within other counted work; `finish_step` counts a step."""
+    counts, own = _current.get(), StepCount(name, max(total, 1.0), is_named=named)
+    if counts is None:
+        yield own
+        return
+    counts.nested.append(own)
+    counts.report()
+    try:
+        yield own
+    finally:
+        del counts.nested[counts.nested.index(own) :]
+
+
+def finish_step(count: StepCount, steps: float = 1.0) -> None:
+    """Count finished steps, and report them."""
+    count.done += steps
+    if counts := _current.get():
+        counts.report()
+        if counts.is_interrupted:
+            raise KeyboardInterrupt
+
+
+def interrupt_steps() -> None:
+    """Let the next step raise KeyboardInterrupt: libraries may have lost the first one."""
+    if counts := _current.get():
+        counts.is_interrupted = True
+
+
+def count_steps(items: Iterable[_Item], name: str, total: float) -> Iterator[_Item]:
+    """Yield items, each a step of about equal time."""
+    with step_count(name, total) as count:
+        for item in items:
+            yield item
+            finish_step(count)
+
+
+@contextmanager
+def step_names(total: float) -> Generator[Callable[[str], None]]:
+    """Yield a function to call with the name of each of at most `total` steps as it begins."""
+    with step_count("", total, named=True) as count:
+
+        def begin_step(name: str) -> None:
+            steps = 1.0 if count.name else 0.0
+            count.name = name
+            finish_step(count, min(steps, count.total - count.done))
+
+        yield begin_step
+
+
+def finished_share(nested: Sequence[StepCount]) -> float:
+    """Return the finished share of nested work, in which each step is a part of its count."""
+    share = 0.0
+    for count in reversed(nested):
+        share = min(1.0, (count.done + share) / count.total)
+    return share
