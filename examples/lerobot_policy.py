@@ -1,38 +1,73 @@
-"""A policy with LeRobot's interface, as contactlab calls policies: `reset`, then `select_action`.
+"""A policy of LeRobot, as contactlab calls policies.
 
     contactlab success push.py:make --drive lerobot_policy.py:Policy --allow-code
 
-Let `load_policy` return `ACTPolicy.from_pretrained(...)` or another policy of LeRobot, and name the
-observations as in its training.
+Put the folder of a checkpoint beside a copy of this file as `checkpoint`, or name one of the hub,
+and name the observations as in its training. Without a checkpoint, a policy with the same
+interface pushes.
 """
 
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-
-def load_policy() -> Any:  # noqa: ANN401 - of another package
-    """Return a policy with `reset()` and `select_action(batch)`."""
-    return Reaching()
+CHECKPOINT = Path(__file__).with_name("checkpoint")
 
 
 class Policy:
-    """Acts on each observation of an environment, as a policy of LeRobot does."""
+    """Acts on each observation of an environment by `select_action` of a policy of LeRobot."""
 
     def __init__(self, model: Any) -> None:  # noqa: ANN401 - mujoco.MjModel
         del model
-        self.policy = load_policy()
+        is_trained = CHECKPOINT.is_dir()
+        self.policy, self.preprocess, self.postprocess = (
+            load_checkpoint(str(CHECKPOINT)) if is_trained else (Reaching(), add_batch, lambda a: a)
+        )
         self.policy.reset()  # forgets the actions that it planned in the last episode
 
     def act(self, observation: Any) -> np.ndarray:  # noqa: ANN401 - as the environment observes
         """Return the action for an observation."""
-        batch = {"observation.state": as_batch(observation)}
-        return np.asarray(self.policy.select_action(batch))[0]
+        batch = self.preprocess(name_observations(observation))
+        return np.asarray(self.postprocess(self.policy.select_action(batch)))[0]
 
 
-def as_batch(values: Any) -> Any:  # noqa: ANN401 - an array, or a tensor
-    """Return an observation as a batch of one; use `torch.as_tensor(...)[None]` for LeRobot."""
-    return np.asarray(values, dtype=np.float32)[None]
+def name_observations(observation: Any) -> dict[str, np.ndarray]:  # noqa: ANN401 - as above
+    """Return an observation by its names in training; images are (3, height, width) of 0 to 1."""
+    return {"observation.state": np.asarray(observation, np.float32)}
+
+
+@cache
+def load_checkpoint(path: str) -> tuple[Any, Any, Any]:
+    """Return a trained policy, and what is done before and after it, on the CPU."""
+    import torch  # noqa: PLC0415 - only with a checkpoint
+    from lerobot.configs.policies import PreTrainedConfig  # noqa: PLC0415
+    from lerobot.policies.factory import (  # noqa: PLC0415
+        get_policy_class,
+        make_pre_post_processors,
+    )
+
+    torch.set_num_threads(1)  # workers have a core each
+    torch.manual_seed(0)
+    config = PreTrainedConfig.from_pretrained(path)
+    config.device = "cpu"
+    policy = get_policy_class(config.type).from_pretrained(path, config=config).eval()
+    on_cpu = {"device_processor": {"device": "cpu"}}
+    before, after = make_pre_post_processors(config, path, preprocessor_overrides=on_cpu)
+
+    def preprocess(observation: dict[str, np.ndarray]) -> Any:  # noqa: ANN401 - of tensors
+        return before({name: torch.from_numpy(value) for name, value in observation.items()})
+
+    def postprocess(action: Any) -> np.ndarray:  # noqa: ANN401 - a tensor
+        return after(action).detach().numpy()
+
+    return policy, preprocess, postprocess
+
+
+def add_batch(observation: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return observations as batches of one."""
+    return {name: value[None] for name, value in observation.items()}
 
 
 class Reaching:
@@ -45,6 +80,6 @@ class Reaching:
     def select_action(self, batch: dict[str, np.ndarray]) -> np.ndarray:
         """Return the next action of the chunk, (1, n)."""
         if not self.planned:
-            distance = 0.4 - batch["observation.state"][:, :1]
-            self.planned = [20 * distance] * 4
+            distance = 0.6 - batch["observation.state"][:, :1]
+            self.planned = [40 * distance] * 4
         return self.planned.pop()
