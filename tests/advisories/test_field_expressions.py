@@ -9,7 +9,9 @@ import pytest
 
 from contactlab.advisories.field_expressions import FieldExpression, ModelFacts
 from contactlab.expression import ExpressionError, NoValueError
+from contactlab.scene.compiled_scene import compile_scene
 from contactlab.scene.model_xml import ET, list_elements
+from contactlab.scene.scene_source import find_scene
 
 TEXT = """
 <mujoco>
@@ -73,6 +75,7 @@ LOOPS: dict[str, Callable[[mujoco.MjModel, mujoco.MjData], Any]] = {
     "branching_trees": lambda *_: 1,
     "singular_inertia": lambda *_: 0,
     "elements('default/geom', 'euler')": lambda *_: 1,
+    "elements('geom', 'type', 'box') + 10 * elements('geom', 'type', 'torus')": lambda *_: 2,
     "elements('body/geom', 'euler') + elements('geom', 'type')": lambda *_: 3,
     "any(site_bodyid == 3) or largest(mesh_vertnum) > 0": lambda *_: 0,
 }
@@ -122,3 +125,13 @@ def test_a_singular_inertia_is_seen() -> None:
     text = text.replace('<jointpos joint="hinge"/>', "")
     model = mujoco.MjModel.from_xml_string(text)
     assert FieldExpression("singular_inertia").evaluate_facts(ModelFacts(model)) == 1
+
+
+def test_sensors_that_record_runs_are_not_those_of_the_model() -> None:
+    """A scene gets sensors of its energy; a predicate about sensors does not meet them."""
+    base = compile_scene(find_scene("ball_drop"), {}).model
+    assert base.nsensor
+    facts = ModelFacts(base)
+    found = FieldExpression("any(sensor_type == 'e_potential')").evaluate_facts(facts)
+    assert not found
+    assert len(facts.read_value("sensor_dim")) == 0

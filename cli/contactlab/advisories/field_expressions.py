@@ -12,7 +12,7 @@ import ast
 import operator
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from functools import cache, reduce
+from functools import cache, cached_property, reduce
 from typing import Any, ClassVar
 
 import mujoco
@@ -22,6 +22,7 @@ from contactlab.engines.self_checks import measure_equation_error
 from contactlab.expression import CheckedText, Checker, ExpressionError, NoValueError, call
 from contactlab.mjcf import OPTIONS
 from contactlab.numerical_tolerance import ROUNDING
+from contactlab.scene.compile_model import SENSOR_PREFIX
 from contactlab.scene.contact_pairs import geom_pairs, touch_mask
 from contactlab.scene.model_edits import FLAG_NAMES, read_flag, read_option
 from contactlab.scene.model_xml import Elements
@@ -90,12 +91,20 @@ class ModelFacts:
             value = reduce(lambda part, word: getattr(part, word, None), name.split("."), owner)
             if value is not None:
                 break
+        if name.startswith("sensor_") and isinstance(value, np.ndarray):
+            value = value[self._is_own_sensor]
         if name in _ENUMS and value is not None:
             words = _words_of(*_ENUMS[name])
             return np.array([words.get(int(number), "") for number in value], dtype=str)
         if name.startswith("_") or not isinstance(value, int | float | np.ndarray):
             return self._refuse_name(name)
         return np.asarray(value) if isinstance(value, np.ndarray) else value
+
+    @cached_property
+    def _is_own_sensor(self) -> np.ndarray:
+        # Others are added to record runs, after those of the model's files.
+        names = (self.model.sensor(place).name for place in range(self.model.nsensor))
+        return np.array([not name.startswith(SENSOR_PREFIX) for name in names], bool)
 
     def read_row(self, name: str, *index: str | float) -> Any:  # noqa: ANN401 - a number or array
         """Return the row of a named object, one number of it, or a column of all rows."""
@@ -114,12 +123,17 @@ class ModelFacts:
                 f"{name} has the shape {array.shape}; use a smaller index"
             ) from error
 
-    def count_elements(self, path: str, attribute: str) -> int:
-        """Return how many elements with an attribute have a path that ends like this one."""
+    def count_elements(self, path: str, attribute: str, value: str | None = None) -> int:
+        """Return how many elements with an attribute have a path that ends like this one.
+
+        With a value, only those count that have it.
+        """
         if self.list_elements is None:
             raise NoValueError("elements() needs the files of the model")
         return sum(
-            f"/{place}".endswith(f"/{path}") and attribute in values
+            f"/{place}".endswith(f"/{path}")
+            and attribute in values
+            and value in (None, values[attribute])
             for place, values in self.list_elements()
         )
 
@@ -331,7 +345,7 @@ class _FieldChecker(Checker, ast.NodeTransformer):
         return call("row", ast.Constant(name), *parts)
 
     def _accepts_count(self, name: str, count: int) -> bool:
-        return count == (2 if name in _OF_TWO else 1)
+        return count == (2 if name in _OF_TWO else 1) or (name == "elements" and count == 3)
 
     def _describe_arguments(self, name: str) -> str:
         return "two arguments" if name in _OF_TWO else "one argument"
