@@ -13,8 +13,8 @@ from contactlab.contact.trace_setup import Setup
 from contactlab.engines import Buffers, PreparedRuns
 from contactlab.engines.mujoco_engine import MujocoEngine
 from contactlab.engines.rollout_trace import make_trace
-from contactlab.engines.self_checks import measure_equation_error
 from contactlab.measure import assess_runs
+from contactlab.scene.equation_error import measure_equation_error
 from contactlab.scene.run_setup import make_setup
 from contactlab.scene.scene import Scene
 

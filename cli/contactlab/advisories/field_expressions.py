@@ -18,12 +18,12 @@ from typing import Any, ClassVar
 import mujoco
 import numpy as np
 
-from contactlab.engines.self_checks import measure_equation_error
 from contactlab.expression import CheckedText, Checker, ExpressionError, NoValueError, call
 from contactlab.mjcf import OPTIONS
 from contactlab.numerical_tolerance import ROUNDING
 from contactlab.scene.compile_model import SENSOR_PREFIX
 from contactlab.scene.contact_pairs import geom_pairs, touch_mask
+from contactlab.scene.equation_error import measure_equation_error
 from contactlab.scene.model_edits import FLAG_NAMES, read_flag, read_option
 from contactlab.scene.model_xml import Elements
 from contactlab.scene.mujoco_versions import enum_members, missing_flags

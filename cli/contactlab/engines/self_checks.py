@@ -27,6 +27,7 @@ from contactlab.engines.engine import (
 from contactlab.engines.mujoco_batch import driven_inputs, start_batch
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import colliding_geoms, touch_mask
+from contactlab.scene.equation_error import measure_equation_error
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.scene.model_edits import read_flag
 from contactlab.scene.run_setup import lighter_mass
@@ -162,21 +163,6 @@ def _jacobian_errors(
         known = left if np.isnan(residual[step]) else residual[step]
         errors[place] = known if decided else np.nan
     return worst, errors
-
-
-def measure_equation_error(model: mujoco.MjModel, data: mujoco.MjData) -> float:
-    """Return the residual of M a = f + J^T f_c(J a - a_ref) over its largest force.
-
-    It uses no factorization and no result of a solver except the acceleration.
-    """
-    mass, relative = np.zeros((model.nv, model.nv)), np.zeros(data.nefc)
-    mujoco.mj_fullM(model, data, mass)
-    acceleration = data.qacc.copy()
-    mujoco.mj_mulJacVec(model, data, relative, acceleration)
-    mujoco.mj_constraintUpdate(model, data, relative - data.efc_aref, None, False)
-    parts = mass @ acceleration, data.qfrc_smooth, data.qfrc_constraint
-    size = max(np.abs(parts).max(initial=0), np.finfo(float).tiny)
-    return float(np.abs(parts[0] - parts[1] - parts[2]).max(initial=0) / size)
 
 
 def _distance_errors(
