@@ -192,7 +192,7 @@ def add_parts() -> None:
     add_part("executor", _load_ray, "ray")
     add_part("executor", _load_slurm, "slurm")
     add_part("store", _load_object_storage, "az", "gs", "s3")
-    add_part("viewer", _load_film, "gif", "mcap", "mp4", "png", "rrd")
+    add_part("viewer", _load_film, "gif", "mcap", "mp4", "png", "rrd", "svg")
     add_part("viewer", _load_window, "window")
     add_part("wording", _load_geoms, "geoms")
     add_part("schema", _load_lock_schema, "lock")

@@ -11,8 +11,8 @@ const WORDS: Record<string, readonly string[]> = {
 // Fields of a row for each element, and their attributes.
 const ROWS = /^(geom|pair)_(friction|solref|solimp|condim|dim|margin|gap)$/;
 const WIDTHS: Record<string, number> = { geom_friction: 3, pair_friction: 5, solref: 2, solimp: 5 };
-// What the compiler derives, or what only a compiled model has.
-const DERIVED = /^(stat\.|body_(subtreemass|invweight0)|dof_|tendon_invweight0|actuator_acc0)/;
+// What the compiler derives, what only a compiled model has, and the groups that the page shows.
+const DERIVED = /^(geom_group$|stat\.|body_(subtreemass|invweight0)|dof_|tendon_invweight0|actuator_acc0)/;
 
 /** Values of each field as the patches leave it, over those of the model as compiled. */
 export type Reader = (field: string) => ArrayLike<number> | number | undefined;

@@ -42,7 +42,7 @@ def test_the_file_is_named_on_stdout_and_the_scale_on_stderr(
     [
         (("-o", "run.avi"), "cannot write run.avi: end its name in .gif, .mcap, .mp4, "),
         (("-o", "none/run.png"), "cannot write none/run.png: there is no folder none"),
-        (("-o", "run.mp4", "--at", "0.1"), "--at is for .png only; leave it out for .mp4"),
+        (("-o", "run.mp4", "--at", "0.1"), "--at is for .png and .svg only; leave it out for .mp4"),
         (("-o", "run.png", "--at", "9"), "--at 9: choose a time within the run, 0 to 0.3 s"),
         (("-o", "run.png", "--at", "nan"), "--at nan: write a number"),
         (

@@ -135,19 +135,30 @@ def test_a_page_has_a_tab_of_reality_only_where_runs_were_compared(
         assert ('href="#reality"' in (tmp_path / "page.html").read_text()) == has
 
 
-def test_a_page_without_films_says_why_and_which_command_draws_one(
-    swept: Swept, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("drawable", [True, False])
+def test_a_page_without_films_has_drawings_or_the_reason(
+    swept: Swept, monkeypatch: pytest.MonkeyPatch, *, drawable: bool
 ) -> None:
     def load() -> None:
         raise OutputError("it needs av")
 
-    viewers = dict.fromkeys(("gif", "png"), SimpleNamespace(load=load))
-    monkeypatch.setattr(page_pictures, "extensions", lambda _: viewers)
+    found = dict(page_pictures.extensions("viewer"))
+    found |= dict.fromkeys(
+        ("gif", "png") if drawable else ("gif", "png", "svg"), SimpleNamespace(load=load)
+    )
+    monkeypatch.setattr(page_pictures, "extensions", lambda _: found)
     data = read_report_data(swept("bounce"))
-    films = header_films(data, None)
-    run = films.command.split()[3]
-    assert films == ([], "it needs av", f"contactlab render {data.store.address} {run} -o run.mp4")
-    assert data.store.record(run)
+    films = header_films(data, None, drawn=False)
+    assert films.missing == ("" if drawable else "it needs av")
+    assert [(film.label, film.moves) for film in films.drawn] == [("stable", False)] * drawable
+    for film in films.drawn:
+        assert film.source.startswith("data:image/svg+xml;base64,")
+        assert data.store.record(film.run)
+    first = first_look(data)
+    assert first is not None
+    focal = page_pictures.focal_picture(data, first[0])
+    assert (focal is not None) == drawable
+    assert not header_films(data, first[0], drawn=True).missing
 
 
 @pytest.mark.long
@@ -160,12 +171,11 @@ def test_the_head_has_films_of_a_stable_and_of_the_worst_run(swept: Swept) -> No
     data = read_report_data(swept("bounce"))
     first = first_look(data)
     assert first is not None
-    stable, worst = header_films(data, first[0]).drawn
+    stable, worst = header_films(data, first[0], drawn=True).drawn
     assert stable.label == "stable"
     assert (worst.run, worst.label) == first
     for film in (stable, worst):
         assert film.source.startswith("data:image/gif;base64,R0lGOD")
-    none = header_films(read_report_data(swept("tradeoff")), None)
+    none = header_films(read_report_data(swept("tradeoff")), None, drawn=False)
     assert not none.drawn
-    assert not none.command
     assert "no trace of run" in none.missing

@@ -33,7 +33,7 @@ MODEL = """
     <body name="thing" pos="0.3 0.2 0.1">
       <freejoint/>
       <geom name="it" pos="0.1 -0.2 0.3" quat="0.5 -0.1 0.7 0.2" {geom} material="red"/>
-      <geom name="hidden" size="0.1" group="3"/>
+      <geom name="hidden" size="0.1" group="3" pos="0.1 -0.2 0.3"/>
       <geom name="clear" size="0.1" rgba="1 1 1 0"/>
     </body>
     <body pos="0 0 5"><joint type="hinge"/><geom name="proxy" size="0.1" group="4"/>

@@ -48,15 +48,15 @@ def render(
         str | Path | None,
         Option(
             "FILE|FOLDER",
-            "File to write: .mcap (Foxglove, Lichtblick), .rrd (Rerun), .mp4, .gif or .png; or a "
-            "folder for traces as messages. MuJoCo's viewer by default.",
+            "File to write: .mcap (Foxglove, Lichtblick), .rrd (Rerun), .mp4, .gif, .png or "
+            ".svg; or a folder for traces as messages. MuJoCo's viewer by default.",
             kind=Path,
             short="-o",
         ),
     ] = None,
     at: Annotated[
         Sequence[float],
-        Option("SECONDS", "Time of a .png; may be repeated.", kind=list[float]),
+        Option("SECONDS", "Time of a .png or .svg; may be repeated.", kind=list[float]),
     ] = (),
     speed: Annotated[
         float | None, Option(None, "Playback speed of a film; 0.1 is slow motion.")

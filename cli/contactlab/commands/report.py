@@ -81,7 +81,10 @@ def report(
     ] = None,
     live: Annotated[
         bool,
-        flag("Write an interactive page, which simulates runs; by default STORE.live.html."),
+        flag(
+            "Write an interactive page, which simulates runs; by default STORE.live.html. In a "
+            "checkout, `make live` first builds its script with npm and Node.js 20."
+        ),
     ] = False,
     run: Annotated[
         Sequence[str],

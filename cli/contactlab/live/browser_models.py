@@ -23,6 +23,7 @@ from contactlab.scene.effects.effect_table import remove_from_spec
 from contactlab.scene.model_draft import fields_of
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
+from contactlab.view.drawn_shapes import VISIBLE_GROUPS, drawn_geoms
 
 Numbers = NDArray[np.float64] | NDArray[np.float32]
 Change = tuple[list[int], list[float]]  # flat indices in a field, and the numbers there
@@ -166,6 +167,12 @@ def model_changes(before: mujoco.MjModel, after: mujoco.MjModel) -> dict[str, Ch
         for name, value in new.items()
         if value.tobytes() != old[name].tobytes()
     }
+
+
+def shown_groups(model: mujoco.MjModel) -> dict[str, Change]:
+    """Return visible groups for geoms of hidden groups that are drawn, by the field of groups."""
+    geoms = np.flatnonzero(drawn_geoms(model) & (model.geom_group >= VISIBLE_GROUPS)).tolist()
+    return {"geom_group": (geoms, [VISIBLE_GROUPS - 1] * len(geoms))} if geoms else {}
 
 
 def array_difference(before: np.ndarray, after: np.ndarray) -> Change:

@@ -16,7 +16,12 @@ import numpy as np
 
 from contactlab.errors import ContactlabError, OutputError
 from contactlab.live.browser_build import BrowserBuild, find_build
-from contactlab.live.browser_models import BrowserModel, array_difference, model_changes
+from contactlab.live.browser_models import (
+    BrowserModel,
+    array_difference,
+    model_changes,
+    shown_groups,
+)
 from contactlab.live.live_runs import LiveRun, LiveRuns, Slider, Switch, Variant
 from contactlab.live.sliders import value_text
 from contactlab.live.surfaces import Texture
@@ -214,7 +219,7 @@ class _PageContent:
     def _variant_entry(self, variant: Variant, base: mujoco.MjModel) -> dict[str, Any]:
         return {
             "model": variant.base,
-            "fields": model_changes(base, variant.model),
+            "fields": model_changes(base, variant.model) | shown_groups(base),
             "parts": pack_columns(variant.parts),
             "inputs": self._input_place(variant),
             "steps": variant.steps,

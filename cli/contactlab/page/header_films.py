@@ -1,4 +1,4 @@
-"""Pictures of a page: the worst moment next to the best run, and films of both."""
+"""Pictures of a page: the worst moment next to the best run, and films of both, or drawings."""
 
 import base64
 import tempfile
@@ -10,9 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from contactlab.errors import ContactlabError, OutputError, StoreError
+from contactlab.errors import ContactlabError, OutputError, SceneError
 from contactlab.plugins import extensions
-from contactlab.printable import shell_word
 from contactlab.reporting.report import ReportData
 from contactlab.store.finished_store import Store
 
@@ -33,14 +32,14 @@ class HeaderFilm(NamedTuple):
     run: str
     label: str
     source: str
+    moves: bool = True  # whether it is a film, not a drawing of one moment
 
 
 class Films(NamedTuple):
-    """Films of a page; or the reason for none, and the command that draws one then."""
+    """Films of a page, or the reason for none."""
 
     drawn: list[HeaderFilm]
     missing: str = ""
-    command: str = ""
 
 
 class FocalPicture(NamedTuple):
@@ -67,10 +66,21 @@ def focal_picture(data: ReportData, worst: str | None) -> FocalPicture | None:
         begins = [entry.step for entry in record.labels if entry.step is not None]
         time = float(times[min(begins[0], len(times) - 1)]) if begins else float(times[-1])
         path = Path(folder) / "moment.png"
-        _load_viewer("png")(
-            store, worst, path, size=_FOCAL_SIZE, camera=None, speed=None, at=(time,), beside=best
-        )
-        return FocalPicture(worst, record.label, best, time, _encode_picture(path, "png"))
+        try:
+            _load_viewer("png")(
+                store,
+                worst,
+                path,
+                size=_FOCAL_SIZE,
+                camera=None,
+                speed=None,
+                at=(time,),
+                beside=best,
+            )
+            source = _encode_picture(path, "png")
+        except (OutputError, SceneError):
+            source = _draw_moment(store, Moment(worst, "", time, time, "", best))
+        return FocalPicture(worst, record.label, best, time, source)
     return None
 
 
@@ -78,21 +88,48 @@ def _encode_picture(path: Path, kind: str) -> str:
     return f"data:image/{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"
 
 
-def header_films(data: ReportData, worst: str | None) -> Films:
-    """Return films of a stable run, the recommended one if there is one, and of the worst."""
-    films, none = list[HeaderFilm](), Films([])
+def header_films(data: ReportData, worst: str | None, *, drawn: bool) -> Films:
+    """Return films of a stable run, the recommended one if there is one, and of the worst.
+
+    If a film needs a package that is not installed, or OpenGL, there is a drawing of the last
+    moment of the run, unless the moment of the worst is drawn already.
+    """
+    films, missing = list[HeaderFilm](), ""
     for run in dict.fromkeys(filter(None, (_find_stable_run(data), worst))):
         try:
             films += film_of(data.store, run)
+        except (OutputError, SceneError) as error:
+            missing = "" if drawn else str(error)
+            films += [] if drawn else _drawing_of(data.store, run)
         except ContactlabError as error:
-            none = _explain_missing(data.store, run, error)
-    return Films(films) if films else none
+            missing = str(error)
+    return Films(films, "" if films else missing)
 
 
-def _explain_missing(store: Store, run: str, error: ContactlabError) -> Films:
-    """Return the reason why a run has no film, and a command unless it would fail too."""
-    command = f"contactlab render {shell_word(store.address)} {run[:8]} -o run.mp4"
-    return Films([], str(error), "" if isinstance(error, StoreError) else command)
+def _drawing_of(store: Store, run: str) -> Iterator[HeaderFilm]:
+    record = store.record(run)
+    with suppress(ContactlabError):
+        end = float(store.trace(record).time[-1])
+        source = _draw_moment(store, Moment(run, "", end, end, ""))
+        yield HeaderFilm(run, record.label, source, moves=False)
+
+
+def _draw_moment(store: Store, moment: "Moment") -> str:
+    """Draw the begin of a moment without OpenGL and other packages, as the source of an image."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "moment.svg"
+        _load_viewer("svg")(
+            store,
+            moment.run,
+            path,
+            size=_SIZE_OF_MOMENT,
+            camera=None,
+            speed=None,
+            at=(moment.begin,),
+            beside=moment.beside,
+            around=moment.body or None,
+        )
+        return _encode_picture(path, "svg+xml")
 
 
 def _find_stable_run(data: ReportData) -> str | None:
@@ -114,7 +151,10 @@ class Moment(NamedTuple):
 
 
 def film_of_moment(store: Store, moment: Moment) -> Films:
-    """Return a film in slow motion of the time around a moment, from near the body."""
+    """Return a film in slow motion of the time around a moment, from near the body.
+
+    If a film needs a package that is not installed, or OpenGL, the moment is drawn.
+    """
     between = max(moment.begin - _BEFORE * _SHOWN, 0.0), moment.end + (1 - _BEFORE) * _SHOWN
     try:
         with tempfile.TemporaryDirectory() as folder:
@@ -132,8 +172,14 @@ def film_of_moment(store: Store, moment: Moment) -> Films:
                 around=moment.body,
             )
             return Films([HeaderFilm(moment.run, moment.words, _encode_picture(path, "gif"))])
+    except (OutputError, SceneError) as error:
+        try:
+            drawing = _draw_moment(store, moment)
+        except ContactlabError:
+            return Films([], str(error))
+        return Films([HeaderFilm(moment.run, moment.words, drawing, moves=False)])
     except ContactlabError as error:
-        return _explain_missing(store, moment.run, error)
+        return Films([], str(error))
 
 
 def _load_viewer(kind: str) -> Any:  # noqa: ANN401 - a function

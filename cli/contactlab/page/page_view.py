@@ -297,13 +297,14 @@ def head_view(
     first = first_look(data)
     pictured = first[0] if first else None
     drawn = request.traces and request.examination is None
+    focal = focal_picture(data, pictured) if drawn else None
     return HeadView(
         finding=request.examination.headline
         if request.examination
         else write_finding(data.axes, data.labels, share_words(data.store)),
         reality=reality.sentence if reality else "",
-        films=header_films(data, pictured) if drawn else Films([]),
-        focal=focal_picture(data, pictured) if drawn else None,
+        films=header_films(data, pictured, drawn=focal is not None) if drawn else Films([]),
+        focal=focal,
         first=first,
         notes=(*notes, *trace_warning(data.store)),
     )

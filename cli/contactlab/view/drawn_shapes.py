@@ -6,6 +6,7 @@ from typing import Literal
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats, Integers
 
@@ -41,6 +42,7 @@ _SURFACE_TYPES = {
     for kind in (_GEOM_TYPES.mjGEOM_MESH, _GEOM_TYPES.mjGEOM_SDF, _GEOM_TYPES.mjGEOM_HFIELD)
 }
 _NO_VERTICES = np.empty((0, 3))
+VISIBLE_GROUPS = 3  # of geoms, from 0: MuJoCo's viewers hide the groups above
 _NO_TRIANGLES = np.empty((0, 3), np.int32)
 
 
@@ -59,20 +61,34 @@ def body_poses(model: mujoco.MjModel, qpos: Floats) -> tuple[Floats, Floats]:
     return positions, rotations
 
 
+def drawn_geoms(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Return whether each geom is drawn: groups 0 to 2, and other groups where none of these is.
+
+    A geom of another group, such as a collision geom, is drawn if its centre lies in no box around
+    a geom of groups 0 to 2 of the same rigid body. MuJoCo's viewers hide it, even if the robot has
+    no other geoms.
+    """
+    opaque = np.array([bool(_geom_colour(model, geom)[3]) for geom in range(model.ngeom)], bool)
+    shown = opaque & (model.geom_group < VISIBLE_GROUPS)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    axes = data.geom_xmat.reshape(-1, 3, 3)
+    centres, halves = model.geom_aabb[:, :3], model.geom_aabb[:, 3:]
+    middles = data.geom_xpos + np.einsum("gij,gj->gi", axes, centres)
+    rigid = model.body_weldid[model.geom_bodyid]
+    drawn = shown.copy()
+    for geom in np.flatnonzero(opaque & ~shown).tolist():
+        others = np.flatnonzero(shown & (rigid == rigid[geom]))
+        away = np.einsum("gij,gi->gj", axes[others], middles[geom] - data.geom_xpos[others])
+        covers = (np.abs(away - centres[others]) <= halves[others]).all(axis=1)
+        drawn[geom] = not covers.any()
+    return drawn
+
+
 def body_shapes(model: mujoco.MjModel) -> tuple[BodyShape, ...]:
-    """Return the drawn parts: geoms of groups 0 to 2, or all geoms of a body without such."""
-    # MuJoCo's viewers also hide the groups above.
-    visible_groups = 3
-    low = model.geom_group < visible_groups
-    visible_bodies = set(model.geom_bodyid[low].tolist())
-    geoms = [
-        geom
-        for geom in range(model.ngeom)
-        if low[geom] or int(model.geom_bodyid[geom]) not in visible_bodies
-    ]
-    return tuple(
-        shape for geom in geoms if _geom_colour(model, geom)[3] for shape in _shapes_of(model, geom)
-    )
+    """Return the parts of the drawn geoms."""
+    geoms = np.flatnonzero(drawn_geoms(model)).tolist()
+    return tuple(shape for geom in geoms for shape in _shapes_of(model, geom))
 
 
 def _shapes_of(model: mujoco.MjModel, geom: int) -> Iterator[BodyShape]:

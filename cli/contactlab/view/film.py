@@ -31,6 +31,7 @@ from contactlab.run.stored_runs import PreparedReplay
 from contactlab.step_progress import count_steps
 from contactlab.store.atomic_files import atomic_write
 from contactlab.view.drawn_motion import BodyMotion, Stage, frame_times, nearest_indices
+from contactlab.view.drawn_shapes import VISIBLE_GROUPS, drawn_geoms
 
 Picture = NDArray[np.uint8]
 
@@ -148,7 +149,12 @@ def draw_pictures(
 
 
 def set_looks(model: mujoco.MjModel, size: tuple[int, int]) -> None:
-    """Prepare a model for pictures of a size: bright, with translucent moving bodies."""
+    """Prepare a model for pictures of a size: bright, with translucent moving bodies.
+
+    Geoms that are drawn get a group that MuJoCo's renderer shows.
+    """
+    hidden = drawn_geoms(model) & (model.geom_group >= VISIBLE_GROUPS)
+    model.geom_group[hidden] = VISIBLE_GROUPS - 1
     model.vis.global_.offwidth, model.vis.global_.offheight = size
     # A texel of the map of shadows per pixel: with three, software takes twice the time.
     model.vis.quality.shadowsize = min(2048, max(size))

@@ -16,12 +16,14 @@ from contactlab.run.stored_runs import PreparedReplay, prepare_replay
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredTrace
+from contactlab.view.drawing import write_drawing
 from contactlab.view.drawn_motion import (
     BodyMotion,
     Stage,
     arrow_scale,
     failing_pair,
     follow_body,
+    nearest_indices,
     picture_times,
     read_motion,
     run_events,
@@ -35,7 +37,7 @@ if TYPE_CHECKING:
 
 _VIEWER_SUFFIXES = (".mcap", ".rrd")
 _FILM_RATES = {".mp4": 30, ".gif": 25}  # frames per second
-_SHEET_SUFFIX = ".png"
+_SHEET_SUFFIXES = (".png", ".svg")
 # Frames per second of viewers' files, and of the steps that a sheet's arrows represent.
 _FRAME_RATE = 60.0
 _MOMENT_COUNT, _MOMENT_COUNT_OF_TWO = 6, 3
@@ -67,7 +69,7 @@ _DEFAULT_OPTIONS = PictureOptions()
 def render_run(
     store: Store, run: str, target: Path, options: PictureOptions = _DEFAULT_OPTIONS
 ) -> BodyMotion:
-    """Write a stored run as .mcap with a 3D layer, .rrd, .mp4, .gif or .png.
+    """Write a stored run as .mcap with a 3D layer, .rrd, .mp4, .gif, .png or .svg.
 
     Everything comes from the stored trace and scene; nothing is simulated again. An OutputError
     reports a wrong suffix, option, file or library, a StoreError that there is no such run or
@@ -134,6 +136,8 @@ def _write_pictures(
 ) -> BodyMotion:
     """Write a film or a sheet of one run, or of two with the same view."""
     suffix = target.suffix.lower()
+    if suffix == ".svg":
+        return _draw_moments(runs, target, options)
     with optional("view", target.suffix):
         from contactlab.view.film import (  # noqa: PLC0415 - an extra
             side_by_side,
@@ -142,30 +146,16 @@ def _write_pictures(
             write_sheet,
         )
     rate = _FILM_RATES.get(suffix, _FRAME_RATE) / (options.speed or 1.0)
-    is_sheet = suffix == _SHEET_SUFFIX
+    is_sheet = suffix in _SHEET_SUFFIXES
     most = _MOMENT_COUNT if len(runs) == 1 else _MOMENT_COUNT_OF_TWO
     moments = {time for run in runs for time in _sheet_times(*run, most)} if is_sheet else ()
     times = options.at or sorted(moments)
     pictures = [_run_pictures(*run, rate, times, options) for run in runs]
     if len(pictures) > 1:
-        # Both runs have one view that includes both, with arrows of one scale.
-        motions = [picture.motion for picture in pictures]
-        low = np.min([motion.centre - motion.radius for motion in motions], axis=0)
-        high = np.max([motion.centre + motion.radius for motion in motions], axis=0)
-        centre = (low + high) / 2
-        radius = max(
-            float(np.linalg.norm(motion.centre - centre)) + motion.radius for motion in motions
-        )
-        forces = np.concatenate([motion.forces.force for motion in motions])
-        scale, longest = arrow_scale(forces, radius)
-        shared = {
-            "stage": Stage(centre, radius),
-            "scale": scale,
-            "longest": longest,
-            "followed": None,
-        }
+        motions = _share_view([picture.motion for picture in pictures])
         pictures = [
-            replace(picture, motion=replace(picture.motion, **shared)) for picture in pictures
+            replace(picture, motion=motion)
+            for picture, motion in zip(pictures, motions, strict=True)
         ]
     if is_sheet:
         sheets = [iter(picture.draw_sheet(times)) for picture in pictures]
@@ -180,6 +170,50 @@ def _write_pictures(
             target, side_by_side(*films) if len(films) > 1 else films[0], _FILM_RATES[suffix]
         )
     return pictures[0].motion
+
+
+def _draw_moments(
+    runs: Sequence[tuple[PreparedReplay, StoredTrace]], target: Path, options: PictureOptions
+) -> BodyMotion:
+    """Write moments of one run, or of two with the same view, as one drawing."""
+    if options.camera is not None:
+        raise OutputError("--camera is for films and .png; leave it out for .svg")
+    most = 1 if len(runs) > 1 else _MOMENT_COUNT_OF_TWO
+    times = options.at or sorted({time for run in runs for time in _sheet_times(*run, most)})
+    motions = [
+        _follow_pair(
+            read_motion(replay.prepared, trace, _FRAME_RATE, times), replay, trace, options
+        )
+        for replay, trace in runs
+    ]
+    if len(motions) > 1:
+        motions = _share_view(motions)
+    moments = [
+        (motion, frame, f"{motion.time[frame]:.3f} s  {run.record.run_id[:8]}: {run.record.label}")
+        for time in times
+        for motion, (run, _) in zip(motions, runs, strict=True)
+        for frame in nearest_indices(motion.time, np.array([time])).tolist()
+    ]
+    write_drawing(target, moments, options.size or (480, 360))
+    return motions[0]
+
+
+def _share_view(motions: Sequence[BodyMotion]) -> list[BodyMotion]:
+    """Return motions with one view that includes all, and arrows of one scale."""
+    low = np.min([motion.centre - motion.radius for motion in motions], axis=0)
+    high = np.max([motion.centre + motion.radius for motion in motions], axis=0)
+    centre = (low + high) / 2
+    radius = max(
+        float(np.linalg.norm(motion.centre - centre)) + motion.radius for motion in motions
+    )
+    scale, longest = arrow_scale(
+        np.concatenate([motion.forces.force for motion in motions]), radius
+    )
+    stage = Stage(centre, radius)
+    return [
+        replace(motion, stage=stage, scale=scale, longest=longest, followed=None)
+        for motion in motions
+    ]
 
 
 def _sheet_times(replay: PreparedReplay, trace: StoredTrace, most: int) -> list[float]:
@@ -203,12 +237,8 @@ def _run_pictures(
     if recorded:
         ghosts = np.stack([recorded[frame] for frame in range(len(qpos))])
         motion = widen_stage(motion, *body_poses(model, np.where(np.isnan(ghosts), qpos, ghosts)))
-    pair = failing_pair(replay.record, trace.pairs)
-    bodies = [] if pair is None else _pair_bodies(replay, pair)
-    if options.around is not None:
-        bodies = [body for body, name in enumerate(motion.bodies) if name == options.around]
-    if bodies and options.camera is None and not recorded:
-        motion = follow_body(motion, bodies) or motion
+    if options.camera is None and not recorded:
+        motion = _follow_pair(motion, replay, trace, options)
     begins = [(label.step, label.label) for label in replay.record.labels if label.step is not None]
     said = {int(np.searchsorted(motion.rows, step)): label for step, label in reversed(begins)}
     size = options.size or (640, 480)
@@ -216,20 +246,32 @@ def _run_pictures(
     return RunPictures(replay, motion, qpos, size, options.camera, recorded, said, between)
 
 
-def _pair_bodies(replay: PreparedReplay, name: str) -> list[int]:
-    [pair] = [known for known in replay.runs.base.pairs if known.name == name]
-    return [int(replay.prepared.model.geom_bodyid[geoms[0]]) for geoms in pair.geoms]
+def _follow_pair(
+    motion: BodyMotion, replay: PreparedReplay, trace: StoredTrace, options: PictureOptions
+) -> BodyMotion:
+    """Return a motion with a camera that follows the requested body, or the failing pair."""
+    if options.around is not None:
+        bodies = [body for body, name in enumerate(motion.bodies) if name == options.around]
+    else:
+        name, geom_bodies = (
+            failing_pair(replay.record, trace.pairs),
+            replay.prepared.model.geom_bodyid,
+        )
+        pairs = [pair for pair in replay.runs.base.pairs if pair.name == name]
+        bodies = [int(geom_bodies[geoms[0]]) for pair in pairs for geoms in pair.geoms]
+    return (follow_body(motion, bodies) if bodies else None) or motion
 
 
 def _check_options(target: Path, options: PictureOptions) -> None:
     suffix = target.suffix.lower()
-    known = (*_VIEWER_SUFFIXES, *_FILM_RATES, _SHEET_SUFFIX)
+    known = (*_VIEWER_SUFFIXES, *_FILM_RATES, *_SHEET_SUFFIXES)
     if suffix not in known:
         raise OutputError(f"cannot write {target}: end its name in {', '.join(known)}")
     if not target.parent.is_dir():
         raise OutputError(f"cannot write {target}: there is no folder {target.parent}")
-    if options.at and suffix != _SHEET_SUFFIX:
-        raise OutputError(f"--at is for {_SHEET_SUFFIX} only; leave it out for {suffix}")
+    if options.at and suffix not in _SHEET_SUFFIXES:
+        known = " and ".join(_SHEET_SUFFIXES)
+        raise OutputError(f"--at is for {known} only; leave it out for {suffix}")
     if options.speed is not None and suffix not in _FILM_RATES:
         raise OutputError(
             f"--speed is for {' and '.join(_FILM_RATES)} only; leave it out for {suffix}"
