@@ -21,7 +21,7 @@ from contactlab.scene.scene_source import find_scene
 from contactlab.schema.advisory import Advisory, AffectedReleases
 from contactlab.studies.advisories.checking import check_advisories
 from contactlab.studies.examine.engine_faults import (
-    list_advisory_facts,
+    find_met_faults,
     list_workarounds,
 )
 from contactlab.studies.lock.versions import list_supported_releases
@@ -237,13 +237,13 @@ def test_an_examination_repairs_a_met_fault_by_its_workaround(sparse_is_wrong: A
     scene = find_scene("ball.xml")
     motion = move_freely(AFFECTED)
     model = motion.model
-    (fact,) = list_advisory_facts([motion], [0.0], scene)
+    (fact,) = find_met_faults([motion], [0.0], scene).facts
     assert fact.place == sparse_is_wrong.id
     (workaround,) = list_workarounds(model, scene)
     assert workaround.settings == {"jacobian": "dense"}
     assert sparse_is_wrong.id in workaround.sentence
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    assert not [*list_advisory_facts([motion], [0.0], scene)]
+    assert not find_met_faults([motion], [0.0], scene).facts
 
 
 @pytest.mark.parametrize(("height", "acts"), [(0.16, True), (5.0, False)])
@@ -251,7 +251,12 @@ def test_an_examination_says_whether_a_fault_acts_in_the_run(
     height: float, acts: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # A ball that falls from 5 m does not land within 200 steps of 2 ms.
-    changes = {"affected": [{"introduced": "0"}], "occurs": "ncon > 0"}
+    way = {"modification": "jacobian", "settings": {"jacobian": "dense"}}
+    changes = {
+        "affected": [{"introduced": "0"}],
+        "occurs": "ncon > 0",
+        "workarounds": [way],
+    }
     advisory = read_advisory(written(tmp_path, **changes))
     monkeypatch.setattr("contactlab.advisories.met_advisories.list_advisories", lambda: (advisory,))
     (tmp_path / "ball.xml").write_text(AFFECTED)
@@ -261,8 +266,9 @@ def test_an_examination_says_whether_a_fault_acts_in_the_run(
         <body pos="0 0 {height}"><freejoint/><geom size=".1"/></body></worldbody></mujoco>""",
         200,
     )
-    (fact,) = list_advisory_facts([motion], [0.0], find_scene("ball.xml"))
-    assert fact.value == acts
+    met = find_met_faults([motion], [0.0], find_scene("ball.xml"))
+    (fact,) = met.facts
+    assert fact.value == acts == met.acts
     # It falls 60 mm in .11 s, and each window has 20 ms.
     assert ("in this run, from 0.12 s" in fact.sentence) == acts
     assert ("but not in this run" in fact.sentence) != acts

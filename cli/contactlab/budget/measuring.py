@@ -140,13 +140,23 @@ def steps_of(motions: Iterable[Motion]) -> int:
     return sum(motion.seeds * motion.steps for motion in motions)
 
 
-def affordable(motions: Sequence[Motion], settings: Settings, seconds: float) -> tuple[str, ...]:
-    """Return the rows that are measured within so much CPU [s]: all, or those that can judge."""
+def affordable(
+    motions: Sequence[Motion], settings: Settings, seconds: float
+) -> tuple[tuple[str, ...], Settings]:
+    """Return the rows and the settings with which a budget takes so much CPU [s].
+
+    Rows that judge nothing are left out first. If the others would take twice that time, only the
+    run is measured, and, if that does too, by a first look.
+    """
     rows = [row for row in list_rows() if any(row.applies(motion.model) for motion in motions)]
-    whole = evaluations(motions[0].model, settings, rows) * steps_of(motions)
-    judging = {"numerics", "model"}
-    fits = math.isinf(seconds) or whole * pace(motions) <= seconds
-    return tuple(row.name for row in rows if fits or row.kind in judging)
+    judging = [row for row in rows if row.kind in ("numerics", "model")]
+    quick = replace(settings, check=False, energy=False)
+    steps = 1.0 if math.isinf(seconds) else steps_of(motions) * pace(motions)
+    ladder = [(rows, settings, 1), (judging, settings, 2), ([], settings, 2), ([], quick, 2)]
+    for few, measured, times in ladder:
+        if evaluations(motions[0].model, measured, few) * steps <= times * seconds:
+            break
+    return tuple(row.name for row in few), measured
 
 
 class PhaseMeasure:

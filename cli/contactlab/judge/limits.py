@@ -80,7 +80,7 @@ class Limit:
 
 
 MILLIMETRES, MILLISECONDS = (1e3, " mm"), (1e3, " ms")
-PERCENT, PERCENT_PER_SECOND = (1e2, " %"), (1e2, " %/s")
+PERCENT = (1e2, " %")
 LIMITS: Registry[Limit] = Registry("limit")
 """By the name of a measure, which is unique among all checks; each check adds its own."""
 

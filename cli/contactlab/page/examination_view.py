@@ -25,7 +25,6 @@ from contactlab.schema.error_budget import BudgetPhase, BudgetReport, BudgetRow
 from contactlab.schema.examination import Examination
 from contactlab.store.finished_store import Store
 
-_TICKS = [float(f"{digits}e{power}") for power in range(-5, 3) for digits in (1, 1.5, 2, 3, 5, 7)]
 _MARGIN = 1.5  # room for names next to the fastest and the slowest, as a ratio of times
 _REMOVES, _REMAINS, _NOW = "removes the cause", "does not", "as written"
 

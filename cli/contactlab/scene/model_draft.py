@@ -61,6 +61,8 @@ class ModelEdits:
     # model fields.
     settings: Mapping[str, object] = field(default_factory=dict[str, object])
     masked: tuple[str, ...] = ()  # geoms that do not collide
+    # Geoms that collide with more, their `contype` or `conaffinity`, and its new bits.
+    opened: tuple[tuple[str, str, int], ...] = ()
     # Pairs of bodies that do not collide with each other.
     excluded: tuple[tuple[str, str], ...] = ()
     # Bodies of a URDF that are welded to the world and get a free joint.
@@ -120,6 +122,7 @@ def join_edits(some: Sequence[ModelEdits]) -> ModelEdits:
     return ModelEdits(
         settings={name: value for each in some for name, value in each.settings.items()},
         masked=tuple(dict.fromkeys(name for each in some for name in each.masked)),
+        opened=tuple(dict.fromkeys(mask for each in some for mask in each.opened)),
         excluded=tuple(dict.fromkeys(pair for each in some for pair in each.excluded)),
         freed=tuple(dict.fromkeys(name for each in some for name in each.freed)),
         fitted=tuple(dict(pair for each in some for pair in each.fitted).items()),
@@ -229,6 +232,8 @@ def edit_spec(spec: mujoco.MjSpec, edits: ModelEdits) -> None:
     for name in edits.masked:
         geom = _find_element(spec, "geom", name)
         geom.contype = geom.conaffinity = 0
+    for name, attribute, bits in edits.opened:
+        setattr(_find_element(spec, "geom", name), attribute, bits)
     for pair in edits.excluded:
         one, other = (_find_element(spec, "body", name).name for name in pair)
         spec.add_exclude(bodyname1=one, bodyname2=other)
@@ -456,6 +461,8 @@ def _attribute_edits(edits: ModelEdits) -> Iterator[tuple[str, str, str, str]]:
     """Yield the attributes that edits set: kind and name of an element, attribute and value."""
     for name, attribute in product(edits.masked, ("contype", "conaffinity")):
         yield "geom", name, attribute, "0"
+    for name, attribute, bits in edits.opened:
+        yield "geom", name, attribute, str(bits)
     for name, count in edits.hulls.items():
         yield "mesh", name, "maxhullvert", str(count)
     for name, primitive in edits.fitted:

@@ -101,6 +101,9 @@ class Fix(Model):
         "Bodies that begin elsewhere, and the `pos` that each then has.", default=()
     )
     masked_geoms: tuple[str, ...] = about("Geoms that collide no longer.", default=())
+    opened_geoms: tuple[tuple[str, str, int], ...] = about(
+        "Geoms that collide with more, their mask, and its new bits.", default=()
+    )
     error: FiniteOrNull = about("Remaining error of the reason; null if infinite.")
     distance_to_reference: FiniteOrNull = about(
         "From the model's motion at its finest step, or, against a modeling choice, from that "
@@ -125,6 +128,7 @@ class Fix(Model):
             or self.changed_keyframes
             or self.moved_bodies
             or self.masked_geoms
+            or self.opened_geoms
         )
 
     @property

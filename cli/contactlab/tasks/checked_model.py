@@ -170,9 +170,8 @@ class CheckedModel:
         Raises:
             EngineError: as of motions; or no observed body moves.
         """
-        return error_budget(
-            self.motions, rows=self._measured, settings=self.settings, workers=self.threads
-        )
+        rows, settings = self._measured
+        return error_budget(self.motions, rows=rows, settings=settings, workers=self.threads)
 
     def add_seeds(self) -> None:
         """Add three seeds to the task while some are above the tolerance and others are not.
@@ -190,7 +189,8 @@ class CheckedModel:
             known = self.budget.phases
             self.task = self.task.model_copy(update={"seeds": seeds})
             self.motions = self.motions_of(self.task)
-            more = error_budget(self.motions, rows=(), settings=self.settings, workers=self.threads)
+            settings = self._measured[1]
+            more = error_budget(self.motions, rows=(), settings=settings, workers=self.threads)
             self.budget = ErrorBudget(
                 tuple(
                     replace(phase, rows=before.rows)
@@ -199,19 +199,19 @@ class CheckedModel:
             )
 
     @cached_property
-    def _measured(self) -> Sequence[str]:
-        """The rows that its budget has."""
+    def _measured(self) -> tuple[Sequence[str], Settings]:
+        # The rows that its budget has, and how it is measured.
         if self.rows is not None:
-            return self.rows
+            return self.rows, self.settings
         return affordable(self.motions, self.settings, self.seconds)
 
     @property
     def unmeasured(self) -> tuple[str, ...]:
-        """The rows that there was no time to measure; none of them judges."""
+        """The rows that there was no time to measure."""
         if self.rows is not None:
             return ()
-        own = affordable(self.motions, self.settings, math.inf)
-        return tuple(row for row in own if row not in self._measured)
+        own, _ = affordable(self.motions, self.settings, math.inf)
+        return tuple(row for row in own if row not in self._measured[0])
 
     @cached_property
     def judged(self) -> Verdict:

@@ -14,7 +14,7 @@ from contactlab.advisories.met_advisories import (
     find_met_advisories,
 )
 from contactlab.budget.motion import INTEGRATION, Motion
-from contactlab.budget.windows import replay
+from contactlab.budget.windows import KEPT, replay
 from contactlab.mjcf import OPTIONS
 from contactlab.modifications.catalogue import CATALOGUE
 from contactlab.scene.model_edits import FLAG_NAMES
@@ -37,17 +37,27 @@ class EngineWorkaround(NamedTuple):
     sentence: str
 
 
-def list_advisory_facts(
-    motions: Sequence[Motion], begins: Sequence[float], source: SceneSource
-) -> Iterator[Fact]:
-    """Yield a fact for each advisory that a model meets under the installed engine.
+class MetFaults(NamedTuple):
+    """The advisories that a model meets under the installed engine.
 
-    Its value is 1 if the fault can act in the motions, whose phases begin at these times [s] of the
-    run, and 0 if it can act in none of their states that are looked at.
+    Attributes:
+        facts: a fact for each; its value is 1 if the fault can act in the motions, and 0 if it can
+            act in none of their states that are looked at.
+        acts: whether a fault was seen to act in a state, and a change of settings avoids it.
     """
+
+    facts: tuple[Fact, ...] = ()
+    acts: bool = False
+
+
+def find_met_faults(
+    motions: Sequence[Motion], begins: Sequence[float], source: SceneSource
+) -> MetFaults:
+    """Return the known faults that act in motions, whose phases begin at these times [s]."""
     model = motions[0].model
     met = find_met_advisories(model, elements=lambda: source.elements)
     times = _find_first_times([each for each in met if each.occurs], motions, begins)
+    facts = list[Fact]()
     for advisory in met:
         time = times.get(advisory.id)
         acts = time is None or math.isfinite(time)
@@ -55,9 +65,11 @@ def list_advisory_facts(
         if acts and time is not None:
             where = f" in this run, from {time:.2f} s"
         sentence = describe_met_advisory(advisory, verb=verb, where=where)
-        yield Fact(
-            kind="advisory", place=advisory.id, value=float(acts), unit="1", sentence=sentence
+        facts.append(
+            Fact(kind="advisory", place=advisory.id, value=float(acts), unit="1", sentence=sentence)
         )
+    seen = [each for each in met if math.isfinite(times.get(each.id, math.inf))]
+    return MetFaults(tuple(facts), any(each.workarounds for each in seen))
 
 
 def _find_first_times(
@@ -70,9 +82,21 @@ def _find_first_times(
     window = 0.02  # time between the states that are looked at [s]
     for motion, begin in zip(motions, begins, strict=True):
         run = replay(motion, window, 1)
-        for seed, place in np.argwhere(run.valid):
-            time = float(begin + run.begins[place] * model.opt.timestep)
-            mujoco.mj_setState(model, data, run.starts[seed, place], INTEGRATION)
+        states = [
+            (int(run.begins[place]), run.starts[seed, place], INTEGRATION)
+            for seed, place in np.argwhere(run.valid)
+        ]
+        # A fault that ends a run may act in few of its steps.
+        for warning in run.warnings:
+            first = int(run.begins[max(0, warning.window - 1)])
+            last = int(run.begins[warning.window]) + run.steps
+            kept = run.kept[warning.seed, first:last]
+            states += [(first + step, row, KEPT) for step, row in enumerate(kept)]
+        for step, state, spec in states:
+            if not np.isfinite(state).all():
+                continue
+            time = float(begin + step * model.opt.timestep)
+            mujoco.mj_setState(model, data, state, spec)
             mujoco.mj_forward(model, data)
             for advisory in advisories:
                 if time < times[advisory.id] and can_act(advisory, ModelFacts(model, data)):

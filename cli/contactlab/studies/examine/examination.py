@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import get_args
+from typing import NamedTuple, get_args
 
 from contactlab.budget import (
     Motion,
@@ -16,6 +16,7 @@ from contactlab.budget import (
     Trial,
     budget_report,
 )
+from contactlab.budget.measuring import pace, steps_of
 from contactlab.closed_loop.loop_margins import LoopStudy
 from contactlab.errors import SweepFileError
 from contactlab.judge.waivers import unused_waivers
@@ -44,7 +45,7 @@ from contactlab.studies.check.own_runs import describe_reference
 from contactlab.studies.examine.conclusion import conclude
 from contactlab.studies.examine.contact_values import measure_contacts, split_values
 from contactlab.studies.examine.design_causes import find_lost_grip, find_sagging_servo
-from contactlab.studies.examine.engine_faults import list_advisory_facts
+from contactlab.studies.examine.engine_faults import MetFaults, find_met_faults
 from contactlab.studies.examine.facts import facts
 from contactlab.studies.examine.field_passages import (
     FINER_GRID,
@@ -62,6 +63,7 @@ from contactlab.studies.examine.repaired_causes import (
     CauseRepairer,
     RepairedModel,
     add_lost_loop,
+    find_fall_through,
     find_fallen_start,
     list_file_causes,
 )
@@ -74,6 +76,7 @@ from contactlab.studies.examine.servo_table import (
 )
 from contactlab.studies.examine.verified_fixes import FixVerifier
 from contactlab.studies.grip.grip_fact import describe_grip, find_grip
+from contactlab.studies.search.counted_cost import CountedCost
 from contactlab.studies.verification import VerificationRequest, verify_change
 from contactlab.tasks.checked_model import CheckedModel, open_changed_model, open_model
 from contactlab.tasks.session import Session, Values
@@ -166,25 +169,17 @@ def run(request: ExamineRequest, session: Session) -> Examination:
         raise SweepFileError(
             f"--set {next(iter(values))}=... needs --section contacts, which finds its solref"
         )
-    examined = open_model(
-        request.model,
-        session,
-        request.task,
-        request.assign,
-        rows=None if wanted & {"budget", "fixes"} else (),
-        seconds=_BUDGETING * request.max_cpu,
-    )
-    if request.write is not None:
-        refuse_place(examined.scene.source, request.write.parent, request.write.name)
-    if wanted & _OF_MOTIONS and not examined.moves:
-        # It says why there are none, before anything is run.
-        examined.motions_of(examined.task)
-    if not wanted <= _NOT_JUDGED:
-        examined.add_seeds()
+    request, examined, met, left_out = _open_examined(request, session)
     task = examined.task
     session.claim(RESULTS, request.model)
     session.notify(f"examining {request.model}")
-    report = Examination(model=request.model, mujoco=VERSION, task=task, sections=request.sections)
+    report = Examination(
+        model=request.model,
+        mujoco=VERSION,
+        task=task,
+        sections=request.sections,
+        not_tried=left_out,
+    )
     if request.has_runs:
         request.begins("running its task")
         report = _run_task(report, examined)
@@ -201,7 +196,87 @@ def run(request: ExamineRequest, session: Session) -> Examination:
     if wanted <= _NOT_JUDGED:
         return judge_loops(report)
     with TemporaryDirectory(prefix="contactlab-") as folder:
-        return _measure_budget(request, report, examined, begun, (Path(folder), study))
+        return _measure_budget(request, report, examined, begun, (Path(folder), study, met))
+
+
+class _OpenedModel(NamedTuple):
+    """A model under examination.
+
+    Attributes:
+        request: with the task that there is time for.
+        examined: the model.
+        met: known faults of the engine.
+        left_out: parts of the task that there is no time for.
+    """
+
+    request: ExamineRequest
+    examined: CheckedModel
+    met: MetFaults
+    left_out: tuple[str, ...]
+
+
+def _open_examined(request: ExamineRequest, session: Session) -> _OpenedModel:
+    wanted = {*request.sections}
+    examined, task = _open_task(request, session), request.task
+    if request.write is not None:
+        refuse_place(examined.scene.source, request.write.parent, request.write.name)
+    if wanted & _OF_MOTIONS and not examined.moves:
+        # It says why there are none, before anything is run.
+        examined.motions_of(examined.task)
+    if wanted <= _NOT_JUDGED or not examined.moves:
+        return _OpenedModel(request, examined, MetFaults(), ())
+    task, left_out = _shorten_heavy_task(request, examined)
+    if left_out:
+        request = replace(request, task=task)
+        examined = _open_task(request, session)
+    met = MetFaults()
+    if wanted & {"facts", "fixes"}:
+        times = _list_begins(examined)
+        met = find_met_faults(examined.motions, times, examined.scene.source)
+    if met.acts and "fixes" in wanted:
+        # The model is judged by its forces without the fault.
+        examined.rows, examined.settings = (), replace(SETTINGS, check=False, energy=False)
+    examined.add_seeds()
+    return _OpenedModel(request, examined, met, left_out)
+
+
+def _open_task(request: ExamineRequest, session: Session) -> CheckedModel:
+    return open_model(
+        request.model,
+        session,
+        request.task,
+        request.assign,
+        rows=None if {*request.sections} & {"budget", "fixes"} else (),
+        seconds=_BUDGETING * request.max_cpu,
+    )
+
+
+def _shorten_heavy_task(
+    request: ExamineRequest, examined: CheckedModel
+) -> tuple[TaskOptions, tuple[str, ...]]:
+    """Return a task that there is CPU for, and the parts of the whole one that it lacks.
+
+    Seeds are left out first. What was requested is kept.
+    """
+    task, whole, left_out = request.task, examined.task, list[str]()
+    passes = 30  # over the task: its runs, checks, facts, and the shortest budget
+    motions, most = examined.motions, request.max_cpu / passes
+    measured = steps_of(motions) * pace(motions)
+    if measured < most:
+        return task, ()
+    # Counted work is the same on a busy machine, which may take twice as long; but it lacks flexes.
+    counted = CountedCost(motions, examined.prepared.model, examined.threads).pass_seconds
+    share = most / max(len(whole.seeds) * counted, measured / 2)
+    if task.seeds is None and share < 1:
+        seeds = max(1, int(share * len(whole.seeds)))
+        share *= len(whole.seeds) / seeds
+        task = replace(task, seeds=seeds)
+        left_out.append(f"{len(whole.seeds) - seeds} more seeds")
+    if task.duration is None and share < 1:
+        seconds = float(f"{share * whole.duration:.1g}")
+        task = replace(task, duration=seconds)
+        left_out.append(f"more than {seconds:g} s of {whole.duration:g} s")
+    return task, tuple(left_out)
 
 
 def _measure_rest(
@@ -246,14 +321,14 @@ def _measure_budget(
     report: Examination,
     examined: CheckedModel,
     begun: float,
-    place: tuple[Path, LoopStudy | None],
+    place: tuple[Path, LoopStudy | None, MetFaults],
 ) -> Examination:
     """Return a report with its budget, facts, fixes and verdict.
 
     The examination began when the process had used `begun` seconds of CPU. The place is a folder
-    for repaired models, and the study of the loop of a policy.
+    for repaired models, the study of the loop of a policy, and faults of the engine.
     """
-    folder, study = place
+    folder, study, met = place
     request.begins("measuring its error budget")
     if not examined.moves:
         return conclude(report)
@@ -262,6 +337,7 @@ def _measure_budget(
     faults = [*file.faults]
     if not any(fault.stage == "start" or fault.is_of_start for fault in faults):
         faults += find_fallen_start(examined)
+    faults += find_fall_through(examined)
     repaired = RepairedModel(examined, report.labels, tuple(list_file_causes(faults)))
     broken = next((fault.fix for fault in file.faults if fault.is_of_start), "")
     fixes, files = tuple[Fix, ...](), None
@@ -277,12 +353,9 @@ def _measure_budget(
     repaired = replace(repaired, causes=(*repaired.causes, *designs))
     if "fixes" in request.sections and not broken:
         repairer = _make_repairer(request, examined, report, folder, begun)
+        repairer = replace(repairer, meets_fault=met.acts)
         repaired = repairer.repair_model(report.labels, faults)
-        for cause in designs if not repaired.causes else ():
-            if grip is not None and cause.sentence == describe_grip(grip).sentence:
-                repaired = repairer.repair_grip(repaired, cause)
-            else:
-                repaired = replace(repaired, causes=(*repaired.causes, cause))
+        repaired = _repair_design(repairer, repaired, grip, designs)
         repaired = repairer.repair_loop(repaired, study, report.loop)
         files = repairer.list_files(repaired)
         # A replay of a loop that does not hold misleads.
@@ -297,7 +370,7 @@ def _measure_budget(
     tried = search.tried if search else ()
     if "facts" in request.sections:
         found = [
-            *list_advisory_facts(examined.motions, times, examined.scene.source),
+            *met.facts,
             *facts(examined.motions, times),
             *(() if designs else list_sagging_servos(report.servos)),
             *list_loop_facts(report.loop),
@@ -315,7 +388,7 @@ def _measure_budget(
             "causes": repaired.causes,
             "fixes": fixes,
             "rejected_fixes": (*repaired.rejected, *(verifier.rejected if verifier else ())),
-            "not_tried": (*examined.unmeasured, *skipped),
+            "not_tried": (*report.not_tried, *examined.unmeasured, *skipped),
         }
     )
     trials = len(tried) + search.label_trials if search else 0
@@ -328,6 +401,29 @@ def _measure_budget(
         search,
         files,
     )
+
+
+def _repair_design(
+    repairer: CauseRepairer,
+    repaired: RepairedModel,
+    grip: GripReport | None,
+    designs: Sequence[Cause],
+) -> RepairedModel:
+    """Return a model with causes of its design; those of a repaired model are found in its own."""
+    if repaired.fixes and repaired.word not in PASSING_VERDICTS:
+        examined = repaired.examined
+        if grip is not None:
+            model = examined.motions[0].model
+            grip = find_grip(examined.reference, model, examined.task.start)
+        designs = tuple(_list_design_causes(examined, grip))
+    elif repaired.causes:
+        designs = ()
+    for cause in designs:
+        if grip is not None and cause.sentence == describe_grip(grip).sentence:
+            repaired = repairer.repair_grip(repaired, cause)
+        else:
+            repaired = replace(repaired, causes=(*repaired.causes, cause))
+    return repaired
 
 
 def _list_begins(examined: CheckedModel) -> list[float]:

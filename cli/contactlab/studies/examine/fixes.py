@@ -73,6 +73,7 @@ def edits_of(fix: Fix, scene: Scene) -> ModelEdits:
         posed=fix.changed_keyframes,
         placed=fix.moved_bodies,
         masked=fix.masked_geoms,
+        opened=fix.opened_geoms,
     )
 
 
@@ -390,6 +391,7 @@ class FixSearch:
             changed_keyframes=edits.posed,
             moved_bodies=edits.placed,
             masked_geoms=edits.masked,
+            opened_geoms=edits.opened,
             error=tried.error,
             distance_to_reference=tried.distance_to_reference,
             distance_before=tried.distance_before,

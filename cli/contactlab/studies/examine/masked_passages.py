@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from copy import copy
+from dataclasses import replace
 from typing import NamedTuple
 
 import mujoco
@@ -10,14 +11,18 @@ from numpy.typing import NDArray
 
 from contactlab.budget.force_places import contact_name
 from contactlab.budget.motion import Motion
-from contactlab.budget.windows import KEPT, Run, cut
+from contactlab.budget.windows import KEPT, Run, body_name, cut
 from contactlab.contact.trace_arrays import Floats
+from contactlab.modifications.model_predicates import find_disable_bit, is_disabled
 from contactlab.rendering.amounts import format_digits
 from contactlab.scene.contact_pairs import geom_pairs, half_extents, mask_overlap, touch_mask
+from contactlab.scene.model_names import name_of
 from contactlab.schema.examination import Fact
+from contactlab.studies.examine.standing_starts import begin_motion, step_first_seed
 
 _WINDOW = 0.02  # between states that are looked at [s]
 _OUTSIDE = 0.5  # of half the thinner geom, up to which its middle begins outside of the other
+_FREE = 1e-3  # of gravity, by which the acceleration of a falling body differs from it
 _UNMEASURED = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_SDF))
 
 
@@ -63,6 +68,88 @@ class MaskedPassages:
         )
         sentence += more if others else ""
         yield Fact(kind="masks", place=name, value=first.depth, unit="m", sentence=sentence)
+
+
+class MaskedFall(NamedTuple):
+    """A body that falls out of the world, since contacts that would hold it are switched off.
+
+    Attributes:
+        sentence: the body, where it falls through, and why.
+        opened: geoms that let it have these contacts, their masks, and the new bits; empty if the
+            flag for contacts does.
+    """
+
+    sentence: str
+    opened: tuple[tuple[str, str, int], ...]
+
+
+def find_masked_fall(motion: Motion) -> MaskedFall | None:
+    """Return the first body that falls freely at the end, but is held with all contacts on.
+
+    Both are seen in the first seed. Geoms without any mask are meant to have no contact.
+    """
+    model = motion.model
+    fallen = [body for body in _list_free_bodies(model) if model.body_mass[body] > 0]
+    data = begin_motion(motion)
+    for _ in step_first_seed(motion, data) if fallen else ():
+        pass
+    fallen = [body for body in fallen if _falls_freely(model, data, body)]
+    whole, is_off = copy(model), is_disabled(model, "contact")
+    whole.opt.disableflags &= ~find_disable_bit("contact")
+    opened = () if is_off else _open_masks(whole, fallen)
+    if not fallen or not (is_off or opened):
+        return None
+    held = begin_motion(replace(motion, model=whole))
+    for _ in step_first_seed(replace(motion, model=whole), held):
+        pass
+    mujoco.mj_forward(whole, held)
+    for body in fallen:
+        touched = [pair for pair in held.contact.geom if body in model.geom_bodyid[pair]]
+        if not touched or _falls_freely(whole, held, body):
+            continue
+        other = next(int(geom) for geom in touched[0] if model.geom_bodyid[geom] != body)
+        why = (
+            "the flag contact switches all contacts off"
+            if is_off
+            else "contype and conaffinity let them have no contact"
+        )
+        return MaskedFall(
+            f"{body_name(model, body)} falls through {name_of(model, 'geom', other)}: {why}",
+            opened,
+        )
+    return None
+
+
+def _list_free_bodies(model: mujoco.MjModel) -> list[int]:
+    free = model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)
+    return list(map(int, model.jnt_bodyid[free]))
+
+
+def _falls_freely(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> bool:
+    dof, gravity = int(model.body_dofadr[body]), model.opt.gravity
+    weight = float(np.linalg.norm(gravity))
+    if is_disabled(model, "gravity") or not weight:
+        return False
+    falls = float(np.linalg.norm(data.qacc[dof : dof + 3] - gravity)) < _FREE * weight
+    return falls and bool(data.qvel[dof : dof + 3] @ gravity > 0)
+
+
+def _open_masks(model: mujoco.MjModel, bodies: Sequence[int]) -> tuple[tuple[str, str, int], ...]:
+    """Let bodies touch all fixed geoms that only masks keep from contact; return the masks."""
+    opened = dict[tuple[str, str], int]()
+    for pair in _masked(model) if bodies else ():
+        fixed = [geom for geom in pair if model.body_weldid[model.geom_bodyid[geom]] == 0]
+        if len(fixed) != 1 or not {*model.geom_bodyid[list(pair)].tolist()} & {*bodies}:
+            continue
+        (wall,), (moving,) = fixed, [geom for geom in pair if geom not in fixed]
+        own, other = model.geom_conaffinity, model.geom_contype
+        mask = "conaffinity" if other[moving] else "contype"
+        own, other = (own, other) if other[moving] else (other, own)
+        own[wall] |= other[moving]
+        # MuJoCo looks at the masks of whole bodies first.
+        getattr(model, f"body_{mask}")[model.geom_bodyid[wall]] |= own[wall]
+        opened[name_of(model, "geom", wall), mask] = int(own[wall])
+    return tuple((*place, bits) for place, bits in opened.items())
 
 
 def _masked(model: mujoco.MjModel) -> list[tuple[int, int]]:

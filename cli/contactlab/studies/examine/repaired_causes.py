@@ -27,6 +27,7 @@ from contactlab.studies.examine.design_causes import leaves_hand
 from contactlab.studies.examine.engine_faults import list_workarounds
 from contactlab.studies.examine.fixes import RepairedFiles
 from contactlab.studies.examine.linted_file import FileFault, write_rule_edits
+from contactlab.studies.examine.masked_passages import find_masked_fall
 from contactlab.studies.examine.permanent_overlaps import find_permanent_overlaps
 from contactlab.studies.examine.policy_loop import list_loop_repairs
 from contactlab.studies.examine.start_fixes import MovedStart, moved_starts, standing_starts
@@ -39,6 +40,7 @@ SINGLE = "single"
 """Name for `--apply` of the repair of geoms that collide twice."""
 GRIP = "grip"
 """Name for `--apply` of the repair that keeps an object in its hand."""
+MASKED_FALL = "masked-fall"
 _JUDGING = ("numerics", "model")  # kinds of rows that a verdict and its main cause are read from
 _STORE = "repaired"  # of runs of a repaired model
 
@@ -91,6 +93,13 @@ class RepairedModel:
         """The verdict that is left."""
         return join_verdict(self.examined.judged.word, failing=bool(self.labels))
 
+    @property
+    def complaints(self) -> frozenset[str]:
+        """Its failure labels, and the rows of its budget that do not pass."""
+        reasons = self.examined.judged.reasons
+        rows = {one.row for one in reasons if one.verdict not in PASSING_VERDICTS}
+        return frozenset(rows | {label.label for label in self.labels})
+
 
 @dataclass(frozen=True)
 class CauseRepairer:
@@ -103,6 +112,7 @@ class CauseRepairer:
         verify: compares a repaired model with the original, and whether it rests elsewhere.
         left: returns the CPU time that is left [s].
         describe: returns the headline of a repaired model.
+        meets_fault: whether a known fault of the engine acts in the motions.
     """
 
     original: CheckedModel
@@ -111,15 +121,21 @@ class CauseRepairer:
     verify: Callable[[CheckedModel, bool], VerifiedChange]
     left: Callable[[], float]
     describe: Callable[[RepairedModel], str]
+    meets_fault: bool = False
 
     def repair_model(
         self, labels: tuple[RunLabel, ...], faults: Sequence[FileFault]
     ) -> RepairedModel:
         """Return the model with its file and its start repaired, as far as that helps."""
         model = RepairedModel(self.original, labels)
+        if self.meets_fault:
+            # Whatever else is tried runs on wrong forces.
+            model = self._avoid_engine_fault(model)
         for fault in faults:
             if fault.rule == COINCIDENT:
                 model = self._try_repair(model, self._single_geoms(fault))
+            elif fault.rule == MASKED_FALL:
+                model = self._allow_contacts(model, fault)
             elif fault.stage == "file" and (fault.is_certain or model.word != "ok"):
                 model = self._repair_by_lint(model, fault)
         if any(fault.is_of_start for fault in faults):
@@ -127,7 +143,8 @@ class CauseRepairer:
         if model.word != "ok":
             model = self._part_links(model)
         known = [fault.sentence for fault in faults if fault.stage == "start"]
-        return self._avoid_engine_fault(self._move_start(model, next(iter(known), "")))
+        model = self._move_start(model, next(iter(known), ""))
+        return model if self.meets_fault else self._avoid_engine_fault(model)
 
     def _avoid_engine_fault(self, model: RepairedModel) -> RepairedModel:
         if model.word == "ok":
@@ -185,16 +202,16 @@ class CauseRepairer:
 
     def repair_grip(self, model: RepairedModel, cause: Cause) -> RepairedModel:
         """Return the model with the first fix that keeps the object of its keyframe in the hand."""
-        original = self.original
-        grip = judge_grip(GripRequest(original.reference, keyframe=original.task.start))
-        catalogue = original.scene.catalogue
+        examined = model.examined
+        grip = judge_grip(GripRequest(examined.reference, keyframe=examined.task.start))
+        catalogue = examined.scene.catalogue
         for fix in grip.fixes:
             axes = {name: catalogue.find(name) for name in fix.options}
             settings = {
                 name: axis.parse(fix.options[name]) if axis else fix.options[name]
                 for name, axis in axes.items()
             }
-            motions = original.motions_of(original.task, {**original.values, **settings})
+            motions = examined.motions_of(examined.task, {**examined.values, **settings})
             if not settings or leaves_hand(motions[0], grip):
                 continue
             repair = Repair(cause.stage, cause.sentence, fix.name, GRIP, ModelEdits(settings), True)
@@ -237,6 +254,17 @@ class CauseRepairer:
             model = replace(model, rejected=tried.rejected)
         return model
 
+    def _allow_contacts(self, model: RepairedModel, fault: FileFault) -> RepairedModel:
+        fall = find_masked_fall(self.original.motions[0])
+        if fall is None:
+            return model
+        edits, name = ModelEdits({"contact": True}), "contacts on"
+        if fall.opened:
+            edits = ModelEdits(opened=fall.opened)
+            name = f"contacts with {' and '.join(dict.fromkeys(mask[0] for mask in fall.opened))}"
+        repair = Repair("file", fault.sentence, name, "contacts", edits, is_certain=True)
+        return self._try_repair(model, repair)
+
     def _single_geoms(self, fault: FileFault) -> Repair:
         model = self.original.base.model
         doubled = [name_of(model, "geom", second) for _, second in find_coincident_geoms(model)]
@@ -265,10 +293,7 @@ class CauseRepairer:
         except (SceneError, OutputError):
             return listed
         repaired = replace(model, examined=changed, labels=labels, edits=edits, scene=scene)
-        # A cause that is known may leave a modeling choice to decide.
-        own, depends = _rank_verdict(model.word), _rank_verdict("depends")
-        least = min(own, depends) if repair.is_certain else own + 1
-        if not of_file and _rank_verdict(repaired.word) < least:
+        if not of_file and not _is_better(model, repaired, repair):
             return model
         # An object that the original drops comes to rest elsewhere, as with another start.
         elsewhere = edits.fixes_start or repair.apply == GRIP
@@ -286,6 +311,7 @@ class CauseRepairer:
             changed_keyframes=edits.posed,
             moved_bodies=edits.placed,
             masked_geoms=edits.masked,
+            opened_geoms=edits.opened,
             error=None,
             distance_to_reference=None,
             distance_before=None,
@@ -335,6 +361,13 @@ class CauseRepairer:
         return RepairedFiles(scene, edits, tuple(fix.apply for fix in model.fixes if fix.apply))
 
 
+def find_fall_through(examined: CheckedModel) -> Iterator[FileFault]:
+    """Yield the fault of contacts that are switched off, so that a body falls out of the world."""
+    fall = find_masked_fall(examined.motions[0])
+    if fall is not None:
+        yield FileFault(MASKED_FALL, fall.sentence)
+
+
 def find_fallen_start(examined: CheckedModel) -> Iterator[FileFault]:
     """Yield the fault of a keyframe that a robot falls from, and stands in with one change."""
     scene, motion = examined.scene.with_effects("all"), examined.motions[0]
@@ -348,6 +381,15 @@ def list_file_causes(faults: Sequence[FileFault]) -> Iterator[Cause]:
     for fault in faults:
         if fault.is_certain:
             yield Cause(stage=fault.stage, sentence=fault.sentence)
+
+
+def _is_better(model: RepairedModel, repaired: RepairedModel, repair: Repair) -> bool:
+    # A start counts if the word of its verdict is better; other repairs also if what is left of
+    # the complaints is less. A cause that is known may leave a modeling choice to decide.
+    own, left = _rank_verdict(model.word), _rank_verdict(repaired.word)
+    if repair.stage != "start" and repaired.complaints < model.complaints:
+        return True
+    return left > own or (repair.is_certain and left >= min(own, _rank_verdict("depends")))
 
 
 def _rank_verdict(word: VerdictWord) -> int:
