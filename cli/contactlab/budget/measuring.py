@@ -152,10 +152,15 @@ def affordable(
     judging = [row for row in rows if row.kind in ("numerics", "model")]
     quick = replace(settings, check=False, energy=False)
     steps = 1.0 if math.isinf(seconds) else steps_of(motions) * pace(motions)
-    ladder = [(rows, settings, 1), (judging, settings, 2), ([], settings, 2), ([], quick, 2)]
-    for few, measured, times in ladder:
-        if evaluations(motions[0].model, measured, few) * steps <= times * seconds:
-            break
+    ladder = [(rows, settings, 1), (judging, settings, 2), ([], settings, 2)]
+    few, measured = next(
+        (
+            (few, measured)
+            for few, measured, times in ladder
+            if evaluations(motions[0].model, measured, few) * steps <= times * seconds
+        ),
+        ([], quick),
+    )
     return tuple(row.name for row in few), measured
 
 

@@ -256,7 +256,7 @@ def _shorten_heavy_task(
 ) -> tuple[TaskOptions, tuple[str, ...]]:
     """Return a task that there is CPU for, and the parts of the whole one that it lacks.
 
-    Seeds are left out first. What was requested is kept.
+    Seeds are left out first. A requested number of seeds or duration is kept.
     """
     task, whole, left_out = request.task, examined.task, list[str]()
     passes = 30  # over the task: its runs, checks, facts, and the shortest budget

@@ -22,7 +22,7 @@ from contactlab.studies.examine.standing_starts import begin_motion, step_first_
 
 _WINDOW = 0.02  # between states that are looked at [s]
 _OUTSIDE = 0.5  # of half the thinner geom, up to which its middle begins outside of the other
-_FREE = 1e-3  # of gravity, by which the acceleration of a falling body differs from it
+_FREE = 1e-3  # of gravity: largest difference of a falling body's acceleration
 _UNMEASURED = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_SDF))
 
 
@@ -135,7 +135,7 @@ def _falls_freely(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> bool
 
 
 def _open_masks(model: mujoco.MjModel, bodies: Sequence[int]) -> tuple[tuple[str, str, int], ...]:
-    """Let bodies touch all fixed geoms that only masks keep from contact; return the masks."""
+    # Let bodies touch all fixed geoms that only masks keep from contact.
     opened = dict[tuple[str, str], int]()
     for pair in _masked(model) if bodies else ():
         fixed = [geom for geom in pair if model.body_weldid[model.geom_bodyid[geom]] == 0]

@@ -129,7 +129,7 @@ class CauseRepairer:
         """Return the model with its file and its start repaired, as far as that helps."""
         model = RepairedModel(self.original, labels)
         if self.meets_fault:
-            # Whatever else is tried runs on wrong forces.
+            # All other repairs would run on wrong forces.
             model = self._avoid_engine_fault(model)
         for fault in faults:
             if fault.rule == COINCIDENT:
@@ -384,8 +384,8 @@ def list_file_causes(faults: Sequence[FileFault]) -> Iterator[Cause]:
 
 
 def _is_better(model: RepairedModel, repaired: RepairedModel, repair: Repair) -> bool:
-    # A start counts if the word of its verdict is better; other repairs also if what is left of
-    # the complaints is less. A cause that is known may leave a modeling choice to decide.
+    # A start counts if the word of its verdict is better; other repairs also if fewer of the
+    # complaints are left. A cause that is known may leave a modeling choice to decide.
     own, left = _rank_verdict(model.word), _rank_verdict(repaired.word)
     if repair.stage != "start" and repaired.complaints < model.complaints:
         return True

@@ -69,7 +69,7 @@ def _compare_reports(before: GripReport, after: GripReport | None) -> Iterator[V
     run = f"grip of keyframe {before.keyframe}" if before.keyframe else "grip of its hand"
     creep, other = _creep_of(before), _LOST if after is None else _creep_of(after)
     tolerance = max(_CREEP, _RELATIVE * creep)
-    # Fingers inside an object do not hold it by friction, so that its creep is none of a grip.
+    # Fingers inside an object do not hold it by friction, so its creep is not that of a grip.
     is_inside = before.depth_share > MOST_DEPTH
     if not is_inside:
         yield VerifiedMeasure(
