@@ -143,7 +143,7 @@ def steps_of(motions: Iterable[Motion]) -> int:
 def affordable(
     motions: Sequence[Motion], settings: Settings, seconds: float
 ) -> tuple[tuple[str, ...], Settings]:
-    """Return the rows and the settings with which a budget takes so much CPU [s].
+    """Return the rows and the settings of a budget that takes at most this CPU [s].
 
     Rows that judge nothing are left out first. If the others would take twice that time, only the
     run is measured, and, if that does too, by a first look.

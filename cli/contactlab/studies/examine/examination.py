@@ -254,10 +254,8 @@ def _open_task(request: ExamineRequest, session: Session) -> CheckedModel:
 def _shorten_heavy_task(
     request: ExamineRequest, examined: CheckedModel
 ) -> tuple[TaskOptions, tuple[str, ...]]:
-    """Return a task that there is CPU for, and the parts of the whole one that it lacks.
-
-    Seeds are left out first. A requested number of seeds or duration is kept.
-    """
+    # Return a task that there is CPU for, and the parts of the whole one that it lacks: first
+    # seeds, then time. A requested number of seeds or duration is kept.
     task, whole, left_out = request.task, examined.task, list[str]()
     passes = 30  # over the task: its runs, checks, facts, and the shortest budget
     motions, most = examined.motions, request.max_cpu / passes
@@ -409,7 +407,7 @@ def _repair_design(
     grip: GripReport | None,
     designs: Sequence[Cause],
 ) -> RepairedModel:
-    """Return a model with causes of its design; those of a repaired model are found in its own."""
+    # Causes of the design of a repaired model are found in its own motions.
     if repaired.fixes and repaired.word not in PASSING_VERDICTS:
         examined = repaired.examined
         if grip is not None:
