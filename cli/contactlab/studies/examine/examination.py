@@ -76,9 +76,9 @@ from contactlab.studies.examine.servo_table import (
 )
 from contactlab.studies.examine.verified_fixes import FixVerifier
 from contactlab.studies.grip.grip_fact import describe_grip, find_grip
-from contactlab.studies.search.counted_cost import CountedCost
 from contactlab.studies.verification import VerificationRequest, verify_change
 from contactlab.tasks.checked_model import CheckedModel, open_changed_model, open_model
+from contactlab.tasks.counted_cost import CountedCost
 from contactlab.tasks.session import Session, Values
 from contactlab.tasks.task_motions import Change, with_new_seeds
 from contactlab.tasks.task_verdict import run_labels

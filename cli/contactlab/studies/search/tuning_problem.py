@@ -30,7 +30,6 @@ from contactlab.studies.search.configuration import (
     Configuration,
     Reductions,
 )
-from contactlab.studies.search.counted_cost import CountedCost
 from contactlab.studies.search.forward_error import ForwardError, ObservedOutput
 from contactlab.studies.search.search_space import SkippedParameter, find_integrators
 from contactlab.studies.search.settings_search import ErrorEstimator, find_usable_steps
@@ -47,6 +46,7 @@ from contactlab.studies.verification.panel import ERROR_FLOOR, OriginalRuns
 from contactlab.studies.verification.panel_cost import PanelCost, estimate_panel
 from contactlab.tasks.checked_model import CheckedModel
 from contactlab.tasks.compiled_changes import compile_changed
+from contactlab.tasks.counted_cost import CountedCost
 from contactlab.tasks.reference_error import TaskReference
 from contactlab.tasks.stress_motions import (
     double_inputs,
