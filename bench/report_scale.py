@@ -1,4 +1,4 @@
-"""What a report costs: made-up stores of 10,000 and of 1,000,000 runs.
+"""What a report costs: made-up stores of 10,000 to 10,000,000 runs.
 
 Run: python -m bench.report_scale [runs]...
 
@@ -35,6 +35,7 @@ from contactlab.store.finished_store import Store
 # Values of timestep, integrator, cone, solref, friction.slide, direction and seed.
 GRIDS = {
     10_000: (10, 2, 2, 5, 5, 5, 2),
+    100_000: (10, 2, 2, 5, 10, 5, 10),
     1_000_000: (20, 2, 2, 10, 10, 5, 25),
     10_000_000: (20, 2, 2, 10, 10, 5, 250),
 }

@@ -37,9 +37,9 @@ DATA_END = struct.Struct("<BQI")
 FOOTER = struct.Struct("<BQQQI")
 _SUMMARY_OFFSET = struct.Struct("<BQBQQ")
 _STATISTICS = struct.Struct("<QHIIIIQQ")
-_CHUNK_INDEX = struct.Struct("<QQQQ")
-_SIZES = struct.Struct("<QQ")
-SIZE, _LENGTH, _CHANNEL_NUMBER = map(struct.Struct, ("<I", "<Q", "<HQ"))
+CHUNK_INDEX = struct.Struct("<QQQQ")
+SIZES = struct.Struct("<QQ")
+SIZE, _LENGTH, CHANNEL_NUMBER = map(struct.Struct, ("<I", "<Q", "<HQ"))
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def with_metadata(start: FileStart, name: str, entries: Mapping[str, str]) -> Fi
     """Return the start of a file with its metadata."""
     content = b"".join(map(_encode_text, chain.from_iterable(entries.items())))
     metadata = _encode_record(Opcode.METADATA, _encode_text(name), _with_size(content))
-    place = _SIZES.pack(len(start.data), len(metadata))
+    place = SIZES.pack(len(start.data), len(metadata))
     index = _encode_record(Opcode.METADATA_INDEX, place, _encode_text(name))
     summary = {**start.summary, Opcode.METADATA_INDEX: index}
     crc = zlib.crc32(metadata, start.crc)
@@ -129,7 +129,14 @@ def interleave_groups(groups: Sequence[MessageGroup], channels: int, times: Time
 def encode_file(
     start: FileStart, stream: MessageStream, packed: Mapping[int, bytes] = _NO_CHUNKS
 ) -> bytes:
-    """Return a file.
+    """Return a file; see `encode_parts`."""
+    return b"".join(encode_parts(start, stream, packed))
+
+
+def encode_parts(
+    start: FileStart, stream: MessageStream, packed: Mapping[int, bytes] = _NO_CHUNKS
+) -> Sequence[bytes]:
+    """Return the parts of a file, one after the other.
 
     Chunks in `packed`, by their first row, are kept, because another zstd may compress differently.
     """
@@ -163,7 +170,7 @@ def encode_file(
     end = summary + offsets + footer[: -SIZE.size]
     data_end = DATA_END.pack(Opcode.DATA_END, SIZE.size, crc)
     parts.append(data_end + end + SIZE.pack(zlib.crc32(end)) + MCAP0_MAGIC)
-    return b"".join(parts)
+    return parts
 
 
 def _encode_chunk(
@@ -181,11 +188,11 @@ def _encode_chunk(
     places = {channel: position + length + start for channel, start in starts.items()}
     index = _encode_record(
         Opcode.CHUNK_INDEX,
-        _CHUNK_INDEX.pack(*times, position, length),
+        CHUNK_INDEX.pack(*times, position, length),
         _encode_by_channel(places),
         _LENGTH.pack(len(indexes)),
         _encode_text(_COMPRESSION),
-        _SIZES.pack(len(compressed), len(content)),
+        SIZES.pack(len(compressed), len(content)),
     )
     return _Chunk([head, compressed, indexes], index, *times)
 
@@ -203,7 +210,7 @@ def _encode_text(text: str) -> bytes:
 
 
 def _encode_by_channel(numbers: Mapping[int, int]) -> bytes:
-    return _with_size(b"".join(starmap(_CHANNEL_NUMBER.pack, numbers.items())))
+    return _with_size(b"".join(starmap(CHANNEL_NUMBER.pack, numbers.items())))
 
 
 def _encode_records(*records: McapRecord) -> bytes:

@@ -7,28 +7,33 @@ that its messages encode to.
 
 import struct
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from io import BytesIO
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import zstandard
+from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.reader import SeekingReader
 from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from contactlab.store.mcap.file_parts import (
+    CHANNEL_NUMBER,
     CHUNK_HEAD,
+    CHUNK_INDEX,
     DATA_END,
     FOOTER,
     FRAME,
     SIZE,
+    SIZES,
     FileStart,
     MessageStream,
-    encode_file,
+    encode_parts,
     file_start,
     with_metadata,
 )
@@ -81,6 +86,10 @@ def find_damage(data: bytes) -> str | None:
     return None
 
 
+# Records that are compared with their layout at a time, so that they stay in the cache [bytes].
+_COMPARED_BYTES = 1 << 18
+
+
 @dataclass(frozen=True)
 class ChannelMessages:
     """The Message records of one channel, scattered over a buffer."""
@@ -88,12 +97,12 @@ class ChannelMessages:
     data: NDArray[np.uint8]  # (bytes,) the content of all chunks
     offsets: NDArray[np.int64]  # (M,) start of each record, in time order
 
-    @property
+    @cached_property
     def heads(self) -> NDArray[np.void]:
         """(M,) the start of each record, before its content."""
         return overlapping_view(self.data, HEAD.itemsize)[self.offsets].view(HEAD)
 
-    @property
+    @cached_property
     def sizes(self) -> NDArray[np.int64]:
         """(M,) length of each record, opcode and length included."""
         lengths = self.heads["length"]
@@ -105,12 +114,31 @@ class ChannelMessages:
         self, chosen: slice | NDArray[np.bool_], layout: MessageLayout
     ) -> NDArray[np.void]:
         """Return the chosen records; all must have this layout."""
-        items = overlapping_view(self.data, layout.size)[self.offsets[chosen]]
-        bytes_of = items.view(np.uint8).reshape(len(items), layout.size)
-        template = np.frombuffer(layout.template, np.uint8)
-        if np.any(bytes_of[:, layout.constant] != template[layout.constant]):
-            raise ValueError("a message has other fields than its schema")
+        offsets = self.offsets[chosen]
+        items = np.empty(len(offsets), f"V{layout.size}")
+        batch = max(1, _COMPARED_BYTES // layout.size)
+        for first in range(0, len(offsets), batch):
+            part = items[first : first + batch]
+            self._copy_records(offsets[first : first + batch], layout, part)
         return items.view(layout.dtype)
+
+    def check_records(self, chosen: slice | NDArray[np.bool_], layout: MessageLayout) -> None:
+        """Raise a ValueError if one of the chosen records has another layout."""
+        offsets = self.offsets[chosen]
+        batch = max(1, _COMPARED_BYTES // layout.size)
+        buffer = np.empty(min(batch, len(offsets)), f"V{layout.size}")
+        for first in range(0, len(offsets), batch):
+            some = offsets[first : first + batch]
+            self._copy_records(some, layout, buffer[: len(some)])
+
+    def _copy_records(
+        self, offsets: NDArray[np.int64], layout: MessageLayout, items: NDArray[np.void]
+    ) -> None:
+        items[:] = overlapping_view(self.data, layout.size)[offsets]
+        different = items.view(np.uint8).reshape(len(items), layout.size) ^ layout.template_bytes
+        different &= layout.mask
+        if different.any():
+            raise ValueError("a message has other fields than its schema")
 
     def iterate_contents(self) -> Iterator[bytes]:
         """Yield the content of each message."""
@@ -130,31 +158,105 @@ class StoredFile:
     messages: Mapping[int, ChannelMessages]  # by the id of their channel
 
 
+@dataclass(frozen=True)
+class _ChunkEntry:
+    """A chunk, as the summary describes it."""
+
+    first_time: int
+    start: int
+    size: int
+    unpacked_size: int
+    index_starts: Mapping[int, int]  # by channel
+
+
+class _Summary(NamedTuple):
+    """The records of a file's summary, and those that it refers to."""
+
+    schemas: Mapping[int, Schema]
+    channels: Mapping[int, Channel]
+    chunks: Sequence[_ChunkEntry]
+    metadata: Sequence[Metadata]
+    attachments: Sequence[Attachment]
+
+
+_Record = TypeVar("_Record", Schema, Channel, Metadata, Attachment)
+
+
+# Runs of one scene share these records.
+@lru_cache(maxsize=64)
+def _parse_record(kind: type[_Record], content: bytes) -> _Record:
+    return kind.read(ReadDataStream(BytesIO(content)))
+
+
+def _read_summary(data: bytes) -> _Summary:
+    tail = len(data) - len(MCAP0_MAGIC) - FOOTER.size
+    *_, place, end, _ = FOOTER.unpack_from(data, tail)
+    schemas, channels = dict[int, Schema](), dict[int, Channel]()
+    chunks, metadata, attachments = list[_ChunkEntry](), list[Metadata](), list[Attachment]()
+    while place < end:
+        kind, content = _record_at(data, place)
+        place += FRAME.size + len(content)
+        match kind:
+            case Opcode.SCHEMA:
+                schema = _parse_record(Schema, content)
+                schemas[schema.id] = schema
+            case Opcode.CHANNEL:
+                channel = _parse_record(Channel, content)
+                channels[channel.id] = channel
+            case Opcode.CHUNK_INDEX:
+                chunks.append(_chunk_entry(content))
+            case Opcode.METADATA_INDEX | Opcode.ATTACHMENT_INDEX:
+                target, inner = _record_at(data, SIZES.unpack_from(content)[0])
+                if kind == Opcode.METADATA_INDEX and target == Opcode.METADATA:
+                    metadata.append(Metadata.read(ReadDataStream(BytesIO(inner))))
+                elif kind == Opcode.ATTACHMENT_INDEX and target == Opcode.ATTACHMENT:
+                    attachments.append(_parse_record(Attachment, inner))
+            case _:
+                pass
+    return _Summary(schemas, channels, chunks, metadata, attachments)
+
+
+def _record_at(data: bytes, place: int) -> tuple[int, bytes]:
+    kind, length = FRAME.unpack_from(data, place)
+    content = data[place + FRAME.size : place + FRAME.size + length]
+    if len(content) != length:
+        raise ValueError("a record is longer than its file")
+    return kind, content
+
+
+def _chunk_entry(content: bytes) -> _ChunkEntry:
+    first, _, start, _ = CHUNK_INDEX.unpack_from(content)
+    (length,) = SIZE.unpack_from(content, CHUNK_INDEX.size)
+    map_start = CHUNK_INDEX.size + SIZE.size
+    places = CHANNEL_NUMBER.iter_unpack(content[map_start : map_start + length])
+    compressed, unpacked = SIZES.unpack(content[-SIZES.size :])
+    return _ChunkEntry(first, start, compressed, unpacked, dict(places))
+
+
 def stored_file(data: bytes) -> StoredFile:
     """Return the parsed content of a file without damage; see `find_damage` and `UNREADABLE`."""
-    reader = SeekingReader(BytesIO(data))
-    summary = reader.get_summary()
-    assert summary is not None, "find_damage() finds a missing summary"
+    summary = _read_summary(data)
     schemas = {schema.data for schema in summary.schemas.values()}
     for message in (STATE, CONTACTS):
         if file_descriptor_set(message) not in schemas:
             raise ValueError(f"its schema of {message.name} differs")
-    [metadata], [model] = reader.iter_metadata(), reader.iter_attachments()
-    if sum(chunk.uncompressed_size for chunk in summary.chunk_indexes) > MOST_TRACE:
+    [metadata], [model] = summary.metadata, summary.attachments
+    if sum(chunk.unpacked_size for chunk in summary.chunks) > MOST_TRACE:
         raise ValueError("its chunks claim to hold more data than any run records")
     offsets: dict[int, list[NDArray[np.int64]]] = {channel: [] for channel in summary.channels}
     packed: dict[int, bytes] = {}
     base = 0
-    for chunk in summary.chunk_indexes:
-        start = chunk.chunk_start_offset + CHUNK_HEAD.size
-        packed[chunk.message_start_time] = data[start : start + chunk.compressed_size]
-        for channel, start in chunk.message_index_offsets.items():
+    for chunk in summary.chunks:
+        start = chunk.start + CHUNK_HEAD.size
+        packed[chunk.first_time] = data[start : start + chunk.size]
+        for channel, start in chunk.index_starts.items():
             *_, length = INDEX_HEAD.unpack_from(data, start)
             entries = np.frombuffer(data, "<u8", length // 8, start + INDEX_HEAD.size)
             offsets[channel].append(entries[1::2].astype(np.int64) + base)
-        base += chunk.uncompressed_size
-    sizes = (chunk.uncompressed_size for chunk in summary.chunk_indexes)
-    stream = np.frombuffer(b"".join(map(unpack_chunk, packed.values(), sizes)), np.uint8)
+        base += chunk.unpacked_size
+    if len(packed) != len(summary.chunks):
+        raise ValueError("two of its chunks begin at one time")
+    stream = _unpack_chunks(packed.values(), [chunk.unpacked_size for chunk in summary.chunks])
     none = np.empty(0, np.int64)
     messages = {
         channel: ChannelMessages(stream, np.concatenate((none, *parts)))
@@ -164,12 +266,29 @@ def stored_file(data: bytes) -> StoredFile:
     return StoredFile(*described, metadata, model, packed, messages)
 
 
+def _unpack_chunks(packed: Iterable[bytes], sizes: Sequence[int]) -> NDArray[np.uint8]:
+    stream, start = np.empty(sum(sizes), np.uint8), 0
+    decompressor = zstandard.ZstdDecompressor()
+    for chunk, size in zip(packed, sizes, strict=True):
+        _check_chunk(chunk, size)
+        with decompressor.stream_reader(chunk) as reader:
+            # The content is unpacked in its place; its own checksum is read after it.
+            if reader.readinto(stream[start : start + size].data) != size or reader.read(1):
+                raise ValueError("a chunk holds another number of bytes than it claims")
+        start += size
+    return stream
+
+
 def unpack_chunk(compressed: bytes, size: int) -> bytes:
     """Return the content of a chunk; both the chunk and the compressed data state its size."""
+    _check_chunk(compressed, size)
+    return zstandard.decompress(compressed)
+
+
+def _check_chunk(compressed: bytes, size: int) -> None:
     # Largest accepted chunk [bytes]: a written one has 1 MiB and the records of one step.
     if size > 64 << 20 or zstandard.frame_content_size(compressed) != size:
         raise ValueError(f"a chunk claims to hold {size:,} bytes")
-    return zstandard.decompress(compressed)
 
 
 def find_defect(data: bytes) -> str | None:
@@ -177,18 +296,27 @@ def find_defect(data: bytes) -> str | None:
     if damage := find_damage(data):
         return damage
     try:
-        again = encode_again(stored_file(data))
+        return find_different_encoding(data, stored_file(data))
     except UNREADABLE as error:
         return f"a record cannot be decoded: {error}"
-    return None if again == data else "its chunks, indexes or summary do not match its messages"
 
 
-def encode_again(file: StoredFile) -> bytes:
-    """Return the file that stored messages encode to, with chunks compressed as before."""
+def find_different_encoding(data: bytes, file: StoredFile) -> str | None:
+    """Return the defect of a file that differs from the encoding of its parsed messages."""
+    place = 0
+    for part in _encode_parts_again(file):
+        if not data.startswith(part, place):
+            return "its chunks, indexes or summary do not match its messages"
+        place += len(part)
+    return None if place == len(data) else "the file is longer than its messages"
+
+
+def _encode_parts_again(file: StoredFile) -> Sequence[bytes]:
+    # Chunks stay compressed as before.
     stream = message_stream(file)
     rows = np.searchsorted(stream.times, np.array([*file.packed], np.uint64)).tolist()
     packed = dict(zip(rows, file.packed.values(), strict=True))
-    return encode_file(file_start_of(file), stream, packed)
+    return encode_parts(file_start_of(file), stream, packed)
 
 
 def file_start_of(file: StoredFile) -> FileStart:

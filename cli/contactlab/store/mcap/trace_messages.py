@@ -227,6 +227,16 @@ class MessageLayout:
         return constant
 
     @cached_property
+    def template_bytes(self) -> NDArray[np.uint8]:
+        """(size,) bytes of the template."""
+        return np.frombuffer(self.template, np.uint8)
+
+    @cached_property
+    def mask(self) -> NDArray[np.uint8]:
+        """(size,) bytes with all bits set where items are the same, otherwise none."""
+        return np.where(self.constant, 0xFF, 0).astype(np.uint8)
+
+    @cached_property
     def values(self) -> Sequence[tuple[int, NDArray[np.intp]]]:
         """Widths of values [bytes], each with the start indices; derived values are excluded."""
         starts = dict[int, list[NDArray[np.intp]]]()

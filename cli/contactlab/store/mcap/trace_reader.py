@@ -1,7 +1,6 @@
 """The arrays of a stored trace, and contradictions between it and its record."""
 
 import hashlib
-import json
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic_core import from_json
 
 from contactlab.contact.trace_arrays import (
     FOUND,
@@ -26,8 +26,9 @@ from contactlab.store.mcap.message_encoder import MOMENTUM_ARRAYS, PAIR_ARRAYS, 
 from contactlab.store.mcap.stored_messages import (
     UNREADABLE,
     ChannelMessages,
+    StoredFile,
     find_damage,
-    find_defect,
+    find_different_encoding,
     stored_file,
 )
 from contactlab.store.mcap.trace_messages import (
@@ -167,9 +168,7 @@ def _read_file(
 def _decode_trace(data: bytes) -> StoredTrace:
     file = expand_blocks(stored_file(data))
     messages = {channel.topic: file.messages[channel.id] for channel in file.channels}
-    [state] = [channel for channel in file.channels if channel.topic == STATE_TOPIC]
-    sizes = int(state.metadata["nq"]), int(state.metadata["nv"])
-    arrays, times = _state_arrays(messages[STATE_TOPIC], *sizes)
+    arrays, times = _state_arrays(messages[STATE_TOPIC], *_state_sizes(file))
     [record_json] = messages[EVIDENCE_TOPIC].iterate_contents()
     return StoredTrace(
         **arrays,
@@ -182,6 +181,11 @@ def _decode_trace(data: bytes) -> StoredTrace:
         metadata=file.metadata.metadata,
         model_xml=file.model.data,
     )
+
+
+def _state_sizes(file: StoredFile) -> tuple[int, int]:
+    [state] = [channel for channel in file.channels if channel.topic == STATE_TOPIC]
+    return int(state.metadata["nq"]), int(state.metadata["nv"])
 
 
 def _state_arrays(
@@ -207,8 +211,7 @@ def _state_arrays(
 
 def _stored_pair(name: str, messages: ChannelMessages, times: NDArray[Any]) -> StoredPair:
     """Return a pair's contacts, from the (N + 1,) log times of the states."""
-    counts = point_counts(messages.sizes)
-    log_times = np.empty(len(counts), np.uint64)
+    steps, counts = _contact_steps(name, messages, times), point_counts(messages.sizes)
     arrays: dict[str, NDArray[Any]] = {
         array: np.empty(len(counts), kind) for array, (_, kind) in _PAIR_ARRAYS.items()
     }
@@ -217,13 +220,9 @@ def _stored_pair(name: str, messages: ChannelMessages, times: NDArray[Any]) -> S
     for count in np.unique(counts).tolist():
         chosen = counts == count
         items = messages.pick_records(chosen, contacts_record(count))
-        log_times[chosen] = items["log_time"]
         for array, (field, _) in _PAIR_ARRAYS.items():
             arrays[array][chosen] = items[field]
         points[starts[chosen][:, None] + np.arange(count)] = _contact_slots(items)
-    steps = np.searchsorted(times, log_times)
-    if not np.array_equal(times[steps], log_times):
-        raise ValueError(f"a contact of '{name}' has no state of its time")
     return StoredPair(
         name=name,
         steps=steps.astype(np.int32),
@@ -231,6 +230,15 @@ def _stored_pair(name: str, messages: ChannelMessages, times: NDArray[Any]) -> S
         points=points,
         **arrays,
     )
+
+
+def _contact_steps(name: str, messages: ChannelMessages, times: NDArray[Any]) -> NDArray[np.intp]:
+    # `times` are the (N + 1,) log times of the states.
+    log_times = messages.heads["log_time"]
+    steps = np.searchsorted(times, log_times)
+    if not np.array_equal(times[np.minimum(steps, len(times) - 1)], log_times):
+        raise ValueError(f"a contact of '{name}' has no state of its time")
+    return steps
 
 
 def _contact_slots(items: NDArray[np.void]) -> Floats:
@@ -261,41 +269,72 @@ def trace_problems(
     if (len(data), hashlib.sha256(data).hexdigest()) != (record.trace.bytes, record.trace.sha256):
         yield "changed since it was written"
         return
-    if defect := find_defect(data):
-        yield defect
+    if damage := find_damage(data):
+        yield damage
         return
     try:
-        trace = _decode_trace(data)
-        # The record inside and the table agree.
-        inside = _plain_content(EvidenceRecord.model_validate_json(trace.record_json))
-        for name, value in _plain_content(record).items():
-            # Errors have tolerances, too, which are judged after the trace is written.
-            is_later = name == "tolerances_met" and record.accuracy is not None
-            if inside[name] != value and name not in but and not is_later:
-                yield f"its record and the table differ in {name}"
-        states = np.column_stack((trace.time, trace.qpos, trace.qvel))
-        # The hash includes the activations, which are not in the trace.
-        if (
-            trace.metadata.get(ACTIVATIONS) == "0"
-            and hash_of_states(states) != record.trajectory_hash
-        ):
-            yield "its states do not match the trajectory's hash"
-        # As many messages by topic as the table names.
-        counts = {contacts_topic(pair.name): len(pair.steps) for pair in trace.pairs}
-        counts |= {STATE_TOPIC: len(trace.time), EVIDENCE_TOPIC: 1}
-        if counts[STATE_TOPIC] != record.steps + 1 or Counter(counts) != Counter(
-            record.trace.messages
-        ):
-            yield f"its messages by topic do not match the table, or {record.steps} steps"
+        packed = stored_file(data)
+        if defect := find_different_encoding(data, packed):
+            yield defect
+            return
+    except UNREADABLE as error:
+        yield f"a record cannot be decoded: {error}"
+        return
+    try:
+        file = expand_blocks(packed)
+        yield from _different_content(file, record, but)
     except UNREADABLE as error:
         yield f"this version of contactlab cannot read it: {error}"
         return
-    if model is not None and trace.model_xml != model:
+    if model is not None and file.model.data != model:
         yield "its model is not the scene's"
 
 
+def _different_content(
+    file: StoredFile, record: EvidenceRecord, but: Collection[str]
+) -> Iterator[str]:
+    assert record.trace is not None
+    messages = {channel.topic: file.messages[channel.id] for channel in file.channels}
+    [inside] = messages[EVIDENCE_TOPIC].iterate_contents()
+    yield from _different_fields(inside, record, but)
+    arrays, times = _state_arrays(messages[STATE_TOPIC], *_state_sizes(file))
+    states = np.column_stack((arrays["time"], arrays["qpos"], arrays["qvel"]))
+    # The hash includes the activations, which are not in the trace.
+    activations = file.metadata.metadata.get(ACTIVATIONS)
+    if activations == "0" and hash_of_states(states) != record.trajectory_hash:
+        yield "its states do not match the trajectory's hash"
+    counts = {STATE_TOPIC: len(times), EVIDENCE_TOPIC: 1}
+    for topic, message in messages.items():
+        if (pair := pair_of_topic(topic)) is not None:
+            steps = _contact_steps(pair, message, times)
+            points = point_counts(message.sizes)
+            for count in np.unique(points).tolist():
+                message.check_records(points == count, contacts_record(count))
+            counts[contacts_topic(pair)] = len(steps)
+    # As many messages by topic as the table names.
+    if counts[STATE_TOPIC] != record.steps + 1 or Counter(counts) != Counter(record.trace.messages):
+        yield f"its messages by topic do not match the table, or {record.steps} steps"
+
+
+def _different_fields(inside: bytes, record: EvidenceRecord, but: Collection[str]) -> Iterator[str]:
+    own = _plain_content(record)
+    stored = from_json(inside)
+    if (
+        isinstance(stored, dict)
+        and {name: value for name, value in stored.items() if name not in _LATER_FIELDS} == own
+    ):
+        return
+    # It may be written otherwise, as by an earlier version.
+    plain = _plain_content(EvidenceRecord.model_validate_json(inside))
+    for name, value in own.items():
+        # Errors have tolerances, too, which are judged after the trace is written.
+        is_later = name == "tolerances_met" and record.accuracy is not None
+        if plain[name] != value and name not in but and not is_later:
+            yield f"its record and the table differ in {name}"
+
+
 def _plain_content(record: EvidenceRecord) -> dict[str, Any]:
-    content = json.loads(record.model_dump_json(exclude=set(_LATER_FIELDS)))
+    content = record.model_dump(mode="json", exclude=set(_LATER_FIELDS))
     # The table has one column of settings for all runs, with nulls for settings of other runs.
     content["settings"] = {name: v for name, v in content["settings"].items() if v is not None}
     return content
