@@ -1,13 +1,17 @@
 """Examinations of loops name the border, and offer what holds in the loop."""
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from contactlab.plan.task_options import TaskOptions
 from contactlab.schema.drive import read_drive
 from contactlab.schema.examination import Examination, SectionName
+from contactlab.studies.examine import repaired_causes
 from contactlab.studies.examine.examination import ExamineRequest, run
+from contactlab.studies.examine.policy_loop import LoopRepair, list_loop_repairs
 from contactlab.tasks.session import Session
 
 INERTIA = 1e-3
@@ -19,9 +23,11 @@ KD = 1.25 * 2 * INERTIA / 0.002
 """Beyond 2 I / T, below which a damping holds that is kept for a period T."""
 
 
-def examined(folder: Path, *sections: SectionName, kd: float = KD) -> Examination:
+def examined(
+    folder: Path, *sections: SectionName, kd: float = KD, rate: float = 500.0
+) -> Examination:
     (folder / "wheel.xml").write_text(WHEEL)
-    task = TaskOptions(drive=read_drive(f"kp=1e-3,kd={kd},rate=500"), duration=1.0)
+    task = TaskOptions(drive=read_drive(f"kp=1e-3,kd={kd},rate={rate}"), duration=1.0)
     request = ExamineRequest(str(folder / "wheel.xml"), task=task)
     if sections:
         request = ExamineRequest(str(folder / "wheel.xml"), task=task, sections=sections)
@@ -61,3 +67,27 @@ def test_armature_is_the_fix_of_a_loop_that_does_not_hold(tmp_path: Path) -> Non
     assert first.verification.passed
     offered = {fix.name for fix in (*report.fixes, *report.rejected_fixes)}
     assert not any("RK4" in name for name in offered)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("kd", "step"), [(KD, 1 / 1300), (KD / 50, None)])
+def test_a_faster_loop_is_verified_as_other_fixes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kd: float, step: float | None
+) -> None:
+    """It holds twice the gains: a pole of 1 - 2 kd / (I f) is inside of the circle from kd / I.
+
+    A rate above that of the steps needs a smaller step.
+    """
+    rate = 500.0 if step else 10.0
+
+    def list_rates(*args: Any) -> Iterator[LoopRepair]:
+        return (each for each in list_loop_repairs(*args) if each.drive)
+
+    monkeypatch.setattr(repaired_causes, "list_loop_repairs", list_rates)
+    report = examined(tmp_path, kd=kd, rate=rate)
+    first = report.fixes[0]
+    assert first.verification is not None
+    assert first.verification.passed
+    assert first.settings["drive.rate"] == pytest.approx(kd / INERTIA, rel=0.07)
+    assert first.settings.get("timestep") == (step and pytest.approx(step))
+    assert f"rate={first.settings['drive.rate']:g}" in first.name

@@ -25,6 +25,7 @@ from contactlab.printable import first_names
 from contactlab.scene.model_writer import refuse_place, write_model
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.coverage import Exercised
+from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.examination import (
     MOST_FIXES,
@@ -523,8 +524,11 @@ def _make_repairer(
 ) -> CauseRepairer:
     until = begun + _VERIFYING * request.max_cpu
 
-    def open_repaired(reference: str, rows: Sequence[str], settings: Settings) -> CheckedModel:
-        opened = open_changed_model(reference, examined.session, request.task)
+    def open_repaired(
+        reference: str, rows: Sequence[str], settings: Settings, drive: PolicyDrive | None
+    ) -> CheckedModel:
+        task = replace(request.task, drive=drive) if drive else request.task
+        opened = open_changed_model(reference, examined.session, task)
         return replace(opened, rows=rows, settings=settings)
 
     def verify(changed: CheckedModel, elsewhere: bool) -> VerifiedChange:

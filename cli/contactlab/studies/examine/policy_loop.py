@@ -14,10 +14,10 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.closed_loop import load_policy
 from contactlab.engines.pd_controller import find_motors
 from contactlab.foreign_code import printed_as_text
-from contactlab.reporting.loop_words import loop_sentence
+from contactlab.reporting.loop_words import format_frequency, loop_sentence
 from contactlab.scene.model_draft import ModelEdits, object_name
 from contactlab.schema.control_loop import ControlLoopReport
-from contactlab.schema.drive import PdDrive, PolicyDrive
+from contactlab.schema.drive import Drive, PdDrive, PolicyDrive, drive_text
 from contactlab.schema.examination import Fact
 from contactlab.tasks.checked_model import CheckedModel
 
@@ -87,17 +87,21 @@ def list_loop_facts(report: ControlLoopReport | None) -> Iterator[Fact]:
 
 
 class LoopRepair(NamedTuple):
-    """A change of a model with which the loop of its policy holds."""
+    """A change of a model with which the loop of its policy holds, or a faster drive."""
 
     name: str
     apply: str
     edits: ModelEdits
+    drive: PolicyDrive | None = None
 
 
-def list_loop_repairs(study: LoopStudy, report: ControlLoopReport) -> Iterator[LoopRepair]:
-    """Yield changes of a model with which the loop holds, also with twice its gains.
+def list_loop_repairs(
+    study: LoopStudy, report: ControlLoopReport, drive: Drive
+) -> Iterator[LoopRepair]:
+    """Yield changes with which the loop holds, also with twice its gains.
 
-    They are more armature or damping of all driven joints, and an implicit integrator.
+    They are an implicit integrator, more armature or damping of all driven joints, and a faster
+    loop, with a step that divides its period.
     """
     loop = study.loop
     implicit = replace(loop, model=loop.model.__copy__(), gain=_MARGIN)
@@ -123,6 +127,16 @@ def list_loop_repairs(study: LoopStudy, report: ControlLoopReport) -> Iterator[L
         edits = ModelEdits({f"{field}[{name}]": value for name in names})
         more = f" and {len(names) - 1} more joints" if len(names) > 1 else ""
         yield LoopRepair(f"{word} {value:g} of {names[0]}{more}", f"loop-{word}", edits)
+    rate = {margin.name: margin.doubled for margin in report.margins}.get("rate")
+    if rate and isinstance(drive, PolicyDrive):
+        faster = replace(loop, rate=_round_up(rate), gain=_MARGIN)
+        if study.holds_simulated(faster):
+            step = (
+                {"timestep": faster.timestep} if faster.rate * loop.model.opt.timestep > 1 else {}
+            )
+            quicker = drive.model_copy(update={"rate": faster.rate})
+            name = f"a loop at {format_frequency(faster.rate)}: --drive {drive_text(quicker)}"
+            yield LoopRepair(name, "loop-rate", ModelEdits(step), quicker)
 
 
 def _round_up(value: float) -> float:

@@ -20,6 +20,7 @@ from contactlab.scene.model_names import name_of
 from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.scene.scene import Scene
 from contactlab.schema.control_loop import ControlLoopReport
+from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.examination import Cause, Fix, RejectedFix, RunLabel, Stage
 from contactlab.schema.verdict import PASSING_VERDICTS, VERDICT_ORDER, VerdictWord, join_verdict
 from contactlab.schema.verification import VerifiedChange
@@ -54,6 +55,7 @@ class Repair(NamedTuple):
         is_certain: whether the cause is known without a run of the repaired model.
         keeps_model: whether it computes the same model differently.
         file: main file of a model with the change, if its own files have it, and changed lines.
+        drive: of the task with the change, if that is another one.
     """
 
     stage: Stage
@@ -64,6 +66,7 @@ class Repair(NamedTuple):
     is_certain: bool = False
     keeps_model: bool = False
     file: tuple[Path, tuple[str, ...]] | None = None
+    drive: PolicyDrive | None = None
 
 
 @dataclass(frozen=True)
@@ -108,7 +111,8 @@ class CauseRepairer:
     Attributes:
         original: the model as its author wrote it.
         folder: for written models.
-        open_model: opens a written model under the same task, with rows of its budget.
+        open_model: opens a written model under the same task, or with another drive, with rows of
+            its budget.
         verify: compares a repaired model with the original, and whether it rests elsewhere.
         left: returns the CPU time that is left [s].
         describe: returns the headline of a repaired model.
@@ -117,7 +121,7 @@ class CauseRepairer:
 
     original: CheckedModel
     folder: Path
-    open_model: Callable[[str, Sequence[str], Settings], CheckedModel]
+    open_model: Callable[[str, Sequence[str], Settings, PolicyDrive | None], CheckedModel]
     verify: Callable[[CheckedModel, bool], VerifiedChange]
     left: Callable[[], float]
     describe: Callable[[RepairedModel], str]
@@ -244,10 +248,8 @@ class CauseRepairer:
         if study is None or report is None or report.holds:
             return model
         sentence = loop_sentence(report)
-        for repair in list_loop_repairs(study, report):
-            change = Repair(
-                "numerics", sentence, repair.name, repair.apply, repair.edits, is_certain=True
-            )
+        for repair in list_loop_repairs(study, report, self.original.scene.drive.drive):
+            change = Repair("numerics", sentence, *repair[:3], is_certain=True, drive=repair.drive)
             tried = self._try_repair(model, change)
             if tried.fixes != model.fixes:
                 return tried
@@ -288,7 +290,7 @@ class CauseRepairer:
                 scene = self.original.scenes.open(str(repair.file[0]))
             folder = str(len(model.causes)) + (repair.apply or repair.stage)
             written = self._write_repaired(scene, edits, folder)
-            changed = self.open_model(written.reference, *chosen)
+            changed = self.open_model(written.reference, *chosen, repair.drive)
             labels = self._find_labels(changed)
         except (SceneError, OutputError):
             return listed
@@ -307,7 +309,10 @@ class CauseRepairer:
             changes_model=not repair.keeps_model,
             apply=repair.apply,
             removes=removes,
-            settings=dict(repair.edits.settings),  # pyright: ignore[reportArgumentType] - settings
+            settings={
+                **repair.edits.settings,  # pyright: ignore[reportArgumentType] - settings
+                **({"drive.rate": repair.drive.rate} if repair.drive else {}),
+            },
             changed_keyframes=edits.posed,
             moved_bodies=edits.placed,
             masked_geoms=edits.masked,
