@@ -2,9 +2,8 @@
 
     contactlab success push.py:make --drive lerobot_policy.py:Policy --allow-code
 
-Put the folder of a checkpoint beside a copy of this file as `checkpoint`, or name one of the hub,
-and name the observations as in its training. Without a checkpoint, a policy with the same
-interface pushes.
+Put the folder of a checkpoint next to a copy of this file as `checkpoint`, and name the
+observations as in its training. Without a checkpoint, a policy with the same interface pushes.
 """
 
 from functools import cache
@@ -40,7 +39,7 @@ def name_observations(observation: Any) -> dict[str, np.ndarray]:  # noqa: ANN40
 
 @cache
 def load_checkpoint(path: str) -> tuple[Any, Any, Any]:
-    """Return a trained policy, and what is done before and after it, on the CPU."""
+    """Return a trained policy on the CPU, and functions for its input and its output."""
     import torch  # noqa: PLC0415 - only with a checkpoint
     from lerobot.configs.policies import PreTrainedConfig  # noqa: PLC0415
     from lerobot.policies.factory import (  # noqa: PLC0415
@@ -56,13 +55,13 @@ def load_checkpoint(path: str) -> tuple[Any, Any, Any]:
     on_cpu = {"device_processor": {"device": "cpu"}}
     before, after = make_pre_post_processors(config, path, preprocessor_overrides=on_cpu)
 
-    def preprocess(observation: dict[str, np.ndarray]) -> Any:  # noqa: ANN401 - of tensors
+    def prepare_input(observation: dict[str, np.ndarray]) -> Any:  # noqa: ANN401 - of tensors
         return before({name: torch.from_numpy(value) for name, value in observation.items()})
 
-    def postprocess(action: Any) -> np.ndarray:  # noqa: ANN401 - a tensor
+    def prepare_output(action: Any) -> np.ndarray:  # noqa: ANN401 - a tensor
         return after(action).detach().numpy()
 
-    return policy, preprocess, postprocess
+    return policy, prepare_input, prepare_output
 
 
 def add_batch(observation: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -1,6 +1,8 @@
 """Laws of control loops: the discrete poles of a hinge, memory, and simulated borders."""
 
 import math
+import threading
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -121,3 +123,45 @@ def test_a_run_grows_as_fast_as_its_mode() -> None:
         loop = hinge_loop(5, 0.3, rate=rate)
         growth, _ = find_modes(loop, np.array([0.0]))
         assert simulate_growth(loop, 4.0) == pytest.approx(growth, rel=0.2)
+
+
+def test_a_controller_with_a_part_that_cannot_be_copied_has_the_same_loop() -> None:
+    """A session of a network is shared by all rows; the memory next to it is not."""
+
+    class Filtered:
+        def __init__(self, _: mujoco.MjModel) -> None:
+            self.session, self.last = threading.Lock(), np.zeros((1, 1))
+
+        def __call__(self, *seen: Floats) -> Floats:
+            self.last = 0.5 * self.last + 0.5 * (-5 * seen[1] - 0.3 * seen[2])
+            return self.last
+
+    class Plain(Filtered):
+        def __init__(self, model: mujoco.MjModel) -> None:
+            super().__init__(model)
+            del self.session
+
+    loops = [replace(hinge_loop(5, 0.3, rate=100.0), policy=each) for each in (Filtered, Plain)]
+    one, two = (find_modes(loop, np.array([0.0]))[0] for loop in loops)
+    assert one == two
+
+
+def test_a_controller_in_single_precision_has_the_modes_of_a_double_one() -> None:
+    """Its answers are rounded to a millionth of their largest part, as those of networks are."""
+
+    class Rounded:
+        def __init__(self, _: mujoco.MjModel) -> None:
+            pass
+
+        def __call__(self, *seen: Floats) -> Floats:
+            position, speed = (part.astype(np.float32) for part in seen[1:3])
+            inner = np.float32(7) - np.float32(5) * position - np.float32(0.3) * speed
+            return (inner - np.float32(7)).astype(np.float64)
+
+    for rate in (100.0, 20.0):
+        double = hinge_loop(5, 0.3, rate=rate)
+        single = replace(double, policy=Rounded)
+        assert (double.nudge, single.nudge) == (1e-6, 1e-3)
+        (one, _), (other, _) = (find_modes(loop, np.array([0.0])) for loop in (double, single))
+        assert other == pytest.approx(one, rel=0.01)
+        assert LoopStudy(single, periods=300).holds_simulated(single)

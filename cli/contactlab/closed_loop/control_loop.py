@@ -25,7 +25,6 @@ from contactlab.scene.compile_model import SENSOR_PREFIX
 Path = tuple[Any, ...]
 """Names and places that lead from a controller to an array."""
 INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
-_NUDGE = 1e-6  # of central differences and of offsets: far above rounding, far below a stroke
 
 
 @dataclass(frozen=True)
@@ -57,6 +56,19 @@ class ControlLoop:
     def timestep(self) -> float:
         """Step of the loop [s]."""
         return 1 / (self.rate * self.substeps)
+
+    @cached_property
+    def nudge(self) -> float:
+        """Offset of central differences and of runs: far above rounding, far below a stroke.
+
+        It is larger for controllers in single precision, which answer no offset of 1e-11.
+        """
+        rows = LoopRows(self).repeat_row(3)
+        usual, coarse = 1e-6, 1e-3
+        for row, offset in ((1, 1e-11), (2, coarse)):
+            rows.nudge_velocity(row, np.full(self.model.nv, offset))
+        one, near, far = rows.ask_policy()
+        return coarse if np.array_equal(one, near) and not np.array_equal(one, far) else usual
 
     @property
     def delay(self) -> tuple[int, int]:
@@ -90,6 +102,24 @@ class ControlLoop:
         return replace(self, model=model)
 
 
+def _copy_controller(controller: Any) -> Any:  # noqa: ANN401 - code
+    # Parts that cannot be copied, such as sessions of networks, keep no state between calls.
+    shared = dict[int, Any]()
+
+    def share_parts(part: Any) -> None:  # noqa: ANN401 - likewise
+        try:
+            copy.deepcopy(part, shared.copy())
+        except TypeError:
+            inner = getattr(part, "__dict__", None)
+            if not inner:
+                shared[id(part)] = part
+            for value in (inner or {}).values():
+                share_parts(value)
+
+    share_parts(controller)
+    return copy.deepcopy(controller, shared)
+
+
 class LoopRows:
     """Loops that run next to each other, with one instance of the controller."""
 
@@ -119,7 +149,7 @@ class LoopRows:
         """Make control periods; return whether MuJoCo raised no warning."""
         first = self.loop.delay[1]
         for _ in range(periods):
-            self.waiting.append(self._ask_policy())
+            self.waiting.append(self.ask_policy())
             self._step(first)
             self.controls = self.waiting.pop(0)
             self._step(self.loop.substeps - first)
@@ -140,7 +170,7 @@ class LoopRows:
         made.data = [copy.copy(self.data[0]) for _ in range(count)]
         made.controls = np.repeat(self.controls[:1], count, axis=0)
         made.waiting = [np.repeat(each[:1], count, axis=0) for each in self.waiting]
-        made._policy = copy.deepcopy(self._policy)
+        made._policy = _copy_controller(self._policy)
         for owner, key in made._list_memory():
             owner[key] = np.repeat(owner[key][:1], count, axis=0)
         return made
@@ -154,18 +184,20 @@ class LoopRows:
         alone = self.repeat_row(1)
         size = len(alone._read_state(0, 0))
         rows = self.repeat_row(1 + 2 * size)
+        nudge = self.loop.nudge
         for place in range(size):
-            rows._nudge_state(1 + 2 * place, place, _NUDGE)
-            rows._nudge_state(2 + 2 * place, place, -_NUDGE)
+            rows._nudge_state(1 + 2 * place, place, nudge)
+            rows._nudge_state(2 + 2 * place, place, -nudge)
         rows.make_periods()
         ends = np.array([rows._read_state(row, 0) for row in range(1, 1 + 2 * size)])
-        return ((ends[::2] - ends[1::2]) / (2 * _NUDGE)).T
+        return ((ends[::2] - ends[1::2]) / (2 * nudge)).T
 
     def find_difference(self, row: int) -> float:
         """Return how much the velocity of a row differs from that of the first [rad/s or m/s]."""
         return float(np.linalg.norm(self.data[row].qvel - self.data[0].qvel))
 
-    def _ask_policy(self) -> Floats:
+    def ask_policy(self) -> Floats:
+        """Return (rows, nu) the controls for the states of the rows."""
         time = np.array([data.time for data in self.data])
         qpos, qvel = (np.array([getattr(d, name) for d in self.data]) for name in ("qpos", "qvel"))
         measured = np.array([data.sensordata[: self._sensors] for data in self.data])
@@ -287,10 +319,10 @@ def simulate_growth(loop: ControlLoop, seconds: float) -> float:
     rows = LoopRows(loop).repeat_row(3)
     random = np.random.default_rng(0)
     for row in (1, 2):
-        rows.nudge_velocity(row, _NUDGE * random.standard_normal(loop.model.nv))
+        rows.nudge_velocity(row, loop.nudge * random.standard_normal(loop.model.nv))
     differences, speeds = np.zeros(periods), np.zeros((periods, loop.model.nv))
     # No small motion of a loop is faster than half its rate: beyond, its offset has grown.
-    beyond = 100 * _NUDGE * math.pi * loop.rate
+    beyond = 100 * loop.nudge * math.pi * loop.rate
     for period in range(periods):
         if not rows.make_periods():
             return math.inf
