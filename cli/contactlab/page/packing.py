@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 
-_LEVEL = 9
+_LEVEL = 6  # 9 takes six times as long, and saves 1 % of a large page
 _MANTISSA = 23
 
 

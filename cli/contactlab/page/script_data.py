@@ -99,7 +99,8 @@ def script_data(data: ReportData, request: PageRequest, chart: Spec | None) -> S
     with_series = list(dict.fromkeys(_by_interest(data)))[:traces] if traces else []
     rows = _selected_runs(data, with_series) if is_aggregated else np.arange(stored.runs)
     places = {row: place for place, row in enumerate(rows.tolist())}
-    records = {places[row]: data.store.record_at(row) for row in sorted(with_series)}
+    shown = sorted(with_series)
+    records = dict(zip(map(places.__getitem__, shown), data.store.records_at(shown), strict=True))
     axes = aggregated_axes(data.axes) if is_aggregated else data.axes
     selection = _Selection(rows, records, is_aggregated, axes)
     table = data.tolerance_table()

@@ -20,6 +20,7 @@ from contactlab.store.runs_table import (
     GROUP,
     batches_of,
     compute_digests,
+    iterate_rows,
     listed_columns,
     shared_fields,
     table_errors,
@@ -311,6 +312,12 @@ class RunColumns:
                 part = rows.select([*names])
                 is_there = compute_digests("is_valid", part.column(0))
                 yield from compute_digests("filter", part, is_there).to_pylist()
+
+    def rows_at(self, rows: Sequence[int]) -> Iterator[dict[str, Any]]:
+        """Yield some whole rows in table order, with a few of them in memory at a time."""
+        chosen = np.zeros(self.runs, np.bool_)
+        chosen[[*rows]] = True
+        yield from iterate_rows(Path(self._source), chosen)
 
     def row(self, index: int) -> dict[str, Any]:
         """Return one row of the table, reading only its row group."""
