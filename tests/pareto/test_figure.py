@@ -1,5 +1,6 @@
 """The chart shows what the report says, and never loses a point to a logarithmic axis."""
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -82,7 +83,7 @@ def crowded(report: TradeoffReport) -> TradeoffReport:
     return report.model_copy(update={"configurations": many, "methods": methods, **none})
 
 
-def test_of_more_than_eight_methods_each_integrator_has_its_front(report: TradeoffReport) -> None:
+def test_of_more_than_four_methods_each_integrator_has_its_front(report: TradeoffReport) -> None:
     shown = chart_data(crowded(report))
     assert sorted(name.split()[-1] for name in shown.methods) == ["Euler", "RK4"]
     for method in shown.methods:
@@ -94,11 +95,42 @@ def test_of_more_than_eight_methods_each_integrator_has_its_front(report: Tradeo
             assert each["drawn"] != beaten
 
 
-def test_methods_beyond_eight_without_integrators_share_one_grey(report: TradeoffReport) -> None:
+def test_methods_beyond_four_without_integrators_share_one_grey(report: TradeoffReport) -> None:
     many = crowded(report)
     alike = many.model_copy(update={"knobs": tuple(set(many.knobs) - {"integrator"})})
-    assert len(chart_data(alike).methods) == 8
+    assert len(chart_data(alike).methods) == 4
     assert "others" in {each["method"] for each in points(alike)}
+
+
+def test_names_cover_neither_each_other_nor_the_ringed_point(report: TradeoffReport) -> None:
+    """Boxes of texts, with a letter of .6 of the size of its font, are apart."""
+    layers = chart_specification(report).to_dict()["layer"]
+    shown = chart_data(report)
+    boxes = list[tuple[float, float, float, float]]()
+    for layer in layers:
+        mark, data = layer["mark"], layer["data"]["values"]
+        if mark["type"] != "text" or layer["encoding"].get("text", {}).get("field") not in {
+            "chosen",
+            "label",
+        }:
+            continue
+        if "stroke" in mark:  # the halo of the same text
+            continue
+        field, size = layer["encoding"]["text"]["field"], mark["fontSize"]
+        for row in data:
+            place = {key: row.get(key, mark.get(key)) for key in ("align", "dx", "dy")}
+            (low, high), (least, most) = shown.frame
+            x = 640 * math.log(row["time"] / low) / math.log(high / low) + place["dx"]
+            y = 440 * math.log(most / row["error"]) / math.log(most / least) + place["dy"]
+            length = 0.6 * size * len(row[field])
+            left = x - length if place["align"] == "right" else x
+            boxes.append((left, left + length, y - size / 2, y + size / 2))
+    assert boxes
+    for place, one in enumerate(boxes):
+        for other in boxes[:place]:
+            assert (
+                one[0] >= other[1] or other[0] >= one[1] or one[2] >= other[3] or other[2] >= one[3]
+            )
 
 
 @pytest.mark.long

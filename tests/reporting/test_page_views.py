@@ -92,8 +92,9 @@ def test_the_page_says_what_was_found(visit: Visit, reported: Reported, swept: S
     page = visit(reported("bounce")).page
     data = read_report_data(swept("bounce"))
     assert page.inner_text("#finding") == write_finding(data.axes, data.labels)
-    stable = swept("bounce").manifest.labels["stable"]
-    assert page.inner_text(".tile").split() == [str(stable), "of", "12", "runs", "stable"]
+    failing = 12 - swept("bounce").manifest.labels["stable"]
+    assert page.inner_text(".tile").split() == [str(failing), "of", "12", "runs", "not", "stable"]
+    assert page.inner_text("h1") == "ball_drop: 12 runs"
 
 
 @pytest.mark.long

@@ -11,12 +11,15 @@ from jinja2 import Environment, FileSystemBytecodeCache, FileSystemLoader, Stric
 from contactlab.resources import open_user_cache
 
 
-def open_templates(
-    *folders: Path, finalize: Callable[[object], object] | None = None
-) -> Environment:
+def _keep(value: object) -> object:
+    return value
+
+
+def open_templates(*folders: Path, finalize: Callable[[object], object] = _keep) -> Environment:
     """Return the templates of pages, those of other folders first.
 
-    `finalize` changes values before they are written.
+    `finalize` changes values before they are written. Each page needs one, since compiled templates
+    are kept, and a template that was compiled without one never calls it.
     """
     return Environment(
         loader=FileSystemLoader([*folders, Path(__file__).parent / "templates"]),
@@ -42,4 +45,4 @@ def _open_cache() -> FileSystemBytecodeCache | None:
         return None
     if folder is None or not os.access(folder, os.W_OK):
         return None
-    return FileSystemBytecodeCache(str(folder), f"template-{jinja2.__version__}-%s.bin")
+    return FileSystemBytecodeCache(str(folder), f"page-{jinja2.__version__}-%s.bin")

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from altair.utils.schemapi import debug_mode
@@ -38,7 +38,7 @@ from contactlab.pareto.recommendation import (
     settings_text,
 )
 from contactlab.printable import visible_or_other
-from contactlab.rendering.amounts import format_percent
+from contactlab.rendering.amounts import format_amount, format_percent
 from contactlab.reporting.boundaries import boundary_lines, describe_coverage
 from contactlab.reporting.finding import write_finding
 from contactlab.reporting.label_shares import share_words
@@ -75,6 +75,14 @@ class Table:
     foot: Sequence[str] = ()
 
 
+class StableTile(NamedTuple):
+    """A number of a sweep in which all runs are stable, its meaning, and the id of a run."""
+
+    text: str
+    meaning: str
+    run: str
+
+
 @dataclass(frozen=True)
 class HeadView:
     """The head: finding, sentences, picture, films, and the run to look at first, id and label."""
@@ -84,6 +92,7 @@ class HeadView:
     focal: FocalPicture | None
     films: Films
     first: tuple[str, str] | None
+    stable_tiles: Sequence[StableTile]
     notes: tuple[str, ...]
 
 
@@ -227,10 +236,13 @@ class PageView:
 
     @property
     def title(self) -> str:
-        """Title: the model of an examination; of a sweep, it and its scene."""
+        """Title: the model, and the number of runs of a sweep."""
         if self.examination is not None:
             return Path(self.examination.report.model).name
-        return f"{self.manifest.sweep.name}: {self.manifest.sweep.scene}"
+        sweep, runs = self.manifest.sweep, self.manifest.runs
+        written = sweep.resolved.get("scene")
+        model = "/".join(Path(written).parts[-2:]) if isinstance(written, str) else sweep.scene
+        return f"{model}: {runs:,} {'run' if runs == 1 else 'runs'}"
 
     @property
     def stable(self) -> int:
@@ -306,8 +318,34 @@ def head_view(
         films=header_films(data, pictured, drawn=focal is not None) if drawn else Films([]),
         focal=focal,
         first=first,
+        stable_tiles=[] if request.examination else [*list_stable_tiles(data)],
         notes=(*notes, *trace_warning(data.store)),
     )
+
+
+def list_stable_tiles(data: ReportData) -> Iterator[StableTile]:
+    """Yield the deepest contact and the speeds of a sweep, if all of its runs are stable."""
+    if data.labels.failed.any():
+        return
+    for depth in data.quantities_named("penetration_max"):
+        row = int(np.nanargmax(depth.values))
+        settings = ", ".join(
+            f"{axis.title} {axis.ticks[axis.codes[row]]}" for axis in data.axes[:3]
+        )
+        run = data.store.columns.run_id(row)
+        yield StableTile(
+            format_amount(float(depth.values[row]), "mm"),
+            f"deepest contact{f': {settings}' if settings else ''}",
+            run,
+        )
+    for cost in data.quantities_named(RECORDED_TIME_COLUMN):
+        row = int(np.nanargmax(cost.values))
+        slowest, fastest = (1 / float(find(cost.values)) for find in (np.nanmax, np.nanmin))
+        yield StableTile(
+            f"{slowest:,.3g} to {fastest:,.3g} x real time",
+            "slowest and fastest run",
+            data.store.columns.run_id(row),
+        )
 
 
 def first_look(data: ReportData) -> tuple[str, str] | None:

@@ -24,6 +24,8 @@ _INTEGRATOR = "integrator"
 RECOMMENDED = "recommended"
 ROBUST = "margin 1.25"
 NOW = "now"
+_MOST_METHODS = 4  # more colors and shapes are hard to tell apart
+_SIZE = (640, 440)  # of the chart [pixels]
 
 
 # A run labelled oracle_miss has a large error, which the chart shows.
@@ -54,7 +56,7 @@ class ChartData:
 def chart_data(report: TradeoffReport, places: Collection[int] | None = None) -> ChartData:
     """Return the rows of every layer of a report's chart, or only of some places.
 
-    At most eight methods get a colour: the recommended first, then that of the model as written,
+    At most four methods get a colour: the recommended first, then that of the model as written,
     those on the front, then the most accurate. With more methods, each integrator has a colour, and
     its line is its own front.
     """
@@ -65,7 +67,7 @@ def chart_data(report: TradeoffReport, places: Collection[int] | None = None) ->
         if (method_key(configuration.configuration) in keys or configuration == report.baseline)
         and (places is None or place in places)
     }
-    crowded = len(keys) > len(LETTERS) and _INTEGRATOR in report.varying
+    crowded = len(keys) > _MOST_METHODS and _INTEGRATOR in report.varying
     lines = {
         place: _line_key(configuration.configuration, crowded=crowded)
         for place, configuration in shown.items()
@@ -87,7 +89,6 @@ def chart_data(report: TradeoffReport, places: Collection[int] | None = None) ->
             for key in dict.fromkeys(drawn.values())
         ]
         drawn = {place: drawn[place] for members in fronts for place in members}
-    labelled = {*front, *_line_ends(shown, drawn)}
     return ChartData(
         frame=frame,
         methods=list(names.values()),
@@ -97,7 +98,7 @@ def chart_data(report: TradeoffReport, places: Collection[int] | None = None) ->
                 "place": place,
                 "line": str(lines[place]),
                 "drawn": place in drawn,
-                "labelled": place in labelled,
+                "labelled": place in front,
             }
             for place, configuration in shown.items()
         ],
@@ -138,18 +139,8 @@ def _method_names(
     differing = varying_knobs([dict(key) for key in keys])
     return {
         key: f"{letter}  {method_name(dict(key), differing)}"
-        for letter, key in zip(LETTERS, keys, strict=False)
+        for letter, key in zip(LETTERS[:_MOST_METHODS], keys, strict=False)
     }
-
-
-def _line_ends(shown: Mapping[int, Configuration], drawn: Mapping[int, MethodKey]) -> Iterator[int]:
-    lines: dict[MethodKey, list[tuple[float, int]]] = {}
-    for place, key in drawn.items():
-        step = shown[place].configuration.get(TIMESTEP)
-        if isinstance(step, int | float):
-            lines.setdefault(key, []).append((step, place))
-    for line in lines.values():
-        yield from (min(line)[1], max(line)[1])
 
 
 def _axis_limits(
@@ -241,7 +232,7 @@ def chart_specification(
     )
     return (
         alt.layer(*_chart_layers(report, chart_data(report, places)))
-        .properties(width=640, height=440, title=title)
+        .properties(width=_SIZE[0], height=_SIZE[1], title=title)
         .configure_axis(tickCount=6)
         .configure_legend(symbolSize=90, titleFontSize=12, labelFontSize=11)
     )
@@ -282,8 +273,10 @@ def _chart_layers(report: TradeoffReport, shown: ChartData) -> Iterator[alt.Char
         strokeWidth=4, color=INK, opacity=0.35, interpolate="step-after"
     )
     yield stairs.encode(x, y, order="time:Q")
-    yield from _timestep_labels(shown, named, x, y)
-    bars = layer_of("spreads", [point for point in drawn if point["least"]])
+    rings = _place_ring_names(shown)
+    yield from _timestep_labels(shown, named, rings, x, y)
+    named_lines = [point for point in named if point["drawn"] and point["least"]]
+    bars = layer_of("spreads", named_lines)
     yield bars.mark_rule(opacity=0.5).encode(x, y, alt.Y2("least:Q"), colour)
     count = len(shown.methods)
     shape = _method_channel(shown, alt.Shape, [*SHAPES[:count], "stroke"])
@@ -300,7 +293,7 @@ def _chart_layers(report: TradeoffReport, shown: ChartData) -> Iterator[alt.Char
         shape="arrow", angle=180, size=260, yOffset=14, color=INK
     )
     yield arrows.encode(x, y)
-    yield from _chosen_rings(shown, x, y)
+    yield from _chosen_rings(rings, x, y)
 
 
 def _method_channel(shown: ChartData, channel: type[_Channel], values: list[str]) -> _Channel:
@@ -310,8 +303,7 @@ def _method_channel(shown: ChartData, channel: type[_Channel], values: list[str]
     return scaled.legend(title="method", values=used)
 
 
-def _chosen_rings(shown: ChartData, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
-    rows = [point | _ring_label_place(point, shown) for point in shown.points if point["chosen"]]
+def _chosen_rings(rows: list[Row], x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
     ring = layer_of("chosen", rows)
     marked = ring.mark_point(shape="circle", size=420, strokeWidth=2.2, color=INK, opacity=1)
     yield marked.encode(x, y)
@@ -321,26 +313,81 @@ def _chosen_rings(shown: ChartData, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
         yield mark.encode(x, y, text="chosen:N")
 
 
-def _ring_label_place(row: Row, shown: ChartData) -> Row:
-    """Return the place of a ring's name: within the frame, and not on the other name."""
-    right = row["time"] > math.sqrt(math.prod(shown.frame.time))
-    lower = min(point["error"] for point in shown.points if point["chosen"])
-    return {
-        "align": "right" if right else "left",
-        "dx": -10 if right else 10,
-        "dy": 18 if row["error"] == lower else -16,
-    }
+class _Box(NamedTuple):
+    """Sides of a rectangle of the chart [pixels]."""
+
+    left: float
+    right: float
+    top: float
+    bottom: float
+
+    def overlaps(self, other: "_Box") -> bool:
+        return (
+            self.left < other.right
+            and other.left < self.right
+            and self.top < other.bottom
+            and other.top < self.bottom
+        )
 
 
-def _timestep_labels(shown: ChartData, named: list[Row], x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
-    rows = [point for point in named if not point["chosen"]]
-    # More labels than this hide the points; then only the front and the ends of lines have labels.
-    most_labels = 24
-    if len(rows) > most_labels:
-        rows = [row for row in rows if row["labelled"]]
-    right = [row for row in rows if shown.methods.index(row["method"]) % 2]
-    left = [row for row in rows if row not in right]
-    for side, part, align, dx in (("right", right, "left", 8), ("left", left, "right", -8)):
-        layer = layer_of(f"labels {side}", part)
-        for mark in halo_layers(layer, align=align, dx=dx, dy=-dx, fontSize=10):
-            yield mark.encode(x, y, text="label:N")
+def _box_of(
+    row: Row, frame: ChartFrame, text: str = "", place: Row | None = None, *, size: int = 11
+) -> _Box:
+    """Return the box of a text at a point, or of the point itself without a text."""
+    width, height = _SIZE
+    (fastest, slowest), (least, most) = frame
+    x = width * math.log(row["time"] / fastest) / math.log(slowest / fastest)
+    y = height * math.log(most / row["error"]) / math.log(most / least)
+    if place is None:
+        return _Box(x - 6, x + 6, y - 6, y + 6)
+    # A letter is about .6 of its font's size wide.
+    begin, length = x + place["dx"], 0.6 * size * len(text)
+    left = begin - length if place["align"] == "right" else begin
+    middle = y + place["dy"]
+    return _Box(left, left + length, middle - size / 2, middle + size / 2)
+
+
+def _place_ring_names(shown: ChartData) -> list[Row]:
+    """Return the points with rings, each with the place of its name that covers fewest points."""
+    rows: list[Row] = []
+    points = [_box_of(point, shown.frame) for point in shown.points]
+    names: list[_Box] = []
+    places = [
+        {"align": align, "dx": dx, "dy": dy}
+        for dy in (-16, 18)
+        for align, dx in (("left", 12), ("right", -12))
+    ]
+    for point in shown.points:
+        if not point["chosen"]:
+            continue
+
+        def cost(place: Row, point: Row = point) -> float:
+            box = _box_of(point, shown.frame, point["chosen"], place, size=12)
+            outside = box.left < 0 or box.right > _SIZE[0]
+            return 100 * outside + sum(box.overlaps(other) for other in (*points, *names))
+
+        place = min(places, key=cost)
+        names.append(_box_of(point, shown.frame, point["chosen"], place, size=12))
+        rows.append(point | place)
+    return rows
+
+
+def _timestep_labels(
+    shown: ChartData, named: list[Row], rings: list[Row], x: alt.X, y: alt.Y
+) -> Iterator[alt.Chart]:
+    """Label points of the front, as far as labels cover neither each other nor names of rings."""
+    place = {"align": "left", "dx": 8, "dy": -8}
+    taken = [
+        _box_of(ring, shown.frame, ring["chosen"], {key: ring[key] for key in place}, size=12)
+        for ring in rings
+    ]
+    rows: list[Row] = []
+    for point in named:
+        box = _box_of(point, shown.frame, point["label"], place)
+        if not point["labelled"] or point["chosen"] or any(map(box.overlaps, taken)):
+            continue
+        taken.append(box)
+        rows.append(point)
+    layer = layer_of("labels right", rows)
+    for mark in halo_layers(layer, **place, fontSize=10):
+        yield mark.encode(x, y, text="label:N")

@@ -115,7 +115,11 @@ function ringRows(points, evaluated, [least, most]) {
   const now = rowsNamed(metadata.specs.tradeoff, "chosen").find((row) => row.chosen.startsWith("now"));
   if (now && !rows.some((row) => row.place === now.place)) rows.push({ ...now, chosen: `now ${now.label}`.trim() });
   const lower = Math.min(...rows.map((row) => row.error));
+  const written = rowsNamed(metadata.specs.tradeoff, "chosen");
   return rows.map((row) => {
+    // As the report placed it, where it covers fewest points.
+    const same = written.find((each) => each.place === row.place && each.chosen === row.chosen);
+    if (same) return same;
     const right = row.time > Math.sqrt(least * most);
     return { ...row, align: right ? "right" : "left", dx: right ? -10 : 10, dy: row.error === lower ? 18 : -16 };
   });

@@ -192,7 +192,10 @@ function showFirst(page) {
   const failed = rows.filter((row) => page.columns.label[row] !== stable);
   const worst = failed.sort((a, b) => page.columns.label[a] - page.columns.label[b] || a - b).slice(0, MOST_FIRST);
   const first = find("first") ?? document.querySelector("[data-open]");
-  if (!page.state.run) openRun(page, rowOf(page.columns, first?.dataset.open ?? idOf(page.columns, 0)), false, true);
+  const row = rowOf(page.columns, first?.dataset.open ?? idOf(page.columns, 0));
+  if (!page.state.run) openRun(page, row, false, true);
+  const nearest = find("first") && row >= 0 ? nearestStable(page.columns, row) : null;
+  if (nearest?.changes) find("first").lastElementChild.append(`; stable with ${nearest.changes.join(", ")}`);
   if (worst.length) showRuns(page, worst, worst.length < failed.length ? `The worst ${worst.length} of ${failed.length} runs that fail` : "Runs that fail");
   else showRuns(page, rows.slice(0, MOST_FIRST), "All runs are stable; the first of them");
 }
@@ -200,6 +203,7 @@ function showFirst(page) {
 function closeRun(page) {
   page.state.run = null;
   find("run").replaceChildren();
+  find("run-more").replaceChildren();
   writeState(page.state);
 }
 
@@ -207,12 +211,13 @@ function closeRun(page) {
 function openRun(page, row, move = true, unasked = false) {
   if (row < 0) return;
   if (!unasked) page.state.run = idOf(page.columns, row);
-  find("run").replaceChildren(...runPanel(page.columns, row, (other) => openRun(page, other)));
+  const { head, more } = runPanel(page.columns, row, (other) => openRun(page, other));
+  find("run").replaceChildren(...head);
+  find("run-more").replaceChildren(...more);
   showTimeline(page.series, row);
   writeState(page.state);
   if (move) {
     find("run").focus({ preventScroll: true });
-    // Beside the map only the drawer scrolls; below it, the page.
     find("run").scrollIntoView({ block: "nearest", behavior: "instant" });
   }
 }

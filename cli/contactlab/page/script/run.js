@@ -115,6 +115,7 @@ function changePart(columns, row, open) {
     element("button", { class: "plain", onclick: () => open(nearest.row) }, `Open ${idOf(columns, nearest.row).slice(0, 8)}`));
 }
 
+// What a run is, which stands beside the map, and what it did, below.
 function runPanel(columns, row, open) {
   const run = idOf(columns, row);
   const details = metadata.details[row];
@@ -122,17 +123,18 @@ function runPanel(columns, row, open) {
   const labels = labelsOf(columns, row);
   const trace = details?.trace;
   const [first, all] = metricLists(columns, row);
-  // Beside the plots of a few seeds all metrics have the room that plots of contacts take.
-  const beside = document.querySelector(".seeds");
-  const metricsOpen = beside ? details?.coverage.some(([kind]) => kind === "pairs touched") : !first.length;
-  return [
+  // In a wide window all metrics have room next to the plots.
+  const metricsOpen = window.innerWidth > 1000 || !first.length;
+  const head = [
     element("h3", {}, swatch(code), ` ${metadata.labels.names[code]}: run `, element("span", { class: "id" }, run)),
     labels.length ? element("ul", { class: "reasons" }, ...labels.map((each) => element("li", {}, each))) : null,
     changePart(columns, row, open),
     pairsOf(recordOf(columns, row)),
     first.length ? element("h4", {}, "Metrics that its labels are about") : null,
     first.length ? pairsOf(first) : null,
-    element("div", { id: "timeline", class: "picture", role: "group", "aria-label": `Run ${run} over time` }),
+  ];
+  const numbers = [
+    element("h3", {}, "Its numbers"),
     details?.coverage.length ? element("details", {}, element("summary", {}, "What it exercised"),
       element("div", { class: "scroll" }, table(["exercised", "not at all", "share of range or time"], details.coverage))) : null,
     element("details", { open: metricsOpen }, element("summary", {}, `All ${all.length} metrics`), element("div", { id: "metrics" }, pairsOf(all))),
@@ -140,5 +142,10 @@ function runPanel(columns, row, open) {
       pairsOf(Object.entries(details.settings).map(([name, value]) => [name, setting(value)]))) : null,
     commandsOf(columns, row),
     trace ? element("p", { class: "caption" }, "Its trace, for Foxglove, PlotJuggler or Rerun: ", element("code", {}, `${metadata.store}/${trace}`)) : null,
-  ].filter(Boolean);
+  ];
+  const plots = [element("h3", {}, "Run ", element("span", { class: "id" }, run.slice(0, 8)), " over time"), element("div", { id: "timeline", class: "picture", role: "group", "aria-label": `Run ${run} over time` })];
+  return {
+    head: head.filter(Boolean),
+    more: [element("div", {}, ...plots), element("div", {}, ...numbers)],
+  };
 }

@@ -1,6 +1,6 @@
 // The table of all runs: sorted, filtered, searched, with columns to choose, and as CSV.
 
-const MOST_ROWS = 200;
+const FIRST_ROWS = 40; // so that the run below them is near
 
 function columnsOf(page) {
   const { columns } = page;
@@ -22,10 +22,10 @@ function startTable(page) {
   const all = columnsOf(page);
   const shown = new Set(["run", "label", ...metadata.axes.map((axis) => axis.name), ...metadata.listed]);
   if (page.columns.expected.some((each) => each > 0)) shown.add("as expected");
-  const view = { sort: "label", down: false, words: "", shown };
+  const view = { sort: "label", down: false, words: "", most: FIRST_ROWS, shown };
   const body = element("div", { class: "scroll" });
   const status = element("span", { class: "caption", role: "status" });
-  const search = element("input", { type: "search", placeholder: "search: tunneling 0.005", "aria-label": "search runs", oninput: (event) => { view.words = event.target.value; show(); } });
+  const search = element("input", { type: "search", placeholder: `search: ${[metadata.labels.names[0], metadata.axes.find((axis) => !axis.binned)?.ticks[0]].filter(Boolean).join(" ")}`, "aria-label": "search runs", oninput: (event) => { view.words = event.target.value; show(); } });
   const boxes = all.slice(1).map((column) => element("label", {},
     element("input", { type: "checkbox", checked: shown.has(column.name), onchange: (event) => { shown[event.target.checked ? "add" : "delete"](column.name); show(); } }),
     column.title ?? column.name));
@@ -50,13 +50,15 @@ function startTable(page) {
     const heads = chosen().map((column) => element("th", { scope: "col", "aria-sort": column.name === view.sort ? (view.down ? "descending" : "ascending") : null, class: column.numeric ? "number" : null },
       element("button", { class: "plain", "data-sort": column.name, onclick: () => { view.down = view.sort === column.name ? !view.down : Boolean(column.numeric); view.sort = column.name; show(); body.querySelector(`[data-sort="${CSS.escape(column.name)}"]`).focus(); } },
         column.title ?? column.name, column.name === view.sort ? (view.down ? " ↓" : " ↑") : "")));
-    const lines = rows.slice(0, MOST_ROWS).map((row) => element("tr", {}, ...chosen().map((column) => {
+    const lines = rows.slice(0, view.most).map((row) => element("tr", {}, ...chosen().map((column) => {
       if (column.name === "run") return element("th", { scope: "row" }, element("button", { class: "plain", onclick: () => openRun(page, row) }, column.text(row)));
       if (column.name === "label") return element("td", { class: "nowrap" }, swatch(page.columns.label[row]), ` ${column.text(row)}`);
       return element("td", { class: column.numeric ? "number" : null }, column.text(row));
     })));
     body.replaceChildren(element("table", { class: "runs" }, element("thead", {}, element("tr", {}, ...heads)), element("tbody", {}, ...lines)));
-    status.textContent = rows.length > MOST_ROWS ? `${MOST_ROWS} of ${rows.length} runs; search or choose chips for fewer` : `${rows.length} ${rows.length === 1 ? "run" : "runs"}`;
+    const more = element("button", { class: "plain", onclick: () => { view.most += 400; show(); } }, `${Math.min(400, rows.length - view.most)} more`);
+    if (rows.length > view.most) body.append(more);
+    status.textContent = rows.length > view.most ? `${view.most} of ${rows.length} runs; search or choose chips for fewer` : `${rows.length} ${rows.length === 1 ? "run" : "runs"}`;
   }
 
   find("run-table").replaceChildren(
