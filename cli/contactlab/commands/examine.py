@@ -12,7 +12,7 @@ from contactlab.command_line.judgements import printed
 from contactlab.command_line.quantities import read_seconds
 from contactlab.command_line.report_formats import print_markdown, print_text, report_formats
 from contactlab.command_line.surroundings import say
-from contactlab.errors import OutputError, SceneError, SweepFileError
+from contactlab.errors import ExpectationError, OutputError, SceneError, SweepFileError
 
 if TYPE_CHECKING:
     from contactlab.schema.examination import Examination, Examinations
@@ -37,6 +37,16 @@ def _findings(report: "Examination | Examinations", given: Given) -> "Report":
     if isinstance(report, Examination):
         return findings_of_examination(report)
     return findings_of_examinations(report)
+
+
+def _find_failure(
+    report: "Examination | Examinations", given: Given
+) -> "OutputError | ExpectationError | None":
+    """Return the error of a requested fix that was not written, or otherwise of the verdict."""
+    del given
+    if reason := getattr(report, "not_written", ""):
+        return OutputError(reason)
+    return ExpectationError(report.problem) if report.problem else None
 
 
 def _examined(
@@ -218,6 +228,7 @@ def _read_waivers(waive: "str | Path | Sequence[Waiver] | None") -> "Sequence[Wa
         "markdown": print_markdown(details=True, name="model"),
         **printed(_findings, "junit", "sarif", "github"),
     },
+    failure=_find_failure,
 )
 def examine(
     models: Annotated[

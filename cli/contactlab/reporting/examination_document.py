@@ -201,6 +201,8 @@ def _head_sections(report: Examination, model: str) -> Iterator[Section]:
     if report.fixes:
         first = first_fix(report.fixes)
         blocks += _list_fix_lines(first, _MOST_FIRST_LINES)
+        if first.lines and report.model.endswith(".urdf"):
+            blocks.append(Sentence("A URDF has no place for it: --write FILE writes a new MJCF."))
         if first.verification is not None:
             blocks.append(Sentence(f"verified: {first.verification.sentence}"))
     # The line of the fix names the first one if no fix remains.

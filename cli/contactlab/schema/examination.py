@@ -246,6 +246,9 @@ class Examination(ReportModel):
     )
     notes: tuple[str, ...] = ()
     written: str | None = about("The fixed model's file, if one was written.", default=None)
+    not_written: str = about(
+        "Why a requested fix was not written; empty if it was, or none was requested.", default=""
+    )
     evidence: str | None = about("Folder of its stores; null if they were not kept.", default=None)
     page: str | None = about("Its page; null if none was drawn.", default=None)
 

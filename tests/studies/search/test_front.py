@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from contactlab.studies.search.configuration import Configuration
-from contactlab.studies.search.front import FrontRules, choose_front
+from contactlab.studies.search.front import FrontRules, choose_front, drop_slower
 from contactlab.studies.search.settings_search import Evaluation, error_of
 from contactlab.tasks.reference_error import ErrorEstimate
 
@@ -69,3 +69,14 @@ def test_points_that_cannot_be_distinguished_are_one() -> None:
     # A marked candidate is the one that stays.
     assert choose_front([slow, same_time, fast], [same_time], 1.0) == [same_time, fast]
     assert choose_front([slow, fast], [], 2e-3) == [slow]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_of_measured_points_each_is_faster_than_all_more_accurate_ones(seed: int) -> None:
+    found = sorted(random_candidates(seed), key=error_of)
+    marked = {found[30].configuration.key}
+    rows = [(str(number), one, one.error) for number, one in enumerate(found) if one.error]
+    kept = drop_slower(rows, lambda row: row[1].cost, marked)
+    for place, (_, one, _) in enumerate(rows):
+        beaten = any(other.cost <= one.cost for _, other, _ in rows[:place])
+        assert (rows[place] in kept) == (not beaten or one.configuration.key in marked)

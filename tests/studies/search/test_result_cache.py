@@ -6,10 +6,20 @@ from pathlib import Path
 import pytest
 
 from contactlab.plan.task_options import read_task_options
+from contactlab.rendering.text import render_text
 from contactlab.scene.mujoco_versions import VERSION
-from contactlab.schema.tune_report import REPORT, Candidate, SkippedSetting, Target, TuneReport
+from contactlab.schema.tune_report import (
+    REPORT,
+    Candidate,
+    CurrentVerdict,
+    FrontPoint,
+    SkippedSetting,
+    Target,
+    TuneReport,
+)
 from contactlab.studies.search.report_text import UNVERIFIED, no_speedup_text, sentence_of
 from contactlab.studies.search.result_cache import find_cached_report
+from contactlab.studies.search.tune_document import describe_tuning
 from contactlab.studies.search.tune_request import TuneRequest
 from contactlab.tasks.checked_model import open_model
 from contactlab.tasks.session import Session
@@ -229,3 +239,30 @@ def test_what_may_keep_the_aim_is_told_apart_from_what_failed(
         "Numerical error is 50 %, above the tolerance of 10 %, and no tested setting that is "
         "numerically accurate is within it."
     )
+
+
+def test_headline_target_and_table_have_one_error_of_the_model_as_written(
+    asked: TuneRequest, tmp_path: Path
+) -> None:
+    """The search measured 7.31 %, and the verdict 6.21 %: neither is printed."""
+    report = found(asked, tmp_path)
+    assert report
+    now = report.current.model_copy(update={"error": 0.0731})
+    point = FrontPoint(
+        number=1, name="Euler 2 ms", marks=("as written",), candidate=now, error=0.0602,
+        error_low=0.05, error_high=0.07, error_seeds=12, real_time=1.0, state="as written",
+        verification="", changed_settings=(), verified=None, file=None,
+    )  # fmt: skip
+    judged = CurrentVerdict(seeds=(0, 1, 2), verdict="ok", numerical_error=0.0621)
+    target = report.target.model_copy(update={"kind": "as written", "limit": 0.0731})
+    report = report.model_copy(
+        update={
+            "current": now, "recommended": None, "front": (point,), "candidates": (now,),
+            "current_verdict": judged, "target": target,
+        }
+    )  # fmt: skip
+    report = report.model_copy(update={"sentence": sentence_of(report)})
+    text = render_text(describe_tuning(report))
+    assert text.count("6 %") == 3
+    assert "7.3 %" not in text
+    assert "6.2 %" not in text

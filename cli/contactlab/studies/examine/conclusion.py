@@ -78,6 +78,11 @@ def _failed_checks(report: Examination) -> list[str]:
     return [name for name in failed_names(report.findings) if name not in _OF_TASK & explained]
 
 
+def find_failed_checks(report: Examination) -> list[str]:
+    """Return the names of the failed checks that judge the model, not its runs."""
+    return [name for name in failed_names(report.findings) if name not in _OF_TASK]
+
+
 def _headline(report: Examination, verdict: VerdictWord) -> str:
     reason = next(iter(judged_reasons(report)), None)
     tolerance = f"(tolerance {format_percent(report.task.tolerance)})"
@@ -269,6 +274,10 @@ def _fix(report: Examination, verdict: VerdictWord, tried: int, not_tried: int) 
         )
     if verdict == "ok":
         return "not needed"
+    unrepaired = [cause for cause in report.causes if not cause.repair and cause.stage == "file"]
+    if unrepaired and "; " in unrepaired[0].sentence:
+        # The sentence of a fault ends with its remedy.
+        return f"by hand: {unrepaired[0].sentence.rpartition('; ')[2]}"
     start = report.task.start if report.task.start == QPOS0 else f"keyframe {report.task.start}"
     first = [f"move the bodies apart in {start}"] if _overlaps(report) else []
     first += [

@@ -43,7 +43,7 @@ from contactlab.store.table_layout import record_to_row
 from contactlab.studies.check.check_entries import CHECKS, Check
 from contactlab.studies.check.chosen_checks import chosen_checks, judged_findings
 from contactlab.studies.check.own_runs import describe_reference
-from contactlab.studies.examine.conclusion import conclude
+from contactlab.studies.examine.conclusion import conclude, find_failed_checks
 from contactlab.studies.examine.contact_values import measure_contacts, split_values
 from contactlab.studies.examine.design_causes import find_lost_grip, find_sagging_servo
 from contactlab.studies.examine.engine_faults import MetFaults, find_met_faults
@@ -67,6 +67,7 @@ from contactlab.studies.examine.repaired_causes import (
     find_fall_through,
     find_fallen_start,
     list_file_causes,
+    list_open_causes,
 )
 from contactlab.studies.examine.resting_contacts import resting_contacts
 from contactlab.studies.examine.servo_table import (
@@ -353,13 +354,15 @@ def _measure_budget(
     if "fixes" in request.sections and not broken:
         repairer = _make_repairer(request, examined, report, folder, begun)
         repairer = replace(repairer, meets_fault=met.acts)
-        repaired = repairer.repair_model(report.labels, faults)
+        failed = tuple(find_failed_checks(report))
+        repaired = repairer.repair_model(report.labels, faults, failed)
         repaired = _repair_design(repairer, repaired, grip, designs)
         repaired = repairer.repair_loop(repaired, study, report.loop)
         files = repairer.list_files(repaired)
         # A replay of a loop that does not hold misleads.
         held = report.loop is None or report.loop.holds
-        if held and (not files or repaired.word not in PASSING_VERDICTS):
+        searched = held and not any(fault.stage == "file" for fault in repaired.faults)
+        if searched and (not files or repaired.word not in PASSING_VERDICTS):
             verifier = _make_verifier(request, examined, report.labels, begun)
             until = begun + _FIXING * request.max_cpu
             search = _search_fixes(request, repaired, files, verifier, until)
@@ -549,7 +552,8 @@ def _make_repairer(
     def describe(repaired: RepairedModel) -> str:
         budget = budget_report(repaired.examined.budget, repaired.examined.judged, ())
         rest = {"budget": budget, "labels": repaired.labels, "findings": (), "facts": ()}
-        return conclude(report.model_copy(update={**rest, "causes": ()})).headline
+        causes = tuple(list_open_causes(repaired))
+        return conclude(report.model_copy(update={**rest, "causes": causes})).headline
 
     return CauseRepairer(
         original=examined,
@@ -595,6 +599,8 @@ def _write_result(
         made, reason = verifier.write_fix(search, request.write, requested=bool(request.apply))
     if made is None:
         examined.session.notify(f"{request.write} is not written: {reason}")
-        return report
-    asked = made.resolve() == request.write.resolve()
-    return report.model_copy(update={"written": str(request.write if asked else made)})
+        asked = f"--apply {' --apply '.join(request.apply)}" if request.apply else ""
+        reason = f"{asked}: {request.write} is not written: {reason}" if asked else ""
+        return report.model_copy(update={"not_written": reason})
+    own = made.resolve() == request.write.resolve()
+    return report.model_copy(update={"written": str(request.write if own else made)})

@@ -27,7 +27,7 @@ from contactlab.schema.verification import VerifiedChange
 from contactlab.studies.examine.design_causes import leaves_hand
 from contactlab.studies.examine.engine_faults import list_workarounds
 from contactlab.studies.examine.fixes import RepairedFiles
-from contactlab.studies.examine.linted_file import FileFault, write_rule_edits
+from contactlab.studies.examine.linted_file import FileFault, lint_file, write_rule_edits
 from contactlab.studies.examine.masked_passages import find_masked_fall
 from contactlab.studies.examine.permanent_overlaps import find_permanent_overlaps
 from contactlab.studies.examine.policy_loop import list_loop_repairs
@@ -55,6 +55,7 @@ class Repair(NamedTuple):
         is_certain: whether the cause is known without a run of the repaired model.
         keeps_model: whether it computes the same model differently.
         file: main file of a model with the change, if its own files have it, and changed lines.
+        rule: of lint that finds the cause; "" if none does.
         drive: of the task with the change, if that is another one.
     """
 
@@ -66,7 +67,12 @@ class Repair(NamedTuple):
     is_certain: bool = False
     keeps_model: bool = False
     file: tuple[Path, tuple[str, ...]] | None = None
+    rule: str = ""
     drive: PolicyDrive | None = None
+
+    def repairs(self, fault: FileFault) -> bool:
+        """Return whether it is a repair of a fault: of its rule, or of the start it gives."""
+        return fault.rule == self.rule or (self.stage == fault.stage == "start")
 
 
 @dataclass(frozen=True)
@@ -81,6 +87,8 @@ class RepairedModel:
         rejected: repairs that make a measure worse.
         edits: all repairs together, except those of files.
         scene: of its files with repairs by rules of lint; None for the original's.
+        faults: of its files, that make it fail whatever its runs say, and are not repaired.
+        failed_checks: checks of the original that fail for other reasons than its runs.
     """
 
     examined: CheckedModel
@@ -90,18 +98,22 @@ class RepairedModel:
     rejected: tuple[RejectedFix, ...] = ()
     edits: ModelEdits = field(default_factory=ModelEdits)
     scene: Scene | None = None
+    faults: tuple[FileFault, ...] = ()
+    failed_checks: tuple[str, ...] = ()
 
     @property
     def word(self) -> VerdictWord:
         """The verdict that is left."""
-        return join_verdict(self.examined.judged.word, failing=bool(self.labels))
+        failing = bool(self.labels or self.faults or self.failed_checks)
+        return join_verdict(self.examined.judged.word, failing=failing)
 
     @property
     def complaints(self) -> frozenset[str]:
-        """Its failure labels, and the rows of its budget that do not pass."""
+        """Its faults, its failure labels, and the rows of its budget that do not pass."""
         reasons = self.examined.judged.reasons
         rows = {one.row for one in reasons if one.verdict not in PASSING_VERDICTS}
-        return frozenset(rows | {label.label for label in self.labels})
+        faults = {fault.rule for fault in self.faults}
+        return frozenset(rows | faults | {label.label for label in self.labels})
 
 
 @dataclass(frozen=True)
@@ -128,10 +140,14 @@ class CauseRepairer:
     meets_fault: bool = False
 
     def repair_model(
-        self, labels: tuple[RunLabel, ...], faults: Sequence[FileFault]
+        self,
+        labels: tuple[RunLabel, ...],
+        faults: Sequence[FileFault],
+        failed_checks: tuple[str, ...] = (),
     ) -> RepairedModel:
         """Return the model with its file and its start repaired, as far as that helps."""
-        model = RepairedModel(self.original, labels)
+        certain = tuple(fault for fault in faults if fault.is_certain)
+        model = RepairedModel(self.original, labels, faults=certain, failed_checks=failed_checks)
         if self.meets_fault:
             # All other repairs would run on wrong forces.
             model = self._avoid_engine_fault(model)
@@ -144,6 +160,9 @@ class CauseRepairer:
                 model = self._repair_by_lint(model, fault)
         if any(fault.is_of_start for fault in faults):
             return model
+        if any(fault.stage == "file" for fault in model.faults):
+            # No repair of its start changes that verdict.
+            return replace(model, causes=_join_causes(model.causes, model.faults))
         if model.word != "ok":
             model = self._part_links(model)
         known = [fault.sentence for fault in faults if fault.stage == "start"]
@@ -201,7 +220,16 @@ class CauseRepairer:
         name = f"the edit of lint's rule {fault.rule}"
         return self._try_repair(
             model,
-            Repair("file", fault.sentence, name, fault.rule, ModelEdits(), certain, False, written),
+            Repair(
+                stage="file",
+                sentence=fault.sentence,
+                name=name,
+                apply=fault.rule,
+                edits=ModelEdits(),
+                is_certain=certain,
+                file=written,
+                rule=fault.rule,
+            ),
         )
 
     def repair_grip(self, model: RepairedModel, cause: Cause) -> RepairedModel:
@@ -264,7 +292,9 @@ class CauseRepairer:
         if fall.opened:
             edits = ModelEdits(opened=fall.opened)
             name = f"contacts with {' and '.join(dict.fromkeys(mask[0] for mask in fall.opened))}"
-        repair = Repair("file", fault.sentence, name, "contacts", edits, is_certain=True)
+        repair = Repair(
+            "file", fault.sentence, name, "contacts", edits, is_certain=True, rule=fault.rule
+        )
         return self._try_repair(model, repair)
 
     def _single_geoms(self, fault: FileFault) -> Repair:
@@ -272,7 +302,7 @@ class CauseRepairer:
         doubled = [name_of(model, "geom", second) for _, second in find_coincident_geoms(model)]
         more = f" and {len(doubled) - 1} more" if len(doubled) > 1 else ""
         name, edits = f"no contacts of {doubled[0]}{more}", ModelEdits(masked=tuple(doubled))
-        return Repair("file", fault.sentence, name, SINGLE, edits, is_certain=True)
+        return Repair("file", fault.sentence, name, SINGLE, edits, is_certain=True, rule=fault.rule)
 
     def _try_repair(self, model: RepairedModel, repair: Repair) -> RepairedModel:
         # The model itself if it cannot be judged, or is no better.
@@ -294,7 +324,16 @@ class CauseRepairer:
             labels = self._find_labels(changed)
         except (SceneError, OutputError):
             return listed
-        repaired = replace(model, examined=changed, labels=labels, edits=edits, scene=scene)
+        # A written copy of a URDF has the faults that only its import shows, too.
+        left = [fault for fault in model.faults if not repair.repairs(fault)]
+        task, known_rules = self.original.task, {fault.rule for fault in left}
+        linted = lint_file(changed.scene.source, written.reference, task.start)
+        left += [
+            fault for fault in linted.faults if fault.is_certain and fault.rule not in known_rules
+        ]
+        repaired = replace(
+            model, examined=changed, labels=labels, edits=edits, scene=scene, faults=tuple(left)
+        )
         if not of_file and not _is_better(model, repaired, repair):
             return model
         # An object that the original drops comes to rest elsewhere, as with another start.
@@ -395,6 +434,18 @@ def _is_better(model: RepairedModel, repaired: RepairedModel, repair: Repair) ->
     if repair.stage != "start" and repaired.complaints < model.complaints:
         return True
     return left > own or (repair.is_certain and left >= min(own, _rank_verdict("depends")))
+
+
+def _join_causes(causes: tuple[Cause, ...], faults: Sequence[FileFault]) -> tuple[Cause, ...]:
+    known = {cause.sentence for cause in causes}
+    return (*causes, *(one for one in list_file_causes(faults) if one.sentence not in known))
+
+
+def list_open_causes(model: RepairedModel) -> Iterator[Cause]:
+    """Yield the causes that make a model fail whatever its runs say."""
+    yield from list_file_causes(model.faults)
+    for name in model.failed_checks:
+        yield Cause(stage="file", sentence=f"check {name} fails")
 
 
 def _rank_verdict(word: VerdictWord) -> int:

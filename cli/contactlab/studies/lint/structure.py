@@ -58,7 +58,7 @@ def _find_default_actuator(linted: LintedModel) -> ET.Element | None:
     return None
 
 
-@rule("urdf-actuators", "note")
+@rule("urdf-actuators", "warn", voids_runs=True)
 def urdf_actuators(linted: LintedModel) -> Iterator[Fault]:
     """Joints of a URDF have efforts, and MuJoCo's import makes no actuators of them.
 
@@ -68,7 +68,8 @@ def urdf_actuators(linted: LintedModel) -> Iterator[Fault]:
     if linted.is_urdf and not linted.model.nu and driven.size:
         yield Fault(
             f"no actuators: MuJoCo reads the efforts of {_count_text(driven.size, 'joint')} as "
-            "limits, and the robot hangs limp; add <actuator> in an MJCF that attaches this URDF",
+            "limits, and the robot hangs limp; write an MJCF that attaches this URDF and has an "
+            "<actuator> for each",
             linted.place("joint", int(driven[0])),
         )
 

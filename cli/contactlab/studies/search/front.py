@@ -11,6 +11,7 @@ from itertools import pairwise
 
 from contactlab.studies.search.configuration import Key
 from contactlab.studies.search.settings_search import Evaluation, cost_of, error_of
+from contactlab.tasks.reference_error import ErrorEstimate
 
 
 @dataclass(frozen=True)
@@ -141,3 +142,27 @@ def _total_span(points: Sequence[Evaluation], value: Callable[[Evaluation], floa
 def _log_distance(one: float, other: float) -> float:
     tiny = 1e-300  # an error of 0 has no logarithm
     return abs(math.log(max(one, tiny) / max(other, tiny)))
+
+
+Point = tuple[str, Evaluation, ErrorEstimate]
+"""A name, a candidate, and its error on fresh seeds."""
+
+
+def drop_slower(
+    points: Sequence[Point], time_of: Callable[[Point], float], marked: Container[Key]
+) -> list[Point]:
+    """Return points without those that take no less time than a more accurate one.
+
+    Measured errors and times differ from those that chose the points. Marked ones stay.
+
+    Args:
+        points: from the most accurate on.
+        time_of: returns the time of a point.
+        marked: keys of candidates that are points in any case.
+    """
+    kept, fastest = list[Point](), math.inf
+    for point in points:
+        if time_of(point) < fastest or point[1].configuration.key in marked:
+            kept.append(point)
+        fastest = min(fastest, time_of(point))
+    return kept

@@ -20,6 +20,19 @@ def error_text(error: float | None, unit: str) -> str:
     return format_percent(error) if unit == "1" else f"{error:.2e} {unit}"
 
 
+def find_error(report: TuneReport, mark: str = "as written") -> float | None:
+    """Return the error of a marked point, as the table of the front has it.
+
+    The search itself measures candidates on few seeds; only the table's numbers are printed.
+    """
+    for point in report.front:
+        if mark in point.marks:
+            return point.error
+    if mark == "as written" or report.recommended is None:
+        return report.current.error
+    return report.recommended.error
+
+
 def settings_text(candidate: Candidate, current: Candidate) -> str:
     """Return the settings of a candidate in a line, with its timestep if that was changed."""
     step = {} if candidate.timestep == current.timestep else {"timestep": candidate.timestep}
@@ -54,15 +67,12 @@ def no_speedup_text(report: TuneReport) -> str:
 def sentence_of(report: TuneReport) -> str:
     """Return the result in a few sentences."""
     best, verified, target = report.recommended, report.verified, report.target
-    current, options = error_text(report.current.error, target.unit), list(_extra_options(report))
+    current, options = error_text(find_error(report), target.unit), list(_extra_options(report))
     if best and best.time_ratio and verified:
-        fresh = f"{error_text(verified.error, target.unit)} on fresh seeds"
-        if best.exact:
-            fresh = "with the same motion"
-        head = (
-            f"Recommended: {best.time_ratio.text} time, error "
-            f"{error_text(best.error, target.unit)}, {fresh} (current {current})."
-        )
+        own = error_text(find_error(report, "recommended"), target.unit)
+        change = f"error {own}, as before" if own == current else f"error {own}, not {current}"
+        change = "the same motion" if best.exact else change
+        head = f"Recommended: {best.time_ratio.text} time, {change}."
         if _is_above_tolerance(report):
             limit = format_percent(target.tolerance)
             head = f"The error as written is above the tolerance of {limit}. {head}"
@@ -77,7 +87,7 @@ def sentence_of(report: TuneReport) -> str:
 def no_recommendation_text(report: TuneReport, *, has_options: bool) -> str:
     """Say that no change is recommended, and why."""
     unit = report.target.unit
-    current = error_text(report.current.error, unit)
+    current = error_text(find_error(report), unit)
     above = _is_above_tolerance(report) and report.target.real_time is None
     error = f"{'Numerical error' if unit == '1' else 'Forward error'} is {current}"
     if above:

@@ -52,7 +52,7 @@ from contactlab.studies.search.configuration import (
     format_settings,
 )
 from contactlab.studies.search.forward_error import Divergence, join_phases, measure_divergence
-from contactlab.studies.search.front import choose_front
+from contactlab.studies.search.front import choose_front, drop_slower
 from contactlab.studies.search.report_text import sentence_of
 from contactlab.studies.search.search_space import find_integrators, find_parameters
 from contactlab.studies.search.settings_search import (
@@ -367,7 +367,11 @@ class TuningStudy:
         )
         self._time_points(points)
         rows = zip(self._name_points(points), points, self._measure_points(points), strict=True)
-        by_error = sorted(rows, key=lambda row: row[2].error)
+        by_error = drop_slower(
+            sorted(rows, key=lambda row: row[2].error),
+            lambda row: self._time_share(row[1]),
+            {one.configuration.key for one in (verifier.current, *made)},
+        )
         return tuple(
             self._describe_point(number, name, one, error, answers)
             for number, (name, one, error) in enumerate(by_error, 1)
@@ -403,6 +407,12 @@ class TuningStudy:
             for one in points
         ]
 
+    def _time_share(self, tried: Evaluation) -> float:
+        """Return the time of a candidate over that as written, or its counted work."""
+        if tried.configuration.key == self._search.current.key:
+            return 1.0
+        return tried.time_ratio.ratio if tried.time_ratio else tried.cost
+
     def _describe_point(
         self,
         number: int,
@@ -419,7 +429,6 @@ class TuningStudy:
         }
         answer = next(iter(own.values()), None)
         is_current = key == self._search.current.key
-        ratio = tried.time_ratio.ratio if tried.time_ratio else tried.cost
         failed = self._verifier.worse.get(key, "")
         low, high = _interval_of(error)
         state: PointState = "as written" if is_current else "verified" if answer else "not verified"
@@ -432,7 +441,7 @@ class TuningStudy:
             error_low=low,
             error_high=high,
             error_seeds=len(error.shares),
-            real_time=1 / self._clock.base_seconds / (1.0 if is_current else ratio),
+            real_time=1 / self._clock.base_seconds / self._time_share(tried),
             state=state,
             verification=answer.verification.sentence if answer else failed,
             changed_settings=tuple(self._changed_settings(tried)),

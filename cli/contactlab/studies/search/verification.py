@@ -473,8 +473,12 @@ class CandidateVerifier:
         limit = self._limit_of(goal)
         if self._search.max_cost is not None or error.error <= limit:
             return ""
-        limit_text = error_text(limit, self._target.unit)
-        return f"error {self._error_text(error)} in {error.body}, limit {limit_text}"
+        unit = self._target.unit
+        own, most = error_text(error.error, unit), error_text(limit, unit)
+        if own == most and unit == "1":
+            # More digits show which one is larger.
+            own, most = (f"{100 * each:.4g} %" for each in (error.error, limit))
+        return f"error {own} in {error.body}, at most {most}"
 
     def _verify(
         self, tried: Evaluation, error: ErrorEstimate, written: WrittenModel, goal: Goal
@@ -556,9 +560,6 @@ class CandidateVerifier:
             if own and own.error <= self._target.limit
             else 0.0
         )
-
-    def _error_text(self, error: ErrorEstimate) -> str:
-        return error_text(error.error, self._target.unit)
 
     def _own_task(self, seeds: int) -> Task:
         """Return the task with the first seeds of the search."""

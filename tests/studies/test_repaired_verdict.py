@@ -1,0 +1,84 @@
+"""The verdict that a fix promises is that of the written model, all faults of its file included."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+import contactlab
+from contactlab.budget import Verdict
+from contactlab.commands.examine import examine
+from contactlab.errors import ExpectationError, OutputError
+from contactlab.modifications.modification import NO_EDITS
+from contactlab.schema.examination import Examination
+from contactlab.studies.examine.linted_file import FileFault
+from contactlab.studies.examine.repaired_causes import Repair, RepairedModel
+
+DOUBLED = """<mujoco><worldbody><geom type="plane" size="1 1 .1"/>
+  <body pos="0 0 .1"><freejoint/><geom name="one" size=".1"/><geom name="two" size=".1"/>
+    <body pos=".2 0 0"><joint name="hip" axis="0 1 0" {motor}/><geom size=".03" pos=".1 0 0"/>
+  </body></body></worldbody></mujoco>"""
+FAULT = FileFault("no-actuators", "no actuators: the robot hangs limp; add one")
+LIMP = """<robot name="limp">
+  <link name="base"><inertial><mass value="2"/>
+    <inertia ixx=".01" iyy=".01" izz=".01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="leg"><inertial><origin xyz="0 0 -.1"/><mass value=".5"/>
+    <inertia ixx=".001" iyy=".001" izz=".001" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="hip" type="revolute"><parent link="base"/><child link="leg"/>
+    <axis xyz="0 1 0"/><limit lower=".5" upper="1" effort="{effort}" velocity="5"/></joint>
+</robot>"""
+
+
+def test_a_fault_that_is_left_fails_whatever_the_runs_say() -> None:
+    examined: Any = SimpleNamespace(judged=Verdict("ok", 0.1, ()))
+    assert RepairedModel(examined, ()).word == "ok"
+    assert RepairedModel(examined, (), faults=(FAULT,)).word == "fails"
+    assert RepairedModel(examined, (), failed_checks=("impossible_bodies",)).word == "fails"
+
+
+def test_a_repair_of_another_rule_or_of_the_start_repairs_no_fault_of_the_file() -> None:
+    start = Repair("start", "its start overlaps", "a raised start", "raise", NO_EDITS)
+    other = Repair("file", "two geoms", "no contacts", "single", NO_EDITS, rule="coincident-geoms")
+    assert not start.repairs(FAULT)
+    assert not other.repairs(FAULT)
+    assert other._replace(rule=FAULT.rule).repairs(FAULT)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("motor", ["", 'actuatorfrcrange="-5 5"'])
+def test_the_promised_verdict_is_that_of_the_written_model(motor: str, tmp_path: Path) -> None:
+    path, fixed = tmp_path / "robot.xml", tmp_path / "fixed" / "robot.xml"
+    path.write_text(DOUBLED.format(motor=motor))
+    task: Any = {"duration": "0.6s", "workers": 0, "seeds": 1}
+    report = contactlab.examine(
+        path, output=tmp_path / "one.json", write=fixed, apply=["single"], **task
+    )
+    promised = next(cause for cause in report.causes if cause.repair)
+    again = contactlab.examine(fixed, output=tmp_path / "two.json", **task)
+    assert promised.verdict == again.verdict
+    assert (again.verdict == "fails") == bool(motor)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("effort", [0, 10])
+def test_a_urdf_that_nothing_drives_fails_and_no_fix_hides_it(effort: int, tmp_path: Path) -> None:
+    path = tmp_path / "limp.urdf"
+    path.write_text(LIMP.format(effort=effort))
+    task: Any = {"duration": "0.6s", "workers": 0, "seeds": 1, "write": tmp_path / "new" / "a.xml"}
+    report = contactlab.examine(path, output=tmp_path / "one.json", apply=["freejoint"], **task)
+    assert (report.headline == "fails: no actuators") == bool(effort)
+    assert report.fix.startswith("by hand: ") == bool(effort)
+    # What was asked for and not written ends with 2, whatever the verdict.
+    assert report.not_written.startswith("--apply freejoint: ")
+
+
+def test_a_requested_fix_that_is_not_written_ends_with_2() -> None:
+    failure_of = examine.__dict__["command"].failure
+    report = Examination.model_construct(
+        verdict="fails", model="a.xml", not_written="--apply x: no"
+    )
+    assert isinstance(failure_of(report, {}), OutputError)
+    plain = report.model_copy(update={"not_written": ""})
+    assert isinstance(failure_of(plain, {}), ExpectationError)
+    assert failure_of(plain.model_copy(update={"verdict": "ok"}), {}) is None
