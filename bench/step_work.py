@@ -2,7 +2,7 @@
 
 Run: python -m bench.step_work MODEL.xml ...
 
-prints the coefficients of `contactlab/tasks/step_work.py`, and how far counted ratios to
+prints the coefficients of `contactlab/budget/step_work.py`, and how far counted ratios to
 the model as written are from measured ones. Each model moves under sines of its controls; its
 variants make the same steps from states along that motion. Each slice of a run is timed in five
 turns of all variants, and its least time counts, since other programs only add.
@@ -20,9 +20,9 @@ import numpy.typing as npt
 from scipy.optimize import nnls
 
 from contactlab.budget.motion import INTEGRATION
+from contactlab.budget.step_work import UNITS, StepWork
 from contactlab.studies.search.configuration import Configuration
 from contactlab.studies.search.search_space import find_integrators, propose_parameters
-from contactlab.tasks.step_work import UNITS, StepWork
 
 Floats = npt.NDArray[np.float64]
 CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)

@@ -8,9 +8,9 @@ import pytest
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
+from contactlab.budget.step_work import UNITS, StepWork
 from contactlab.studies.search.configuration import Configuration
 from contactlab.tasks.counted_cost import CountedCost
-from contactlab.tasks.step_work import UNITS, StepWork
 
 BOXES = """<mujoco><option timestep="0.002"/><worldbody><geom type="plane" size="5 5 .1"/>
   <body pos="0 0 .099"><freejoint/><geom type="box" size=".1 .1 .1"/></body>

@@ -1,5 +1,6 @@
 """Times of models on the motion of a task, and ratios of the times of seeds."""
 
+import copy
 import math
 
 import mujoco
@@ -49,6 +50,16 @@ def test_whole_runs_are_timed_by_two_seeds_at_least() -> None:
     clock, motion = _clock(3, 40)
     (price,) = clock.time_whole_runs([(motion.model, 2)], [[motion]], -math.inf)
     assert 0 < price.low <= price.ratio <= price.high < math.inf
+
+
+def test_counted_costs_follow_the_work_of_a_step() -> None:
+    clock, motion = _clock(2, 40)
+    stages = copy.copy(motion.model)
+    stages.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    same, half, dear = clock.count_costs([(motion.model, 2), (motion.model, 1), (stages, 2)])
+    assert same == 1.0
+    assert half == pytest.approx(2.0, rel=1e-6)
+    assert 2 < dear < 4
 
 
 def test_ratios_of_times_are_printed_with_two_digits() -> None:

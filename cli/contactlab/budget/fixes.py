@@ -11,6 +11,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from contactlab.budget.counted_time import count_pace, count_step_seconds, sample_states
 from contactlab.budget.error_budget import SETTINGS
 from contactlab.budget.exercised_rows import exercised_rows
 from contactlab.budget.field_changes import (
@@ -18,7 +19,7 @@ from contactlab.budget.field_changes import (
     build_candidate,
     field_changes,
 )
-from contactlab.budget.measuring import PhaseMeasure, Settings, evaluations, pace, steps_of
+from contactlab.budget.measuring import PhaseMeasure, Settings, evaluations, steps_of
 from contactlab.budget.motion import Motion
 from contactlab.budget.readings import ErrorBudget
 from contactlab.budget.reference_distance import FINEST, ChangedModel, distances_to_reference
@@ -86,6 +87,8 @@ class TriedFix:
         safely: whether it removes the verdict under half of the tolerance, too.
         harms: whether a load rejects it. It removes the verdict at a first look, and was not judged
             further.
+        cost: counted time over that of the model as written, which ranks fixes; infinite if it
+            removes nothing or has other states.
     """
 
     name: str
@@ -100,6 +103,7 @@ class TriedFix:
     is_complete: bool = True
     safely: bool = False
     harms: bool = False
+    cost: float = math.inf
 
     @property
     def changes_model(self) -> bool:
@@ -262,8 +266,8 @@ class Trial:
         most: number of fixes that are enough; all candidates are tried if None.
         requested: `--apply` names of candidates that are tried in any case.
         workers: threads; one for each processor if None.
-        left: returns the CPU time that trials may still take [s]. A trial that would take more is
-            skipped or cut short, unless it was requested.
+        left: returns the counted time that trials may still take [s]. A trial that would take more
+            is skipped or cut short, unless it was requested.
         finds_harm: returns whether the loads of a verification reject a candidate with its edits.
     """
 
@@ -314,7 +318,7 @@ def try_fixes(
     if not possible:
         return ()
     judged = _FixJudge(
-        motions, verdict, word, rows if word == "depends" else (), trial, pace(motions)
+        motions, verdict, word, rows if word == "depends" else (), trial, count_pace(motions)
     )
     comparable = [candidate for candidate in possible if candidate.same_states]
     if (compared := judged.compared(comparable)) is None:
@@ -384,7 +388,7 @@ def fix_rank(fix: TriedFix) -> tuple[bool, bool, bool, bool, float]:
         not mends_start,
         fix.changes_model,
         not fix.safely,
-        cost_class(fix.time_ratio),
+        cost_class(fix.cost),
     )
 
 
@@ -406,7 +410,7 @@ class _FixJudge(NamedTuple):
     word: VerdictWord
     rows: Sequence[str]
     trial: Trial
-    pace: float  # CPU of a step of the model [s]
+    pace: float  # counted time of a step of the model [s]
 
     @property
     def _settings(self) -> Settings:
@@ -532,6 +536,7 @@ class _FixJudge(NamedTuple):
         share = max(shares, default=apart if candidate.must_come_nearer else math.nan)
         timed = removes and not harms and candidate.same_states
         ratio = _measure_time_ratio(first, candidate, self._settings) if timed else None
+        cost = _count_cost(first, candidate) if timed else math.inf
         return TriedFix(
             name=candidate.name,
             removes=removes and not harms,
@@ -544,6 +549,7 @@ class _FixJudge(NamedTuple):
             distance_before=before,
             safely=removes and safely and not harms,
             harms=harms,
+            cost=cost,
         )
 
     def _parts(self, candidate: Candidate) -> Iterator[Sequence[Motion]]:
@@ -651,6 +657,13 @@ def _measure_time_ratio(
     return measure_time_ratios(motion, run, {candidate.name: (made, candidate.rate)}).get(
         candidate.name
     )
+
+
+def _count_cost(motion: Motion, candidate: Candidate) -> float:
+    states = sample_states(motion)
+    own = count_step_seconds(motion, motion.model, states)
+    changed = changed_model(motion.model, candidate)
+    return candidate.rate * count_step_seconds(motion, changed, states) / own
 
 
 def sentence(reason: BudgetReason, tried: Sequence[TriedFix]) -> str:

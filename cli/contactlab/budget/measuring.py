@@ -1,8 +1,5 @@
 """Measures the error budget of one phase."""
 
-import math
-import time
-import weakref
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -46,7 +43,6 @@ from contactlab.budget.windows import (
 )
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import EngineError
-from contactlab.modifications.catalogue import list_rows
 from contactlab.modifications.model_predicates import (
     is_disabled,
     raises_time_constants,
@@ -116,52 +112,9 @@ def _evaluations(row: Row, finer: int) -> int:
     return rate * (len(row.changes) + (row.both is not None))
 
 
-def pace(motions: Sequence[Motion]) -> float:
-    """Return the CPU that a step of the model takes [s], in the shortest of its motions."""
-    shortest = min(motions, key=lambda motion: motion.steps)
-    key = id(shortest.model), id(shortest.inputs)
-    known = _PACES.get(key)
-    if known is not None and known[0]() is shortest.inputs:
-        return known[1]
-    one = replace(shortest, starts=shortest.starts[:1], inputs=shortest.inputs[:1])
-    begin = time.process_time()
-    replay(one, WINDOW, 1)
-    found = (time.process_time() - begin) / one.steps
-    _PACES[key] = weakref.ref(shortest.inputs), found
-    return found
-
-
-_PACES = dict[tuple[int, int], tuple[weakref.ref[Floats], float]]()
-"""CPU of a step [s] by the ids of a motion's model and inputs, while these inputs exist."""
-
-
 def steps_of(motions: Iterable[Motion]) -> int:
     """Return how many steps motions have, of all their seeds."""
     return sum(motion.seeds * motion.steps for motion in motions)
-
-
-def affordable(
-    motions: Sequence[Motion], settings: Settings, seconds: float
-) -> tuple[tuple[str, ...], Settings]:
-    """Return the rows and the settings of a budget that takes at most this CPU [s].
-
-    Rows that judge nothing are left out first. If the others would take twice that time, only the
-    run is measured, and, if that does too, by a first look.
-    """
-    rows = [row for row in list_rows() if any(row.applies(motion.model) for motion in motions)]
-    judging = [row for row in rows if row.kind in ("numerics", "model")]
-    quick = replace(settings, check=False, energy=False)
-    steps = 1.0 if math.isinf(seconds) else steps_of(motions) * pace(motions)
-    ladder = [(rows, settings, 1), (judging, settings, 2), ([], settings, 2)]
-    few, measured = next(
-        (
-            (few, measured)
-            for few, measured, times in ladder
-            if evaluations(motions[0].model, measured, few) * steps <= times * seconds
-        ),
-        ([], quick),
-    )
-    return tuple(row.name for row in few), measured
 
 
 class PhaseMeasure:

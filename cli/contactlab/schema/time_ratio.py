@@ -90,8 +90,6 @@ class TimeRatio(Model):
         return self.of(self.ratio * factor, self.low * factor, self.high * factor)
 
 
-def cost_class(ratio: TimeRatio | None) -> float:
-    """Return a number that is equal for ratios within about a tenth; infinite if not known."""
-    if ratio is None:
-        return math.inf
-    return round(math.log(ratio.ratio, 1 + SIMPLER_SHARE))
+def cost_class(cost: float) -> float:
+    """Return a number that is equal for costs within about a tenth; infinite if not known."""
+    return round(math.log(cost, 1 + SIMPLER_SHARE)) if math.isfinite(cost) else math.inf

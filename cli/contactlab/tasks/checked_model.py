@@ -12,10 +12,11 @@ from contactlab.budget import (
     Motion,
     Settings,
     Verdict,
-    affordable,
     error_budget,
     judge,
+    plan_budget,
 )
+from contactlab.budget.windows import add_simulated_steps
 from contactlab.engines.closed_loop import allowed_policy
 from contactlab.errors import EngineError, ModelWarning, SceneError, SweepFileError
 from contactlab.judge.limits import LIMITS
@@ -43,6 +44,7 @@ TASK_STORE = "run"
 """Name of the store of the task's runs, one for each of its seeds."""
 MOST_SEEDS = 9
 """Seeds up to which a task is extended while they disagree about the tolerance."""
+_STEPS_OF_CHECKS = 5  # of the engine for one of a run with all checks
 _FEWEST_STEPS = 5  # of a phase: its last fifth shows the bodies at rest
 
 
@@ -79,7 +81,7 @@ class CheckedModel:
         settings: how its budget is measured.
         rows: of its budget, by name; all if None.
         threads: that measure it.
-        seconds: CPU within which its budget has rows that judge nothing [s].
+        seconds: counted time within which its budget has rows that judge nothing [s].
     """
 
     reference: str
@@ -203,14 +205,14 @@ class CheckedModel:
         # The rows that its budget has, and how it is measured.
         if self.rows is not None:
             return self.rows, self.settings
-        return affordable(self.motions, self.settings, self.seconds)
+        return plan_budget(self.motions, self.settings, self.seconds)
 
     @property
     def unmeasured(self) -> tuple[str, ...]:
         """The rows that there was no time to measure."""
         if self.rows is not None:
             return ()
-        own, _ = affordable(self.motions, self.settings, math.inf)
+        own, _ = plan_budget(self.motions, self.settings, math.inf)
         return tuple(row for row in own if row not in self._measured[0])
 
     @cached_property
@@ -268,6 +270,8 @@ class CheckedModel:
         store = self.session.run_derived(name, sweep, self.scenes)
         self._written.add(name)
         runs = self.scene.resolve_seeds(values, sweep["seeds"], self.duration)
+        steps = sum(round(run.duration / run.timestep) for run in runs)
+        add_simulated_steps(self.prepared.model, _STEPS_OF_CHECKS * steps)
         return [CheckedRun(self.scene, run, store) for run in runs]
 
     def elsewhere(self, workers: int) -> "CheckedModel":
@@ -323,7 +327,7 @@ def open_model(
         options: replacements for parts of its task; limits are of checks or labels, by name.
         assign: settings, `NAME=VALUE` each.
         rows: of its error budget, by name; all if None. Changes are timed if it has rows.
-        seconds: CPU within which its budget has rows that judge nothing [s].
+        seconds: counted time within which its budget has rows that judge nothing [s].
 
     Raises:
         SceneError: there is no such model, keyframe or body, it does not compile, or its drive is

@@ -14,10 +14,10 @@ import numpy as np
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION, without_delays
+from contactlab.budget.step_work import UNIT_SECONDS, StepWork
 from contactlab.budget.windows import Run, replay
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.model_edits import read_flag, set_timestep
-from contactlab.tasks.step_work import UNIT_SECONDS, StepWork
 
 SAMPLE_SECONDS = 0.04
 """s between the states where steps are counted, and length of these steps, if they are few."""

@@ -19,6 +19,7 @@ import numpy as np
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.restarts import motion_at_steps
+from contactlab.budget.step_work import UNIT_SECONDS, StepWork
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.model_edits import set_timestep
 from contactlab.schema.time_ratio import TimeRatio
@@ -39,6 +40,7 @@ _SEGMENT_PROTOCOL = TimingProtocol(rounds=6)
 """Fewest rounds that hold a median with 95 %: turns of slow models are long, and disturbed less."""
 _INPUT_ROUNDS, _INPUTS_IN_A_ROUND = 3, 40
 """Rounds that say how long it takes to set an input; the fastest one is not disturbed."""
+_COUNTED_STEPS = 4  # from each state; the first, which begins without a warm start, is left out
 _AUTORESET_OFF = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
 
 
@@ -151,6 +153,32 @@ class Clock:
         taken = time_rounds([self._build_timer(*each) for each in made], protocol)
         self.base_seconds = float(np.median(taken[:, 0]))
         return ratios_of_rounds(taken)
+
+    def count_costs(self, models: Sequence[ModelAtStep]) -> list[float]:
+        """Return the counted work of models over that of the model as written.
+
+        It is the same under any load. A model that MuJoCo refuses has infinite work.
+        """
+        own = self._count_seconds(self._written, self._reference.substeps)
+        return [self._count_seconds(*each) / own for each in models]
+
+    def _count_seconds(self, model: mujoco.MjModel, multiple: int) -> float:
+        made = self._with_step(model, multiple)
+        data, work = mujoco.MjData(made), StepWork(made)
+        for phase in self._reference.phases:
+            count = min(_MAX_SEGMENTS, len(phase.starts))
+            places = np.linspace(0, len(phase.starts) - 1, count).astype(int)
+            begun = phase.starts_and_inputs(multiple, phase.starts[places], _COUNTED_STEPS)
+            for start, inputs in zip(*begun, strict=True):
+                mujoco.mj_resetData(made, data)  # wakes sleeping bodies
+                mujoco.mj_setState(made, data, start, INTEGRATION)
+                rows = inputs if inputs.shape[1] else None
+                try:
+                    work.count_steps(data, _COUNTED_STEPS, rows, phase.motion.spec)
+                except mujoco.FatalError:
+                    return math.inf
+        seconds = float(work.total @ UNIT_SECONDS) / max(work.steps, 1)
+        return seconds / float(made.opt.timestep)
 
     def time_whole_runs(
         self, models: Sequence[ModelAtStep], tasks: Iterable[Sequence[Motion]], until: float

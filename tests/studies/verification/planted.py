@@ -232,7 +232,7 @@ HARMFUL = (
     ),
     PlantedChange(
         "a joint without its limit", ARM, 'range="-20 20"', 'range="-20 20" limited="false"',
-        ("hinge beyond its limit", "end position", "tracking error"), same_model=False,
+        ("hinge beyond its limit",), same_model=False,
     ),
     PlantedChange(
         "a soft limit", ARM, 'range="-20 20"', 'range="-20 20" solreflimit=".5 1"',
@@ -244,7 +244,7 @@ HARMFUL = (
     ),
     PlantedChange(
         "an open loop", LINKAGE, '<connect name="loop"', '<connect name="loop" active="false"',
-        ("end position", "tracking error"), same_model=False,
+        ("equality gap", "end position", "tracking error"), same_model=False,
     ),
     PlantedChange(
         "a soft loop", LINKAGE, '<connect name="loop"', '<connect name="loop" solref=".3 1"',

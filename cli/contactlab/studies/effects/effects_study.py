@@ -12,7 +12,7 @@ from dataclasses import replace
 import mujoco
 
 from contactlab.budget import Motion
-from contactlab.budget.motion import INTEGRATION
+from contactlab.budget.counted_time import count_pace
 from contactlab.budget.restarts import build_reference_model
 from contactlab.errors import SceneError, SweepFileError
 from contactlab.modifications.unused_pairs import own_sensors, unused_flags, with_flags
@@ -47,7 +47,6 @@ _MEASURING_SHARE = 0.5
 _PASS_SHARE = 0.01
 """Share of the time limit that one part may take on the average. Models have 20 to 50 of them."""
 _MAX_WINDOW_STRIDE = 8  # at least one in this many windows is used
-_PROBED_STEPS = 30  # steps that say how long one takes
 _CLOSE = TimingProtocol(half_width=LEAST_SAVING / 3)
 """Rounds of parts that may go, if there is time: they resolve a third of the least saving."""
 _SCREENING = TimingProtocol(rounds=6, looks=1)
@@ -122,9 +121,7 @@ def _find_smaller(
         write=request.write,
     )
     tolerance = study.scenarios.models[0].task.tolerance
-    return search, search.find_smaller(
-        [(one.part, one.ratio, one.error) for one in study.measured if one.can_go(tolerance)]
-    )
+    return search, search.find_smaller([one for one in study.measured if one.can_go(tolerance)])
 
 
 class EffectsStudy:
@@ -150,7 +147,7 @@ class EffectsStudy:
         self.base = with_flags(
             compile_changed(examined, ModelEdits()), unused_flags(examined.scene.source.model)
         )
-        motions, stride = _plan_work(scenarios.motions, request.max_time, examined.threads)
+        motions, stride = _plan_work(scenarios.motions, request.max_time)
         loaded = [*motions, *map(tilt_gravity, motions), *map(double_inputs, motions)]
         reference = TaskReference.run_references(loaded, 1, examined.threads, stride)
         reference = reference.complete_phases()
@@ -198,10 +195,11 @@ class EffectsStudy:
         *ratios, self.noise_floor = self.clock.time_ratios(
             [(model, 1) for model in made], _CLOSE if is_fast else _SCREENING
         )
-        for (one, _), ratio in zip(timed, ratios, strict=True):
-            one.ratio = ratio
+        costs = self.clock.count_costs([(model, 1) for _, model in timed])
+        for (one, _), ratio, cost in zip(timed, ratios, costs, strict=True):
+            one.ratio, one.cost = ratio, cost
         others = [one for one in self.measured if one not in may_go and one.part.exercised]
-        may_go.sort(key=lambda one: 1.0 if one.ratio is None else one.ratio.ratio)
+        may_go.sort(key=lambda one: one.cost)
         both = (*may_go, *others)
         for one in count_steps(both, "parts", len(both)):
             if one.verdict_at != "not measured":
@@ -225,12 +223,10 @@ class EffectsStudy:
             return None
 
 
-def _plan_work(
-    motions: Sequence[Motion], max_time: float, threads: int
-) -> tuple[list[Motion], int]:
-    # As many seeds as the time allows, then fewer windows.
+def _plan_work(motions: Sequence[Motion], max_time: float) -> tuple[list[Motion], int]:
+    # As many seeds as the counted time of one core allows, then fewer windows.
     steps = 3 * sum(motion.steps for motion in motions)  # unchanged, tilted, doubled
-    seconds = steps * _measure_step_seconds(motions[-1]) / threads
+    seconds = steps * count_pace(motions)
     allowed = _PASS_SHARE * max_time
     most = min(motion.seeds for motion in motions)
     seeds = min(most, max(1, int(_MAX_WINDOW_STRIDE * allowed / seconds)))
@@ -240,14 +236,6 @@ def _plan_work(
         for motion in motions
     ]
     return fewer, stride
-
-
-def _measure_step_seconds(motion: Motion) -> float:
-    data = mujoco.MjData(motion.model)
-    mujoco.mj_setState(motion.model, data, motion.starts[0], INTEGRATION)
-    begin = time.thread_time()
-    mujoco.mj_step(motion.model, data, nstep=_PROBED_STEPS)
-    return (time.thread_time() - begin) / _PROBED_STEPS
 
 
 def _rank_part(one: MeasuredPart, tolerance: float) -> tuple[bool, float]:

@@ -62,12 +62,14 @@ class PartErrors:
 class MeasuredPart:
     """A part with its verdict, its error, and the time of the model without it.
 
-    There is no error if it was not measured.
+    There is no error if it was not measured. The counted cost of the model without it decides
+    whether it goes, since load changes the measured time; it is 1 if it was not counted.
     """
 
     part: ModelPart
     error: ErrorEstimate | None = None
     ratio: TimeRatio | None = None
+    cost: float = 1.0
     late: bool = False
 
     @property

@@ -23,7 +23,7 @@ from contactlab.schema.time_ratio import LEAST_SAVING, TimeRatio
 from contactlab.schema.verification import VerifiedChange
 from contactlab.studies.effects.examined_scenarios import Scenarios
 from contactlab.studies.effects.model_parts import ModelPart, change_model
-from contactlab.studies.effects.part_errors import LOAD_MARGIN, PartErrors
+from contactlab.studies.effects.part_errors import LOAD_MARGIN, MeasuredPart, PartErrors
 from contactlab.studies.verification import OriginalRuns, VerificationRequest, verify_change
 from contactlab.studies.verification.grip_measures import compare_grips
 from contactlab.tasks.checked_model import CheckedModel
@@ -33,18 +33,15 @@ from contactlab.tasks.session import Session
 from contactlab.tasks.stress_motions import double_inputs, state_bytes, tilt_gravity
 from contactlab.tasks.task_clock import Clock
 from contactlab.tasks.task_motions import with_new_seeds
-from contactlab.timing.interleaved import TimingProtocol
 
 _SEEDS_TIMED = 6  # times new seeds are drawn for whole runs; seeds differ more than turns do
 _TIMING_SHARE = 0.3  # share of the remaining time for timing the written model
-_JOINT = TimingProtocol(rounds=6, looks=1)
 _LEAST_WORTH = 0.01
-"""Least share of the time that a feature saves, beyond noise: it costs a changed line."""
+"""Least share of the counted time that a feature saves: it costs a changed line."""
 EXACT = (
     "the motion is that of the model as written, bit for bit, in the task, on fresh seeds, tilted, "
     "and with twice the inputs"
 )
-Measured = tuple[ModelPart, TimeRatio | None, ErrorEstimate | None]
 
 
 @dataclass
@@ -75,12 +72,12 @@ class SmallerSearch:
     kept: dict[str, str] = field(default_factory=dict[str, str])
     is_late: bool = False
 
-    def find_smaller(self, free: Sequence[Measured]) -> SmallerModel | None:
+    def find_smaller(self, free: Sequence[MeasuredPart]) -> SmallerModel | None:
         """Return the smaller model; None if no set of parts saves enough and passes."""
         rmtree(self.session.folder / FOLDER, ignore_errors=True)
-        chosen = sorted(filter(_is_worthwhile, free), key=_ratio_of)
+        chosen = sorted(filter(_is_worthwhile, free), key=lambda one: one.cost)
         while chosen:
-            parts = [part for part, *_ in chosen]
+            parts = [one.part for one in chosen]
             error = self._estimate_joint_error(parts)
             if error is not None and error.error > LOAD_MARGIN * self._original.task.tolerance:
                 self._put_back(chosen, f"together they differ by {error.error:.2g} in {error.body}")
@@ -88,8 +85,8 @@ class SmallerSearch:
             edits = _join_edits(parts)
             try:
                 made = self._compile_without(edits, parts)
-                (ratio,) = self.clock.time_ratios([(made, 1)], _JOINT)
-                if ratio.ratio > 1 - LEAST_SAVING:
+                (cost,) = self.clock.count_costs([(made, 1)])
+                if cost > 1 - LEAST_SAVING:
                     return None
                 written = write_model(self._original.scene, edits, self._folder, self._name)
             except SceneError as refused:
@@ -99,7 +96,7 @@ class SmallerSearch:
             verified, sentence, passed = self._verify_model(changed)
             if passed:
                 timed = self._time_whole_runs(made)
-                if timed.ratio > 1 - LEAST_SAVING:
+                if timed.is_greater():
                     self._discard_files(written)
                     return None
                 return SmallerModel(
@@ -114,8 +111,8 @@ class SmallerSearch:
             self._discard_files(written)
             if self.is_late:
                 # Nothing but equal bits can be verified in no time.
-                lossy = [one for one in chosen if not one[0].proof]
-                chosen = [one for one in chosen if one[0].proof] if lossy else []
+                lossy = [one for one in chosen if not one.part.proof]
+                chosen = [one for one in chosen if one.part.proof] if lossy else []
                 continue
             self._put_back(chosen, sentence)
         return None
@@ -144,12 +141,12 @@ class SmallerSearch:
         for path in (written.path, written.path.with_suffix(".patch")):
             path.unlink(missing_ok=True)
 
-    def _put_back(self, chosen: list[Measured], reason: str) -> None:
+    def _put_back(self, chosen: list[MeasuredPart], reason: str) -> None:
         # The part that saves least stays, of those that add error if there are any.
-        lossy = [one for one in chosen if not one[0].proof] or chosen
-        least = max(lossy, key=_ratio_of)
+        lossy = [one for one in chosen if not one.part.proof] or chosen
+        least = max(lossy, key=lambda one: one.cost)
         chosen.remove(least)
-        self.kept[least[0].name] = reason
+        self.kept[least.part.name] = reason
 
     def _estimate_joint_error(self, parts: Sequence[ModelPart]) -> ErrorEstimate | None:
         lossy = [part for part in parts if not part.proof]
@@ -211,17 +208,12 @@ def _load_motions(checked: CheckedModel) -> Iterator[Motion]:
             yield from (motion, tilt_gravity(motion), double_inputs(motion))
 
 
-def _is_worthwhile(one: Measured) -> bool:
-    part, ratio, _ = one
-    if ratio is None:
+def _is_worthwhile(one: MeasuredPart) -> bool:
+    if one.ratio is None:
         return False
-    if part.proof and part.kind != "feature":
-        return not ratio.is_greater()
-    return ratio.is_less(by=_LEAST_WORTH)
-
-
-def _ratio_of(one: Measured) -> float:
-    return 1.0 if one[1] is None else one[1].ratio
+    if one.part.proof and one.part.kind != "feature":
+        return one.cost <= 1
+    return one.cost < 1 - _LEAST_WORTH
 
 
 def _join_edits(parts: Sequence[ModelPart]) -> ModelEdits:

@@ -3,7 +3,6 @@
 Each part of the report is a section that may be requested alone, with the same numbers.
 """
 
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,7 +15,8 @@ from contactlab.budget import (
     Trial,
     budget_report,
 )
-from contactlab.budget.measuring import pace, steps_of
+from contactlab.budget.counted_time import WorkLimit, count_pace
+from contactlab.budget.measuring import steps_of
 from contactlab.closed_loop.loop_margins import LoopStudy
 from contactlab.errors import SweepFileError
 from contactlab.judge.waivers import unused_waivers
@@ -80,7 +80,6 @@ from contactlab.studies.examine.verified_fixes import FixVerifier
 from contactlab.studies.grip.grip_fact import describe_grip, find_grip
 from contactlab.studies.verification import VerificationRequest, verify_change
 from contactlab.tasks.checked_model import CheckedModel, open_changed_model, open_model
-from contactlab.tasks.counted_cost import CountedCost
 from contactlab.tasks.session import Session, Values
 from contactlab.tasks.task_motions import Change, with_new_seeds
 from contactlab.tasks.task_verdict import run_labels
@@ -117,7 +116,7 @@ class ExamineRequest:
         accepted: findings of checks that are waived.
         write: file for the model with the first fix that keeps the model.
         apply: names of fixes that make another model, which are written too.
-        max_cpu: CPU time within which it ends [s], with the results until then.
+        max_cpu: counted time within which it ends [s], with the results until then.
         begins: called with the name of each part of the examination when it begins.
     """
 
@@ -159,7 +158,7 @@ def run(request: ExamineRequest, session: Session) -> Examination:
         OutputError: stores or the fixed model cannot be written.
         StoppedError: it was interrupted.
     """
-    begun, wanted = time.process_time(), {*request.sections}
+    limit, wanted = WorkLimit(request.max_cpu), {*request.sections}
     checks = {name: CHECKS[name] for name in chosen_checks(request.checks)}
     judged_findings([], request.accepted)
     if request.apply and request.write is None:
@@ -198,7 +197,7 @@ def run(request: ExamineRequest, session: Session) -> Examination:
     if wanted <= _NOT_JUDGED:
         return judge_loops(report)
     with TemporaryDirectory(prefix="contactlab-") as folder:
-        return _measure_budget(request, report, examined, begun, (Path(folder), study, met))
+        return _measure_budget(request, report, examined, limit, (Path(folder), study, met))
 
 
 class _OpenedModel(NamedTuple):
@@ -256,17 +255,15 @@ def _open_task(request: ExamineRequest, session: Session) -> CheckedModel:
 def _shorten_heavy_task(
     request: ExamineRequest, examined: CheckedModel
 ) -> tuple[TaskOptions, tuple[str, ...]]:
-    # Return a task that there is CPU for, and the parts of the whole one that it lacks: first
+    # Return a task that there is counted time for, and the parts of the whole one that it lacks: first
     # seeds, then time. A requested number of seeds or duration is kept.
     task, whole, left_out = request.task, examined.task, list[str]()
     passes = 30  # over the task: its runs, checks, facts, and the shortest budget
     motions, most = examined.motions, request.max_cpu / passes
-    measured = steps_of(motions) * pace(motions)
-    if measured < most:
+    counted = steps_of(motions) * count_pace(motions)
+    if counted < most:
         return task, ()
-    # Counted work is the same on a busy machine, which may take twice as long; but it lacks flexes.
-    counted = CountedCost(motions, examined.prepared.model, examined.threads).pass_seconds
-    share = most / max(len(whole.seeds) * counted, measured / 2)
+    share = most / counted
     if task.seeds is None and share < 1:
         seeds = max(1, int(share * len(whole.seeds)))
         share *= len(whole.seeds) / seeds
@@ -320,12 +317,12 @@ def _measure_budget(
     request: ExamineRequest,
     report: Examination,
     examined: CheckedModel,
-    begun: float,
+    limit: WorkLimit,
     place: tuple[Path, LoopStudy | None, MetFaults],
 ) -> Examination:
     """Return a report with its budget, facts, fixes and verdict.
 
-    The examination began when the process had used `begun` seconds of CPU. The place is a folder
+    The limit began with the examination. The place is a folder
     for repaired models, the study of the loop of a policy, and faults of the engine.
     """
     folder, study, met = place
@@ -352,7 +349,7 @@ def _measure_budget(
     designs = () if is_known else tuple(_list_design_causes(examined, grip))
     repaired = replace(repaired, causes=(*repaired.causes, *designs))
     if "fixes" in request.sections and not broken:
-        repairer = _make_repairer(request, examined, report, folder, begun)
+        repairer = _make_repairer(request, examined, report, folder, limit)
         repairer = replace(repairer, meets_fault=met.acts)
         failed = tuple(find_failed_checks(report))
         repaired = repairer.repair_model(report.labels, faults, failed)
@@ -363,9 +360,9 @@ def _measure_budget(
         held = report.loop is None or report.loop.holds
         searched = held and not any(fault.stage == "file" for fault in repaired.faults)
         if searched and (not files or repaired.word not in PASSING_VERDICTS):
-            verifier = _make_verifier(request, examined, report.labels, begun)
-            until = begun + _FIXING * request.max_cpu
-            search = _search_fixes(request, repaired, files, verifier, until)
+            verifier = _make_verifier(request, examined, report.labels, limit)
+            left = _limit_share(limit, _FIXING, examined)
+            search = _search_fixes(request, repaired, files, verifier, left)
             fixes = verifier.recommend_fixes(search)
         fixes = (*repaired.fixes, *fixes)
     repaired = add_lost_loop(repaired, report.loop)
@@ -487,7 +484,7 @@ def _search_fixes(
     repaired: RepairedModel,
     files: RepairedFiles | None,
     verifier: FixVerifier,
-    until: float,
+    left: Callable[[], float],
 ) -> FixSearch:
     """Return the fixes of a model, with its first causes repaired, that help on new seeds too."""
     examined, labels, verdict = repaired.examined, repaired.labels, repaired.examined.judged
@@ -501,9 +498,6 @@ def _search_fixes(
         scene = examined.scenes.open(str(file)) if file else None
         for seeds in (task, with_new_seeds(task)):
             yield examined.motions_of(seeds, settings, change, scene)
-
-    def left() -> float:
-        return until - time.process_time()
 
     trial = Trial(SETTINGS, None, MOST_FIXES, request.apply, threads, left)
 
@@ -522,10 +516,18 @@ def _search_fixes(
     return FixSearch(scene, values, examined.motions, verdict, trial, repeats, files)
 
 
+def _limit_share(limit: WorkLimit, share: float, examined: CheckedModel) -> Callable[[], float]:
+    return lambda: limit.find_remainder(share, examined.motions)
+
+
 def _make_repairer(
-    request: ExamineRequest, examined: CheckedModel, report: Examination, folder: Path, begun: float
+    request: ExamineRequest,
+    examined: CheckedModel,
+    report: Examination,
+    folder: Path,
+    limit: WorkLimit,
 ) -> CauseRepairer:
-    until = begun + _VERIFYING * request.max_cpu
+    left = _limit_share(limit, _VERIFYING, examined)
 
     def open_repaired(
         reference: str, rows: Sequence[str], settings: Settings, drive: PolicyDrive | None
@@ -545,7 +547,7 @@ def _make_repairer(
                 keeps_start=not elsewhere,
                 allowed_error=examined.task.tolerance,
                 stop_early=True,
-                left=lambda: until - time.process_time(),
+                left=left,
             )
         )
 
@@ -560,7 +562,7 @@ def _make_repairer(
         folder=folder,
         open_model=open_repaired,
         verify=verify,
-        left=lambda: until - time.process_time(),
+        left=left,
         describe=describe,
     )
 
@@ -569,13 +571,13 @@ def _make_verifier(
     request: ExamineRequest,
     examined: CheckedModel,
     labels: Sequence[RunLabel],
-    begun: float,
+    limit: WorkLimit,
 ) -> FixVerifier:
     def open_changed(reference: str) -> CheckedModel:
         return open_changed_model(reference, examined.session, request.task)
 
-    until = begun + _VERIFYING * request.max_cpu
-    return FixVerifier(examined, examined.judged, labels, open_changed, until)
+    left = _limit_share(limit, _VERIFYING, examined)
+    return FixVerifier(examined, examined.judged, labels, open_changed, left)
 
 
 def _write_result(

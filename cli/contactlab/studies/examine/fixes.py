@@ -14,6 +14,7 @@ from typing import Literal, NamedTuple
 import mujoco
 
 from contactlab.budget import Motion, Trial, TriedFix, Verdict, error_budget, judge, try_fixes
+from contactlab.budget.counted_time import count_pace
 from contactlab.budget.field_changes import field_changes
 from contactlab.budget.fixes import (
     candidates_against,
@@ -26,7 +27,7 @@ from contactlab.budget.fixes import (
     options_changed,
     without_margins,
 )
-from contactlab.budget.measuring import evaluations, pace, steps_of
+from contactlab.budget.measuring import evaluations, steps_of
 from contactlab.budget.readings import Origin
 from contactlab.budget.report import fix_report
 from contactlab.budget.verdict import VerdictWord, build_reason
@@ -221,7 +222,7 @@ class FixSearch:
         second one of half its step.
         """
         steps = 2 * _RUNS * rate * steps_of(self._motions)
-        if fix.edits.fitted or steps * pace(self._motions) > self._trial.left():
+        if fix.edits.fitted or steps * count_pace(self._motions) > self._trial.left():
             return None
         *_, labels = self._repeats.labelled({**self._values, **fix.edits.settings}, None)
         return tuple(labels)
@@ -364,7 +365,7 @@ class FixSearch:
         """
         model, steps = self._motions[0].model, 2 * rate * steps_of(self._motions)
         looks = evaluations(model, self._trial.settings, drifts=drifts(self._verdict))
-        return looks * steps * pace(self._motions) <= self._trial.left()
+        return looks * steps * count_pace(self._motions) <= self._trial.left()
 
     def _is_no_worse(self, motions: Sequence[Motion]) -> bool:
         settings = replace(self._trial.settings, places=False, timed=False)

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from contactlab.budget.measuring import Settings, evaluations, pace, steps_of
+from contactlab.budget.counted_time import count_pace
+from contactlab.budget.measuring import Settings, evaluations, steps_of
 from contactlab.closed_loop.loop_margins import LoopStudy
 from contactlab.errors import OutputError, SceneError
 from contactlab.foreign_code import printed_as_text
@@ -126,7 +127,7 @@ class CauseRepairer:
         open_model: opens a written model under the same task, or with another drive, with rows of
             its budget.
         verify: compares a repaired model with the original, and whether it rests elsewhere.
-        left: returns the CPU time that is left [s].
+        left: returns the counted time that is left [s].
         describe: returns the headline of a repaired model.
         meets_fault: whether a known fault of the engine acts in the motions.
     """
@@ -379,7 +380,7 @@ class CauseRepairer:
         motions = model.examined.motions
         rows = [row for row in list_rows() if row.kind in _JUDGING]
         quick = Settings(check=False, energy=False)
-        step = steps_of(motions) * pace(motions)
+        step = steps_of(motions) * count_pace(motions)
         if evaluations(motions[0].model, Settings(), rows) * step <= self.left():
             return [row.name for row in rows], Settings()
         affords = evaluations(motions[0].model, quick) * step <= self.left()

@@ -1,7 +1,6 @@
 """Verifies the fixes that an examination prints first or writes, and drops those that harm."""
 
 import math
-import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -37,7 +36,7 @@ class FixVerifier:
         verdict: the verdict that they are against.
         labels: failure labels of the model's runs.
         open_changed: opens the file of a changed model under the same task.
-        until: CPU time of this process that ends a verification early [s].
+        left: returns the counted time until verifications end early [s].
         rejected: fixes that were dropped, with the reason.
     """
 
@@ -45,7 +44,7 @@ class FixVerifier:
     verdict: Verdict
     labels: Sequence[RunLabel]
     open_changed: Callable[[str], CheckedModel]
-    until: float
+    left: Callable[[], float]
     rejected: list[RejectedFix] = field(default_factory=list[RejectedFix])
     _begun: dict[str, Verification] = field(default_factory=dict[str, Verification])
     _known: dict[str, VerifiedChange] = field(default_factory=dict[str, VerifiedChange])
@@ -54,7 +53,7 @@ class FixVerifier:
     def finds_harm(self, search: FixSearch, candidate: Candidate, edits: ModelEdits) -> bool:
         """Return whether a load rejects a fix against the verdict, before it is judged further."""
         whole = search.whole_edits(edits)
-        request = self._request(search, candidate.name, whole, self.until, removes_verdict=True)
+        request = self._request(search, candidate.name, whole, self.left, removes_verdict=True)
         self._begun[candidate.name] = Verification(request)
         harms = self._begun[candidate.name].run_loads()
         if harms:
@@ -72,7 +71,7 @@ class FixVerifier:
             edits = search.find_edits(first.name)
             removes_verdict = first.removes == "verdict"
             request = self._request(
-                search, first.name, edits, self.until, removes_verdict=removes_verdict
+                search, first.name, edits, self.left, removes_verdict=removes_verdict
             )
             found = self._verify(first.name, request)
             if found.passed:
@@ -99,7 +98,9 @@ class FixVerifier:
             if reason:
                 return None, reason
             removes_verdict = name not in {fix.name for fix in search.without_labels}
-            request = self._request(search, name, edits, math.inf, removes_verdict=removes_verdict)
+            request = self._request(
+                search, name, edits, lambda: math.inf, removes_verdict=removes_verdict
+            )
             found = self._verify(name, request)
             if found.passed:
                 return search.write_edits(edits, file.parent, file.name).path, ""
@@ -121,7 +122,7 @@ class FixVerifier:
         search: FixSearch,
         name: str,
         edits: ModelEdits,
-        until: float,
+        left: Callable[[], float],
         *,
         removes_verdict: bool,
     ) -> VerificationRequest:
@@ -148,7 +149,7 @@ class FixVerifier:
             allowed_error=self.examined.task.tolerance if numerical else 0.0,
             stop_early=True,
             runs=self._runs,
-            left=lambda: until - time.process_time(),
+            left=left,
         )
 
     def _verify(self, name: str, request: VerificationRequest) -> VerifiedChange:

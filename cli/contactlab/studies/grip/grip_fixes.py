@@ -1,11 +1,13 @@
 """Tests fixes of a grip: changes of the solver, of the pads and of the squeeze."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
+from contactlab.budget.counted_time import count_step_seconds, sample_states
 from contactlab.budget.motion import Motion
 from contactlab.budget.time_ratios import measure_time_ratios
 from contactlab.budget.windows import replay
@@ -123,6 +125,7 @@ class TestedFix:
         deep: depth over half of the object's width.
         time_ratio: its time over that as written; None for a control.
         squeezes_less: whether it needs less force of the fingers.
+        cost: counted time over that as written, which ranks fixes; infinite for a control.
     """
 
     name: str
@@ -132,6 +135,7 @@ class TestedFix:
     deep: float
     time_ratio: TimeRatio | None
     squeezes_less: bool = False
+    cost: float = math.inf
 
     def verdict(self, within: float) -> GripVerdict:
         """Return the verdict with this fix."""
@@ -166,8 +170,11 @@ def run_fixes(grip: Grip, within: float) -> list[TestedFix]:
             drifts, deep = tried.measure_drifts(), tried.depth_share
             fix = TestedFix(name, candidate.against, settings, drifts, deep, None, bool(less))
             found.append(fix)
-    costs = _measure_costs(grip, changed)
-    found = [replace(each, time_ratio=costs.get(each.name)) for each in found]
+    ratios, costs = _measure_costs(grip, changed)
+    found = [
+        replace(each, time_ratio=ratios.get(each.name), cost=costs.get(each.name, math.inf))
+        for each in found
+    ]
     if not less and (more := double_squeeze(grip)) is not None:
         control, times = more
         tried = grip.with_control(control)
@@ -211,7 +218,10 @@ def changed_settings(
     return settings
 
 
-def _measure_costs(grip: Grip, changed: Mapping[str, mujoco.MjModel]) -> Mapping[str, TimeRatio]:
+def _measure_costs(
+    grip: Grip, changed: Mapping[str, mujoco.MjModel]
+) -> tuple[Mapping[str, TimeRatio], Mapping[str, float]]:
+    # Ratios of measured time, and counted costs.
     model = grip.fixture.model
     steps = max(2, round(_TIMED / model.opt.timestep))
     down = grip.directions()[grip.names[1]]
@@ -220,7 +230,12 @@ def _measure_costs(grip: Grip, changed: Mapping[str, mujoco.MjModel]) -> Mapping
     motion = Motion(model, grip.held.row[None], inputs, _INPUTS, "held")
     run = replay(motion, _WINDOW, 1)
     made = {name: (lambda other=other: other, 1) for name, other in changed.items()}
-    return measure_time_ratios(motion, run, made)
+    states = sample_states(motion)
+    own = count_step_seconds(motion, model, states)
+    costs = {
+        name: count_step_seconds(motion, other, states) / own for name, other in changed.items()
+    }
+    return measure_time_ratios(motion, run, made), costs
 
 
 def weakest_finger_force(held: Squeeze) -> float:

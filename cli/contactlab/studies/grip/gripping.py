@@ -361,7 +361,7 @@ def _fix_rows(
     def use(place: int) -> tuple[bool, float, float]:
         each = tried[place]
         holds = each.verdict(request.tolerance) == "holds"
-        cost = cost_class(each.time_ratio)
+        cost = cost_class(each.cost)
         return not holds, cost if holds else worst_speed(each.drifts), place
 
     made = list[GripFix]()

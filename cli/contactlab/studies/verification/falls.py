@@ -1,13 +1,14 @@
 """Repeats a peak over falls from slightly different starts, since one fall says little of it.
 
-How deep a body hits, or how far a joint passes its limit, depends on where in a step and with which
-edge it hits. A change that is meant to move bodies otherwise has another fall by chance, so its
-mean over falls is compared with the original's.
+How deep a body hits, or how far a joint passes its limit, depends on the edge that hits and the
+moment within a step. A change that is meant to move bodies otherwise has another fall by chance, so
+its mean over falls is compared with the original's.
 """
 
 import math
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 
 from contactlab.budget.motion import Motion
@@ -30,14 +31,14 @@ def repeat_peak(
     """Return a peak as its mean over falls, with their spread as part of its tolerance.
 
     Args:
-        run: the experiment in which one fall of the changed model has a larger peak.
+        run: the experiment. One fall of the changed model has a larger peak there.
         peak: its measure: a depth, a gap or an excess over a limit.
         workers: threads that simulate.
         known: tables of the original's falls by the name of the run; a missing one is added.
     """
     if run.name not in known:
-        known[run.name] = _tabulate_falls(run.original, workers)
-    tables = known[run.name], _tabulate_falls(run.changed, workers)
+        known[run.name] = _tabulate_falls(run.original, workers, run.original.model)
+    tables = known[run.name], _tabulate_falls(run.changed, workers, run.original.model)
     good = ~(tables[0].failed | tables[1].failed)
     if not good.any():
         return peak
@@ -57,11 +58,12 @@ def repeat_peak(
     )
 
 
-def _tabulate_falls(motion: Motion, workers: int) -> StateTable:
+def _tabulate_falls(motion: Motion, workers: int, demands: mujoco.MjModel) -> StateTable:
     model, rows = motion.model, np.arange(FALLS) % motion.seeds
     starts = motion.starts[rows]
     noise = np.random.default_rng(FALLS).uniform(-START_NOISE, START_NOISE, (FALLS, model.nv))
     starts[:, velocity_slice(model)] += noise
     falls = replace(motion, starts=starts, inputs=motion.inputs[rows])
     ends = np.array([motion.steps * float(model.opt.timestep)])
-    return tabulate_states(falls, workers, ends, contact_states=FALLS * _STATES_OF_A_FALL)
+    states = FALLS * _STATES_OF_A_FALL
+    return tabulate_states(falls, workers, ends, contact_states=states, demands=demands)

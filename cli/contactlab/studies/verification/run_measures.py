@@ -89,7 +89,7 @@ def tabulate_run(
             tabulate_states(run.twin, workers, times),
         )
     original, reference, twin = known[run.name]
-    changed = tabulate_states(run.changed, workers, original.times)
+    changed = tabulate_states(run.changed, workers, original.times, demands=run.original.model)
     return Tables(original, changed, reference, twin)
 
 

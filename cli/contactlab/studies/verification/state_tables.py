@@ -86,6 +86,7 @@ def tabulate_states(
     *,
     extremes_too: bool = True,
     contact_states: int = CONTACT_STATES,
+    demands: mujoco.MjModel | None = None,
 ) -> StateTable:
     """Run a motion and evaluate its states.
 
@@ -95,13 +96,16 @@ def tabulate_states(
         times: (K,) sample times of bodies and actuators [s], the last at most its length.
         extremes_too: False to leave depths and gaps at 0, which take most of the time.
         contact_states: states with evaluated contacts, over all seeds.
+        demands: a model of the same layout. Its joint limits and active equalities count, so that
+            a change that removes them does not look better; those of the motion by default.
     """
     model, seeds, steps = motion.model, motion.seeds, motion.steps
     run = replay(motion, steps * float(model.opt.timestep), workers)
     kept = run.kept
     finite = np.isfinite(kept[:, : steps + 1]).reshape(seeds, -1)
     failed: np.ndarray = np.logical_not(np.logical_and(run.valid.all(axis=1), finite.all(axis=1)))
-    sampler = _StateSampler(motion, kept)
+    demands = model if demands is None else demands
+    sampler = _StateSampler(motion, kept, demands)
     positions = np.full((seeds, len(times), model.nbody, 3), np.nan)
     lengths = np.full((seeds, len(times), model.nu), np.nan)
     energies = np.full((seeds, len(times)), np.nan)
@@ -109,7 +113,7 @@ def tabulate_states(
     extremes = {name: Extreme(np.zeros(seeds), "") for name in EXTREME_UNITS}
     resting = np.zeros(seeds)
     if extremes_too:
-        _measure_joints(motion, kept, extremes)
+        _measure_joints(motion, demands, kept, extremes)
     stride = max(1, -(-seeds * steps // contact_states))
     for seed in range(seeds):
         if failed[seed]:
@@ -125,8 +129,10 @@ def tabulate_states(
 class _StateSampler:
     """Evaluates single states of a motion that has run."""
 
-    def __init__(self, motion: Motion, kept: Floats) -> None:
+    def __init__(self, motion: Motion, kept: Floats, demands: mujoco.MjModel) -> None:
         self.model = motion.model
+        same = demands.neq == self.model.neq
+        self._demanded = np.flatnonzero(demands.eq_active0 if same else [])
         self.data = mujoco.MjData(self.model)
         self._motion, self._kept = motion, kept
 
@@ -135,6 +141,8 @@ class _StateSampler:
         model, data = self.model, self.data
         mujoco.mj_setState(model, data, self._motion.starts[seed], _INTEGRATION)
         mujoco.mj_setState(model, data, np.ascontiguousarray(self._kept[seed, step]), KEPT)
+        if not self.model.eq_active0[self._demanded].all():
+            data.eq_active[self._demanded] = True
         mujoco.mj_fwdPosition(model, data)
         return data
 
@@ -236,15 +244,18 @@ def _enter_extreme(
         known.values[seed] = value
 
 
-def _measure_joints(motion: Motion, kept: Floats, extremes: dict[str, Extreme]) -> None:
+def _measure_joints(
+    motion: Motion, demands: mujoco.MjModel, kept: Floats, extremes: dict[str, Extreme]
+) -> None:
     # The excess over limits needs only coordinates, so all states are evaluated at once.
     model = motion.model
-    for joint in np.flatnonzero(model.jnt_limited):
+    limits = demands if demands.njnt == model.njnt else model
+    for joint in np.flatnonzero(limits.jnt_limited):
         if model.jnt_type[joint] not in (_HINGE, _SLIDE):
             continue
         kind = "hinge" if model.jnt_type[joint] == _HINGE else "slide"
         values = kept[:, : motion.steps + 1, model.jnt_qposadr[joint]]
-        low, high = model.jnt_range[joint]
+        low, high = limits.jnt_range[joint]
         beyond = np.maximum(low - values, values - high).max(axis=1)
         for seed in np.flatnonzero(beyond > 0):
             place = name_of(model, "joint", int(joint))
