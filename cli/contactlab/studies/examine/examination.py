@@ -255,8 +255,8 @@ def _open_task(request: ExamineRequest, session: Session) -> CheckedModel:
 def _shorten_heavy_task(
     request: ExamineRequest, examined: CheckedModel
 ) -> tuple[TaskOptions, tuple[str, ...]]:
-    # Return a task that there is counted time for, and the parts of the whole one that it lacks: first
-    # seeds, then time. A requested number of seeds or duration is kept.
+    # Return a task that there is counted time for, and the parts of the whole one that it lacks:
+    # first seeds, then time. A requested number of seeds or duration is kept.
     task, whole, left_out = request.task, examined.task, list[str]()
     passes = 30  # over the task: its runs, checks, facts, and the shortest budget
     motions, most = examined.motions, request.max_cpu / passes
