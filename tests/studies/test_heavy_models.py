@@ -7,7 +7,8 @@ import pytest
 from tests.budget_motions import walker
 
 from contactlab.budget import Motion, Settings
-from contactlab.budget.measuring import affordable, evaluations, steps_of
+from contactlab.budget.counted_time import plan_budget
+from contactlab.budget.measuring import evaluations, steps_of
 from contactlab.modifications.catalogue import list_rows
 from contactlab.plan.task_options import TaskOptions
 from contactlab.schema.examination import Examination
@@ -20,7 +21,7 @@ STEP_SECONDS = 1e-3
 
 
 def take_long(motions: Sequence[Motion]) -> float:
-    """Return the CPU of a step [s] of a made-up model."""
+    """Return the counted time of a step [s] of a made-up model."""
     assert motions
     return STEP_SECONDS
 
@@ -29,7 +30,7 @@ def test_a_budget_is_measured_by_less_if_there_is_less_time(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Each rung is taken exactly if it fits, and the one before does not."""
-    monkeypatch.setattr("contactlab.budget.measuring.pace", take_long)
+    monkeypatch.setattr("contactlab.budget.counted_time.count_pace", take_long)
     motions, whole = [walker()], Settings()
     steps = STEP_SECONDS * steps_of(motions)
     rows = [row for row in list_rows() if row.applies(motions[0].model)]
@@ -37,19 +38,10 @@ def test_a_budget_is_measured_by_less_if_there_is_less_time(
     for few, times in ((rows, 1), (judging, 2), ([], 2)):
         cost = evaluations(motions[0].model, whole, few) * steps / times
         names = tuple(row.name for row in few)
-        assert affordable(motions, whole, 1.001 * cost) == (names, whole)
-        assert len(affordable(motions, whole, 0.999 * cost)[0]) < max(1, len(names))
-    names, settings = affordable(motions, whole, 0.999 * cost)
+        assert plan_budget(motions, whole, 1.001 * cost) == (names, whole)
+        assert len(plan_budget(motions, whole, 0.999 * cost)[0]) < max(1, len(names))
+    names, settings = plan_budget(motions, whole, 0.999 * cost)
     assert (names, settings.check, settings.energy) == ((), False, False)
-
-
-class HeavyCost:
-    """The counted cost of a made-up model."""
-
-    pass_seconds = 1500 * STEP_SECONDS
-
-    def __init__(self, *_: object) -> None:
-        """Count nothing."""
 
 
 def examine(folder: Path, options: TaskOptions, max_cpu: float) -> Examination:
@@ -68,8 +60,7 @@ def test_a_heavy_model_has_fewer_seeds_first(
     max_cpu: float, seeds: int, *, shorter: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Three seeds of 3 s at 2 ms make 4,500 steps, of 1 ms each: 135 s for thirty passes."""
-    monkeypatch.setattr("contactlab.studies.examine.examination.pace", take_long)
-    monkeypatch.setattr("contactlab.studies.examine.examination.CountedCost", HeavyCost)
+    monkeypatch.setattr("contactlab.studies.examine.examination.count_pace", take_long)
     report = examine(tmp_path, TaskOptions(), max_cpu)
     assert len(report.task.seeds) == seeds
     assert (report.task.duration < 3.0) == shorter
@@ -80,8 +71,7 @@ def test_a_heavy_model_has_fewer_seeds_first(
 def test_a_requested_task_is_kept_however_heavy_it_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("contactlab.studies.examine.examination.pace", take_long)
-    monkeypatch.setattr("contactlab.studies.examine.examination.CountedCost", HeavyCost)
+    monkeypatch.setattr("contactlab.studies.examine.examination.count_pace", take_long)
     whole = examine(tmp_path, TaskOptions(seeds=3, duration=0.5), 1.0)
     assert (len(whole.task.seeds), whole.task.duration) == (3, 0.5)
     assert whole.not_tried == ()
