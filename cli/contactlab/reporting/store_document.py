@@ -82,7 +82,6 @@ def _failed_at_start(columns: RunColumns, labels: RunLabels) -> NDArray[np.bool_
 
 
 def _describe_invalid(columns: RunColumns, labels: RunLabels) -> str:
-    """Return how many runs could not be run as asked, with the most frequent reason."""
     if "invalid" not in labels.names:
         return ""
     invalid = np.flatnonzero(labels.codes == labels.names.index("invalid"))

@@ -62,14 +62,14 @@ class WrittenModel:
 def refuse_place(source: SceneSource, folder: Path, name: str = "") -> None:
     """Refuse to write a scene's model where it cannot lie, with an OutputError.
 
-    This is the scene's own folder, or a name that another file of the scene needs beside it.
+    This is the scene's own folder, or a name that another file of the scene needs next to it.
     """
     if folder.resolve() == source.content.root.resolve():
         raise OutputError(f"{folder} is the folder of the scene; write into another folder")
     model = source.content.model
     if name and (named := model.with_name(name)) != model and named in source.content.files:
         raise OutputError(
-            f"{folder / name}: {model.name} has another file {name}, which is written beside it; "
+            f"{folder / name}: {model.name} has another file {name}, and both go into this folder; "
             "choose another name"
         )
 
