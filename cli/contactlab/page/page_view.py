@@ -330,7 +330,8 @@ def list_stable_tiles(data: ReportData) -> Iterator[StableTile]:
     for depth in data.quantities_named("penetration_max"):
         row = int(np.nanargmax(depth.values))
         settings = ", ".join(
-            f"{axis.title} {axis.ticks[axis.codes[row]]}" for axis in data.axes[:3]
+            f"{axis.name} {axis.ticks[axis.codes[row]]} {axis.amount_unit}".strip()
+            for axis in data.axes[:3]
         )
         run = data.store.columns.run_id(row)
         yield StableTile(

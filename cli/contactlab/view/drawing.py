@@ -70,9 +70,18 @@ def draw_frame(motion: BodyMotion, frame: int, size: tuple[int, int]) -> str:
         return seen * [1, -1, 1] + [*half, 0]
 
     drawn: list[tuple[bool, float, str]] = []
+    geoms: list[list[BodyShape]] = []
     for shape in motion.shapes:
+        # A capsule is a cylinder with two ends.
+        if geoms and shape.name in {f"{geoms[-1][0].name}/{end}" for end in ("top", "bottom")}:
+            geoms[-1].append(shape)
+        else:
+            geoms.append([shape])
+    for parts in geoms:
+        shape = parts[0]
         turn, place = motion.rotations[frame, shape.body], motion.positions[frame, shape.body]
-        seen = project(place + rotate_vectors(turn, _surface_points(shape)))
+        points = np.concatenate([*map(_surface_points, parts)])
+        seen = project(place + rotate_vectors(turn, points))
         outline = " ".join(f"{x:.1f},{y:.1f}" for x, y in _outline(seen[:, :2]))
         moves = bool(motion.moving[shape.body])
         fill, edge = (
