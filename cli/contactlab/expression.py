@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
+from unicodedata import normalize
 
 Result = float | bool | str
 
@@ -100,6 +101,10 @@ class Expression(CheckedText):
 
 def _parse_text(text: str) -> ast.expr:
     """Return the syntax tree of a text without the spaces around it."""
+    for place, letter in enumerate(text):
+        # Python reads such a letter or digit as the plain one that looks like it.
+        if not letter.isascii() and (plain := normalize("NFKC", letter)).isascii():
+            raise ExpressionError(f"'{letter}' is not the plain letter; write '{plain}'", place)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Warning)

@@ -32,7 +32,9 @@ kept = Path({kept!r})
 comments = json.loads(kept.read_text()) if kept.exists() else {{}}
 if "--method" not in sys.argv:
     marker = sys.argv[-1].split('startswith("')[1].split('")')[0]
-    print("\\n".join(key for key, body in comments.items() if body.startswith(marker)))
+    assert ".viewerDidAuthor and" in sys.argv[-1]
+    own = {{key: body for key, body in comments.items() if not key.startswith("other")}}
+    print("\\n".join(key for key, body in own.items() if body.startswith(marker)))
 else:
     body = Path(sys.argv[-1].removeprefix("body=@")).read_text()
     key = sys.argv[4].rpartition("/")[2]
@@ -174,6 +176,21 @@ def test_a_wrong_sweep_ends_the_job_without_a_comment(job: Job) -> None:
     assert job.run(sweep="drop.yaml") == 2
     assert "nowhere" in job.err
     assert not job.comments.exists()
+
+
+def test_only_its_own_comment_is_replaced(job: Job) -> None:
+    """Anyone can begin a comment with the marker, and may edit it later."""
+    (job.folder / "comment.md").write_text("verdict")
+    foreign = "<!-- contactlab gate -->\nmine"
+    job.comments.write_text(json.dumps({"other1": foreign}))
+    values = {"NAME": "gate", "OUTPUT": str(job.folder), "PAGE": "", "NUMBER": "3"}
+    values |= {"GITHUB_REPOSITORY": "o/r", "PATH": f"{job.folder / 'gh'}:{os.environ['PATH']}"}
+    for _ in range(2):
+        script = ROOT / ".github/action/comment"
+        subprocess.run([script], env={**os.environ, **values}, check=True)
+        posted = job.posted()
+        assert posted.pop("other1") == foreign
+        assert [*posted.values()] == ["<!-- contactlab gate -->\nverdict"]
 
 
 def test_no_input_is_pasted_into_a_script() -> None:

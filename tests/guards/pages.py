@@ -69,7 +69,7 @@ def _undrawn() -> Generator[None]:
         patch.object(page_view, "static_svg", lambda *_: "<svg></svg>"),
         patch.object(examination_view, "static_svg", lambda *_: "<svg></svg>"),
         patch.object(page_view, "vega_bundle", lambda: ""),
-        patch.object(page_view, "header_films", lambda *_: page_view.Films([])),
+        patch.object(page_view, "header_films", lambda *_, **_drawn: page_view.Films([])),
         patch.object(page_view, "focal_picture", lambda *_: None),
     ):
         yield

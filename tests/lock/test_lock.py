@@ -310,3 +310,24 @@ def test_a_change_of_the_scene_is_told_before_what_follows_from_it(slid: Store) 
     headline = judged(frozen(slid).model_copy(update={"scene_hash": "another"}), slid).headline
     assert headline.startswith("the scene changed since the lock; ")
     assert judged(frozen(slid), slid).headline.startswith("same: ")
+
+
+def test_a_struck_metric_is_not_judged_in_silence(slid: Store, tmp_path: Path) -> None:
+    whole = frozen(slid)
+    data = whole.model_dump(mode="json")
+    for group in data["groups"]:
+        del group["metrics"]["slip_distance"]
+    report = judged(Lock.model_validate(data), slid)
+    (struck,) = (each for each in report.findings if each.name == "slip_distance as locked")
+    assert (report.exit_code, struck.outcome) == (3, "skipped")
+    del data["metric_versions"]["slip_distance"]
+    report = judged(Lock.model_validate(data), slid)
+    (struck,) = (each for each in report.findings if each.name == "slip_distance as locked")
+    assert (report.exit_code, struck.outcome) == (0, "warned")
+    one = whole.model_dump(mode="json")
+    del one["groups"][1]["metrics"]["slip_distance"]
+    assert "slip_distance as locked" in failing(judged(Lock.model_validate(one), slid))
+    path = tmp_path / "a.lock.yaml"
+    write_lock(path, whole.model_copy(update={"groups": ()}), "slide")
+    with pytest.raises(SweepFileError, match="groups"):
+        read_lock(path)

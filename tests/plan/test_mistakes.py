@@ -198,6 +198,8 @@ def test_a_planted_mistake_is_found_alone(
         ("version: 1\n---\nversion: 1", 2, 1),
         ("version: 1\nscene: *ball", 2, 8),
         ("version: 1\nscene: b\x00", 2, 9),
+        ("version: 1\nscene: ball\naxes: {timestep: !evil [1]}", 3, 18),
+        ("version: 1\nscene: ball\naxes: !evil {timestep: [1]}", 3, 7),
         ("a: &a [*a]", 1, 1),
         ("{" * 1000, 1, 1),
         ("version: 1\nscene: ball\nduration: " + "9" * 5000, 3, 11),

@@ -3,6 +3,8 @@
 import os
 import random
 import signal
+import subprocess
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -57,6 +59,58 @@ def test_killed_five_times(
     assert find_problems(store) == []
     assert command.run("sweep", "long.yaml", "-o", "whole", "--workers", "2")[0] == 0
     assert (table, traces) == outcome(tmp_path / "whole")
+
+
+# Spawned workers import everything again; forked ones have it.
+SPAWNED = """
+import sys
+if any(each.endswith("contactlab") for each in sys.orig_argv):
+    import multiprocessing
+    import contactlab.run.fork_server as fork_server
+    import contactlab.run.worker_pool as worker_pool
+    worker_pool.CONTEXT = multiprocessing.get_context("spawn")
+"""
+SHARDS = ("1/2", "2/2")
+
+
+@pytest.mark.night
+@pytest.mark.parametrize("kind", ["forked", "spawned", "shards"])
+def test_killed_forty_times(
+    command: Any, tmp_path: Path, outcome: Callable[[Path], Any], kind: str
+) -> None:
+    """At random times, from the start of Python on; stores that get finished are begun again."""
+    dice = random.Random(kind)  # noqa: S311
+    sweep, first = ("sweep", "long.yaml", "--workers", "2"), None
+    if kind == "spawned":
+        first = tmp_path / "first"
+        first.mkdir()
+        (first / "sitecustomize.py").write_text(SPAWNED)
+    began = time.monotonic()
+    assert command.run(*sweep, "-o", "whole", first=first)[0] == 0
+    takes = time.monotonic() - began
+    whole, killed, lives = outcome(tmp_path / "whole"), 0, 0
+    while killed < 40:
+        lives += 1
+        parts = SHARDS if kind == "shards" else ("",)
+        places = [f"store{lives}-{number}" for number in range(len(parts))]
+        for part, place in zip(parts, places, strict=True):
+            shard = ("--shard", part) if part else ()
+            while True:
+                process = command.start(*sweep, *shard, "-o", place, first=first)
+                try:
+                    _, err = process.communicate(timeout=dice.uniform(0.1, takes))
+                    assert process.returncode == 0, err
+                    break
+                except subprocess.TimeoutExpired:
+                    os.killpg(process.pid, signal.SIGKILL)
+                    process.communicate()
+                    killed += 1
+        store = places[0]
+        if kind == "shards":
+            store = f"merged{lives}"
+            assert command.run("sweep", *places, "--merge", "-o", store)[0] == 0
+        assert outcome(tmp_path / store) == whole, (killed, lives)
+        assert find_problems(tmp_path / store) == []
 
 
 @pytest.mark.night

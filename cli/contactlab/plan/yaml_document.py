@@ -16,6 +16,7 @@ from ruamel.yaml.reader import ReaderError
 from contactlab.errors import SweepFileError, no_file
 from contactlab.plan.diagnostics import Diagnostic, Place, Severity, SourceText
 from contactlab.plan.mistakes import MISTAKES
+from contactlab.printable import in_one_line
 from contactlab.schema.strict_model import check_extent
 
 KeyPath = tuple[str | int, ...]
@@ -238,7 +239,9 @@ class _YamlReader:
         return replace(place, width=max(last + 1 - column, 1))
 
     def _node_data(self, node: Node, path: KeyPath) -> object:
-        self.document.values[path] = self._mark_place(node.start_mark, node.end_mark)
+        place = self.document.values[path] = self._mark_place(node.start_mark, node.end_mark)
+        if not str(node.tag).startswith(_TAG_PREFIX):
+            self._add_syntax_error(f"no tag {in_one_line(str(node.tag))}; leave it out", place)
         if isinstance(node, MappingNode):
             data: dict[str, object] = {}
             for key, value in self._merged_entries(node):

@@ -19,6 +19,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from contactlab.numerical_tolerance import COARSE_ROUNDING
+from contactlab.schema.setting_values import parse_decimal
 from contactlab.schema.strict_model import Model, Number, Positive, Word, about, listed
 
 DRIVE_WORDS = ("auto", "none", "hold", "exercise")
@@ -94,7 +95,7 @@ class PolicyDrive(Model):
     def latency_seconds(self) -> float:
         """Time from observation to action [s]."""
         if isinstance(self.latency, str):
-            return float(self.latency.removesuffix("%")) / 100 / self.rate
+            return parse_decimal(self.latency.removesuffix("%")) / 100 / self.rate
         return self.latency
 
 
@@ -170,7 +171,7 @@ def _short_form_data(text: str) -> object:
 
 def _number_or_text(text: str) -> float | str:
     try:
-        return float(text)
+        return parse_decimal(text)
     except ValueError:
         return text
 

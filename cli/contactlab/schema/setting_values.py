@@ -44,7 +44,7 @@ def number_parser(
     def parse(value: object) -> float:
         if isinstance(value, str):
             with suppress(ValueError):
-                value = float(value)
+                value = parse_decimal(value)
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise ValueError(f"write a number, not {value!r}")
         if not math.isfinite(value):
@@ -139,8 +139,15 @@ _KINDS = {
 }
 SI_UNITS = {unit: (kind, size) for kind, units in _KINDS.items() for unit, size in units.items()}
 """The SI unit that each unit measures the same as, and its size in it."""
-MEASURED_TEXT = re.compile(rf"([-+]?\d*\.?\d+(?:e[-+]?\d+)?)\s*({'|'.join(SI_UNITS)})")
+MEASURED_TEXT = re.compile(rf"([-+]?\d*\.?\d+(?:e[-+]?\d+)?)\s*({'|'.join(SI_UNITS)})", re.ASCII)
 """A number with its unit."""
+
+
+def parse_decimal(text: str) -> float:
+    """Return the number of a text with the digits 0 to 9; Python would read others, too."""
+    if not text.isascii() or "_" in text:
+        raise ValueError(f"write a number with the digits 0 to 9, not {text!r}")
+    return float(text)
 
 
 def without_unit(value: object, unit: str = "") -> float | None:
@@ -168,8 +175,8 @@ def read_quantity(text: str) -> tuple[float, str]:
     value = text.strip()
     try:
         if value.endswith("%"):
-            return float(value[:-1]) / 100, ""
-        return float(value), ""
+            return parse_decimal(value[:-1]) / 100, ""
+        return parse_decimal(value), ""
     except ValueError:
         number, unit = split_unit(value)
         kind, size = SI_UNITS.get(unit, ("", math.nan))

@@ -17,7 +17,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from contactlab.schema.setting_values import MEASURED_TEXT, without_unit
+from contactlab.schema.setting_values import MEASURED_TEXT, parse_decimal, without_unit
 
 _PERCENT = r"[0-9]*\.?[0-9]+([eE][-+]?[0-9]+)?%"
 _BRACKET = re.compile(r"[\[\]{}]")
@@ -166,7 +166,7 @@ def _read_fraction(value: object) -> object:
     if not isinstance(value, str):
         return value
     try:
-        return float(value.removesuffix("%")) / 100 if value.endswith("%") else value
+        return parse_decimal(value.removesuffix("%")) / 100 if value.endswith("%") else value
     except ValueError:
         return value
 

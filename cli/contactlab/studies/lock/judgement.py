@@ -26,7 +26,13 @@ from contactlab.schema.comparison import ComparePolicy, ComparisonReport, PairCo
 from contactlab.schema.finding import Finding, RunPair
 from contactlab.store.finished_store import Store
 from contactlab.store.table_layout import Column
-from contactlab.studies.lock.lock_file import group_members, is_recorded, lock_of, metric_columns
+from contactlab.studies.lock.lock_file import (
+    gated_metrics,
+    group_members,
+    is_recorded,
+    lock_of,
+    metric_columns,
+)
 from contactlab.studies.lock.lock_model import Group, Lock
 
 _CAUSES = {"engine": "the engine", "scene_hash": "the scene"}
@@ -51,6 +57,7 @@ class _Judge:
     repeated: bool
     policy: ComparePolicy
     runs: dict[str, str]  # a run of each group of the store
+    gated: Sequence[str]  # metrics of the store that the policy gates
 
     @property
     def pairs(self) -> list[tuple[Group, Group]]:
@@ -83,8 +90,16 @@ class _Judge:
         )
         subject = Subject("outcomes as locked", "labels", rules.labels.level, two_sided=True)
         yield self._make_check(subject, [self._judge_outcomes(*pair) for pair in self.pairs])
-        for metric in dict.fromkeys(name for group in self.lock.groups for name in group.metrics):
+        grouped = dict.fromkeys(name for group in self.lock.groups for name in group.metrics)
+        for metric in grouped:
             yield self._judge_metric(metric, columns.get(metric))
+        for metric in (name for name in self.lock.metric_versions if name not in grouped):
+            struck = Subject(f"{metric} as locked", "metrics", "gate")
+            yield struck.skipped("the lock names it, but no group has its values: lock it again")
+        for metric in (name for name in self.gated if name not in self.lock.metric_versions):
+            if metric not in grouped:
+                unlocked = Subject(f"{metric} as locked", "metrics", "warn", two_sided=True)
+                yield unlocked.single(CHANGED, "the policy gates it, but it is not in the lock")
 
     def _both_values(self, name: str) -> tuple[object, object]:
         return getattr(self.lock, name), getattr(self.new, name)
@@ -127,7 +142,7 @@ class _Judge:
         versions = [record.metric_versions.get(metric) for record in (self.lock, self.new)]
         if len({*versions}) > 1:
             return subject.skipped("its definition changed: lock it again")
-        pairs = [pair for pair in self.pairs if metric in pair[0].metrics]
+        pairs = [pair for pair in self.pairs if any(metric in group.metrics for group in pair)]
         if not self.repeated and pairs and all(old.runs + new.runs < 3 for old, new in pairs):
             return subject.skipped("single runs of other starts tell nothing: lock several seeds")
         return self._make_check(
@@ -138,7 +153,7 @@ class _Judge:
         self, metric: str, rule: EffectiveRule, old: Group, new: Group
     ) -> _GroupChange:
         (before, spread, n), (after, other, m) = (side.measured(metric) for side in (old, new))
-        if not m or (self.repeated and n != m):
+        if not n or not m or (self.repeated and n != m):
             return _GroupChange(old, MISSING, f"{n} values", f"{m} values")
         allowed = rule.limit.allowed(before)
         if not self.repeated:
@@ -184,7 +199,7 @@ def judge_lock(lock: Lock, name: str, store: Store, policy: ComparePolicy) -> Co
     same_seeds = lock.seeds == new.seeds and not is_recorded(store)
     repeated = not lock.chaotic and (lock.starts == new.starts or same_seeds)
     runs = {key: store.columns.run_id(rows[0]) for key, (_, rows) in group_members(store).items()}
-    judge = _Judge(lock, new, repeated, policy, runs)
+    judge = _Judge(lock, new, repeated, policy, runs, gated_metrics(store, policy))
     checks = tuple(judge.checks(columns))
     verdict, exit_code, headline = draw_conclusion(checks)
     by = "repetition" if repeated else "the spread over other starts"

@@ -45,7 +45,7 @@ class Lock(Model):
     starts: Word
     chaotic: Flag = False
     metric_versions: dict[Word, Whole]
-    groups: tuple[Group, ...]
+    groups: Annotated[tuple[Group, ...], Field(min_length=1)]
 
     @model_validator(mode="after")
     def _names_no_group_twice(self) -> Self:
