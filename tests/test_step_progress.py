@@ -55,3 +55,13 @@ def test_a_lost_interruption_ends_the_next_step() -> None:
     with listening_to_steps(lambda _: None), pytest.raises(KeyboardInterrupt):
         count()
     assert seen == [0, 1, 2, 3]
+
+
+def test_counts_that_are_read_in_turns_end_in_any_order() -> None:
+    """Two films side by side: the first generator ends before the second, with equal counts."""
+    seen = list[list[str]]()
+    with listening_to_steps(lambda nested: seen.append([each.text for each in nested])):
+        pairs = zip(count_steps("ab", "left", 2), count_steps("cd", "right", 2), strict=True)
+        assert list(pairs) == [("a", "c"), ("b", "d")]
+        assert list(count_steps("e", "next", 1)) == ["e"]
+    assert seen[-1] == ["next 1 of 1"]

@@ -72,7 +72,10 @@ def step_count(name: str, total: float, *, named: bool = False) -> Generator[Ste
     try:
         yield own
     finally:
-        del counts.nested[counts.nested.index(own) :]
+        # Generators that are read in turns end in any order, and an outer count ends inner ones.
+        own_place = next((place for place, each in enumerate(counts.nested) if each is own), None)
+        if own_place is not None:
+            del counts.nested[own_place:]
 
 
 def finish_step(count: StepCount, steps: float = 1.0) -> None:
