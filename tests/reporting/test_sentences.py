@@ -1,6 +1,7 @@
 """Sentences of a page, against slow and obvious loops over what they tell of."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -13,7 +14,7 @@ from tests.reporting.test_map_cells import axis
 from contactlab.errors import OutputError, SceneError
 from contactlab.page import header_films as page_pictures
 from contactlab.page.header_films import header_films
-from contactlab.page.page_view import first_look
+from contactlab.page.page_view import first_look, list_stable_tiles
 from contactlab.page.report_files import write_page
 from contactlab.page.sentences import (
     closest_settings,
@@ -21,6 +22,7 @@ from contactlab.page.sentences import (
     reality_sentence,
     tradeoff_sentence,
 )
+from contactlab.rendering.amounts import format_amount
 from contactlab.reporting.report import PageRequest, ReportData, read_report_data
 from contactlab.reporting.report_columns import Quantity
 from contactlab.run.sweep_request import read_request
@@ -179,3 +181,20 @@ def test_the_head_has_films_of_a_stable_and_of_the_worst_run(swept: Swept) -> No
     none = header_films(read_report_data(swept("tradeoff")), None, drawn=False)
     assert not none.drawn
     assert "no trace of run" in none.missing
+
+
+def test_a_sweep_without_failures_says_how_deep_and_how_fast(swept: Swept) -> None:
+    data = read_report_data(swept("bounce"))
+    assert data.labels.failed.any()
+    assert not [*list_stable_tiles(data)]
+    names = ("stable",) * len(data.labels.names)
+    stable = replace(data.labels, names=names)
+    deepest, speeds = list_stable_tiles(replace(data, labels=stable))
+    [depth] = data.quantities_named("penetration_max")
+    assert deepest.text == format_amount(float(np.nanmax(depth.values)), "mm")
+    record = data.store.record(deepest.run)
+    assert record.metrics["penetration_max"] == pytest.approx(np.nanmax(depth.values))
+    assert f"timestep {1e3 * record.settings['timestep']:g} ms" in deepest.meaning
+    [cost] = data.quantities_named("cost_cpu_per_sim_s")
+    slowest = float(speeds.text.split()[0].replace(",", ""))
+    assert slowest == pytest.approx(1 / np.nanmax(cost.values), rel=0.01)

@@ -11,11 +11,13 @@ from jinja2 import Environment, FileSystemBytecodeCache, FileSystemLoader, Stric
 from contactlab.resources import open_user_cache
 
 
-def _keep(value: object) -> object:
+def _keep_value(value: object) -> object:
     return value
 
 
-def open_templates(*folders: Path, finalize: Callable[[object], object] = _keep) -> Environment:
+def open_templates(
+    *folders: Path, finalize: Callable[[object], object] = _keep_value
+) -> Environment:
     """Return the templates of pages, those of other folders first.
 
     `finalize` changes values before they are written. Each page needs one, since compiled templates

@@ -76,7 +76,7 @@ class Table:
 
 
 class StableTile(NamedTuple):
-    """A number of a sweep in which all runs are stable, its meaning, and the id of a run."""
+    """A number of a sweep without failures, its meaning, and the id of a run."""
 
     text: str
     meaning: str

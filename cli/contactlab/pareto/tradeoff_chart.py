@@ -24,7 +24,7 @@ _INTEGRATOR = "integrator"
 RECOMMENDED = "recommended"
 ROBUST = "margin 1.25"
 NOW = "now"
-_MOST_METHODS = 4  # more colors and shapes are hard to tell apart
+_MOST_METHODS = 4  # more colors and shapes are hard to distinguish
 _SIZE = (640, 440)  # of the chart [pixels]
 
 
@@ -321,7 +321,7 @@ class _Box(NamedTuple):
     top: float
     bottom: float
 
-    def overlaps(self, other: "_Box") -> bool:
+    def overlaps_box(self, other: "_Box") -> bool:
         return (
             self.left < other.right
             and other.left < self.right
@@ -333,7 +333,7 @@ class _Box(NamedTuple):
 def _box_of(
     row: Row, frame: ChartFrame, text: str = "", place: Row | None = None, *, size: int = 11
 ) -> _Box:
-    """Return the box of a text at a point, or of the point itself without a text."""
+    # Without a place, the box of the point itself.
     width, height = _SIZE
     (fastest, slowest), (least, most) = frame
     x = width * math.log(row["time"] / fastest) / math.log(slowest / fastest)
@@ -348,7 +348,7 @@ def _box_of(
 
 
 def _place_ring_names(shown: ChartData) -> list[Row]:
-    """Return the points with rings, each with the place of its name that covers fewest points."""
+    # The first of the places that cover fewest points and other names.
     rows: list[Row] = []
     points = [_box_of(point, shown.frame) for point in shown.points]
     names: list[_Box] = []
@@ -361,12 +361,12 @@ def _place_ring_names(shown: ChartData) -> list[Row]:
         if not point["chosen"]:
             continue
 
-        def cost(place: Row, point: Row = point) -> float:
+        def count_covered(place: Row, point: Row = point) -> float:
             box = _box_of(point, shown.frame, point["chosen"], place, size=12)
             outside = box.left < 0 or box.right > _SIZE[0]
-            return 100 * outside + sum(box.overlaps(other) for other in (*points, *names))
+            return 100 * outside + sum(box.overlaps_box(other) for other in (*points, *names))
 
-        place = min(places, key=cost)
+        place = min(places, key=count_covered)
         names.append(_box_of(point, shown.frame, point["chosen"], place, size=12))
         rows.append(point | place)
     return rows
@@ -375,7 +375,7 @@ def _place_ring_names(shown: ChartData) -> list[Row]:
 def _timestep_labels(
     shown: ChartData, named: list[Row], rings: list[Row], x: alt.X, y: alt.Y
 ) -> Iterator[alt.Chart]:
-    """Label points of the front, as far as labels cover neither each other nor names of rings."""
+    # Labels cover neither each other nor names of rings.
     place = {"align": "left", "dx": 8, "dy": -8}
     taken = [
         _box_of(ring, shown.frame, ring["chosen"], {key: ring[key] for key in place}, size=12)
@@ -384,7 +384,7 @@ def _timestep_labels(
     rows: list[Row] = []
     for point in named:
         box = _box_of(point, shown.frame, point["label"], place)
-        if not point["labelled"] or point["chosen"] or any(map(box.overlaps, taken)):
+        if not point["labelled"] or point["chosen"] or any(map(box.overlaps_box, taken)):
             continue
         taken.append(box)
         rows.append(point)

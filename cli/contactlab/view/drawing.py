@@ -64,7 +64,7 @@ def draw_frame(motion: BodyMotion, frame: int, size: tuple[int, int]) -> str:
     stage, half = motion.view(frame), np.array(size) / 2
     pixels_per_meter = 0.95 * half.min() / stage.radius
 
-    def project(points: Floats) -> Floats:
+    def project_points(points: Floats) -> Floats:
         """Return (K, 3) points in pixels to the right and down, and the depth [pixels]."""
         seen = (points - stage.centre) @ _CAMERA.T * pixels_per_meter
         return seen * [1, -1, 1] + [*half, 0]
@@ -81,8 +81,8 @@ def draw_frame(motion: BodyMotion, frame: int, size: tuple[int, int]) -> str:
         shape = parts[0]
         turn, place = motion.rotations[frame, shape.body], motion.positions[frame, shape.body]
         points = np.concatenate([*map(_surface_points, parts)])
-        seen = project(place + rotate_vectors(turn, points))
-        outline = " ".join(f"{x:.1f},{y:.1f}" for x, y in _outline(seen[:, :2]))
+        seen = project_points(place + rotate_vectors(turn, points))
+        outline = " ".join(f"{x:.1f},{y:.1f}" for x, y in _find_outline(seen[:, :2]))
         moves = bool(motion.moving[shape.body])
         fill, edge = (
             "#" + "".join(f"{round(255 * min(1, part * dark)):02x}" for part in shape.colour[:3])
@@ -101,19 +101,19 @@ def draw_frame(motion: BodyMotion, frame: int, size: tuple[int, int]) -> str:
         )
     lines = [line for *_, line in sorted(drawn, key=lambda one: one[:2])]
     body = int(np.argmax(motion.moving)) if motion.followed is None else motion.followed
-    way = project(motion.positions[: frame + 1, body])[:, :2]
+    way = project_points(motion.positions[: frame + 1, body])[:, :2]
     path = " ".join(f"{x:.1f},{y:.1f}" for x, y in way)
     lines.append(f'<polyline points="{path}" fill="none" stroke="#1a45fa" stroke-opacity="0.6"/>')
     chosen = motion.forces.of(frame)
     points, arrows = motion.forces.position[chosen], motion.arrows[chosen]
-    begins, ends = project(points)[:, :2], project(points + arrows)[:, :2]
+    begins, ends = project_points(points)[:, :2], project_points(points + arrows)[:, :2]
     for begin, end, mode in zip(begins, ends, motion.forces.mode[chosen].tolist(), strict=True):
         lines.append(_draw_arrow(begin, end, mode_colour(mode), half.min() / 60))
     return "".join(lines)
 
 
 def _surface_points(shape: BodyShape) -> Floats:
-    """Return (K, 3) points of a shape in its body's frame, among them all corners."""
+    # In the frame of the body, all corners among them.
     if shape.form == "mesh":
         points = shape.vertices
     elif shape.form == "box":
@@ -130,15 +130,15 @@ def _surface_points(shape: BodyShape) -> Floats:
     return shape.position + rotate_vectors(shape.rotation, points * shape.size)
 
 
-def _outline(points: Floats) -> Floats:
-    """Return the corners of the convex hull of (K, 2) points, the farthest in 64 directions."""
+def _find_outline(points: Floats) -> Floats:
+    # The farthest points in 64 directions are corners of the convex hull.
     angle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
     farthest = np.argmax(np.stack([np.cos(angle), np.sin(angle)], axis=1) @ points.T, axis=1)
     return points[farthest[np.flatnonzero(np.diff(farthest, prepend=-1))]]
 
 
 def _draw_arrow(begin: Floats, end: Floats, colour: str, width: float) -> str:
-    """Draw an arrow of a stroke width, with a head of at most a third of its length [pixels]."""
+    # All lengths are in pixels.
     length = float(np.linalg.norm(end - begin))
     if not length:
         return ""

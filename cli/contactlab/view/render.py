@@ -175,7 +175,6 @@ def _write_pictures(
 def _draw_moments(
     runs: Sequence[tuple[PreparedReplay, StoredTrace]], target: Path, options: PictureOptions
 ) -> BodyMotion:
-    """Write moments of one run, or of two with the same view, as one drawing."""
     if options.camera is not None:
         raise OutputError("--camera is for films and .png; leave it out for .svg")
     most = 1 if len(runs) > 1 else _MOMENT_COUNT_OF_TWO
@@ -199,7 +198,7 @@ def _draw_moments(
 
 
 def _share_view(motions: Sequence[BodyMotion]) -> list[BodyMotion]:
-    """Return motions with one view that includes all, and arrows of one scale."""
+    # One view includes all motions, and arrows have one scale.
     low = np.min([motion.centre - motion.radius for motion in motions], axis=0)
     high = np.max([motion.centre + motion.radius for motion in motions], axis=0)
     centre = (low + high) / 2
@@ -249,7 +248,6 @@ def _run_pictures(
 def _follow_pair(
     motion: BodyMotion, replay: PreparedReplay, trace: StoredTrace, options: PictureOptions
 ) -> BodyMotion:
-    """Return a motion with a camera that follows the requested body, or the failing pair."""
     if options.around is not None:
         bodies = [body for body, name in enumerate(motion.bodies) if name == options.around]
     else:
