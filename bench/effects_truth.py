@@ -35,18 +35,23 @@ _STRONG = 2.5  # times the steps of a load that is needed to show a part
 Change = Callable[[mujoco.MjModel], None]
 
 
-def time_models(models: Sequence[mujoco.MjModel]) -> list[float]:
-    """Return the times of models over that of the first: medians of turns in plain loops."""
-    taken = np.array([[_time_loop(model) for model in models] for _ in range(TURNS)])
+def time_models(
+    models: Sequence[mujoco.MjModel], key: int = -1, seconds: float = SECONDS
+) -> list[float]:
+    """Return the times of models over that of the first: medians of turns in plain loops.
+
+    Runs begin at a keyframe, or at the default pose, and simulate so many seconds.
+    """
+    taken = np.array([[_time_loop(model, key, seconds) for model in models] for _ in range(TURNS)])
     return [float(np.median(taken[:, place] / taken[:, 0])) for place in range(1, len(models))]
 
 
-def _time_loop(model: mujoco.MjModel, key: int = -1) -> float:
+def _time_loop(model: mujoco.MjModel, key: int, seconds: float) -> float:
     data, rng = mujoco.MjData(model), np.random.default_rng(5)
     if key >= 0:
         mujoco.mj_resetDataKeyframe(model, data, key)
     phases = rng.uniform(0, 6, model.nu)
-    steps = max(20, round(SECONDS / model.opt.timestep))
+    steps = max(20, round(seconds / model.opt.timestep))
     middle, half = _control_ranges(model)
     begin = time.thread_time()
     for _ in range(0, steps, _HELD):
@@ -63,13 +68,17 @@ def _control_ranges(model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class Load:
-    """A tilt [deg], the share of controls, and of the weight that pushes each body."""
+    """A tilt [deg], the share of controls, and of the weight that pushes each body.
+
+    Controls are held for a period [s], if it is not 0.
+    """
 
     tilt: float
     azimuth: float
     drive: float
     push: float
     seed: int
+    period: float = 0.0
 
     def tilt_gravity(self, model: mujoco.MjModel) -> None:
         """Tilt gravity, in place."""
@@ -97,7 +106,8 @@ def draw_loads(count: int) -> list[Load]:
 def strong_loads() -> list[Load]:
     """Return loads that show parts which only much force needs."""
     passive = Load(0.0, 0.0, 0.0, 0.0, 99)
-    return [passive, *(Load(20.0, 90.0 * turn, 2.0, 0.5 * turn, 100 + turn) for turn in range(4))]
+    turns = range(4)
+    return [passive, *(Load(20.0, 90.0 * one, 4.0, 0.5 * one, 100 + one, 0.07) for one in turns)]
 
 
 class Runner:
@@ -119,7 +129,8 @@ class Runner:
         """Make a step."""
         data, load = self.data, self._load
         middle, half = _control_ranges(self.model)
-        drive = 0.5 * load.drive * half * np.sin(self._rates * data.time + self._phases)
+        time = data.time // load.period * load.period if load.period else data.time
+        drive = 0.5 * load.drive * half * np.sin(self._rates * time + self._phases)
         ends = middle - half, middle + half
         wanted = self._begin + drive
         # Only strong controls exceed the limits.
@@ -139,11 +150,9 @@ class Runner:
 
 
 def find_differences(
-    model: mujoco.MjModel, change: Change, load: Load, key: int, steps: int
+    model: mujoco.MjModel, changed: mujoco.MjModel, load: Load, key: int, steps: int
 ) -> tuple[bool, float]:
     """Return whether each bit of a motion is unchanged, and the share of forces that differs."""
-    changed = copy.copy(model)
-    change(changed)
     whole, without = Runner(model, load, key), Runner(changed, load, key)
     kind, same = mujoco.mjtState.mjSTATE_INTEGRATION, True
     state = np.empty(mujoco.mj_stateSize(model, kind))
@@ -166,6 +175,22 @@ def find_differences(
     return same, float((apart / real)[moving].max(initial=0.0))
 
 
+def build_without(file: Path, model: mujoco.MjModel, part: PartEffect) -> mujoco.MjModel | None:
+    """Return a model without a part; None if it is not known how to leave it out."""
+    bodies = [pair.split(" - ") for pair in part.members or (part.name,)]
+    if part.kind == "pair" and all(len(pair) == 2 for pair in bodies):
+        spec = mujoco.MjSpec.from_file(str(file))
+        for first, second in bodies:
+            spec.add_exclude(bodyname1=first, bodyname2=second)
+        return spec.compile()
+    change = leave_out(model, part)
+    if change is None:
+        return None
+    changed = copy.copy(model)
+    change(changed)
+    return changed
+
+
 def leave_out(model: mujoco.MjModel, part: PartEffect) -> Change | None:  # noqa: C901 - a table
     """Return the change that leaves a part out, written by hand; None if it is not known."""
     disabled = mujoco.mjtDisableBit
@@ -179,6 +204,9 @@ def leave_out(model: mujoco.MjModel, part: PartEffect) -> Change | None:  # noqa
         "multiccd": disabled.mjDSBL_MULTICCD, "nativeccd": disabled.mjDSBL_NATIVECCD,
         "midphase": disabled.mjDSBL_MIDPHASE,
     }  # fmt: skip
+    enabled = mujoco.mjtEnableBit
+    switches = {"energy": enabled.mjENBL_ENERGY, "fwdinv": enabled.mjENBL_FWDINV,
+                "sleep": enabled.mjENBL_SLEEP}  # fmt: skip
     options = {
         "noslip": {"noslip_iterations": 0}, "impratio": {"impratio": 1.0},
         "elliptic": {"cone": 0}, "air": {"density": 0.0, "viscosity": 0.0},
@@ -189,34 +217,47 @@ def leave_out(model: mujoco.MjModel, part: PartEffect) -> Change | None:  # noqa
     bounds = {"tangential_friction": 1, "torsional_friction": 3, "rolling_friction": 4}
     ids = _find_ids(model, part)
 
-    def change(made: mujoco.MjModel) -> None:
-        if part.kind == "feature" and part.name in flags:
-            made.opt.disableflags |= int(flags[part.name])
+    def change_feature(made: mujoco.MjModel) -> None:
+        made.opt.disableflags |= int(flags.get(part.name, 0))
+        made.opt.enableflags ^= int(switches.get(part.name, 0))
+        if part.adds:  # sleep needs islands
+            made.opt.disableflags &= ~int(disabled.mjDSBL_ISLAND)
         for name, value in options.get(part.name, {}).items():
             setattr(made.opt, name, value)
         for name in fields.get(part.name, ()):
             getattr(made, name)[:] = 0
+        if part.name == "armature":  # the stiffness of contacts is scaled by it when compiled
+            mujoco.mj_setConst(made, mujoco.MjData(made))
         if part.name in bounds:
             for name in ("geom_condim", "pair_dim"):
                 array = getattr(made, name)
                 array[:] = np.minimum(array, bounds[part.name])
-        if part.kind == "geom":
-            made.geom_contype[ids] = made.geom_conaffinity[ids] = 0
-            gone = np.isin(made.pair_geom1, ids) | np.isin(made.pair_geom2, ids)
-            made.pair_margin[gone] = -1e6
-        if part.kind == "pair":
-            made.pair_margin[ids] = -1e6
-        if part.kind == "limit":
-            made.jnt_limited[ids] = 0
-        if part.kind == "tendon":
-            for name in ("stiffness", "damping", "frictionloss", "limited"):
-                getattr(made, f"tendon_{name}")[ids] = 0
-        if part.kind == "actuator":
-            made.actuator_gainprm[ids] = made.actuator_biasprm[ids] = 0
 
-    features = {*flags, *options, *fields, *bounds}
-    known = part.name in features if part.kind == "feature" else bool(len(ids))
-    return change if known else None
+    def change_part(made: mujoco.MjModel) -> None:
+        match part.kind:
+            case "geom":
+                made.geom_contype[ids] = made.geom_conaffinity[ids] = 0
+                gone = np.isin(made.pair_geom1, ids) | np.isin(made.pair_geom2, ids)
+                made.pair_margin[gone] = -1e6
+            case "pair":
+                made.pair_margin[ids] = -1e6
+            case "limit":
+                made.jnt_limited[ids] = 0
+            case "tendon":
+                for name in ("stiffness", "damping", "frictionloss", "limited"):
+                    getattr(made, f"tendon_{name}")[ids] = 0
+            case "sensor":
+                made.opt.disableflags |= int(disabled.mjDSBL_SENSOR)
+            case "actuator":
+                made.actuator_gainprm[ids] = made.actuator_biasprm[ids] = 0
+            case _:
+                pass
+
+    if part.kind == "feature":
+        return (
+            change_feature if part.name in {*flags, *switches, *options, *fields, *bounds} else None
+        )
+    return change_part if len(ids) or part.name == "sensors" else None
 
 
 def _find_ids(model: mujoco.MjModel, part: PartEffect) -> np.ndarray:
@@ -243,18 +284,16 @@ _SIZES = {"geom": "ngeom", "pair": "npair", "joint": "njnt", "tendon": "ntendon"
 def check_claims(file: Path, report: EffectsReport) -> Iterator[tuple[str, str]]:
     """Yield a verdict of each claim, and a line on it."""
     model = mujoco.MjModel.from_xml_path(str(file))
-    starts = [model.key(number).name or f"key[{number}]" for number in range(model.nkey)]
-    start = report.task.start
-    key = starts.index(start) if start in starts else -1
+    key = _find_start(model, report)
     steps = round(0.8 / model.opt.timestep)
     for part in report.effects:
         if part.verdict in ("not exercised", "not measured"):
             continue
-        change = leave_out(model, part)
-        if change is None:
+        changed = build_without(file, model, part)
+        if changed is None:
             yield "skipped", f"{part.kind} {part.name}: {part.verdict}"
             continue
-        found = [find_differences(model, change, load, key, steps) for load in draw_loads(LOADS)]
+        found = [find_differences(model, changed, load, key, steps) for load in draw_loads(LOADS)]
         share = max(each for _, each in found)
         if part.verdict == "unused":
             right = all(same for same, _ in found) or (part.kind == "feature" and share < 1e-6)
@@ -263,7 +302,7 @@ def check_claims(file: Path, report: EffectsReport) -> Iterator[tuple[str, str]]
         else:
             if share <= 0.5 * report.tolerance:
                 strong = [
-                    find_differences(model, change, load, key, round(_STRONG * steps))
+                    find_differences(model, changed, load, key, round(_STRONG * steps))
                     for load in strong_loads()
                 ]
                 found, share = [*found, *strong], max(share, *(each for _, each in strong))
@@ -275,12 +314,18 @@ def check_claims(file: Path, report: EffectsReport) -> Iterator[tuple[str, str]]
         yield "confirmed" if right else "WRONG", line
 
 
+def _find_start(model: mujoco.MjModel, report: EffectsReport) -> int:
+    names = [model.key(number).name or f"key[{number}]" for number in range(model.nkey)]
+    return names.index(report.task.start) if report.task.start in names else -1
+
+
 def check_saving(file: Path, report: EffectsReport, folder: Path) -> str:
     """Return a line on the time of the smaller model."""
     if report.smaller is None:
         return report.sentence
     paths = [file, folder / report.smaller.file]
-    (ratio,) = time_models([mujoco.MjModel.from_xml_path(str(path)) for path in paths])
+    models = [mujoco.MjModel.from_xml_path(str(path)) for path in paths]
+    (ratio,) = time_models(models, _find_start(models[0], report), report.task.duration)
     said = report.smaller.time_ratio.ratio
     word = "confirmed" if abs(ratio / said - 1) <= CLAIMED else "WRONG"
     return f"{word} saving: x{said:.3f} reported, x{ratio:.3f} in plain MuJoCo"

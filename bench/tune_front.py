@@ -4,8 +4,9 @@ Run: python -m bench.tune_front FOLDER ...
 
 A folder is the output of `contactlab tune MODEL -o FOLDER`. Each point is built from the settings
 of its report, or loaded if it was written. Errors are those of `bench/tune_error.py`, against the
-model as written at the fine step and with the integrator of the report's reference. Times are the
-medians of CPU times of whole runs, in turns, without the time that it takes to set inputs.
+model as written at the fine step and with the integrator of the report's reference; seeds are added
+until their mean is known to 5 %, or for a minute. Times are the medians of CPU times of whole runs,
+in turns, without the time that it takes to set inputs.
 """
 
 import sys
@@ -24,7 +25,9 @@ from contactlab.parts import register_parts
 from contactlab.schema.tune_report import REPORT, FrontPoint, TuneReport
 
 WINDOW, SLACK = 0.04, 0.05
-FIRST, SEEDS, TIMED_SEEDS, TURNS = 200, 20, 3, 7
+FIRST, BATCH, MOST_SEEDS, TIMED_SEEDS, TURNS = 1000, 8, 240, 3, 7
+PRECISION, SECONDS = 0.05, 60.0
+"""Standard error of means that is wanted, as a share; CPU time of a model's errors at most [s]."""
 ENUMS = {
     "integrator": (mujoco.mjtIntegrator, "mjINT_"),
     "solver": (mujoco.mjtSolver, "mjSOL_"),
@@ -106,13 +109,14 @@ class Reference:
             if begin + self.steps > self.total or end + multiple > self.total:
                 continue
             tuned.begin(state)
-            seen = [tuned.velocities()]
-            for place in range(begin, end + multiple, multiple):
+            seen = list[np.ndarray]()
+            for step, place in enumerate(range(begin, end + multiple, multiple), 1):
                 rows = self.inputs[place : place + multiple]
                 tuned.step(rows.mean(axis=0) if rows.shape[1] else rows[0], self.motion.spec)
-                seen.append(tuned.velocities())
+                if step >= held - 1:
+                    seen.append(tuned.velocities())
             fast = self.speeds[end - slack : end + slack + 1]
-            slow = np.array(seen[held - 1 : held + 2])
+            slow = np.array(seen)
             slow = slow[1] + (slow - slow[1]) * slack / multiple
             apart = np.maximum(away(slow[1], fast), away(fast[slack], slow))
             residual += apart * self.steps / (held * multiple)
@@ -123,32 +127,67 @@ class Reference:
         return over(residual, real)
 
 
+class FrontErrors:
+    """Errors of models on ever more seeds.
+
+    Attributes:
+        shares: by phase, (seeds, models, bodies) residual impulses over real ones.
+    """
+
+    def __init__(self, report: TuneReport, models: Sequence[mujoco.MjModel]) -> None:
+        self._report, self._models = report, models
+        written = mujoco.MjModel.from_xml_path(report.model)
+        self._own = float(written.opt.timestep)
+        apply_settings(written, {"integrator": report.reference_integrator})
+        self._written = Plain(written, report.reference_step)
+        go_on(self._written)
+        self._tuned = [Plain(each, float(each.opt.timestep)) for each in models]
+        names = [written.body(int(body)).name for body in self._written.bodies]
+        observed = report.task.observed
+        self._kept = [place for place, name in enumerate(names) if not observed or name in observed]
+        self.shares = dict[str, list[np.ndarray]]()
+
+    def add_seeds(self, seeds: Sequence[int]) -> None:
+        """Measure more seeds."""
+        task = self._report.task.model_copy(update={"seeds": tuple(seeds)})
+        for motion in motions_of(self._report, task):
+            for seed in range(motion.seeds):
+                reference = Reference(self._written, motion, seed, self._own)
+                found = np.array([reference.shares_of(each) for each in self._tuned])
+                self.shares.setdefault(motion.name, []).append(found[:, self._kept])
+
+    def means(self) -> tuple[list[float], list[float]]:
+        """Return the error of each model in its worst body and phase, and its standard error."""
+        worst, apart = np.zeros(len(self._models)), np.zeros(len(self._models))
+        for found in map(np.array, self.shares.values()):
+            mean, rows = found.mean(axis=0), np.arange(len(worst))
+            body = mean.argmax(axis=1)
+            spread = found.std(axis=0, ddof=1) / np.sqrt(len(found))
+            larger = mean[rows, body] > worst
+            worst = np.where(larger, mean[rows, body], worst)
+            apart = np.where(larger, spread[rows, body], apart)
+        rest = np.array([self._correct_reference(each) for each in self._models])
+        return (rest * worst).tolist(), (rest * apart).tolist()
+
+    def _correct_reference(self, model: mujoco.MjModel) -> float:
+        multiple = round(model.opt.timestep / self._report.reference_step)
+        both = (self._written.model.opt.integrator, model.opt.integrator)
+        is_rk4 = mujoco.mjtIntegrator.mjINT_RK4 in both
+        return 1.0 if is_rk4 or multiple < 2 else multiple / (multiple - 1)
+
+
 def measure_errors(
-    report: TuneReport, motions: Sequence[Motion], models: Sequence[mujoco.MjModel]
-) -> list[float]:
-    """Return the error of each model, in its worst body and phase, as the mean over seeds."""
-    model = mujoco.MjModel.from_xml_path(report.model)
-    own = float(model.opt.timestep)
-    apply_settings(model, {"integrator": report.reference_integrator})
-    written = Plain(model, report.reference_step)
-    go_on(written)
-    worst = np.zeros(len(models))
-    observed = motions[0].observed
-    names = [model.body(int(body)).name for body in written.bodies]
-    kept = [place for place, name in enumerate(names) if not observed or name in observed]
-    for motion in motions:
-        found = list[list[np.ndarray]]()
-        for seed in range(motion.seeds):
-            reference = Reference(written, motion, seed, own)
-            tuned = [Plain(each, float(each.opt.timestep)) for each in models]
-            found.append([reference.shares_of(each) for each in tuned])
-        worst = np.maximum(worst, np.mean(found, axis=0)[:, kept].max(axis=1))
-    rk4 = mujoco.mjtIntegrator.mjINT_RK4
-    for place, each in enumerate(models):
-        multiple = round(each.opt.timestep / report.reference_step)
-        if multiple > 1 and rk4 not in (written.model.opt.integrator, each.opt.integrator):
-            worst[place] *= multiple / (multiple - 1)
-    return worst.tolist()
+    report: TuneReport, models: Sequence[mujoco.MjModel], first: int = FIRST
+) -> tuple[list[float], list[float]]:
+    """Return the errors of models, and their standard errors, on as many seeds as these need."""
+    errors, begin = FrontErrors(report, models), time.process_time()
+    for seed in range(first, first + MOST_SEEDS, BATCH):
+        errors.add_seeds(range(seed, seed + BATCH))
+        pairs = zip(*errors.means(), strict=True)
+        known = all(one <= PRECISION * mean for mean, one in pairs)
+        if known or time.process_time() - begin > SECONDS:
+            break
+    return errors.means()
 
 
 def time_runs(
@@ -199,21 +238,31 @@ def run_once(
 def measure_front(folder: Path) -> None:
     """Print the claimed and the measured error and time of each point of a study."""
     report = TuneReport.model_validate_json((folder / REPORT).read_text())
-    task = report.task.model_copy(update={"seeds": tuple(range(FIRST, FIRST + SEEDS))})
-    motions = motions_of(report, task)
     models = [build_point(report, point, folder) for point in report.front]
     written = mujoco.MjModel.from_xml_path(report.model)
-    errors = measure_errors(report, motions, models)
-    times = time_runs(motions, [written, *models], float(written.opt.timestep))[1:]
-    for point, error, ratio in zip(report.front, errors, times, strict=True):
+    errors, apart = measure_errors(report, models)
+    task = report.task.model_copy(update={"seeds": tuple(range(FIRST, FIRST + TIMED_SEEDS))})
+    motions, own = motions_of(report, task), float(written.opt.timestep)
+    times = time_runs(motions, [written, *models], own)[1:]
+    right = {"error within 20 %": 0, "interval covers": 0, "time within 7 %": 0}
+    for point, error, known, ratio in zip(report.front, errors, apart, times, strict=True):
         claimed, timed = point.error or np.nan, point.candidate.time_ratio
         shown = timed.ratio if timed else point.candidate.cost or np.nan
+        low, high = point.error_low or 0.0, point.error_high or np.inf
+        covers = low - 2 * known <= error <= high + 2 * known
+        right["error within 20 %"] += abs(error / claimed - 1) <= 0.2
+        right["interval covers"] += covers
+        right["time within 7 %"] += abs(ratio / shown - 1) <= 0.07
         print(
-            f"{folder.name:10} {point.number} {point.name[:24]:24} error {claimed:9.4%} "
-            f"measured {error:9.4%} ({error / claimed - 1:+6.1%})   time x{shown:.3f} "
-            f"measured x{ratio:.3f} ({ratio / shown - 1:+6.1%}){'' if timed else ' counted'}",
+            f"{folder.name:10} {point.number} {point.name[:24]:24} error {claimed:9.4%} measured "
+            f"{error:9.4%} +- {known / error:.0%} ({error / claimed - 1:+6.1%})"
+            f"{'' if covers else ' OUTSIDE'}   time x{shown:.3f} measured x{ratio:.3f} "
+            f"({ratio / shown - 1:+6.1%}){'' if timed else ' counted'}",
             flush=True,
         )
+    count = len(report.front)
+    counts = ", ".join(f"{name} {number} of {count}" for name, number in right.items())
+    print(f"{folder.name}: {counts}", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,127 +1,144 @@
-"""What `tune` reaches without contact, beside a hand: a forward error of 10 um at the end of 1.5 s.
+"""Points by hand against the front of `tune`.
 
-Run: python -m bench.tune_hand FOLDER
+Run: python -m bench.tune_hand FOLDER ...
 
-The hand tries four integrators at 150 steps, Newton's solver, dense matrices, without contacts and
-islands, and takes the cheapest that keeps the error. Both run in plain MuJoCo, in turns.
+A folder is the output of `contactlab tune MODEL -o FOLDER`. The hand tries every usable step with
+every integrator, each with one or two further changes: solver, iterations, tolerance, cone, matrix,
+islands, sleep. Those that lie furthest beyond the front on a few seeds are measured again, with the
+points of the front, on other seeds: the best of hundreds of noisy numbers is mostly noise. A point
+lies beyond the front by the time that it saves against the straight line, in logarithms, through
+the points of the front at its error.
 """
 
-import copy
+import itertools
+import math
 import sys
-import time
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from statistics import median
 
+import bench.tune_front as front
 import mujoco
 import numpy as np
+from bench.tune_cost import motions_of
+from bench.tune_front import FrontErrors, apply_settings, build_point, measure_errors, time_runs
 
 from contactlab.parts import register_parts
-from contactlab.plan.task_options import read_task_options
-from contactlab.schema.tune_report import REPORT
-from contactlab.studies.search.tune_request import TuneRequest
-from contactlab.studies.search.tuning import tune_model
-from contactlab.tasks.session import Session
+from contactlab.schema.tune_report import REPORT, TuneReport
 
-LENGTH, LIMIT, TURNS, STEPS = 1.5, 1e-5, 25, 3000
-RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
-_HEAD = '<default><geom contype="0" conaffinity="0"/></default><worldbody>'
-_LINK = '<geom type="capsule" fromto="0 0 0 0 0 -.3" size=".02"/>'
-_HINGE = '<joint axis="0 1 0" damping=".01"/>'
-CASES = {
-    "chain": f"""<mujoco><option timestep="0.001"/>{_HEAD}
-<body pos="0 0 2" euler="0 70 0">{_HINGE}{_LINK}
-<body pos="0 0 -.3">{_HINGE}{_LINK}
-<body pos="0 0 -.3">{_HINGE}{_LINK}<site name="tip" pos="0 0 -.3"/></body></body></body>
-</worldbody></mujoco>""",
-    "cart": f"""<mujoco><option timestep="0.002" integrator="implicitfast"/>{_HEAD}
-<body pos="0 0 1"><joint type="slide" axis="1 0 0" damping=".3"/>
-<geom type="box" size=".1 .05 .05" mass="1"/>
-<body euler="0 25 0">{_HINGE}<geom type="capsule" fromto="0 0 0 0 0 .6" size=".02"/>
-<site name="tip" pos="0 0 .6"/></body></body></worldbody></mujoco>""",
-    "ball joint": f"""<mujoco><option timestep="0.0005" integrator="RK4"/>{_HEAD}
-<body pos="0 0 2" euler="40 20 0"><joint type="ball" damping=".01"/>
-<geom type="capsule" fromto="0 0 0 0 0 -.5" size=".02"/><site name="tip" pos="0 0 -.5"/></body>
-</worldbody></mujoco>""",
-    "crane": f"""<mujoco><option timestep="0.001" solver="PGS" iterations="300"/>{_HEAD}
-<body pos="0 0 2"><joint type="slide" axis="1 0 0" stiffness="40" damping="2" springref=".2"/>
-<geom type="box" size=".1 .1 .05" mass="3"/>
-<body><joint axis="0 1 0" damping=".02"/>
-<geom type="capsule" fromto="0 0 0 0 0 -.7" size=".01" mass=".2"/>
-<body pos="0 0 -.7"><joint axis="0 1 0" damping=".05" stiffness="1"/>
-<geom type="sphere" size=".06" mass="1"/><site name="tip" pos="0 0 -.06"/></body></body></body>
-</worldbody></mujoco>""",
-}
+Settings = Mapping[str, object]
+FEW, FIRST_SEED, BEST, LONGEST = 4, 3000, 12, 0.04
+STEPS = [digit * power for power in (1e-4, 1e-3, 1e-2) for digit in (1.0, 2.0, 2.5, 4.0, 5.0, 8.0)]
+CHANGES: tuple[Settings, ...] = (
+    {},
+    {"solver": "Newton", "iterations": 3},
+    {"solver": "CG"},
+    {"solver": "CG", "iterations": 10},
+    {"solver": "PGS", "iterations": 20},
+    {"tolerance": 1e-4},
+    {"cone": "elliptic"},
+    {"cone": "pyramidal"},
+    {"sleep": True, "island": True},
+)
 
 
-def end(model: mujoco.MjModel, step: float, integrator: int, length: float) -> np.ndarray:
-    """Return where the tip is after a length of time."""
-    model = copy.copy(model)
-    model.opt.timestep, model.opt.integrator = step, integrator
-    data = mujoco.MjData(model)
-    mujoco.mj_step(model, data, round(length / step))
-    mujoco.mj_kinematics(model, data)
-    return data.site("tip").xpos.copy()
+def list_candidates(report: TuneReport) -> Iterator[tuple[float, Settings]]:
+    """Yield steps and settings; a change that leaves the model unchanged is left out."""
+    model = mujoco.MjModel.from_xml_path(report.model)
+    is_free = any("contact" in point.candidate.settings for point in report.front)
+    free: Settings = {"contact": False} if is_free else {}
+    fine, own = report.reference_step, float(model.opt.timestep)
+    usable = [step for step in sorted({*STEPS, own}) if is_whole(step / fine) and step <= LONGEST]
+    integrators = ("Euler", "implicitfast", "implicit", "RK4")
+    changes = CHANGES[:1] if is_free or not model.ngeom else CHANGES
+    for step, name in itertools.product(usable, integrators):
+        if step >= 1.5 * fine:
+            for change in changes:
+                yield (
+                    step,
+                    {"island": False, "jacobian": "dense", "integrator": name, **free, **change},
+                )
 
 
-def by_hand(model: mujoco.MjModel) -> list[mujoco.MjModel]:
-    """Return the model by each integrator at its longest step that keeps the error."""
-    exact = end(model, LENGTH / 30000, RK4, LENGTH)
-    counts = sorted({*range(37, 150), *(int(LENGTH / h) for h in np.geomspace(2e-4, 1e-2, 40))})
-    found = list[mujoco.MjModel]()
-    for integrator in range(4):
-        for count in counts:
-            apart = end(model, LENGTH / count, integrator, LENGTH) - exact
-            if np.linalg.norm(apart) <= LIMIT:
-                own = copy.copy(model)
-                own.opt.timestep, own.opt.integrator = LENGTH / count, integrator
-                own.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
-                own.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-                own.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-                own.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
-                found.append(own)
-                break
-    return found
+def is_whole(ratio: float) -> bool:
+    """Return whether a ratio is a whole number, up to rounding."""
+    return round(ratio) >= 1 and abs(ratio - round(ratio)) < 1e-6
 
 
-def seconds(model: mujoco.MjModel) -> float:
-    """Return the CPU time of the run, repeated for some thousands of steps."""
-    data, count = mujoco.MjData(model), round(LENGTH / model.opt.timestep)
-    repeats = max(1, STEPS // count)
-    begin = time.thread_time()
-    for _ in range(repeats):
-        mujoco.mj_resetData(model, data)
-        mujoco.mj_step(model, data, count)
-    return (time.thread_time() - begin) / repeats
+def build_candidate(report: TuneReport, step: float, settings: Settings) -> mujoco.MjModel:
+    """Return the model of a candidate, without provably unused collisions."""
+    spec = mujoco.MjSpec.from_file(report.model)
+    for name in report.masked:
+        geom = spec.geom(name)
+        geom.contype = geom.conaffinity = 0
+    for first, second in report.excluded:
+        spec.add_exclude(bodyname1=first, bodyname2=second)
+    model = spec.compile()
+    apply_settings(model, settings)
+    model.opt.timestep = step
+    return model
 
 
-def measure(name: str, folder: Path) -> str:
-    """Return a line about one case."""
-    path = folder / f"{name.replace(' ', '_')}.xml"
-    path.write_text(CASES[name])
-    task = read_task_options(drive="none", duration=f"{LENGTH}s")
-    out = folder / path.stem
-    request = TuneRequest(str(path), task, LIMIT, None, ("tip",), "end", 200.0)
-    report = tune_model(request, Session(out))
-    model = mujoco.MjModel.from_xml_path(str(path))
-    tuned = mujoco.MjModel.from_xml_path(str(out / report.file)) if report.file else model
-    hand, step = by_hand(model), tuned.opt.timestep
-    turns = [[seconds(each) for each in (tuned, *hand)] for _ in range(TURNS)]
-    ratio = max(median(turn[0] / turn[1 + place] for turn in turns) for place in range(len(hand)))
-    length = int(LENGTH / step + 1e-9) * step
-    apart = end(tuned, step, int(tuned.opt.integrator), length) - end(
-        model, length / 30000, RK4, length
-    )
-    chosen = ", ".join(f"{each.name} {each.after}" for each in report.changed_settings)
-    best = min(hand, key=lambda each: median(seconds(each) for _ in range(TURNS)))
-    error = float(np.linalg.norm(apart))
-    return (
-        f"{name}: tuned/hand {ratio:.2f}, error {error:.2e} m; {chosen}; by hand integrator "
-        f"{best.opt.integrator} at {1e3 * best.opt.timestep:.4g} ms; {out / REPORT}"
-    )
+def measure_gains(
+    points: Sequence[tuple[float, float]], errors: Sequence[float], times: Sequence[float]
+) -> list[float]:
+    """Return the share of the time that candidates save against the front at their errors."""
+    kept, best = list[tuple[float, float]](), math.inf
+    for time, error in sorted(points):
+        if error < best:
+            kept.append((math.log(time), math.log(max(error, 1e-300))))
+            best = error
+    along = [-error for _, error in kept]
+    gains = list[float]()
+    for error, time in zip(errors, times, strict=True):
+        place = -math.log(max(error, 1e-300))
+        if not math.isfinite(error) or not along[0] <= place <= along[-1]:
+            gains.append(-math.inf)
+            continue
+        line = float(np.interp(place, along, [time for time, _ in kept]))
+        gains.append(1 - time / math.exp(line))
+    return gains
+
+
+def measure_hand(folder: Path) -> None:
+    """Print the points by hand that lie furthest beyond the front of a study."""
+    report = TuneReport.model_validate_json((folder / REPORT).read_text())
+    points = [build_point(report, point, folder) for point in report.front]
+    tried = list(list_candidates(report))
+    models = [build_candidate(report, *each) for each in tried]
+    few = FrontErrors(report, [*points, *models])
+    few.add_seeds(range(FIRST_SEED, FIRST_SEED + FEW))
+    errors, _ = few.means()
+    worst = max(errors[: len(points)])
+    near = [place for place, error in enumerate(errors[len(points) :]) if error <= 1.1 * worst]
+    written = mujoco.MjModel.from_xml_path(report.model)
+    task = report.task.model_copy(update={"seeds": tuple(range(FIRST_SEED, FIRST_SEED + FEW))})
+    motions, own = motions_of(report, task), float(written.opt.timestep)
+    front.TIMED_SEEDS, front.TURNS = 1, 2
+    times = time_runs(motions, [written, *points, *(models[place] for place in near)], own)[1:]
+    own_points = list(zip(times[: len(points)], errors, strict=False))
+    chosen_errors = [errors[len(points) + place] for place in near]
+    gains = measure_gains(own_points, chosen_errors, times[len(points) :])
+    best = [near[rank] for rank in np.argsort(gains)[::-1][:BEST].tolist()]
+    again = [*points, *(models[place] for place in best)]
+    errors, apart = measure_errors(report, again, FIRST_SEED + FEW)
+    front.TIMED_SEEDS, front.TURNS = 3, 7
+    times = time_runs(motions, [written, *again], own)[1:]
+    own_points = list(zip(times[: len(points)], errors, strict=False))
+    gains = measure_gains(own_points, errors[len(points) :], times[len(points) :])
+    print(f"{folder.name}: {len(tried)} points by hand", flush=True)
+    for rank in np.argsort(gains)[::-1][:4].tolist():
+        step, settings = tried[best[rank]]
+        error, time = errors[len(points) + rank], times[len(points) + rank]
+        known = apart[len(points) + rank] / error if error else 0.0
+        changes = {name: value for name, value in settings.items() if name != "integrator"}
+        print(
+            f"  {gains[rank]:+.1%} beyond the front: {settings['integrator']} {1e3 * step:g} ms, "
+            f"error {error:.3e} +- {known:.0%}, x{time:.3f} {changes}",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":
     register_parts()
-    Path(sys.argv[1]).mkdir(parents=True, exist_ok=True)
-    for name in CASES:
-        print(measure(name, Path(sys.argv[1])), flush=True)
+    for word in sys.argv[1:]:
+        measure_hand(Path(word))

@@ -57,8 +57,10 @@ def test_text_data_patch_and_figure_say_the_same(
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--error", "0"), "--error 0: write a share, such as 2%"),
-        (("--error", "near"), "--error near: write a share, such as 2%"),
+        (("--error", "0"), "--error 0: write a share of the real forces, such as 2%"),
+        (("--error", "near"), "--error near: write a share of the real forces, such as 2%"),
+        (("--error", "5mm"), "--observe BODY --error-at end"),
+        (("--observe", "hand", "--error-at", "end", "--error", "2%"), "leave it out for a share"),
         (("--error", "2"), "--error 2 is not a fraction"),
         (("--max-time", "soon"), "--max-time soon: write a time, such as 90s, 5min or 1h"),
         (("--tolerance", "slip=1mm"), "--tolerance slip=: tune uses the error budget"),

@@ -161,6 +161,7 @@ ErrorMetric = Annotated[
     Option("NAME", "Metric of accuracy: error_final, oracle_error or any other."),
 ]
 MaxTime = Annotated[float | str, Option("TIME", "Time limit: 90s, 5min, 1h.", kind=str)]
+MaxStudyTime = Annotated[float | str, Option("TIME", "Limit of CPU time: 90s, 5min, 1h.", kind=str)]
 MaxCpu = Annotated[
     float | str, Option("TIME", "Limit of CPU time, with the page: 60s, 5min.", kind=str)
 ]

@@ -29,16 +29,29 @@ def read_length(text: float | str | None, option: str, example: str) -> float | 
     )
 
 
-def read_error(error: float | str | None) -> float | None:
+def read_error(error: float | str | None, *, is_share: bool = True) -> float | None:
     """Return a target error as a number, or None if it was not given; 2% is 0.02.
 
+    Without `is_share` it is an amount in the unit of an observed output.
+
     Raises:
-        SweepFileError: it is neither a share nor an amount of an observed output.
+        SweepFileError: it is not a share, or not such an amount.
     """
     if error is None:
         return None
-    expected = "a share, such as 2%, or with --error-at a number in the unit of the observed output"
-    return _read_positive(str(error), ("", "m", "rad", "1"), f"--error {error}: write {expected}")
+    if is_share:
+        mistake = (
+            f"--error {error}: write a share of the real forces, such as 2%, or for a distance "
+            "--observe BODY --error-at end --error 1e-5m"
+        )
+        return _read_positive(str(error), ("", "1"), mistake)
+    mistake = (
+        f"--error {error}: --error-at takes an amount in the unit of the observed output, such as "
+        "1e-5m; leave it out for a share"
+    )
+    if "%" in str(error):
+        raise SweepFileError(mistake)
+    return _read_positive(str(error), ("", "m", "rad"), mistake)
 
 
 def read_share(text: float | str, option: str) -> float:

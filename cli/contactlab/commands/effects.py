@@ -53,7 +53,7 @@ def effects(
             kind=list[str],
         ),
     ] = (),
-    max_time: opt.MaxTime = _MAX_TIME,
+    max_time: opt.MaxStudyTime = _MAX_TIME,
     metric: Annotated[
         Literal["reality"] | None,
         Option(None, "Find the effects of a scene that bring runs closer to recorded runs."),

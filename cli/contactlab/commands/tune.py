@@ -61,7 +61,7 @@ def tune(
         Literal["end", "peak"] | None,
         Option(None, "Measure the error of observed bodies, sites or sensors: end or peak."),
     ] = None,
-    max_time: opt.MaxTime = "2min",
+    max_time: opt.MaxStudyTime = "2min",
     pick: Annotated[
         int | None,
         Option("N", "Write and verify point N of the front."),
@@ -107,7 +107,7 @@ def tune(
     request = TuneRequest(
         model=str(model),
         task=opt.task_of(**task),
-        error=read_error(error),
+        error=read_error(error, is_share=error_at is None),
         real_time=_positive_rate(real_time),
         observed=observed if error_at else (),
         error_at=error_at,
@@ -117,7 +117,7 @@ def tune(
     )
     opt.load_plugins(plugin)
     folder = opt.study_folder("tune", model, output)
-    begin = time.monotonic()  # imports count as part of the time limit
+    spent = time.process_time()  # imports count as part of the time limit
     from contactlab.run.worker_pool import worker_count
     from contactlab.studies.search.result_cache import find_cached_report
     from contactlab.studies.search.tuning import tune_model
@@ -126,7 +126,7 @@ def tune(
     opt.check_figure(figure, ".html")
     session = Session(folder, worker_count(workers), notify=say, allow_code=allow_code)
     known = None if pick is None else find_cached_report(request, session)
-    report = tune_model(request, session, begin, known)
+    report = tune_model(request, session, time.process_time() - spent, known)
     if figure is not None:
         _draw_front(report, Path(figure), dark=dark)
         say(f"drew {figure}")

@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from statistics import fmean, stdev
 
 import mujoco
 import numpy as np
@@ -29,8 +30,9 @@ from contactlab.budget.restarts import (
 from contactlab.budget.windows import Observer, Run, body_name, judged_bodies, replay
 from contactlab.contact.trace_arrays import Floats
 from contactlab.modifications.model_predicates import is_disabled
-from contactlab.numerical_tolerance import COARSE_ROUNDING
+from contactlab.numerical_tolerance import COARSE_ROUNDING, SUM_ROUNDING
 from contactlab.scene.model_edits import set_timestep, write_option
+from contactlab.shares import SURE
 
 _REFERENCE_POINTS = (
     4  # points of the reference within a step of the candidate, on either side of an end
@@ -61,6 +63,32 @@ class ErrorEstimate:
     low: float
     high: float
     shares: tuple[float, ...] = ()
+
+    @property
+    def relative_spread(self) -> float:
+        """Standard deviation over seeds, as a share of the mean; 0 if it is not known."""
+        mean = fmean(self.shares) if self.shares else 0.0
+        return stdev(self.shares) / mean if len(self.shares) > 1 and 0 < mean < math.inf else 0.0
+
+    def mean_interval(self) -> tuple[float, float]:
+        """Return an interval that holds the mean over many seeds.
+
+        A few seeds with large errors, such as those that meet a stop, make the mean of many seeds
+        larger than most means of few. Johnson's correction for skewness moves that end. Without
+        seeds, or if the error is not their mean, it is the range over seeds.
+        """
+        from scipy.special import stdtrit  # noqa: PLC0415 - it takes a while to load
+
+        count, mean = len(self.shares), fmean(self.shares or [self.error])
+        is_mean = self.error <= mean * (1 + SUM_ROUNDING)
+        if count < 2 or not math.isfinite(self.error) or not is_mean:
+            return self.low, self.high
+        spread, wide = stdev(self.shares), float(stdtrit(count - 1, (1 + SURE) / 2))
+        half = wide * spread / math.sqrt(count)
+        cubes = sum((share - mean) ** 3 for share in self.shares)
+        cubes *= count / max(1.0, (count - 1) * (count - 2))
+        skew = (1 + 2 * wide**2) * cubes / (6 * count * spread**2) if spread else 0.0
+        return max(0.0, mean - half + min(0.0, skew)), mean + half + max(0.0, skew)
 
 
 class PhaseReference:

@@ -10,7 +10,7 @@ turns do.
 import copy
 import math
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import mujoco
@@ -181,12 +181,15 @@ class Clock:
         return seconds / float(made.opt.timestep)
 
     def time_whole_runs(
-        self, models: Sequence[ModelAtStep], tasks: Iterable[Sequence[Motion]], until: float
+        self,
+        models: Sequence[ModelAtStep],
+        tasks: Iterable[Sequence[Motion]],
+        may_continue: Callable[[], bool],
     ) -> list[TimeRatio]:
         """Return the times of models over the time of the model as written, for whole runs.
 
-        Seeds of one task after the other are run until the interval is narrow enough, or until the
-        given time of `time.monotonic`. At least two are run, since one shows no spread.
+        Seeds of one task after the other are run until the interval is narrow enough, or it may not
+        continue. At least two are run, since one shows no spread.
         """
         made = self._with_steps([(self._written, self._reference.substeps), *models])
         seeds = (
@@ -194,7 +197,7 @@ class Clock:
             for motions in tasks
             for seed in range(motions[0].seeds)
         )
-        taken = [*time_samples(seeds, may_continue=lambda: time.monotonic() < until)]
+        taken = [*time_samples(seeds, may_continue=may_continue)]
         self.base_seconds = float(np.mean(taken, axis=0)[0])
         return ratios_of_samples(taken)
 

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from contactlab.studies.search.configuration import Configuration
-from contactlab.studies.search.front import FrontRules, choose_front, drop_slower
+from contactlab.studies.search.front import (
+    FrontRules,
+    choose_contenders,
+    choose_front,
+    drop_slower,
+)
 from contactlab.studies.search.settings_search import Evaluation, error_of
 from contactlab.tasks.reference_error import ErrorEstimate
 
@@ -80,3 +85,16 @@ def test_of_measured_points_each_is_faster_than_all_more_accurate_ones(seed: int
     for place, (_, one, _) in enumerate(rows):
         beaten = any(other.cost <= one.cost for _, other, _ in rows[:place])
         assert (rows[place] in kept) == (not beaten or one.configuration.key in marked)
+
+
+def test_contenders_hold_all_that_noise_may_rank_wrongly() -> None:
+    rules = FrontRules(contenders=100)
+    found = random_candidates(1)
+    contenders = choose_contenders(found, found[:1], 1e-2, rules)
+    for one in found[1:]:
+        cheaper = [error_of(other) for other in found if other.cost < one.cost]
+        near = error_of(one) <= min(rules.noise * min(cheaper, default=math.inf), 1e-2)
+        assert near == any(one is other for other in contenders)
+    # Of two that move alike the cheaper one contends.
+    fast, slow = candidate(1, 1.0, 2e-3), candidate(2, 1.1, 2e-3)
+    assert choose_contenders([slow, fast], [], 1.0) == [fast]

@@ -27,6 +27,7 @@ from contactlab.studies.search.settings_search import (
     Search,
     SearchSpace,
     error_of,
+    find_undominated,
     find_usable_steps,
 )
 from contactlab.tasks.reference_error import ErrorEstimate
@@ -106,6 +107,7 @@ def searched(
     def is_exact(model: mujoco.MjModel) -> bool:
         return "jacobian" in exact and model.opt.jacobian == SPARSE
 
+    until = time.monotonic() + seconds
     search = Search(
         space,
         measure,
@@ -113,7 +115,7 @@ def searched(
         bounds or (Bound.of(limit),),
         max_cost,
         work,
-        time.monotonic() + seconds,
+        lambda: time.monotonic() > until,
         is_exact,
         front_limit,
         work,
@@ -344,3 +346,23 @@ def test_contacts_go_only_where_there_can_be_none(other: str, *, may_touch: bool
         listed = text.replace("<geom type", '<geom name="floor" type')
         listed = listed.replace("</worldbody>", f"</worldbody>{pair}")
         assert has_possible_contacts(mujoco.MjModel.from_xml_string(listed))
+
+
+def test_settings_of_one_point_are_tried_at_the_steps_of_the_others() -> None:
+    """Few iterations are found at the longest step; they cost less at all others, too."""
+    search = searched(Ideal(1e-3), 0.01, integrators=("Euler", "RK4"), front_limit=0.2)
+    known = [one for one in search.evaluations.values() if error_of(one) <= 0.2]
+    front = find_undominated(known)
+    longer = [one for one in front if one.configuration.multiple >= FINER]
+    assert len(longer) > 3
+    assert all(one.configuration.settings.get("iterations") == 5 for one in longer)
+
+
+def test_an_integrator_that_moves_like_a_cheaper_one_has_no_ladder() -> None:
+    names = ("Euler", "implicit", "RK4")
+    search = searched(Ideal(1e-3), 0.01, integrators=names, front_limit=0.2)
+    steps: dict[object, set[int]] = {name: set() for name in names}
+    for one in filter(lambda one: one.error, search.evaluations.values()):
+        name = one.configuration.settings.get("integrator", "Euler")
+        steps[name].add(one.configuration.multiple)
+    assert len(steps["implicit"]) < 0.7 * min(len(steps["Euler"]), len(steps["RK4"]))

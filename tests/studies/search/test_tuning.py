@@ -14,12 +14,12 @@ from contactlab.errors import ExpectationError, SweepFileError
 from contactlab.plan.task_options import TaskOptions, read_task_options
 from contactlab.schema.tune_report import TuneReport
 from contactlab.studies.search.search_chart import draw_front
-from contactlab.studies.search.time_limit import TimeLimit
 from contactlab.studies.search.tuning import TuneRequest, tune_model
 from contactlab.studies.search.tuning_problem import TuningProblem
 from contactlab.studies.verification.grip_measures import compare_grips
 from contactlab.tasks.checked_model import open_model
 from contactlab.tasks.session import Session
+from contactlab.tasks.time_limit import TimeLimit
 
 PLANTED = Path(__file__).parent / "planted"
 PENDULUM = """<mujoco>
@@ -86,7 +86,7 @@ def test_a_gripper_keeps_its_contacts_without_an_object(tmp_path: Path) -> None:
     (tmp_path / "jaws.xml").write_text(BARE_JAWS)
     request = TuneRequest(str(tmp_path / "jaws.xml"), task=SHORT, max_time=60.0)
     examined = open_model(request.model, Session(tmp_path / "out"), SHORT)
-    problem = TuningProblem(request, examined, 1, TimeLimit(time.monotonic(), 60.0))
+    problem = TuningProblem(request, examined, 1, TimeLimit(60.0))
     assert problem.unused.masked == ()
     assert problem.unused.excluded == (("left", "right"),)
     (tmp_path / "off.xml").write_text(

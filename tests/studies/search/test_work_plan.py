@@ -1,19 +1,18 @@
 """A study is planned in counted work, so that its answer does not depend on the machine's load."""
 
 import math
-import time
 from pathlib import Path
 
 import pytest
 
 from contactlab.schema.task import Phase, Task
-from contactlab.studies.search.time_limit import TimeLimit
 from contactlab.studies.search.tune_request import TuneRequest
 from contactlab.studies.search.tuning_problem import PLAN, TuningProblem
 from contactlab.studies.verification.panel_cost import estimate_panel
 from contactlab.tasks.checked_model import open_model
 from contactlab.tasks.session import Session
 from contactlab.tasks.task_motions import shorten_task
+from contactlab.tasks.time_limit import TimeLimit
 
 BALL = """<mujoco>
   <worldbody>
@@ -35,7 +34,7 @@ def _plan(folder: Path, seconds: float) -> TuningProblem:
     (folder / "ball.xml").write_text(BALL)
     request = TuneRequest(str(folder / "ball.xml"), max_time=seconds)
     checked = open_model(request.model, Session(folder / "out"))
-    return TuningProblem(request, checked, 1, TimeLimit(time.monotonic(), seconds))
+    return TuningProblem(request, checked, 1, TimeLimit(seconds))
 
 
 def test_a_shortened_task_has_the_first_share_of_each_phase() -> None:

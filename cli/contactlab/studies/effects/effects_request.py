@@ -30,7 +30,7 @@ class EffectsRequest:
         source: a model, a scene, or a sweep file.
         assign: settings, `NAME=VALUE` each.
         task: options that replace parts of the task; of its limits, only the tolerance.
-        max_time: wall time limit [s].
+        max_time: limit of CPU time [s].
         keep: names of features and parts that stay.
         far_distance: collisions of bodies that stayed this far apart may go [m]; None to offer it.
         write: file of the smaller model; by default it is in the session's folder.

@@ -40,6 +40,7 @@ from contactlab.tasks.stress_motions import (
     visited_positions,
 )
 from contactlab.tasks.task_clock import Clock
+from contactlab.tasks.time_limit import TimeLimit
 from contactlab.timing.interleaved import TimingProtocol
 
 _MEASURING_SHARE = 0.5
@@ -66,7 +67,7 @@ def study_effects(request: EffectsRequest, session: Session) -> EffectsReport:
         EngineError: nothing moves, or another engine is requested.
         OutputError: the folder cannot be written, or has another model's results.
     """
-    begin = time.monotonic()
+    begin, allowed = time.monotonic(), TimeLimit(request.max_time)
     if request.task.limits:
         name = next(iter(request.task.limits))
         raise SweepFileError(f"--tolerance {name}=: write a share of the real forces, as 5%")
@@ -79,11 +80,11 @@ def study_effects(request: EffectsRequest, session: Session) -> EffectsReport:
     steps = ("running the reference", "leaving out parts", "verifying the smaller model")
     with step_names(len(steps)) as begin_step:
         begin_step(steps[0])
-        study = EffectsStudy(request, scenarios, begin)
+        study = EffectsStudy(request, scenarios, allowed)
         begin_step(steps[1])
         study.measure_parts()
         begin_step(steps[2])
-        search, smaller = _find_smaller(request, session, study, begin)
+        search, smaller = _find_smaller(request, session, study, allowed)
     tolerance = examined.task.tolerance
     ranked = sorted(study.measured, key=lambda one: _rank_part(one, tolerance))
     effects = tuple(_describe_part(one, tolerance) for one in ranked)
@@ -108,7 +109,7 @@ def study_effects(request: EffectsRequest, session: Session) -> EffectsReport:
 
 
 def _find_smaller(
-    request: EffectsRequest, session: Session, study: "EffectsStudy", begin: float
+    request: EffectsRequest, session: Session, study: "EffectsStudy", allowed: TimeLimit
 ) -> tuple[SmallerSearch, SmallerModel | None]:
     search = SmallerSearch(
         scenarios=study.scenarios,
@@ -117,7 +118,7 @@ def _find_smaller(
         errors=study.errors,
         base=study.base,
         runs=study.runs,
-        until=begin + request.max_time,
+        allowed=allowed,
         write=request.write,
     )
     tolerance = study.scenarios.models[0].task.tolerance
@@ -137,12 +138,12 @@ class EffectsStudy:
         noise_floor: time of the model as written over its own.
     """
 
-    def __init__(self, request: EffectsRequest, scenarios: Scenarios, begin: float) -> None:
+    def __init__(self, request: EffectsRequest, scenarios: Scenarios, allowed: TimeLimit) -> None:
         """Run the reference, and find the parts."""
         self.scenarios = scenarios
         examined = scenarios.models[0]
         self._timing_seconds = _TIMING_SHARE * request.max_time
-        self._examined, self._limit = examined, begin + _MEASURING_SHARE * request.max_time
+        self._examined, self._allowed = examined, allowed
         self.runs = OriginalRuns()
         self.base = with_flags(
             compile_changed(examined, ModelEdits()), unused_flags(examined.scene.source.model)
@@ -204,14 +205,18 @@ class EffectsStudy:
         for one in count_steps(both, "parts", len(both)):
             if one.verdict_at != "not measured":
                 continue
-            one.late = time.monotonic() > self._limit
+            one.late = self._is_late
             if not one.late:
                 one.error = self.errors.estimate_error([one.part])
         shown = [one for one in others if one.error is not None]
-        if shown and time.monotonic() < self._limit:
+        if shown and not self._is_late:
             models = [(change_model(self.base, one.part.change), 1) for one in shown]
             for one, ratio in zip(shown, self.clock.time_ratios(models, _GLANCE), strict=True):
                 one.ratio = ratio
+
+    @property
+    def _is_late(self) -> bool:
+        return self._allowed.elapsed > _MEASURING_SHARE * self._allowed.seconds
 
     def _compile_without(self, part: ModelPart) -> mujoco.MjModel | None:
         if not part.recompiles:

@@ -4,7 +4,6 @@ Parts that add error go back, those that save least first, until no measure is w
 the model as written.
 """
 
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from operator import eq
@@ -33,6 +32,7 @@ from contactlab.tasks.session import Session
 from contactlab.tasks.stress_motions import double_inputs, state_bytes, tilt_gravity
 from contactlab.tasks.task_clock import Clock
 from contactlab.tasks.task_motions import with_new_seeds
+from contactlab.tasks.time_limit import TimeLimit
 
 _SEEDS_TIMED = 6  # times new seeds are drawn for whole runs; seeds differ more than turns do
 _TIMING_SHARE = 0.3  # share of the remaining time for timing the written model
@@ -55,7 +55,7 @@ class SmallerSearch:
         errors: that measures models without parts together.
         base: the model as written, compiled from its files.
         runs: of the model as written, for its verification.
-        until: end of the time limit, on the clock of `time.monotonic`.
+        allowed: the time limit.
         write: file of the model; None for the session's folder.
         kept: parts that stay, since another load needs them, with the measure that was worse.
         is_late: whether the time limit ended the verification.
@@ -67,7 +67,7 @@ class SmallerSearch:
     errors: PartErrors
     base: mujoco.MjModel
     runs: OriginalRuns
-    until: float
+    allowed: TimeLimit
     write: Path | None = None
     kept: dict[str, str] = field(default_factory=dict[str, str])
     is_late: bool = False
@@ -172,7 +172,7 @@ class SmallerSearch:
             allowed_error=original.task.tolerance,
             stop_early=True,
             runs=self.runs,
-            left=lambda: self.until - time.monotonic(),
+            left=lambda: self.allowed.remaining,
         )
         try:
             found = verify_change(request)
@@ -190,8 +190,10 @@ class SmallerSearch:
         )
 
     def _time_whole_runs(self, made: mujoco.MjModel) -> TimeRatio:
-        until = time.monotonic() + max(0.0, _TIMING_SHARE * (self.until - time.monotonic()))
-        (ratio,) = self.clock.time_whole_runs([(made, 1)], self._list_tasks(), until)
+        least = (1 - _TIMING_SHARE) * self.allowed.remaining
+        (ratio,) = self.clock.time_whole_runs(
+            [(made, 1)], self._list_tasks(), lambda: self.allowed.remaining > max(0.0, least)
+        )
         return ratio
 
     def _list_tasks(self) -> Iterator[Sequence[Motion]]:

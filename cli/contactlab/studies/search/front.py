@@ -10,7 +10,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from contactlab.studies.search.configuration import Key
-from contactlab.studies.search.settings_search import Evaluation, cost_of, error_of
+from contactlab.studies.search.settings_search import (
+    Evaluation,
+    cost_of,
+    error_of,
+    find_undominated,
+)
 from contactlab.tasks.reference_error import ErrorEstimate
 
 
@@ -24,11 +29,16 @@ class FrontRules:
             counts are within 1.3 % of the measured time, and nine of ten within 13 %.
         error_ratio: two points with a smaller ratio of errors are equally accurate: seeds differ by
             more.
+        noise: the few seeds of a search may rank two candidates wrongly if their errors have a
+            smaller ratio.
+        contenders: candidates that are measured on more seeds, from which the points are chosen.
     """
 
     most: int = 8
     cost_ratio: float = 1.07
     error_ratio: float = 1.2
+    noise: float = 1.5
+    contenders: int = 20
 
     def is_same_cost(self, one: Evaluation, other: Evaluation) -> bool:
         """Return whether two candidates take the same time, as far as counts tell."""
@@ -38,6 +48,33 @@ class FrontRules:
         """Return whether two candidates are equally accurate, as far as seeds tell."""
         low, high = sorted((error_of(one), error_of(other)))
         return high == low or (low > 0 and high / low < self.error_ratio)
+
+
+def choose_contenders(
+    candidates: Iterable[Evaluation],
+    marked: Sequence[Evaluation],
+    limit: float,
+    rules: FrontRules | None = None,
+) -> list[Evaluation]:
+    """Return the candidates that may be points of the front, with the marked ones.
+
+    Errors of few seeds are noisy, so that a candidate contends unless a cheaper one is distinctly
+    more accurate. Of those with equal errors, which move alike, the cheapest contends.
+    """
+    rules = rules or FrontRules()
+    fixed = {one.configuration.key: one for one in marked}
+    kept, best, seen = list(fixed.values()), math.inf, set[str]()
+    known = [one for one in candidates if one.error and math.isfinite(one.cost)]
+    known.sort(key=lambda one: (cost_of(one), len(one.configuration.settings)))
+    for one in known:
+        error, text = error_of(one), f"{error_of(one):.4g}"
+        is_new = text not in seen and one.configuration.key not in fixed
+        if is_new and error <= min(rules.noise * best, limit):
+            kept.append(one)
+        seen.add(text)
+        best = min(best, error)
+    kept.sort(key=lambda one: (-one.cost, error_of(one)))
+    return _thin_out(kept, fixed, -math.inf, rules.contenders)
 
 
 def choose_front(
@@ -64,11 +101,11 @@ def choose_front(
         and error_of(one) <= limit
         and one.configuration.key not in fixed
     ]
-    points = _drop_equal(_find_undominated([*usable, *fixed.values()]), fixed, rules)
+    points = _drop_equal(find_undominated([*usable, *fixed.values()]), fixed, rules)
     points = [one for one in points if not _is_marked_twin(one, fixed, rules)]
     points += fixed.values()
     points.sort(key=lambda one: (-one.cost, error_of(one)))
-    return _thin_out(points, fixed, rules.most)
+    return _thin_out(points, fixed, math.log(rules.cost_ratio), rules.most)
 
 
 def _is_marked_twin(one: Evaluation, fixed: Mapping[Key, Evaluation], rules: FrontRules) -> bool:
@@ -76,15 +113,6 @@ def _is_marked_twin(one: Evaluation, fixed: Mapping[Key, Evaluation], rules: Fro
         one is other or (rules.is_same_cost(one, other) and rules.is_same_error(one, other))
         for other in fixed.values()
     )
-
-
-def _find_undominated(candidates: Sequence[Evaluation]) -> list[Evaluation]:
-    kept, best = list[Evaluation](), math.inf
-    for one in sorted(candidates, key=lambda one: (cost_of(one), error_of(one))):
-        if error_of(one) < best:
-            kept.append(one)
-            best = error_of(one)
-    return kept[::-1]
 
 
 def _drop_equal(
@@ -110,19 +138,28 @@ def _drop_equal(
     return kept
 
 
-def _thin_out(points: Sequence[Evaluation], fixed: Container[Key], most: int) -> list[Evaluation]:
-    # The rest is evenly spread over costs and errors; marked points stay.
+def _thin_out(
+    points: Sequence[Evaluation], fixed: Container[Key], least: float, most: int
+) -> list[Evaluation]:
+    """Return at most so many points, with the marked ones; the others bend least or lie closest.
+
+    A point that the straight line between its neighbors replaces, in logarithms, is missed least;
+    of savings below the least one, the point whose neighbors are closest.
+    """
     left = list(points)
     spans = [_total_span(left, value) for value in (cost_of, error_of)]
 
-    def measure_gap(place: int) -> float:
+    def measure_loss(place: int) -> tuple[float, float]:
         before, after = left[place - 1], left[place + 1]
-        return math.hypot(
+        between = points[points.index(before) + 1 : points.index(after)]
+        bend = max(_saving_beyond(one, before, after) for one in between)
+        gap = math.hypot(
             *(
                 _log_distance(value(before), value(after)) / span
                 for value, span in zip((cost_of, error_of), spans, strict=True)
             )
         )
+        return max(bend, least), gap
 
     while len(left) > most:
         inner = [
@@ -130,8 +167,16 @@ def _thin_out(points: Sequence[Evaluation], fixed: Container[Key], most: int) ->
         ]
         if not inner:
             break
-        left.pop(min(inner, key=measure_gap))
+        left.pop(min(inner, key=measure_loss))
     return left
+
+
+def _saving_beyond(one: Evaluation, before: Evaluation, after: Evaluation) -> float:
+    """Return the saving of a point over the straight line between two others, as a logarithm."""
+    error, first, last = (_log(error_of(each)) for each in (one, before, after))
+    share = min(1.0, max(0.0, (error - first) / (last - first))) if last > first else 0.0
+    line = (1 - share) * math.log(before.cost) + share * math.log(after.cost)
+    return line - math.log(one.cost)
 
 
 def _total_span(points: Sequence[Evaluation], value: Callable[[Evaluation], float]) -> float:
@@ -140,8 +185,12 @@ def _total_span(points: Sequence[Evaluation], value: Callable[[Evaluation], floa
 
 
 def _log_distance(one: float, other: float) -> float:
+    return abs(_log(one) - _log(other))
+
+
+def _log(value: float) -> float:
     tiny = 1e-300  # an error of 0 has no logarithm
-    return abs(math.log(max(one, tiny) / max(other, tiny)))
+    return math.log(max(value, tiny))
 
 
 Point = tuple[str, Evaluation, ErrorEstimate]

@@ -75,7 +75,8 @@ def draw_front(report: TuneReport, layout: FrontLayout | None = None) -> alt.Top
     times = [_time_of(point) for point in points]
     errors = [_error_of(point) for point in points]
     across = Scale(min(times) / 1.25, max(times) * 1.25, layout.width)
-    lows = [point.error_low or _error_of(point) for point in points]
+    # A low end that is nearly 0 does not stretch the axis.
+    lows = [max(point.error_low or 0.0, _error_of(point) / 3) for point in points]
     highs = [point.error_high or _error_of(point) for point in points]
     top = max([*errors, *highs, *_limits_near(report, errors)])
     low = min([*errors, *lows])
@@ -89,7 +90,7 @@ def draw_front(report: TuneReport, layout: FrontLayout | None = None) -> alt.Top
     boxes = [*_level_boxes(levels, upward, layout)]
     colours = _integrator_colours(report, points)
     colour = word_colours("integrator", list(colours), list(colours.values())).title(None)
-    shown = layer_of("points", [_point_row(point, report) for point in points]).encode(
+    shown = layer_of("points", [_point_row(point, report, upward.low) for point in points]).encode(
         x=x, y=y, color=colour
     )
     ladder = layer_of("ladders", list(_ladder_rows(report, across, upward))).encode(
@@ -172,7 +173,7 @@ def _integrator_colours(report: TuneReport, points: Sequence[FrontPoint]) -> Map
     return {name: known.get(name, OTHERS_COLOUR) for name in order if name in names}
 
 
-def _point_row(point: FrontPoint, report: TuneReport) -> dict[str, object]:
+def _point_row(point: FrontPoint, report: TuneReport, least: float = 0.0) -> dict[str, object]:
     candidate, time = point.candidate, _time_of(point)
     ratio = None if "as written" in point.marks else candidate.time_ratio
     return {
@@ -181,7 +182,7 @@ def _point_row(point: FrontPoint, report: TuneReport) -> dict[str, object]:
         "fast": ratio.low if ratio else time,
         "slow": ratio.high if ratio else time,
         "error": _error_of(point),
-        "low": point.error_low or _error_of(point),
+        "low": max(least, point.error_low or 0.0),
         "high": point.error_high or _error_of(point),
         "integrator": _integrator_of(candidate, report),
     }

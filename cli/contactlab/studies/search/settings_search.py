@@ -10,9 +10,8 @@ limit ends the search early.
 
 import itertools
 import math
-import time
 from collections import ChainMap
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -47,6 +46,9 @@ _LOSSLESS_SHARE = (
 _MAX_SINGLE_GEOMS = 12  # geoms whose contacts are tried one by one; more would crowd the patch
 _MAX_FAILED_STEPS = 2  # failed timesteps in a row, after which longer ones are not tried
 _MAX_FRONT_COST = 50.0  # most accurate points cost at most this, over the model as written
+_SETTINGS_SHARE = 0.3  # share of an error above which the settings are worth leaving out
+_USELESS_FINER = 4  # times finer steps that gain nothing end the ladder
+_ACCURATE = "RK4"  # has the finest steps first, if work ends the search
 
 _UNUSED: Reductions = frozenset({"unused"})
 Ending = Literal["complete", "work", "time"]
@@ -172,7 +174,7 @@ class Search:
         work: counted work of the search for bounds, in tasks of the model as written.
         front_limit: largest error of the front.
         front_work: counted work of the front, besides.
-        deadline: on the clock of `time.monotonic`.
+        is_late: whether the time of the search is over.
         is_exact: whether a model moves as the model as written, bit for bit.
         evaluations: evaluated configurations by key.
         ending: whether all trials were made; otherwise, whether work or time ended them.
@@ -184,7 +186,7 @@ class Search:
     bounds: Sequence[Bound]
     max_cost: float | None
     work: float
-    deadline: float
+    is_late: Callable[[], bool]
     is_exact: Callable[[mujoco.MjModel], bool] = lambda _: False
     front_limit: float = 0.0
     front_work: float = 0.0
@@ -247,21 +249,82 @@ class Search:
         }
         for base in bases.values():
             self._evaluate(base)
-        for name, base in bases.items():
-            self._try_longer_steps(name, base)
-        for name, base in bases.items():
-            own = changed_settings({INTEGRATOR: name}, self.space.model)
-            self._try_finer_steps(self._lossless.with_settings(own), base)
+        distinct = list[str]()
+        for name in sorted(bases, key=lambda name: self._cost_of(bases[name])):
+            if not self._moves_like_cheaper(name, distinct):
+                distinct.append(name)
+                self._try_longer_steps(name, bases[name])
         if self.max_cost is None and self.front_limit > max(each.limit for each in self.bounds):
             self.bound = Bound.of(self.front_limit)
             self._search_bound()
+        self._cross_front()
+        for name in sorted(distinct, key=lambda name: name != _ACCURATE):
+            self._try_finer_steps(self._without_error(name), bases[name])
+
+    def _without_error(self, integrator: str) -> Configuration:
+        """Return the configuration with all settings that add hardly any error."""
+        own = changed_settings({INTEGRATOR: integrator}, self.space.model)
+        return self._lossless.with_settings(own)
+
+    def _moves_like_cheaper(self, name: str, cheaper: Sequence[str]) -> bool:
+        """Return whether an integrator is no more accurate than a cheaper one.
+
+        Integrators differ in how they treat damping, velocities and bias forces. A model without
+        these moves alike at its own step and at the longest one within the tolerance.
+        """
+        mine = self._without_error(name)
+        for other in map(self._without_error, cheaper):
+            within = [
+                multiple
+                for multiple in self.space.steps
+                if multiple >= self.space.substeps
+                and (known := self.evaluations.get(other.with_step(multiple).key))
+                and error_of(known) <= self.front_limit
+            ]
+            both = dict.fromkeys((self.space.substeps, max(within, default=self.space.substeps)))
+            if all(
+                EQUAL_ERROR_RATIO * self._error_of(mine.with_step(multiple))
+                >= self._error_of(other.with_step(multiple))
+                for multiple in both
+            ):
+                return True
+        return False
+
+    def _cross_front(self) -> None:
+        """Evaluate the settings of each point of the front at the steps of the others.
+
+        A setting is first tried at one step; at others it may save as much, with less error.
+        """
+        crossed = set[Key]()
+        while True:
+            known = [one for one in self.evaluations.values() if error_of(one) <= self.front_limit]
+            points = find_undominated(known)
+            pairs = [
+                (point, self._cross(point.configuration, other.configuration))
+                for point, other in itertools.product(points, points)
+            ]
+            new = [(point, made) for point, made in pairs if made.key not in self.evaluations]
+            new = [(point, made) for point, made in new if made.key not in crossed]
+            if not new:
+                return
+            for point, made in new:
+                crossed.add(made.key)
+                if self._saves_work(made, point.configuration):
+                    self._evaluate(made)
+
+    @staticmethod
+    def _cross(choice: Configuration, other: Configuration) -> Configuration:
+        """Return a configuration with the settings of another one, except its integrator."""
+        own = {name: value for name, value in choice.settings.items() if name == INTEGRATOR}
+        more = {name: value for name, value in other.settings.items() if name != INTEGRATOR}
+        return replace(choice, settings={**more, **own}, reductions=other.reductions)
 
     def _try_longer_steps(self, name: str, exact: Configuration) -> None:
         """Evaluate ever longer steps, with the settings that add hardly any error.
 
         An integrator whose own error is as small as theirs is evaluated without them, too.
         """
-        cheap = self._lossless.with_settings(changed_settings({INTEGRATOR: name}, self.space.model))
+        cheap = self._without_error(name)
         small = 2 * _LOSSLESS_SHARE * min(bound.limit for bound in self.bounds)
         for multiple in (each for each in self.space.steps if each >= self.space.substeps):
             error = self._error_of(cheap.with_step(multiple))
@@ -271,26 +334,36 @@ class Search:
                 break
 
     def _try_finer_steps(self, cheap: Configuration, exact: Configuration) -> None:
-        """Evaluate ever finer steps until two in a row gain no accuracy.
+        """Evaluate ever finer steps until none of a quarter of the best step gains accuracy.
 
-        If the settings that add hardly any error are as large a part of it as the step, they are
-        left out from there on, and a converged solver is tried.
+        Errors of few seeds are too noisy to end it earlier. If settings that add hardly any error,
+        or a solver that stops early, are a large part of the error of a step, they are left out
+        from there on.
         """
-        base, best, failed = cheap, self._evaluate(cheap), 0
+        base, best = cheap, self._evaluate(cheap)
         for multiple in reversed([each for each in self.space.steps if each < cheap.multiple]):
-            tried = self._evaluate(base.with_step(multiple))
-            if tried.cost > _MAX_FRONT_COST or failed == _MAX_FAILED_STEPS:
+            if self._cost_of(base.with_step(multiple)) > _MAX_FRONT_COST:
                 break
+            tried = self._evaluate(base.with_step(multiple))
             # Half of what a method of first order gains.
             most = math.sqrt(multiple / best.configuration.multiple) * error_of(best)
-            for other in (exact, self._with_converged_solver(exact)):
-                if error_of(tried) > most:
-                    base = other
-                    tried = self._evaluate(base.with_step(multiple))
             if error_of(tried) > most:
-                failed += 1
-            else:
-                best, failed = tried, 0
+                for other in (exact, self._with_converged_solver(exact)):
+                    if self._added_error(base, other) > _SETTINGS_SHARE * error_of(tried):
+                        base = other
+                        tried = self._evaluate(base.with_step(multiple))
+            if error_of(tried) <= most:
+                best = tried
+            elif _USELESS_FINER * multiple <= best.configuration.multiple:
+                break
+
+    def _added_error(self, choice: Configuration, exact: Configuration) -> float:
+        """Return the error that settings add, from errors at the own step, where both are cheap.
+
+        It adds to that of the step as if at a right angle, so that a small difference says much.
+        """
+        both = [self._error_of(one.with_step(self.space.substeps)) for one in (choice, exact)]
+        return math.sqrt(abs(both[0] ** 2 - both[1] ** 2)) if math.isfinite(sum(both)) else math.inf
 
     def _with_converged_solver(self, choice: Configuration) -> Configuration:
         option = self.space.model_of(choice).opt
@@ -369,7 +442,7 @@ class Search:
 
     def evaluate(self, choice: Configuration) -> Evaluation:
         """Evaluate a configuration after the search, without limits."""
-        self._allowed = self.deadline = math.inf
+        self._allowed, self.is_late = math.inf, bool
         return self._evaluate(choice)
 
     def shorter_steps(self, tried: Evaluation) -> Iterator[Configuration]:
@@ -389,7 +462,7 @@ class Search:
         return replace(choice, settings=kept)
 
     def _check_limits(self) -> None:
-        if time.monotonic() > self.deadline:
+        if self.is_late():
             raise OutOfTimeError
         if self.done > self._allowed:
             raise OutOfWorkError
@@ -725,6 +798,16 @@ def _is_doubled(ratio: float) -> bool:
 def _is_round(step: float) -> bool:
     digits = step / 10 ** math.floor(math.log10(step) + _GRID)
     return any(math.isclose(digits, number, rel_tol=_GRID) for number in _ROUND_NUMBERS)
+
+
+def find_undominated(candidates: Iterable[Evaluation]) -> list[Evaluation]:
+    """Return the candidates that no other one beats in error and cost, the most accurate first."""
+    kept, best = list[Evaluation](), math.inf
+    for one in sorted(candidates, key=lambda one: (cost_of(one), error_of(one))):
+        if error_of(one) < best:
+            kept.append(one)
+            best = error_of(one)
+    return kept[::-1]
 
 
 def cost_of(tried: Evaluation) -> float:

@@ -39,6 +39,7 @@ from contactlab.studies.search.tuning_problem import LIMITED
 
 _MAX_UNCHANGED = 6  # settings that are listed
 _MAX_LINES = 12  # of the patch
+_FEW_POINTS = 4  # below, the reason is printed
 _HEADS = (
     Column("point", breakable=True),
     Column("error", "right"),
@@ -97,10 +98,20 @@ def _uncertainty_texts(report: TuneReport) -> Iterator[str]:
 
 
 def _front_notes(report: TuneReport) -> Iterator[str]:
+    if len(report.front) < _FEW_POINTS:
+        yield f"Few points: {_few_points_reason(report)}."
     if any(point.state == "not verified" for point in report.front):
         yield (
             "--pick N writes and verifies another point; --error 1% searches the fastest within 1 %"
         )
+
+
+def _few_points_reason(report: TuneReport) -> str:
+    if report.ended == "time":
+        return "the time limit ended the search; allow more with --max-time"
+    if report.ended == "work":
+        return f"{report.max_time:g} s allow no more work; allow more with --max-time"
+    return f"no other of {report.trials} candidates is distinctly faster or more accurate"
 
 
 def _target_text(report: TuneReport) -> str:

@@ -21,7 +21,7 @@ class TuneRequest:
         real_time: if given, find the most accurate settings at this multiple of real time.
         observed: bodies, sites and sensors of a forward error.
         error_at: when the forward error is measured; None for the error budget.
-        max_time: wall time limit [s].
+        max_time: limit of CPU time [s].
         pick: number of a point of the front to write and verify.
         apply: reductions without a proof, by name, with their distance [m] if they have one.
     """

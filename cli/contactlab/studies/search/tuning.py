@@ -4,10 +4,9 @@ import copy
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from shutil import rmtree
-from statistics import fmean, stdev
 
 import mujoco
 
@@ -17,7 +16,6 @@ from contactlab.errors import ExpectationError, SweepFileError
 from contactlab.modifications.catalogue import list_rows
 from contactlab.modifications.model_predicates import may_sleep
 from contactlab.modifications.modification import ModelChange, ReductionName
-from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.rendering.amounts import format_amount
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_edits import FLAG_NAMES, read_flag, read_option
@@ -42,7 +40,6 @@ from contactlab.schema.tune_report import (
     TargetKind,
     TuneReport,
 )
-from contactlab.shares import SURE
 from contactlab.step_progress import step_names
 from contactlab.store.table_layout import axis_cell
 from contactlab.studies.search.configuration import (
@@ -52,7 +49,12 @@ from contactlab.studies.search.configuration import (
     format_settings,
 )
 from contactlab.studies.search.forward_error import Divergence, join_phases, measure_divergence
-from contactlab.studies.search.front import choose_front, drop_slower
+from contactlab.studies.search.front import (
+    FrontRules,
+    choose_contenders,
+    choose_front,
+    drop_slower,
+)
 from contactlab.studies.search.report_text import sentence_of
 from contactlab.studies.search.search_space import find_integrators, find_parameters
 from contactlab.studies.search.settings_search import (
@@ -63,7 +65,6 @@ from contactlab.studies.search.settings_search import (
     SearchSpace,
     error_of,
 )
-from contactlab.studies.search.time_limit import TimeLimit
 from contactlab.studies.search.tune_request import TuneRequest, refuse_contradictions
 from contactlab.studies.search.tuning_problem import PLAN, TuningProblem
 from contactlab.studies.search.verification import CandidateVerifier, Goal, VerifiedCandidate
@@ -74,26 +75,51 @@ from contactlab.tasks.session import Session
 from contactlab.tasks.stress_motions import join_seeds
 from contactlab.tasks.task_clock import Clock
 from contactlab.tasks.task_motions import with_new_seeds
+from contactlab.tasks.time_limit import TimeLimit
 
 _TIMING_SHARE = 0.3  # share of the remaining time for timing a verified candidate
 _TIMING_SEED_FACTOR = 6  # seeds of the clock, in multiples of the search's seeds, if seeds differ
 _FEWEST_TIMINGS = 8  # runs per point at least: two seeds, each twice there and twice back
-_POINT_PRECISION = 0.05  # standard error of the mean over seeds, as a share, that is wanted
-_MOST_POINT_SEEDS = 48
 _LARGE_SAVING = 0.8  # cost above which the unconstrained cost is reported
+
+
+@dataclass(frozen=True)
+class SeedPlan:
+    """How many fresh seeds the points of the front are measured on, if the work allows them.
+
+    Attributes:
+        pilot: seeds on which contenders are compared.
+        finalists: contenders that are measured on the other seeds.
+        noise: ratio of errors that the pilot may rank wrongly.
+        pilot_share: their share of the work.
+        precision: standard error of the mean, as a share, that is wanted of each point.
+        most: seeds of a point.
+        memory: of a reference [bytes].
+    """
+
+    pilot: int = 12
+    pilot_share: float = 0.4
+    precision: float = 0.05
+    most: int = 400
+    memory: float = 3e8
+    finalists: int = 11
+    noise: float = 1.25
+
+
+_SEED_PLAN = SeedPlan()
 
 
 def tune_model(
     request: TuneRequest,
     session: Session,
-    begin: float | None = None,
+    spent: float = 0.0,
     known: TuneReport | None = None,
 ) -> TuneReport:
     """Search for settings that meet a target, write the model with them, and verify it.
 
     The folder receives `tune.json`, and the model if something is recommended, or a point of the
-    front is picked. The time limit began at `begin` on the clock of `time.monotonic`, by default
-    now. A known report of the same question is not searched again.
+    front is picked. The time limit includes `spent` seconds of CPU time before. A known report of
+    the same question is not searched again.
 
     Raises:
         SceneError: there is no such model, it does not compile, or an observed name is unknown.
@@ -103,7 +129,7 @@ def tune_model(
         ExpectationError: a forward error is requested for a chaotic motion.
         OutputError: the folder cannot be written, or has another model's results.
     """
-    allowed = TimeLimit(time.monotonic() if begin is None else begin, request.max_time)
+    allowed = TimeLimit(request.max_time, spent)
     refuse_contradictions(request)
     session = replace(session, folder=session.folder.resolve())
     examined = open_model(request.model, session, request.task)
@@ -130,7 +156,7 @@ class TuningStudy:
     ) -> None:
         """Set up the search."""
         self._request, self._session, self._problem = request, session, problem
-        self._time_limit = allowed
+        self._time_limit, self._begin = allowed, time.monotonic()
         self._clock = Clock(problem.reference, problem.model)
         motions = problem.motions
         parameters, kept = find_parameters(problem.own_model, motions)
@@ -153,7 +179,7 @@ class TuningStudy:
             (),
             self._max_cost(),
             problem.search_passes,
-            allowed.begin + PLAN.searched * allowed.seconds,
+            lambda: allowed.elapsed > PLAN.searched * allowed.seconds,
             problem.moves_alike,
             front_work=PLAN.front / PLAN.search * problem.search_passes,
         )
@@ -162,7 +188,9 @@ class TuningStudy:
         self._goals = self._find_goals()
         self._search.bounds = tuple(goal.bound for goal in self._goals)
         is_share = self._target.unit == "1"
-        self._search.front_limit = self._target.tolerance if is_share else self._target.limit
+        limit = self._target.tolerance if is_share else self._target.limit
+        now = self._current_error
+        self._search.front_limit = max(limit, now) if math.isfinite(now) else limit
         self._verifier = CandidateVerifier(
             request, session, problem, self._search, self._target, allowed, self._time_candidate
         )
@@ -297,7 +325,7 @@ class TuningStudy:
             planned_trials=max(len(search.evaluations), search.trials * len(self._goals)),
             ended=verifier.ending if verifier.ending != "complete" else search.ending,
             max_time=self._request.max_time,
-            seconds=time.monotonic() - self._time_limit.begin,
+            seconds=time.monotonic() - self._begin,
         )
         return report.model_copy(update={"sentence": sentence_of(report)})
 
@@ -349,24 +377,16 @@ class TuningStudy:
     def _describe_front(
         self, best: VerifiedCandidate | None, as_current: VerifiedCandidate | None
     ) -> tuple[FrontPoint, ...]:
-        search, verifier = self._search, self._verifier
+        verifier = self._verifier
         answers = {
             name: answer
             for name, answer in (("recommended", best), ("equal error", as_current))
             if answer is not None
         }
         made = [answer.evaluation for answer in answers.values()]
-        points = choose_front(
-            [
-                one
-                for one in search.evaluations.values()
-                if search.keeps_margin(one, search.front_limit)
-            ],
-            [verifier.current, *made],
-            search.front_limit,
-        )
+        points, errors = self._choose_points([verifier.current, *made])
         self._time_points(points)
-        rows = zip(self._name_points(points), points, self._measure_points(points), strict=True)
+        rows = zip(self._name_points(points), points, errors, strict=True)
         by_error = drop_slower(
             sorted(rows, key=lambda row: row[2].error),
             lambda row: self._time_share(row[1]),
@@ -377,25 +397,96 @@ class TuningStudy:
             for number, (name, one, error) in enumerate(by_error, 1)
         )
 
-    def _measure_points(self, points: Sequence[Evaluation]) -> list[ErrorEstimate]:
-        """Return the errors of points on fresh seeds, on as many as their spread needs.
+    def _choose_points(
+        self, marked: Sequence[Evaluation]
+    ) -> tuple[list[Evaluation], list[ErrorEstimate]]:
+        """Return the points of the front, and their errors on fresh seeds.
 
-        Bodies meet stops and others at other times for each seed, so that few seeds say little of
-        the mean of accurate points. Without time, the errors of the search are returned.
+        Bodies meet stops and others at other times for each seed, so that the few seeds of the
+        search say little of accurate candidates. Contenders are compared on more seeds, and those
+        that remain on others, which choose the points. Without time or work for that, the errors of
+        the search count.
         """
-        if self._time_limit.remaining < 0:
-            return [one.error for one in points if one.error]
-        problem, search = self._problem, self._search
-        spread = max(map(_relative_spread, points))
-        wanted = math.ceil((spread / _POINT_PRECISION) ** 2)
+        search, plan = self._search, _SEED_PLAN
+        if self._request.error_at is not None:  # the largest of all seeds grows with their number
+            plan = replace(plan, pilot=self._problem.seeds, most=self._problem.seeds)
+        known = [one for one in search.evaluations.values() if one.error]
+        known = [one for one in known if search.keeps_margin(one, search.front_limit)]
+        first = max(self._problem.task.seeds) + 1
+        contenders = self._choose_contenders(known, marked)
+        count = min(plan.pilot, self._affordable_seeds(contenders, plan.pilot_share))
+        if count < self._problem.seeds or self._time_limit.remaining < 0:
+            points = choose_front(known, marked, search.front_limit)
+            return points, [one.error for one in points if one.error]
+        errors = self._measure_errors(contenders, first, count)
+        rules = FrontRules(noise=plan.noise, contenders=plan.finalists)
+        piloted = self._with_errors(contenders, errors)
+        finalists = choose_contenders(piloted, marked, self._limit_front(piloted), rules)
+        spread = max(error.relative_spread for error in errors)
+        wanted = max(plan.pilot, math.ceil((spread / plan.precision) ** 2))
+        more = min(wanted, self._affordable_seeds(finalists, 1 - plan.pilot_share), plan.most)
+        if more >= count:
+            own = {one.configuration.key: one for one in contenders}
+            contenders = [own[one.configuration.key] for one in finalists]
+            errors = self._measure_errors(contenders, first + count, more)
+        return self._choose_measured(contenders, errors, marked)
+
+    def _limit_front(self, measured: Sequence[Evaluation]) -> float:
+        """Return the largest error of points: the tolerance, or the error as written if larger."""
+        own = (error_of(one) for one in measured if one.configuration == self._search.current)
+        return max([self._search.front_limit, *filter(math.isfinite, own)])
+
+    @staticmethod
+    def _with_errors(
+        candidates: Sequence[Evaluation], errors: Sequence[ErrorEstimate]
+    ) -> list[Evaluation]:
+        pairs = zip(candidates, errors, strict=True)
+        return [replace(one, error=error) for one, error in pairs]
+
+    def _choose_contenders(
+        self, known: Sequence[Evaluation], marked: Sequence[Evaluation]
+    ) -> list[Evaluation]:
+        """Return as many contenders as the work allows on enough seeds."""
+        rules, limit = FrontRules(), self._search.front_limit
+        while True:
+            found = choose_contenders(known, marked, limit, rules)
+            seeds = self._affordable_seeds(found, _SEED_PLAN.pilot_share)
+            if seeds >= _SEED_PLAN.pilot or rules.contenders <= rules.most:
+                return found
+            rules = replace(rules, contenders=rules.contenders - 2)
+
+    def _choose_measured(
+        self,
+        candidates: Sequence[Evaluation],
+        errors: Sequence[ErrorEstimate],
+        marked: Sequence[Evaluation],
+    ) -> tuple[list[Evaluation], list[ErrorEstimate]]:
+        """Return the candidates that are points by other errors than those of the search."""
+        own = {one.configuration.key: one for one in candidates}
+        measured = self._with_errors(candidates, errors)
+        keys = {one.configuration.key for one in marked}
+        fixed = [one for one in measured if one.configuration.key in keys]
+        points = choose_front(measured, fixed, self._limit_front(measured))
+        return [own[one.configuration.key] for one in points], [
+            one.error for one in points if one.error
+        ]
+
+    def _affordable_seeds(self, candidates: Sequence[Evaluation], share: float) -> int:
+        """Return the seeds for errors of candidates, by a share of the work and by memory."""
+        problem = self._problem
         reference = problem.reference.substeps * (4 if problem.reference_integrator else 1)
-        work = reference + sum(one.cost for one in points)
-        points_work = PLAN.points / PLAN.search * problem.work
-        allowed = int(points_work / (problem.cost.pass_seconds * work))
-        count = max(problem.seeds, min(wanted, allowed, _MOST_POINT_SEEDS))
-        first = max(problem.task.seeds) + 1
-        task = problem.task.model_copy(update={"seeds": tuple(range(first, first + count))})
-        motions = problem.examined.motions_of(task)
+        work = problem.cost.pass_seconds * (reference + sum(one.cost for one in candidates))
+        states = sum(motion.steps * motion.starts.shape[1] for motion in problem.motions)
+        size = 8 * states * problem.reference.substeps
+        allowed = share * PLAN.points / PLAN.search * problem.work
+        return int(min(allowed / work, _SEED_PLAN.memory / size))
+
+    def _measure_errors(
+        self, candidates: Sequence[Evaluation], first: int, count: int
+    ) -> list[ErrorEstimate]:
+        problem, search = self._problem, self._search
+        seeds = tuple(range(first, first + count))
+        motions = problem.examined.motions_of(problem.task.model_copy(update={"seeds": seeds}))
         fine = problem.run_reference(
             motions, problem.reference.substeps, problem.reference_integrator
         )
@@ -404,7 +495,7 @@ class TuningStudy:
             estimator.estimate_error(
                 search.space.model_of(one.configuration), one.configuration.multiple
             )
-            for one in points
+            for one in candidates
         ]
 
     def _time_share(self, tried: Evaluation) -> float:
@@ -430,7 +521,7 @@ class TuningStudy:
         answer = next(iter(own.values()), None)
         is_current = key == self._search.current.key
         failed = self._verifier.worse.get(key, "")
-        low, high = _interval_of(error)
+        low, high = error.mean_interval()
         state: PointState = "as written" if is_current else "verified" if answer else "not verified"
         return FrontPoint(
             number=number,
@@ -532,8 +623,11 @@ class TuningStudy:
             (self._search.space.model_of(one.configuration), one.configuration.multiple)
             for one in candidates
         ]
-        until = time.monotonic() + _TIMING_SHARE * self._time_limit.remaining
-        prices = self._clock.time_whole_runs(models, self._timed_tasks(), until)
+        limit = self._time_limit
+        least = (1 - _TIMING_SHARE) * limit.remaining
+        prices = self._clock.time_whole_runs(
+            models, self._timed_tasks(), lambda: limit.remaining > least
+        )
         for one, price in zip(candidates, prices, strict=True):
             one.time_ratio = price
 
@@ -658,20 +752,3 @@ def _change_reference(model: mujoco.MjModel, change: ModelChange) -> mujoco.MjMo
     made = build_reference_model(model, 1)
     change(made, model)
     return made
-
-
-def _relative_spread(tried: Evaluation) -> float:
-    shares = tried.error.shares if tried.error else ()
-    mean = fmean(shares) if shares else 0.0
-    return stdev(shares) / mean if len(shares) > 1 and 0 < mean < math.inf else 0.0
-
-
-def _interval_of(error: ErrorEstimate) -> tuple[float, float]:
-    from scipy.special import stdtrit  # noqa: PLC0415 - it takes a while to load
-
-    count, mean = len(error.shares), fmean(error.shares or [error.error])
-    is_mean = error.error <= mean * (1 + SUM_ROUNDING)
-    if count < 2 or not math.isfinite(error.error) or not is_mean:
-        return error.low, error.high
-    half = float(stdtrit(count - 1, (1 + SURE) / 2)) * stdev(error.shares) / math.sqrt(count)
-    return max(error.low, mean - half), mean + half

@@ -39,7 +39,6 @@ from contactlab.studies.search.simplified_hulls import (
     hull_vertices,
 )
 from contactlab.studies.search.sleep_error import SleepAwareError
-from contactlab.studies.search.time_limit import TimeLimit
 from contactlab.studies.search.tune_request import TuneRequest
 from contactlab.studies.verification.grip_measures import needs_masks
 from contactlab.studies.verification.panel import ERROR_FLOOR, OriginalRuns
@@ -55,6 +54,7 @@ from contactlab.tasks.stress_motions import (
     visited_positions,
 )
 from contactlab.tasks.task_motions import shorten_task
+from contactlab.tasks.time_limit import TimeLimit
 
 _FIRST_VERIFICATION_SHARE = 0.8
 """Share of the work of verification for the first candidate. The rest is for those that follow if
@@ -91,18 +91,18 @@ class WorkPlan:
     """The division of the counted work of a study, which never looks at a clock.
 
     Attributes:
-        whole: share of the time limit, in counted time of one core. So a study ends at the same
-            trial, with the same answer, when it has a third of a core.
+        whole: share of the time limit, in counted time of one core. The rest is for Python, and
+            for machines that are slower than the one that the counts were fitted on.
         search: share of that for the search for a target.
         front: for the ladders of steps of the front.
         points: for errors of its points on fresh seeds.
         timing: for times of its points.
     """
 
-    whole: float = 1 / 3
-    search: float = 0.3
-    front: float = 0.12
-    points: float = 0.1
+    whole: float = 0.5
+    search: float = 0.2
+    front: float = 0.16
+    points: float = 0.3
     timing: float = 0.06
 
     @property

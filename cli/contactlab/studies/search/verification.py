@@ -5,7 +5,6 @@ ends that, the candidate with exact savings remains: its motion is that of the m
 """
 
 import math
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -44,7 +43,6 @@ from contactlab.studies.search.settings_search import (
     Search,
     error_of,
 )
-from contactlab.studies.search.time_limit import TimeLimit
 from contactlab.studies.search.tune_request import TuneRequest
 from contactlab.studies.search.tuning_problem import TuningProblem
 from contactlab.studies.verification import (
@@ -58,6 +56,7 @@ from contactlab.tasks.reference_error import ErrorEstimate, TaskReference
 from contactlab.tasks.session import Session
 from contactlab.tasks.stress_motions import double_inputs, state_bytes, tilt_gravity
 from contactlab.tasks.task_motions import with_new_seeds
+from contactlab.tasks.time_limit import TimeLimit
 
 _MAX_VERDICTS, _MAX_ERROR_ESTIMATES = 8, 25
 """Largest number of verdicts and of error estimates on fresh seeds, per goal."""
@@ -256,14 +255,14 @@ class CandidateVerifier:
     def _write_and_verify(
         self, tried: Evaluation, error: ErrorEstimate, goal: Goal
     ) -> tuple[WrittenModel, Verification] | None:
-        begin = time.monotonic()
+        begin = self._time_limit.elapsed
         try:
             written = self._write_model(tried, goal.folder)
         except SceneError as refused:
             self._reject(tried, str(refused).splitlines()[0])
             return None
         found = self._verify(tried, error, written, goal)
-        self._reserve = max(self._reserve, time.monotonic() - begin)
+        self._reserve = max(self._reserve, self._time_limit.elapsed - begin)
         return written, found
 
     def _saves_no_time(self, tried: Evaluation) -> bool:
