@@ -164,7 +164,7 @@ def test_every_entry_registers_the_parts(entry: str, tmp_path: Path) -> None:
     if "gymnasium" in entry and importlib.util.find_spec("gymnasium") is None:
         pytest.skip("gymnasium is not installed")
     code = f"{entry}\nfrom contactlab.plugins import extensions\nprint(*extensions('viewer'))"
-    assert printed(code, tmp_path).split() == ["gif", "mcap", "mp4", "png", "rrd", "window"]
+    assert printed(code, tmp_path).split() == ["gif", "mcap", "mp4", "png", "rrd", "svg", "window"]
 
 
 def test_a_command_imports_nothing_by_a_string(tmp_path: Path) -> None:
