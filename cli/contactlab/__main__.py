@@ -1,7 +1,11 @@
 """The command `contactlab`, also as `python -m contactlab`."""
 
 import os
+import sys
 
+if __name__ == "__main__" and not sys.flags.safe_path:
+    # `python -m` looks into the current folder first, which may be a stranger's.
+    del sys.path[0]
 try:
     import signal  # loads a dozen more, unless Python's own start has
 except KeyboardInterrupt:

@@ -3,6 +3,8 @@
 import multiprocessing
 import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -33,6 +35,17 @@ def test_modules_of_the_current_folder_are_not_run(
     process = command.start(*words)
     _, err = process.communicate()
     assert process.returncode == 0, err
+    assert not hostile_folder()
+
+
+@pytest.mark.long
+def test_the_module_imports_nothing_of_the_current_folder(
+    tmp_path: Path, hostile_folder: Callable[[], list[Path]]
+) -> None:
+    """Python itself looks there first, for the package as well."""
+    (tmp_path / "contactlab.py").unlink()
+    line = [sys.executable, "-m", "contactlab", "list", "sweeps"]
+    subprocess.run(line, cwd=tmp_path, check=True, capture_output=True)
     assert not hostile_folder()
 
 
