@@ -18,6 +18,12 @@ CONTACT = ("solref", "solimp", "friction", "condim", "margin", "gap")
 AT_REST = {"stiffness": "N/m", "depth_at_rest": "m"}
 """Contacts at rest, in units: no attributes, but settings that decide solref of pairs."""
 
+CONDITIONS = (
+    *("friction", "mass", "gravity", "wind", "density", "viscosity", "drop_height"),
+    *("joint_speed", "perturbation", "keyframe", "variant"),
+)
+"""Axes that set a property of matter, or the start or surroundings: no choice of numerics."""
+
 
 def attribute_of(axis: str) -> str:
     """Return the attribute that an axis sets: `solref` for `solref.timeconst`, or its own name."""

@@ -143,10 +143,12 @@ def test_many_geoms_are_searched_by_a_short_run(make_scene: Make) -> None:
     far = "".join(f"<body pos='{x} 5 9'><freejoint/><geom size='.1'/></body>" for x in range(8))
     text = f"<mujoco><option gravity='0 0 0'/><worldbody>{{}}{balls}{far}</worldbody></mujoco>"
     scene = make_scene(text.format("<geom type='plane' size='1 1 1' pos='0 0 .001'/>"))
-    names = {pair.name for pair in scene.base({}).pairs}
-    assert names <= {"geom[0]-geom[1]", "geom[1]-geom[2]", "geom[0]-geom[3]", "geom[3]-geom[4]"}
-    assert {"geom[0]-geom[1]", "geom[0]-geom[3]"} <= names
-    assert contact_pairs.MAX_PAIRS < 78
+    names = [pair.name for pair in scene.base({}).pairs]
+    assert set(names[:2]) == {"geom[0]-geom[1]", "geom[0]-geom[3]"}
+    assert len(names) == contact_pairs.MAX_PAIRS < 78
+    # A free ball may fall onto the floor from anywhere; then come the nearest of the others.
+    assert {f"geom[0]-geom[{ball}]" for ball in range(1, 13)} == set(names[:12])
+    assert set(names[12:14]) == {"geom[1]-geom[2]", "geom[3]-geom[4]"}
 
 
 def test_names_given_to_geoms_do_not_clash(make_scene: Make) -> None:
@@ -230,8 +232,8 @@ def test_the_search_goes_from_a_keyframe_as_well(make_scene: Make) -> None:
         f"<mujoco><option gravity='0 0 0'/><default><joint axis='1 0 0'/></default><worldbody>"
         f"{balls}</worldbody><keyframe><key name='other' qpos='{qpos}'/></keyframe></mujoco>"
     )
-    names = {pair.name for pair in make_scene(text).base({}).pairs}
-    assert names == {"g0-g1", "g4-g5"}
+    names = [pair.name for pair in make_scene(text).base({}).pairs]
+    assert set(names[:2]) == {"g0-g1", "g4-g5"}
 
 
 def touches_by_rules(model: mujoco.MjModel, first: int, second: int) -> bool:

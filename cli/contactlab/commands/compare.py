@@ -130,10 +130,16 @@ def compare(
         publish(unreadable_report(error, rules), targets)
         raise
     if any(found.what == "scene_hash" for found in report.differences):
+        from contactlab.comparison.report import explain_no_effect
+        from contactlab.store.finished_store import Store
         from contactlab.studies.diff.compare_models import summarize_changes
 
-        changes = summarize_changes(*map(str, stores))
-        report = report.model_copy(update={"model_changes": tuple(changes)})
+        changes, quantities = summarize_changes(*map(str, stores))
+        update: dict[str, object] = {"model_changes": tuple(changes)}
+        if report.pairs.bitwise_equal == report.pairs.paired > 0 and changes:
+            axes = Store.unchecked(stores[1]).columns.axis_names
+            update["headline"] = f"{report.headline}; {explain_no_effect(axes, quantities)}"
+        report = report.model_copy(update=update)
     publish(report, targets)
     return report
 

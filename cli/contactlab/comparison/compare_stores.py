@@ -311,7 +311,8 @@ def _sameness_checks(
         if is_gate:
             yield subject.skipped(f"must be the same, but is {old}, now {new}"), found
         else:
-            yield subject.single(CHANGED, f"{old}, now {new}"), found
+            told = "the files of the scene changed" if changes_scene else f"{old}, now {new}"
+            yield subject.single(CHANGED, told), found
 
 
 def _store_checks(baseline: Store, candidate: Store) -> Iterator[Finding]:

@@ -1,9 +1,10 @@
 """The comparison of two stores as a report: its stores, runs, changed labels and checks."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator
 
 from contactlab.judge.policies import REMEASURED
 from contactlab.judge.wording import plural
+from contactlab.mjcf import attribute_of
 from contactlab.schema.comparison import ComparedStore, ComparisonReport
 from contactlab.writers.report import Report
 
@@ -25,12 +26,28 @@ def report_of(compared: ComparisonReport) -> Report:
     )
 
 
+def explain_no_effect(axes: Iterable[str], quantities: Collection[str]) -> str:
+    """Say that a change of the model acts in no run, and why.
+
+    Args:
+        axes: the axes of the sweep.
+        quantities: the changed quantities of the model, by their attributes.
+    """
+    hiding = [axis for axis in axes if attribute_of(axis) in quantities]
+    if not hiding:
+        return "the change of the model acts in no run, because no run uses a changed value"
+    hidden = ", ".join(dict.fromkeys(map(attribute_of, hiding)))
+    word = "axis" if len(hiding) == 1 else "axes"
+    said = f"the {word} {', '.join(hiding)} {'sets' if len(hiding) == 1 else 'set'} {hidden}"
+    return f"the change of the model acts in no run, because {said} in every run"
+
+
 def _report_facts(compared: ComparisonReport) -> Iterator[tuple[str, str]]:
     if compared.baseline is None or compared.candidate is None:
         return
     yield from _change_facts(compared)
-    before, after = compared.baseline.physics[:16], compared.candidate.physics[:16]
-    yield "physics", f"the same, {before}" if before == after else f"{before} -> {after}"
+    if compared.baseline.physics == compared.candidate.physics:
+        yield "physics", "the same in all runs"
     yield "baseline", _store_summary(compared.baseline)
     yield "candidate", _store_summary(compared.candidate)
     if compared.control is not None:

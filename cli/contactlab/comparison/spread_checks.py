@@ -17,7 +17,7 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.judge.policies import EffectiveRule, effective_rule, kind_of
 from contactlab.judge.subjects import BETTER, CHANGED, MISSING, SAME, WORSE, Mask, Subject
 from contactlab.judge.wording import out_of, plural
-from contactlab.rendering.amounts import format_percent
+from contactlab.rendering.amounts import format_digits, format_percent
 from contactlab.schema.finding import Finding
 from contactlab.shares import SURE, median_interval, paired_difference
 from contactlab.store.run_columns import NumberColumn
@@ -134,8 +134,11 @@ def spread_finding(
         code = CHANGED if rule.better == "none" else WORSE
     elif high < -1:
         code = CHANGED if rule.better == "none" else BETTER
-    least, most = median_interval(shares.tolist())
-    message = f"median change {np.median(shares):+.1%} ({least:+.1%} to {most:+.1%})"
+    ends = [f"{end:+.1%}" for end in median_interval(shares.tolist())]
+    values = (float(np.median(column.values[both])) for column in (before, after))
+    interval = "" if ends[0] == ends[1] else f" ({ends[0]} to {ends[1]})"
+    medians = _medians_text(*values, subject.unit)
+    message = f"median change {np.median(shares):+.1%}{interval}, {medians}"
     message += (
         f", within {format_percent(rule.rel)}" if code == SAME and low > -1 and high < 1 else ""
     )
@@ -145,15 +148,21 @@ def spread_finding(
     return subject.single(code, message, judged=pairs)
 
 
-def _find_changes(rule: EffectiveRule, before: Floats, after: Floats) -> tuple[Floats, Floats]:
-    """Return (n,) the changes for the worse, in tolerances and as shares of the larger value.
+def _medians_text(before: float, after: float, unit: str) -> str:
+    shown = f"{format_digits(before, 3)} -> {format_digits(after, 3)}"
+    return shown if unit in {"", "1", "any"} else f"{shown} {unit}"
 
-    A value that is not finite is worse than any other.
+
+def _find_changes(rule: EffectiveRule, before: Floats, after: Floats) -> tuple[Floats, Floats]:
+    """Return (n,) the changes for the worse, in tolerances and as shares of the baseline's value.
+
+    Of a baseline of 0 they are shares of the candidate's. A value that is not finite is worse than
+    any other.
     """
     sign = -1.0 if rule.better == "higher" else 1.0
     with np.errstate(all="ignore"):
         change = np.where(before == after, 0.0, after - before)
-        size = np.maximum(np.abs(before), np.abs(after))
+        size = np.where(before == 0, np.abs(after), np.abs(before))
         shares = np.where(change == 0, 0.0, change / size)
         tolerances = sign * change / rule.limit.allowed(before)
     lost, known = ~np.isfinite(after), np.isfinite(before)

@@ -148,8 +148,8 @@ class EngineOutputs:
     """(n, neq, 2) violation of each equality at sampled steps [m or rad]: the largest beyond that
     at the start, and the median in the last quarter."""
     creep: Floats | None = None
-    """(n, nv + ntendon) speed at the end of degrees of freedom and tendons that friction loss
-    brakes with less than it could, under constant controls [m/s or rad/s]."""
+    """(n, 2, nv + ntendon) steady speed of degrees of freedom and tendons that friction loss brakes
+    with less than it could, under constant controls [m/s or rad/s], and the step with it."""
     work: Floats | None = None
     """(n, N, 3) work in each step [J] of actuators, of constraints, and of all other forces except
     gravity and springs; NaN if unknown."""

@@ -31,7 +31,7 @@ def with_loads(runs: PreparedRuns, rollout: Rollout) -> Rollout:
     sampler = LoadSampler(first) if first.neq or brakes else None
     ranges = np.zeros((count, first.nu, 2))
     loads, gaps = np.zeros((count, first.neq)), np.zeros((count, first.neq, 2))
-    creep, sleeper = np.zeros((count, first.nv + first.ntendon)), np.full((count, 4), np.nan)
+    creep, sleeper = np.zeros((count, 2, first.nv + first.ntendon)), np.full((count, 4), np.nan)
     for run, steps in enumerate(rollout.steps):
         model = runs.prepared[run].model
         controls = rollout.controls[run] if rollout.controls else None
@@ -152,8 +152,8 @@ class LoadSampler:
 
         Violations (neq, 2) are the largest beyond that at the start, and the median of the last
         quarter beyond the remainder of the initial one after relaxation, (1 + t / T) exp(-t / T) of
-        it. The speeds (nv + ntendon,) are those of degrees of freedom that friction loss could
-        hold: the largest median of a quarter. The first does not count: brakes take up load in it.
+        it. The speeds (2, nv + ntendon) are those of degrees of freedom that friction loss could
+        hold, and the steps with them; see `_steady_creep`.
         """
         data, steps = self._data, np.append(0, sampled_steps(len(states) - 1))
         acting = start.input_rows(0, model.opt.timestep, steps)
@@ -180,9 +180,7 @@ class LoadSampler:
         passed = passed * np.sqrt(stiffness_damping(model.eq_solref)[0])
         rest = np.median(gaps[late], axis=0) - gaps[0] * (1 + passed) * np.exp(-passed)
         gaps = np.stack([gaps.max(axis=0) - gaps[0], np.maximum(rest, 0)], axis=1)
-        quarter = np.minimum(4 * steps // max(len(states) - 1, 1), 3)
-        speeds = [np.abs(np.median(creep[quarter == part], axis=0)) for part in {*quarter} - {0}]
-        return loads, gaps, np.max(speeds, axis=0, initial=0)
+        return loads, gaps, _steady_creep(creep, steps, len(states) - 1)
 
     def _row_violations(self, model: mujoco.MjModel, rows: np.ndarray, which: np.ndarray) -> Floats:
         """Return each row's part of an equality's violation; welds move the smaller's far end."""
@@ -194,6 +192,37 @@ class LoadSampler:
         flex = kind == int(_EQUALITY_TYPES.mjEQ_FLEX)
         gaps[flex] /= np.sqrt(np.bincount(which)[which[flex]])
         return gaps
+
+
+def _steady_creep(
+    velocities: Floats, steps: NDArray[np.intp], last: int, most_change: float = 0.2
+) -> Floats:
+    """Return (2, D) the fastest steady creep of each degree of freedom, and a step with it.
+
+    Args:
+        velocities: (L, D) at samples; 0 where friction loss does not hold, because it may slip.
+        steps: (L,) the steps of the samples, ascending.
+        last: the last step of the run.
+        most_change: largest relative change of the speed of a steady creep within a quarter. A body
+            that falls or swings changes its speed; regularization under a load lets it move on.
+
+    The first quarter does not count, because brakes take up load in it. The step is the sample of
+    the quarter with the smallest speed that is at least the median.
+    """
+    quarter, found = np.minimum(4 * steps // max(last, 1), 3), np.zeros((2, velocities.shape[1]))
+    for part in {*quarter.tolist()} - {0}:
+        here = np.flatnonzero(quarter == part)
+        values = velocities[here]
+        median = np.median(values, axis=0)
+        halves = values[: (len(here) + 1) // 2], values[len(here) // 2 :]
+        early, late = (np.median(half, axis=0) for half in halves)
+        forward = values * np.sign(median)
+        reaching = np.where(forward >= np.abs(median), forward, np.inf)
+        chosen, speed = np.argmin(reaching, axis=0), np.min(reaching, axis=0)
+        is_steady = np.abs(late - early) <= most_change * np.abs(median)
+        faster = is_steady & (median != 0) & (speed > found[0])
+        found[:, faster] = speed[faster], steps[here][chosen[faster]]
+    return found
 
 
 def sampled_steps(steps: int) -> np.ndarray:

@@ -188,9 +188,14 @@ def _distance_errors(
         data.qpos[:] = trace.qpos[run, step]
         mujoco.mj_kinematics(model, data)
         for geoms, recorded in monitored:
-            # This function shares no code with contacts.
-            distance = min(mujoco.mj_geomDistance(model, data, *geom, 1, None) for geom in geoms)
             slots = recorded.slots[run, step]
+            near = geoms
+            if not slots[:, FOUND].any():
+                near = [geom for geom in geoms if _spheres_meet(model, data, *geom)]
+                if not near:
+                    continue
+            # This function shares no code with contacts.
+            distance = min(mujoco.mj_geomDistance(model, data, *geom, 1, None) for geom in near)
             # Contacts in a gap zone carry nothing, whatever their distance.
             carrying = slots[:, FORCE.start] > 0
             if not slots[:, FOUND].any():
@@ -198,6 +203,13 @@ def _distance_errors(
             elif distance > 0 and carrying.any() and not speculative:
                 apart[sample] = max(apart[sample], distance - slots[carrying, DISTANCE].min())
     return overlap, apart
+
+
+def _spheres_meet(model: mujoco.MjModel, data: mujoco.MjData, first: int, second: int) -> bool:
+    """Return whether the bounding spheres of two geoms meet; planes have none, and always do."""
+    one, other = model.geom_rbound[first], model.geom_rbound[second]
+    apart = data.geom_xpos[first] - data.geom_xpos[second]
+    return not (one and other) or float(apart @ apart) <= (one + other) ** 2
 
 
 def _squeeze_forces(base: CompiledScene, model: mujoco.MjModel, qpos: Floats) -> Floats:

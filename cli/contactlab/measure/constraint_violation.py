@@ -68,19 +68,20 @@ def _creeping_brakes(runs: MeasuredRuns) -> OnsetIterator:
         return
     braked = [joint for joint in mechanism.joints for _ in range(DEGREES[joint.kind])]
     braked += mechanism.tendons
-    for place in np.flatnonzero(trace.creep.any(axis=0)).tolist():
+    for place in np.flatnonzero(trace.creep[:, 0].any(axis=0)).tolist():
         part = braked[place]
         turns = part.kind in {"ball", "hinge"}
         scale, unit = (
             (QUARTER_TURN, "rad") if turns else (part.reach or runs.context.setup.size, "m")
         )
         limit = runs.limits[RATE.name] * scale
-        for run in runs_where(trace.creep[:, place] > limit):
-            moves = (
-                f"the friction loss of {part.name} lets it move at {trace.creep[run, place]:.3g}"
+        speeds, steps = trace.creep[:, 0, place], trace.creep[:, 1, place]
+        for run in runs_where(speeds > limit):
+            reason = (
+                f"{part.name} creeps at {speeds[run]:.3g} {unit}/s under less than its friction "
+                f"loss (limit {limit:.3g} {unit}/s)"
             )
-            reason = f"{moves} {unit}/s (limit {limit:.3g} {unit}/s)"
-            yield run, Onset(reason, 3 * trace.steps // 4, part.bodies)
+            yield run, Onset(reason, int(steps[run]), part.bodies)
 
 
 def _joint_positions(context: Context, joint: Part) -> Floats:

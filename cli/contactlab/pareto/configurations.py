@@ -57,7 +57,7 @@ class StoredRuns:
 def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
     """Read the runs of a store with some columns; a missing column is NaN."""
     columns, present = store.columns, store.columns.schema.names
-    roles = stored_sweep(store.manifest.sweep).roles
+    roles = stored_sweep(store.manifest.sweep).reported_roles
 
     def of(kind: Role) -> dict[str, CodedColumn]:
         swept = [name for name in columns.axis_names if roles.get(name, "knob") == kind]

@@ -164,7 +164,7 @@ def number_with_unit(text: str, unit: str) -> str:
 def read_axes(store: Store) -> tuple[GridAxis, ...]:
     """Return the axes that differ between runs of a store, and the seed if there are several."""
     columns, sweep = store.columns, stored_sweep(store.manifest.sweep)
-    roles: dict[str, Role] = {**sweep.roles, SEED: "scenario"}
+    roles: dict[str, Role] = {**sweep.reported_roles, SEED: "scenario"}
     named = dict.fromkeys((*columns.axis_names, SEED))
     names = [name for name in named if name in columns.schema.names and columns.varies(name)]
     whole = store.manifest.sweep.whole

@@ -9,6 +9,7 @@ from contactlab.rendering.document import (
     Document,
     Facts,
     Headline,
+    Sentence,
     Table,
     document_of,
     table_of,
@@ -47,11 +48,20 @@ def describe_run(store: Store, record: EvidenceRecord) -> Document:
     ]
     tables.append(table_of(("pair", "condim", "friction", "solref", "solimp", "margin"), pairs))
     return document_of(
-        [Headline(f"run {record.run_id}: {record.label}"), *reasons],
+        [Headline(f"run {record.run_id}: {record.label}"), *reasons, *_unjudged_contacts(record)],
         [Facts((*_run_facts(store, record),))],
         *([table] for table in tables if table.rows),
         [Commands((*_next_commands(store, record),))],
     )
+
+
+def _unjudged_contacts(record: EvidenceRecord) -> Iterator[Sentence]:
+    if steps := record.metrics.get("ungraded_contacts"):
+        yield Sentence(
+            f"Not judged: contacts outside the {len(record.pairs)} monitored pairs, in {steps:.0f} "
+            f"of {record.steps} steps. No label and no axis of contacts concerns them; `pairs` of "
+            "the scene's manifest choose others."
+        )
 
 
 def _run_facts(store: Store, record: EvidenceRecord) -> Iterator[tuple[str, str]]:

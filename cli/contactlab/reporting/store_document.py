@@ -57,6 +57,7 @@ def describe_store(store: Store) -> Document:
         distance_to_reality(axes, columns),
         *_expectation_texts(store),
         *_missing_effects(columns),
+        _describe_unjudged(columns),
     ]
     blocks: list[Block] = [Headline(f"{manifest.sweep.name}: {write_headline(labels)}")]
     blocks += map(Sentence, filter(None, texts))
@@ -73,6 +74,19 @@ def describe_store(store: Store) -> Document:
     closer = f"look closer: contactlab show {shell_word(path)} {look}"
     blocks.append(Code((closer, f"one page: contactlab report {shell_word(path)}"), indent=0))
     return document_of(Section(tuple(blocks), "summary"))
+
+
+def _describe_unjudged(columns: RunColumns) -> str:
+    if "ungraded_contacts" not in columns.schema.names:
+        return ""
+    count = int((columns.numbers("ungraded_contacts").values > 0).sum())
+    return (
+        f"in {count:,} of {columns.runs:,} runs some contacts are not judged, because their pairs "
+        "are not monitored: ungraded_contacts has their steps, `pairs` of the scene's manifest "
+        "choose pairs"
+        if count
+        else ""
+    )
 
 
 def _failed_at_start(columns: RunColumns, labels: RunLabels) -> NDArray[np.bool_]:

@@ -25,7 +25,7 @@ from contactlab.run.planned_runs import RunIndex, reference_models
 from contactlab.run.sampled_cost import sample_cost
 from contactlab.run.sweep_advisories import find_sweep_advisories
 from contactlab.run.sweep_request import SweepRequest
-from contactlab.scene.contact_pairs import half_extents
+from contactlab.scene.contact_pairs import geom_pairs, half_extents, touch_mask
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
@@ -132,6 +132,7 @@ def forecast_sweep(request: SweepRequest) -> SweepForecast:
             *_forecast_warnings(plan, len(index), sums),
             *([] if scene.source.environment else _overlap_warnings(scene, sums.sampled)),
             *question_units(plan, scene),
+            *_unmonitored_warnings(scene, sums.sampled),
             *(
                 f"{share}: {describe_met_advisory(each)}"
                 for each, share in find_sweep_advisories(index, scene)
@@ -229,6 +230,19 @@ def _overlap_warnings(scene: Scene, sampled: Sequence[RunSpec]) -> Iterator[str]
         yield (
             f"in {len(found)} of {len(chosen)} tried starts bodies begin deep inside each other, "
             f"{max(found)[1]}: choose another `keyframe`, or a height"
+        )
+
+
+def _unmonitored_warnings(scene: Scene, sampled: Sequence[RunSpec]) -> Iterator[str]:
+    if not sampled or (scene.source.manifest and scene.source.manifest.pairs):
+        return
+    base = scene.base(sampled[0].structure)
+    count, monitored = len(geom_pairs(touch_mask(base.model))), len(base.pairs)
+    if count > monitored:
+        yield (
+            f"{monitored} of {count} pairs of geoms that can touch are monitored, the likeliest: "
+            "no label judges the others and no axis changes them; list `pairs` in the scene's "
+            "manifest to choose, and see ungraded_contacts of the runs"
         )
 
 

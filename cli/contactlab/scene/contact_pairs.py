@@ -8,6 +8,7 @@ parameters.
 """
 
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass
 from itertools import pairwise, product
 
@@ -59,16 +60,19 @@ def declared_pairs(
 
 
 def detected_pairs(model: mujoco.MjModel, keyframe: str = QPOS0) -> tuple[MonitoredPair, ...]:
-    """Return the geom pairs that can touch; if these are over 64, those that touch in short runs.
+    """Return the geom pairs that can touch: all of them, or the 64 likeliest.
 
-    The runs start at qpos0 and at the keyframe, because contacts depend on the posture, such as
-    whether fingers are open or closed.
+    The likeliest are those that touch in short runs, then those of free trees, because a free body
+    may come to lie on anything: first against fixed geoms, then against others. Within each group
+    the nearest at the start come first. The runs start at qpos0 and at the keyframe, because
+    contacts depend on the posture, such as whether fingers are open or closed.
     """
     touch = touch_mask(model)
-    if np.count_nonzero(touch) > 2 * MAX_PAIRS:
-        pairs = _touching_pairs(model, {QPOS0, keyframe})[:MAX_PAIRS]
-    else:
-        pairs = geom_pairs(touch)
+    pairs = geom_pairs(touch)
+    if len(pairs) > MAX_PAIRS:
+        touching = _touching_pairs(model, {QPOS0, keyframe})
+        rest = set(pairs).difference(touching)
+        pairs = [*touching, *_sort_by_reach(model, keyframe, rest)][:MAX_PAIRS]
     rough = [bool((model.geom_type[[*pair]] == _GEOM_OBJECT.mjGEOM_HFIELD).any()) for pair in pairs]
     # At most the 50 contacts of two geoms in MuJoCo (mjMAXCONPAIR), as only height fields need. All
     # pairs with height fields share 400 slots; each slot takes 184 bytes per step.
@@ -213,6 +217,29 @@ def _touching_pairs(model: mujoco.MjModel, keyframes: set[str]) -> list[tuple[in
     except mujoco.FatalError as error:
         raise SceneError(f"cannot detect contact pairs: the simulation failed: {error}") from error
     return sorted(counts, key=lambda pair: (-counts[pair], pair))
+
+
+def _sort_by_reach(
+    model: mujoco.MjModel, keyframe: str, pairs: Collection[tuple[int, int]]
+) -> list[tuple[int, int]]:
+    """Sort geom pairs: free against fixed ones, free against others, others; nearest first."""
+    bodies = np.asarray(model.geom_bodyid)
+    fixed = model.body_weldid[bodies] == 0
+    roots = model.body_rootid[bodies]
+    free = np.isin(roots, model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE])
+    data = start_data(model, keyframe)
+    mujoco.mj_kinematics(model, data)
+    flat = np.isin(model.geom_type, _SURFACE_TYPES)
+
+    def rank(pair: tuple[int, int]) -> tuple[int, float, tuple[int, int]]:
+        first, second = pair
+        is_free = free[first] or free[second]
+        group = 2 if not is_free else 0 if fixed[first] or fixed[second] else 1
+        between = np.linalg.norm(data.geom_xpos[first] - data.geom_xpos[second])
+        gap = float(between - model.geom_rbound[[first, second]].sum())
+        return group, -np.inf if flat[first] or flat[second] else gap, pair
+
+    return sorted(pairs, key=rank)
 
 
 _MIN_WEIGHT = 1e-15

@@ -15,6 +15,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from contactlab.mjcf import CONDITIONS, attribute_of
 from contactlab.schema.drive import Drive
 from contactlab.schema.requirement import Requirements
 from contactlab.schema.strict_model import (
@@ -492,6 +493,14 @@ class Sweep(Model):
         return roles
 
     @property
+    def reported_roles(self) -> dict[str, Role]:
+        """The role of each axis in a report, which recommends no value of a physical condition."""
+        return {
+            name: "scenario" if attribute_of(name) in CONDITIONS else role
+            for name, role in self.roles.items()
+        }
+
+    @property
     def scenario(self) -> list[str]:
         """The axes of role scenario."""
         return [name for name, role in self.roles.items() if role == "scenario"]
@@ -504,8 +513,8 @@ class Sweep(Model):
 
     @property
     def is_drawn(self) -> bool:
-        """Whether runs are draws, by their axes or seeds; of a grid, shares are exact."""
-        return bool(self.drawn_axes) or len(self.seed_values) > 1
+        """Whether runs are draws of axes, or of seeds alone; of a grid, shares are exact."""
+        return bool(self.drawn_axes) or (len(self.seed_values) > 1 and not self.roles)
 
     @property
     def seed_values(self) -> tuple[int, ...]:

@@ -75,25 +75,27 @@ def find_model_scene(reference: str) -> Scene:
     return SceneLoader(Path()).open(reference).with_effects("all")
 
 
-def summarize_changes(before: str, after: str) -> list[str]:
-    """Return the differences of the models of two stores in words, alike ones together.
+def summarize_changes(before: str, after: str) -> tuple[list[str], set[str]]:
+    """Return the differences of the models of two stores in words, and the changed quantities.
 
-    A model that cannot be compared here, as one of another version, is named with the reason.
+    Alike differences are together. A model that cannot be compared here, as one of another version,
+    is named with the reason.
     """
     try:
         one, other = (find_model_scene(each).base({}).model for each in (before, after))
     except ContactlabError as error:
-        return [f"the model; it cannot be compared here: {error}"]
+        return [f"the model; it cannot be compared here: {error}"], set()
     alike = dict[tuple[str, str, str, str, str], list[Difference]]()
     for found in find_differences(one, other):
         key = (found.kind, found.quantity, found.before, found.after, found.unit)
         alike.setdefault(key, []).append(found)
-    return [
+    sentences = [
         found[0].sentence
         if len(found) == 1
         else _shared_sentence(f"{len(found)} {OBJECT_LISTS.get(key[0], key[0])}", found[0])
         for key, found in alike.items()
     ]
+    return sentences, {quantity for _, quantity, *_ in alike}
 
 
 def _shared_sentence(parts: str, found: Difference) -> str:

@@ -223,9 +223,9 @@ QUANTITIES: dict[str, tuple[Quantity, ...]] = {
 def relative_change(
     measured: Measured, before: object, after: object, length: float
 ) -> float | None:
-    """Return the relative change of a value; None if it has no size, 0 if there is no change.
+    """Return the change of a value, relative to the one before; None if that has no size.
 
-    Positions are divided by the length of the part [m].
+    It is 0 if there is no change. Positions are divided by the length of the part [m].
     """
     if measured == "word" or isinstance(before, str) or isinstance(after, str):
         return 0.0 if np.array_equal(np.asarray(before), np.asarray(after)) else None
@@ -238,8 +238,7 @@ def relative_change(
         # Opposite quaternions are one turn.
         chord = min(np.linalg.norm(one - two), np.linalg.norm(one + two))
         return float(4 * np.arcsin(min(1.0, chord / 2)))
-    whole = max(np.linalg.norm(np.nan_to_num(one)), np.linalg.norm(np.nan_to_num(two)))
-    scale = length if measured == "length" else whole
+    scale = length if measured == "length" else np.linalg.norm(np.nan_to_num(one))
     if not apart:
         return 0.0
     return float(apart / scale) if scale else None
