@@ -32,3 +32,43 @@ def test_a_lasting_violation_is_that_of_the_last_quarter(
     start: Any = SimpleNamespace(input_rows=lambda *_: inputs)
     _, gaps, _ = LoadSampler(model).sample_loads(model, start, states)
     assert gaps[0] == pytest.approx([0.5, rest])
+
+
+BRAKE = """<mujoco><option timestep=".002"/><worldbody><body><joint axis="0 1 0"
+frictionloss="{}" solreffriction="{} 1" solimpfriction=".9 .9 .001"/>
+<geom type="capsule" fromto="0 0 0 .4 0 0" size=".02" mass="1"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(("loss", "constant"), [(6, 0.02), (6, 0.2), (0.5, 0.02)])
+def test_creep_is_that_of_a_plain_loop_at_its_step(loss: float, constant: float) -> None:
+    """A brake below its friction loss creeps; one that slips does not, however fast it turns."""
+    model = mujoco.MjModel.from_xml_string(BRAKE.format(loss, constant))
+    data = mujoco.MjData(model)
+    slips = loss < 1 * 9.81 * 0.2  # the arm's weight times its lever
+    steps = 300 if slips else 1000  # so that it has not come to rest
+    states, forces = np.zeros((steps + 1, 3)), np.zeros(steps + 1)
+    for step in range(steps + 1):
+        states[step] = data.time, *data.qpos, *data.qvel
+        mujoco.mj_step(model, data)
+        forces[step] = np.abs(data.efc_force[0])
+    inputs = np.zeros((1 + len(sampled_steps(steps)), 6 * model.nbody))
+    start: Any = SimpleNamespace(input_rows=lambda *_: inputs)
+    _, _, creep = LoadSampler(model).sample_loads(model, start, states)
+    speed, step = creep[:, 0]
+    if slips:
+        assert speed == 0
+    else:
+        assert speed == abs(states[int(step), 2]) > 0
+        assert forces[int(step)] < 0.9 * loss
+        assert step >= steps // 4
+
+
+def test_a_fall_is_no_creep() -> None:
+    """A speed that grows within each quarter is that of a falling body, not of a brake."""
+    model = mujoco.MjModel.from_xml_string(BRAKE.format(6, 0.02))
+    speeds = np.linspace(0, 1, STEPS + 1) ** 2 * 1e-3
+    states = np.stack([np.zeros(STEPS + 1), np.zeros(STEPS + 1), speeds], axis=1)
+    inputs = np.zeros((1 + len(sampled_steps(STEPS)), 6 * model.nbody))
+    start: Any = SimpleNamespace(input_rows=lambda *_: inputs)
+    found = LoadSampler(model).sample_loads(model, start, states)[2]
+    assert not found[0].any()

@@ -144,11 +144,10 @@ def test_many_geoms_are_searched_by_a_short_run(make_scene: Make) -> None:
     text = f"<mujoco><option gravity='0 0 0'/><worldbody>{{}}{balls}{far}</worldbody></mujoco>"
     scene = make_scene(text.format("<geom type='plane' size='1 1 1' pos='0 0 .001'/>"))
     names = [pair.name for pair in scene.base({}).pairs]
-    assert set(names[:2]) == {"geom[0]-geom[1]", "geom[0]-geom[3]"}
     assert len(names) == contact_pairs.MAX_PAIRS < 78
     # A free ball may fall onto the floor from anywhere; then come the nearest of the others.
-    assert {f"geom[0]-geom[{ball}]" for ball in range(1, 13)} == set(names[:12])
-    assert set(names[12:14]) == {"geom[1]-geom[2]", "geom[3]-geom[4]"}
+    stacked = {"geom[1]-geom[2]", "geom[3]-geom[4]"}
+    assert {f"geom[0]-geom[{ball}]" for ball in range(1, 13)} | stacked == set(names[:14])
 
 
 def test_names_given_to_geoms_do_not_clash(make_scene: Make) -> None:

@@ -134,11 +134,12 @@ def spread_finding(
         code = CHANGED if rule.better == "none" else WORSE
     elif high < -1:
         code = CHANGED if rule.better == "none" else BETTER
-    ends = [f"{end:+.1%}" for end in median_interval(shares.tolist())]
-    values = (float(np.median(column.values[both])) for column in (before, after))
+    ends = [_share_text(end) for end in median_interval(shares.tolist())]
+    middle = (int(both.sum()) - 1) // 2
+    values = (float(np.sort(column.values[both])[middle]) for column in (before, after))
     interval = "" if ends[0] == ends[1] else f" ({ends[0]} to {ends[1]})"
     medians = _medians_text(*values, subject.unit)
-    message = f"median change {np.median(shares):+.1%}{interval}, {medians}"
+    message = f"median change {_share_text(np.sort(shares)[middle])}{interval}, {medians}"
     message += (
         f", within {format_percent(rule.rel)}" if code == SAME and low > -1 and high < 1 else ""
     )
@@ -146,6 +147,10 @@ def spread_finding(
         code = SAME
         message += f"; {plural(enough, 'pair')} would tell, there are {len(tolerances)}"
     return subject.single(code, message, judged=pairs)
+
+
+def _share_text(share: float) -> str:
+    return f"{share:+.1%}" if abs(share) < 1e3 else "to a thousandfold or more"
 
 
 def _medians_text(before: float, after: float, unit: str) -> str:

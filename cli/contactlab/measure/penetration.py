@@ -1,5 +1,8 @@
 """Depth and force of contact between bodies, and labels of sinking, deep and passing bodies."""
 
+from collections.abc import Iterator
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,6 +26,7 @@ from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Thres
 from contactlab.measure.friction import MAX_SPEED_CHANGE, RATE
 from contactlab.measure.stick_slip import find_spans
 from contactlab.numerical_tolerance import COARSE_ROUNDING
+from contactlab.rendering.amounts import format_amount
 
 _PIERCED = Threshold(
     "pierced",
@@ -193,7 +197,11 @@ def distance_min(context: Context) -> Floats:
     ),
 )
 def tunneling(runs: MeasuredRuns) -> OnsetIterator:
-    """A body's center crossed a surface or a geom, or it overlaps beyond the thinner's middle."""
+    """A body's center crossed a surface or a geom, or it overlaps beyond the thinner's middle.
+
+    A dip beyond the middle is accepted as softness if it turns back on its own side within 0.1 s,
+    and the run is the motion of its model; the reason of the run then describes it.
+    """
     passed = [
         (run, Onset(f"{passage.mover} passed through {passage.wall}", passage.step, passage.bodies))
         for run, passages in enumerate(runs.context.trace.passages)
@@ -290,23 +298,55 @@ def deep_penetration(runs: MeasuredRuns) -> OnsetIterator:
             yield run, Onset(reason, step, bodies_of_pair(context, places[row]) if places else ())
 
 
-def _find_pierced(runs: MeasuredRuns) -> OnsetIterator:
-    """Find pairs without a barrier that overlap by more than half the thinner geom."""
-    context, given = runs.context, runs.limits.get("pierced")
+class _DeepSpan(NamedTuple):
+    """A time in which a pair without a barrier overlaps by more than half the thinner geom."""
+
+    row: int
+    run: int
+    start: int
+    reason: str
+    accepted: bool  # it is a dip into a soft contact, or an overlap that moves nothing
+
+
+@cached
+def _deep_spans(context: Context) -> list[_DeepSpan]:
+    return [*_iterate_deep_spans(context, None)]
+
+
+def _iterate_deep_spans(context: Context, given: float | None) -> Iterator[_DeepSpan]:
     guarded = {barrier.pair for barrier in context.setup.barriers}
     for row, place in enumerate(context.pairs.places):
         depth, limit = contact_depths(context)[1][row], given or context.setup.thickness[place]
         if place in guarded or (depth.max(initial=0) <= limit):
             continue
-        where = f"{limit:.3g} m" if given else f"its middle, {limit:.3g} m from the surface"
+        where = "" if given else "its middle, "
+        where = f"{where}{limit:.3g} m{'' if given else ' from the surface'}"
         deep = find_spans(depth > limit)
         for run, start, stop in np.transpose((deep.run, deep.start, deep.stop)).tolist():
-            dips = _always_overlaps(context, row)[run] or _turns_back(
-                context, row, run, slice(start, stop)
-            )
-            if given or not dips:
-                reason = f"{context.pairs.names[place]} is deeper than {where}"
-                yield run, Onset(reason, start, bodies_of_pair(context, place))
+            name = context.pairs.names[place]
+            lasts = format_amount((stop - start) * context.trace.timestep[run], "ms")
+            reason = f"{name} is deeper than {where}, for {lasts}"
+            if given:
+                yield _DeepSpan(row, run, start, reason, accepted=False)
+            elif _always_overlaps(context, row)[run]:
+                yield _DeepSpan(row, run, start, f"{reason}, and moves nothing", accepted=True)
+            else:
+                fault = _dip_fault(context, row, run, slice(start, stop))
+                why = fault or "and turns back, as its soft contact does"
+                yield _DeepSpan(row, run, start, f"{reason}, {why}", accepted=not fault)
+
+
+def _find_pierced(runs: MeasuredRuns) -> OnsetIterator:
+    context, given = runs.context, runs.limits.get("pierced")
+    for span in _iterate_deep_spans(context, given) if given else _deep_spans(context):
+        if not span.accepted:
+            bodies = bodies_of_pair(context, context.pairs.places[span.row])
+            yield span.run, Onset(span.reason, span.start, bodies)
+
+
+def accepted_overlaps(context: Context) -> dict[int, str]:
+    """Return the deepest accepted overlap of runs in words, by run."""
+    return {span.run: span.reason for span in reversed(_deep_spans(context)) if span.accepted}
 
 
 def _always_overlaps(context: Context, row: int) -> NDArray[np.bool_]:
@@ -318,18 +358,25 @@ def _always_overlaps(context: Context, row: int) -> NDArray[np.bool_]:
     return held & (depth[:, 0] > _IDLE_DEPTH_RATIO * depth.max(axis=1))
 
 
-def _turns_back(context: Context, row: int, run: int, deep: slice) -> bool:
-    """Return whether a geom beyond the middle turns back on its own side, as its model does."""
+def _dip_fault(context: Context, row: int, run: int, deep: slice) -> str:
+    """Say why a geom beyond the middle does not turn back as its model does; empty if it does."""
     trace, resolved = context.trace, resolved_runs(context)
     index = context.pairs.places[row]
-    soon = deep.start > 0 and (deep.stop - deep.start) * trace.timestep[run] <= _MAX_DIP_SECONDS
     depth = contact_depths(context)[1][row, run]
-    left = deep.stop < trace.steps and depth[deep.stop] == 0
     extent, ends = context.setup.thickness[index], [deep.start, min(deep.stop, trace.steps - 1)]
     first, last = trace.pairs[index].slots[run, ends, 0, NORMAL]
     brief = deep.stop - deep.start <= _MAX_DIP_STEPS and depth[deep].max() < _MAX_DIP_DEPTH * extent
-    turns = soon and not left and (brief or first @ last > 0)
-    return bool(resolved is not None and resolved[run] and turns)
+    if deep.start == 0:
+        return "from the start"
+    if (deep.stop - deep.start) * trace.timestep[run] > _MAX_DIP_SECONDS:
+        return f"longer than a dip into a soft contact ({format_amount(_MAX_DIP_SECONDS, 'ms')})"
+    if deep.stop < trace.steps and depth[deep.stop] == 0:
+        return "and leaves it at once, not by way of the surface"
+    if not (brief or first @ last > 0):
+        return "and leaves on the other side"
+    if resolved is None or not resolved[run]:
+        return "a dip that is not known to be the motion of the model"
+    return ""
 
 
 def _find_crossings(context: Context) -> OnsetIterator:
