@@ -22,7 +22,7 @@ def store_of(**changes: Any) -> Store:
 @pytest.mark.parametrize(
     "changes",
     [
-        {"seeds": 20},
+        {"seeds": 20, "axes": {}},
         {"axes": {"tilt": {"uniform": [1, 2]}}, "sample": {"method": "random", "n": 9}},
     ],
 )
@@ -31,5 +31,7 @@ def test_draws_have_wilsons_interval(changes: dict[str, Any]) -> None:
     assert share_words(store_of(**changes))(16, 20) == f"80 % ({low[:-2]} to {high})"
 
 
-def test_a_grid_has_none() -> None:
-    assert share_words(store_of())(1, 8) == "12 %"
+@pytest.mark.parametrize("changes", [{}, {"seeds": 20}])
+def test_a_grid_has_none(changes: dict[str, Any]) -> None:
+    """Runs of a grid are no independent draws, whatever their seeds."""
+    assert share_words(store_of(**changes))(1, 8) == "12 %"

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 import contactlab
+from contactlab.errors import SweepFileError
 from contactlab.rendering.text import render_text
 from contactlab.reporting.store_reports_document import describe_forecast
 from contactlab.run import forecast as forecasts
@@ -139,6 +140,18 @@ def test_code_that_is_not_allowed_is_not_run(tmp_path: Path) -> None:
 SUNK = """<mujoco><worldbody><geom type="plane" size="1 1 .1"/>
 <body name="ball" pos="0 0 .2"><freejoint/><geom size=".1"/></body></worldbody>
 <keyframe><key name="sunk" qpos="0 0 0 1 0 0 0"/></keyframe></mujoco>"""
+
+
+def test_values_in_another_unit_are_refused_together(tmp_path: Path) -> None:
+    (tmp_path / "ball.xml").write_text(SUNK)
+    axes = "{timestep: [1, 2], solref.timeconst: [0.005, 50], margin: [0, 0.2]}"
+    text = f"{{version: 1, scene: ball.xml, drive: none, duration: 9, axes: {axes}}}"
+    request = read_request(text, "two", tmp_path / "store", folder=tmp_path, workers=0)
+    with pytest.raises(SweepFileError) as caught:
+        forecasts.check_units(request.plan, request.scene)
+    assert "timestep 2 s" in str(caught.value)
+    assert "solref.timeconst 50 s" in str(caught.value)
+    assert "margin" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

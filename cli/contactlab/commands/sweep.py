@@ -135,7 +135,7 @@ def sweep(
     surroundings().fork_workers(wanted)
     from contactlab.plan.grid import CONFIRM_ABOVE
     from contactlab.plan.overrides import Overrides
-    from contactlab.run.forecast import forecast_sweep, question_units
+    from contactlab.run.forecast import check_units, forecast_sweep, question_units
     from contactlab.run.shards import parse_shard
     from contactlab.run.sweep_request import read_request
     from contactlab.run.worker_pool import worker_count
@@ -153,6 +153,7 @@ def sweep(
         drive=task.drive,
         allow_code=allow_code,
     )
+    check_units(request.plan, request.scene)
     for warning in request.plan.warnings:
         say(str(warning))
     if not plan:

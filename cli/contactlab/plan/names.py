@@ -78,6 +78,10 @@ def check_axis(context: SweepContext, name: str, place: Place, kind: str = "axis
             message, hint = "the model has no keyframes", "leave it out: runs start at qpos0"
             context.document.add_mistake(f"unknown-{kind}", place, message, hint)
             return
+        if name.endswith(".ctrl"):
+            message, hint = f"unknown {kind} '{name}'", "controls belong to `drive` or a keyframe"
+            context.document.add_mistake(f"unknown-{kind}", place, message, hint)
+            return
         _add_unknown_name(context.document, kind, name, place, known)
 
 

@@ -53,7 +53,8 @@ def _forecast_facts(report: SweepForecast) -> Iterator[tuple[str, str]]:
         yield "time", "unknown: the runs execute code; add --allow-code to measure some of them"
         return
     least, most = report.seconds
-    yield "time", _range_text((part * least, most), "long")
+    idle = f"{report.cores} idle core{'' if report.cores == 1 else 's'}"
+    yield "time", f"{_range_text((part * least, most), 'long')} on {idle}"
     passes = {
         "accuracy": report.accuracy_seconds,
         "timing": report.timing_seconds,

@@ -17,6 +17,7 @@ from contactlab.advisories.met_advisories import describe_met_advisory
 from contactlab.contact.contact_laws import refsafe_solref, stiffness_damping
 from contactlab.engines import engine_of
 from contactlab.engines.engine import PreparedRuns
+from contactlab.errors import SweepFileError
 from contactlab.plan.grid import Plan
 from contactlab.plan.kept_traces import KeptTraces
 from contactlab.plan.refined_axes import smallest_run_count
@@ -91,7 +92,7 @@ def forecast_sweep(request: SweepRequest) -> SweepForecast:
     seconds = memory = None
     sizes = dict[str, tuple[float, float]]()
     if cost:
-        recording = cost.cpu_seconds * sums.steps / min(workers, len(index), os.cpu_count() or 1)
+        recording = cost.cpu_seconds * sums.steps / _used_cores(workers, len(index))
         total = _START_SECONDS + recording + accuracy
         certain = 0.0 if sweep.timing and sweep.timing.contenders else timing
         seconds = (total + certain) / _TIME_FACTOR, (total + timing) * _TIME_FACTOR
@@ -115,11 +116,12 @@ def forecast_sweep(request: SweepRequest) -> SweepForecast:
             for axis in plan.axes
         ),
         start=_join_names(run.keyframe for run in sums.sampled),
-        drive=_join_names(describe_drive(run.drive) for run in sums.sampled),
+        drive=_describe_drives(sums.sampled, inferred=sweep.drive == "auto"),
         seeds=len(sweep.seed_values),
         runs=len(index),
         least_runs=smallest_run_count(refine, len(index)) if refine else None,
         steps=sums.steps,
+        cores=_used_cores(workers, len(index)),
         seconds=seconds,
         accuracy_seconds=accuracy,
         timing_seconds=timing,
@@ -139,6 +141,20 @@ def forecast_sweep(request: SweepRequest) -> SweepForecast:
             ),
         ),
     )
+
+
+def _used_cores(workers: int, runs: int) -> int:
+    return max(1, min(workers, runs, os.cpu_count() or 1))
+
+
+def _describe_drives(sampled: Sequence[RunSpec], *, inferred: bool) -> str:
+    drives = {run.drive for run in sampled if isinstance(run.drive, str)}
+    words = _join_names(describe_drive(run.drive) for run in sampled)
+    if not inferred:
+        return words
+    why = {"none": "its start has controls", "exercise": "no start sets its controls"}
+    reasons = _join_names(why[drive] for drive in sorted(drives & why.keys()))
+    return f"auto: {words}{reasons and f', because {reasons}'}"
 
 
 def _values_text(values: tuple[object, ...]) -> str:
@@ -246,14 +262,36 @@ def _unmonitored_warnings(scene: Scene, sampled: Sequence[RunSpec]) -> Iterator[
         )
 
 
+# Larger values are questioned, and refused from ten times as large: no contact lasts a second.
+_LARGEST_VALUES = {"timestep": 0.1, "solref.timeconst": 0.5, "solimp.width": 0.1, "margin": 0.1}
+
+
+def check_units(plan: Plan, scene: Scene) -> None:
+    """Raise a SweepFileError if an axis has values that only make sense in another unit."""
+    refused = [
+        axis.name
+        for axis in plan.axes
+        if axis.name in _LARGEST_VALUES
+        and max(map(abs, filter(is_number, axis.values)), default=0.0)
+        >= 10 * _LARGEST_VALUES[axis.name]
+    ]
+    questions = [
+        question
+        for question in question_units(plan, scene)
+        if question.partition(" ")[0] in refused
+    ]
+    if questions:
+        listed = "\n".join(questions)
+        raise SweepFileError(f"{listed}\nValues without a unit are in SI units; write one")
+
+
 def question_units(plan: Plan, scene: Scene) -> Iterator[str]:
     """Yield values of axes that look like another unit, with the value that may be meant."""
-    largest = {"timestep": 0.1, "solref.timeconst": 0.5, "solimp.width": 0.1, "margin": 0.1}
     longest, turn = 20.0, 2 * math.pi  # of a robot [m], of an angle [rad]
     for axis in plan.axes:
         spec, numbers = scene.catalogue.find(axis.name), [*filter(is_number, axis.values)]
         most, unit = max(map(abs, numbers), default=0.0), spec.unit if spec else ""
-        if most > largest.get(axis.name, math.inf):
+        if most > _LARGEST_VALUES.get(axis.name, math.inf):
             yield f"{axis.name} {most:g} {unit}: is {most:g} m{unit} meant? Write {most / 1e3:g}"
         elif unit == "m" and most > longest:
             yield f"{axis.name} {most:g} m: is {most:g} mm meant? Write {most / 1e3:g}"

@@ -35,6 +35,7 @@ class SweepForecast(ReportModel):
         "Number of runs, at least, of a sweep that refines; null otherwise.", default=None
     )
     steps: int = about("Steps of all runs.")
+    cores: int = about("Cores that the time assumes to be idle.", default=1)
     seconds: tuple[float, float] | None = about("Wall time of all runs, least and most [s].")
     accuracy_seconds: float
     timing_seconds: float

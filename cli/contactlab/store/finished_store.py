@@ -135,9 +135,8 @@ class Store:
                 raise StoreError(
                     f"{backend.address} is unfinished; run its sweep again to resume it"
                 )
-            raise StoreError(
-                f"{backend.address} is not a store: it has no {MANIFEST}; {_WRITER_HINT}"
-            )
+            hint = _stores_inside(backend.address) or _WRITER_HINT
+            raise StoreError(f"{backend.address} is not a store: it has no {MANIFEST}; {hint}")
         manifest = parse_manifest(data, address)
         store = cls(backend.local_copy(data, manifest.files), manifest, address)
         if table := stored_file(store.path, TABLE):
@@ -346,6 +345,16 @@ def _match_ids(ids: pa.Array, function: str, part: str) -> pa.BooleanArray:
 
 
 _WRITER_HINT = "`contactlab sweep` writes one"
+
+
+def _stores_inside(address: Address, most: int = 3) -> str:
+    if not isinstance(address, Path):
+        return ""
+    inside = sorted(
+        place.parent for pattern in ("*", "*/*") for place in address.glob(f"{pattern}/{MANIFEST}")
+    )
+    more = f" and {len(inside) - most} more" if len(inside) > most else ""
+    return f"stores in it: {', '.join(map(str, inside[:most]))}{more}" if inside else ""
 
 
 def _address_suggestion(address: Address) -> str:
