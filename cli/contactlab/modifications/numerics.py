@@ -334,6 +334,18 @@ MODIFICATIONS = (
                 applies=_is_not(_IMPLICITFAST),
                 includes=("implicitfast", "half the step"),
             ),
+            # A stiff servo in the air needs its damping implicit, an impact a short step.
+            *(
+                Candidate(
+                    f"implicitfast at {part} of the step",
+                    "inaccurate",
+                    set_integrator(_IMPLICITFAST),
+                    rate,
+                    applies=_is_not(_IMPLICITFAST),
+                    stage="further",
+                )
+                for part, rate in (("a quarter", 4), ("an eighth", 8))
+            ),
             RUNGE_KUTTA,
             # Gyroscopic forces are explicit in implicitfast as in Euler.
             Candidate(

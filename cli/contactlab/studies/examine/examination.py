@@ -360,7 +360,7 @@ def _measure_budget(
         held = report.loop is None or report.loop.holds
         searched = held and not any(fault.stage == "file" for fault in repaired.faults)
         if searched and (not files or repaired.word not in PASSING_VERDICTS):
-            verifier = _make_verifier(request, examined, report.labels, limit)
+            verifier = _make_verifier(request, repaired.examined, repaired.labels, limit)
             left = _limit_share(limit, _FIXING, examined)
             search = _search_fixes(request, repaired, files, verifier, left)
             fixes = verifier.recommend_fixes(search)

@@ -154,7 +154,7 @@ class FixSearch:
         if isinstance(scene.drive.drive, PolicyDrive):
             against = [*filter(self._keeps_integrator, against)]
         self._candidates = (*starts, *against, *shapes)
-        self.label_trials, self.not_tried = 0, list[str]()
+        self.label_trials, self.not_tried, self._went_further = 0, list[str](), False
         self.without_labels = list[TriedFix]()
         found = try_fixes(motions, verdict, candidates=self._candidates, trial=self._trial)
         ended = [fix for fix in found if fix.is_complete]
@@ -206,14 +206,30 @@ class FixSearch:
                 return [fix, *(other for other in helping if other is not fix)]
             if base is None:
                 base, left = candidate, labels
-        for candidate in self._further(base, left) if base or not helping else ():
+        found = self._try_further(base, left) if base or not helping else []
+        return [*found, *helping]
+
+    def _try_further(
+        self, base: Candidate | None, labels: Sequence[RunLabel]
+    ) -> Sequence[TriedFix]:
+        # The first that removes the verdict and leaves no label.
+        self._went_further |= base is None
+        for candidate in self._further(base, labels):
             trial = replace(self._trial, most=None)
             tried = try_fixes(self._motions, self._verdict, candidates=[candidate], trial=trial)
             self.not_tried += [one.name for one in tried if not one.is_complete]
             if any(self._labels_with(one, candidate.rate) == () for one in tried if one.removes):
                 self._candidates = (*self._candidates, candidate)
-                return [*tried, *helping]
-        return [*helping]
+                return tried
+        return []
+
+    def search_further(self) -> bool:
+        """Return whether a fix beyond the usual ones helps, after these were dropped."""
+        if self._went_further:
+            return False
+        self.helping = [*self._try_further(None, self._repeats.labels)]
+        self.tried = [*self.helping, *self.tried]
+        return bool(self.helping)
 
     def _labels_with(self, fix: TriedFix, rate: int) -> Sequence[RunLabel] | None:
         """Return the labels of both groups of seeds with a fix.

@@ -66,7 +66,9 @@ class FixVerifier:
 
         Those that did not pass are dropped from the search.
         """
-        while fixes := search.reported_fixes():
+        while (fixes := search.reported_fixes()) or search.search_further():
+            if not fixes:
+                continue
             first = first_fix(fixes)
             edits = search.find_edits(first.name)
             removes_verdict = first.removes == "verdict"
