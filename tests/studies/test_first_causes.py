@@ -16,21 +16,6 @@ CHUTE = """<mujoco><worldbody>
   <body name="part" pos="0 0 .3"><freejoint/>
     <geom type="box" size=".05 .05 .05" mass=".5" contype="2" conaffinity="2"/></body>
   </worldbody></mujoco>"""
-JAWS = """<mujoco><worldbody><body name="hand" pos="0 0 .3">
-    <geom type="box" size=".02 .06 .01" pos="0 0 .05" mass=".4"/>
-    <body name="one" pos="0 .05 0">
-      <joint name="one" type="slide" axis="0 -1 0" range="0 .05" damping="5"/>
-      <geom type="box" size=".01 .006 .03" mass=".05"/></body>
-    <body name="two" pos="0 -.05 0">
-      <joint name="two" type="slide" axis="0 1 0" range="0 .05" damping="5"/>
-      <geom type="box" size=".01 .006 .03" mass=".05"/></body></body>
-  <body name="part" pos="0 0 .29"><freejoint/>
-    <geom type="box" size=".02 .02 .02" mass=".08"/></body>
-  </worldbody><actuator>
-  <position joint="one" kp="15000" ctrlrange="0 .05"/>
-  <position joint="two" kp="15000" ctrlrange="0 .05"/></actuator>
-  <keyframe><key name="shut" qpos=".0238 .0238 0 0 .29 1 0 0 0" ctrl=".05 .05"/></keyframe>
-  </mujoco>"""
 
 
 def examine(text: str, folder: Path, seconds: float = 1.0) -> Examination:
@@ -67,14 +52,3 @@ def test_contacts_that_masks_forbid_come_before_all_others(tmp_path: Path) -> No
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 500)
     assert data.qpos[2] == pytest.approx(0.05, abs=1e-3)
-
-
-@pytest.mark.night
-def test_jaws_without_a_force_range_are_told_that_before_their_creep(tmp_path: Path) -> None:
-    """The range leaves the creep of regularized friction, which another fix answers."""
-    report = examine(JAWS, tmp_path, 2.0)
-    assert report.causes[0].stage == "file"
-    assert "has no force range" in report.headline
-    assert report.fixes[0].verification is not None
-    assert report.fixes[0].verification.passed
-    assert "forcerange" in report.fixes[0].lines[0]
