@@ -322,7 +322,7 @@ def simulate_growth(loop: ControlLoop, seconds: float) -> float:
         rows.nudge_velocity(row, loop.nudge * random.standard_normal(loop.model.nv))
     differences, speeds = np.zeros(periods), np.zeros((periods, loop.model.nv))
     # No small motion of a loop is faster than half its rate: beyond, its offset has grown.
-    beyond = 100 * loop.nudge * math.pi * loop.rate
+    beyond = max(1e-4, 3 * loop.nudge) * math.pi * loop.rate
     for period in range(periods):
         if not rows.make_periods():
             return math.inf
