@@ -120,7 +120,7 @@ function runPanel(columns, row, open) {
   const run = idOf(columns, row);
   const details = metadata.details[row];
   const code = columns.label[row];
-  const labels = labelsOf(columns, row);
+  const labels = labelsOf(columns, row).filter((each) => each !== "stable"); // the head says so
   const trace = details?.trace;
   const [first, all] = metricLists(columns, row);
   // In a wide window all metrics have room next to the plots.
