@@ -51,7 +51,7 @@ def _list_reasons(
             where = Origin(phase.bodies[row.body], row.place, row.time)
             alternative = alternatives.get(row.name, row.name)
             size = format_above(row.error, tolerance)
-            sentence = f"{alternative} changes {where.body}'s motion by {size}"
+            sentence = f"{alternative} changes the forces on {where.body} by {size}"
             yield build_reason("depends", phase.name, row.name, row.error, where, sentence)
 
 

@@ -205,9 +205,11 @@ def _head_sections(report: Examination, model: str) -> Iterator[Section]:
             blocks.append(Sentence("A URDF has no place for it: --write FILE writes a new MJCF."))
         if first.verification is not None:
             blocks.append(Sentence(f"verified: {first.verification.sentence}"))
-    # The line of the fix names the first one if no fix remains.
-    rejected = report.rejected_fixes if report.fixes else report.rejected_fixes[1:]
-    blocks += [Sentence(f"no fix: {fix.name}: {fix.reason}") for fix in rejected]
+    # The line of the fix names it if no fix remains.
+    if report.fixes and report.rejected_fixes:
+        rejected, more = report.rejected_fixes[0], len(report.rejected_fixes) - 1
+        others = f" ({more} more were rejected)" if more else ""
+        blocks.append(Sentence(f"no fix: {rejected.name}: {rejected.reason}{others}"))
     yield Section(tuple(blocks), "causes", follows=True)
 
 

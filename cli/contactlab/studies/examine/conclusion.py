@@ -130,6 +130,8 @@ def _error_of(phase: BudgetPhase) -> float:
 
 def _yield_causes(report: Examination, verdict: VerdictWord) -> Iterator[str]:
     # The main cause comes first.
+    if verdict in PASSING_VERDICTS and _touches_nothing(report):
+        yield "no contact was made in the task, so nothing about contact is judged"
     for cause in report.causes:
         yield cause.sentence
         if cause.remainder:
@@ -148,6 +150,15 @@ def _yield_causes(report: Examination, verdict: VerdictWord) -> Iterator[str]:
     numerics = [*_numerics(report, verdict)]
     yield from (*failures, *numerics) if verdict == "fails" else (*numerics, *failures)
     yield from (fact.sentence for fact in report.facts if fact.kind == "grip")
+
+
+def _touches_nothing(report: Examination) -> bool:
+    if report.budget is None or not judges_task(report):
+        return False
+    rows = [row for phase in report.budget.phases for row in phase.rows]
+    contacts = [row.exercised for row in rows if row.name == "contact softness"]
+    measured = "contact softness" not in report.not_tried
+    return bool(contacts) and measured and not any(contacts)
 
 
 def _numerics(report: Examination, verdict: VerdictWord) -> Iterator[str]:
@@ -214,10 +225,18 @@ def _place_line(report: Examination, reason: BudgetReason, phase: BudgetPhase) -
         case _ if reason.verdict == "depends":
             return (
                 f"the numerics are fine (numerical error {_percent(_largest_error(report))}), but "
-                f"this modeling choice decides the motion, most{at}"
+                f"this modeling choice decides the motion, most{_place_of_choice(reason, at)}"
             )
         case _:
             return f"{_main_cause(phase)}{at}"
+
+
+def _place_of_choice(reason: BudgetReason, at: str) -> str:
+    """Return a place and its time, without a place of another kind than the choice."""
+    kinds = {"limit softness": "joint", "equality softness": "equality"}
+    if reason.place and not reason.place.startswith(kinds.get(reason.row, "")):
+        return at.replace(f" at {reason.place}", f" in {reason.body}", 1)
+    return at
 
 
 def _main_cause(phase: BudgetPhase) -> str:
@@ -233,7 +252,7 @@ def _main_cause(phase: BudgetPhase) -> str:
 
 
 def _choices_line(report: Examination, reasons: Sequence[BudgetReason]) -> str:
-    """Say on which modeling choices the motion depends too, and that the numerics are fine."""
+    """Say on which modeling choices the motion depends too, and how accurate the numerics are."""
     assert report.budget is not None
     first = judged_reasons(report)[0].row if report.verdict == "depends" else ""
     choices: dict[str, str] = {}
@@ -245,7 +264,8 @@ def _choices_line(report: Examination, reasons: Sequence[BudgetReason]) -> str:
     also = f"also depends on {' and '.join(choices.values())}" if choices else ""
     if report.verdict == "depends":
         return also
-    fine = f"the numerics are fine: numerical error {format_percent(_largest_error(report))}"
+    error = format_percent(_largest_error(report))
+    fine = f"numerical error {error}, at most {format_percent(report.budget.tolerance)} is allowed"
     return "; ".join(filter(None, (also, fine)))
 
 
@@ -274,10 +294,12 @@ def _fix(report: Examination, verdict: VerdictWord, tried: int, not_tried: int) 
         )
     if verdict == "ok":
         return "not needed"
-    unrepaired = [cause for cause in report.causes if not cause.repair and cause.stage == "file"]
-    if unrepaired and "; " in unrepaired[0].sentence:
-        # The sentence of a fault ends with its remedy.
-        return f"by hand: {unrepaired[0].sentence.rpartition('; ')[2]}"
+    for cause in report.causes:
+        # The sentence of such a fault ends with its remedy.
+        _, has_remedy, remedy = cause.sentence.rpartition("; ")
+        by_hand = cause.stage == "file" or "contactlab grip" in remedy
+        if has_remedy and by_hand and not cause.repair:
+            return remedy if "contactlab grip" in remedy else f"by hand: {remedy}"
     start = report.task.start if report.task.start == QPOS0 else f"keyframe {report.task.start}"
     first = [f"move the bodies apart in {start}"] if _overlaps(report) else []
     first += [
@@ -298,7 +320,9 @@ def _no_fix(report: Examination, tried: int, not_tried: int) -> str:
         return f"not searched; contactlab {report.model} searches for one"
     if report.rejected_fixes:
         first = report.rejected_fixes[0]
-        return f"none: {first.name} is no fix: {first.reason}"
+        more = len(report.rejected_fixes) - 1
+        others = f"; {more} more were rejected" if more else ""
+        return f"none: {first.name} was rejected: {first.reason}{others}"
     if not tried:
         return "no time to try one; --max-cpu 5min allows more" if not_tried else "none is known"
     none = f"none of {tried} tried removes it" if tried > 1 else "the one tried does not remove it"

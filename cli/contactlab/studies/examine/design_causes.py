@@ -1,7 +1,4 @@
-"""Causes that no numerics remove: a servo that sags, and an object that its keyframe does not hold.
-
-Both are read from a motion with constant controls, next to the posture or the grip of its keyframe.
-"""
+"""Causes that no numerics remove: a servo that sags, and an object that a hand does not hold."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -69,14 +66,9 @@ def find_sagging_servo(motion: Motion, most: float = 0.05) -> Iterator[Cause]:
         yield Cause(stage="design", sentence=sentence)
 
 
-def find_lost_grip(motion: Motion, grip: GripReport | None, sentence: str) -> Iterator[Cause]:
-    """Yield the cause of an object that its keyframe holds, and that leaves the hand in the task.
-
-    It leaves if it moves in the hand by more than a resting body may.
-    """
-    if grip is None or not grip.keyframe or grip.verdict not in ("drops", "creeps"):
-        return
-    if _has_constant_inputs(motion) and leaves_hand(motion, grip):
+def find_lost_grip(grip: GripReport, sentence: str) -> Iterator[Cause]:
+    """Yield the cause of a grip that does not hold, as `contactlab grip` judges it."""
+    if not grip.holds:
         yield Cause(stage=_stage_of(grip), sentence=sentence)
 
 

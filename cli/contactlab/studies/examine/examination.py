@@ -418,7 +418,8 @@ def _repair_design(
     elif repaired.causes:
         designs = ()
     for cause in designs:
-        if grip is not None and cause.sentence == describe_grip(grip).sentence:
+        of_grip = grip is not None and cause.sentence == describe_grip(grip).sentence
+        if of_grip and grip.keyframe:
             repaired = repairer.repair_grip(repaired, cause)
         else:
             repaired = replace(repaired, causes=(*repaired.causes, cause))
@@ -435,7 +436,7 @@ def _list_design_causes(examined: CheckedModel, grip: GripReport | None) -> Iter
         return
     motion = examined.motions[0]
     if grip is not None:
-        yield from find_lost_grip(motion, grip, describe_grip(grip).sentence)
+        yield from find_lost_grip(grip, describe_grip(grip).sentence)
     yield from find_sagging_servo(motion)
 
 

@@ -47,7 +47,10 @@ def _squeeze_facts(report: GripReport) -> Iterator[tuple[str, str]]:
     )
     yield "actuators", ", ".join(controls)
     share = format_amount(report.depth_share, "%")
-    yield "depth", f"{format_amount(report.depth, 'mm')}, {share} of half of its width"
+    depth = f"{format_amount(report.depth, 'mm')}, {share} of half of its width"
+    if report.depth < 0:
+        depth = f"none: {format_amount(-report.depth, 'mm')} apart, their margins press before"
+    yield "depth", depth
 
 
 def _pressing_bodies(report: GripReport) -> tuple[str, str]:
@@ -83,6 +86,8 @@ def _trial_facts(report: GripReport) -> Iterator[tuple[str, str]]:
         way = "far" if trial.distance is None else format_amount(trial.distance, "mm")
         yield name, "lost" if trial.lost else f"moves {way}"
     pull = report.pull
+    if not any(each.force > 0 for each in report.fingers):
+        return  # nothing is held that could be pulled
     force = format_amount(pull.force, "N", digits=3)
     yield "pulled", f"holds {force}, {pull.weights:.3g} weights ({pull.direction})"
 

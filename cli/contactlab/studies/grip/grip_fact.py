@@ -80,12 +80,14 @@ def describe_grip(report: GripReport) -> Fact:
         (drift.lost_after for drift in report.drifts if drift.lost_after is not None), default=0.0
     )
     where = f"keyframe {report.keyframe}" if report.keyframe else "its hand"
+    option = f" --keyframe {report.keyframe}" if report.keyframe else ""
+    more = " (contactlab grip)" if report.holds else f"; contactlab grip{option} tests fixes"
     return Fact(
         kind="grip",
         place=report.base,
         value=first if lost else worst,
         unit="s" if lost else "m/s",
-        sentence=f"{where} ({report.base}) {report.sentence} (contactlab grip)",
+        sentence=f"{where} ({report.base}) {report.sentence}{more}",
     )
 
 

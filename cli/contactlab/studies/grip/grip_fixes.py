@@ -1,7 +1,7 @@
 """Tests fixes of a grip: changes of the solver, of the pads and of the squeeze."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -49,6 +49,8 @@ class Grip:
         load: the load on it.
         names: names of the directions out of the hand and back.
         closing: how the hand closes; None for a keyframe.
+        close_again: places the object in the hand of another model, as a command on that model
+            does; None for a keyframe.
     """
 
     fixture: GripFixture
@@ -56,6 +58,7 @@ class Grip:
     load: Load
     names: tuple[str, str]
     closing: Closing | None
+    close_again: Callable[[GripFixture], tuple[Closing, Squeeze]] | None = None
 
     def directions(self) -> dict[str, Floats]:
         """Return the directions of loads."""
@@ -77,11 +80,15 @@ class Grip:
     def with_model(self, model: mujoco.MjModel) -> "Grip":
         """Return the grip of a changed model: closed again, or continued from the keyframe."""
         fixture = replace(self.fixture, model=model)
-        if self.closing is not None and self.held.approach is not None:
-            held = close_at(fixture, self.closing, self.held.approach, self.held.control)
-        else:
+        if self.closing is None or self.close_again is None:
             held = self._held_on(fixture, self.held.control)
-        return replace(self, fixture=fixture, held=self._frame_squeeze(held))
+            return replace(self, fixture=fixture, held=self._frame_squeeze(held))
+        closing, held = self.close_again(fixture)
+        if held.approach is not None and not np.array_equal(held.control, self.held.control):
+            held = replace(
+                close_at(fixture, closing, held.approach, self.held.control), turn=held.turn
+            )
+        return replace(self, fixture=fixture, closing=closing, held=held)
 
     def with_control(self, control: Floats) -> "Grip":
         """Return the grip with another final control."""

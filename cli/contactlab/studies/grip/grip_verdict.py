@@ -53,6 +53,7 @@ class GripEvidence:
         pull, weight: smallest holding force, and weight of the object [N].
         deep: depth over half of the object's width.
         tried: speeds with fixes, by the cause that they test.
+        tolerance: largest speed of an object that does not creep [m/s].
     """
 
     word: GripVerdict
@@ -63,6 +64,7 @@ class GripEvidence:
     weight: float
     deep: float
     tried: Mapping[str, float]
+    tolerance: float
 
     def is_halved_by(self, name: str) -> bool:
         """Return whether a fix halves the speed at least, or holds an object that was lost."""
@@ -95,8 +97,12 @@ def _first_cause(known: GripEvidence) -> tuple[CauseKind, str] | None:
         return "shape", "it slips out while the fingers close, before it is loaded"
     if known.word == "drops" and known.pull < known.weight:
         return _weak_squeeze_cause(known)
-    if known.idle > _HALVED_SHARE * known.speed:
-        return "shape", "it moves as fast without a load: the fingers push it"
+    if known.idle > min(_HALVED_SHARE * known.speed, known.tolerance):
+        # Friction carries no load then, so its regularization is no cause.
+        return "shape", (
+            f"without a load it moves at {1e3 * known.idle:.2g} mm/s already: the fingers push it, "
+            "by their shape or their soft contacts"
+        )
     if known.is_halved_by("regularized"):
         return "regularized friction", _regularized_cause(known)
     for against, kind, text in _BY_EXPERIMENT:

@@ -157,8 +157,12 @@ def _judge_in_steps(request: GripRequest, begin_step: Callable[[str], None]) -> 
         weight=object_weight(grip.fixture, grip.load),
         deep=deep,
         tried=speeds,
+        tolerance=request.tolerance,
     )
-    fixes = _fix_rows(request, known.speed, tried)
+    fixes = _fix_rows(request, drifts, tried)
+    placements = (
+        tuple(_placement_rows(setup, drifts, request.tolerance)) if request.placements else ()
+    )
     why = tuple(GripCause(kind=kind, sentence=text) for kind, text in find_causes(known))
     if request.film is not None:
         request.film(grip)
@@ -168,7 +172,8 @@ def _judge_in_steps(request: GripRequest, begin_step: Callable[[str], None]) -> 
         mujoco=VERSION,
         keyframe=request.keyframe,
         verdict=word,
-        sentence=_grip_sentence(setup, drifts, word, why, fixes),
+        sentence=_grip_sentence(setup, drifts, word, why, fixes)
+        + mention_worse_places(word, placements),
         tolerance=request.tolerance,
         object=_object_words(setup),
         base=model.body(grip.fixture.base).name,
@@ -182,9 +187,7 @@ def _judge_in_steps(request: GripRequest, begin_step: Callable[[str], None]) -> 
         shake=trials[0],
         turn=trials[1],
         pull=GripPull(direction=pull[0], force=pull[1], weights=pull[1] / known.weight),
-        placements=(
-            tuple(_placement_rows(setup, drifts, request.tolerance)) if request.placements else ()
-        ),
+        placements=placements,
         causes=why,
         fixes=fixes,
         notes=tuple(_list_notes(setup, tried)),
@@ -220,6 +223,7 @@ def _mount_and_close(request: GripRequest) -> _Setup:
     mounted_hand = mount_hand(spec, model, hand, given.name if given.shape == "body" else "")
     fixture = add_object(mounted_hand, given)
     closing = find_closing(fixture)
+    centre = None
     if request.held is None:
         given, fixture, held = _squeeze_default_object(mounted_hand, fixture, closing)
     else:
@@ -248,7 +252,13 @@ def _mount_and_close(request: GripRequest) -> _Setup:
             )
         held = found
     load = Load.of_all(fixture, gravity_magnitude(model))
-    return _Setup(Grip(fixture, held, load, _HAND_DIRECTIONS, closing), mounted_hand, given, notes)
+
+    def close_again(changed: GripFixture) -> tuple[Closing, Squeeze]:
+        own = find_closing(changed)
+        return own, squeeze_object(changed, own, centre)
+
+    grip = Grip(fixture, held, load, _HAND_DIRECTIONS, closing, close_again)
+    return _Setup(grip, mounted_hand, given, notes)
 
 
 def _squeeze_default_object(
@@ -353,10 +363,11 @@ def _placement_row(name: str, grip: Grip, drifts: Sequence[Drift], within: float
 
 
 def _fix_rows(
-    request: GripRequest, speed: float, tried: Sequence[TestedFix]
+    request: GripRequest, drifts: Sequence[Drift], tried: Sequence[TestedFix]
 ) -> tuple[GripFix, ...]:
     """Return the tested fixes: those that hold first, then by time, then by simplicity."""
     worse_speeds = 1.1  # ratio of speeds that count as worse
+    speed, own = worst_speed(drifts), [drift.speeds for drift in drifts]
 
     def use(place: int) -> tuple[bool, float, float]:
         each = tried[place]
@@ -370,7 +381,11 @@ def _fix_rows(
         each = tried[place]
         word = each.verdict(request.tolerance)
         lines, reason = (), ""
-        if each.squeezes_less:
+        if each.options and [drift.speeds for drift in each.drifts] == own:
+            is_solref = all(name.startswith("geom_solref") for name in each.options)
+            reason = "its motion is that of the model as written, to the bit"
+            reason += "; refsafe keeps time constants at twice the timestep" if is_solref else ""
+        elif each.squeezes_less:
             reason = "limit the force of the actuators first, for example by forcerange"
         elif word == "holds" and each.options and len(made) < MOST_FIXES:
             lines, reason = _patch_lines(request, scenes, each)
@@ -439,6 +454,13 @@ def _grip_sentence(
         return f"{text}. No tested fix holds it" if fixes else text
     cost = f", x{best.time_ratio.ratio:.2g} time" if best.time_ratio else ""
     return f"{text}. Fix: {best.name} ({_speed_text(best.speed or 0.0)}{cost})"
+
+
+def mention_worse_places(word: str, placements: Sequence[GripPlacement]) -> str:
+    """Return the variants of an object that are held worse than as it is, after semicolons."""
+    order = ("holds", "penetrates", "creeps", "drops")
+    worse = [each for each in placements if order.index(each.verdict) > order.index(word)]
+    return "".join(f"; {each.name}: {each.verdict}" for each in worse)
 
 
 def _speed_text(speed: float) -> str:

@@ -360,9 +360,9 @@ def pull_object(
 ) -> tuple[str, float]:
     """Pull a weightless held object with growing force until it slips.
 
-    Returns the direction of the smallest holding force, and the contact force as it first slipped
-    [N]. Pulls are short: regularized friction creeps under any load, and fast sliding presses the
-    pads apart.
+    Returns the direction of the smallest holding force, and the largest contact force until it
+    slips [N]. Pulls are short: regularized friction creeps under any load, and fast sliding presses
+    the pads apart.
     """
     limit = _friction_capacity(fixture, held)
     shares = np.arange(_LOADING.pull_step, _LOADING.most_pull, _LOADING.pull_step)
@@ -380,7 +380,9 @@ def pull_object(
         assert rolled.borne is not None
         borne = (-rolled.borne[:, steps // 2 :, dof : dof + 3] @ way).mean(axis=1)
         slips = borne < (1 - _LOADING.slip_share) * limit * shares
-        found[name] = max(0.0, float(borne[int(slips.argmax()) if slips.any() else -1]))
+        # An object that is flung out has no contact left in the pull that it slips in.
+        until = int(slips.argmax()) + 1 if slips.any() else len(borne)
+        found[name] = max(0.0, float(borne[:until].max()))
     least = min(found, key=lambda name: found[name])
     return least, found[least]
 
