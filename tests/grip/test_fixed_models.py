@@ -1,11 +1,13 @@
 """A tested fix says of a grip what the fixed model says when it is judged alone."""
 
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import pytest
 from tests.grip.grippers import claw
 
+import contactlab
 from contactlab.schema.grip import GripPlacement
 from contactlab.studies.examine.design_causes import find_lost_grip
 from contactlab.studies.grip.grip_verdict import GripEvidence, find_causes
@@ -54,3 +56,18 @@ def test_the_headline_names_variants_that_are_held_worse() -> None:
     assert mention_worse_places("holds", rows) == "; smaller: creeps; larger: drops"
     assert mention_worse_places("creeps", rows) == "; larger: drops"
     assert mention_worse_places("drops", rows) == ""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("cone", ["pyramidal", "elliptic"])
+def test_an_examination_has_the_verdict_of_the_grip(cone: str, tmp_path: Path) -> None:
+    path = tmp_path / "claw.xml"
+    path.write_text(claw(cone=cone, impratio="10"), encoding="utf-8")
+    grip = judge_grip(GripRequest(str(path), fixes=False, placements=False))
+    options: dict[str, Any] = {"duration": "0.5s", "workers": 0, "seeds": 1}
+    report = contactlab.examine(path, output=tmp_path / "a.json", **options)
+    assert grip.holds == (cone == "elliptic")
+    assert bool(report.problem) >= (not grip.holds)
+    assert any("its hand (claw)" in sentence for sentence in report.why)
+    if not grip.holds:
+        assert report.headline == f"fails: its hand (claw) {grip.verdict}"
