@@ -135,11 +135,11 @@ def compare(
         from contactlab.studies.diff.compare_models import summarize_changes
 
         changes, quantities = summarize_changes(*map(str, stores))
-        update: dict[str, object] = {"model_changes": tuple(changes)}
+        added: dict[str, object] = {"model_changes": tuple(changes)}
         if report.pairs.bitwise_equal == report.pairs.paired > 0 and changes:
             axes = Store.unchecked(stores[1]).columns.axis_names
-            update["headline"] = f"{report.headline}; {explain_no_effect(axes, quantities)}"
-        report = report.model_copy(update=update)
+            added["headline"] = f"{report.headline}; {explain_no_effect(axes, quantities)}"
+        report = report.model_copy(update=added)
     publish(report, targets)
     return report
 

@@ -136,9 +136,9 @@ def spread_finding(
         code = CHANGED if rule.better == "none" else BETTER
     ends = [_share_text(end) for end in median_interval(shares.tolist())]
     middle = (int(both.sum()) - 1) // 2
-    values = (float(np.sort(column.values[both])[middle]) for column in (before, after))
+    old, new_value = (float(np.sort(each.values[both])[middle]) for each in (before, after))
     interval = "" if ends[0] == ends[1] else f" ({ends[0]} to {ends[1]})"
-    medians = _medians_text(*values, subject.unit)
+    medians = _medians_text(old, new_value, subject.unit)
     message = f"median change {_share_text(np.sort(shares)[middle])}{interval}, {medians}"
     message += (
         f", within {format_percent(rule.rel)}" if code == SAME and low > -1 and high < 1 else ""
