@@ -16,6 +16,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, cast
 
 import mujoco
 import numpy as np
@@ -64,7 +65,7 @@ def find_gains(model: mujoco.MjModel, skip: int) -> np.ndarray:
 
 def write_network(path: Path, gains: np.ndarray, limit: float) -> None:
     """Write a network of 64 units, fitted to saturated gains; it returns a share of the limit."""
-    import onnx
+    import onnx  # pyright: ignore[reportMissingImports]
 
     random, kind = np.random.default_rng(0), onnx.TensorProto.FLOAT
     scale = np.array([1.0, 0.2, 1.0, 1.0])
@@ -109,7 +110,7 @@ def measure_margins(folder: Path) -> None:
             write_network(folder / "policy.onnx", gains, limit)
             example = Path(__file__).parents[1] / "examples" / "onnx_policy.py"
             shutil.copy(example, folder)
-            policy = load_code("policy", folder / example.name, "OnnxPolicy")
+            policy = cast("Any", load_code("policy", folder / example.name, "OnnxPolicy"))
         else:
             np.save(folder / "gains.npy", gains)
 
@@ -120,7 +121,7 @@ def measure_margins(folder: Path) -> None:
                 def __call__(self, *seen: np.ndarray) -> np.ndarray:
                     return -np.concatenate(seen[1:3], axis=1) @ gains[:, None]  # noqa: B023
 
-            policy = Linear
+            policy = cast("Any", Linear)
         start = np.empty(mujoco.mj_stateSize(model, INTEGRATION))
         mujoco.mj_getState(model, mujoco.MjData(model), start, INTEGRATION)
         rate = 1 / (pendulum.skip * model.opt.timestep)
@@ -135,7 +136,7 @@ def count_successes(name: str, act: Act, every: int, delay: int) -> int:
 
     The environment does not end these by itself, and tilts are below 0.03 rad in their last 2 s.
     """
-    import gymnasium
+    import gymnasium  # pyright: ignore[reportMissingImports]
 
     env = gymnasium.make(name, frame_skip=1, reset_noise_scale=0.01, max_episode_steps=-1)
     good, data = 0, env.unwrapped.data  # pyright: ignore[reportAttributeAccessIssue]
@@ -157,7 +158,7 @@ def count_successes(name: str, act: Act, every: int, delay: int) -> int:
 
 def count_episodes(folder: Path) -> None:
     """Print the successes on both sides of each border."""
-    import onnxruntime
+    import onnxruntime  # pyright: ignore[reportMissingImports]
 
     session = onnxruntime.InferenceSession(folder / "policy.onnx")
     gains = np.load(folder / "gains.npy")

@@ -160,7 +160,9 @@ OF_OPTIONS = [
     Bad("baseline update a b", "'baseline'", "compare BASELINE CANDIDATE --update"),
     Bad("tune sound.xml --apply far-pairs=near", "far-pairs, length near", "such as 5cm or 0.05"),
     Bad("tune sound.xml --max-time soon", "--max-time soon", "such as 90s, 5min or 1h"),
-    Bad("tune sound.xml --error 1kg", "--error 1kg", "write a share, such as 2%"),
+    Bad(
+        "tune sound.xml --error 1kg", "--error 1kg", "write a share of the real forces, such as 2%"
+    ),
     Bad("tune sound.xml --error-at start", "--error-at start", "end, peak"),
     Bad("tune sound.xml --error-at end", "--error-at needs", "--observe BODY"),
     Bad("tune sound.xml --figure a.bmp", "a.bmp", ".png or .svg"),

@@ -32,7 +32,7 @@ SMOKES: dict[str, tuple[str, int, str]] = {
         0,
         "ok: numerical error",
     ),
-    "tradeoff": ("{store}", 0, "4 configurations"),
+    "tradeoff": ("{store}", 1, "2 configurations"),
     "show": ("{store}", 0, "4 runs"),
     "verify STORE RUN": ("{store} {run}", 0, "equal"),
     "render": ("{store} {run} -o {folder}/run.pdf", 2, ".mcap"),
@@ -79,7 +79,7 @@ def places(store: Path, tmp_path: Path) -> dict[str, str]:
 def _undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draw no films and charts: their libraries take seconds to start, in tests of their own."""
     page_view: Any = importlib.import_module("contactlab.page.page_view")
-    monkeypatch.setattr(page_view, "header_films", lambda *_: page_view.Films([]))
+    monkeypatch.setattr(page_view, "header_films", lambda *_, **_drawn: page_view.Films([]))
     monkeypatch.setattr(page_view, "focal_picture", lambda *_: None)
     monkeypatch.setattr(page_view, "vega_bundle", lambda *_: "")
     monkeypatch.setattr(page_view, "static_svg", lambda *_: "<svg/>")

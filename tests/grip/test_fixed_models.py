@@ -8,7 +8,7 @@ import pytest
 from tests.grip.grippers import claw
 
 import contactlab
-from contactlab.schema.grip import GripPlacement
+from contactlab.schema.grip import GripPlacement, GripVerdict
 from contactlab.studies.examine.design_causes import find_lost_grip
 from contactlab.studies.grip.grip_verdict import GripEvidence, find_causes
 from contactlab.studies.grip.gripping import GripRequest, judge_grip, mention_worse_places
@@ -49,9 +49,14 @@ def test_creep_without_a_load_is_no_creep_of_friction(idle: float, kind: str) ->
 
 
 def test_the_headline_names_variants_that_are_held_worse() -> None:
+    verdicts: dict[str, GripVerdict] = {
+        "as it is": "holds",
+        "smaller": "creeps",
+        "larger": "drops",
+    }
     rows = [
         GripPlacement(name=name, force=1.0, speed=1e-5, verdict=verdict)
-        for name, verdict in (("as it is", "holds"), ("smaller", "creeps"), ("larger", "drops"))
+        for name, verdict in verdicts.items()
     ]
     assert mention_worse_places("holds", rows) == "; smaller: creeps; larger: drops"
     assert mention_worse_places("creeps", rows) == "; larger: drops"

@@ -194,7 +194,9 @@ def test_a_sweep_without_failures_says_how_deep_and_how_fast(swept: Swept) -> No
     assert deepest.text == format_amount(float(np.nanmax(depth.values)), "mm")
     record = data.store.record(deepest.run)
     assert record.metrics["penetration_max"] == pytest.approx(np.nanmax(depth.values))
-    assert f"timestep {1e3 * record.settings['timestep']:g} ms" in deepest.meaning
+    timestep = record.settings["timestep"]
+    assert isinstance(timestep, float)
+    assert f"timestep {1e3 * timestep:g} ms" in deepest.meaning
     [cost] = data.quantities_named("cost_cpu_per_sim_s")
     slowest = float(speeds.text.split()[0].replace(",", ""))
     assert slowest == pytest.approx(1 / np.nanmax(cost.values), rel=0.01)

@@ -75,7 +75,7 @@ def test_a_finer_step_takes_more_of_the_time_that_is_left(
     def half_more(motions: Sequence[Motion]) -> float:
         return 1.5 * evaluations(motions[0].model, Settings()) * 2 * steps_of(motions)
 
-    monkeypatch.setattr("contactlab.studies.examine.fixes.pace", lambda _: 1.0)
+    monkeypatch.setattr("contactlab.studies.examine.fixes.count_pace", lambda _: 1.0)
     changes = changes_of(tmp_path, ["timestep", "geom_solref"], left=half_more)
     assert changes.not_tried == [
         "half the step",

@@ -418,8 +418,7 @@ def _repair_design(
     elif repaired.causes:
         designs = ()
     for cause in designs:
-        of_grip = grip is not None and cause.sentence == describe_grip(grip).sentence
-        if of_grip and grip.keyframe:
+        if grip is not None and grip.keyframe and cause.sentence == describe_grip(grip).sentence:
             repaired = repairer.repair_grip(repaired, cause)
         else:
             repaired = replace(repaired, causes=(*repaired.causes, cause))
