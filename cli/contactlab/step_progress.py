@@ -42,7 +42,7 @@ class _Counts:
         self.is_interrupted = False
         self._listener = listener
 
-    def report(self) -> None:
+    def call_listener(self) -> None:
         """Call the listener."""
         self._listener(self.nested)
 
@@ -68,7 +68,7 @@ def step_count(name: str, total: float, *, named: bool = False) -> Generator[Ste
         yield own
         return
     counts.nested.append(own)
-    counts.report()
+    counts.call_listener()
     try:
         yield own
     finally:
@@ -82,7 +82,7 @@ def finish_step(count: StepCount, steps: float = 1.0) -> None:
     """Count finished steps, and report them."""
     count.done += steps
     if counts := _current.get():
-        counts.report()
+        counts.call_listener()
         if counts.is_interrupted:
             raise KeyboardInterrupt
 
@@ -115,7 +115,7 @@ def step_names(total: float) -> Generator[Callable[[str], None]]:
 
 
 def finished_share(nested: Sequence[StepCount]) -> float:
-    """Return the finished share of nested work, in which each step is a part of its count."""
+    """Return the finished share of nested work: each step is a part of its count."""
     share = 0.0
     for count in reversed(nested):
         share = min(1.0, (count.done + share) / count.total)

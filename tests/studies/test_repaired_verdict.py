@@ -40,9 +40,9 @@ def test_a_fault_that_is_left_fails_whatever_the_runs_say() -> None:
 def test_a_repair_of_another_rule_or_of_the_start_repairs_no_fault_of_the_file() -> None:
     start = Repair("start", "its start overlaps", "a raised start", "raise", NO_EDITS)
     other = Repair("file", "two geoms", "no contacts", "single", NO_EDITS, rule="coincident-geoms")
-    assert not start.repairs(FAULT)
-    assert not other.repairs(FAULT)
-    assert other._replace(rule=FAULT.rule).repairs(FAULT)
+    assert not start.repairs_fault(FAULT)
+    assert not other.repairs_fault(FAULT)
+    assert other._replace(rule=FAULT.rule).repairs_fault(FAULT)
 
 
 @pytest.mark.long

@@ -25,8 +25,9 @@ _SAMPLES, _STEPS = 6, 3  # states of a motion, and steps from each; the first is
 _STATE_SECONDS = 3e-6
 """s of Python for each step, since some states are evaluated: measured for five robots."""
 _CPU_SLACK = 3.0
-"""CPU time over counted time at which a search ends in any case: a busy machine doubles CPU time,
-and counted time is right to a factor of 1.5."""
+"""A search ends in any case above this ratio of CPU time over counted time.
+
+A busy machine doubles CPU time, and counted time is right to a factor of 1.5."""
 
 
 @dataclass(frozen=True)

@@ -125,19 +125,19 @@ class StepWork:
             near = np.where(rows, height <= reach[other], near)
         self._near = np.bincount(self._kinds[near], minlength=4).astype(float)
 
-    def count(self, data: mujoco.MjData) -> None:
+    def count_step(self, data: mujoco.MjData) -> None:
         """Add the work of the step that ended in a state."""
         model, row = self._model, np.zeros(len(UNITS))
         awake = float(data.nv_awake) if read_flag(model, "sleep") else float(model.nv)
         share = awake / max(model.nv, 1)
 
-        def put(**parts: float) -> None:
+        def add_parts(**parts: float) -> None:
             for name, amount in parts.items():
                 row[_PLACE[name.replace("_", " ")]] += amount
 
         multi = 5.0 if "multiccd" in FLAG_NAMES and read_flag(model, "multiccd") else 1.0
         touching = min(1.0, float(data.ncon) / max(self._near.sum(), 1.0))
-        put(
+        add_parts(
             stage=1,
             dof=awake,
             body=share * model.nbody,
@@ -160,13 +160,13 @@ class StepWork:
             inverse=(1 + awake + data.nefc) if self._enabled & _INVERSE else 0.0,
         )
         if data.nefc:
-            put(**self._solver_parts(data, awake))
+            add_parts(**self._solver_parts(data, awake))
             if self._is_sparse:
-                put(sparse=1, sparse_row=data.nefc)
+                add_parts(sparse=1, sparse_row=data.nefc)
             if self._islands:
-                put(island=max(1, data.nisland), island_row=data.nefc + awake)
+                add_parts(island=max(1, data.nisland), island_row=data.nefc + awake)
         row *= self._stages
-        put(step=1, step_dof=awake, **self._integrator_parts(share, awake))
+        add_parts(step=1, step_dof=awake, **self._integrator_parts(share, awake))
         self.total += row
         self.steps += 1
 
@@ -194,7 +194,7 @@ class StepWork:
             if step == 1:
                 self.look_at_pairs(data)
             if step:
-                self.count(data)
+                self.count_step(data)
 
     def _solver_parts(self, data: mujoco.MjData, awake: float) -> dict[str, float]:
         found = dict.fromkeys((unit for unit in UNITS), 0.0)

@@ -42,7 +42,7 @@ def _findings(report: "Examination | Examinations", given: Given) -> "Report":
 def _find_failure(
     report: "Examination | Examinations", given: Given
 ) -> "OutputError | ExpectationError | None":
-    """Return the error of a requested fix that was not written, or otherwise of the verdict."""
+    # Return the error of a requested fix that was not written, or otherwise of the verdict.
     del given
     if reason := getattr(report, "not_written", ""):
         return OutputError(reason)

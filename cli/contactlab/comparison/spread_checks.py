@@ -161,7 +161,7 @@ def _medians_text(before: float, after: float, unit: str) -> str:
 def _find_changes(rule: EffectiveRule, before: Floats, after: Floats) -> tuple[Floats, Floats]:
     """Return (n,) the changes for the worse, in tolerances and as shares of the baseline's value.
 
-    Of a baseline of 0 they are shares of the candidate's. A value that is not finite is worse than
+    For a baseline of 0 they are shares of the candidate's. A value that is not finite is worse than
     any other.
     """
     sign = -1.0 if rule.better == "higher" else 1.0

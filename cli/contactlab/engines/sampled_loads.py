@@ -197,18 +197,17 @@ class LoadSampler:
 def _steady_creep(
     velocities: Floats, steps: NDArray[np.intp], last: int, most_change: float = 0.2
 ) -> Floats:
-    """Return (2, D) the fastest steady creep of each degree of freedom, and a step with it.
-
-    Args:
-        velocities: (L, D) at samples; 0 where friction loss does not hold, because it may slip.
-        steps: (L,) the steps of the samples, ascending.
-        last: the last step of the run.
-        most_change: largest relative change of the speed of a steady creep within a quarter. A body
-            that falls or swings changes its speed; regularization under a load lets it move on.
-
-    The first quarter does not count, because brakes take up load in it. The step is the sample of
-    the quarter with the smallest speed that is at least the median.
-    """
+    # Return (2, D) the fastest steady creep of each degree of freedom, and a step with it.
+    #
+    # Args:
+    #     velocities: (L, D) at samples; 0 where friction loss does not hold, because it may slip.
+    #     steps: (L,) the steps of the samples, ascending.
+    #     last: the last step of the run.
+    #     most_change: largest relative change of the speed of a steady creep within a quarter. A
+    #         body that falls or swings changes its speed; regularization lets it move on.
+    #
+    # The first quarter does not count, because brakes take up load in it. The step is the sample of
+    # the quarter with the smallest speed that is at least the median.
     quarter, found = np.minimum(4 * steps // max(last, 1), 3), np.zeros((2, velocities.shape[1]))
     for part in {*quarter.tolist()} - {0}:
         here = np.flatnonzero(quarter == part)

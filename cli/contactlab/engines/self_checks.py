@@ -206,7 +206,6 @@ def _distance_errors(
 
 
 def _spheres_meet(model: mujoco.MjModel, data: mujoco.MjData, first: int, second: int) -> bool:
-    """Return whether the bounding spheres of two geoms meet; planes have none, and always do."""
     one, other = model.geom_rbound[first], model.geom_rbound[second]
     apart = data.geom_xpos[first] - data.geom_xpos[second]
     return not (one and other) or float(apart @ apart) <= (one + other) ** 2

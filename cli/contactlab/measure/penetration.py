@@ -299,7 +299,7 @@ def deep_penetration(runs: MeasuredRuns) -> OnsetIterator:
 
 
 class _DeepSpan(NamedTuple):
-    """A time in which a pair without a barrier overlaps by more than half the thinner geom."""
+    """A time while a pair without a barrier overlaps by more than half the thinner geom."""
 
     row: int
     run: int

@@ -222,7 +222,6 @@ def _touching_pairs(model: mujoco.MjModel, keyframes: set[str]) -> list[tuple[in
 def _sort_by_reach(
     model: mujoco.MjModel, keyframe: str, pairs: Collection[tuple[int, int]]
 ) -> list[tuple[int, int]]:
-    """Sort geom pairs: free against fixed ones, free against others, others; nearest first."""
     bodies = np.asarray(model.geom_bodyid)
     fixed = model.body_weldid[bodies] == 0
     roots = model.body_rootid[bodies]
@@ -231,7 +230,7 @@ def _sort_by_reach(
     mujoco.mj_kinematics(model, data)
     flat = np.isin(model.geom_type, _SURFACE_TYPES)
 
-    def rank(pair: tuple[int, int]) -> tuple[int, float, tuple[int, int]]:
+    def rank_pair(pair: tuple[int, int]) -> tuple[int, float, tuple[int, int]]:
         first, second = pair
         is_free = free[first] or free[second]
         group = 2 if not is_free else 0 if fixed[first] or fixed[second] else 1
@@ -239,7 +238,7 @@ def _sort_by_reach(
         gap = float(between - model.geom_rbound[[first, second]].sum())
         return group, -np.inf if flat[first] or flat[second] else gap, pair
 
-    return sorted(pairs, key=rank)
+    return sorted(pairs, key=rank_pair)
 
 
 _MIN_WEIGHT = 1e-15

@@ -95,7 +95,6 @@ class CountedCost:
 
 
 def _sample_states(run: Run, samples: int) -> list[tuple[int, int, Floats]]:
-    """Return seeds, steps and states of a run, evenly spread over its seeds and its length."""
     seeds, windows = np.nonzero(run.valid & np.isfinite(run.starts).all(axis=2))
     if not len(seeds):
         return [(0, 0, run.starts[0, 0])]

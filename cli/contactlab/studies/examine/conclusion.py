@@ -232,7 +232,7 @@ def _place_line(report: Examination, reason: BudgetReason, phase: BudgetPhase) -
 
 
 def _place_of_choice(reason: BudgetReason, at: str) -> str:
-    """Return a place and its time, without a place of another kind than the choice."""
+    # Return a place and its time, without a place of another kind than the choice.
     kinds = {"limit softness": "joint", "equality softness": "equality"}
     if reason.place and not reason.place.startswith(kinds.get(reason.row, "")):
         return at.replace(f" at {reason.place}", f" in {reason.body}", 1)

@@ -71,7 +71,7 @@ class Repair(NamedTuple):
     rule: str = ""
     drive: PolicyDrive | None = None
 
-    def repairs(self, fault: FileFault) -> bool:
+    def repairs_fault(self, fault: FileFault) -> bool:
         """Return whether it is a repair of a fault: of its rule, or of the start it gives."""
         return fault.rule == self.rule or (self.stage == fault.stage == "start")
 
@@ -326,7 +326,7 @@ class CauseRepairer:
         except (SceneError, OutputError):
             return listed
         # A written copy of a URDF has the faults that only its import shows, too.
-        left = [fault for fault in model.faults if not repair.repairs(fault)]
+        left = [fault for fault in model.faults if not repair.repairs_fault(fault)]
         task, known_rules = self.original.task, {fault.rule for fault in left}
         linted = lint_file(changed.scene.source, written.reference, task.start)
         left += [

@@ -98,7 +98,7 @@ def _first_cause(known: GripEvidence) -> tuple[CauseKind, str] | None:
     if known.word == "drops" and known.pull < known.weight:
         return _weak_squeeze_cause(known)
     if known.idle > min(_HALVED_SHARE * known.speed, known.tolerance):
-        # Friction carries no load then, so its regularization is no cause.
+        # Friction carries no load then, so the cause is not its regularization.
         return "shape", (
             f"without a load it moves at {1e3 * known.idle:.2g} mm/s already: the fingers push it, "
             "by their shape or their soft contacts"

@@ -457,7 +457,7 @@ def _grip_sentence(
 
 
 def mention_worse_places(word: str, placements: Sequence[GripPlacement]) -> str:
-    """Return the variants of an object that are held worse than as it is, after semicolons."""
+    """Return the variants of an object that are held worse, each after a semicolon."""
     order = ("holds", "penetrates", "creeps", "drops")
     worse = [each for each in placements if order.index(each.verdict) > order.index(word)]
     return "".join(f"; {each.name}: {each.verdict}" for each in worse)

@@ -31,7 +31,7 @@ class FrontRules:
             more.
         noise: the few seeds of a search may rank two candidates wrongly if their errors have a
             smaller ratio.
-        contenders: candidates that are measured on more seeds, from which the points are chosen.
+        contenders: candidates that are measured on more seeds, the points are chosen from these.
     """
 
     most: int = 8
@@ -59,7 +59,7 @@ def choose_contenders(
     """Return the candidates that may be points of the front, with the marked ones.
 
     Errors of few seeds are noisy, so that a candidate contends unless a cheaper one is distinctly
-    more accurate. Of those with equal errors, which move alike, the cheapest contends.
+    more accurate. The cheapest of those that move alike with equal errors contends.
     """
     rules = rules or FrontRules()
     fixed = {one.configuration.key: one for one in marked}
@@ -118,7 +118,7 @@ def _is_marked_twin(one: Evaluation, fixed: Mapping[Key, Evaluation], rules: Fro
 def _drop_equal(
     points: Sequence[Evaluation], fixed: Container[Key], rules: FrontRules
 ) -> list[Evaluation]:
-    # Of equal points a marked one stays, else the accurate or fast one.
+    # A marked one of equal points stays, otherwise the accurate or fast one.
     kept = list[Evaluation]()
     most_accurate: Evaluation | None = None  # of those that the last point stands for
     for one in points:
@@ -141,11 +141,10 @@ def _drop_equal(
 def _thin_out(
     points: Sequence[Evaluation], fixed: Container[Key], least: float, most: int
 ) -> list[Evaluation]:
-    """Return at most so many points, with the marked ones; the others bend least or lie closest.
-
-    A point that the straight line between its neighbors replaces, in logarithms, is missed least;
-    of savings below the least one, the point whose neighbors are closest.
-    """
+    # Return at most this many points, with the marked ones; the others bend least or lie closest.
+    #
+    # A point that the straight line between its neighbors replaces, in logarithms, is missed least;
+    # of savings below the least one, the point with the closest neighbors.
     left = list(points)
     spans = [_total_span(left, value) for value in (cost_of, error_of)]
 
@@ -172,8 +171,8 @@ def _thin_out(
 
 
 def _saving_beyond(one: Evaluation, before: Evaluation, after: Evaluation) -> float:
-    """Return the saving of a point over the straight line between two others, as a logarithm."""
-    error, first, last = (_log(error_of(each)) for each in (one, before, after))
+    # Return the saving of a point over the straight line between two others, as a logarithm.
+    error, first, last = (_log_of(error_of(each)) for each in (one, before, after))
     share = min(1.0, max(0.0, (error - first) / (last - first))) if last > first else 0.0
     line = (1 - share) * math.log(before.cost) + share * math.log(after.cost)
     return line - math.log(one.cost)
@@ -185,10 +184,10 @@ def _total_span(points: Sequence[Evaluation], value: Callable[[Evaluation], floa
 
 
 def _log_distance(one: float, other: float) -> float:
-    return abs(_log(one) - _log(other))
+    return abs(_log_of(one) - _log_of(other))
 
 
-def _log(value: float) -> float:
+def _log_of(value: float) -> float:
     tiny = 1e-300  # an error of 0 has no logarithm
     return math.log(max(value, tiny))
 

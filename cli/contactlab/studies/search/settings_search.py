@@ -262,16 +262,14 @@ class Search:
             self._try_finer_steps(self._without_error(name), bases[name])
 
     def _without_error(self, integrator: str) -> Configuration:
-        """Return the configuration with all settings that add hardly any error."""
         own = changed_settings({INTEGRATOR: integrator}, self.space.model)
         return self._lossless.with_settings(own)
 
     def _moves_like_cheaper(self, name: str, cheaper: Sequence[str]) -> bool:
-        """Return whether an integrator is no more accurate than a cheaper one.
-
-        Integrators differ in how they treat damping, velocities and bias forces. A model without
-        these moves alike at its own step and at the longest one within the tolerance.
-        """
+        # Return whether an integrator is no more accurate than a cheaper one.
+        #
+        # Integrators differ in how they treat damping, velocities and bias forces. A model without
+        # these moves alike at its own step and at the longest one within the tolerance.
         mine = self._without_error(name)
         for other in map(self._without_error, cheaper):
             within = [
@@ -291,16 +289,15 @@ class Search:
         return False
 
     def _cross_front(self) -> None:
-        """Evaluate the settings of each point of the front at the steps of the others.
-
-        A setting is first tried at one step; at others it may save as much, with less error.
-        """
+        # Evaluate the settings of each point of the front at the steps of the others.
+        #
+        # A setting is first tried at one step; at others it may save as much, with less error.
         crossed = set[Key]()
         while True:
             known = [one for one in self.evaluations.values() if error_of(one) <= self.front_limit]
             points = find_undominated(known)
             pairs = [
-                (point, self._cross(point.configuration, other.configuration))
+                (point, self._combine_settings(point.configuration, other.configuration))
                 for point, other in itertools.product(points, points)
             ]
             new = [(point, made) for point, made in pairs if made.key not in self.evaluations]
@@ -313,8 +310,7 @@ class Search:
                     self._evaluate(made)
 
     @staticmethod
-    def _cross(choice: Configuration, other: Configuration) -> Configuration:
-        """Return a configuration with the settings of another one, except its integrator."""
+    def _combine_settings(choice: Configuration, other: Configuration) -> Configuration:
         own = {name: value for name, value in choice.settings.items() if name == INTEGRATOR}
         more = {name: value for name, value in other.settings.items() if name != INTEGRATOR}
         return replace(choice, settings={**more, **own}, reductions=other.reductions)
@@ -358,10 +354,9 @@ class Search:
                 break
 
     def _added_error(self, choice: Configuration, exact: Configuration) -> float:
-        """Return the error that settings add, from errors at the own step, where both are cheap.
-
-        It adds to that of the step as if at a right angle, so that a small difference says much.
-        """
+        # Return the error that settings add, from errors at the own step, where both are cheap.
+        #
+        # It adds to that of the step as if at a right angle, so that a small difference says much.
         both = [self._error_of(one.with_step(self.space.substeps)) for one in (choice, exact)]
         return math.sqrt(abs(both[0] ** 2 - both[1] ** 2)) if math.isfinite(sum(both)) else math.inf
 

@@ -400,13 +400,12 @@ class TuningStudy:
     def _choose_points(
         self, marked: Sequence[Evaluation]
     ) -> tuple[list[Evaluation], list[ErrorEstimate]]:
-        """Return the points of the front, and their errors on fresh seeds.
-
-        Bodies meet stops and others at other times for each seed, so that the few seeds of the
-        search say little of accurate candidates. Contenders are compared on more seeds, and those
-        that remain on others, which choose the points. Without time or work for that, the errors of
-        the search count.
-        """
+        # Return the points of the front, and their errors on fresh seeds.
+        #
+        # Bodies meet stops and others at other times for each seed, so that the few seeds of the
+        # search say little of accurate candidates. Contenders are compared on more seeds, and those
+        # that remain on others: these choose the points. Without time or work for that, the errors
+        # of the search count.
         search, plan = self._search, _SEED_PLAN
         if self._request.error_at is not None:  # the largest of all seeds grows with their number
             plan = replace(plan, pilot=self._problem.seeds, most=self._problem.seeds)
@@ -432,7 +431,6 @@ class TuningStudy:
         return self._choose_measured(contenders, errors, marked)
 
     def _limit_front(self, measured: Sequence[Evaluation]) -> float:
-        """Return the largest error of points: the tolerance, or the error as written if larger."""
         own = (error_of(one) for one in measured if one.configuration == self._search.current)
         return max([self._search.front_limit, *filter(math.isfinite, own)])
 
@@ -446,7 +444,6 @@ class TuningStudy:
     def _choose_contenders(
         self, known: Sequence[Evaluation], marked: Sequence[Evaluation]
     ) -> list[Evaluation]:
-        """Return as many contenders as the work allows on enough seeds."""
         rules, limit = FrontRules(), self._search.front_limit
         while True:
             found = choose_contenders(known, marked, limit, rules)
@@ -461,7 +458,6 @@ class TuningStudy:
         errors: Sequence[ErrorEstimate],
         marked: Sequence[Evaluation],
     ) -> tuple[list[Evaluation], list[ErrorEstimate]]:
-        """Return the candidates that are points by other errors than those of the search."""
         own = {one.configuration.key: one for one in candidates}
         measured = self._with_errors(candidates, errors)
         keys = {one.configuration.key for one in marked}
@@ -499,7 +495,6 @@ class TuningStudy:
         ]
 
     def _time_share(self, tried: Evaluation) -> float:
-        """Return the time of a candidate over that as written, or its counted work."""
         if tried.configuration.key == self._search.current.key:
             return 1.0
         return tried.time_ratio.ratio if tried.time_ratio else tried.cost
