@@ -35,11 +35,14 @@ def test_readers(contactlab: Any, swept: str, at: str) -> None:
         ("render", at, swept, "-o", "run.mcap"): "run.mcap",
         ("compare", "baseline", at, "--update"): f"holds the 4 runs of {at}",
         ("compare", "baseline", at): "same: no check",
-        ("tradeoff", at, "--metric", "oracle_error", "--tolerance", "oracle_error=50%"): "oracle",
     }.items():
         code, out, err = contactlab(*arguments)
         assert (code, expected in out) == (0, True), (arguments, out, err)
         assert "contactlab-" not in out + err, "it names the folder that it was fetched to"
+    # No configuration of the store is free of failures at each drop height.
+    code, out, err = contactlab("tradeoff", at, "--metric", "oracle_error")
+    assert (code, "2 configurations" in out, "energy_loss rules out" in err) == (1, True, True)
+    assert "contactlab-" not in out + err
 
 
 @pytest.mark.long

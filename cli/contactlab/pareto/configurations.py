@@ -22,7 +22,6 @@ from contactlab.schema.vocabulary import Role
 from contactlab.shares import wilson
 from contactlab.store.finished_store import Store
 from contactlab.store.run_columns import CodedColumn, RunColumns
-from contactlab.store.store_files import stored_sweep
 
 STABLE = "stable"
 
@@ -57,7 +56,7 @@ class StoredRuns:
 def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
     """Read the runs of a store with some columns; a missing column is NaN."""
     columns, present = store.columns, store.columns.schema.names
-    roles = stored_sweep(store.manifest.sweep).reported_roles
+    roles = store.reported_roles
 
     def of(kind: Role) -> dict[str, CodedColumn]:
         swept = [name for name in columns.axis_names if roles.get(name, "knob") == kind]

@@ -18,7 +18,6 @@ from contactlab.schema.evidence import LabelFacts
 from contactlab.schema.vocabulary import Role
 from contactlab.store.finished_store import Store
 from contactlab.store.run_columns import RunColumns
-from contactlab.store.store_files import stored_sweep
 from contactlab.store.table_layout import Column
 
 Codes = NDArray[np.integer[Any]]
@@ -163,8 +162,8 @@ def number_with_unit(text: str, unit: str) -> str:
 
 def read_axes(store: Store) -> tuple[GridAxis, ...]:
     """Return the axes that differ between runs of a store, and the seed if there are several."""
-    columns, sweep = store.columns, stored_sweep(store.manifest.sweep)
-    roles: dict[str, Role] = {**sweep.reported_roles, SEED: "scenario"}
+    columns = store.columns
+    roles: dict[str, Role] = {**store.reported_roles, SEED: "scenario"}
     named = dict.fromkeys((*columns.axis_names, SEED))
     names = [name for name in named if name in columns.schema.names and columns.varies(name)]
     whole = store.manifest.sweep.whole

@@ -15,7 +15,6 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from contactlab.mjcf import CONDITIONS, attribute_of
 from contactlab.schema.drive import Drive
 from contactlab.schema.requirement import Requirements
 from contactlab.schema.strict_model import (
@@ -491,14 +490,6 @@ class Sweep(Model):
         if RECORDED_RUN in roles:
             roles[RECORDED_RUN] = "scenario"
         return roles
-
-    @property
-    def reported_roles(self) -> dict[str, Role]:
-        """The role of each axis in a report, which recommends no value of a physical condition."""
-        return {
-            name: "scenario" if attribute_of(name) in CONDITIONS else role
-            for name, role in self.roles.items()
-        }
 
     @property
     def scenario(self) -> list[str]:

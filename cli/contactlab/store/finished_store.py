@@ -15,8 +15,11 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.errors import StoreError, did_you_mean, optional
+from contactlab.mjcf import CONDITIONS, attribute_of
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import EvidenceRecord, StoreManifest, TraceFile
+from contactlab.schema.tradeoff_report import REALITY
+from contactlab.schema.vocabulary import Role
 from contactlab.store.arrow_values import numpy_array
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.backend import Backend
@@ -40,6 +43,7 @@ from contactlab.store.store_files import (
     parse_address,
     parse_manifest,
     stored_file,
+    stored_sweep,
 )
 from contactlab.store.table_layout import row_to_record
 
@@ -203,6 +207,20 @@ class Store:
     def units(self) -> dict[str, str]:
         """The unit of every numeric column; `1` for counts and ratios."""
         return {name: column.unit for name, column in self.columns.described.items() if column.unit}
+
+    @property
+    def reported_roles(self) -> dict[str, Role]:
+        """The role of each axis in reports, which recommend no value of a physical condition.
+
+        A comparison with recordings seeks such values, so that axes keep the roles of the sweep.
+        """
+        roles, columns = stored_sweep(self.manifest.sweep).roles, self.columns
+        if REALITY in columns.measured and columns.has_finite(REALITY):
+            return roles
+        return {
+            name: "scenario" if attribute_of(name) in CONDITIONS else role
+            for name, role in roles.items()
+        }
 
     @property
     def scene_folder(self) -> Path:
