@@ -49,7 +49,7 @@ _THEME: Spec = {
     "title": {"color": INK, "subtitleColor": _FAINT, "anchor": "start"},
     "view": {"stroke": _EDGE},
 }
-# Colours on paper, and the variables of the page's style sheet that stand for them.
+# Colors on paper, and the variables of the page's style sheet that stand for them.
 _PAGE_COLOURS = {
     _PAPER: "var(--page,#fff)",
     INK: "var(--ink,#222)",
@@ -77,7 +77,7 @@ def halo_layers(layer: alt.Chart, **style: Any) -> list[alt.Chart]:  # noqa: ANN
 
 
 def word_colours(field: str, words: Sequence[str], colours: Sequence[str]) -> alt.Color:
-    """Return the colour of each word that a field may hold."""
+    """Return the color of each word that a field may hold."""
     return alt.Color(f"{field}:N").scale(domain=list(words), range=list(colours))
 
 
@@ -89,12 +89,12 @@ def apply_theme(spec: Spec) -> Spec:
 
 
 def with_page_colours(spec: Spec) -> Spec:
-    """Return a specification with colours of the page's style sheet, light or dark."""
+    """Return a specification with colors of the page's style sheet, light or dark."""
     return _with_texts(spec, _page_colour, {"values", "datasets"})
 
 
 def with_dark_colours(spec: Spec) -> Spec:
-    """Return a specification in the colours of a dark page."""
+    """Return a specification in the colors of a dark page."""
     return _with_texts(spec, _dark_colour, {"values", "datasets"})
 
 
@@ -136,7 +136,7 @@ def _page_colour(text: str) -> str:
 
 
 def colours_on_dark(colours: Iterable[str]) -> str:
-    """Return the style sheet of colours that have no variable of their own, for a dark page."""
+    """Return the style sheet of colors that have no variable of their own, for a dark page."""
     own = [colour for colour in dict.fromkeys(colours) if _COLOUR.fullmatch(colour)]
     lines = " ".join(f"--on-{each[1:]}: {on_dark(each)};" for each in own)
     return f"@media screen and (prefers-color-scheme: dark) {{ :root {{ {lines} }} }}\n"

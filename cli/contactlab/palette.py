@@ -4,7 +4,7 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK
 
-# The eight colours of M. A. Petroff, "Accessible color sequences for data visualization", 2021.
+# The eight colors of M. A. Petroff, "Accessible color sequences for data visualization", 2021.
 COLOURS = ("#1845fb", "#ff5e02", "#c91f16", "#c849a9", "#adad7d", "#86c8dd", "#578dff", "#656364")
 SHAPES = (
     *("circle", "square", "triangle-up", "diamond"),
@@ -21,11 +21,11 @@ MODE_COLOURS = {
     STICK: (0.0, 0.62, 0.45, 1.0),
     SLIDE: (0.84, 0.37, 0.0, 1.0),
 }
-"""Red, green, blue and opacity of contact modes, after Okabe and Ito: grey, green, vermilion."""
+"""Red, green, blue and opacity of contact modes, after Okabe and Ito: gray, green, vermilion."""
 
 
 def mode_colour(mode: int) -> str:
-    """Return the colour of a contact mode as `#rrggbb`."""
+    """Return the color of a contact mode as `#rrggbb`."""
     red, green, blue, _ = (round(255 * part) for part in MODE_COLOURS[mode])
     return f"#{red:02x}{green:02x}{blue:02x}"
 
@@ -50,7 +50,7 @@ _OPPONENTS = np.array(
 def on_dark(colour: str) -> str:
     """Return how `#rrggbb` is drawn on a dark page: nearer to white by the same share for all.
 
-    In Oklab, so that hues stay, and distances between colours shrink by that share alone.
+    In Oklab, so that hues stay, and distances between colors shrink by that share alone.
     """
     levels = np.array([int(colour[place : place + 2], 16) for place in (1, 3, 5)]) / 255
     linear = np.where(levels <= 0.04045, levels / 12.92, ((levels + 0.055) / 1.055) ** 2.4)

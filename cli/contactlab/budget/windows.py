@@ -340,7 +340,7 @@ class Observer:
         """Look at states (..., kept).
 
         Returns:
-            (..., B, 6) velocity of the centre of mass, and spin times radius of gyration [m/s], in
+            (..., B, 6) velocity of the center of mass, and spin times radius of gyration [m/s], in
             the world's frame.
             (..., 2) potential and kinetic energy [J].
         """

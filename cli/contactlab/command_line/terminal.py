@@ -181,7 +181,7 @@ def _paint_label(column: str, text: str) -> str:
 
 
 def label_style(name: str) -> str:
-    """Return the colour of a label; none if it is unknown here."""
+    """Return the color of a label; none if it is unknown here."""
     from contactlab.measure import LABELS
 
     if name not in LABELS:

@@ -1,4 +1,4 @@
-"""Textures of a model as a page draws them: small pictures, and mean colours of others."""
+"""Textures of a model as a page draws them: small pictures, and mean colors of others."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

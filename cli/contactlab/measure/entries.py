@@ -187,7 +187,7 @@ class Label:
         rank: its order within the band: the higher, the worse; of equal ones the first declared.
         advice: the recommended change; it follows "change:".
         letter: one character for it on maps; if it is taken or empty, another letter is used.
-        colour: its colour in pictures, `#rrggbb`; grey without one.
+        colour: its color in pictures, `#rrggbb`; gray without one.
         thresholds: the limits that its rule reads.
         traits: further properties: `grip` if it says that a grip does not hold, `required` if it
             reports a violated requirement of a scene, `numerical` if its cause may be the step,
@@ -218,7 +218,7 @@ class Label:
         if len(self.letter) > 1:
             raise PluginError(f"label '{self.name}': letter '{self.letter}' is not one character")
         if self.colour and not _COLOUR_CODE.fullmatch(self.colour):
-            raise PluginError(f"label '{self.name}': colour '{self.colour}' is not like '#1f77b4'")
+            raise PluginError(f"label '{self.name}': color '{self.colour}' is not like '#1f77b4'")
 
     @property
     def facts(self) -> LabelFacts:

@@ -200,7 +200,7 @@ def number_map(
 
 
 def ratio_map(axes: MapAxes, ratios: Floats, title: str, room: Room) -> Layered:
-    """Return the map of a ratio (rows, columns), with 1 in the middle of the colour scale."""
+    """Return the map of a ratio (rows, columns), with 1 in the middle of the color scale."""
     sizes = np.abs(np.log(ratios[np.isfinite(ratios)]))
     reach = math.exp(sizes.max(initial=math.log(_LOOK.least_ratio)))
     colour = alt.Color("value:Q")
@@ -218,7 +218,7 @@ def _number_layers(
 def number_scale(values: Sequence[float], resolution: float) -> dict[str, Any]:
     """Return a logarithmic scale for positive numbers that span decades, otherwise a linear one.
 
-    A number beyond Tukey's fences, 1.5 interquartile ranges from the quartiles, has the colour of
+    A number beyond Tukey's fences, 1.5 interquartile ranges from the quartiles, has the color of
     the end, so that one outlier does not take all colours. So has a zero on a logarithmic scale.
     """
     sizes = sorted(value for value in values if value > resolution)

@@ -19,7 +19,7 @@ _MANTISSA = 23
 def pack_columns(columns: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     """Return columns of numbers in a form that JSON holds.
 
-    Bytes are ordered by significance, all first bytes of a column first: neighbours are alike,
+    Bytes are ordered by significance, all first bytes of a column first: neighbors are alike,
     which compresses well. The same columns give the same text.
     """
     names: list[list[object]] = []

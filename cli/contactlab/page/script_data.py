@@ -164,7 +164,7 @@ def _page_names(data: ReportData, axes: Sequence[GridAxis]) -> dict[str, Any]:
 
 
 def page_colours(labels: RunLabels) -> list[str]:
-    """Return the colours of labels as the page's style sheet has them, light or dark."""
+    """Return the colors of labels as the page's style sheet has them, light or dark."""
     return with_page_colours({"colours": list(labels.colours)})["colours"]
 
 

@@ -28,7 +28,7 @@ _MOST_METHODS = 4  # more colors and shapes are hard to distinguish
 _SIZE = (640, 440)  # of the chart [pixels]
 
 
-# A run labelled oracle_miss has a large error, which the chart shows.
+# A run labeled oracle_miss has a large error, which the chart shows.
 _MEASURED_LABELS = {"stable", "oracle_miss"}
 Row = dict[str, Any]
 
@@ -45,19 +45,19 @@ class ChartData:
     """The rows of the figure's layers."""
 
     frame: ChartFrame
-    methods: list[str]  # names of the methods with a colour, with their letters; the best first
+    methods: list[str]  # names of the methods with a color, with their letters; the best first
     points: list[
         Row
     ]  # one per configuration, of insensitive knobs with the recommendation's value alone
     front: list[Row]  # the feasible Pareto front, cheapest first
-    floors: list[Row]  # one per coloured method with a floor
+    floors: list[Row]  # one per colored method with a floor
 
 
 def chart_data(report: TradeoffReport, places: Collection[int] | None = None) -> ChartData:
     """Return the rows of every layer of a report's chart, or only of some places.
 
     At most four methods get a colour: the recommended first, then that of the model as written,
-    those on the front, then the most accurate. With more methods, each integrator has a colour, and
+    those on the front, then the most accurate. With more methods, each integrator has a color, and
     its line is its own front.
     """
     keys = {method_key(method.configuration) for method in report.methods}
@@ -224,7 +224,7 @@ def chart_specification(
     title = alt.TitleParams(
         f"{report.scene}: what accuracy costs in time",
         subtitle=[
-            f"{held} configurations are feasible; grey line: their Pareto front;",
+            f"{held} configurations are feasible; gray line: their Pareto front;",
             "filled: within every tolerance; hollow: beyond one; cross: failed, or off the chart;",
             "arrow: upper bound; dotted: modeling error; bar: down to the least of its runs",
         ],

@@ -190,7 +190,7 @@ def _axis_lines(axes: Sequence[_AxisText], names: Sequence[str], codes: Codes) -
 def _group_neighbors(
     told: Sequence[tuple[str, ...]], most: int
 ) -> Iterator[tuple[tuple[int, int], tuple[str, ...]]]:
-    """Yield the first and last place of neighbours with equal lines, at most `most` of them."""
+    """Yield the first and last place of neighbors with equal lines, at most `most` of them."""
     groups = [list(group) for _, group in groupby(range(len(told)), key=told.__getitem__)]
     shown = np.unique(np.linspace(0, len(groups) - 1, most).round().astype(int))
     for place in shown[: len(groups)].tolist():

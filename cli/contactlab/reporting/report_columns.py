@@ -123,7 +123,7 @@ class RunLabels:
 
     @property
     def colours(self) -> tuple[str, ...]:
-        """The colour of each."""
+        """The color of each."""
         return tuple(facts.colour or OTHERS_COLOUR for facts in self.facts)
 
     @cached_property

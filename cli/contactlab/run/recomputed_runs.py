@@ -186,7 +186,7 @@ def plan_again(identity: SweepIdentity, scene: Scene) -> Plan:
 
 @dataclass
 class Resimulation:
-    """Runs of a store that were simulated, measured and labelled again."""
+    """Runs of a store that were simulated, measured and labeled again."""
 
     asked: int  # runs that were requested, at most all
     simulated: int = 0

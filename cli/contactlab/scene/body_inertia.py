@@ -1,12 +1,12 @@
 """Rules that the mass and inertia of every physical body obey, and where a model violates them.
 
-For a body of mass m and principal moments A <= B <= C about its centre of mass:
+For a body of mass m and principal moments A <= B <= C about its center of mass:
 
 * A > 0 and A + B >= C, since moments are integrals of squared distances;
 * m over the volume of its geoms is the density of some material;
 * (A + B + C) / 2 minus one moment is m times the mean square distance from the plane normal to
   that moment's axis, which in a shape of length L is at most (L / 2)^2 (Popoviciu's inequality);
-* (A + B + C) / 2 is m times the mean square distance from the centre, smallest for a ball.
+* (A + B + C) / 2 is m times the mean square distance from the center, smallest for a ball.
 """
 
 import math
@@ -98,13 +98,13 @@ def _find_outside(name: str, spans: Floats, places: Floats) -> Iterator[InertiaF
     most_outside = 0.05  # a center of mass may lie outside of a shape by this share of its length
     beyond, allowed = float(distances[worst]), float(most_outside * np.ptp(spans[worst]))
     if beyond > allowed:
-        reason = f"its centre of mass lies {beyond:.3g} m outside its geoms"
+        reason = f"its center of mass lies {beyond:.3g} m outside its geoms"
         yield InertiaFault(name, "outside", beyond, allowed, "m", reason)
 
 
 def _too_large(name: str, spread: float, length: float) -> InertiaFault:
     reason = (
-        f"its inertia puts its mass {spread:.3g} m (rms) from its centre along an axis on which "
+        f"its inertia puts its mass {spread:.3g} m (rms) from its center along an axis on which "
         f"its geoms are {length:.3g} m long, where at most {length / 2:.3g} m would fit"
     )
     return InertiaFault(name, "too_large", spread, _SLACK * length / 2, "m", reason)
@@ -117,7 +117,7 @@ def _too_small(name: str, mass: float, spread: float, length: float) -> Iterator
     # A body without moments is a point mass that is fixed to others.
     limit = max(ball, least_spread * length)
     if 0 < spread < limit:
-        reason = f"its inertia puts its mass within {spread:.3g} m (rms) of its centre; " + (
+        reason = f"its inertia puts its mass within {spread:.3g} m (rms) of its center; " + (
             f"a ball of {mass:g} kg of the densest metal has {ball:.3g} m"
             if limit == ball
             else f"its geoms are {length:.3g} m long"

@@ -51,7 +51,7 @@ class Reference(Model):
     settings: dict[str, Setting]
     seed: int
     duration: float = about("s")
-    success: bool = about("Whether the run is labelled stable.")
+    success: bool = about("Whether the run is labeled stable.")
     label: str
     metrics: dict[str, float] = about("Values to reproduce, by metric.")
     units: dict[str, str]

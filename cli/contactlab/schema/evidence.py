@@ -132,7 +132,7 @@ class LabelFacts(Model):
     meaning: str = ""
     advice: str = about("what to change", default="")
     letter: str = about("one character for it on maps", default="", max_length=1)
-    colour: str = about("its colour in pictures", default="", pattern="^(#[0-9a-f]{6})?$")
+    colour: str = about("its color in pictures", default="", pattern="^(#[0-9a-f]{6})?$")
 
 
 class PairRecord(Model):

@@ -75,7 +75,7 @@ class HoldEntry(Model):
 
 
 class PairEntry(Model):
-    """Contact pairs to monitor (two geoms, two bodies, or neighbours in a chain of geoms)."""
+    """Contact pairs to monitor (two geoms, two bodies, or neighbors in a chain of geoms)."""
 
     geoms: tuple[str, str] | None = None
     bodies: tuple[str, str] | None = None

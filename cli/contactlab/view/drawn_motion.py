@@ -100,7 +100,7 @@ class BodyMotion:
 
     @property
     def centre(self) -> Floats:
-        """(3,) centre of the sphere in the camera's view, world frame [m]."""
+        """(3,) center of the sphere in the camera's view, world frame [m]."""
         return self.stage.centre
 
     @property
@@ -291,7 +291,7 @@ def scene_sphere(
 
 
 def _shape_radius(shape: BodyShape) -> float:
-    """Return the radius of a sphere around a shape's centre that contains it [m]."""
+    """Return the radius of a sphere around a shape's center that contains it [m]."""
     if shape.form == "mesh":
         return float(np.linalg.norm(shape.vertices, axis=1).max(initial=0))
     return float(shape.size.max() if shape.form == "ellipsoid" else np.linalg.norm(shape.size)) / 2

@@ -21,7 +21,7 @@ class BodyShape:
     body: int  # index of its body
     form: Form  # its kind; a cylinder's axis is its z axis
     size: Floats  # (3,) full extents along its own axes [m]; ones for a mesh
-    position: Floats  # (3,) of its centre in the body's frame [m]
+    position: Floats  # (3,) of its center in the body's frame [m]
     rotation: Floats  # (4,) unit quaternion w, x, y, z to the body's frame
     colour: Floats  # (4,) red, green, blue and opacity, 0 to 1
     vertices: Floats  # (V, 3) of a mesh in its own frame [m]; empty for other forms
@@ -64,7 +64,7 @@ def body_poses(model: mujoco.MjModel, qpos: Floats) -> tuple[Floats, Floats]:
 def drawn_geoms(model: mujoco.MjModel) -> NDArray[np.bool_]:
     """Return whether each geom is drawn: groups 0 to 2, and other groups where none of these is.
 
-    A geom of another group, such as a collision geom, is drawn if its centre lies in no box around
+    A geom of another group, such as a collision geom, is drawn if its center lies in no box around
     a geom of groups 0 to 2 of the same rigid body. MuJoCo's viewers hide it, even if the robot has
     no other geoms.
     """
@@ -122,7 +122,7 @@ def _geom_shape(
     offset: Floats | None = None,
     suffix: str = "",
 ) -> BodyShape:
-    """Return a shape in the geom's frame, or shifted from its centre by a vector in that frame."""
+    """Return a shape in the geom's frame, or shifted from its center by a vector in that frame."""
     rotation, moved = model.geom_quat[geom].copy(), np.zeros(3)
     if offset is not None:
         mujoco.mju_rotVecQuat(moved, offset, rotation)
@@ -164,7 +164,7 @@ def _height_field_surface(model: mujoco.MjModel, field: int) -> tuple[Floats, In
 
 
 def _geom_colour(model: mujoco.MjModel, geom: int) -> Floats:
-    """Return a geom's colour, or its material's if its own is not set."""
+    """Return a geom's color, or its material's if its own is not set."""
     own, material = model.geom_rgba[geom], int(model.geom_matid[geom])
     unset_colour = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
     if material >= 0 and np.array_equal(own, unset_colour):

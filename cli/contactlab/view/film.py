@@ -257,7 +257,7 @@ def _stage_camera(model: mujoco.MjModel, stage: Stage, aspect: float) -> mujoco.
 
 
 def _camera_distance(model: mujoco.MjModel, stage: Stage, aspect: float) -> float:
-    """Return the distance of a camera that sees all of a stage from its centre [m]."""
+    """Return the distance of a camera that sees all of a stage from its center [m]."""
     half = math.radians(float(model.vis.global_.fovy)) / 2
     narrow = min(half, math.atan(math.tan(half) * aspect))
     distance_margin = 1.05
@@ -267,7 +267,7 @@ def _camera_distance(model: mujoco.MjModel, stage: Stage, aspect: float) -> floa
 def force_bar(
     model: mujoco.MjModel, stage: Stage, size: tuple[int, int], scale: float
 ) -> tuple[float, int]:
-    """Return a round force [N], and the length of its arrow at a stage's centre [pixels].
+    """Return a round force [N], and the length of its arrow at a stage's center [pixels].
 
     The arrow has a scale [m/N] and is perpendicular to the view.
     """

@@ -35,7 +35,7 @@ def _read_field(field: str) -> Read:
 
 
 def _read_inertia(model: mujoco.MjModel, body: int) -> Floats:
-    """Return (3, 3) the inertia about the centre of mass, in the frame of the body."""
+    """Return (3, 3) the inertia about the center of mass, in the frame of the body."""
     turn = rotation_matrices(np.asarray(model.body_iquat)[[body]])[0]
     return turn @ np.diag(model.body_inertia[body]) @ turn.T
 

@@ -27,7 +27,7 @@ def period(angles: Floats, step: float) -> float:
 
 
 def rod(length: float, radius: float) -> tuple[float, float]:
-    """Return inertia about its end and centre of a capsule of 1 kg, of a length between centres."""
+    """Return inertia about its end and center of a capsule of 1 kg, of a length between centers."""
     tube, ends = math.pi * radius**2 * length, 4 / 3 * math.pi * radius**3
     tube, ends = tube / (tube + ends), ends / (tube + ends)
     across = tube * (length**2 / 12 + radius**2 / 4)

@@ -49,7 +49,7 @@ def density(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("inertia-shape", "note")
 def inertia_shape(linted: LintedModel) -> Iterator[Fault]:
-    """A body's inertia or centre of mass does not fit the shape of its geoms.
+    """A body's inertia or center of mass does not fit the shape of its geoms.
 
     Common where geoms are simplified. Fix: compare the inertia with the drawing.
     """

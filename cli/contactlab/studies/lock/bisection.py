@@ -100,7 +100,7 @@ class SweepOutcomes:
         return bool(self._has_changed(self.compared(self.good, version)))
 
     def shown(self, found: ChangingRelease) -> ComparisonReport:
-        """Return the comparison of two neighbours, with the outcomes that changed."""
+        """Return the comparison of two neighbors, with the outcomes that changed."""
         report = self.compared(found.before, found.after)
         if not self._has_changed(
             report

@@ -64,5 +64,5 @@ In plain MuJoCo:
 {plain.strip()}
 ```
 
-As a labelled run: `contactlab sweep sweep.yaml`.
+As a labeled run: `contactlab sweep sweep.yaml`.
 """
