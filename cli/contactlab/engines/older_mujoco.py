@@ -69,19 +69,23 @@ class StepLoop:
         # The last location of each warning, and its count.
         self.warning = np.zeros((nsim, _WARNING_KINDS, 2), np.int32)
 
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The first run's model, and so the layout of all."""
+        return self._models[0]
+
     def set_models(self, models: Sequence[mujoco.MjModel]) -> None:
         """Give each run its own model."""
         self._models = list(models)
 
     def reset(self, stage: int) -> None:  # noqa: ARG002 - nothing is computed before a step
         """Put every run at the initial state of the first one's model."""
-        first = self._models[0]
-        mujoco.mj_getState(first, mujoco.MjData(first), self.state[0], _INTEGRATION)
+        mujoco.mj_getState(self.model, mujoco.MjData(self.model), self.state[0], _INTEGRATION)
         self.state[1:] = self.state[0]
 
     def bind(self, name: str) -> Floats:
         """Return a view of a part of the state: time, qpos, qvel, act, ctrl or xfrc_applied."""
-        model = self._models[0]
+        model = self.model
         wanted = int(getattr(mujoco.mjtState, f"mjSTATE_{name.upper()}"))
         begin = mujoco.mj_stateSize(model, wanted - 1 & _INTEGRATION)
         part = self.state[:, begin : begin + mujoco.mj_stateSize(model, wanted)]
@@ -141,7 +145,7 @@ class StepLoop:
         return arrays
 
     def _empty_array(self, item: int | str, runs: int, steps: int) -> np.ndarray:
-        model = self._models[0]
+        model = self.model
         if isinstance(item, int):
             return np.empty((runs, steps, mujoco.mj_stateSize(model, item)))
         own = np.asarray(getattr(mujoco.MjData(model), item))
