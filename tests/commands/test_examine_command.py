@@ -3,12 +3,13 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import mujoco
 import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
+from tests.noisy_clock import disturb_clock
 
 import contactlab as package
 from contactlab.budget import Motion, error_budget, judge
@@ -123,22 +124,55 @@ INPUTS = sum(
 
 
 @pytest.mark.long
-def test_the_verdict_hangs_on_no_clock(arm: str) -> None:
-    """Without time, what judges is measured as with it, and what was left out is named."""
+def test_a_limit_leaves_out_rows_that_judge_nothing(arm: str) -> None:
+    """The others are measured as without it. The counted time of all rows is .07 s."""
     parts = ["budget", "fixes"]
     whole = package.examine(arm, section=parts, duration=0.2, workers=1)
-    short = package.examine(arm, section=parts, duration=0.2, workers=1, max_cpu="1ms")
+    short = package.examine(arm, section=parts, duration=0.2, workers=1, max_cpu="100ms")
     assert whole.budget
     assert short.budget
     assert not whole.not_tried
     assert short.budget.reasons == whole.budget.reasons
     for phase, all_of in zip(short.budget.phases, whole.budget.phases, strict=True):
         kept = tuple(row for row in all_of.rows if row.kind in {"numerics", "model"})
+        assert 0 < len(kept) < len(all_of.rows)
         assert shares((phase.numerical_error, *phase.rows)) == shares(
             (all_of.numerical_error, *kept)
         )
         assert {row.name for row in all_of.rows} - {row.name for row in kept} <= {*short.not_tried}
     assert "not tried within the CPU limit: " in render_text(describe_examination(short))
+
+
+@pytest.mark.long
+def test_the_verdict_hangs_on_no_clock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A limit ends a search before the same fix, whatever clocks show, unless it is far more."""
+    path, found = tmp_path / "servo.xml", list[dict[str, Any]]()
+    path.write_text(SERVO)
+    monkeypatch.chdir(tmp_path)
+    # The examination takes a second of CPU: three times the limit is not shown by either clock.
+    for seed, most in enumerate((0.02, 0.4)):
+        with monkeypatch.context() as patch:
+            disturb_clock(patch, "process_time", seed, 0.01, most)
+            disturb_clock(patch, "thread_time", seed, 1.0, 1.0 + 5 * seed)
+            report = package.examine(
+                path, section=["budget", "fixes"], duration=0.3, workers=1, max_cpu="300ms"
+            )
+        assert report.budget
+        assert report.budget.fixes
+        assert report.not_tried
+        found.append(without_times(report.model_dump(exclude={"fix"})))
+    assert found[0] == found[1]
+
+
+def without_times(report: Any) -> Any:
+    """Return the parts of a report that are no measured times."""
+    if isinstance(report, dict):
+        named = cast("dict[str, Any]", report)
+        return {name: without_times(named[name]) for name in named if name != "time_ratio"}
+    if isinstance(report, list | tuple):
+        return [without_times(part) for part in cast("list[Any]", report)]
+    # NaN, which equals nothing, is a number that a report lacks.
+    return None if report != report else report  # noqa: PLR0124
 
 
 @pytest.mark.long

@@ -1,13 +1,11 @@
 """From a model to the settings to use: models with planted waste and planted needs."""
 
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import mujoco
-import numpy as np
 import pytest
+from tests.noisy_clock import disturb_clock
 from tests.studies.verification.planted import BARE_JAWS
 
 from contactlab.errors import ExpectationError, SweepFileError
@@ -176,8 +174,7 @@ def test_a_slow_and_noisy_machine_gets_the_same_files(
         folder.mkdir()
         if seed:
             for name in ("monotonic", "thread_time", "process_time"):
-                rates = np.random.default_rng(seed)
-                monkeypatch.setattr(time, name, NoisyClock(getattr(time, name), rates).read)
+                disturb_clock(monkeypatch, name, seed, 1.0, 20.0)
         path = folder / "robot.xml"
         path.write_text(TUMBLING)
         request = TuneRequest(str(path), task=SHORT, max_time=3600.0)
@@ -200,20 +197,6 @@ MEASURED: Any = {
     "front": {"__all__": {"real_time": True, "candidate": {"time_ratio"}}},
 }
 """Fields of a report that are measured times."""
-
-
-class NoisyClock:
-    """A clock whose rate changes at random, up to twenty times as fast."""
-
-    def __init__(self, read: Callable[[], float], rates: np.random.Generator) -> None:
-        self._read, self._rates = read, rates
-        self._last, self._now = read(), 0.0
-
-    def read(self) -> float:
-        now = self._read()
-        self._now += (now - self._last) * self._rates.uniform(1, 20)
-        self._last = now
-        return self._now
 
 
 @pytest.mark.night
