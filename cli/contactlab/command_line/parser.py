@@ -59,14 +59,15 @@ def call(command: Command, values: Given) -> None:
     given = {name: values[name] for name in own.parameters if _is_given(values[name])}
     bound = own.bind_partial(**given)
     bound.apply_defaults()
+    notice.interruption = command.describe_interruption(bound.arguments) if command.keeps else ""
     try:
         with within(Terminal()):
             result = command.function(**given)
             if chosen is not None:
                 command.formats[chosen](result, bound.arguments)
     except (KeyboardInterrupt, StoppedError) as error:
-        if command.keeps:
-            say(command.describe_interruption(bound.arguments))
+        if notice.interruption:
+            say(notice.interruption)
         raise typer.Exit(StoppedError.exit_code) from error
     if failure := command.failure(result, bound.arguments):
         raise failure

@@ -50,6 +50,7 @@ class StatusLine:
     seconds_between_lines = 0.1
 
     def __init__(self) -> None:
+        self.interruption = ""  # the last line of the command, if Ctrl-C ends the process at once
         self.nested: Sequence[StepCount] = ()
         self._is_shown = self._is_held = False
         self._names = list[str]()
@@ -376,10 +377,16 @@ class Terminal(Surroundings):
 def interrupt(_number: int, frame: FrameType | None) -> None:
     """Raise KeyboardInterrupt; but end the process at once, by 130, while a module is loaded.
 
-    An exception there may get lost, or libraries in C report it as an ImportError.
+    An exception there may get lost, or libraries in C report it as an ImportError. A command that
+    has begun names the results that stay in either case.
     """
     while frame is not None:
         if frame.f_code.co_filename.startswith("<frozen importlib"):
+            if notice.interruption:
+                # A live display hides the cursor.
+                start = "\r\x1b[K\x1b[?25h" if _is_screen() else ""
+                with suppress(OSError):
+                    os.write(2, f"{start}{notice.interruption}\n".encode())
             os._exit(StoppedError.exit_code)
         frame = frame.f_back
     interrupt_steps()
