@@ -25,6 +25,11 @@ BRAKE = """<mujoco><option timestep=".002"/>
 HUNG = """<mujoco><option timestep=".002"/><worldbody><body name="hung" pos="0 0 1"><freejoint/>
 <geom type="box" size=".05 .05 .05" mass="1"/></body></worldbody>
 <equality><weld body1="hung" solref="{constant} 1"/></equality></mujoco>"""
+TENDON_BRAKE = """<mujoco><option timestep=".002"/>
+<worldbody><body><joint name="hinge" axis="0 1 0"/>
+<geom type="capsule" fromto="0 0 0 .4 0 0" size=".02" mass="1"/></body></worldbody>
+<tendon><fixed frictionloss="6" solreffriction=".1 1" solimpfriction=".5 .5 .001">
+<joint joint="hinge" coef="1"/></fixed></tendon></mujoco>"""
 STOP = """<mujoco><option timestep=".002"/><worldbody><body pos="0 0 1"><joint type="slide"
  axis="0 0 1" limited="true" range="-.01 1" solreflimit="{constant} 1"/>
 <geom size=".1" mass="1"/></body></worldbody></mujoco>"""
@@ -55,12 +60,13 @@ MODELS = {
     "soft brake": BRAKE.format(loss=6, constant=0.1, impedance=0.9),
     "softer brake": BRAKE.format(loss=6, constant=0.1, impedance=0.5),
     "stiff brake": BRAKE.format(loss=6, constant=0.02, impedance=0.99),
+    "softer tendon brake": TENDON_BRAKE,
     "weld": HUNG.format(constant=0.02),
     "softer weld": HUNG.format(constant=0.06),
     "stop": STOP.format(constant=0.02),
     "soft stop": STOP.format(constant=0.08),
 }
-CREEPING = ("loaded crate on a slope", "soft brake", "softer brake")
+CREEPING = ("loaded crate on a slope", "soft brake", "softer brake", "softer tendon brake")
 
 
 def labels_after(path: Path, seconds: float) -> list[str]:

@@ -153,7 +153,7 @@ class LoadSampler:
         Violations (neq, 2) are the largest beyond that at the start, and the median of the last
         quarter beyond the remainder of the initial one after relaxation, (1 + t / T) exp(-t / T) of
         it. The speeds (2, nv + ntendon) are those of degrees of freedom that friction loss could
-        hold, and the steps with them; see `_steady_creep`.
+        hold, and the steps with them; see `_creeping_rows` and `_steady_creep`.
         """
         data, steps = self._data, np.append(0, sampled_steps(len(states) - 1))
         acting = start.input_rows(0, model.opt.timestep, steps)
@@ -169,10 +169,9 @@ class LoadSampler:
             if sample:
                 np.maximum.at(loads, which, np.abs(data.efc_force[rows]))
             np.add.at(gaps[sample], which, self._row_violations(model, rows, which) ** 2)
+            creeps = self._creeping_rows(model)
             for kind, first in zip(_BRAKE_TYPES, (0, model.nv), strict=True):
-                held = data.efc_type == int(kind)
-                # A brake should hold below this share of its friction loss.
-                held &= np.abs(data.efc_force) < 0.9 * data.efc_frictionloss
+                held = creeps & (data.efc_type == int(kind))
                 creep[sample, first + data.efc_id[held]] = data.efc_vel[held]
         gaps = np.sqrt(gaps)
         late = steps >= min(0.75 * (len(states) - 1), steps[-1])
@@ -181,6 +180,32 @@ class LoadSampler:
         rest = np.median(gaps[late], axis=0) - gaps[0] * (1 + passed) * np.exp(-passed)
         gaps = np.stack([gaps.max(axis=0) - gaps[0], np.maximum(rest, 0)], axis=1)
         return loads, gaps, _steady_creep(creep, steps, len(states) - 1)
+
+    def _creeping_rows(
+        self, model: mujoco.MjModel, most_force: float = 0.9, most_change: float = 0.2
+    ) -> NDArray[np.bool_]:
+        # Return which rows of friction loss move on under a load that they could hold.
+        #
+        # Args:
+        #     most_force: a brake should hold below this share of its friction loss.
+        #     most_change: how far the speed may be below the one that balances the load, as a
+        #         share of the present speed. A falling body is farther below it.
+        #
+        # Regularized friction with impedance d accelerates by (1 - d) a - d b v under a load that
+        # alone accelerates by a, so its speed is off by the acceleration over d b. This holds at
+        # each instant: it is the same in a run of any duration.
+        data = self._data
+        accelerations = np.zeros(data.nefc)
+        mujoco.mj_mulJacVec(model, data, accelerations, data.qacc)
+        impedance = data.efc_KBIP[:, 2]
+        balancing = impedance * np.abs(data.efc_aref)
+        most = most_force * data.efc_frictionloss
+        forces = np.asarray(data.efc_force)
+        # A swinging body turns back under more load than friction loss could hold.
+        inverse_inertia = data.efc_R * impedance / (1 - impedance)
+        holding = forces - accelerations / inverse_inertia
+        held = (np.abs(forces) < most) & (np.abs(holding) < most)
+        return held & (accelerations * np.sign(data.efc_vel) <= most_change * balancing)
 
     def _row_violations(self, model: mujoco.MjModel, rows: np.ndarray, which: np.ndarray) -> Floats:
         """Return each row's part of an equality's violation; welds move the smaller's far end."""
@@ -194,17 +219,13 @@ class LoadSampler:
         return gaps
 
 
-def _steady_creep(
-    velocities: Floats, steps: NDArray[np.intp], last: int, most_change: float = 0.2
-) -> Floats:
+def _steady_creep(velocities: Floats, steps: NDArray[np.intp], last: int) -> Floats:
     # Return (2, D) the fastest steady creep of each degree of freedom, and a step with it.
     #
     # Args:
-    #     velocities: (L, D) at samples; 0 where friction loss does not hold, because it may slip.
+    #     velocities: (L, D) at samples; 0 where it does not creep, see `_creeping_rows`.
     #     steps: (L,) the steps of the samples, ascending.
     #     last: the last step of the run.
-    #     most_change: largest relative change of the speed of a steady creep within a quarter. A
-    #         body that falls or swings changes its speed; regularization lets it move on.
     #
     # The first quarter does not count, because brakes take up load in it. The step is the sample of
     # the quarter with the smallest speed that is at least the median.
@@ -213,13 +234,10 @@ def _steady_creep(
         here = np.flatnonzero(quarter == part)
         values = velocities[here]
         median = np.median(values, axis=0)
-        halves = values[: (len(here) + 1) // 2], values[len(here) // 2 :]
-        early, late = (np.median(half, axis=0) for half in halves)
         forward = values * np.sign(median)
         reaching = np.where(forward >= np.abs(median), forward, np.inf)
         chosen, speed = np.argmin(reaching, axis=0), np.min(reaching, axis=0)
-        is_steady = np.abs(late - early) <= most_change * np.abs(median)
-        faster = is_steady & (median != 0) & (speed > found[0])
+        faster = (median != 0) & (speed > found[0])
         found[:, faster] = speed[faster], steps[here][chosen[faster]]
     return found
 

@@ -62,7 +62,7 @@ def _format_violation(amount: float, unit: str) -> str:
 
 
 def _creeping_brakes(runs: MeasuredRuns) -> OnsetIterator:
-    """Find parts that friction loss could hold, but that move on at a steady speed."""
+    """Find parts that friction loss could hold, but that move on as fast as it lets them."""
     trace, mechanism = runs.context.trace, runs.context.setup.mechanism
     if trace.creep is None or mechanism is None:
         return
