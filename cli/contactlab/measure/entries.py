@@ -218,7 +218,7 @@ class Label:
         if len(self.letter) > 1:
             raise PluginError(f"label '{self.name}': letter '{self.letter}' is not one character")
         if self.colour and not _COLOUR_CODE.fullmatch(self.colour):
-            raise PluginError(f"label '{self.name}': color '{self.colour}' is not like '#1f77b4'")
+            raise PluginError(f"label '{self.name}': colour '{self.colour}' is not like '#1f77b4'")
 
     @property
     def facts(self) -> LabelFacts:
