@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import ACTUATORS, CONSTRAINTS, OTHERS, Floats
 from contactlab.scene.initial_states import InitialStates, apply_inputs
+from contactlab.scene.model_edits import read_flag
 from contactlab.scene.part_bodies import AT_JOINT
 from contactlab.scene.run_setup import (
     has_moving_surfaces,
@@ -92,6 +93,9 @@ class EnergyLedger:
         """
         data = self._data
         assert data is not None
+        # Bodies that another run left asleep would keep its contacts.
+        if read_flag(model, "sleep"):
+            mujoco.mj_resetData(model, data)
         data.qpos[:], data.qvel[:], data.act[:] = np.split(
             state[1:], [model.nq, model.nq + model.nv]
         )
