@@ -38,20 +38,31 @@ ENABLED = ("multiccd", "energy", "fwdinv", "sleep")
 """Flags that are off by default."""
 
 
+Settings = Mapping[str, object]
+
+
 def build_point(report: TuneReport, point: FrontPoint, folder: Path) -> mujoco.MjModel:
     """Return the model of a point, from its file or from its settings."""
     if point.file:
         return mujoco.MjModel.from_xml_path(str(folder / point.file))
+    one = point.candidate
+    return build_candidate(report, one.timestep, one.settings, removes_unused=one.removes_unused)
+
+
+def build_candidate(
+    report: TuneReport, step: float, settings: Settings, *, removes_unused: bool = True
+) -> mujoco.MjModel:
+    """Return the model of a candidate, by default without provably unused collisions."""
     spec = mujoco.MjSpec.from_file(report.model)
-    if point.candidate.removes_unused:
+    if removes_unused:
         for name in report.masked:
             geom = spec.geom(name)
             geom.contype = geom.conaffinity = 0
         for first, second in report.excluded:
             spec.add_exclude(bodyname1=first, bodyname2=second)
     model = spec.compile()
-    apply_settings(model, point.candidate.settings)
-    model.opt.timestep = point.candidate.timestep
+    apply_settings(model, settings)
+    model.opt.timestep = step
     return model
 
 

@@ -13,19 +13,25 @@ the points of the front at its error.
 import itertools
 import math
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import bench.tune_front as front
 import mujoco
 import numpy as np
 from bench.tune_cost import motions_of
-from bench.tune_front import FrontErrors, apply_settings, build_point, measure_errors, time_runs
+from bench.tune_front import (
+    FrontErrors,
+    Settings,
+    build_candidate,
+    build_point,
+    measure_errors,
+    time_runs,
+)
 
 from contactlab.parts import register_parts
 from contactlab.schema.tune_report import REPORT, TuneReport
 
-Settings = Mapping[str, object]
 FEW, FIRST_SEED, BEST, LONGEST = 4, 3000, 12, 0.04
 STEPS = [digit * power for power in (1e-4, 1e-3, 1e-2) for digit in (1.0, 2.0, 2.5, 4.0, 5.0, 8.0)]
 CHANGES: tuple[Settings, ...] = (
@@ -62,20 +68,6 @@ def list_candidates(report: TuneReport) -> Iterator[tuple[float, Settings]]:
 def is_whole(ratio: float) -> bool:
     """Return whether a ratio is a whole number, up to rounding."""
     return round(ratio) >= 1 and abs(ratio - round(ratio)) < 1e-6
-
-
-def build_candidate(report: TuneReport, step: float, settings: Settings) -> mujoco.MjModel:
-    """Return the model of a candidate, without provably unused collisions."""
-    spec = mujoco.MjSpec.from_file(report.model)
-    for name in report.masked:
-        geom = spec.geom(name)
-        geom.contype = geom.conaffinity = 0
-    for first, second in report.excluded:
-        spec.add_exclude(bodyname1=first, bodyname2=second)
-    model = spec.compile()
-    apply_settings(model, settings)
-    model.opt.timestep = step
-    return model
 
 
 def measure_gains(

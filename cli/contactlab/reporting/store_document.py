@@ -91,14 +91,15 @@ def _describe_unjudged(columns: RunColumns) -> str:
 
 def _failed_at_start(columns: RunColumns, labels: RunLabels) -> NDArray[np.bool_]:
     steps = columns.numbers("label_step")
-    invalid = [labels.names.index("invalid")] if "invalid" in labels.names else []
-    return labels.failed & steps.valid & (steps.values <= 1) & ~np.isin(labels.codes, invalid)
+    return labels.failed & steps.valid & (steps.values <= 1) & ~_are_invalid(labels)
+
+
+def _are_invalid(labels: RunLabels) -> NDArray[np.bool_]:
+    return np.array([name == "invalid" for name in labels.names], np.bool_)[labels.codes]
 
 
 def _describe_invalid(columns: RunColumns, labels: RunLabels) -> str:
-    if "invalid" not in labels.names:
-        return ""
-    invalid = np.flatnonzero(labels.codes == labels.names.index("invalid"))
+    invalid = np.flatnonzero(_are_invalid(labels))
     if not len(invalid):
         return ""
     reasons = columns.arrow(["label_reason"])["label_reason"].take(invalid).to_pylist()
