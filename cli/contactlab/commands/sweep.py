@@ -157,7 +157,7 @@ def sweep(
     for warning in request.plan.warnings:
         say(str(warning))
     if not plan:
-        for question in question_units(request.plan, request.scene):
+        for question in question_units(request.plan.axes, request.scene):
             say(f"warning: {question}")
     if plan:
         if isinstance(request.scene.drive.drive, PolicyDrive):

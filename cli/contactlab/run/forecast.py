@@ -18,7 +18,7 @@ from contactlab.contact.contact_laws import refsafe_solref, stiffness_damping
 from contactlab.engines import engine_of
 from contactlab.engines.engine import PreparedRuns
 from contactlab.errors import SweepFileError
-from contactlab.plan.grid import Plan
+from contactlab.plan.grid import Plan, SweptAxis
 from contactlab.plan.kept_traces import KeptTraces
 from contactlab.plan.refined_axes import smallest_run_count
 from contactlab.rendering.amounts import format_amount, format_setting
@@ -133,7 +133,7 @@ def forecast_sweep(request: SweepRequest) -> SweepForecast:
         warnings=(
             *_forecast_warnings(plan, len(index), sums),
             *([] if scene.source.environment else _overlap_warnings(scene, sums.sampled)),
-            *question_units(plan, scene),
+            *question_units(plan.axes, scene),
             *_unmonitored_warnings(scene, sums.sampled),
             *(
                 f"{share}: {describe_met_advisory(each)}"
@@ -269,26 +269,21 @@ _LARGEST_VALUES = {"timestep": 0.1, "solref.timeconst": 0.5, "solimp.width": 0.1
 def check_units(plan: Plan, scene: Scene) -> None:
     """Raise a SweepFileError if an axis has values that only make sense in another unit."""
     refused = [
-        axis.name
+        axis
         for axis in plan.axes
         if axis.name in _LARGEST_VALUES
         and max(map(abs, filter(is_number, axis.values)), default=0.0)
         >= 10 * _LARGEST_VALUES[axis.name]
     ]
-    questions = [
-        question
-        for question in question_units(plan, scene)
-        if question.partition(" ")[0] in refused
-    ]
-    if questions:
+    if questions := [*question_units(refused, scene)]:
         listed = "\n".join(questions)
         raise SweepFileError(f"{listed}\nValues without a unit are in SI units; write one")
 
 
-def question_units(plan: Plan, scene: Scene) -> Iterator[str]:
+def question_units(axes: Iterable[SweptAxis], scene: Scene) -> Iterator[str]:
     """Yield values of axes that look like another unit, with the value that may be meant."""
     longest, turn = 20.0, 2 * math.pi  # of a robot [m], of an angle [rad]
-    for axis in plan.axes:
+    for axis in axes:
         spec, numbers = scene.catalogue.find(axis.name), [*filter(is_number, axis.values)]
         most, unit = max(map(abs, numbers), default=0.0), spec.unit if spec else ""
         if most > _LARGEST_VALUES.get(axis.name, math.inf):
