@@ -6,6 +6,7 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory, TemporaryFile
+from types import ModuleType
 from typing import Any
 
 import altair as alt
@@ -14,7 +15,7 @@ import vl_convert
 from contactlab.errors import OutputError
 from contactlab.palette import COLOURS, INK, OTHERS_COLOUR, STABLE_COLOUR, on_dark
 from contactlab.printable import visible
-from contactlab.resources import open_user_cache, read_style, short_hash
+from contactlab.resources import address_space_limit, open_user_cache, read_style, short_hash
 
 Rows = list[dict[str, Any]]
 Spec = dict[str, Any]
@@ -159,9 +160,21 @@ def make_visible(spec: Spec) -> Spec:
     return _with_texts(spec, visible)
 
 
+def _renderer() -> ModuleType:
+    # Its JavaScript engine reserves more than 64 GiB of addresses, of which it uses few. Where the
+    # system refuses them, it ends the process by a signal.
+    least, limit = 72 << 30, address_space_limit()
+    if limit < least:
+        raise OutputError(
+            f"charts need {least >> 30} GiB of address space, and the limit is "
+            f"{limit / (1 << 30):.3g} GiB; raise it (ulimit -v unlimited)"
+        )
+    return vl_convert
+
+
 def as_svg(spec: Spec, prefix: str = "") -> str:
     """Return a specification as SVG; a prefix of its ids lets several fit on one page."""
-    svg = vl_convert.vegalite_to_svg(make_visible(spec), allowed_base_urls=_ALLOWED_URLS)
+    svg = _renderer().vegalite_to_svg(make_visible(spec), allowed_base_urls=_ALLOWED_URLS)
     # Its ids count from 0: the renderer goes on from the picture before.
     numbers = {name: place for place, name in enumerate(dict.fromkeys(_ID.findall(svg)))}
     if not numbers:
@@ -215,14 +228,14 @@ def save_figure(chart: alt.TopLevelMixin, path: Path, *, dark: bool | None = Fal
 
 def as_png(spec: Spec, scale: float = _SCALE) -> bytes:
     """Return a specification as PNG, with `scale` dots per pixel."""
-    return vl_convert.vegalite_to_png(
+    return _renderer().vegalite_to_png(
         make_visible(spec), scale=scale, allowed_base_urls=_ALLOWED_URLS
     )
 
 
 def as_pdf(spec: Spec) -> bytes:
     """Return a specification as PDF, with its objects in no fixed order."""
-    return vl_convert.vegalite_to_pdf(make_visible(spec), allowed_base_urls=_ALLOWED_URLS)
+    return _renderer().vegalite_to_pdf(make_visible(spec), allowed_base_urls=_ALLOWED_URLS)
 
 
 @cache
@@ -249,4 +262,4 @@ def vega_bundle() -> str:
 
 
 def _bundle_vega() -> str:
-    return vl_convert.javascript_bundle(_EXPOSED)
+    return _renderer().javascript_bundle(_EXPOSED)

@@ -5,6 +5,7 @@ Always real paths, since MuJoCo opens meshes relative to the model file.
 
 import hashlib
 import json
+import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -49,6 +50,25 @@ def open_user_cache() -> Path | None:
     status = folder.stat()
     is_own = status.st_uid == os.geteuid() and not status.st_mode & 0o022
     return folder if is_own else None
+
+
+def open_file_limit() -> float:
+    """Return how many files this process may have open."""
+    return _limit_of_process("RLIMIT_NOFILE")
+
+
+def address_space_limit() -> float:
+    """Return the address space that this process may reserve [bytes]."""
+    return _limit_of_process("RLIMIT_AS")
+
+
+def _limit_of_process(name: str) -> float:
+    try:
+        import resource  # noqa: PLC0415 - Windows has none
+    except ImportError:
+        return math.inf
+    limit, _ = resource.getrlimit(getattr(resource, name))
+    return math.inf if limit == resource.RLIM_INFINITY else limit
 
 
 def scene_names() -> list[str]:

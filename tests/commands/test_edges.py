@@ -1,5 +1,6 @@
 """Full outputs, early interrupts, names that are no text, absurd runs: one line each."""
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -29,6 +30,47 @@ def test_a_full_device_is_one_line() -> None:
     assert done.stderr == "error: cannot print the results: No space left on device\n"
 
 
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("prefix", "variables", "problem"),
+    [
+        ("ulimit -n 16", {}, "a process may open 16 files here; raise the limit (ulimit -n 40)"),
+        ("rmdir $PWD", {}, "the current folder was removed; change to another one"),
+        ("true", {"PYTHONOPTIMIZE": "2"}, "(python -OO) libraries of contactlab fail"),
+        ("true", {"MUJOCO_GL": "bad"}, "MUJOCO_GL: bad; unset it, or set it to egl, osmesa or"),
+    ],
+)
+def test_surroundings_that_no_command_works_in_are_one_line(
+    prefix: str, variables: dict[str, str], problem: str, tmp_path: Path
+) -> None:
+    model = Path(__file__).parent / "own_models" / "bare.xml"
+    done = subprocess.run(
+        ["sh", "-c", f'{prefix}; exec {sys.executable} -m contactlab lint "{model}"'],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=tmp_path,
+        env=os.environ | variables,
+    )
+    assert done.returncode == 2
+    assert problem in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.long
+def test_charts_are_refused_where_their_renderer_would_end_the_process() -> None:
+    code = "from contactlab.charts import vega_bundle; vega_bundle()"
+    done = subprocess.run(
+        ["sh", "-c", f'ulimit -v 30000000; exec {sys.executable} -c "{code}"'],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"XDG_CACHE_HOME": "/nowhere"},
+    )
+    assert done.returncode == 1
+    assert "charts need 72 GiB of address space, and the limit is 28.6 GiB" in done.stderr
+
+
 def test_an_interrupt_while_the_command_loads(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupt() -> None:
         raise KeyboardInterrupt
@@ -44,7 +86,7 @@ def test_a_name_that_is_no_text_is_refused(contactlab: Run, tmp_path: Path) -> N
     (tmp_path / name).write_text("version: 1\nscene: ball_drop\nduration: 0.01\n")
     code, _, err = contactlab("sweep", name, "-o", "store", "--workers", "0")
     assert code == 2
-    assert "is not UTF-8 text; rename it" in err
+    assert "is not UTF-8 text; rename the file" in err
     assert not (tmp_path / "store").exists()
 
 

@@ -28,6 +28,7 @@ from contactlab.errors import (
 )
 from contactlab.printable import in_one_line as in_one_line_of
 from contactlab.printable import printable
+from contactlab.resources import open_file_limit
 
 _HELP = ("-h", "--help")
 _OF_OTHERS = "From other packages"
@@ -148,12 +149,35 @@ def _run_words(words: Sequence[str]) -> int:
     return code if isinstance(code, int) else 0
 
 
+def _check_surroundings(words: Sequence[str]) -> None:
+    """Raise an error where the process lacks a folder, open files, docstrings or names as text."""
+    if sys.flags.optimize > 1:
+        raise CommandLineError(
+            "without docstrings (python -OO) libraries of contactlab fail; set PYTHONOPTIMIZE=1"
+        )
+    try:
+        Path.cwd()
+    except FileNotFoundError as error:
+        raise CommandLineError("the current folder was removed; change to another one") from error
+    for word in words:
+        # Such bytes of a name of a file become lone surrogates, which no library takes as text.
+        if not word.isascii() and word.encode("utf-8", "replace").decode() != word:
+            raise CommandLineError(f"{printable(word)} is not UTF-8 text; rename the file")
+    # Workers take pipes and sockets besides the files of a store; half of this is too few.
+    open_files, least = open_file_limit(), 40
+    if open_files < least:
+        raise CommandLineError(
+            f"a process may open {open_files} files here; raise the limit (ulimit -n {least})"
+        )
+
+
 def main() -> None:
     """Run the command line; an error that the user can act on is printed as one message."""
     # Processes that this one starts, or its libraries, import nothing of the current folder.
     os.environ["PYTHONSAFEPATH"] = "1"
     warnings.formatwarning = lambda message, *_: f"warning: {printable(str(message))}\n"
     try:
+        _check_surroundings(sys.argv[1:])
         sys.exit(_run_words(complete_words(sys.argv[1:])))
     except ContactlabError as error:
         say(f"error: {error}" if not str(error).startswith("error") else str(error))
@@ -170,6 +194,9 @@ def main() -> None:
         if isinstance(error, MemoryError) or "Could not allocate memory" in str(error):
             say("error: out of memory; free some, or raise its limit (ulimit -v)")
             raise SystemExit(OutputError.exit_code) from error
+        if "MUJOCO_GL" in str(error):
+            say(f"error: {in_one_line_of(str(error))}; unset it, or set it to egl, osmesa or glfw")
+            raise SystemExit(CommandLineError.exit_code) from error
         if os.environ.get("CONTACTLAB_TRACEBACK"):
             raise
         *_, last = traceback.extract_tb(error.__traceback__)

@@ -105,6 +105,8 @@ def _add_unknown_key(document: Document, path: KeyPath, model: type[BaseModel]) 
     hint = "an axis takes one form" if name in FORMS else hint
     if path == (name,) and name in {"keyframe", "start"}:
         hint = "the start is an axis: write axes: {keyframe: [NAME]}, or use --keyframe NAME"
+    if path in {("model",), ("mjcf",), ("file",)}:
+        hint = "write scene: MODEL.xml"
     hint = said_now(path, document.value_at(path)) or hint
     document.add_mistake("unknown-key", document.key_place(path), f"unknown key '{name}'", hint)
 
