@@ -309,10 +309,10 @@ PAGES: Mapping[str, Page] = {
         "Rules of lint",
         "`contactlab lint` prints them with lines ([how-to](../how-to/lint.md)), `contactlab "
         "explain RULE` the criterion. An error fails the job. Runs of a model that breaks "
-        "`no-actuators`, `urdf-actuators`, `welded-root`, `nothing-below`, `coincident-geoms`, "
-        "`radians-as-degrees`, "
-        "`degrees-as-radians`, or that starts from a keyframe that breaks `keyframe-length`, say "
-        "nothing of the robot that its author meant: its verdict is `fails`.",
+        "`welded-root`, `nothing-below`, `coincident-geoms`, `radians-as-degrees`, "
+        "`degrees-as-radians`, or that starts from a keyframe and breaks `no-actuators` or "
+        "`keyframe-length`, say nothing of the robot that its author meant: its verdict is "
+        "`fails`.",
         list_rules,
     ),
     "modifications": Page(

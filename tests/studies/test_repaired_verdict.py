@@ -11,14 +11,19 @@ from contactlab.budget import Verdict
 from contactlab.commands.examine import examine
 from contactlab.errors import ExpectationError, OutputError
 from contactlab.modifications.modification import NO_EDITS
+from contactlab.scene.scene_source import find_scene
 from contactlab.schema.examination import Examination
-from contactlab.studies.examine.linted_file import FileFault
+from contactlab.schema.task import QPOS0
+from contactlab.studies.examine.linted_file import FileFault, lint_file
 from contactlab.studies.examine.repaired_causes import Repair, RepairedModel
 
 DOUBLED = """<mujoco><worldbody><geom type="plane" size="1 1 .1"/>
   <body pos="0 0 .1"><freejoint/><geom name="one" size=".1"/><geom name="two" size=".1"/>
     <body pos=".2 0 0"><joint name="hip" axis="0 1 0" {motor}/><geom size=".03" pos=".1 0 0"/>
-  </body></body></worldbody></mujoco>"""
+  </body></body></worldbody>{key}</mujoco>"""
+ARM = """<mujoco><worldbody><body pos="0 0 1">
+  <joint name="hip" axis="0 1 0" actuatorfrcrange="-5 5"/><geom size=".03" pos=".1 0 0"/>
+  </body></worldbody><keyframe><key name="home" qpos=".5"/></keyframe></mujoco>"""
 FAULT = FileFault("no-actuators", "no actuators: the robot hangs limp; add one")
 LIMP = """<robot name="limp">
   <link name="base"><inertial><mass value="2"/>
@@ -49,7 +54,8 @@ def test_a_repair_of_another_rule_or_of_the_start_repairs_no_fault_of_the_file()
 @pytest.mark.parametrize("motor", ["", 'actuatorfrcrange="-5 5"'])
 def test_the_promised_verdict_is_that_of_the_written_model(motor: str, tmp_path: Path) -> None:
     path, fixed = tmp_path / "robot.xml", tmp_path / "fixed" / "robot.xml"
-    path.write_text(DOUBLED.format(motor=motor))
+    key = '<keyframe><key qpos="0 0 .1 1 0 0 0 0"/></keyframe>' if motor else ""
+    path.write_text(DOUBLED.format(motor=motor, key=key))
     task: Any = {"duration": "0.6s", "workers": 0, "seeds": 1}
     report = contactlab.examine(
         path, output=tmp_path / "one.json", write=fixed, apply=["single"], **task
@@ -62,15 +68,24 @@ def test_the_promised_verdict_is_that_of_the_written_model(motor: str, tmp_path:
 
 @pytest.mark.long
 @pytest.mark.parametrize("effort", [0, 10])
-def test_a_urdf_that_nothing_drives_fails_and_no_fix_hides_it(effort: int, tmp_path: Path) -> None:
+def test_a_urdf_that_nothing_drives_is_judged_as_it_falls(effort: int, tmp_path: Path) -> None:
     path = tmp_path / "limp.urdf"
     path.write_text(LIMP.format(effort=effort))
-    task: Any = {"duration": "0.6s", "workers": 0, "seeds": 1, "write": tmp_path / "new" / "a.xml"}
-    report = contactlab.examine(path, output=tmp_path / "one.json", apply=["freejoint"], **task)
-    assert (report.headline == "fails: no actuators") == bool(effort)
-    assert report.fix.startswith("by hand: ") == bool(effort)
-    # What was asked for and not written ends with 2, whatever the verdict.
-    assert report.not_written.startswith("--apply freejoint: ")
+    report = contactlab.examine(path, output=tmp_path / "a.json", duration="0.6s", workers=0)
+    assert report.verdict == "ok"
+    assert report.why[0].startswith("no actuators: 1 joint") == bool(effort)
+
+
+@pytest.mark.parametrize("start", [QPOS0, "home"])
+def test_missing_actuators_void_the_posture_of_a_keyframe_alone(start: str, tmp_path: Path) -> None:
+    path = tmp_path / "arm.xml"
+    path.write_text(ARM)
+    file = lint_file(find_scene(str(path)), str(path), start)
+    limp = [fact for fact in file.facts if fact.kind == "limp"]
+    assert [fault.rule for fault in file.faults if fault.is_certain] == (
+        [] if start == QPOS0 else ["no-actuators"]
+    )
+    assert bool(limp) == (start == QPOS0)
 
 
 def test_a_requested_fix_that_is_not_written_ends_with_2() -> None:

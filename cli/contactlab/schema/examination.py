@@ -40,6 +40,7 @@ class Fact(Model):
         "inertia",
         "grip",
         "file",
+        "limp",
         "advisory",
         "servo",
         "loop",

@@ -226,7 +226,6 @@ CASES: Mapping[str, Planted] = {
         'name="shoulder"',
         mends=False,
     ),
-    "urdf-actuators": Planted({'effort="0"': 'effort="5"'}, 'name="shoulder"', False, _URDF),
     "welded-root": Planted({}, 'link name="front"', False, _ROVER),
     "nothing-below": Planted(
         {
@@ -428,6 +427,13 @@ def test_controls_that_a_keyframe_leaves_out_are_nobodys(linted: Linted) -> None
     text = ROBOT.replace('ctrlrange="-1 1"', 'ctrlrange=".5 1"')
     assert "keyframe-control" in rules_of(linted(text))
     assert "keyframe-control" not in rules_of(linted(text.replace(' ctrl="0"', "")))
+
+
+def test_efforts_of_a_urdf_are_motors(linted: Linted) -> None:
+    text = _URDF.replace('effort="0"', 'effort="5"')
+    found = only(linted(text), "no-actuators")
+    assert 'name="shoulder"' in text.splitlines()[found.line - 1]
+    assert "attaches it" in found.message
 
 
 def test_the_base_of_a_urdf_is_no_mount(linted: Linted) -> None:

@@ -129,7 +129,8 @@ def _error_of(phase: BudgetPhase) -> float:
 
 
 def _yield_causes(report: Examination, verdict: VerdictWord) -> Iterator[str]:
-    # The main cause comes first.
+    # The main cause comes first, after the conditions under which the model is judged.
+    yield from (fact.sentence for fact in report.facts if fact.kind == "limp")
     if verdict in PASSING_VERDICTS and _touches_nothing(report):
         yield "no contact was made in the task, so nothing about contact is judged"
     for cause in report.causes:

@@ -61,16 +61,25 @@ def lint_file(source: SceneSource, reference: str, start: str) -> LintedFile:
     report = lint_scene(source, reference)
     found = [*report.open("error"), *report.open("warning")]
     faults = [*_list_start_faults(source, reference, start)]
+    facts = [*_list_file_facts([one for one in found if not _is_limp(one)], reference)]
     for finding in found:
-        rule = RULES[finding.name]
-        if rule.voids_runs or rule.may_decide:
-            place = f"{_relative_to_model(finding.file, reference)}:{finding.line}"
-            sentence = f"{finding.message} ({place})"
-            faults.append(FileFault(finding.name, sentence, is_certain=rule.voids_runs))
-    return LintedFile(tuple(faults), tuple(_file_facts(found, reference)))
+        rule, is_limp = RULES[finding.name], _is_limp(finding)
+        place = f"{_relative_to_model(finding.file, reference)}:{finding.line}"
+        sentence = f"{finding.message} ({place})"
+        is_certain = rule.voids_runs or (is_limp and start != QPOS0)
+        if is_certain or rule.may_decide:
+            faults.append(FileFault(finding.name, sentence, is_certain=is_certain))
+        elif is_limp:
+            line = finding.line
+            facts.append(Fact(kind="limp", place=place, value=line, unit="", sentence=sentence))
+    return LintedFile(tuple(faults), tuple(facts))
 
 
-def _file_facts(found: Sequence[PlacedFinding], reference: str) -> Iterator[Fact]:
+def _is_limp(finding: PlacedFinding) -> bool:
+    return RULES[finding.name].voids_postures
+
+
+def _list_file_facts(found: Sequence[PlacedFinding], reference: str) -> Iterator[Fact]:
     more = len(found) - _MOST
     for number, finding in enumerate(found[:_MOST], 1):
         place = f"{finding.file}:{finding.line}"

@@ -22,6 +22,7 @@ class Rule:
         function: yields the faults of a model.
         of_refused: whether it also judges models that MuJoCo does not compile.
         voids_runs: whether runs of such a model say nothing of the one that its author meant.
+        voids_postures: whether runs from a keyframe do, since motors hold its posture.
         may_decide: whether a verdict may follow from the fault, so that its edit is tried.
     """
 
@@ -30,6 +31,7 @@ class Rule:
     function: RuleFunction
     of_refused: bool = False
     voids_runs: bool = False
+    voids_postures: bool = False
     may_decide: bool = False
 
     @property
@@ -58,6 +60,7 @@ def rule(
     *,
     of_refused: bool = False,
     voids_runs: bool = False,
+    voids_postures: bool = False,
     may_decide: bool = False,
 ) -> Callable[[RuleFunction], RuleFunction]:
     """Declare a rule: the function yields the faults of a `LintedModel`.
@@ -66,7 +69,7 @@ def rule(
     """
 
     def declare(function: RuleFunction) -> RuleFunction:
-        RULES.add(Rule(name, level, function, of_refused, voids_runs, may_decide))
+        RULES.add(Rule(name, level, function, of_refused, voids_runs, voids_postures, may_decide))
         return function
 
     return declare

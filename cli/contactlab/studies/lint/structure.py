@@ -18,34 +18,38 @@ _SCALAR = (int(mujoco.mjtJoint.mjJNT_SLIDE), _HINGE)
 _AT_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 
 
-@rule("no-actuators", "warn", voids_runs=True)
+@rule("no-actuators", "warn", voids_postures=True)
 def no_actuators(linted: LintedModel) -> Iterator[Fault]:
     """Joints have motors by their attributes or defaults, and no actuator drives any of them.
 
-    The attributes are `actuatorfrcrange` and `actuatorgravcomp`; or a `<default>` has values of
-    actuators. The robot hangs limp. Fix: an `<actuator>` for each joint.
+    The attributes are `actuatorfrcrange`, `actuatorgravcomp`, and the effort of a URDF; or a
+    `<default>` has values of actuators. The robot hangs limp: its passive motion is judged, and no
+    posture of a keyframe is held. Fix: an `<actuator>` for each joint, in an MJCF that attaches a
+    URDF.
     """
     model = linted.model
-    meant = _find_default_actuator(linted)
-    if meant is not None and not model.nu and model.njnt and not model.nplugin:
-        yield Fault(
-            f"no actuators: a <default> has values of <{meant.tag}>, and no element uses them, so "
-            "the robot hangs limp; add an <actuator> for each joint",
-            linted.place_of("default"),
-        )
+    if model.nu or model.nplugin:
         return
-    scalar = np.isin(model.jnt_type, _SCALAR)
     motors = model.jnt_actfrclimited.astype(bool) | model.jnt_actgravcomp.astype(bool)
-    driven = np.flatnonzero(scalar & motors)
-    if model.nu or linted.is_urdf or not driven.size:
+    driven = np.flatnonzero(np.isin(model.jnt_type, _SCALAR) & motors)
+    meant = _find_default_actuator(linted)
+    if not model.njnt or (meant is None and not driven.size):
         return
-    first = linted.name("joint", int(driven[0]))
-    yield Fault(
-        f"no actuators: {_count_text(driven.size, 'joint')} such as {first} limit or compensate "
-        "the force of a motor, and nothing drives them, so the robot hangs limp; add an <actuator> "
-        "for each",
-        linted.place("joint", int(driven[0])),
-    )
+    if meant is not None:
+        motors_of = f"a <default> has values of <{meant.tag}>"
+        place, remedy = linted.place_of("default"), "add an <actuator> for each joint"
+    else:
+        first = linted.name("joint", int(driven[0]))
+        place = linted.place("joint", int(driven[0]))
+        motors_of = f"{_count_text(driven.size, 'joint')} such as {first} have motors"
+        remedy = (
+            "a URDF has none in MuJoCo, so write an MJCF that attaches it and has an <actuator> "
+            "for each"
+            if linted.is_urdf
+            else "add an <actuator> for each"
+        )
+    limp = "and nothing drives them, so the robot hangs limp"
+    yield Fault(f"no actuators: {motors_of}, {limp}; {remedy}", place)
 
 
 def _find_default_actuator(linted: LintedModel) -> ET.Element | None:
@@ -56,22 +60,6 @@ def _find_default_actuator(linted: LintedModel) -> ET.Element | None:
                 if child.tag in kinds and child.attrib:
                     return child
     return None
-
-
-@rule("urdf-actuators", "warn", voids_runs=True)
-def urdf_actuators(linted: LintedModel) -> Iterator[Fault]:
-    """Joints of a URDF have efforts, and MuJoCo's import makes no actuators of them.
-
-    Fix: actuators in an MJCF that attaches the URDF, or forces of your own program.
-    """
-    driven = np.flatnonzero(linted.model.jnt_actfrclimited)
-    if linted.is_urdf and not linted.model.nu and driven.size:
-        yield Fault(
-            f"no actuators: MuJoCo reads the efforts of {_count_text(driven.size, 'joint')} as "
-            "limits, and the robot hangs limp; write an MJCF that attaches this URDF and has an "
-            "<actuator> for each",
-            linted.place("joint", int(driven[0])),
-        )
 
 
 @rule("welded-root", "warn", voids_runs=True)
