@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from contactlab.contact.trace_arrays import Floats
 
-_BISECTIONS = 60
 IMPEDANCE_RANGE = (1e-4, 0.9999)
 """MuJoCo clips an impedance to these bounds."""
 _REFSAFE_STEPS = 2
@@ -92,7 +91,8 @@ def _bisect_root(
     low: Floats, high: Floats, is_below: Callable[[Floats], NDArray[np.bool_]]
 ) -> Floats:
     """Return the values between two bounds from where `is_below` is false."""
-    for _ in range(_BISECTIONS):
+    bisections = 60
+    for _ in range(bisections):
         middle = (low + high) / 2
         below = is_below(middle)
         low, high = np.where(below, middle, low), np.where(below, high, middle)

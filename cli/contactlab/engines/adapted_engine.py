@@ -50,7 +50,6 @@ from contactlab.scene.scene import Scene
 
 SERVER = ADAPTERS / "serve.py"
 """Script that runs adapters, with the code that they share."""
-_SETUP_LIMIT_S = 900.0  # longest time for compiling and making the first step [s]
 
 
 def load_adapter(file: Path) -> Any:  # noqa: ANN401 - a module that is known by its path only
@@ -201,8 +200,9 @@ class _EngineProcess:
         try:
             pickle.dump(request, process.stdin, protocol=5)
             process.stdin.flush()
-            if not select.select([process.stdout], [], [], _SETUP_LIMIT_S)[0]:
-                raise TimeoutError(f"no step was made within {_SETUP_LIMIT_S:g} s")
+            setup_limit_s = 900.0  # longest time for compiling and making the first step [s]
+            if not select.select([process.stdout], [], [], setup_limit_s)[0]:
+                raise TimeoutError(f"no step was made within {setup_limit_s:g} s")
             while (answer := pickle.load(process.stdout)) is None:  # noqa: S301 - from our process
                 tick()
         except (EOFError, OSError, pickle.UnpicklingError) as error:

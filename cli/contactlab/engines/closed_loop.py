@@ -50,10 +50,6 @@ from contactlab.schema.drive import PdDrive, PolicyDrive, acts_too_often
 _STATE = int(STATE)
 _INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _WARNING_KINDS = int(mujoco.mjtWarning.mjNWARNING)
-_COUNT_INDEX = 1
-# Number of segments of a flight with runs that step one by one, and of all at least.
-_SAMPLED_SEGMENTS, _MIN_SEGMENTS = 2, 16
-_NOISE_STREAM = 3  # random stream of a run's seed for noise; other streams perturb its start
 
 
 class _PolicyFailureError(Exception):
@@ -193,8 +189,11 @@ class _Flight:
         marks = {0, *calls, *(step + self._delay for step in calls)}
         slices = -1
         begins = sorted(step for step in marks if step < self._runs.steps)
-        each = max(_MIN_SEGMENTS, len(begins)) // _SAMPLED_SEGMENTS
+        # Number of segments of a flight with runs that step one by one, and of all at least.
+        sampled_segments, min_segments = 2, 16
+        each = max(min_segments, len(begins)) // sampled_segments
         samples = set(begins[each // 2 :: each] if count > 1 else ())
+        count_index = 1  # of the number of warnings, after the time of the last one
         for begin, end in pairwise([*begins, self._runs.steps]):
             if begin in calls:
                 # n runs get n time limits, each for an n-th of all calls.
@@ -216,13 +215,13 @@ class _Flight:
                 self._cpu_seconds += taken
                 if one_by_one:
                     self._sampled[runs[0]].append(taken)
-            warned = self._batch.warning[:, :, _COUNT_INDEX]
+            warned = self._batch.warning[:, :, count_index]
             if warned[self._active].any() or any(self._errors):
                 self._end_runs(
                     [run for run in self._active if warned[run].any() or self._errors[run]], end
                 )
         # The cost of each run, and the controls that were applied to it.
-        warnings, every = self._batch.warning[:, :, _COUNT_INDEX], [*chain(*self._sampled)] or [1.0]
+        warnings, every = self._batch.warning[:, :, count_index], [*chain(*self._sampled)] or [1.0]
         weights = np.array(self._ends) * [mean(samples or every) for samples in self._sampled]
         cost = self._cpu_seconds * weights / max(weights.sum(), np.finfo(float).tiny)
         steps = np.array(list(self._applied_controls))
@@ -245,7 +244,8 @@ class _Flight:
         if not (noise.qpos or noise.qvel):
             return np.empty(0)
         scale = np.array([noise.qpos, noise.qvel])[:, None]
-        return scale * np.random.default_rng([run.seed, _NOISE_STREAM]).standard_normal(shape)
+        noise_stream = 3  # random stream of a run's seed for noise; other streams perturb its start
+        return scale * np.random.default_rng([run.seed, noise_stream]).standard_normal(shape)
 
     def _policy_failure(self, when: str, error: BaseException) -> BaseException:
         """Return the failure for an error of the policy, or an error that is not its own."""

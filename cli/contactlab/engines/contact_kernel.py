@@ -31,7 +31,6 @@ from contactlab.scene.mujoco_versions import VERSION, has_batch, library_file
 
 _KERNEL_SOURCE = Path(__file__).with_suffix(".c")
 _SENSORS_OFF = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
-_EMPTY_CONTROL = np.empty((1, 0, 0))
 _POINTER_TYPE, _INT_TYPE = ctypes.c_void_p, ctypes.c_int
 
 
@@ -124,7 +123,7 @@ class KernelStepper(BatchStepper):
 
     def step_run(self, run: int, inputs: Mapping[str, Any], out: Mapping[Any, np.ndarray]) -> str:
         """Make a run, and record it like a batch. Return the error, if any."""
-        control = np.ascontiguousarray(inputs.get("control", _EMPTY_CONTROL))
+        control = np.ascontiguousarray(inputs.get("control", np.empty((1, 0, 0))))
         *taken, warned = (first + run * stride for first, stride in self._addresses)
         arrays = control, out[STATE], out["sensordata"], out["solver_niter"], *map(out.get, FORCES)
         addresses = [0 if array is None else array.ctypes.data for array in arrays]

@@ -42,11 +42,9 @@ else:
 
 _INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _WARNING_KINDS = int(mujoco.mjtWarning.mjNWARNING)
-_COUNT_INDEX = 1
 _USER_SENSOR = int(mujoco.mjtSensor.mjSENS_USER)
 _GEOM_OBJECT = int(mujoco.mjtObj.mjOBJ_GEOM)
 _BODY_OBJECT = int(mujoco.mjtObj.mjOBJ_BODY)
-_ASLEEP, _AWAKE = 0, 1
 _LAST_STAGE = int(mujoco.mjtStage.mjSTAGE_ACC)
 # Entries that change sign when a contact is seen from its other geom: normal, tangent, and third
 # components, because the third axis stays, and the force is reversed.
@@ -112,6 +110,7 @@ class StepLoop:
         """
         runs = list(range(len(self._models)) if ids is None else ids)
         arrays = out or {item: self._empty_array(item, len(runs), nstep) for item in record}
+        count_index = 1  # of the number of warnings, after the time of the last one
         for place, run in enumerate(runs):
             rows = {item: array[place] for item, array in arrays.items()}
             # Before 3.4, MuJoCo accepted only contiguous, writable rows.
@@ -135,7 +134,7 @@ class StepLoop:
                         mujoco.mj_step(model, data, nstep=nstep)
                 finally:
                     mujoco.set_mjcb_sensor(None)
-                self.warning[run, :, _COUNT_INDEX] += data.warning.number - before
+                self.warning[run, :, count_index] += data.warning.number - before
                 mujoco.mj_getState(model, data, self.state[run], _INTEGRATION)
             except mujoco.FatalError as error:
                 self._errors[run] = str(error)
@@ -254,7 +253,8 @@ def _is_asleep(model: mujoco.MjModel, data: mujoco.MjData, sensor: int) -> bool:
     pair = [int(model.sensor_objid[sensor]), int(model.sensor_refid[sensor])]
     bodies = pair if model.sensor_objtype[sensor] == _BODY_OBJECT else model.geom_bodyid[pair]
     states = data.body_awake[bodies]
-    return not (states == _AWAKE).any() and bool((states == _ASLEEP).any())
+    asleep, awake = 0, 1  # numbers of mjtSleepState
+    return not (states == awake).any() and bool((states == asleep).any())
 
 
 def measure_contacts(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:

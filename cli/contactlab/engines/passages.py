@@ -26,18 +26,10 @@ from contactlab.scene.part_bodies import moving_bodies
 _MIN_MOTION_SHARE = (
     0.5  # smallest relevant motion in a step, as a share of the half thickness of two geoms
 )
-_MAX_PASSAGE_STEPS = 4  # largest number of steps of a fast geom to pass through another
-_MAX_INSTANTS_PER_STEP = 200  # largest number of instants checked within a step
-_CLEAR_SECONDS, _CLEAR_DISTANCE = (
-    0.1,
-    1.5,
-)  # time [s] until a geom is off a flex that it passed, in half extents
-_MIN_OVERLAP = 0.5  # smallest overlap of passing geoms, in half extents of the thinner
 _MAX_PAIRS, _MAX_RAYS = 200, 500
 _PLANE_TYPE, _HFIELD_TYPE = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD)
 _MESH_TYPE, _SPHERE_TYPE = int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_SPHERE)
 _TRANSLATIONS = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_SLIDE): 1}
-_MAX_LINE_ANGLE_RAD = 1.0  # largest angle [rad] for a path of a point that is nearly a line
 _UP_AXIS, _ORIGIN, _AXES = np.array([0.0, 0.0, 1.0]), np.zeros(3), np.eye(3).ravel()
 
 
@@ -166,7 +158,8 @@ class _StepSearch:
         if model.nmocap:
             apply_inputs(model, data, self._acting[step])
         velocity = self._states[step + 1, model.nq :]
-        ahead = max(least / 2, moved / _MAX_INSTANTS_PER_STEP)
+        max_instants_per_step = 200  # largest number of instants checked within a step
+        ahead = max(least / 2, moved / max_instants_per_step)
         share, deepest = 0.0, 0.0
         while share < 1:
             data.qpos[:] = self._states[step, : model.nq]
@@ -177,8 +170,9 @@ class _StepSearch:
             deepest = max(deepest, -distance)
             share += max(distance, ahead) / moved
         data.qpos[:] = self._states[step + 1, : model.nq]
+        min_overlap = 0.5  # smallest overlap of passing geoms, in half extents of the thinner
         return (
-            deepest > _MIN_OVERLAP * half_extents(model)[[*pair]].min()
+            deepest > min_overlap * half_extents(model)[[*pair]].min()
             and self._geom_distance(pair) > 0
         )
 
@@ -242,6 +236,8 @@ def _passages_through_flexes(
     meets = np.asarray(model.flex_contype)[:, None] & np.asarray(model.geom_conaffinity)
     meets |= np.asarray(model.flex_conaffinity)[:, None] & np.asarray(model.geom_contype)
     endless = np.isin(model.geom_type, (_PLANE_TYPE, _HFIELD_TYPE))
+    # A geom that passed a flex is off it by this distance, in half extents, after this time [s].
+    clear_seconds, clear_distance = 0.1, 1.5
     for flex, geom in np.argwhere((meets != 0) & ~endless).tolist():
         first = model.flex_vertadr[flex]
         own = model.flex_vertbodyid[first : first + model.flex_vertnum[flex]]
@@ -272,9 +268,9 @@ def _passages_through_flexes(
         if step is None:
             continue
         # A geom that has only rolled over an edge still lies on it soon after.
-        soon = min(step + int(_CLEAR_SECONDS / model.opt.timestep), len(position) - 1)
+        soon = min(step + int(clear_seconds / model.opt.timestep), len(position) - 1)
         way = vertices[soon, first : first + len(own)] - centre[soon]
-        if np.linalg.norm(way, axis=1).min() > _CLEAR_DISTANCE * thick:
+        if np.linalg.norm(way, axis=1).min() > clear_distance * thick:
             yield Passage(name_of(model, "geom", geom), name, step)
 
 
@@ -350,15 +346,17 @@ def _first_passage(
     """
     squares = (np.diff(path, axis=0) ** 2).sum(axis=1)
     fast = squares > least**2
-    reach = wall.bound + _MAX_PASSAGE_STEPS * np.sqrt(squares.max(initial=0))
+    max_passage_steps = 4  # largest number of steps of a fast geom to pass through another
+    reach = wall.bound + max_passage_steps * np.sqrt(squares.max(initial=0))
     if not (fast & ((path[:-1] ** 2).sum(axis=1) < reach**2)).any():
         return []
-    for steps in range(1, 1 + _MAX_PASSAGE_STEPS):
+    max_line_angle_rad = 1.0  # largest angle [rad] for a path of a point that is nearly a line
+    for steps in range(1, 1 + max_passage_steps):
         begin, end = path[:-steps], path[steps:]
         moving = np.convolve(fast, np.ones(steps))[steps - 1 : len(fast)] > 0
         near = np.linalg.norm(begin, axis=1) < np.linalg.norm(end - begin, axis=1) + wall.bound
         if turned is not None:
-            near &= turned[steps:] - turned[:-steps] < _MAX_LINE_ANGLE_RAD
+            near &= turned[steps:] - turned[:-steps] < max_line_angle_rad
         for step in np.flatnonzero(moving & near)[:_MAX_RAYS].tolist():
             if wall.has_passed(begin[step], end[step]):
                 return [step + steps - 1]

@@ -16,12 +16,10 @@ from contactlab.engines.mujoco_batch import STATE
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.scene.run_setup import equality_reach
 
-_MIN_SAMPLES, _MAX_SAMPLES = 2, 16
 _WAKING_STEPS = 100  # steps that show whether a sleeping body would have stayed
 _CONSTRAINT_TYPES, _EQUALITY_TYPES = mujoco.mjtConstraint, mujoco.mjtEq
 _BRAKE_TYPES = _CONSTRAINT_TYPES.mjCNSTR_FRICTION_DOF, _CONSTRAINT_TYPES.mjCNSTR_FRICTION_TENDON
 _SLEEP_FLAG = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
-_TORQUE_SCALE_INDEX = 10  # index in eq_data of a weld's weight of rotation
 
 
 def with_loads(runs: PreparedRuns, rollout: Rollout) -> Rollout:
@@ -212,7 +210,8 @@ class LoadSampler:
         kind, gaps = model.eq_type[which], self._data.efc_pos[rows].copy()
         part = np.arange(len(rows)) - np.searchsorted(which, which)
         turned = (kind == int(_EQUALITY_TYPES.mjEQ_WELD)) & (part >= 3)
-        scale = model.eq_data[which[turned], _TORQUE_SCALE_INDEX]
+        torque_scale_index = 10  # index in eq_data of a weld's weight of rotation
+        scale = model.eq_data[which[turned], torque_scale_index]
         gaps[turned] *= 2 * self._reach[which[turned]] / np.where(scale > 0, scale, np.inf)
         flex = kind == int(_EQUALITY_TYPES.mjEQ_FLEX)
         gaps[flex] /= np.sqrt(np.bincount(which)[which[flex]])
@@ -244,6 +243,7 @@ def _steady_creep(velocities: Floats, steps: NDArray[np.intp], last: int) -> Flo
 
 def sampled_steps(steps: int) -> np.ndarray:
     """Return the steps of a run that follow a sample of loads: in the middle of equal parts."""
-    # Steps per sample; a sample takes as long as three or four steps.
-    samples = max(_MIN_SAMPLES, min(_MAX_SAMPLES, steps // 250))
+    # A sample takes as long as three or four steps.
+    steps_per_sample, min_samples, max_samples = 250, 2, 16
+    samples = max(min_samples, min(max_samples, steps // steps_per_sample))
     return ((np.arange(samples) + 0.5) / samples * steps).astype(np.intp)

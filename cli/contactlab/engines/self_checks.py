@@ -32,16 +32,7 @@ from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.scene.model_edits import read_flag
 from contactlab.scene.run_setup import lighter_mass
 
-_JACOBIAN_SAMPLES = 4  # steps of a run, those with the largest residuals
-_GEOMETRY_SAMPLES = 128
-# Forces and accelerations below this share of the run's largest may be rounding.
-_MIN_SHARE_OF_LARGEST = 1e-3
-_SOLVER_TOLERANCE = 1e-12
-# Residual of a solved equation of motion; wrong factors leave 1e-2 or more, right ones 1e-12.
-_SOLVED = 1e-6
-_NEGLIGIBLE_RESIDUAL = 0.01  # a tenth of the tolerance: such steps are not solved again
 _MEMORY_WARNINGS = mujoco.mjtWarning.mjWARN_CONTACTFULL, mujoco.mjtWarning.mjWARN_CNSTRFULL
-_MAX_SOLVER_ITERATIONS = 1000
 _WHOLE_STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _DENSE_JACOBIAN = int(mujoco.mjtJacobian.mjJAC_DENSE)
 _SPARSE_JACOBIAN = int(mujoco.mjtJacobian.mjJAC_SPARSE)
@@ -51,11 +42,6 @@ _ALL_EXCEPT_CONTACTS = sum(
     int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}"))
     for flag in ("ACTUATION", "EQUALITY", "FRICTIONLOSS", "GRAVITY", "LIMIT", _SPRING_FLAG)
 )
-_RELAXING_STEPS = 200  # enough steps to separate bodies that only loads press together
-_MIN_MASS_RATIO = (
-    0.01  # smallest ratio of the lighter mass to the effective mass of a contact; 3 at a rod's end
-)
-_NATIVE_CCD = int(getattr(mujoco.mjtDisableBit, "mjDSBL_NATIVECCD", 0))
 _FIELD_SHAPES = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_SDF))
 
 
@@ -67,8 +53,11 @@ def run_checks(
 ) -> SelfChecks:
     """Return the self-checks of completed runs; see `ChecksRuns.check_runs`."""
     steps = trace.steps
-    geometry_steps = np.linspace(0, steps - 1, min(steps, _GEOMETRY_SAMPLES)).astype(np.intp)
+    geometry_samples = 128  # evenly spread: a wrong distance lasts for many steps
+    geometry_steps = np.linspace(0, steps - 1, min(steps, geometry_samples)).astype(np.intp)
     found, backward = list[tuple[Any, ...]](), list[BackwardError]()
+    # Forces and accelerations below this share of the run's largest may be rounding.
+    min_share_of_largest = 1e-3
     # Complete each run before the next one, so that its time limit covers nothing else.
     for run, model in enumerate(runs.models):
         if run and not proceed():
@@ -84,8 +73,8 @@ def run_checks(
         gap = np.full(len(gap), np.nan) if model.opt.noslip_iterations else gap
         force = np.linalg.norm(again["qfrc_constraint"], axis=1)
         weight = np.linalg.norm(model.opt.gravity) * np.linalg.norm(model.dof_M0)
-        floor = max(_MIN_SHARE_OF_LARGEST * weight, np.finfo(float).tiny)
-        least = max(_MIN_SHARE_OF_LARGEST * force.max(initial=0), floor)
+        floor = max(min_share_of_largest * weight, np.finfo(float).tiny)
+        least = max(min_share_of_largest * force.max(initial=0), floor)
         residual = gap / np.maximum(force, least)
         jacobian = _jacobian_errors(model, trace, runs.starts, run, gap / np.maximum(force, floor))
         found.append((residual, *jacobian, *geometry, squeeze, repeats))
@@ -132,7 +121,8 @@ def _jacobian_errors(
     of motion and the other form does; 0 if the run's form does; and NaN if the other form does not
     either, or overflows. All solutions together take at most as many iterations as the run.
     """
-    worst = np.argsort(-np.nan_to_num(residual, nan=np.inf), kind="stable")[:_JACOBIAN_SAMPLES]
+    jacobian_samples = 4  # steps of a run, those with the largest residuals
+    worst = np.argsort(-np.nan_to_num(residual, nan=np.inf), kind="stable")[:jacobian_samples]
     errors = np.zeros(len(worst))
     iterations = int(trace.iterations[run].sum()) // max(2 * len(worst), 1)
     acting = starts.input_rows(run, model.opt.timestep, worst)
@@ -142,8 +132,9 @@ def _jacobian_errors(
 
     def solve_step(form: int, inputs: Floats, step: int) -> tuple[float, bool]:
         solved = copy.copy(model)
-        solved.opt.jacobian, solved.opt.tolerance = form, _SOLVER_TOLERANCE
-        solved.opt.iterations = min(iterations, _MAX_SOLVER_ITERATIONS)
+        # To rounding; a solver that needs more iterations is stuck.
+        solved.opt.jacobian, solved.opt.tolerance = form, 1e-12
+        solved.opt.iterations = min(iterations, 1000)
         solved.opt.noslip_iterations = 0
         data = mujoco.MjData(solved)
         apply_inputs(solved, data, inputs)
@@ -152,14 +143,17 @@ def _jacobian_errors(
         full = any(data.warning[kind].number for kind in _MEMORY_WARNINGS)
         return measure_equation_error(solved, data), full
 
+    negligible_residual = 0.01  # a tenth of the tolerance: such steps are not solved again
+    # Residual of a solved equation of motion; wrong factors leave 1e-2 or more, right ones 1e-12.
+    most_left = 1e-6
     for place, (step, inputs) in enumerate(zip(worst.tolist(), acting, strict=True)):
-        if residual[step] <= _NEGLIGIBLE_RESIDUAL:
+        if residual[step] <= negligible_residual:
             continue
         left, _ = solve_step(own_form, inputs, step)
-        if left <= _SOLVED:
+        if left <= most_left:
             continue
         others, full = solve_step(other_form, inputs, step)
-        decided = others <= _SOLVED and not full
+        decided = others <= most_left and not full
         known = left if np.isnan(residual[step]) else residual[step]
         errors[place] = known if decided else np.nan
     return worst, errors
@@ -176,7 +170,8 @@ def _distance_errors(
     speculative = read_flag(model, "speculative")
     # Effects that are left out as unused would also change the function that measures distances.
     model = copy.copy(model)
-    model.opt.disableflags &= ~_NATIVE_CCD | base.model.opt.disableflags
+    native_ccd = int(getattr(mujoco.mjtDisableBit, "mjDSBL_NATIVECCD", 0))
+    model.opt.disableflags &= ~native_ccd | base.model.opt.disableflags
     touch = touch_mask(model)
     collided = (
         (colliding_geoms(touch, pair), made)
@@ -220,19 +215,22 @@ def _squeeze_forces(base: CompiledScene, model: mujoco.MjModel, qpos: Floats) ->
     alone.opt.disableflags |= _ALL_EXCEPT_CONTACTS
     data = mujoco.MjData(alone)
     data.qpos[:] = qpos
-    mujoco.mj_step(alone, data, nstep=_RELAXING_STEPS)
+    relaxing_steps = 200  # enough steps to separate bodies that only loads press together
+    mujoco.mj_step(alone, data, nstep=relaxing_steps)
     slots = (
         data.sensordata[address : address + pair.slots * SLOT_WIDTH].reshape(-1, SLOT_WIDTH)
         for pair, address in zip(base.pairs, base.layout.pairs, strict=True)
     )
     carried = np.array([slot[:, FORCE.start].sum() for slot in slots])
     owners = data.contact.geom[data.efc_id] if data.ncon else np.zeros((0, 2))
+    # Smallest ratio of the lighter mass to the effective mass of a contact; 3 at a rod's end.
+    min_mass_ratio = 0.01
     for index in np.flatnonzero(carried).tolist():
         pair, generalized, moved = base.pairs[index], np.zeros(model.nv), np.zeros((1, model.nv))
         own = np.isin(owners, [geom for side in pair.geoms for geom in side]).all(axis=1)
         mujoco.mj_mulJacTVec(alone, data, generalized, data.efc_force * own)
         mujoco.mj_solveM(alone, data, moved, generalized[None])
         mass = lighter_mass(model, pair)
-        if mass * float(moved[0] @ generalized) < _MIN_MASS_RATIO * carried[index] ** 2:
+        if mass * float(moved[0] @ generalized) < min_mass_ratio * carried[index] ** 2:
             carried[index] = np.nan
     return carried

@@ -18,9 +18,6 @@ from contactlab.scene.initial_states import InitialStates, apply_inputs
 
 _BLOCK_BYTES = 4 << 20
 _INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
-_CLOCK_SAMPLES = 200
-_WARM_STEPS = 10
-_BLOCK_STEPS = 1 << 14
 _WORK_FIELDS = ("solver_niter", "ncon", "nefc")
 
 
@@ -90,11 +87,12 @@ def count_work(
     places = np.unique(np.linspace(0, steps, SEGMENTS, endpoint=False).astype(int)).tolist()
     counts = np.zeros(len(_WORK_FIELDS), np.int64)
     states: list[Floats] = []
+    block_steps = 1 << 14  # between two looks at the time limit
     for begin, end in zip(places, [*places[1:], steps], strict=True):
         states.append(np.array(batch.state[0]))
-        for done in range(begin, end, _BLOCK_STEPS):
+        for done in range(begin, end, block_steps):
             watch()
-            block = min(_BLOCK_STEPS, end - done)
+            block = min(block_steps, end - done)
             try:
                 inputs = driven_inputs(model, start, 0, block, done)
                 out = batch.rollout(block, record=list(_WORK_FIELDS), **inputs)
@@ -113,8 +111,8 @@ def time_segments(segments: Segments, most: int, repeats: int) -> tuple[float, i
     """Return the CPU time of stepping [s], and the steps; see `TimesSteps.time_segments`."""
     batch = start_batch([segments.model], segments.start)
     lengths = segments.lengths(most)
-    # The first steps are slow, because they touch new memory.
-    _time_segment(batch, segments, 0, min(_WARM_STEPS, lengths[0]))
+    warm_steps = 10  # the first steps are slow, because they touch new memory
+    _time_segment(batch, segments, 0, min(warm_steps, lengths[0]))
     seconds = sum(
         _time_segment(batch, segments, place, steps)
         for _ in range(repeats)
@@ -127,7 +125,8 @@ def time_steps(segments: Segments, most: int) -> Floats:
     """Return the CPU time of single steps [s]; see `TimesSteps.time_steps`."""
     model, data = segments.model, mujoco.MjData(segments.model)
     clock = time.thread_time_ns
-    own = np.median([-(clock() - clock()) for _ in range(_CLOCK_SAMPLES)])
+    clock_samples = 200  # of the time that reading the clock takes
+    own = np.median([-(clock() - clock()) for _ in range(clock_samples)])
     times: list[int] = []
     for place, state, length in zip(
         segments.work.places, segments.work.states, segments.lengths(most), strict=True

@@ -12,7 +12,6 @@ from contactlab.rendering.amounts import format_percent
 from contactlab.schema.error_budget import BudgetReport, BudgetRow
 
 _NOT_EXERCISED = "not exercised"
-_SMALLEST_SHARE = 1e-4
 
 
 def rows_of(report: BudgetReport) -> Iterator[tuple[Row, str]]:
@@ -49,8 +48,9 @@ def _effect_text(row: BudgetRow) -> str:
         return _NOT_EXERCISED
     if row.error is None:
         return "ends it"
+    smallest_share = 1e-4
     return (
         format_percent(row.error)
-        if row.error >= _SMALLEST_SHARE
-        else f"< {format_percent(_SMALLEST_SHARE)}"
+        if row.error >= smallest_share
+        else f"< {format_percent(smallest_share)}"
     )

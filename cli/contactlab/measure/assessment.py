@@ -45,11 +45,6 @@ from contactlab.schema.coverage import Coverage
 Failures = dict[int, list[str]]  # error messages of metrics and labels, by run
 
 _RunResult = TypeVar("_RunResult")
-_MIN_OSCILLATION = 0.15  # smallest amplitude of a step-to-step oscillation, over the speed
-_MIN_SPEEDS = 3  # fewest speeds that can show an oscillation
-_MIN_MOVING_SPEED = 0.1  # smallest speed of a moving body [rad/s, or mean body sizes a second]
-_MIN_SATURATED_SHARE = 0.5  # share of steps with all iterations used
-_MIN_RATTLE_SHARE = 0.1  # share of the first half's steps with a change of the number of contacts
 # Whether degrees of freedom are translations, by kind of joint.
 _IS_TRANSLATION = {
     "free": [True] * 3 + [False] * 3,
@@ -194,10 +189,12 @@ def _find_oscillations(context: Context, late: Floats) -> NDArray[np.bool_]:
         True
     ]
     aloft = context.trace.contacts.max(axis=1, initial=0)[:, None] == 0
-    if late.shape[1] < _MIN_SPEEDS:
+    min_speeds = 3  # fewest speeds that can show an oscillation
+    if late.shape[1] < min_speeds:
         return np.zeros(len(late), bool)
     swing = fast_median(np.swapaxes(np.abs(np.diff(late, n=2, axis=1)) / 4, 1, 2))
-    swing *= (swing >= _MIN_OSCILLATION * np.sqrt((late**2).mean(axis=1))) & (
+    min_oscillation = 0.15  # smallest amplitude of a step-to-step oscillation, over the speed
+    swing *= (swing >= min_oscillation * np.sqrt((late**2).mean(axis=1))) & (
         np.array(hinged) | aloft
     )
     acceleration = 2 * size * swing.max(axis=1, initial=0) / context.trace.timestep
@@ -224,7 +221,8 @@ def needs_second_pass(context: Context) -> NDArray[np.bool_]:
         late = late / np.where(along, context.setup.size, 1.0)
     found = _find_oscillations(context, late)
     found |= weights_borne(context) > most[PRESSED.name]
-    found |= stuck_share(context) >= _MIN_SATURATED_SHARE
+    min_saturated_share = 0.5  # share of steps with all iterations used
+    found |= stuck_share(context) >= min_saturated_share
     within = most[TOLERANCE.name]
     found |= (constraint_loss(context) > within) & (stuck_share(context) == 0)
     found |= constraint_gain(context) > within
@@ -232,9 +230,13 @@ def needs_second_pass(context: Context) -> NDArray[np.bool_]:
     found |= constraint_violation(context) > within
     if ranges is not None and ranges.shape[1]:
         constant = (ranges[..., 0] == ranges[..., 1]).all(axis=1)
-        found |= constant & (np.sqrt((late**2).mean(axis=(1, 2))) > _MIN_MOVING_SPEED)
+        # Smallest speed of a moving body [rad/s, or mean body sizes a second].
+        min_moving_speed = 0.1
+        found |= constant & (np.sqrt((late**2).mean(axis=(1, 2))) > min_moving_speed)
     changes = (np.diff(trace.contacts[:, : trace.steps // 2]) != 0).sum(axis=1)
-    rattles = changes > _MIN_RATTLE_SHARE * trace.steps / 2
+    # Share of the first half's steps with a change of the number of contacts.
+    min_rattle_share = 0.1
+    rattles = changes > min_rattle_share * trace.steps / 2
     squares = squared_speeds(context)
     early = squares[..., : 1 + trace.steps // 10]
     first, fastest = (np.sqrt(speeds.max(axis=2)) for speeds in (early, squares))

@@ -18,8 +18,6 @@ _PEAK_THRESHOLD = Threshold(
     "1",
     "A constraint off by half its range, or half the held body, no longer holds.",
 )
-# Quantile of the violation that counts as resting; a shaken part swings back from its limits.
-_RESTING_QUANTILE = 0.1
 
 
 @dataclass(frozen=True)
@@ -106,7 +104,9 @@ def _limit_violation(context: Context, part: Part, places: Floats) -> _Violation
     width = part.high - (0 if part.kind == "ball" else part.low)
     # A range may be next to nothing, to lock a joint.
     scale = np.clip(width, QUARTER_TURN / 2, QUARTER_TURN) if turns else max(width, part.reach)
-    rest = np.quantile((beyond + ahead)[:, 3 * beyond.shape[1] // 4 :], _RESTING_QUANTILE, axis=1)
+    # Quantile of the violation that counts as resting; a shaken part swings back from its limits.
+    resting_quantile = 0.1
+    rest = np.quantile((beyond + ahead)[:, 3 * beyond.shape[1] // 4 :], resting_quantile, axis=1)
     unit = "rad" if turns else "m"
     peak = beyond.max(axis=1)
     return _Violation(f"the limit of {part.name}", unit, scale, peak, rest, beyond, part.bodies)

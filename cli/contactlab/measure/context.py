@@ -22,10 +22,7 @@ from contactlab.numerical_tolerance import COARSE_ROUNDING
 Cached = TypeVar("Cached")
 
 _SERIES_FIELDS = [entry.name for entry in fields(PairSeries)][1:]
-_BLOCK_ROWS = 1 << 11  # states that are processed together, so that they fit into the cache
 NEGLIGIBLE_SHARE = 0.01  # negligible rise or lever arm, as a share of a body's mean size
-_NEGLIGIBLE_SPEED = 0.1
-"""Negligible speed in body sizes per second, so that it holds in any unit of length."""
 
 
 @dataclass(frozen=True)
@@ -189,7 +186,8 @@ def squares_from(states: Floats, starts: Sequence[int], width: int = 3) -> Float
     places = np.array(starts, np.intp)[:, None] + range(width)
     squares = np.empty((len(starts), *states.shape[:2]))
     squares = np.empty((len(starts), *states.shape[:2]))
-    stride = max(1, _BLOCK_ROWS // max(1, states.shape[1]))
+    block_rows = 1 << 11  # states that are processed together, so that they fit into the cache
+    stride = max(1, block_rows // max(1, states.shape[1]))
     for first in range(0, len(states), stride):
         some = slice(first, first + stride)
         parts = states[some].transpose(2, 0, 1)[places]
@@ -244,7 +242,9 @@ def least_energy(context: Context) -> Floats:
     It lifts everything by 1 % of a body's mean size, and moves it at 0.1 mean sizes a second.
     """
     size = context.setup.size
-    least = gravity(context) * NEGLIGIBLE_SHARE * size + 0.5 * (_NEGLIGIBLE_SPEED * size) ** 2
+    # Negligible speed in body sizes per second, so that it holds in any unit of length.
+    negligible_speed = 0.1
+    least = gravity(context) * NEGLIGIBLE_SHARE * size + 0.5 * (negligible_speed * size) ** 2
     return np.maximum(context.setup.moving_mass * least, np.finfo(float).tiny)
 
 

@@ -27,7 +27,6 @@ from contactlab.schema.coverage import Coverage, End
 
 TURNING = 0.1
 """Least angular velocity [rad/s] of a rolling or spinning contact; soft ones rock more slowly."""
-_LEAST_LOAD_SHARE = 1e-4  # smallest load of an equality that counts, as a share of the weight
 _LARGEST_NUMBER = float(np.finfo(np.float64).max)
 _RANGE = ("low", "high", "margin")
 _END_CODES: tuple[tuple[End, ...], ...] = ((), ("upper",), ("lower",), ("lower", "upper"))
@@ -74,7 +73,8 @@ def run_coverages(context: Context) -> tuple[Coverage, ...] | None:
         )
     loads = np.zeros((n, 0)) if trace.equality_loads is None else trace.equality_loads
     weight = context.setup.moving_mass * context.setup.pull
-    loads = np.where(loads < _LEAST_LOAD_SHARE * weight[:, None], 0, loads)
+    least_load_share = 1e-4  # smallest load of an equality that counts, as a share of the weight
+    loads = np.where(loads < least_load_share * weight[:, None], 0, loads)
     names = [equality.name for equality in mechanism.equalities]
     contacts = share(trace.contacts > 0)
     covered = (

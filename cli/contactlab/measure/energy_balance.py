@@ -16,10 +16,6 @@ from contactlab.measure.context import (
 )
 from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, label, metric
 
-_LIFT_SHARE = (
-    0.04  # share of a body's mean size; a gain that counts lifts everything by 1.2 % of it
-)
-
 
 @cached
 def _energy_scale(context: Context) -> Floats:
@@ -28,7 +24,9 @@ def _energy_scale(context: Context) -> Floats:
     And at least the energy that passes through a driven model: the work of its actuators, whatever
     its sign.
     """
-    lift = context.setup.moving_mass * gravity(context) * _LIFT_SHARE * context.setup.size
+    # Share of a body's mean size; a gain that counts lifts everything by 1.2 % of it.
+    lift_share = 0.04
+    lift = context.setup.moving_mass * gravity(context) * lift_share * context.setup.size
     scale = np.maximum(peak_kinetic(context), np.maximum(lift, least_energy(context)))
     work = context.trace.work
     return scale if work is None else np.fmax(scale, np.abs(work[..., ACTUATORS]).sum(axis=1))

@@ -55,20 +55,8 @@ _MODE_SWITCHES = Threshold(
 _MIN_EVENTS = Threshold(
     "mode_switch_count", 3, "1", "Fewest events of chatter: a stop and a start are not chatter."
 )
-_FORCE_END_SHARE = (
-    0.01  # distance to the end of a force range that counts as its end, as a share of the range
-)
 _SCENE_THRESHOLDS = {"creep_speed", "drift", "rest_speed"}  # thresholds of scenes that define rest
 MAX_SPEED_CHANGE = 0.2  # largest relative change of the speed of steady creep or sinking
-_FRICTION_FIELDS = slice(
-    FORCE.start + 1, TORQUE.stop
-)  # two forces, torsion and two rolling torques
-_MIN_PEAK_RATIO = 0.99  # smallest ratio of the next to the last peak force; bounces lose more
-# Slip between two switches of a chattering pair that hops, in half extents; trembling has 0.003.
-_MIN_HOP_SLIP = 0.02
-_MIN_CONTACT_SHARE = 0.9  # a pair hops if its share of the time in contact is smaller
-# Smallest share of the time in contact that the middle half of the events of chatter spans.
-_MIN_EVENT_SPREAD = 0.25
 Events = tuple[NDArray[np.intp], NDArray[np.intp]]
 """Runs and steps of events, in order of run and time."""
 
@@ -256,6 +244,9 @@ def chatter(runs: MeasuredRuns) -> OnsetIterator:
     masks = hold_switch_masks(context) if held else switch_masks(context)
     masks = masks & ~(driven if held else own)[:, None]
     between = "stick, slide and no contact in its hold" if held else "stick and slide"
+    # Slip between two switches of a chattering pair that hops, in half extents; trembling has
+    # 0.003.
+    min_hop_slip = 0.02
     for row in runs_where(np.asarray(masks.any(axis=(1, 2)))):
         place = context.pairs.places[row]
         extent = context.setup.thickness[place]
@@ -263,7 +254,7 @@ def chatter(runs: MeasuredRuns) -> OnsetIterator:
         tumbles = context.net.rolling[row] * extent > context.net.series.slip[row]
         run, step = np.nonzero(masks[row] & ~tumbles[:, 1:])
         event = f"{context.pairs.names[place]} switched {{}} times between {between}"
-        least = 0.0 if held or np.isinf(extent) else _MIN_HOP_SLIP * extent
+        least = 0.0 if held or np.isinf(extent) else min_hop_slip * extent
         yield from _find_frequent(runs, row, (run, step + 1), event, least)
     for row, gaps in () if held else _all_lost_contacts(context).items():
         event = f"{context.pairs.names[context.pairs.places[row]]} lost its contact {{}} times"
@@ -278,7 +269,9 @@ def chatter(runs: MeasuredRuns) -> OnsetIterator:
     ):
         (low, high), half = mechanism.forces.T, slice(trace.steps // 2, None)
         share = (trace.forces[:, half] - low) / (high - low)
-        ends = np.where(share > 1 - _FORCE_END_SHARE, 1, 0) - (share < _FORCE_END_SHARE)
+        # Distance to the end of a force range that counts as its end, as a share of the range.
+        force_end_share = 0.01
+        ends = np.where(share > 1 - force_end_share, 1, 0) - (share < force_end_share)
         ranges = trace.control_ranges
         still = True if ranges is None else np.ptp(ranges, axis=2) == 0
         for run, place in np.argwhere(still & (ends != 0).any(axis=1)).tolist():
@@ -320,13 +313,15 @@ def lost_contacts(context: Context, row: int) -> Spans:
     before = np.searchsorted(touch.run * width + touch.stop, found.run * width + found.start)
     kept = found.stop - found.start <= touch.stop[before] - touch.start[before]
     kept &= series.mode[row, found.run, found.start] == STICK
+    # Two forces, torsion and two rolling torques.
+    friction_fields = slice(FORCE.start + 1, TORQUE.stop)
     for step in (found.start - 1, found.stop):
         # The pair sticks, and each of its contacts is well inside its whole cone.
         of_run = found.run[kept]
         start = step[kept]
         pair = context.trace.pairs[context.pairs.places[row]]
         slots = pair.slots[of_run, start]
-        acting = np.abs(slots[..., _FRICTION_FIELDS])
+        acting = np.abs(slots[..., friction_fields])
         bound = slots[..., FORCE.start, None] * pair.friction[of_run][:, None]
         share = np.divide(acting, bound, out=np.zeros_like(acting), where=acting > 0)
         elliptic = context.setup.elliptic[of_run][:, None]
@@ -339,7 +334,8 @@ def lost_contacts(context: Context, row: int) -> Spans:
     kept[kept] &= speed >= IMPACT * context.setup.pull[found.run[kept]]
     forces, ends = series.normal[row], (before[kept], before[kept] + 1)
     peaks = [_peak_forces(forces, touch, places) for places in ends]
-    kept[kept] = peaks[1] >= _MIN_PEAK_RATIO * peaks[0]
+    min_peak_ratio = 0.99  # smallest ratio of the next to the last peak force; bounces lose more
+    kept[kept] = peaks[1] >= min_peak_ratio * peaks[0]
     return Spans(found.run[kept], found.start[kept], found.stop[kept])
 
 
@@ -371,11 +367,14 @@ def _find_frequent(
     series, held = runs.context.net.series, runs.context.setup.hold is not None
     seconds = hold_seconds(runs.context) if held else runs.context.seconds
     counts = np.bincount(events[0], minlength=runs.context.trace.runs)
+    min_contact_share = 0.9  # a pair hops if its share of the time in contact is smaller
+    # Smallest share of the time in contact that the middle half of the events of chatter spans.
+    min_event_spread = 0.25
     for run in runs_where((counts / seconds > limit) & (counts >= fewest)):
         steps = events[1][events[0] == run]
         slips = np.add.reduceat(series.slip[row, run], steps) * runs.context.trace.timestep[run]
         touching = series.mode[row, run] != NO_CONTACT
-        hops = bearing(runs.context)[row, run].sum() < _MIN_CONTACT_SHARE * touching.sum()
+        hops = bearing(runs.context)[row, run].sum() < min_contact_share * touching.sum()
         if hops and np.median(slips) < least:
             continue
         if held:
@@ -383,9 +382,7 @@ def _find_frequent(
         # Pairs in brief contact may rattle; parts that tumble to rest switch often for a while.
         moment = min(fewest / limit / runs.context.trace.timestep[run], len(touching) / 2)
         early, late = np.quantile(steps, (0.25, 0.75))
-        if late - early >= _MIN_EVENT_SPREAD * touching.sum() and (
-            held or touching.sum() >= moment
-        ):
+        if late - early >= min_event_spread * touching.sum() and (held or touching.sum() >= moment):
             rate = counts[run] / seconds[run]
             reason = f"{event.format(counts[run])}, {rate:.3g} times a second (limit {limit:g})"
             place = runs.context.pairs.places[row]

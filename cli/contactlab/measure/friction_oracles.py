@@ -7,16 +7,8 @@ from contactlab.contact.trace_setup import FreeBody
 from contactlab.measure.context import Context, distance_from_rest, friction, gravity, semi_implicit
 from contactlab.measure.entries import oracle
 
-_LADDER_LENGTH = 1.0
-_LEAN_INDEX = 2
-_FALL_ANGLE_RAD = np.radians(5)
 _ROD_HALF_LENGTH = 0.5
 _ROD_RADIUS = 0.01
-_INTEGRATION_STEPS = 100
-_ROLLING_SLIP_SHARE = (
-    0.05  # a ball rolls below this share of its initial slip; soft contact creeps by less
-)
-_SPHERE_FACTOR = 3.5  # 1 + m r^2 / I of a homogeneous sphere
 
 
 @oracle("m", ("speed", "friction", "timestep", "integrator"), relative=True)
@@ -80,9 +72,12 @@ def ladder(context: Context) -> tuple[Floats, Floats]:
     the angle, by the third degree of freedom, over 5 degrees, at most 1.
     """
     angle, radius = np.radians(context.setting("angle")), context.setup.thickness[0]
-    grip = 2 * friction(context) * (1 + radius / (_LADDER_LENGTH * np.cos(angle)))
-    lean = context.trace.qpos[:, :, _LEAN_INDEX]
-    gained = (lean[:, -1] - lean[:, 0]) / _FALL_ANGLE_RAD
+    ladder_length = 1.0
+    grip = 2 * friction(context) * (1 + radius / (ladder_length * np.cos(angle)))
+    lean_index = 2
+    lean = context.trace.qpos[:, :, lean_index]
+    fall_angle_rad = np.radians(5)
+    gained = (lean[:, -1] - lean[:, 0]) / fall_angle_rad
     return np.where(np.tan(angle) > grip, 1.0, 0.0), np.minimum(gained, 1)
 
 
@@ -113,11 +108,12 @@ def rod_tip_travel(rod: Floats, mu: Floats, fall: Floats, duration: Floats) -> F
     [rad], and the rates of both; `mu` (n,) is the end's friction, `fall` gravity [m/s^2], and time
     is in s.
     """
-    forward, step = np.sign(_slip_speed(rod)), duration / _INTEGRATION_STEPS
+    integration_steps = 100
+    forward, step = np.sign(_slip_speed(rod)), duration / integration_steps
     drag = forward * mu
     stuck = np.zeros(len(mu), dtype=np.bool_)
     travel, place = np.zeros(len(mu)), _end_position(rod)
-    for _ in range(_INTEGRATION_STEPS):
+    for _ in range(integration_steps):
         middle = rod + step / 2 * _rod_rates(rod, drag, fall)
         rod = rod + step * _rod_rates(middle, drag, fall)
         stuck |= (tip_compliance(rod[1], drag) <= 0) | (_slip_speed(rod) * forward <= 0)
@@ -177,10 +173,12 @@ def slide_to_roll(context: Context) -> tuple[Floats, Floats]:
     """
     speed = _body_speed(context)
     slip = speed - context.setup.thickness[0] * _body_angular_speed(context)
-    rolls = slip <= _ROLLING_SLIP_SHARE * speed[:, :1]
+    # A ball rolls below this share of its initial slip; soft contact creeps by less.
+    rolling_slip_share = 0.05
+    rolls = slip <= rolling_slip_share * speed[:, :1]
     time = rolls.argmax(axis=1) * context.trace.timestep
     stop = 2 * speed[:, 0] / (7 * friction(context) * gravity(context))
-    return (1 - _ROLLING_SLIP_SHARE) * stop, np.where(rolls.any(axis=1), time, np.nan)
+    return (1 - rolling_slip_share) * stop, np.where(rolls.any(axis=1), time, np.nan)
 
 
 @oracle("m/s^2", ("friction",), relative=True)
@@ -221,7 +219,8 @@ def rolling_plate(context: Context) -> tuple[Floats, Floats]:
     whole = plate.mass + sum(ball.mass for ball in balls)
     drag = context.trace.pairs[0].friction[:, 0] * whole * gravity(context)
     surplus = context.setting("force") - drag
-    push = surplus / plate.mass / (_SPHERE_FACTOR / mass + count / plate.mass)
+    sphere_factor = 3.5  # 1 + m r^2 / I of a homogeneous sphere
+    push = surplus / plate.mass / (sphere_factor / mass + count / plate.mass)
     error = _velocity_error(context, plate, (surplus - count * push) / plate.mass)
     errors = [_velocity_error(context, ball, push / mass) for ball in balls]
     return np.zeros_like(error), error + sum(errors, np.zeros_like(error)) / count

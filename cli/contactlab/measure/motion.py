@@ -40,8 +40,6 @@ _ENERGY_GAIN = Threshold(
 )
 _DRIFT = Threshold("drift", None, "m", "Set it if bodies should stay.")
 _REST_SPEED = Threshold("rest_speed", None, "m/s", "Set it if bodies should come to rest.")
-_SETTLED_SHARE = 1e-6  # a run has settled below this share of the peak kinetic energy
-_START_DEPTH_SHARE = 0.1  # allowed depth of a start, as a share of the thinner body's half extent
 
 
 @cached
@@ -122,7 +120,8 @@ def spin_drift(context: Context) -> Floats:
 @metric("s", "lower", requires="energy")
 def settle_time(context: Context) -> Floats:
     """Time after which kinetic energy stays below 1e-6 of its peak, if it does so until the end."""
-    limit = _SETTLED_SHARE * np.maximum(peak_kinetic(context), least_energy(context))
+    settled_share = 1e-6  # a run has settled below this share of the peak kinetic energy
+    limit = settled_share * np.maximum(peak_kinetic(context), least_energy(context))
     moving = kinetic(context) > limit[:, None]
     settled = context.trace.steps - moving[:, ::-1].argmax(axis=1)
     steps = np.where(moving.any(axis=1), settled, 0)
@@ -334,8 +333,10 @@ def _stored_at_start(context: Context) -> Floats:
     at the start or the end; and at most the energy to lift everything by a tenth of the thinner
     half extent.
     """
+    # Allowed depth of a start, as a share of the thinner body's half extent.
+    start_depth_share = 0.1
     most, given = (
-        _START_DEPTH_SHARE * context.setup.moving_mass * gravity(context),
+        start_depth_share * context.setup.moving_mass * gravity(context),
         context.trace.given,
     )
     stored = np.zeros(context.trace.runs) if given is None else np.nan_to_num(given[:, 3])

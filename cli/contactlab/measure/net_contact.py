@@ -27,13 +27,10 @@ from contactlab.contact.trace_arrays import (
 from contactlab.measure.stick_slip import contact_modes
 from contactlab.numerical_tolerance import SUM_ROUNDING
 
-_BRIEF_SHARE = 0.01  # of the contacts that carry force: single steps of impacts do not count
 Complexes = NDArray[np.complex128]
 """Two numbers each: components along two tangents, or neighbors that are moved together."""
 
 _NORMAL_FORCE = FORCE.start
-_TANGENTIAL_FORCE = slice(FORCE.start + 1, FORCE.stop)
-_SLIP_FIELDS = slice(LINEAR_VELOCITY.start + 1, LINEAR_VELOCITY.stop)
 _FRAME_FIELDS = slice(NORMAL.start, TANGENT.stop)
 
 
@@ -125,11 +122,13 @@ def _reduce_run(
     slots = slots[:, : max(contacts.max(initial=0), 1)]
     if slots.strides[-1] != slots.itemsize:
         slots = np.ascontiguousarray(slots)
+    tangential_force = slice(FORCE.start + 1, FORCE.stop)
+    slip_fields = slice(LINEAR_VELOCITY.start + 1, LINEAR_VELOCITY.stop)
     columns = _SlotColumns(
         normal=np.ascontiguousarray(slots[:, :, _NORMAL_FORCE].T),
         distance=np.ascontiguousarray(slots[:, :, DISTANCE].T),
-        force=_complex_field(slots, _TANGENTIAL_FORCE)[0],
-        velocity=_complex_field(slots, _SLIP_FIELDS)[0],
+        force=_complex_field(slots, tangential_force)[0],
+        velocity=_complex_field(slots, slip_fields)[0],
         turning=np.ascontiguousarray(slots[:, 0, ANGULAR_VELOCITY].T),
         frame=_complex_field(slots, _FRAME_FIELDS) if slots.shape[1] > 1 else None,
     )
@@ -162,7 +161,8 @@ def _reduce_run(
     over = used > bound
     over &= columns.normal > SUM_ROUNDING * columns.normal.max(initial=0)
     excess = np.sort(used[over] / bound[over])[::-1] - 1
-    brief = int(_BRIEF_SHARE * np.count_nonzero(bound))
+    brief_share = 0.01  # of the contacts that carry force: single steps of impacts do not count
+    brief = int(brief_share * np.count_nonzero(bound))
     return series, (
         excess[brief : brief + 1].max(initial=0),
         apart.max(initial=0),

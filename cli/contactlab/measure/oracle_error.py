@@ -91,8 +91,6 @@ def _oracle_result(context: Context) -> OracleResult:
 
 _TOP_AXIS = np.array([0.0, 0.0, 1.0])
 
-_DUPLICATIONS = 30
-
 
 @oracle("m", ("integrator",), relative=False)
 def free_fall(context: Context) -> tuple[Floats, Floats]:
@@ -212,7 +210,8 @@ def carlson_rf(x: Floats, y: Floats, z: Floats) -> Floats:
     integrals, 1995); `scipy.special.elliprf` differs from it, and so from stored evidence, in the
     last bits.
     """
-    for _ in range(_DUPLICATIONS):
+    duplications = 30
+    for _ in range(duplications):
         roots = np.sqrt(x), np.sqrt(y), np.sqrt(z)
         shift = roots[0] * roots[1] + roots[1] * roots[2] + roots[2] * roots[0]
         x, y, z = (x + shift) / 4, (y + shift) / 4, (z + shift) / 4

@@ -49,21 +49,6 @@ _STANDOFF = Threshold(
     "1",
     "Contacts may carry load as far outside of a geom as they may rest inside of it.",
 )
-_RESTING_SHARE = 0.9  # a pair must touch in this share of the last half to count as resting
-_STEADY_CONTACT_SHARE = (
-    0.5  # a steady pair must touch in this share of the last fifth; sliding ones hop
-)
-_DRIVEN_DEEP_SHARE = (
-    0.75  # a pair under a drive must be deep in this share of it to count as resting
-)
-_SOFT_DIVISOR = (
-    1.5  # divisor of the half extent for the allowed depth of pairs with such a wide solimp
-)
-# Depth in half extents that a geom may reach on either side: it may be thin across.
-_MAX_DIP_DEPTH = 1.1
-_MAX_DIP_STEPS = 2  # it must turn back within these steps; pads that sink in stay longer
-_IDLE_DEPTH_RATIO = 0.9  # smallest ratio of the first to the largest depth of an idle pair
-_MAX_DIP_SECONDS = 0.1  # longest dip [s] of a geom beyond its middle
 
 
 @metric("m", "lower", 1e-9, requires="depth", equivalence=True, heading="depth [m]")
@@ -95,7 +80,9 @@ def steady_depths(context: Context) -> Floats:
     tail = context.last_fifth
     steps = count(touching[..., tail])
     mean = depth[..., tail].sum(axis=-1) / steps
-    return np.where(share(touching[..., tail]) >= _STEADY_CONTACT_SHARE, mean, np.nan)
+    # A steady pair must touch in this share of the last fifth; sliding ones hop.
+    steady_contact_share = 0.5
+    return np.where(share(touching[..., tail]) >= steady_contact_share, mean, np.nan)
 
 
 @metric("m", "lower", 1e-9, requires="depth", equivalence=True)
@@ -135,7 +122,8 @@ def _gains_between(context: Context, parts: int) -> list[Floats]:
     touching, depth = contact_depths(context)
     steps, length = context.trace.steps, context.trace.steps // parts
     starts = [steps - place * length for place in range(parts // 2, 0, -1)]
-    resting = (share(touching[..., starts[0] :]) >= _RESTING_SHARE).nonzero()
+    resting_share = 0.9  # a pair must touch in this share of the last half to count as resting
+    resting = (share(touching[..., starts[0] :]) >= resting_share).nonzero()
 
     def medians(values: Floats) -> list[Floats]:
         return [fast_median(values[..., start : start + length][resting]) for start in starts]
@@ -282,14 +270,18 @@ def deep_penetration(runs: MeasuredRuns) -> OnsetIterator:
     if given is None and places:
         loads = _carried_weights(context)[places] / runs.limits[PRESSED.name]
         width, thickness = setup.widths[places, None], setup.thickness[places, None]
-        parts = np.where(width < thickness / 2, 2 + np.log2(np.clip(loads, 1, 2)), _SOFT_DIVISOR)
+        # Divisor of the half extent for the allowed depth of pairs with such a wide solimp.
+        soft_divisor = 1.5
+        parts = np.where(width < thickness / 2, 2 + np.log2(np.clip(loads, 1, 2)), soft_divisor)
         accepted = thickness / parts
     deep = steady > accepted
+    # A pair under a drive must be deep in this share of it to count as resting.
+    driven_deep_share = 0.75
     for row in reversed(runs_where(np.asarray(deep.any(axis=1)))):
         depth = contact_depths(context)[1][row, :, context.last_fifth]
         # A pair that a drive presses down for a moment does not rest.
         lasts = share(depth > accepted[row, :, None])
-        lasts = lasts >= (_DRIVEN_DEEP_SHARE if setup.steered else 0)
+        lasts = lasts >= (driven_deep_share if setup.steered else 0)
         for run in runs_where(deep[row] & lasts & ~_always_overlaps(context, row)):
             name = context.pairs.names[places[row]] if places else "the model"
             limit = accepted[row, run]
@@ -355,7 +347,8 @@ def _always_overlaps(context: Context, row: int) -> NDArray[np.bool_]:
         return np.zeros(context.trace.runs, bool)
     depth, squeeze = contact_depths(context)[1][row], context.checks.squeeze
     held = np.isnan(squeeze[:, context.pairs.places[row]])
-    return held & (depth[:, 0] > _IDLE_DEPTH_RATIO * depth.max(axis=1))
+    idle_depth_ratio = 0.9  # smallest ratio of the first to the largest depth of an idle pair
+    return held & (depth[:, 0] > idle_depth_ratio * depth.max(axis=1))
 
 
 def _dip_fault(context: Context, row: int, run: int, deep: slice) -> str:
@@ -365,11 +358,15 @@ def _dip_fault(context: Context, row: int, run: int, deep: slice) -> str:
     depth = contact_depths(context)[1][row, run]
     extent, ends = context.setup.thickness[index], [deep.start, min(deep.stop, trace.steps - 1)]
     first, last = trace.pairs[index].slots[run, ends, 0, NORMAL]
-    brief = deep.stop - deep.start <= _MAX_DIP_STEPS and depth[deep].max() < _MAX_DIP_DEPTH * extent
+    # Depth in half extents that a geom may reach on either side: it may be thin across.
+    max_dip_depth = 1.1
+    max_dip_steps = 2  # it must turn back within these steps; pads that sink in stay longer
+    brief = deep.stop - deep.start <= max_dip_steps and depth[deep].max() < max_dip_depth * extent
     if deep.start == 0:
         return "from the start"
-    if (deep.stop - deep.start) * trace.timestep[run] > _MAX_DIP_SECONDS:
-        return f"longer than a dip into a soft contact ({format_amount(_MAX_DIP_SECONDS, 'ms')})"
+    max_dip_seconds = 0.1  # longest dip [s] of a geom beyond its middle
+    if (deep.stop - deep.start) * trace.timestep[run] > max_dip_seconds:
+        return f"longer than a dip into a soft contact ({format_amount(max_dip_seconds, 'ms')})"
     if deep.stop < trace.steps and depth[deep.stop] == 0:
         return "and leaves it at once, not by way of the surface"
     if not (brief or first @ last > 0):
@@ -414,8 +411,6 @@ PRESSED = Threshold(
     "Weight is a tenth of the pressing force; and contact alone, after a while, presses at least "
     "half as hard.",
 )
-_MIN_SQUEEZE_SHARE = 0.5
-_MAX_WEIGHTS = 1e9  # larger loads in weights occur only along directions without joint motion
 
 
 def _lighter_weights(context: Context) -> Floats:
@@ -428,7 +423,8 @@ def _carried_weights(context: Context) -> Floats:
     """Return (P, n) the median of each pair's normal force in the last fifth, in weights."""
     forces = fast_median(context.net.series.normal[..., context.last_fifth])
     borne = forces[context.pairs.rows] / _lighter_weights(context)
-    return borne * (borne < _MAX_WEIGHTS)
+    max_weights = 1e9  # larger loads in weights occur only along directions without joint motion
+    return borne * (borne < max_weights)
 
 
 @metric("1", "lower", 1e-6, kind="detail")
@@ -459,10 +455,11 @@ def squeezed(runs: MeasuredRuns) -> OnsetIterator:
     context, checks = runs.context, runs.context.checks
     if checks is None:
         return
+    min_squeeze_share = 0.5
     for run, _, limit in runs.over(PRESSED.name):
         carried = _carried_weights(context)[:, run]
         alone = (
-            checks.squeeze[run] / _lighter_weights(context)[:, run] >= _MIN_SQUEEZE_SHARE * carried
+            checks.squeeze[run] / _lighter_weights(context)[:, run] >= min_squeeze_share * carried
         )
         for pair in runs_where(alone & (carried > limit)):
             amount = f"{carried[pair]:.3g} times the weight of the lighter (limit {limit:g})"

@@ -25,15 +25,7 @@ from contactlab.measure.penetration import steady_depths
 from contactlab.measure.stick_slip import IMPACT, Rows, Spans, find_spans
 from contactlab.mjcf import AT_REST
 
-_MAX_IMPACTS = 5
-_MIN_SPEED_RATIO = 0.3
-_MAX_OFF_CENTER = 0.1  # largest share of a lever arm across the surface in a central impact
 _CORNER_CONTACTS = 4  # contacts of two boxes, or a box and the floor, face to face
-_RESTING_SHARE = 0.9  # a pair at rest touches in this share of the last fifth
-_TRUNK_MASS_KG = 10.0
-_BALL_INERTIA_SHARE = (
-    2 / 7
-)  # 1 / (1 + 5 / 2): relative sideways inertia of a hit at a ball's surface
 
 
 @metric("1", resolution=1e-6, version=2)
@@ -60,7 +52,8 @@ def _find_bounces(context: Context, barrier: Barrier) -> tuple[Rows, Floats]:
     whole = (found.start > 0) & (found.stop < context.trace.steps)
     run = found.run[whole]
     rank = np.arange(len(run)) - np.searchsorted(run, run)
-    few = rank < _MAX_IMPACTS
+    max_impacts = 5
+    few = rank < max_impacts
     starts, stops = found.start[whole][few], found.stop[whole][few]
     touches, rank = Spans(run[few], starts, stops), rank[few]
     if not rank.size:
@@ -68,8 +61,9 @@ def _find_bounces(context: Context, barrier: Barrier) -> tuple[Rows, Floats]:
     approach, rebound = _touch_speeds(context, barrier, touches)
     first = np.zeros(context.trace.runs)
     first[touches.run[rank == 0]] = np.nan_to_num(approach[rank == 0])
+    min_speed_ratio = 0.3
     counts = (approach >= IMPACT * context.setup.pull[touches.run]) & (
-        approach >= _MIN_SPEED_RATIO * first[touches.run]
+        approach >= min_speed_ratio * first[touches.run]
     )
     # The line of the first force of each contact passes near the body's origin.
     slots = context.trace.pairs[barrier.pair].slots[touches.run, touches.start]
@@ -81,8 +75,9 @@ def _find_bounces(context: Context, barrier: Barrier) -> tuple[Rows, Floats]:
     weights = slots[..., FORCE.start, None] + np.finfo(float).tiny * (slots[..., FOUND, None] > 0)
     arm = sum_of_slots(arms * weights, axis=1)
     across = arm - (arm @ barrier.normal)[:, None] * barrier.normal
+    max_off_center = 0.1  # largest share of a lever arm across the surface in a central impact
     counts &= np.isfinite(rebound) & (
-        np.linalg.norm(across, axis=1) <= _MAX_OFF_CENTER * np.linalg.norm(arm, axis=1)
+        np.linalg.norm(across, axis=1) <= max_off_center * np.linalg.norm(arm, axis=1)
     )
     return touches.run[counts], rebound[counts] / approach[counts]
 
@@ -129,10 +124,11 @@ def at_rest_error(context: Context) -> Floats:
     """
     errors, tail = [context.undefined()], context.last_fifth
     asked = [name for name in AT_REST if name in context.setup.settings]
+    resting_share = 0.9  # a pair at rest touches in this share of the last fifth
     for pair in context.trace.pairs if asked else ():
         begin = context.setting("margin")[:, None, None]
         slots = pair.slots[:, tail]
-        rests = (slots[..., FOUND] > 0).any(axis=2).mean(axis=1) >= _RESTING_SHARE
+        rests = (slots[..., FOUND] > 0).any(axis=2).mean(axis=1) >= resting_share
         depth = _mean_of_contacts(pair, tail, begin - slots[..., DISTANCE])
         found = {
             "stiffness": _mean_of_contacts(pair, tail, slots[..., FORCE.start]) / depth,
@@ -237,7 +233,9 @@ def throw(context: Context) -> tuple[Floats, Floats]:
     body, which was at rest, in the last state; line of centers at first touch.
     """
     kept = restitution_of_solref(context)
-    stick = _BALL_INERTIA_SHARE * np.tan(np.radians(context.setting("cut"))) / (1 + kept)
+    # 1 / (1 + 5 / 2): relative sideways inertia of a hit at a ball's surface
+    ball_inertia_share = 2 / 7
+    stick = ball_inertia_share * np.tan(np.radians(context.setting("cut"))) / (1 + kept)
     pair = context.trace.pairs[0]
     first = pair.touching[:, :, 0].argmax(axis=1)
     line = pair.slots[np.arange(len(first)), first, 0, NORMAL]
@@ -311,7 +309,8 @@ def foot_depth(context: Context) -> tuple[Floats, Floats]:
     lengthened to two timesteps, and solimp. Measured: the metric penetration_steady.
     """
     foot = context.setting("mass")
-    robot = foot + _TRUNK_MASS_KG
+    trunk_mass_kg = 10.0
+    robot = foot + trunk_mass_kg
     # Along the leg the foot moves alone, across it with the trunk.
     inverse = (1 / foot + 2 / robot) / 3
     solref, solimp = context.setting("solref"), context.setting("solimp")

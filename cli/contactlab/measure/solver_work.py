@@ -17,12 +17,6 @@ _DISTANCE_THRESHOLD = Threshold(
     "On overlap_missed and distance_phantom. By default a hundred times ccd_tolerance, the "
     "accuracy of the model's collisions.",
 )
-_DISTANCE_ERROR_FACTOR = (
-    100  # ratio of the smallest reported distance error to the accuracy of collisions
-)
-_SUSTAINED_QUANTILE = (
-    0.99  # quantile of the residual in contact: a single hard step is not a failure
-)
 
 
 @metric("1", "lower", kind="work", rule=MetricRule(rel=0.05, abs=0.05))
@@ -142,9 +136,11 @@ def sustained_residual(context: Context, where: NDArray[np.bool_]) -> Floats:
     if context.checks is None:
         return context.undefined()
     chosen, constrained = np.where(where, context.checks.residual, 0.0), _has_constraints(context)
+    # Quantile of the residual in contact: a single hard step is not a failure.
+    sustained_quantile = 0.99
     return np.array(
         [
-            np.quantile(residual[mask], _SUSTAINED_QUANTILE) if mask.any() else 0.0
+            np.quantile(residual[mask], sustained_quantile) if mask.any() else 0.0
             for residual, mask in zip(chosen, constrained, strict=True)
         ]
     )
@@ -275,8 +271,10 @@ def phantom_contact(runs: MeasuredRuns) -> OnsetIterator:
 
 
 def _find_distance_errors(runs: MeasuredRuns, amounts: Floats, fault: str) -> OnsetIterator:
+    # Ratio of the smallest reported distance error to the accuracy of collisions.
+    distance_error_factor = 100
     limit = runs.limits.get(
-        _DISTANCE_THRESHOLD.name, _DISTANCE_ERROR_FACTOR * runs.context.setup.exact
+        _DISTANCE_THRESHOLD.name, distance_error_factor * runs.context.setup.exact
     )
     checks = runs.context.checks
     for run in runs_where(amounts.max(axis=1) > limit):

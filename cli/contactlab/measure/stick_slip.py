@@ -23,16 +23,13 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats
 from contactlab.numerical_tolerance import COARSE_ROUNDING
 
-ENTER_USAGE, LEAVE_USAGE = 0.999, 0.98
 ENTER_SLIP, LEAVE_SLIP = 5e-4, 2.5e-4  # slip speeds over gravity: times of a free fall [s]
 IMPACT = 10 * ENTER_SLIP
 """Fall time that gives the least speed of an impact [s]; hops of resting bodies are slower."""
 HELD_USAGE = 0.9  # a sticking pair holds below this share of the friction bound
-LONGEST_GAP = 0.1  # longest gap between contacts [s] that holds the mode
 Modes = NDArray[np.int8]
 Rows = NDArray[np.intp]
 
-_NO_EVENT = 0
 _SEPARATED = 3  # stands for NO_CONTACT among the events, where 0 means that nothing happens
 
 
@@ -65,14 +62,17 @@ def contact_modes(
     [s].
     """
     *shape, steps = bearing.shape
-    longest = np.broadcast_to(np.floor(LONGEST_GAP / timestep + COARSE_ROUNDING), shape).ravel()
-    enter = (usage >= ENTER_USAGE) & (slip >= ENTER_SLIP) & bearing
-    leave = ((grip < LEAVE_USAGE) | (slip < LEAVE_SLIP)) & bearing
+    longest_gap = 0.1  # longest gap between contacts [s] that holds the mode
+    longest = np.broadcast_to(np.floor(longest_gap / timestep + COARSE_ROUNDING), shape).ravel()
+    enter_usage, leave_usage = 0.999, 0.98
+    enter = (usage >= enter_usage) & (slip >= ENTER_SLIP) & bearing
+    leave = ((grip < leave_usage) | (slip < LEAVE_SLIP)) & bearing
     events = (enter * np.int8(SLIDE) + leave * np.int8(STICK)).reshape(len(longest), steps)
     _mark_long_gaps(events, bearing.reshape(events.shape), longest)
     # At each sample, the last event at or before it.
     step = np.arange(1, events.shape[1] + 1, dtype=np.int32) * 4
-    dated = np.where(events == _NO_EVENT, 0, step + events)
+    no_event = 0
+    dated = np.where(events == no_event, 0, step + events)
     held = (np.maximum.accumulate(dated, axis=1) & 3).astype(np.int8)
     held[held == _SEPARATED] = NO_CONTACT
     return held.reshape(bearing.shape)

@@ -4,11 +4,6 @@ import math
 
 _SCALED = {"mm": 1e3, "mm/s": 1e3, "ms": 1e3, "us": 1e6}
 """Units that are printed for SI numbers, and the factor from the SI unit."""
-_MOST_DIGITS = 9  # more are rounding
-_LONG_UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0}
-"""Units of long times [s]; from 99 of one on, the next one is shown."""
-_DAY_SECONDS = 86_400
-_TWO_DIGITS = 0.1  # below it, two decimals show fewer than two significant digits
 
 
 def format_amount(
@@ -32,11 +27,14 @@ def format_amount(
         case "%":
             text = f"{format_digits(100 * value, digits or 2)} %"
         case "x":
-            text = f"x{value:.2f}" if value >= _TWO_DIGITS else f"x{value:.2g}"
+            # Below 0.1, two decimals show fewer than two significant digits.
+            text = f"x{value:.2f}" if value >= 0.1 else f"x{value:.2g}"
         case "count":
             text = f"{value:,.0f}"
         case "N":
-            text = _format_force(value, digits or 2)
+            power = min(3, max(0, math.floor(math.log10(value) / 3))) if value > 0 else 0
+            name = ("N", "kN", "MN", "GN")[power]
+            text = f"{format_digits(value / 1e3**power, digits or 2)} {name}"
         case "B":
             power, name = (1e9, "GB") if value >= 1e9 else (1e6, "MB")
             text = f"{format_digits(value / power, digits or 3)} {name}"
@@ -72,7 +70,7 @@ def format_above(share: float, limit: float) -> str:
     """Return a share in percent with as many digits as show that it is above a limit."""
     if not math.isfinite(share) or format_percent(share) != format_percent(limit):
         return format_percent(share)
-    for digits in range(3, _MOST_DIGITS):
+    for digits in range(3, 9):  # more are rounding
         if (text := format_digits(100 * share, digits)) != format_digits(100 * limit, digits):
             return f"{text} %"
     return format_percent(share)
@@ -86,14 +84,9 @@ def format_digits(number: float, digits: int = 3) -> str:
     return f"{float(short):.0f}" if abs(number) < 10**digits else f"{number:.0f}"
 
 
-def _format_force(force: float, digits: int) -> str:
-    power = min(3, max(0, math.floor(math.log10(force) / 3))) if force > 0 else 0
-    return f"{format_digits(force / 1e3**power, digits)} {('N', 'kN', 'MN', 'GN')[power]}"
-
-
 def _format_long_time(seconds: float) -> str:
-    most = 99
-    for unit, size in _LONG_UNITS.items():
-        if seconds < most * size:
+    # From 99 of a unit on, the next one is shown.
+    for unit, size in (("s", 1.0), ("min", 60.0), ("h", 3600.0)):
+        if seconds < 99 * size:
             return f"{seconds / size:.2g} {unit}"
-    return f"{seconds / _DAY_SECONDS:,.0f} days"
+    return f"{seconds / 86_400:,.0f} days"

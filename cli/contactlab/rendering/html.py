@@ -16,33 +16,28 @@ from contactlab.rendering.document import (
     Headline,
     Items,
     Mark,
-    Row,
-    Section,
     Sentence,
     Table,
 )
 
-_BAR_PIXELS = 160
-
 
 def render_html(document: Document) -> str:
     """Return a document as HTML, without a page around it."""
-    return "\n".join(line for section in document.sections for line in _section_lines(section))
+    lines: list[str] = []
+    for section in document.sections:
+        if section.folded:
+            lines.append(f"<details><summary>{_render_text(section.title)}</summary>")
+        elif section.title:
+            lines.append(f"<h3>{_render_text(section.title)}</h3>")
+        for block in section.blocks:
+            lines += _block_lines(block)
+        if section.folded:
+            lines.append("</details>")
+    return "\n".join(lines)
 
 
 def _render_text(text: str) -> str:
     return escape(visible(text))
-
-
-def _section_lines(section: Section) -> Iterator[str]:
-    if section.folded:
-        yield f"<details><summary>{_render_text(section.title)}</summary>"
-    elif section.title:
-        yield f"<h3>{_render_text(section.title)}</h3>"
-    for block in section.blocks:
-        yield from _block_lines(block)
-    if section.folded:
-        yield "</details>"
 
 
 def _block_lines(block: Block) -> Iterator[str]:
@@ -94,25 +89,18 @@ def _table_lines(table: Table) -> Iterator[str]:
             if group:
                 head = f'<th scope="rowgroup" colspan="{width}">{_render_text(group)}</th>'
                 yield f'<tr class="kind">{head}</tr>'
-        yield _render_table_row(table.columns, row)
+        title = f' title="{_render_text(row.title)}"' if row.title else ""
+        head, *cells = row.cells
+        entries = [f'<th scope="row"{title}>{_cell_text(head)}</th>']
+        for column, cell in zip(table.columns[1:], cells, strict=True):
+            name = f' data-head="{_render_text(column.name)}"'
+            shape = ' class="along"' if isinstance(cell, Bar) else _class_of_column(column) + name
+            entries.append(f"<td{shape}>{_cell_text(cell)}</td>")
+        yield f"<tr>{''.join(entries)}</tr>"
         if row.details:
             yield f'<tr><td colspan="{width}">{_render_code(row.details)}</td></tr>'
     yield "</tbody></table></div>"
     yield from [f'<p class="caption">{_render_text(table.more)}</p>'] if table.more else []
-
-
-def _render_table_row(columns: tuple[Column, ...], row: Row) -> str:
-    first, *others = zip(columns, row.cells, strict=True)
-    title = f' title="{_render_text(row.title)}"' if row.title else ""
-    head = f'<th scope="row"{title}>{_cell_text(first[1])}</th>'
-    cells = "".join(
-        f'<td class="along">{_draw_bar(cell)}</td>'
-        if isinstance(cell, Bar)
-        else f'<td{_class_of_column(column)} data-head="{_render_text(column.name)}">'
-        f"{_cell_text(cell)}</td>"
-        for column, cell in others
-    )
-    return f"<tr>{head}{cells}</tr>"
 
 
 def _class_of_column(column: Column) -> str:
@@ -131,12 +119,13 @@ def _cell_text(cell: Cell) -> str:
 
 def _draw_bar(bar: Bar) -> str:
     """Draw a bar with a line at its limit."""
-    width, limit = _BAR_PIXELS * min(1.0, max(0.0, bar.part)), ""
+    bar_pixels = 160  # a column of a table; shares of 1 % are still visible
+    width, limit = bar_pixels * min(1.0, max(0.0, bar.part)), ""
     if bar.limit is not None:
-        place = f"{_BAR_PIXELS * bar.limit:.1f}"
+        place = f"{bar_pixels * bar.limit:.1f}"
         limit = f'<line x1="{place}" x2="{place}" y2="12"/>'
     return (
-        f'<svg class="share{" over" if bar.exceeds else ""}" width="{_BAR_PIXELS}" height="12" '
-        f'viewBox="0 0 {_BAR_PIXELS} 12" preserveAspectRatio="none" aria-hidden="true">'
+        f'<svg class="share{" over" if bar.exceeds else ""}" width="{bar_pixels}" height="12" '
+        f'viewBox="0 0 {bar_pixels} 12" preserveAspectRatio="none" aria-hidden="true">'
         f'<rect width="{width:.1f}" height="12" rx="2"/>{limit}</svg>'
     )

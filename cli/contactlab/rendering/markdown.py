@@ -14,19 +14,23 @@ from contactlab.rendering.document import (
     Headline,
     Items,
     Mark,
-    Section,
     Sentence,
     Table,
 )
-
-_BAR_SIGNS = 8
 
 
 def render_markdown(document: Document) -> str:
     """Return a document as Markdown; each block is separated by an empty line."""
     lines: list[str] = []
     for section in document.sections:
-        lines += _section_lines(section)
+        if section.folded:
+            lines += [f"<details><summary>{in_markdown(section.title)}</summary>", ""]
+        elif section.title:
+            lines += [f"#### {in_markdown(section.title)}", ""]
+        for block in section.blocks:
+            lines += [*_block_lines(block), ""]
+        if section.folded:
+            lines += ["</details>", ""]
     while lines and not lines[-1]:
         lines.pop()
     return "\n".join(lines)
@@ -35,18 +39,6 @@ def render_markdown(document: Document) -> str:
 def markdown_row(cells: Iterable[str]) -> str:
     """Return a row of a table, from cells in Markdown."""
     return f"| {' | '.join(cells)} |"
-
-
-def _section_lines(section: Section) -> Iterator[str]:
-    if section.folded:
-        yield from (f"<details><summary>{in_markdown(section.title)}</summary>", "")
-    elif section.title:
-        yield from (f"#### {in_markdown(section.title)}", "")
-    for block in section.blocks:
-        yield from _block_lines(block)
-        yield ""
-    if section.folded:
-        yield from ("</details>", "")
 
 
 def _block_lines(block: Block) -> Iterator[str]:
@@ -114,6 +106,6 @@ def _cell_text(cell: Cell) -> str:
         case Mark(word, sign):
             return sign or in_markdown(word)
         case Bar(part):
-            return "█" * max(1, round(_BAR_SIGNS * min(1.0, part))) if part > 0 else ""
+            return "█" * max(1, round(8 * min(1.0, part))) if part > 0 else ""
         case _:
             return in_markdown(cell)

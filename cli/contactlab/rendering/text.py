@@ -20,7 +20,6 @@ from contactlab.rendering.document import (
     Items,
     Mark,
     Row,
-    Section,
     Sentence,
     Table,
 )
@@ -28,10 +27,7 @@ from contactlab.rendering.document import (
 COLUMNS = 80
 """Width of a report in a pipe or a file."""
 _GAP = "  "  # between columns
-_BAR_SIGNS = 8
-_MARK_WIDTH = 4
-_LEAST_WIDTH_OF_WORDS = 14  # a column of words is at least this wide
-_MOST_INDENT = 30  # of texts after a name
+_MARK_WIDTH, _LEAST_WIDTH_OF_WORDS = 4, 14  # of the column of marks, and of a column of words
 Paint = Callable[[str, str], str]
 """Colors a cell, from the name of its column and its text."""
 
@@ -41,7 +37,10 @@ def render_text(document: Document, width: int = COLUMNS, paint: Paint | None = 
     lines: list[str] = []
     for section in document.sections:
         lines += [""] if lines and not section.follows else []
-        lines += _section_lines(section, width, paint or _keep_text)
+        if section.title:
+            lines += wrap_text(section.title, width).split("\n")
+        for block in section.blocks:
+            lines += _block_lines(block, width, paint or _keep_text)
     return "\n".join(line.rstrip() for line in lines)
 
 
@@ -61,13 +60,6 @@ def wrap_text(text: str, width: int = COLUMNS, first: str = "", rest: str | None
 
 def _keep_text(_: str, text: str) -> str:
     return text
-
-
-def _section_lines(section: Section, width: int, paint: Paint) -> Iterator[str]:
-    if section.title:
-        yield from wrap_text(section.title, width).split("\n")
-    for block in section.blocks:
-        yield from _block_lines(block, width, paint)
 
 
 def _block_lines(block: Block, width: int, paint: Paint) -> Iterator[str]:
@@ -101,7 +93,8 @@ def _fact_lines(facts: Facts, width: int) -> Iterator[str]:
     colon = ":" if facts.colon else ""
     names = [in_one_line(f"{name}{colon}" if name else "") for name, _ in facts.entries]
     gap = 1 if facts.colon else 2
-    indent = min(max(map(len, names), default=0) + gap, _MOST_INDENT)
+    most_indent = 30  # of texts after a name
+    indent = min(max(map(len, names), default=0) + gap, most_indent)
     for name, (_, text) in zip(names, facts.entries, strict=True):
         first = f"{name:{indent - gap}}{' ' * gap}"
         yield from wrap_text(text, width, first, " " * indent).split("\n")
@@ -144,7 +137,7 @@ def _cell_text(cell: Cell) -> str:
         case Mark(word):
             return in_one_line(word)
         case Bar(part):
-            return "#" * max(1, round(_BAR_SIGNS * min(1.0, part))) if part > 0 else ""
+            return "#" * max(1, round(8 * min(1.0, part))) if part > 0 else ""
         case _:
             return in_one_line(cell)
 

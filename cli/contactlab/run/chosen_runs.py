@@ -148,10 +148,6 @@ class RefinedRuns(ChosenRuns):
         return super().describe_grid(index).model_copy(update=known)
 
 
-# Runs of each configuration before the first check, and the divisor for later increases.
-_FIRST_RUNS, _GROWTH_DIVISOR = 16, 4
-
-
 class RunsUntilKnown(ChosenRuns):
     """The first runs of each configuration, in the order of the plan, until its share is known."""
 
@@ -171,7 +167,9 @@ class RunsUntilKnown(ChosenRuns):
             yield from self._next_runs(places)
 
     def _next_runs(self, places: list[int]) -> list[int]:
-        count = min(_FIRST_RUNS, len(places))
+        # Runs of each configuration before the first check, and the divisor for later increases.
+        first_runs, growth_divisor = 16, 4
+        count = min(first_runs, len(places))
         while True:
             missing = [place for place in places[:count] if not self.is_known(place)]
             if missing or count == len(places):
@@ -180,7 +178,7 @@ class RunsUntilKnown(ChosenRuns):
             low, high = anytime(good, count, self._until.sure)
             if (high - low) / 2 <= self._until.half_width:
                 return []
-            count = min(len(places), count + max(_FIRST_RUNS, count // _GROWTH_DIVISOR))
+            count = min(len(places), count + max(first_runs, count // growth_divisor))
 
 
 class SearchedRuns(ChosenRuns):

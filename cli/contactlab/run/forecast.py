@@ -35,16 +35,7 @@ from contactlab.schema.store_reports import PlannedAxis, SweepForecast
 
 # Above this product of step and natural frequency, contacts gain energy under the Euler family.
 _MAX_STEP_RATE = 0.8
-_RUN_SAMPLES = 48
-_SAMPLE_STEPS = 200
 _MAX_CACHED = 1 << 12
-# Sampled runs and busy machines: of eight shipped sweeps, six took between 0.77 and 1.7 times the
-# estimate in CPU time. Shorter ones, mostly imports, took up to 2.8 times.
-_TIME_FACTOR = 1.5
-# Traces of sampled runs differ in size from those of the others by about as much.
-_SIZE_FACTOR = 1.25
-# From the start of the command to the first job, and from the last one to the finished store.
-_START_SECONDS = 0.5
 
 
 @dataclass
@@ -93,14 +84,22 @@ def forecast_sweep(request: SweepRequest) -> SweepForecast:
     sizes = dict[str, tuple[float, float]]()
     if cost:
         recording = cost.cpu_seconds * sums.steps / _used_cores(workers, len(index))
-        total = _START_SECONDS + recording + accuracy
+        # From the start of the command to the first job, and from the last one to the finished
+        # store.
+        start_seconds = 0.5
+        total = start_seconds + recording + accuracy
         certain = 0.0 if sweep.timing and sweep.timing.contenders else timing
-        seconds = (total + certain) / _TIME_FACTOR, (total + timing) * _TIME_FACTOR
+        # Sampled runs and busy machines: of eight shipped sweeps, six took between 0.77 and 1.7
+        # times the estimate in CPU time. Shorter ones, mostly imports, took up to 2.8 times.
+        time_factor = 1.5
+        seconds = (total + certain) / time_factor, (total + timing) * time_factor
         fewest, all_kept = KeptTraces.read_rule(sweep.trace).share_bounds(len(index))
+        # Traces of sampled runs differ in size from those of the others by about as much.
+        size_factor = 1.25
         sizes = {
             form: (
-                bytes_per_step * sums.steps * fewest / _SIZE_FACTOR,
-                bytes_per_step * sums.steps * all_kept * _SIZE_FACTOR,
+                bytes_per_step * sums.steps * fewest / size_factor,
+                bytes_per_step * sums.steps * all_kept * size_factor,
             )
             for form, bytes_per_step in cost.trace_bytes.items()
         }
@@ -164,7 +163,8 @@ def _values_text(values: tuple[object, ...]) -> str:
 
 def _sum_runs(index: RunIndex) -> _RunSums:
     sums = _RunSums()
-    stride, runs = max(1, len(index) // _RUN_SAMPLES), 0
+    run_samples = 48  # evenly spread over the sweep: neighbors differ little
+    stride, runs = max(1, len(index) // run_samples), 0
     for run, count in index.iterate_rows():
         steps, solref = run.steps, run.settings.get("solref")
         sums.steps += count * steps
@@ -187,7 +187,8 @@ def _step_cost(scene: Scene, resolved: RunSpec) -> float:
     """Return the CPU time of a step [s]."""
     silence_mujoco()
     runs = PreparedRuns.of(scene, resolved)
-    first_steps = replace(runs, steps=min(runs.steps, _SAMPLE_STEPS))
+    sample_steps = 200  # of a run in place of all: the forecast must not take long itself
+    first_steps = replace(runs, steps=min(runs.steps, sample_steps))
     return engine_of(resolved).seconds_per_step(first_steps)
 
 

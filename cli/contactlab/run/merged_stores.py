@@ -31,8 +31,6 @@ from contactlab.store.store_files import (
 )
 from contactlab.store.store_writer import Conclusion, open_writer
 
-_MAX_LISTED = 8
-
 
 def merge_stores(
     places: Sequence[Address], target: Address, *, may_lack: bool, fresh: bool = False
@@ -170,14 +168,15 @@ def _gaps_text(stores: Sequence[Store], runs: int, lacking: Sequence[str]) -> st
     text = f"{whole.runs - runs:,} of {whole.runs:,} runs are in none of the stores"
     held = [(shard_of(store.manifest.sweep) or "").partition("/") for store in stores]
     counts = {shards for _, _, shards in held}
+    max_listed = 8  # a list of shards or stores that still fits in some lines
     if len(counts) == 1 and (shards := counts.pop()):
         have = {int(number) for number, _, _ in held}
         missing = [number for number in range(1, int(shards) + 1) if number not in have]
-        named = ", ".join(f"{number}/{shards}" for number in missing[:_MAX_LISTED])
-        more = f" and {len(missing) - _MAX_LISTED:,} more" if len(missing) > _MAX_LISTED else ""
+        named = ", ".join(f"{number}/{shards}" for number in missing[:max_listed])
+        more = f" and {len(missing) - max_listed:,} more" if len(missing) > max_listed else ""
         noun = "shard" if len(missing) == 1 else "shards"
         text += f": {noun} {named}{more}" if missing else ""
-    return "; ".join([text, *lacking[:_MAX_LISTED]])
+    return "; ".join([text, *lacking[:max_listed]])
 
 
 def _is_merged(target: Address, identity: SweepIdentity) -> bool:

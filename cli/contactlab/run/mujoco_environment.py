@@ -27,7 +27,6 @@ PACKAGES = "CONTACTLAB_PACKAGES"
 """The environment variable that names the packages of the Python that ran another one instead."""
 OLDEST = "3.3.4"
 """The first release of MuJoCo with specs that can drop a part; every command runs on it."""
-_TOO_NEW = (5,)
 _ROBOTS = "mujoco-menagerie"  # robots that sweeps may name; no other optional package steps a model
 _UV_OF_MACHINE = (Path("/etc/uv/uv.toml"),)
 
@@ -57,7 +56,7 @@ def find_interpreter(request: str, notify: Callable[[str], None]) -> Interpreter
                 "Python"
             )
         return Interpreter(path, _find_mujoco(path, request))
-    if not numbers_of(OLDEST) <= numbers_of(request) < _TOO_NEW:
+    if not numbers_of(OLDEST) <= numbers_of(request) < (5,):
         raise EngineError(
             f"contactlab runs on MuJoCo {OLDEST} and newer, below 5; not on {request}"
         )

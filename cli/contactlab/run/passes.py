@@ -41,7 +41,6 @@ from contactlab.store.store_writer import StoreWriter
 from contactlab.store.table_layout import Column, as_ratios
 
 Row = Mapping[str, Any]
-_CLEAR_TIME_RATIO = 1.25  # further rounds do not change the order of times with a larger ratio
 
 
 @dataclass(frozen=True)
@@ -224,11 +223,13 @@ class _Contenders:
     def __call__(self, times: Mapping[str, float]) -> Groups:
         costs = [fmean(times[run_id] for run_id in group) for group, *_ in self._known]
         ranked = list(zip(self._known, costs, strict=True))
+        # Further rounds do not change the order of times with a larger ratio.
+        clear_time_ratio = 1.25
         return [
             group
             for (group, error, used), cost in ranked
             if not any(
-                _CLEAR_TIME_RATIO * least < cost and other <= error and part <= used
+                clear_time_ratio * least < cost and other <= error and part <= used
                 for (_, other, part), least in ranked
             )
         ]

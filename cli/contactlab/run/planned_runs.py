@@ -48,15 +48,12 @@ MAX_RUNS, _USUAL_RUNS, _SHORT_STEPS = 512, 32, 1 << 13
 LEAST_WORK, SMALL_WORK = 1 << 19, 1 << 22
 # Bytes of states and sensors of a job; with temporary arrays a worker needs three times as much.
 JOB_BYTES = 64 << 20
-RUN_BYTES = 1 << 30
 # Bytes of compiled models of a worker; one with meshes may take tens of MiB.
 MODEL_BYTES = 256 << 20
-_MAX_OPEN_JOBS = 64
 
 Key = tuple[object, ...]
 # Runs of a plan that are kept resolved: some kB each if each has different settings.
 MAX_KEPT = 1 << 12
-_MOST_STEPS_OF_A_RUN = 1e12
 
 
 def reference_models(scene: Scene, sweep: Sweep, runs: Iterable[RunSpec]) -> dict[str, RunSpec]:
@@ -212,13 +209,15 @@ class _RunCheck:
                     f"{self._scene.source.model}: its timestep is {run.timestep:g} s; write a "
                     "positive one there, or sweep `timestep`"
                 )
-            if run.duration / run.timestep > _MOST_STEPS_OF_A_RUN:
+            most_steps = 1e12  # weeks of computing, even of a pendulum
+            if run.duration / run.timestep > most_steps:
                 raise SweepFileError(
                     f"{run.duration:g} s in steps of {run.timestep:g} s are too many; lengthen "
                     "`timestep`"
                 )
             size = bytes_of_run(self._scene.base_of(run).model, run.steps)
-            if size > RUN_BYTES:
+            most_bytes = 1 << 30  # a worker needs three times as much, with temporary arrays
+            if size > most_bytes:
                 raise SweepFileError(
                     f"a run of {run.steps:,} steps would record {size / 2**30:.1f} GiB in memory; "
                     "the limit is 1 GiB. Shorten `duration` or monitor fewer pairs"
@@ -258,6 +257,7 @@ def pack_jobs(runs: Iterable[RunSpec], count: int, scene: Scene, workers: int) -
     waiting: dict[Key, list[RunSpec]] = {}
     bounds: dict[Key, tuple[int, int]] = {}
     key, last = Key(), None
+    max_open_jobs = 64  # jobs that wait for more runs of their kind; the plan is never kept whole
     for taken, run in enumerate(runs):
         if not run.is_sibling(last):
             structure, sleep = run.structure.items(), run.flags.get("sleep")
@@ -277,7 +277,7 @@ def pack_jobs(runs: Iterable[RunSpec], count: int, scene: Scene, workers: int) -
         least, bound = bounds[key]
         if len(group) >= min(bound, max(least, (count - taken) // shares)):
             yield tuple(waiting.pop(key))
-        elif len(waiting) > _MAX_OPEN_JOBS:
+        elif len(waiting) > max_open_jobs:
             yield tuple(waiting.pop(next(iter(waiting))))
     yield from (tuple(group) for group in waiting.values())
 
@@ -322,9 +322,6 @@ def local_scene(store: Address, folder: Path) -> Path:
     return backend_at(store, OutputError).local_folder(SCENES) / folder.name
 
 
-_MAX_MODELS = 64
-
-
 class Preparer:
     """Prepares the runs of one sweep; its scene is the store's copy."""
 
@@ -362,7 +359,8 @@ class Preparer:
         key = shared, is_straight(base.model, start)
         if key not in self._models:
             self._models[key] = self.scene.prepare(run, start)
-            most = min(_MAX_MODELS, _max_models(base))
+            # Small models are limited by number, and large ones by their bytes.
+            most = min(64, _max_models(base))
             while len(self._models) > most:
                 self._models.popitem(last=False)
         self._models.move_to_end(key)

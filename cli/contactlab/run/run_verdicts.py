@@ -117,7 +117,6 @@ def unmet_means(plan: Plan | None, table: "RunColumns") -> Iterator[str]:
 _MIN_ROTATION_SPEED = (
     0.1  # smallest rotation that counts [rad/s]; slower is the rocking of soft contact
 )
-_SLIDE_JOINT = 2  # the engine's number of this kind of joint, of free, ball, slide, hinge
 
 
 def missing_effects(
@@ -134,10 +133,11 @@ def missing_effects(
     }
     if "limit" in effects:
         beyond: list[tuple[int, str]] = []
+        slide_joint = 2  # the engine's number of this kind of joint, of free, ball, slide, hinge
         for joint in np.flatnonzero(np.asarray(model.jnt_limited)).tolist():
             low, high = model.jnt_range[joint]
             # Only joints with one coordinate: a ball joint's limit is on its angle.
-            if model.jnt_type[joint] >= _SLIDE_JOINT:
+            if model.jnt_type[joint] >= slide_joint:
                 place = trace.qpos[run, :, int(model.jnt_qposadr[joint])]
                 steps = np.flatnonzero((place < low) | (place > high))
                 beyond += [(step, name_of(model, "joint", joint)) for step in steps[:1].tolist()]

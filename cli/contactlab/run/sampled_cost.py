@@ -17,11 +17,7 @@ from contactlab.scene.run_spec import RunSpec
 from contactlab.store.store_files import TRACES
 from contactlab.store.store_writer import StoreWriter, open_writer
 
-_SAMPLE_CPU_SECONDS = 2.0  # about as long as a person waits for a plan
-_FEWEST_RUNS = 4  # settings differ between runs, so fewer tell nothing of the others
 _WARM_UP_STEPS = 100  # compile the model, and load everything that a first run needs
-_TRIAL_STEPS = 500  # of one run, to find how many steps can be sampled
-_FORM_RUNS = 3  # runs that are encoded in each form of traces
 
 
 @dataclass(frozen=True)
@@ -41,15 +37,18 @@ def sample_cost(request: SweepRequest, index: RunIndex, runs: Sequence[RunSpec])
     runs = [replace(run, run_id=f"{place:016x}", index=place) for place, run in enumerate(runs)]
     with TemporaryDirectory() as folder:
         first = _shorten_runs([runs[0]], _WARM_UP_STEPS)
-        trial = _shorten_runs([runs[0]], _TRIAL_STEPS)
+        trial_steps = 500  # of one run, to find how many steps can be sampled
+        trial = _shorten_runs([runs[0]], trial_steps)
         worker = _open_worker(request, index, Path(folder) / "own")
         _record_jobs(worker, request, first)
         ((seconds, steps),) = _record_jobs(worker, request, trial)
-        chosen = _affordable_runs(runs, _SAMPLE_CPU_SECONDS * steps / max(seconds, 1e-9))
+        sample_cpu_seconds = 2.0  # about as long as a person waits for a plan
+        chosen = _affordable_runs(runs, sample_cpu_seconds * steps / max(seconds, 1e-9))
         seconds, steps = np.sum(_record_jobs(worker, request, chosen), axis=0).tolist()
         forms = {}
         if request.plan.sweep.trace != "none":
-            few = chosen[:: max(1, len(chosen) // _FORM_RUNS)]
+            form_runs = 3  # runs that are encoded in each form of traces
+            few = chosen[:: max(1, len(chosen) // form_runs)]
             for form in ("messages", "compact"):
                 forms[form] = _trace_bytes_per_step(request, index, Path(folder) / form, few, form)
     return SampledCost(seconds / steps, forms)
@@ -65,7 +64,8 @@ def _shorten_runs(runs: Sequence[RunSpec], most_steps: int) -> list[RunSpec]:
 def _affordable_runs(runs: Sequence[RunSpec], most_steps: float) -> list[RunSpec]:
     # Runs are chosen evenly, since costs differ between settings, and shortened if needed.
     share = min(1.0, most_steps / sum(run.steps for run in runs))
-    count = min(len(runs), max(_FEWEST_RUNS, round(share * len(runs))))
+    fewest_runs = 4  # settings differ between runs, so fewer tell nothing of the others
+    count = min(len(runs), max(fewest_runs, round(share * len(runs))))
     chosen = [runs[place] for place in np.linspace(0, len(runs) - 1, count).round().astype(int)]
     return _shorten_runs(chosen, max(_WARM_UP_STEPS, int(most_steps / count)))
 

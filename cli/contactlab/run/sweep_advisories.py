@@ -13,9 +13,6 @@ from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.schema.advisory import Advisory
 
-_MOST_MODELS = 64
-"""Models of a sweep that are examined, evenly spread: each takes about a millisecond."""
-
 
 def find_sweep_advisories(index: RunIndex, scene: Scene) -> tuple[tuple[Advisory, str], ...]:
     """Return the advisories that models of a sweep meet, each with how many of them do, in words.
@@ -37,7 +34,9 @@ def find_sweep_advisories(index: RunIndex, scene: Scene) -> tuple[tuple[Advisory
 def _spread_runs(index: RunIndex) -> Iterator[RunSpec]:
     # Runs of one model meet the same advisories, so one of them is enough.
     last = None
-    for run in index.select_shard(1, -(-len(index) // _MOST_MODELS)).iterate_runs():
+    # Models of a sweep that are examined, evenly spread: each takes about a millisecond.
+    most_models = 64
+    for run in index.select_shard(1, -(-len(index) // most_models)).iterate_runs():
         if not run.is_sibling(last):
             last = run
             yield run

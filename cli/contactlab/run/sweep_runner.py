@@ -69,8 +69,6 @@ from contactlab.store.table_layout import (
     struct_column,
 )
 
-# Crashes of a run alone before it counts as the culprit; its first job may crash once more.
-_MAX_CRASHES_ALONE = 2
 _LOG = logging.getLogger(__name__)
 
 
@@ -346,12 +344,14 @@ def run_all_jobs(
     Raises a StoppedError if `stop` was set; crashed jobs are then left for the next time.
     """
     recorder: Worker | None = None
-    for crashes in range(_MAX_CRASHES_ALONE + 1):
+    # Crashes of a run alone before it counts as the culprit; its first job may crash once more.
+    max_crashes_alone = 2
+    for crashes in range(max_crashes_alone + 1):
         crashed: list[Job] = []
         for result in results_of(task, jobs, executor, stop):
             if not isinstance(result, Crashed):
                 yield result
-            elif crashes == _MAX_CRASHES_ALONE or (crashes and result.timed_out):
+            elif crashes == max_crashes_alone or (crashes and result.timed_out):
                 recorder = recorder or Worker(task, None)
                 yield [_record_crash(task, recorder, result)]
             else:

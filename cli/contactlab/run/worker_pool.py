@@ -37,12 +37,10 @@ from contactlab.run.worker import Worker
 
 # Messages of the engine, zstandard and the operating system.
 _NO_MEMORY = re.compile("(allocate|not enough|out of) memory", re.IGNORECASE)
-_MAX_TRACEBACK_LINES = 6
 _MAX_HALTED_CHECKS = 3
 _HALTED_REASON = "the worker was halted, as by SIGSTOP, and did not go on"
 # Largest delay until a stop request is noticed [s]: on a cluster it comes without a signal.
 _STOP_INTERVAL = 0.1
-_SILENT_INTERVALS = 20  # number of such silent intervals before workers are checked
 
 
 def worker_count(requested: int | None) -> int:
@@ -94,11 +92,12 @@ class WorkerPool:
         queue, silent = takewhile(lambda _: not stop.is_set, jobs), count(1)
         for marker, job in zip(self._markers, islice(queue, len(self._markers)), strict=False):
             self._send_job(marker, job)
+        silent_intervals = 20  # two seconds: a check reads a file of each worker
         while busy := [worker for worker in self._workers.values() if worker.job is not None]:
             if stop.is_set:
                 request_stop(busy)
             ready = wait([worker.pipe for worker in busy], _STOP_INTERVAL)
-            if not ready and next(silent) % _SILENT_INTERVALS == 0:
+            if not ready and next(silent) % silent_intervals == 0:
                 end_halted(busy)
             for worker in [candidate for candidate in busy if candidate.pipe in ready]:
                 result = receive_result(worker)
@@ -214,7 +213,8 @@ def close(workers: Collection[WorkerHandle]) -> None:
 
 def _death_reason(exitcode: int | None, traceback: str) -> str:
     if traceback:
-        return " / ".join(line.strip() for line in traceback.splitlines()[:_MAX_TRACEBACK_LINES])
+        max_traceback_lines = 6  # the innermost calls; the whole text goes into a log
+        return " / ".join(line.strip() for line in traceback.splitlines()[:max_traceback_lines])
     if exitcode is not None and exitcode < 0:
         return f"the worker was ended by {signal.Signals(-exitcode).name}"
     return f"the worker exited with code {exitcode}"

@@ -10,8 +10,6 @@ from contactlab.scene.model_names import name_of
 
 MIN_LIMITED_HINGES = 2
 """Smallest number of limited hinges with a meaningful majority."""
-_NARROW_RANGE_RAD = math.radians(15)  # joints of robots rarely have a smaller range
-_FULL_TURN_RAD = 2 * math.pi * (1 + 1e-3)  # a full turn, with room for rounding by hand
 
 
 def limited_hinges(model: mujoco.MjModel) -> list[int]:
@@ -25,9 +23,11 @@ def find_radian_angles(model: mujoco.MjModel) -> Iterator[tuple[int, str]]:
     hinges = limited_hinges(model)
     if len(hinges) < MIN_LIMITED_HINGES:
         return
-    narrow = [joint for joint in hinges if np.ptp(model.jnt_range[joint]) < _NARROW_RANGE_RAD]
+    narrow_range_rad = math.radians(15)  # joints of robots rarely have a smaller range
+    narrow = [joint for joint in hinges if np.ptp(model.jnt_range[joint]) < narrow_range_rad]
     written = np.rad2deg(model.jnt_range[narrow])
-    if 2 * len(narrow) > len(hinges) and np.abs(written).max() <= _FULL_TURN_RAD:
+    full_turn_rad = 2 * math.pi * (1 + 1e-3)  # a full turn, with room for rounding by hand
+    if 2 * len(narrow) > len(hinges) and np.abs(written).max() <= full_turn_rad:
         low, high = written[0].tolist()
         first = name_of(model, "joint", narrow[0])
         message = (

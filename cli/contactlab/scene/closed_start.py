@@ -17,7 +17,6 @@ from contactlab.numerical_tolerance import SUM_ROUNDING
 
 OPEN_TOLERANCE = 0.01
 """A constraint violated by more is open: share of the extent of the moving geoms, or radians."""
-_MAX_ITERATIONS, _MAX_OPEN_ROWS = 30, 300  # keep the search below one second
 _DENSE_JACOBIAN = int(mujoco.mjtJacobian.mjJAC_DENSE)
 _EQUALITY_ROW = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 _LIMIT_ROW = int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT)
@@ -41,12 +40,13 @@ def closed_start(model: mujoco.MjModel, start: Floats, spec: int) -> Floats | No
     apart, sizes = _row_violations(frictionless, data)
     if float(np.abs(apart / sizes).max(initial=0)) <= OPEN_TOLERANCE:
         return None
-    for _ in range(_MAX_ITERATIONS):
+    max_iterations, max_open_rows = 30, 300  # keep the search below one second
+    for _ in range(max_iterations):
         apart, sizes = _row_violations(frictionless, data)
         # A constraint violated by less is closed: share of that extent, or radians.
         if np.abs(apart / sizes).max(initial=0) <= 1e-6:
             return data.qpos.copy()
-        if np.count_nonzero(apart) > _MAX_OPEN_ROWS:
+        if np.count_nonzero(apart) > max_open_rows:
             return None
         jacobian = data.efc_J.reshape(data.nefc, model.nv)[apart != 0]
         moved = np.zeros_like(jacobian)

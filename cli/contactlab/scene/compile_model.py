@@ -37,10 +37,6 @@ SENSOR_PREFIX = "contactlab/"
 COMPILE_ERRORS = ValueError, RuntimeError, mujoco.FatalError
 """Errors of MuJoCo's compiler: a RuntimeError is one of C++, as for sizes that no memory holds."""
 _FORCE, _LENGTH = "force/", "length/"
-_ALL_FIELDS = (1 << 9) - 1
-_FOUND_AND_DISTANCE = 1 << 0 | 1 << 3
-_REDUCE_TO_FIRST = 0
-_REDUCE_TO_NEAREST = 1
 _POSITIVE_OPTIONS = ("timestep", "impratio")
 _NONNEGATIVE_OPTIONS = (
     *("density", "viscosity"),
@@ -82,13 +78,16 @@ def add_sensors(
     energy: bool,
 ) -> None:
     """Add the recording sensors: contacts, energies, momenta, actuator forces, tendon lengths."""
+    # A contact sensor has a bit mask of its fields and a rule that reduces contacts to its slots.
+    all_fields, found_and_distance = (1 << 9) - 1, 1 << 0 | 1 << 3
+    reduce_to_first, reduce_to_nearest = 0, 1
     for pair in pairs:
         sensor = _add_contact_sensor(
-            spec, pair.name, (_ALL_FIELDS, _REDUCE_TO_FIRST, pair.slots), SLOT_WIDTH
+            spec, pair.name, (all_fields, reduce_to_first, pair.slots), SLOT_WIDTH
         )
         sensor.objtype = sensor.reftype = _OBJ.mjOBJ_BODY if pair.bodies else _OBJ.mjOBJ_GEOM
         sensor.objname, sensor.refname = pair.sides
-    _add_contact_sensor(spec, "contacts", (_FOUND_AND_DISTANCE, _REDUCE_TO_NEAREST, 1), 2)
+    _add_contact_sensor(spec, "contacts", (found_and_distance, reduce_to_nearest, 1), 2)
     if energy:
         _add_sensor(spec, "kinetic", _KIND.mjSENS_E_KINETIC)
         _add_sensor(spec, "potential", _KIND.mjSENS_E_POTENTIAL)
@@ -158,7 +157,6 @@ def find_layout(
     )
 
 
-_MAX_LISTED_FAULTS = 3
 _LINE = re.compile(r", line (\d+)")
 _FOLDER_HINT = {
     False: '<compiler meshdir="FOLDER"/>, relative to the model',
@@ -370,7 +368,7 @@ def compile_error(model: Path, tried: Path, error: Exception) -> SceneError:
         # MuJoCo gives no access to a specification that it failed to compile.
         with suppress(*COMPILE_ERRORS):
             faults = written_inertia_faults(mujoco.MjSpec.from_file(str(tried)))
-            hints += [f"body '{f.body}': {f.reason}" for f in islice(faults, _MAX_LISTED_FAULTS)]
+            hints += [f"body '{f.body}': {f.reason}" for f in islice(faults, 3)]
     if "no decoder found" in lines[0]:
         hints.append(
             "MuJoCo reads meshes from .stl, .obj and .msh files; convert it to one of them"

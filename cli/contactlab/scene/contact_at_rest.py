@@ -35,9 +35,6 @@ from contactlab.scene.keyframes import start_data
 from contactlab.scene.model_names import name_of
 from contactlab.schema.evidence import PairRecord
 
-_TOUCHING_GAP_M = 1e-3  # largest gap of geoms that count as touching when loads are computed [m]
-_MICROMETRE = 1e-6
-
 
 @dataclass(frozen=True)
 class ContactAtRest:
@@ -97,6 +94,7 @@ def write_at_rest(
     touch, deep = touch_mask(model), name == "depth_at_rest"
     loads = _loads_at_rest(model, keyframe) if deep else {}
     rows = dict[tuple[int, int], Floats]()
+    micrometre = 1e-6  # in place of no depth: a contact of a stiffness needs some
     for pair in pairs:
         every = colliding_geoms(touch, pair)
         carried = [load for geoms in every for load in loads.get(frozenset(geoms), ())]
@@ -105,7 +103,7 @@ def write_at_rest(
         law = rest_law_inputs(model, pair, effective_parameters(model, pair))
         if not deep:  # the load does not matter: take that of 1 micrometer, at constant impedance
             law = replace(law, solimp=(law.solimp[1], *law.solimp[1:]))
-        depth, load = (size, float(np.mean(carried))) if deep else (_MICROMETRE, size * _MICROMETRE)
+        depth, load = (size, float(np.mean(carried))) if deep else (micrometre, size * micrometre)
         solref = law.solref_for_depth(depth, load, float(damping_ratio(law.solref)))
         if model.opt.timestep > (1 + SUM_ROUNDING) * largest_step(solref):
             raise SceneError(
@@ -130,8 +128,9 @@ def _loads_at_rest(model: mujoco.MjModel, keyframe: str) -> dict[frozenset[int],
     rigid = copy.copy(model)
     rigid.geom_solref[:] = rigid.pair_solref[:] = 0
     rigid.geom_solimp[:, :2] = rigid.pair_solimp[:, :2] = IMPEDANCE_RANGE[1]
-    rigid.geom_margin += _TOUCHING_GAP_M / 2
-    rigid.pair_margin += _TOUCHING_GAP_M
+    touching_gap_m = 1e-3  # geoms with a smaller gap count as touching
+    rigid.geom_margin += touching_gap_m / 2
+    rigid.pair_margin += touching_gap_m
     mujoco.mj_setConst(rigid, mujoco.MjData(rigid))
     data, force = start_data(rigid, keyframe), np.zeros(6)
     data.qvel[:] = 0

@@ -27,7 +27,6 @@ from contactlab.schema.scene_manifest import PairEntry
 from contactlab.schema.task import QPOS0
 
 MAX_PAIRS = 64
-_DETECTION_STEPS = 2000
 _BODY_PAIR_SLOTS = 16
 _GEOM_OBJECT = mujoco.mjtGeom
 _SURFACE_TYPES = (int(_GEOM_OBJECT.mjGEOM_PLANE), int(_GEOM_OBJECT.mjGEOM_HFIELD))
@@ -208,8 +207,9 @@ def _touching_pairs(model: mujoco.MjModel, keyframes: set[str]) -> list[tuple[in
     silence_mujoco()
     counts: Counter[tuple[int, int]] = Counter()
     try:
+        detection_steps = 2000  # 4 s of the default timestep
         for data in [start_data(model, keyframe) for keyframe in keyframes]:
-            for _ in range(_DETECTION_STEPS):
+            for _ in range(detection_steps):
                 mujoco.mj_step(model, data)
                 touching = np.sort(data.contact.geom, axis=1).tolist()
                 # A contact of a flex has geom -1.
@@ -239,9 +239,6 @@ def _sort_by_reach(
         return group, -np.inf if flat[first] or flat[second] else gap, pair
 
     return sorted(pairs, key=rank_pair)
-
-
-_MIN_WEIGHT = 1e-15
 
 
 def effective_parameters(model: mujoco.MjModel, pair: MonitoredPair) -> PairRecord:
@@ -310,7 +307,8 @@ def mixing_weight(model: mujoco.MjModel, first: int, second: int) -> float:
     deciding = _deciding_geoms(model, first, second)
     if len(deciding) == 1:
         return float(deciding == [first])
-    mixes = np.where(model.geom_solmix[deciding] < _MIN_WEIGHT, 0.0, model.geom_solmix[deciding])
+    min_weight = 1e-15  # smaller weights count as 0, as in MuJoCo (mjMINVAL)
+    mixes = np.where(model.geom_solmix[deciding] < min_weight, 0.0, model.geom_solmix[deciding])
     return float(mixes[0] / mixes.sum()) if mixes.any() else 0.5
 
 

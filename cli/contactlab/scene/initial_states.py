@@ -146,12 +146,6 @@ def apply_inputs(model: mujoco.MjModel, data: mujoco.MjData, inputs: Floats) -> 
         data.mocap_pos.flat[:], data.mocap_quat.flat[:] = inputs[poses:turns], inputs[turns:]
 
 
-_SEED_PERTURBATION = 1e-4
-_FREE_DOFS = 6
-_NUDGE_SIZE = 1e-6
-_COPY_DISTANCE = (
-    1e-8  # distance between a perturbed copy and its run at the start [m, rad, m/s, rad/s]
-)
 # Offset of a joint's quaternion within its part of qpos.
 _QUATERNION_OFFSETS = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
 
@@ -289,9 +283,10 @@ def nudged_states(
     turning = {address + part for address in rule.quaternions for part in range(4)}
     moving = [index for index in range(states.qpos.shape[1]) if index not in turning]
     qpos = states.qpos.copy()
+    nudge_size = 1e-6  # moves a symmetric start off its symmetry, and no result that is stable
     for row, seed in zip(qpos, seeds, strict=True):
         # Use a separate random stream: the seed's first one perturbs the start itself.
-        row[moving] += _NUDGE_SIZE * np.random.default_rng([seed, 1]).uniform(-1, 1, len(moving))
+        row[moving] += nudge_size * np.random.default_rng([seed, 1]).uniform(-1, 1, len(moving))
     return states._replace(qpos=qpos)
 
 
@@ -303,8 +298,9 @@ def perturbed_copy(start: InitialStates, joints: Joints, seed: int) -> InitialSt
     generator = np.random.default_rng([seed, 2])
     qpos, qvel = start.qpos.copy(), start.qvel.copy()
     places = [*joints.scalars, *(point + axis for point in joints.points for axis in range(3))]
-    qpos[:, places] += _COPY_DISTANCE * generator.uniform(-1, 1, len(places))
-    qvel += _COPY_DISTANCE * generator.uniform(-1, 1, qvel.shape[1])
+    copy_distance = 1e-8  # from the run at the start [m, rad, m/s, rad/s]
+    qpos[:, places] += copy_distance * generator.uniform(-1, 1, len(places))
+    qvel += copy_distance * generator.uniform(-1, 1, qvel.shape[1])
     return start._replace(qpos=qpos, qvel=qvel)
 
 
@@ -352,7 +348,8 @@ def _perturbed_coordinates(
     places = [
         start + place for kind, start in joints for place in range(_PERTURBED_COUNTS.get(kind, 1))
     ]
-    return dict.fromkeys(places, _SEED_PERTURBATION)
+    perturbation = 1e-4  # [m, rad]: below what anyone measures, above rounding
+    return dict.fromkeys(places, perturbation)
 
 
 def joint_directions(model: mujoco.MjModel, seed: int) -> Floats:
@@ -364,11 +361,12 @@ def joint_directions(model: mujoco.MjModel, seed: int) -> Floats:
     """
     generator = np.random.default_rng([seed, 3])
     velocity = np.zeros(model.nv)
+    free_dofs = 6  # of a tree of a single free body
     for kind, dof in zip(model.jnt_type, model.jnt_dofadr, strict=True):
         axis = generator.normal(size=3)
         axis /= np.linalg.norm(axis)
         if kind == mujoco.mjtJoint.mjJNT_FREE:
-            alone = model.tree_dofnum[model.dof_treeid[dof]] == _FREE_DOFS
+            alone = model.tree_dofnum[model.dof_treeid[dof]] == free_dofs
             velocity[dof + 3 : dof + 6] = axis * alone
         elif kind == mujoco.mjtJoint.mjJNT_BALL:
             velocity[dof : dof + 3] = axis

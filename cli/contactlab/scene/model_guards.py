@@ -20,7 +20,6 @@ from contactlab.scene.model_xml import check_regular
 ALLOWED = "CONTACTLAB_ALLOW_FILES"
 """The environment variable that names allowed folders; workers inherit it."""
 _ROS_PACKAGE, _PYTHON_PACKAGE = "package.xml", "__init__.py"
-_LEVELS = 2
 _PACKAGES = (_ROS_PACKAGE, ".git", "pyproject.toml", "setup.py")
 
 
@@ -72,7 +71,8 @@ def scene_tree(folder: Path) -> Path:
         if (parent / _PYTHON_PACKAGE).is_file():
             above = (parent, *parent.parents)
             return next(one for one in above if not (one.parent / _PYTHON_PACKAGE).is_file())
-    near = (folder, *folder.parents[:_LEVELS])
+    # A model in a folder of its own often uses meshes in a folder next to it, or one above.
+    near = (folder, *folder.parents[:2])
     return next((parent for parent in reversed(near) if not _is_shared(parent)), folder)
 
 

@@ -10,12 +10,7 @@ import numpy as np
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.closed_start import OPEN_TOLERANCE, moving_extent
 
-_DIGITS = 5
-_MOST_ROUNDS = 20  # the deepest contact of a round may hide others, such as those of stairs
-_STEEP = 0.1  # of the unit normal along gravity: a steeper contact is a wall, not a floor
-_ROUNDING = 1e-9  # m, of sums of positions: less is a touch
 _FREE, _SLIDE = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_SLIDE)
-_ALIGNED = 1 - 1e-6  # cosine of a slide along gravity
 
 
 def raised_start(model: mujoco.MjModel, start: Floats, spec: int) -> Floats | None:
@@ -33,7 +28,8 @@ def raised_start(model: mujoco.MjModel, start: Floats, spec: int) -> Floats | No
     if not size or deepest_overlap(data) <= allowed:
         return None
     up, heights = -gravity / size, dict[int, float]()
-    for _ in range(_MOST_ROUNDS):
+    most_rounds = 20  # the deepest contact of a round may hide others, such as those of stairs
+    for _ in range(most_rounds):
         heights = _missing_heights(model, data, up)
         if not heights:
             break
@@ -51,7 +47,9 @@ def deepest_overlap(data: mujoco.MjData) -> float:
 # [m], by the joint that raises a root.
 def _missing_heights(model: mujoco.MjModel, data: mujoco.MjData, up: Floats) -> dict[int, float]:
     heights = dict[int, float]()
-    for place in np.flatnonzero(data.contact.dist < -_ROUNDING).tolist():
+    steep = 0.1  # of the unit normal along gravity: a steeper contact is a wall, not a floor
+    rounding = 1e-9  # m, of sums of positions: less is a touch
+    for place in np.flatnonzero(data.contact.dist < -rounding).tolist():
         geoms = data.contact.geom[place]
         if geoms.min() < 0:
             continue
@@ -62,7 +60,7 @@ def _missing_heights(model: mujoco.MjModel, data: mujoco.MjData, up: Floats) -> 
         # The normal points from the first geom to the second.
         normal = data.contact.frame[place, :3] * (1 if fixed[0] else -1)
         slope, joint = float(normal @ up), _root_joint(model, int(bodies[~fixed][0]), up)
-        if joint < 0 or slope < _STEEP:
+        if joint < 0 or slope < steep:
             continue
         height = -float(data.contact.dist[place]) / slope
         heights[joint] = max(heights.get(joint, 0.0), height)
@@ -73,12 +71,13 @@ def _root_joint(model: mujoco.MjModel, body: int, up: Floats) -> int:
     # A free joint, or a slide along gravity; -1 if the root has neither.
     root = int(model.body_rootid[body])
     first = int(model.body_jntadr[root])
+    aligned = 1 - 1e-6  # cosine of a slide along gravity
     for joint in range(first, first + int(model.body_jntnum[root])):
         kind, axis = int(model.jnt_type[joint]), np.array(model.jnt_axis[joint])
         if kind == _FREE:
             return joint
         mujoco.mju_rotVecQuat(axis, axis.copy(), np.array(model.body_quat[root]))
-        if kind == _SLIDE and abs(float(axis @ up)) > _ALIGNED:
+        if kind == _SLIDE and abs(float(axis @ up)) > aligned:
             return joint
     return -1
 
@@ -98,8 +97,8 @@ def _raise_root(model: mujoco.MjModel, data: mujoco.MjData, joint: int, lift: Fl
 def _round_away(value: float, change: float) -> float:
     # To five digits, in the direction of the change.
     changed = value + change
-    decimals = _DIGITS - 1 - int(np.floor(np.log10(max(abs(changed), abs(change), 1e-9))))
+    decimals = 4 - int(np.floor(np.log10(max(abs(changed), abs(change), 1e-9))))
     unit = 10.0**-decimals
-    slack = 1e-6  # of a unit, which is far below `_ROUNDING`: a sum is not exact
+    slack = 1e-6  # of a unit, which is far below the rounding of a touch: a sum is not exact
     rounded = np.ceil(changed / unit - slack) if change > 0 else np.floor(changed / unit + slack)
     return round(float(rounded * unit), max(decimals, 0))

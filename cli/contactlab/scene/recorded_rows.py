@@ -15,11 +15,7 @@ from contactlab.scene.model_names import part_starts
 from contactlab.schema.scene_manifest import UNITS, Recording
 
 _MAX_NORM_ERROR = 0.01  # largest deviation of a quaternion's norm from 1 that rounding explains
-_SINGLE_JUMP_RATIO = (
-    5  # a jump of a single row exceeds the motion before and after it by this factor
-)
 WINDOW = 10  # number of rows that average out the noise of single ones
-_MAX_LISTED_ROWS = 3  # number of rows listed for one kind of mistake
 
 
 class RecordedRows:
@@ -104,14 +100,13 @@ class RecordedRows:
         if len(rows):
             self._unsound.update(self._numbers[rows].tolist())
             run = self._entry.run
+            max_listed_rows = 3  # of one kind of mistake: the others are like them
             shown = [
                 f"row {self._order[row] + 1}" + (f" ({run} {self._numbers[row]:g})" if run else "")
-                for row in rows[:_MAX_LISTED_ROWS].tolist()
+                for row in rows[:max_listed_rows].tolist()
             ]
             more = (
-                f" and {len(rows) - _MAX_LISTED_ROWS:,} more"
-                if len(rows) > _MAX_LISTED_ROWS
-                else ""
+                f" and {len(rows) - max_listed_rows:,} more" if len(rows) > max_listed_rows else ""
             )
             self._mistakes.append(f"{mistake}: {', '.join(shown)}{more}")
 
@@ -220,8 +215,10 @@ def _single_row_jumps(moved: Floats, part: RecordedPart) -> NDArray[np.intp]:
     before, there, back, after = (far[k : len(far) - 3 + k] for k in range(4))
     turned = (moved[1:-2] * moved[2:-1]).sum(axis=1) < -there * back / 2
     least = np.minimum(there, back)
-    jumps = (least > _SINGLE_JUMP_RATIO * np.maximum(before, after)) & (
-        least > part.size / _SINGLE_JUMP_RATIO
+    # A jump of a single row exceeds the motion before and after it by this factor.
+    single_jump_ratio = 5
+    jumps = (least > single_jump_ratio * np.maximum(before, after)) & (
+        least > part.size / single_jump_ratio
     )
     return np.flatnonzero(turned & jumps) + 2
 

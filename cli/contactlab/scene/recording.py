@@ -18,11 +18,6 @@ from contactlab.scene.timed_inputs import Signals
 from contactlab.schema.scene_manifest import Recording
 
 _MIN_FLIGHT_ROWS = 4  # fewest rows of a free flight that determine its velocity
-_MAX_SUPPORT_GAP = 0.05  # largest gap or depth of a resting body on its support, in body widths
-_DURATION_GRAIN_S = (
-    0.1  # durations are multiples of it [s], so that runs of similar length share jobs
-)
-_MAX_MEASURED_DISTANCE_M = 10.0  # largest distance that is measured [m]
 
 
 class RecordedRuns:
@@ -43,8 +38,10 @@ class RecordedRuns:
         """Return the duration of the simulation of a run [s]: until its last row, or a bit more."""
         rows = self._from_start(number)
         seconds = self._rows.times[rows.stop - 1] - self._rows.times[rows.start]
+        # Durations are multiples of it [s], so that runs of similar length share jobs.
+        duration_grain_s = 0.1
         return round(
-            float(np.ceil(seconds / _DURATION_GRAIN_S - COARSE_ROUNDING)) * _DURATION_GRAIN_S, 9
+            float(np.ceil(seconds / duration_grain_s - COARSE_ROUNDING)) * duration_grain_s, 9
         )
 
     def start_state(self, number: float) -> Floats:
@@ -158,11 +155,12 @@ class RecordedRuns:
         model = spheres if bounding else self._model
         np.copyto(data.qpos, qpos, where=np.isfinite(qpos))
         mujoco.mj_kinematics(model, data)
+        max_measured_distance_m = 10.0  # largest distance that is measured [m]
         gaps = (
-            mujoco.mj_geomDistance(model, data, *pair, _MAX_MEASURED_DISTANCE_M, None)
+            mujoco.mj_geomDistance(model, data, *pair, max_measured_distance_m, None)
             for pair in pairs
         )
-        return min(gaps, default=_MAX_MEASURED_DISTANCE_M)
+        return min(gaps, default=max_measured_distance_m)
 
     def _first_touch_time(self, rows: slice) -> float:
         """Return the time of the first contact of a free body, from the first of some rows [s]."""
@@ -180,14 +178,16 @@ class RecordedRuns:
         ends = np.array([run.stop - 1 for run in runs], np.intp)
         before = np.array([max(run.stop - 1 - WINDOW, run.start) for run in runs], np.intp)
         gaps = np.array([self._distance_to_others(row) for row in ends.tolist()])
+        # Largest gap or depth of a resting body on its support, in body widths.
+        max_support_gap = 0.05
         for part in self._points:
             moved = rows.qpos[ends, part.qpos] - rows.qpos[before, part.qpos]
             # Largest motion of a resting body in the last rows, in body widths.
             still = np.linalg.norm(moved, axis=1) < 0.05 * part.size
             # A moving body may be deeper by this factor.
             far, deep = (
-                _MAX_SUPPORT_GAP * part.size,
-                np.where(still, 1, 5.0) * _MAX_SUPPORT_GAP * part.size,
+                max_support_gap * part.size,
+                np.where(still, 1, 5.0) * max_support_gap * part.size,
             )
             for word, off in (("rests above", still & (gaps > far)), ("overlaps", gaps < -deep)):
                 mistake = f"{part.joint} {word} the geoms it may touch; check body, unit and frame"

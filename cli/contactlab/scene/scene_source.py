@@ -28,7 +28,6 @@ from contactlab.schema.requirement import explain_error
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.strict_model import check_extent
 
-_MAX_LISTED_MODELS = 3
 _MENAGERIE_SCHEME, _ENVIRONMENT_SCHEME = "menagerie:", "environment:"
 
 
@@ -195,10 +194,11 @@ def _list_models(folder: Path) -> str:
     names = sorted(path.name for path in folder.iterdir() if path.suffix in MODEL_SUFFIXES)
     if not names:
         return "an .xml or .urdf file; it has none"
-    listed = " or ".join(str(folder / name) for name in names[:_MAX_LISTED_MODELS])
+    max_listed_models = 3  # a line of text
+    listed = " or ".join(str(folder / name) for name in names[:max_listed_models])
     return (
         listed
-        if len(names) <= _MAX_LISTED_MODELS
+        if len(names) <= max_listed_models
         else f"one of its {len(names)} models, as {listed}"
     )
 

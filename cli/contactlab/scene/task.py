@@ -17,8 +17,6 @@ from contactlab.schema.drive import Drive
 from contactlab.schema.task import DEFAULT_TOLERANCE, QPOS0, SEEDS, Phase, Task
 
 _REST_SECONDS, _EXCITATION_SECONDS = 1.0, 2.0
-HELD_DURATION = 2.0
-"""Default duration of a task with one phase [s]."""
 
 
 def keyframe_names(model: mujoco.MjModel) -> tuple[str, ...]:
@@ -85,7 +83,8 @@ def infer_task(
         SceneError.unless_known(name, bodies, message, f"; {has}")
     moving = infer_drive(model, begin) if drive == "auto" else drive
     two = moving == "exercise"
-    seconds = duration or (_REST_SECONDS + _EXCITATION_SECONDS if two else HELD_DURATION)
+    held_duration = 2.0  # of a task with one phase [s], as long as an excitation
+    seconds = duration or (_REST_SECONDS + _EXCITATION_SECONDS if two else held_duration)
     if two:
         rest = rest_time(seconds)
         phases = (

@@ -20,8 +20,6 @@ GeomPair = tuple[int, int]
 _JOINT_TYPES, _GEOM_TYPES, _DISABLE_FLAGS = mujoco.mjtJoint, mujoco.mjtGeom, mujoco.mjtDisableBit
 _UNMEASURED_SHAPES = {int(_GEOM_TYPES.mjGEOM_HFIELD), int(_GEOM_TYPES.mjGEOM_SDF)}
 """Shapes without distances in MuJoCo."""
-_RANDOM_SAMPLES, _MAX_BOXES = 64, 4096
-_FIRST_BOXES, _ALL_FIRST_BOXES = 128, 1 << 16
 
 
 def filtered_pairs(model: mujoco.MjModel) -> list[GeomPair]:
@@ -143,12 +141,16 @@ def unreachable_pairs(
     clearance = Clearance(model, runs)
     levers = {pair: each for pair in pairs if (each := clearance.motion_bounds(pair)) is not None}
     known, generator = np.isfinite(clearance.ranges).all(axis=1), np.random.default_rng(0)
-    for _ in range(_RANDOM_SAMPLES):
+    random_samples = 64
+    # Random postures quickly discard most of the pairs that can touch.
+    for _ in range(random_samples):
         qpos = model.qpos0.copy()
         qpos[model.jnt_qposadr[known]] = generator.uniform(*clearance.ranges[known].T)
         for pair in clearance.touching_pairs(qpos) & levers.keys():
             del levers[pair]
-    first = min(_FIRST_BOXES, _ALL_FIRST_BOXES // max(1, len(levers)))
+    # Boxes of postures of a pair before it must have proved a share of them, and of all pairs.
+    first_boxes, all_first_boxes = 128, 1 << 16
+    first = min(first_boxes, all_first_boxes // max(1, len(levers)))
     return {pair for pair, lever in levers.items() if _is_separated(clearance, pair, lever, first)}
 
 
@@ -161,6 +163,7 @@ def _is_separated(clearance: Clearance, pair: GeomPair, levers: Floats, first: i
     places, levers, ranges = model.jnt_qposadr[between], levers[between], clearance.ranges[between]
     boxes, qpos = [(ranges.mean(axis=1), np.ptp(ranges, axis=1) / 2, 1.0)], model.qpos0.copy()
     tried, done = 0, 0.0
+    max_boxes = 4096  # of a whole proof; fewer must have proved their share of it
     while boxes:
         tried += 1
         middle, half, share = boxes.pop()
@@ -168,7 +171,7 @@ def _is_separated(clearance: Clearance, pair: GeomPair, levers: Floats, first: i
         clearance.set_configuration(qpos)
         slack = float(levers @ half)
         distance = clearance.measure_distance(*pair, slack)
-        if distance <= 0 or (tried > first and tried > done * _MAX_BOXES):
+        if distance <= 0 or (tried > first and tried > done * max_boxes):
             return False
         if distance >= slack:
             done += share

@@ -33,8 +33,6 @@ Short = Annotated[float, AfterValidator(lambda value: float(f"{min(value, _LARGE
 """A number to four digits, which is as much as coverage is read for."""
 End = Literal["lower", "upper"]
 
-_MOVED = 0.01
-"""Least motion that counts: 1 % of a range, or 0.01 m or rad; holding still takes less."""
 _RUBBED = 1e-3
 """Least ratio of a tangential force that counts to the normal force; rounding takes less."""
 
@@ -83,7 +81,9 @@ class Travel(Model):
     def counts(self) -> bool:
         """True if it moved by more than holding still takes."""
         share = self.moved if self.share is None else self.share
-        return max(share, self.turned or 0.0) >= _MOVED
+        # Least motion that counts: 1 % of a range, or 0.01 m or rad; holding still takes less.
+        moved = 0.01
+        return max(share, self.turned or 0.0) >= moved
 
 
 class ActuatorUse(Travel):

@@ -89,20 +89,18 @@ def _inner_name(name: str) -> str:
 InnerName = Annotated[str, AfterValidator(_inner_name)]
 
 
-_MOST_TEXT, _MOST_DEPTH = 64 << 20, 100
-
-
 def check_extent(text: str) -> None:
     """Raise ValueError if a YAML text is larger, or its brackets deeper, than any that is meant.
 
     Parsers take a time that grows with the square of the depth.
     """
-    if len(text) > _MOST_TEXT:
-        raise ValueError(f"it has more than {_MOST_TEXT:,} characters")
+    most_text, most_depth = 64 << 20, 100
+    if len(text) > most_text:
+        raise ValueError(f"it has more than {most_text:,} characters")
     depth = 0
     for bracket in _BRACKET.finditer(text):
         depth += 1 if bracket[0] in "[{" else -min(depth, 1)
-        if depth > _MOST_DEPTH:
+        if depth > most_depth:
             raise ValueError("nested too deeply")
 
 

@@ -16,7 +16,6 @@ from contactlab.errors import OutputError
 
 TEMPORARY_SUFFIX = ".tmp"
 _TEMPORARY = re.compile(r"(\.[0-9a-f]{8})?\.tmp$")
-_AT_CURRENT_FOLDER, _RENAME_EXCHANGE = -100, 2  # of renameat2(2), from linux/fcntl.h and linux/fs.h
 _LIBC = ctypes.CDLL(None, use_errno=True)
 
 
@@ -116,8 +115,10 @@ def exchange_folders(new: Path, target: Path) -> None:
     """
     rename = getattr(_LIBC, "renameat2", None)
     paths = os.fsencode(new.absolute()), os.fsencode(target.absolute())
+    # of renameat2(2), from linux/fcntl.h and linux/fs.h
+    at_current_folder, rename_exchange = -100, 2
     if rename is None or rename(
-        _AT_CURRENT_FOLDER, paths[0], _AT_CURRENT_FOLDER, paths[1], _RENAME_EXCHANGE
+        at_current_folder, paths[0], at_current_folder, paths[1], rename_exchange
     ):
         move_folder(target, old := new.with_name("old"))
         try:

@@ -50,9 +50,7 @@ from contactlab.store.table_layout import row_to_record
 if TYPE_CHECKING:
     from contactlab.store.mcap.trace_reader import StoredTrace
 
-_MAX_SIMILAR = 32
 _SHOWN_COLUMNS = ("run_id", "label", "label_reason")
-_MAX_SHOWN_ROWS = 20
 _StoreContent = TypeVar("_StoreContent")
 
 
@@ -87,11 +85,10 @@ class Runs:
         return f"<{len(self)} runs, {self.arrow.num_columns} columns>"
 
     def _repr_html_(self) -> str:
-        rows = self.arrow.select(list(_SHOWN_COLUMNS)).slice(0, _MAX_SHOWN_ROWS).to_pylist()
+        max_shown_rows = 20  # a screen of a notebook
+        rows = self.arrow.select(list(_SHOWN_COLUMNS)).slice(0, max_shown_rows).to_pylist()
         more = (
-            f"<p>and {len(self) - _MAX_SHOWN_ROWS:,} more</p>"
-            if len(self) > _MAX_SHOWN_ROWS
-            else ""
+            f"<p>and {len(self) - max_shown_rows:,} more</p>" if len(self) > max_shown_rows else ""
         )
         return _html_table(_SHOWN_COLUMNS, (row.values() for row in rows)) + more
 
@@ -342,6 +339,7 @@ def similar_ids(run: str, ids: pa.Array) -> list[str]:
     """
     found: list[str] = []
     lengths = range(1, len(run) + 1)
+    max_similar = 32  # of each kind of likeness; a caller ranks them
     for function, parts in (
         ("starts_with", [run[:length] for length in lengths]),
         ("ends_with", [run[-length:] for length in lengths]),
@@ -354,7 +352,7 @@ def similar_ids(run: str, ids: pa.Array) -> list[str]:
             if not len(matches):
                 break
             longest = matches
-        found += longest[:_MAX_SIMILAR].to_pylist()
+        found += longest[:max_similar].to_pylist()
     return found
 
 

@@ -28,11 +28,6 @@ from contactlab.store.runs_table import (
 from contactlab.store.store_files import TABLE, Address, stored_file
 from contactlab.store.table_layout import Column, check_layout, column_of
 
-_ID_DIGITS = 16
-_BATCH_ROWS = 1 << 12
-"""Rows that are in memory at once, possibly with all of their columns."""
-_HASH_BLOCK = 1 << 16  # ids that are converted to text at once
-
 
 class NumberColumn(NamedTuple):
     """A column of numbers."""
@@ -113,9 +108,10 @@ class RunColumns:
     def batches(self, names: Sequence[str] | None = None) -> Iterator[pa.RecordBatch]:
         """Yield some thousand rows at a time, with all or some columns."""
         with table_errors(self.path):
+            batch_rows = 1 << 12  # in memory at once, possibly with all of their columns
             # A loop would keep a batch alive while the next one is read.
             yield from map(
-                _validate_rows, batches_of(self._file, _BATCH_ROWS, names and list(names))
+                _validate_rows, batches_of(self._file, batch_rows, names and list(names))
             )
 
     @cached_property
@@ -142,8 +138,9 @@ class RunColumns:
         # Start and end of each text in the letters.
         bounds = np.frombuffer(ids.buffers()[1] or bytes(4), np.int32)
         places, letters = bounds[ids.offset : ids.offset + len(ids) + 1], ids.buffers()[2]
-        if ids.null_count or (np.diff(places) != _ID_DIGITS).any():
-            raise StoreError(f"{self.path} is damaged: ids of runs have {_ID_DIGITS} digits")
+        id_digits = 16
+        if ids.null_count or (np.diff(places) != id_digits).any():
+            raise StoreError(f"{self.path} is damaged: ids of runs have {id_digits} digits")
         digits = np.frombuffer(letters or b"", np.uint8)[slice(*places[[0, -1]])]
         # In ASCII, letters are 9 more than their last four bits.
         values = (digits & 15) + 9 * (digits >> 6)
@@ -408,7 +405,8 @@ def hash_of_ids(parts: Iterable[NDArray[np.uint64]]) -> str:
     They come in parts (n,), each converted to text some ids at a time.
     """
     found = hashlib.sha256()
+    hash_block = 1 << 16  # ids that are converted to text at once
     for ids in parts:
-        for first in range(0, len(ids), _HASH_BLOCK):
-            found.update(ids[first : first + _HASH_BLOCK].astype(">u8").tobytes().hex().encode())
+        for first in range(0, len(ids), hash_block):
+            found.update(ids[first : first + hash_block].astype(">u8").tobytes().hex().encode())
     return found.hexdigest()[:32]

@@ -275,7 +275,6 @@ _REQUIRED_COLUMNS = frozenset(
     )
 )
 _NUMBER_TYPES = (REAL, _WHOLE_TYPE)
-_MOST_LABELS = 1000
 
 
 def check_layout(schema: pa.Schema, shared: object) -> None:
@@ -312,7 +311,8 @@ def _checked_units(shared: object) -> dict[str, str]:
         raise ValueError("units and versions of its metrics are missing")
     if not isinstance(severity, list) or not all(isinstance(name, str) for name in severity):
         raise ValueError("the order of its labels is no list")
-    if len(severity) > _MOST_LABELS:
+    most_labels = 1000  # a written table has some dozens; a damaged one must not fill the memory
+    if len(severity) > most_labels:
         raise ValueError(f"it has {len(severity):,} labels")
     return known["units"]
 

@@ -59,7 +59,6 @@ MOST_PROBLEMS = 1000
 _ENDED = frozenset(("crashed", "timeout"))
 # Checking this many records takes about two seconds; a baseline in a repository has fewer.
 _MAX_QUICK_RECORDS = 1 << 17
-_MAX_NAMED_DAMAGES = 3
 # Files that records name, with hashes; a store without traces has their empty folder.
 _RECORD_FILES = re.compile(r"traces/([0-9a-f]{2}/)?(.*\.mcap)?|controls/[0-9a-f]{64}\.arrow")
 
@@ -173,10 +172,11 @@ def trace_warning(store: Store) -> tuple[str, ...]:
     damaged = list(damaged_traces(store))
     if not damaged:
         return lines
-    named = "; ".join(damaged[:_MAX_NAMED_DAMAGES])
+    max_named_damages = 3  # a warning of a line
+    named = "; ".join(damaged[:max_named_damages])
     more = (
-        f"; and {len(damaged) - _MAX_NAMED_DAMAGES:,} more"
-        if len(damaged) > _MAX_NAMED_DAMAGES
+        f"; and {len(damaged) - max_named_damages:,} more"
+        if len(damaged) > max_named_damages
         else ""
     )
     return (*lines, f"{named}{more} (see `contactlab verify {store.address}`)")

@@ -21,12 +21,6 @@ from contactlab.view.drawn_shapes import BodyShape, body_poses, body_shapes
 
 Rows = NDArray[np.intp]
 
-# Nine in ten arrows are at most about as long as the first fraction of the sphere's radius. Longer
-# arrows are cut at the second fraction.
-_USUAL_ARROW, _LONGEST_ARROW = 0.5, 1.0
-# Radius of the view of a camera that follows a body, in radii of the body, and its smallest and
-# largest share of the whole view.
-_FOCUS_RADII, _SMALLEST_FOCUS, _LARGEST_FOCUS = 3.0, 0.1, 0.75
 _SCALAR_JOINTS = (mujoco.mjtJoint.mjJNT_HINGE.value, mujoco.mjtJoint.mjJNT_SLIDE.value)
 
 
@@ -186,8 +180,11 @@ def follow_body(motion: BodyMotion, bodies: Sequence[int]) -> BodyMotion | None:
     if not sizes:
         return None
     body = min(sizes, key=lambda index: sizes[index])
-    radius = max(_FOCUS_RADII * sizes[body], _SMALLEST_FOCUS * motion.radius)
-    if radius > _LARGEST_FOCUS * motion.radius:
+    # Radius of the view of a camera that follows a body, in radii of the body, and its smallest
+    # and largest share of the whole view.
+    focus_radii, smallest_focus, largest_focus = 3.0, 0.1, 0.75
+    radius = max(focus_radii * sizes[body], smallest_focus * motion.radius)
+    if radius > largest_focus * motion.radius:
         return None
     scale, longest = arrow_scale(motion.forces.force, radius)
     return replace(motion, followed=body, closeness=radius, scale=scale, longest=longest)
@@ -306,10 +303,13 @@ def arrow_scale(force: Floats, radius: float) -> tuple[float, float]:
     pushing = strength[strength > 0]
     usual_percentile = 90
     usual = float(np.percentile(pushing, usual_percentile)) if len(pushing) else 1.0
-    wanted = _USUAL_ARROW * radius / usual
+    # Nine in ten arrows are at most about as long as the first fraction of the sphere's radius.
+    # Longer arrows are cut at the second fraction.
+    usual_arrow, longest_arrow = 0.5, 1.0
+    wanted = usual_arrow * radius / usual
     decade = 10.0 ** np.floor(np.log10(wanted))
     digit = min((1, 2, 5, 10), key=lambda candidate: abs(np.log10(candidate * decade / wanted)))
-    return float(digit * decade), _LONGEST_ARROW * radius
+    return float(digit * decade), longest_arrow * radius
 
 
 def frame_rows(time: Floats, rate: float, times: Sequence[float] = ()) -> Rows:

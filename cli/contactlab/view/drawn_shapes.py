@@ -41,9 +41,7 @@ _SURFACE_TYPES = {
     int(kind)
     for kind in (_GEOM_TYPES.mjGEOM_MESH, _GEOM_TYPES.mjGEOM_SDF, _GEOM_TYPES.mjGEOM_HFIELD)
 }
-_NO_VERTICES = np.empty((0, 3))
 VISIBLE_GROUPS = 3  # of geoms, from 0: MuJoCo's viewers hide the groups above
-_NO_TRIANGLES = np.empty((0, 3), np.int32)
 
 
 def body_poses(model: mujoco.MjModel, qpos: Floats) -> tuple[Floats, Floats]:
@@ -126,6 +124,8 @@ def _geom_shape(
     rotation, moved = model.geom_quat[geom].copy(), np.zeros(3)
     if offset is not None:
         mujoco.mju_rotVecQuat(moved, offset, rotation)
+    no_vertices = np.empty((0, 3))
+    no_triangles = np.empty((0, 3), np.int32)
     return BodyShape(
         name=model.geom(geom).name + suffix,
         body=int(model.geom_bodyid[geom]),
@@ -134,8 +134,8 @@ def _geom_shape(
         position=model.geom_pos[geom] + moved,
         rotation=rotation,
         colour=_geom_colour(model, geom),
-        vertices=_NO_VERTICES,
-        triangles=_NO_TRIANGLES,
+        vertices=no_vertices,
+        triangles=no_triangles,
     )
 
 

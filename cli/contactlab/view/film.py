@@ -35,13 +35,8 @@ from contactlab.view.drawn_shapes import VISIBLE_GROUPS, drawn_geoms
 
 Picture = NDArray[np.uint8]
 
-_AZIMUTH, _ELEVATION = 120.0, -18.0
 # An arrow's radius as a fraction of the sphere's, and at most of its own length.
 _ARROW_RADIUS, _MAX_ARROW_RADIUS = 0.015, 0.1
-_MAX_TRAIL_PIECES, _TRAIL_COLOUR = (
-    60,
-    (0.10, 0.27, 0.98),
-)  # largest number of pieces; red, green, blue
 _ARROW = mujoco.mjtGeom.mjGEOM_ARROW
 _PLACEMENT_STAGES = (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight, mujoco.mj_tendon)
 # The values of MUJOCO_GL, each with its system library.
@@ -54,8 +49,6 @@ _OPENGL_REMEDY = (
 _H264_OPTIONS = {"crf": "20"}
 _PAPER_COLOUR, _INK_COLOUR = (255, 255, 255), (40, 44, 52)
 _BORDER_PIXELS = 6
-# Size of the picture over that of the inset; longest bar as a share of the width.
-_INSET_FACTOR, _MAX_BAR_SHARE = 4, 0.2
 
 
 class _Screen(Protocol):
@@ -112,7 +105,9 @@ def draw_pictures(
     named = None if camera is None else _model_camera(model, camera)
     areas = [mujoco.MjrRect(0, 0, width, height)]
     if named is None and motion.followed is not None:
-        areas.append(mujoco.MjrRect(0, 0, width // _INSET_FACTOR, height // _INSET_FACTOR))
+        # Size of the picture over that of the inset; longest bar as a share of the width.
+        inset_factor = 4
+        areas.append(mujoco.MjrRect(0, 0, width // inset_factor, height // inset_factor))
     option = mujoco.MjvOption()
     option.flags[mujoco.mjtVisFlag.mjVIS_TRANSPARENT] = True
     most_geoms = 20_000
@@ -173,11 +168,16 @@ def set_looks(model: mujoco.MjModel, size: tuple[int, int]) -> None:
 def _draw_trail(scene: mujoco.MjvScene, motion: BodyMotion, frame: int) -> None:
     """Add the path of the followed body up to a frame; older parts are fainter."""
     body = int(np.argmax(motion.moving)) if motion.followed is None else motion.followed
-    rows = np.unique(np.linspace(0, frame, min(frame + 1, _MAX_TRAIL_PIECES)).astype(int))
+    # Largest number of pieces; red, green, blue.
+    max_trail_pieces, trail_colour = (
+        60,
+        (0.10, 0.27, 0.98),
+    )
+    rows = np.unique(np.linspace(0, frame, min(frame + 1, max_trail_pieces)).astype(int))
     way, radius = motion.positions[rows, body], _ARROW_RADIUS * motion.view(frame).radius
     for place, (begin, end) in enumerate(itertools.pairwise(way), 1):
         if scene.ngeom < scene.maxgeom and np.linalg.norm(end - begin) > radius:
-            colour = (*_TRAIL_COLOUR, place / len(way))
+            colour = (*trail_colour, place / len(way))
             geom = _new_geom(scene, mujoco.mjtGeom.mjGEOM_CAPSULE, colour)
             mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE.value, radius, begin, end)
 
@@ -252,7 +252,8 @@ def _stage_camera(model: mujoco.MjModel, stage: Stage, aspect: float) -> mujoco.
     camera = mujoco.MjvCamera()
     camera.lookat[:] = stage.centre
     camera.distance = _camera_distance(model, stage, aspect)
-    camera.azimuth, camera.elevation = _AZIMUTH, _ELEVATION
+    azimuth, elevation = 120.0, -18.0
+    camera.azimuth, camera.elevation = azimuth, elevation
     return camera
 
 
@@ -275,7 +276,8 @@ def force_bar(
     half = math.radians(float(model.vis.global_.fovy)) / 2
     across = 2 * math.tan(half) * _camera_distance(model, stage, width / height)
     pixels = height / across * scale
-    most = _MAX_BAR_SHARE * width / pixels
+    max_bar_share = 0.2
+    most = max_bar_share * width / pixels
     decade = 10.0 ** math.floor(math.log10(most))
     force = max(
         digit * decade for digit in (1, 2, 5) if digit * decade <= most * (1 + SUM_ROUNDING)

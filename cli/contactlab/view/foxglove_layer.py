@@ -47,9 +47,6 @@ from contactlab.view.foxglove_files import (
 )
 
 _WORLD_BODY = 0
-# An arrow's head as a fraction of its length; its diameter as a fraction of the sphere's radius,
-# and at most of its own length.
-_HEAD_SHARE, _ARROW_DIAMETER, _MAX_DIAMETER_SHARE = 0.25, 0.02, 0.15
 
 
 def write_with_layer(
@@ -129,6 +126,7 @@ def contact_forces(motion: BodyMotion, frame: int) -> SceneUpdate:
     points, modes = forces.position[chosen], forces.mode[chosen].tolist()
     arrows = zip(points, motion.arrows[chosen], modes, strict=True)
     scale = {"metres_per_newton": motion.scale, "longest_metres": motion.longest}
+    arrow_diameter = 0.02
     return SceneUpdate(
         entities=[
             SceneEntity(
@@ -138,9 +136,7 @@ def contact_forces(motion: BodyMotion, frame: int) -> SceneUpdate:
                 metadata=[
                     KeyValuePair(key=key, value=f"{value:g}") for key, value in scale.items()
                 ],
-                arrows=[
-                    _arrow_message(*arrow, _ARROW_DIAMETER * motion.radius) for arrow in arrows
-                ],
+                arrows=[_arrow_message(*arrow, arrow_diameter * motion.radius) for arrow in arrows],
             )
         ]
     )
@@ -183,12 +179,16 @@ def _add_shape(entity: SceneEntity, shape: BodyShape) -> None:
 
 def _arrow_message(point: Floats, arrow: Floats, mode: int, diameter: float) -> ArrowPrimitive:
     length = float(np.linalg.norm(arrow))
-    thickness = min(diameter, _MAX_DIAMETER_SHARE * length)
+    max_diameter_share = 0.15
+    thickness = min(diameter, max_diameter_share * length)
+    # An arrow's head as a fraction of its length; its diameter as a fraction of the sphere's
+    # radius, and at most of its own length.
+    head_share = 0.25
     return ArrowPrimitive(
         pose=_pose_message(point, rotation_from_x(arrow)),
-        shaft_length=(1 - _HEAD_SHARE) * length,
+        shaft_length=(1 - head_share) * length,
         shaft_diameter=thickness,
-        head_length=_HEAD_SHARE * length,
+        head_length=head_share * length,
         head_diameter=2 * thickness,
         color=_colour_message(np.array(MODE_COLOURS[mode])),
     )

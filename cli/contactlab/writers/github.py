@@ -8,9 +8,6 @@ from contactlab.printable import visible
 from contactlab.schema.finding import PlacedFinding
 from contactlab.writers.report import Report
 
-# A step shows ten errors and ten warnings, and silently drops the others.
-_MOST_ANNOTATIONS_OF_A_STEP = 9
-
 
 def as_annotations(report: Report) -> str:
     """Return the annotations of failures and warnings, each with its worst pairs of runs."""
@@ -50,7 +47,9 @@ def _join_both_levels(title: str, errors: Sequence[_Message], warnings: Sequence
 
 
 def _list_annotations(command: str, title: str, messages: Sequence[_Message]) -> Iterator[str]:
-    shown = list(messages[:_MOST_ANNOTATIONS_OF_A_STEP])
+    # A step shows ten errors and ten warnings, and silently drops the others.
+    most_annotations_of_a_step = 9
+    shown = list(messages[:most_annotations_of_a_step])
     if len(messages) > len(shown):
         shown.append(_Message(f"and {len(messages) - len(shown):,} more; see the summary"))
     for message in shown:

@@ -26,8 +26,6 @@ from contactlab.writers.signs import ORDER, outcome_mark
 
 WIDEST = 10_000  # lines of a file: they do not wrap
 MOST_BYTES = 900_000  # a job summary of more than 1 MiB is lost
-_MOST_OF_OUTCOME = 25  # findings that text lists
-_MOST_FIRST, _MOST_ROWS = 12, 1_000  # findings that Markdown shows at once, and in all
 _HEADS = (Column(""), Column("check"), Column("result"), Column("worst"), Column("where"))
 
 
@@ -75,11 +73,12 @@ def describe_findings(report: Report, *, folded: bool = False) -> Document:
 def _first_findings(lines: Sequence[Line]) -> Iterator[Part]:
     """Yield the first findings of each outcome, and how many more there are."""
     shown: list[Line] = []
+    most_of_outcome = 25  # findings that text lists
     for outcome in ORDER:
         same = [line for line in lines if line.outcome == outcome]
-        shown += same[:_MOST_OF_OUTCOME]
-        if len(same) > _MOST_OF_OUTCOME:
-            rest = f"and {len(same) - _MOST_OF_OUTCOME:,} more ({outcome_mark(outcome).word})"
+        shown += same[:most_of_outcome]
+        if len(same) > most_of_outcome:
+            rest = f"and {len(same) - most_of_outcome:,} more ({outcome_mark(outcome).word})"
             shown.append(Line(outcome, rest))
     yield Part(tuple(_table_of_lines(shown)), "findings")
 
@@ -89,7 +88,8 @@ def _folded_findings(report: Report, lines: Sequence[Line]) -> Iterator[Part]:
     # Stable: within the urgent ones and the others the worst come first.
     shown = sorted(lines, key=lambda line: not line.urgent)
     urgent = sum(line.urgent for line in shown)
-    first = len(shown) if report.lists_passed else min(_MOST_FIRST, urgent)
+    most_first = 12  # findings that Markdown shows at once, and in all
+    first = len(shown) if report.lists_passed else min(most_first, urgent)
     yield Part(tuple(_table_of_lines(shown[:first])), "findings")
     if rest := shown[first:]:
         yield Part(tuple(_table_of_lines(rest)), "findings", f"{len(rest)} more", folded=True)
@@ -97,8 +97,9 @@ def _folded_findings(report: Report, lines: Sequence[Line]) -> Iterator[Part]:
 
 def _table_of_lines(lines: Sequence[Line]) -> Iterator[Block]:
     if lines:
-        rows = tuple(Row((outcome_mark(line.outcome), *line.cells)) for line in lines[:_MOST_ROWS])
-        rest = len(lines) - _MOST_ROWS
+        most_rows = 1_000
+        rows = tuple(Row((outcome_mark(line.outcome), *line.cells)) for line in lines[:most_rows])
+        rest = len(lines) - most_rows
         more = f"and {rest:,} more" if rest > 0 else ""
         yield Table(_HEADS, rows, headed=False, more=more)
 

@@ -6,8 +6,6 @@ from contextlib import contextmanager
 from contactlab.errors import ClusterError, optional
 from contactlab.run.tasks import Executor
 
-_DEFAULT_TASKS = 16  # default number of tasks of an array
-
 
 @contextmanager
 def slurm_arrays(address: str | None, workers: int | None) -> Generator[Executor]:
@@ -30,7 +28,8 @@ def slurm_arrays(address: str | None, workers: int | None) -> Generator[Executor
             "there is no SLURM here (no srun); run the command where sbatch is, or try it out with "
             "--address cluster=local"
         )
-    executor = SlurmExecutor(workers or _DEFAULT_TASKS, cpus, str(cluster), requested)
+    default_tasks = 16  # tasks of an array if no number is requested
+    executor = SlurmExecutor(workers or default_tasks, cpus, str(cluster), requested)
     try:
         executor.check_parameters()
     except (NameError, TypeError, ValueError) as error:

@@ -24,11 +24,6 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 
-# Highest natural frequency of the springs [rad/s]: a few hertz; more where legs carry a body.
-_SPRING_RATE = 2 * np.pi * 4
-_LEG_SPRING_RATE = 2 * np.pi * 12
-# A robot has settled below this speed [rad/s, m/s]; interval and limit of the checks [s].
-_SETTLED_SPEED, _CHECK_INTERVAL_S, _MAX_SETTLING_S = 0.02, 0.05, 1.0
 # Maximum number of settling rounds, and the accepted distance to the posture [rad or m].
 _MAX_ROUNDS, _ACCEPTED_DISTANCE = 10, 0.01
 
@@ -75,7 +70,9 @@ def find_load(model: mujoco.MjModel, qpos: Floats, ctrl: Floats, act: Floats) ->
     inertia = np.zeros((model.nv, model.nv))
     for column, unit in zip(inertia, np.eye(model.nv), strict=True):
         mujoco.mj_mulM(model, data, column, unit)
-    frequency = _LEG_SPRING_RATE if _carried_bodies(model, moment).size else _SPRING_RATE
+    # Highest natural frequency of the springs [rad/s]: a few hertz; more if legs carry a body.
+    hertz = 12 if _carried_bodies(model, moment).size else 4
+    frequency = 2 * np.pi * hertz
     compliance = np.abs(np.linalg.inv(inertia)[np.ix_(dofs, dofs)])
     # Coefficients c such that no rate of M^-1 c exceeds 1. By Gershgorin's theorem a rate is at
     # most the largest row sum of |M^-1 c|, in any units; here M^-1 has ones on its diagonal.
@@ -117,15 +114,17 @@ def _settled_distance(model: mujoco.MjModel, load: Load, start: mujoco.MjData) -
     """
     data, looks = mujoco.MjData(model), list[Floats]()
     data.qpos[:], data.ctrl[:], data.act[:] = start.qpos, start.ctrl, start.act
-    steps = max(1, round(_CHECK_INTERVAL_S / model.opt.timestep))
+    # A robot has settled below this speed [rad/s, m/s]; interval and limit of the checks [s].
+    settled_speed, check_interval_s, max_settling_s = 0.02, 0.05, 1.0
+    steps = max(1, round(check_interval_s / model.opt.timestep))
     places = model.jnt_qposadr[load.joints]
-    while data.time < _MAX_SETTLING_S:
+    while data.time < max_settling_s:
         with suppress(mujoco.FatalError):
             mujoco.mj_step(model, data, nstep=steps)
         if data.warning.number.any() or not data.time > len(looks) * steps * model.opt.timestep:
             return np.full(len(places), np.nan)
         looks.append(data.qpos[places] - load.places)
-        if np.abs(data.qvel).max(initial=0.0) < _SETTLED_SPEED:
+        if np.abs(data.qvel).max(initial=0.0) < settled_speed:
             return looks[-1]
     return np.mean(looks[len(looks) // 2 :], axis=0)
 

@@ -17,7 +17,6 @@ from contactlab.schema.drive import Drive, FileDrive, PolicyDrive, drive_files, 
 from contactlab.schema.setting_values import number_parser
 from contactlab.schema.vocabulary import AxisSpec
 
-_HASH_DIGITS = 16
 _MOST_BYTES = 1 << 30  # of a file of a drive, which is copied into stores
 
 
@@ -35,7 +34,7 @@ class LocatedDrive:
     def hash(self) -> str | None:
         """Start of the hash of its files: the name of their folder in a store; None without."""
         if isinstance(self.drive, FileDrive | PolicyDrive) and drive_files(self.drive):
-            return str(self.drive.sha256)[:_HASH_DIGITS]
+            return str(self.drive.sha256)[:16]
         return None
 
     def with_fallback(self, copy: "LocatedDrive") -> "LocatedDrive":

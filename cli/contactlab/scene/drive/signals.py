@@ -14,21 +14,9 @@ from contactlab.scene.part_bodies import AT_JOINT
 from contactlab.scene.timed_inputs import Signals
 from contactlab.schema.drive import NoiseDrive
 
-# Knots per period of the highest frequency; linear interpolation loses 1.4 % of it.
-_KNOTS_PER_PERIOD = 12
 # The seed's random streams for noise and for excitations; the first stream perturbs the start.
 _NOISE_STREAM, _EXCITATION_STREAM = 3, 4
 
-CONTROL_RATE = 50.0
-"""Rate of changes of the controls of an excitation [Hz]; they are held in between."""
-_MIN_SINE_HZ, _MAX_SINE_HZ = 0.5, 1.5  # frequencies of its sines [Hz]
-PUSH_TIME = 0.05
-"""Duration of a push [s]."""
-_PUSH_MOMENTS = 8  # number of different times of pushes on bodies
-_STANDARD_GRAVITY = 9.81
-# Limits for an actuator without a range: the acceleration of its joint [rad/s^2 or m/s^2],
-# its speed [rad/s or m/s], and its length [rad or m].
-_DEFAULT_ACCELERATION, _DEFAULT_SPEED, _DEFAULT_LENGTH = 10.0, 1.0, 0.5
 
 _FIXED_GAIN = int(mujoco.mjtGain.mjGAIN_FIXED)
 _AFFINE_BIAS = int(mujoco.mjtBias.mjBIAS_AFFINE)
@@ -56,26 +44,27 @@ def _range_without_limits(model: mujoco.MjModel, actuator: int) -> tuple[float, 
     affine = model.actuator_biastype[actuator] == _AFFINE_BIAS
     if dynamics == _MUSCLE_DYNAMICS:
         return 0.0, 1.0
+    # Limits of an actuator without a range: length [rad or m], speed [rad/s or m/s], and
+    # acceleration of its joint [rad/s^2 or m/s^2].
+    default_length, default_speed, default_acceleration = 0.5, 1.0, 10.0
     if model.actuator_gaintype[actuator] != _FIXED_GAIN or not gain:
         ends = -1.0, 1.0
     elif dynamics == _INTEGRATOR_DYNAMICS or (affine and bias[2] and not bias[1]):
-        ends = -_DEFAULT_SPEED, _DEFAULT_SPEED
+        ends = -default_speed, default_speed
     elif affine and bias[1]:
-        ends = _servo_control(model, actuator, _servo_lengths(model, actuator))
+        joint = int(model.actuator_trnid[actuator, 0])
+        if model.actuator_trntype[actuator] in AT_JOINT and model.jnt_limited[joint]:
+            lengths = model.jnt_range[joint] * model.actuator_gear[actuator, 0]
+        else:
+            middle = model.actuator_length0[actuator]
+            lengths = np.array([-default_length, default_length]) + middle
+        ends = _servo_control(model, actuator, lengths)
     elif model.actuator_forcelimited[actuator]:
         ends = model.actuator_forcerange[actuator] / gain
     else:
         rate = abs(gain) * float(model.actuator_acc0[actuator])
-        ends = np.array([-1.0, 1.0]) * (_DEFAULT_ACCELERATION / rate if rate else 1.0)
+        ends = np.array([-1.0, 1.0]) * (default_acceleration / rate if rate else 1.0)
     return float(min(ends)), float(max(ends))
-
-
-def _servo_lengths(model: mujoco.MjModel, actuator: int) -> Floats:
-    """Return (2,) the lengths of a servo at the limits of its joint, or at a default distance."""
-    joint = int(model.actuator_trnid[actuator, 0])
-    if model.actuator_trntype[actuator] in AT_JOINT and model.jnt_limited[joint]:
-        return model.jnt_range[joint] * model.actuator_gear[actuator, 0]
-    return np.array([-_DEFAULT_LENGTH, _DEFAULT_LENGTH]) + model.actuator_length0[actuator]
 
 
 def _servo_control(model: mujoco.MjModel, actuator: int, lengths: Floats) -> Floats:
@@ -132,24 +121,26 @@ def excitation_signals(
 ) -> Signals:
     """Return sines of controls around the middle of their ranges, and pushes of bodies.
 
-    Controls start from the rest values (nu,) at the begin of their span [s], and are held for 1 /
-    `CONTROL_RATE` each. Frequencies and phases come from the seed. A body is pushed once, by its
-    weight (with everything that it carries) across gravity, for `PUSH_TIME`, in the first part of
-    the span.
+    Controls start from the rest values (nu,) at the begin of their span [s], and are held for
+    20 ms each. Frequencies and phases come from the seed. A body is pushed once, by its weight
+    (with everything that it carries) across gravity, for 50 ms, in the first part of the span.
     """
     begin, end = span
     random = np.random.default_rng([seed, _EXCITATION_STREAM])
-    hertz = random.uniform(_MIN_SINE_HZ, _MAX_SINE_HZ, model.nu)
+    hertz = random.uniform(0.5, 1.5, model.nu)  # of slow motions, which most joints can follow
     phases = random.uniform(0, 2 * np.pi, model.nu)
     low, high = control_ranges(model).reshape(-1, 2).T
     # Share of a control's range that a sine covers.
     middle, reach = (low + high) / 2, 0.7 * (high - low) / 2
 
-    held = np.arange(max(int(np.ceil((end - begin) * CONTROL_RATE)), 1)) / CONTROL_RATE
-    moments = random.uniform(0, 1, _PUSH_MOMENTS) * max(end - begin - 2 * PUSH_TIME, 0.0) / 2
+    control_rate = 50.0  # changes of the controls [Hz], as of a policy; they are held in between
+    held = np.arange(max(int(np.ceil((end - begin) * control_rate)), 1)) / control_rate
+    push_time = 0.05  # duration of a push [s]
+    push_moments = 8  # different times of pushes: each adds two knots to the signals of all
+    moments = random.uniform(0, 1, push_moments) * max(end - begin - 2 * push_time, 0.0) / 2
     bodies = pushed_bodies(model)
-    own = np.arange(len(bodies)) % _PUSH_MOMENTS
-    edges = [moments[np.unique(own)], moments[np.unique(own)] + PUSH_TIME] if len(bodies) else []
+    own = np.arange(len(bodies)) % push_moments
+    edges = [moments[np.unique(own)], moments[np.unique(own)] + push_time] if len(bodies) else []
     times = np.unique(np.concatenate([held, *edges]))
     # A control is constant between its own knots; the pushes of bodies have knots in between.
     since = held[np.searchsorted(held, times, side="right") - 1]
@@ -166,9 +157,10 @@ def excitation_signals(
     ways = random.normal(size=(len(bodies), 3))
     ways -= (ways @ down)[:, None] * down
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    weights = np.asarray(model.body_subtreemass)[bodies] * (size or _STANDARD_GRAVITY)
+    standard_gravity = 9.81  # in place of none: the push of a body in space is as large
+    weights = np.asarray(model.body_subtreemass)[bodies] * (size or standard_gravity)
     forces = weights[:, None] * ways
-    active = (times >= moments[own][:, None]) & (times < moments[own][:, None] + PUSH_TIME)
+    active = (times >= moments[own][:, None]) & (times < moments[own][:, None] + push_time)
     pushes = (forces[:, :, None] * active[:, None, :]).reshape(-1, len(times))
     places = [np.arange(model.nu), (model.nu + 6 * bodies[:, None] + np.arange(3)).ravel()]
     levels = np.concatenate([controls, pushes])
@@ -196,12 +188,14 @@ def noise_signals(
     shape = len(half), sines
     streams = [np.random.default_rng([seed, _NOISE_STREAM]) for seed in seeds]
     phases = [random.uniform(0, 2 * np.pi, shape) for random in streams]
-    spectrum = np.zeros((len(seeds), len(half), sines * _KNOTS_PER_PERIOD // 2 + 1), np.complex128)
+    # Knots per period of the highest frequency; linear interpolation loses 1.4 % of it.
+    knots_per_period = 12
+    spectrum = np.zeros((len(seeds), len(half), sines * knots_per_period // 2 + 1), np.complex128)
     spectrum[:, :, 1 : sines + 1] = np.exp(1j * np.array(phases))
-    count = int(np.ceil(end * noise.rate * _KNOTS_PER_PERIOD)) + 1
+    count = int(np.ceil(end * noise.rate * knots_per_period)) + 1
     # A sine of size 1 has the mean square 1/2; `irfft` divides by the number of knots.
-    wave = np.fft.irfft(spectrum)[:, :, :count] * sines * _KNOTS_PER_PERIOD / np.sqrt(2 * sines)
-    knots = np.arange(wave.shape[2]) / (noise.rate * _KNOTS_PER_PERIOD)
+    wave = np.fft.irfft(spectrum)[:, :, :count] * sines * knots_per_period / np.sqrt(2 * sines)
+    knots = np.arange(wave.shape[2]) / (noise.rate * knots_per_period)
     wave *= np.minimum(knots * noise.rate, 1.0)
     levels = rest[:, None] + noise.noise * half[:, None] * wave
     return [Signals(np.arange(len(half)), knots[None], level) for level in levels]

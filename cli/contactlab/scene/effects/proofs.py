@@ -17,8 +17,6 @@ from contactlab.scene.model_edits import read_flag
 
 _GEOM_TYPES = mujoco.mjtGeom
 _JOINT_TYPES = mujoco.mjtJoint
-# With more geoms, touchable pairs are not computed: the table of all pairs would be too large.
-_MAX_GEOMS = 2000
 _ROUND_SHAPES = {int(_GEOM_TYPES.mjGEOM_SPHERE), int(_GEOM_TYPES.mjGEOM_CAPSULE)}
 _BOX_GEOM, _CYLINDER_GEOM = int(_GEOM_TYPES.mjGEOM_BOX), int(_GEOM_TYPES.mjGEOM_CYLINDER)
 # Fields of the model; some versions lack some of them.
@@ -66,7 +64,8 @@ class ModelFacts:
         not filtered.
         """
         model = self._model
-        many = model.ngeom > _MAX_GEOMS
+        max_geoms = 2000  # the table of the pairs of more geoms would be too large
+        many = model.ngeom > max_geoms
         if many or model.nflex or model.nplugin or read_flag(model, "override"):
             return None
         weld = np.asarray(model.body_weldid)[model.geom_bodyid]

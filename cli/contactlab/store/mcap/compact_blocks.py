@@ -59,8 +59,6 @@ BLOCK_SIZE = 8 << 20
 _GROUP_HEAD = struct.Struct(
     "<IId"
 )  # messages of a group, length of each, and the run's timestep [s]
-# Upper bound of the bytes of a message over the bytes of its stored values.
-_MAX_EXPANSION = 4
 
 
 def compact_records(
@@ -169,10 +167,12 @@ def _message_group(
 
 def _read_block(channel: Channel, content: bytes) -> Iterator[tuple[MessageLayout, Items]]:
     start = 0
+    # Upper bound of the bytes of a message over the bytes of its stored values.
+    max_expansion = 4
     while start < len(content):
         count, size, timestep = _GROUP_HEAD.unpack_from(content, start)
         start += _GROUP_HEAD.size
-        if not count or count * size > _MAX_EXPANSION * (len(content) - start):
+        if not count or count * size > max_expansion * (len(content) - start):
             raise ValueError(f"a block of {channel.topic} claims more messages than it holds")
         # The size of a message tells its layout.
         if channel.topic != STATE_TOPIC:

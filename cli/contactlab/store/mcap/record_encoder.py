@@ -22,7 +22,6 @@ Items = NDArray[np.void]
 Unsigned = NDArray[np.unsignedinteger]
 
 INDEX_HEAD = struct.Struct("<BQHI")
-_ENTRY_SIZE = 16
 _BLOCK_BYTES = 1 << 19  # bytes of records that are filled at once
 
 
@@ -72,7 +71,8 @@ def message_indexes(
     entries[:, 1] = (offsets - offsets[0, 0]).T[used]
     counts, data = np.count_nonzero(used, axis=1), entries.tobytes()
     channels = np.flatnonzero(counts)
-    ends = accumulate((counts[channels] * _ENTRY_SIZE).tolist(), initial=0)
+    entry_size = 16  # of a time and an offset, each of 8 bytes
+    ends = accumulate((counts[channels] * entry_size).tolist(), initial=0)
     parts = [data[start:end] for start, end in pairwise(ends)]
     found = [*map(_encode_index, numbers := (channels + 1).tolist(), parts)]
     starts = accumulate(map(len, found), initial=0)

@@ -31,10 +31,7 @@ EVIDENCE_TOPIC = "/evidence"
 _CONTACTS_TOPIC = "/contacts/"
 
 _VARINT, _LENGTH_DELIMITED = 0, 2
-_OPTIONAL, _REPEATED = 1, 3
-_TYPE_MESSAGE, _TYPE_ENUM = 11, 14
 
-_FRAME_SIZE = 9
 _MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 _HEADER_COLUMNS = (("channel", "<u2", 9), ("log_time", "<u8", 15), ("publish_time", "<u8", 23))
 HEADER_SIZE = 31  # length of a Message record before its content
@@ -159,7 +156,8 @@ def _nested_types(kind: MessageType | EnumType) -> Iterator[MessageType | EnumTy
 
 
 def _field_descriptor(field: MessageField) -> bytes:
-    label = _REPEATED if field.repeated else _OPTIONAL
+    optional, repeated = 1, 3  # of descriptor.proto, FieldDescriptorProto.Label
+    label = repeated if field.repeated else optional
     head = (
         _encode_delimited(1, field.name.encode())
         + _encode_number(3, field.number)
@@ -167,7 +165,8 @@ def _field_descriptor(field: MessageField) -> bytes:
     )
     if isinstance(field.kind, Scalar):
         return head + _encode_number(5, field.kind.value[0])
-    number = _TYPE_MESSAGE if isinstance(field.kind, MessageType) else _TYPE_ENUM
+    type_message, type_enum = 11, 14  # of descriptor.proto, FieldDescriptorProto.Type
+    number = type_message if isinstance(field.kind, MessageType) else type_enum
     return (
         head
         + _encode_number(5, number)
@@ -287,7 +286,8 @@ def message_record(body: MessageLayout) -> MessageLayout:
 
 def message_head(size: int, channel: int = 0, time: int = 0) -> bytes:
     """Return the start of a Message record with a content of `size` bytes."""
-    length = HEADER_SIZE - _FRAME_SIZE + size
+    frame_size = 9  # opcode and length, that the length does not count
+    length = HEADER_SIZE - frame_size + size
     return _MESSAGE_HEAD.pack(Opcode.MESSAGE, length, channel, 0, time, time)
 
 

@@ -54,7 +54,6 @@ _MODEL_NAME = "model.xml"
 # Viewers reject `$ref`, `anyOf` and null in a schema, which the record's has.
 RECORD_SCHEMA_NAME = f"{PACKAGE}.EvidenceRecord"
 _RECORD_SCHEMA = b'{"type":"object"}'
-_NANOSECONDS = 1e9
 
 
 class TraceEncoder:
@@ -120,7 +119,7 @@ class TraceEncoder:
 
 def _log_times(time: Floats) -> tuple[Times, NDArray[np.bool_]]:
     """Return (n, N + 1) simulated time in whole nanoseconds, and whether each run's is valid."""
-    times = np.rint(time * _NANOSECONDS)
+    times = np.rint(1e9 * time)
     grows = np.all(times[:, 1:] > times[:, :-1], axis=1)
     # Since times increase, checking both ends covers the range of all.
     # Readers in languages without unsigned integers take log time as a signed 64-bit number.

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from obstore.store import ClientConfig
 
 _READ_TIMEOUT = timedelta(seconds=12)  # a request fails after this long without a byte
-_CONNECT_TIMEOUT = timedelta(seconds=5)
-_REQUEST_TIMEOUT = timedelta(minutes=10)
 _RETRIES = 5
 _PART_SIZE = 5 << 20  # larger objects are sent and received in parts of this size [bytes]
 
@@ -98,9 +96,10 @@ class ObjectClient:
         with self._plain_errors(address):
             prefix = _VARIABLE_PREFIXES[address.scheme]
             options: ClientConfig = {
-                "connect_timeout": _CONNECT_TIMEOUT,
+                "connect_timeout": timedelta(seconds=5),
                 "read_timeout": _READ_TIMEOUT,
-                "timeout": _REQUEST_TIMEOUT,
+                # A part of a large file takes minutes on a slow line.
+                "timeout": timedelta(minutes=10),
             }
             if _is_set(f"{prefix}_ALLOW_HTTP"):
                 options["allow_http"] = True
