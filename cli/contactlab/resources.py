@@ -93,6 +93,11 @@ def sweep_index() -> dict[str, tuple[str, str, int, str]]:
     return json.loads((SWEEPS / "index.json").read_text(encoding="utf-8"))
 
 
+def advisory_index() -> dict[str, dict[str, object]]:
+    """Return the parsed advisories, by the SHA-256 of the shipped files."""
+    return json.loads((ADVISORIES / "index.json").read_text(encoding="utf-8"))
+
+
 def sweep_file(name: str) -> Path:
     """Return the path of a shipped sweep; raise SweepFileError for an unknown name."""
     message = f"no sweep file and no shipped sweep named '{name}'"

@@ -7,10 +7,16 @@ import mujoco
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
+from tests.advisories.advisory_index import advisory_index
 
 import contactlab
 from contactlab import resources
-from contactlab.advisories.advisory_files import list_advisories, read_advisories, read_advisory
+from contactlab.advisories.advisory_files import (
+    list_advisories,
+    parse_advisory,
+    read_advisories,
+    read_advisory,
+)
 from contactlab.advisories.field_expressions import ModelFacts
 from contactlab.advisories.met_advisories import InstalledEngine, can_act, find_met_advisories
 from contactlab.advisories.witness_runs import compile_witness, fault_share, replay_witness
@@ -291,3 +297,10 @@ def test_the_solver_fault_acts_where_the_equation_of_motion_is_not_solved() -> N
 def test_every_witness_shows_its_fault_in_the_affected_releases_only() -> None:
     report = check_advisories(list_advisories(), list_supported_releases())
     assert report.problem == ""
+
+
+def test_the_index_has_the_files_content() -> None:
+    message = "make it anew: python -m tests.advisories.advisory_index"
+    assert resources.advisory_index() == advisory_index(), message
+    for file in FILES:
+        assert read_advisory(file) == parse_advisory(file)

@@ -2,17 +2,16 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from types import ModuleType
 
 from pydantic import ValidationError
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
+from contactlab import resources
 from contactlab.advisories.field_expressions import FieldExpression
 from contactlab.errors import AdvisoryError, no_file
 from contactlab.expression import ExpressionError
-from contactlab.modifications.catalogue import CATALOGUE
 from contactlab.plugins import extensions
 from contactlab.schema.advisory import Advisory
 from contactlab.schema.strict_model import check_extent
@@ -54,7 +53,27 @@ def read_advisories(files: Iterable[Path]) -> tuple[Advisory, ...]:
 
 
 def read_advisory(file: Path) -> Advisory:
+    """Return the advisory of a file, from the index if it is shipped.
+
+    Raises:
+        AdvisoryError: the file has these mistakes.
+    """
+    try:
+        digest = sha256(file.read_bytes()).hexdigest()
+    except OSError:
+        return parse_advisory(file)  # which says why
+    known = _read_index().get(digest)
+    return parse_advisory(file) if known is None else Advisory.model_validate(known)
+
+
+_read_index = cache(resources.advisory_index)
+
+
+def parse_advisory(file: Path) -> Advisory:
     """Return the advisory of a file; an AdvisoryError lists its mistakes."""
+    from ruamel.yaml import YAML  # noqa: PLC0415 - shipped advisories are parsed already
+    from ruamel.yaml.error import YAMLError  # noqa: PLC0415
+
     try:
         text = file.read_text(encoding="utf-8")
         check_extent(text)
@@ -76,6 +95,8 @@ def read_advisory(file: Path) -> Advisory:
 
 def _find_mistakes(advisory: Advisory) -> Iterator[str]:
     # Types do not check expressions, names of modifications and distances of values.
+    from contactlab.modifications.catalogue import CATALOGUE  # noqa: PLC0415 - takes a while
+
     witness = advisory.witness
     expressions = {"applies": advisory.applies, "witness.measure": witness.measure}
     if advisory.occurs:
