@@ -89,7 +89,9 @@ def test_a_page_of_a_search_fits_a_phone(visit: Visit, tmp_path: Path) -> None:
         "data": {"values": [{"x": 1}]},
         "encoding": {"x": {"field": "x", "type": "quantitative"}},
     }
-    (tmp_path / "front.html").write_text(build_front_page(LONG, body, spec, spec))
+    (tmp_path / "front.html").write_text(
+        build_front_page(LONG, body, {"wide": spec, "narrow": spec})
+    )
     page = visit(tmp_path / "front.html", script=False).page
     page.set_viewport_size({"width": 390, "height": 844})
     assert page.evaluate("document.documentElement.scrollWidth") <= 390

@@ -135,7 +135,7 @@ def tune(
 
 def _draw_front(report: "TuneReport", path: Path, *, dark: bool) -> None:
     from contactlab.charts import save_figure
-    from contactlab.studies.search.search_chart import NARROW, draw_front
+    from contactlab.studies.search.search_chart import PAGE_LAYOUTS, draw_front, entitle_front
 
     if path.suffix != ".html":
         save_figure(draw_front(report), path, dark=dark or None)
@@ -144,8 +144,8 @@ def _draw_front(report: "TuneReport", path: Path, *, dark: bool) -> None:
     from contactlab.store.atomic_files import atomic_write
     from contactlab.studies.search.tune_document import describe_tuning
 
-    wide, narrow = draw_front(report).to_dict(), draw_front(report, NARROW).to_dict()
-    page = build_front_page(Path(report.model).name, describe_tuning(report), wide, narrow)
+    figures = {name: draw_front(report, layout).to_dict() for name, layout in PAGE_LAYOUTS.items()}
+    page = build_front_page(entitle_front(report), describe_tuning(report), figures)
     with atomic_write(path) as temporary:
         temporary.write_text(page, encoding="utf-8")
 

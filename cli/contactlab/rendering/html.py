@@ -114,7 +114,8 @@ def _cell_text(cell: Cell) -> str:
         case Bar():
             return _draw_bar(cell)
         case _:
-            return _render_text(cell)
+            # A unit stays with its number in a narrow window.
+            return _render_text(cell).replace(" %", "&nbsp;%")
 
 
 def _draw_bar(bar: Bar) -> str:

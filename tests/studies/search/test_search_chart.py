@@ -1,5 +1,6 @@
 """The figure of a front names every point, spans them, and adapts to dark pages."""
 
+import math
 from itertools import combinations
 from typing import Any
 
@@ -15,7 +16,7 @@ from contactlab.schema.tune_report import (
     Target,
     TuneReport,
 )
-from contactlab.studies.search.search_chart import NARROW, FrontLayout, draw_front
+from contactlab.studies.search.search_chart import PAGE_LAYOUTS, FrontLayout, draw_front
 
 MARKS: dict[int, tuple[str, ...]] = {4: ("as written",), 5: ("recommended",)}
 
@@ -82,7 +83,7 @@ def list_texts(part: Any) -> list[dict[str, Any]]:
     return own + [text for layer in layers for text in list_texts(layer)]
 
 
-@pytest.mark.parametrize("layout", [FrontLayout(), NARROW])
+@pytest.mark.parametrize("layout", [FrontLayout(), *PAGE_LAYOUTS.values()])
 def test_every_point_is_named_inside_the_axes(layout: FrontLayout) -> None:
     spec = draw_front(build_report(POINTS), layout).to_dict()
     words = str(spec)
@@ -91,6 +92,42 @@ def test_every_point_is_named_inside_the_axes(layout: FrontLayout) -> None:
     low, high = spec["layer"][-1]["encoding"]["y"]["scale"]["domain"]
     assert low < 0.8e-5
     assert high > 1.3 * 1e-5 * 8**3
+
+
+@pytest.mark.parametrize("layout", [FrontLayout(), *PAGE_LAYOUTS.values()])
+def test_names_lie_inside_the_frame(layout: FrontLayout) -> None:
+    """The name of a point in a corner has room on one side only."""
+    corners = [(8.0, 1e-4), (8.0, 1e-1), (0.1, 1e-4), (0.1, 1e-1)]
+    points = [build_point(number, *corner) for number, corner in enumerate(corners, 1)]
+    spec = draw_front(build_report(points), layout).to_dict()
+    across = spec["layer"][-1]["encoding"]["x"]["scale"]["domain"]
+    for text in list_texts(spec):
+        if text["encoding"].get("text", {}).get("field") != "name":
+            continue
+        (row,) = text["data"]["values"]
+        place = layout.width * math.log(row["time"] / across[0]) / math.log(across[1] / across[0])
+        room = layout.letter * len(row["name"])
+        share = {"left": 0.0, "center": 0.5, "right": 1.0}[text["mark"]["align"]]
+        left = place + text["mark"]["dx"] - share * room
+        assert left >= 0
+        assert left + room <= layout.width
+
+
+def test_ladders_pass_through_the_points() -> None:
+    """A candidate that few seeds put beyond a point is not drawn."""
+    report = build_report(POINTS)
+    beyond = POINTS[1].candidate.model_copy(
+        update={"timestep": 7e-3, "cost": 0.9 * 8 / 2**1.2, "error": 4e-5}
+    )
+    report = report.model_copy(update={"candidates": (*report.candidates, beyond)})
+    spec = draw_front(report).to_dict()
+    rows = next(
+        layer["data"]["values"] for layer in spec["layer"] if layer["data"]["name"] == "ladders"
+    )
+    drawn = {(row["integrator"], row["time"], row["error"]) for row in rows}
+    assert ("RK4", POINTS[1].candidate.cost, POINTS[1].error) in drawn
+    assert ("RK4", beyond.cost, beyond.error) not in drawn
+    assert len(drawn) == len(POINTS)
 
 
 def test_names_are_in_different_places() -> None:

@@ -94,7 +94,12 @@ def _is_set(model: mujoco.MjModel, name: str, value: object) -> bool:
 
 
 def format_settings(settings: Mapping[str, object]) -> str:
-    """Return settings in one line; settings of many parts are counted, flags are on or off."""
+    """Return settings in one line."""
+    return ", ".join(list_settings(settings))
+
+
+def list_settings(settings: Mapping[str, object]) -> list[str]:
+    """Return settings as phrases; settings of many parts are counted, flags are on or off."""
     single = {name: axis_cell(value) for name, value in settings.items() if "[" not in name}
     words = {True: "on", False: "off"}
     parts = [
@@ -106,5 +111,4 @@ def format_settings(settings: Mapping[str, object]) -> str:
         if "[" in name:
             key = name.partition("[")[0], str(axis_cell(value))
             fields[key] = fields.get(key, 0) + 1
-    parts += [f"{name} {value} of {count}" for (name, value), count in fields.items()]
-    return ", ".join(parts)
+    return [*parts, *(f"{name} {value} of {count}" for (name, value), count in fields.items())]

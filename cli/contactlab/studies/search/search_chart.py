@@ -2,18 +2,18 @@
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import altair as alt
 
 from contactlab.charts import Rows, halo_layers, layer_of, word_colours
-from contactlab.palette import COLOURS, INK, OTHERS_COLOUR
+from contactlab.palette import COLOURS, INK
 from contactlab.rendering.amounts import format_amount, format_percent
 from contactlab.schema.tune_report import Candidate, FrontPoint, TuneReport
-from contactlab.studies.search.configuration import INTEGRATOR
+from contactlab.studies.search.configuration import INTEGRATOR, format_settings
 from contactlab.studies.search.report_text import error_text
 
 _FAINT, _EDGE = "#555555", "#999999"
@@ -30,17 +30,22 @@ class FrontLayout:
         width, height: of the plot.
         letter, line: of a letter and of a line of names.
         font: size of names.
+        titled: whether the chart names the model itself; a page does that in its head.
     """
 
     width: int = 560
     height: int = 340
-    letter: float = 5.9
+    letter: float = 6.2
     line: float = 13.0
     font: int = 11
+    titled: bool = True
 
 
-NARROW = FrontLayout(width=300, height=300, letter=5.4, line=12.0, font=10)
-"""For a telephone."""
+PAGE_LAYOUTS = {
+    "wide": FrontLayout(width=760, height=420, titled=False),
+    "narrow": FrontLayout(width=290, height=320, letter=5.8, line=12.0, font=10, titled=False),
+}
+"""For a page: in a wide window, and on a telephone."""
 
 
 @dataclass(frozen=True)
@@ -56,12 +61,17 @@ class Scale:
         span = math.log(self.high / self.low)
         return self.length * math.log(max(value, 1e-300) / self.low) / span
 
+    def holds(self, value: float) -> bool:
+        """Return whether a value lies on the axis."""
+        return self.low <= value <= self.high
+
     def list_ticks(self) -> list[float]:
-        """Return 1, 2 and 5 times powers of ten; of many powers, these alone."""
+        """Return 1, 2 and 5 times powers of ten; of many powers, these alone or every second."""
         powers = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
         digits = (1, 2, 5) if len(powers) < 5 else (1,)
+        powers = [power for power in powers if power % (1 + len(powers) // 9) == 0]
         found = [float(f"{digit}e{power}") for power in powers for digit in digits]
-        return [tick for tick in found if self.low <= tick <= self.high]
+        return [tick for tick in found if self.holds(tick)]
 
 
 def draw_front(report: TuneReport, layout: FrontLayout | None = None) -> alt.TopLevelMixin:
@@ -86,14 +96,19 @@ def draw_front(report: TuneReport, layout: FrontLayout | None = None) -> alt.Top
         alt.X("time:Q"), across, "time of a simulated second, over that as written", "x"
     )
     y = _scale_axis(alt.Y("error:Q"), upward, _error_title(report), report.target.unit)
-    levels = _find_levels(report, upward)
+    levels, ladders = _find_levels(report, upward), _ladder_rows(report, points)
     boxes = [*_level_boxes(levels, upward, layout)]
-    colours = _integrator_colours(report, points)
+    lines = [
+        *_line_boxes(levels, ladders, across, upward),
+        *_span_boxes(points, across, upward),
+    ]
+    seen = [row for row in ladders if across.holds(row["time"]) and upward.holds(row["error"])]
+    colours = _integrator_colours({row["integrator"] for row in seen})
     colour = word_colours("integrator", list(colours), list(colours.values())).title(None)
     shown = layer_of("points", [_point_row(point, report, upward.low) for point in points]).encode(
         x=x, y=y, color=colour
     )
-    ladder = layer_of("ladders", list(_ladder_rows(report, across, upward))).encode(
+    ladder = layer_of("ladders", [row for row in ladders if row["integrator"] in colours]).encode(
         x=x, y=y, color=colour
     )
     layers = [
@@ -104,10 +119,10 @@ def draw_front(report: TuneReport, layout: FrontLayout | None = None) -> alt.Top
         shown.mark_rule(opacity=0.55).encode(x=alt.X("fast:Q"), x2="slow:Q"),
         shown.mark_point(filled=True, size=80, opacity=1),
         *_ring_layers(points, report, x, y),
-        *_name_layers(points, across, upward, layout, boxes, x, y),
+        *_name_layers(points, across, upward, layout, (boxes, lines), x, y),
     ]
     title = alt.TitleParams(
-        f"{Path(report.model).name}: what accuracy costs",
+        [entitle_front(report)] if layout.titled else [],
         subtitle=_write_subtitle(report),
         fontSize=13,
         subtitleFontSize=11,
@@ -117,6 +132,11 @@ def draw_front(report: TuneReport, layout: FrontLayout | None = None) -> alt.Top
         .properties(width=layout.width, height=layout.height, title=title)
         .configure_legend(orient="bottom", symbolType="circle", symbolOpacity=1)
     )
+
+
+def entitle_front(report: TuneReport) -> str:
+    """Return the title of a figure or a page."""
+    return f"{Path(report.model).name}: what accuracy costs"
 
 
 def _error_of(point: FrontPoint) -> float:
@@ -138,11 +158,15 @@ def _limits_near(report: TuneReport, errors: Sequence[float]) -> Iterator[float]
 
 
 def _scale_axis(channel: Channel, scale: Scale, title: str, unit: str) -> Channel:
-    label = {
-        "x": "'x' + format(datum.value, '~g')",
-        "1": "format(100 * datum.value, '~g') + ' %'",
-    }.get(unit, "format(datum.value, '~g')")
-    axis = alt.Axis(values=scale.list_ticks(), labelExpr=label, labelOverlap=True)
+    ticks = scale.list_ticks()
+    label = "format(datum.value, '~g')"
+    if unit == "x":
+        label = f"'x' + {label}"
+    elif unit == "1":
+        label = f"'{format_percent(ticks[-1])}'" if ticks else "''"
+        for tick in reversed(ticks[:-1]):
+            label = f"datum.value < {1.5 * tick:g} ? '{format_percent(tick)}' : {label}"
+    axis = alt.Axis(values=ticks, labelExpr=label, labelOverlap=True)
     domain = alt.Scale(type="log", domain=[scale.low, scale.high], nice=False)
     return channel.title(title).scale(domain).axis(axis)
 
@@ -164,13 +188,10 @@ def _integrator_of(candidate: Candidate, report: TuneReport) -> str:
     return str(candidate.settings.get(INTEGRATOR, report.integrator))
 
 
-def _integrator_colours(report: TuneReport, points: Sequence[FrontPoint]) -> Mapping[str, str]:
-    candidates = [*(point.candidate for point in points), *report.candidates]
-    names = dict.fromkeys(_integrator_of(each, report) for each in candidates)
+def _integrator_colours(names: Container[str]) -> Mapping[str, str]:
     order = ("RK4", "implicitfast", "Euler", "implicit")
     chosen = (COLOURS[0], COLOURS[1], COLOURS[3], COLOURS[4])
-    known = dict(zip(order, chosen, strict=True))
-    return {name: known.get(name, OTHERS_COLOUR) for name in order if name in names}
+    return {name: colour for name, colour in zip(order, chosen, strict=True) if name in names}
 
 
 def _point_row(point: FrontPoint, report: TuneReport, least: float = 0.0) -> dict[str, object]:
@@ -188,20 +209,37 @@ def _point_row(point: FrontPoint, report: TuneReport, least: float = 0.0) -> dic
     }
 
 
-def _ladder_rows(report: TuneReport, across: Scale, upward: Scale) -> Iterator[dict[str, object]]:
-    # Candidates of an integrator that no other one of it beats.
-    measured = [each for each in report.candidates if each.error and each.cost]
-    measured.sort(key=lambda each: (_integrator_of(each, report), each.cost, each.error))
-    for name, own in itertools.groupby(measured, lambda each: _integrator_of(each, report)):
-        best = math.inf
-        for each in own:
-            assert each.error
-            assert each.cost
-            if each.error >= best:
-                continue
-            best = each.error
-            if across.low <= each.cost <= across.high and upward.low <= each.error <= upward.high:
-                yield {"time": each.cost, "error": each.error, "integrator": name}
+def _ladder_rows(report: TuneReport, points: Sequence[FrontPoint]) -> Rows:
+    # Points, and the candidates of an integrator that no other one of it beats.
+    #
+    # Points are measured more closely than candidates: those that contradict a point are left out.
+    own = [_point_row(point, report) for point in points]
+    names = {_name_settings(point.candidate) for point in points}
+    rows: Rows = [
+        {"time": each.cost, "error": each.error, "integrator": _integrator_of(each, report)}
+        for each in report.candidates
+        if each.error and each.cost and _name_settings(each) not in names
+    ]
+    rows = [row for row in rows if not any(_is_ranked(row, other) for other in own)]
+    rows = [row for row in rows if not any(_beats(other, row) for other in rows)]
+    return sorted([*rows, *own], key=lambda row: (row["integrator"], row["time"]))
+
+
+def _name_settings(candidate: Candidate) -> tuple[float, str]:
+    return candidate.timestep, format_settings(candidate.settings)
+
+
+def _beats(row: dict[str, Any], other: dict[str, Any]) -> bool:
+    return (
+        row is not other
+        and row["integrator"] == other["integrator"]
+        and row["time"] <= other["time"]
+        and row["error"] <= other["error"]
+    )
+
+
+def _is_ranked(row: dict[str, Any], point: dict[str, Any]) -> bool:
+    return _beats(row, point) or _beats(point, row)
 
 
 def _find_levels(report: TuneReport, upward: Scale) -> Rows:
@@ -256,6 +294,34 @@ def _level_boxes(levels: Rows, upward: Scale, layout: FrontLayout) -> Iterator[B
         yield left, top, float(layout.width), top + layout.line
 
 
+def _line_boxes(levels: Rows, ladders: Rows, across: Scale, upward: Scale) -> Iterator[Box]:
+    # Lines that no name should cross, as small boxes along them.
+    for row in levels:
+        top = upward.length - upward.locate_value(row["error"])
+        yield 0.0, top - 2, across.length, top + 2
+    for one, other in itertools.pairwise(ladders):
+        if one["integrator"] != other["integrator"]:
+            continue
+        begin, end = (
+            (across.locate_value(row["time"]), upward.length - upward.locate_value(row["error"]))
+            for row in (one, other)
+        )
+        count = 1 + int(math.dist(begin, end) / 6)
+        for place in range(count + 1):
+            left, top = (a + (b - a) * place / count for a, b in zip(begin, end, strict=True))
+            yield left - 2, top - 2, left + 2, top + 2
+
+
+def _span_boxes(points: Sequence[FrontPoint], across: Scale, upward: Scale) -> Iterator[Box]:
+    for point in points:
+        left = across.locate_value(_time_of(point))
+        low, high = (
+            upward.length - upward.locate_value(max(value or 0.0, upward.low))
+            for value in (point.error_low, point.error_high)
+        )
+        yield left - 2, high, left + 2, low
+
+
 def _ring_layers(
     points: Sequence[FrontPoint], report: TuneReport, x: alt.X, y: alt.Y
 ) -> Iterator[alt.Chart]:
@@ -274,11 +340,12 @@ def _name_layers(
     across: Scale,
     upward: Scale,
     layout: FrontLayout,
-    taken: list[Box],
+    occupied: tuple[Sequence[Box], Sequence[Box]],
     x: alt.X,
     y: alt.Y,
 ) -> Iterator[alt.Chart]:
-    # Each at the first free place around its point.
+    # Each at the nearest free place around its point; lines count less than texts and points.
+    texts, lines = occupied
     places = [
         (
             across.locate_value(_time_of(point)),
@@ -286,27 +353,30 @@ def _name_layers(
         )
         for point in points
     ]
-    taken += [(left - 6, top - 6, left + 6, top + 6) for left, top in places]
+    taken = [*texts, *((left - 6, top - 6, left + 6, top + 6) for left, top in places)]
     # Marked points come first: they are near each other.
     order = sorted(range(len(points)), key=lambda place: not points[place].marks)
     for place in order:
         point, (left, top) = points[place], places[place]
-        marks = [mark for mark in point.marks if mark not in point.name]
+        # On a telephone, rings and bold words alone show the marks.
+        marks = point.marks if layout.titled or layout.width > layout.height else ()
         text = f"{point.number} {', '.join((point.name, *marks))}"
-        room = layout.letter * len(text)
+        is_bold = "recommended" in point.marks
+        room = layout.letter * len(text) * (1.1 if is_bold else 1.0)
         spots = _spots_around(left, top, room, layout)
         align, dy, box = min(
             spots,
             key=lambda spot: (
                 sum(_overlap_area(spot[2], other) for other in taken)
+                + 0.5 * sum(_overlap_area(spot[2], other) for other in lines)
                 + _outside_penalty(spot[2], layout)
+                + layout.line / 2 * abs(spot[1])
             ),
         )
         taken.append(box)
         shift = {"left": 11, "right": -11, "center": 0}[align]
         row = {"time": _time_of(point), "error": _error_of(point), "name": text}
         words = layer_of(f"name {place}", [row]).encode(x=x, y=y, text="name:N")
-        weight = "bold" if "recommended" in point.marks else "normal"
         yield from halo_layers(
             words,
             align=align,
@@ -314,7 +384,7 @@ def _name_layers(
             dx=shift,
             dy=dy,
             fontSize=layout.font,
-            fontWeight=weight,
+            fontWeight="bold" if is_bold else "normal",
         )
 
 
@@ -336,5 +406,5 @@ def _overlap_area(one: Box, other: Box) -> float:
 
 def _outside_penalty(box: Box, layout: FrontLayout) -> float:
     left, top, right, bottom = box
-    over = max(0.0, -left) + max(0.0, right - layout.width - 40)
+    over = max(0.0, -left) + max(0.0, right - layout.width)
     return 20 * (over + max(0.0, -top) + max(0.0, bottom - layout.height))

@@ -1,5 +1,6 @@
 """Describes a search for settings: its result, the compared candidates, and the written files."""
 
+import itertools
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -27,7 +28,7 @@ from contactlab.schema.tune_report import (
     FrontPoint,
     TuneReport,
 )
-from contactlab.studies.search.configuration import INTEGRATOR, format_settings
+from contactlab.studies.search.configuration import INTEGRATOR, list_settings
 from contactlab.studies.search.report_text import (
     UNVERIFIED,
     ending_text,
@@ -98,12 +99,43 @@ def _uncertainty_texts(report: TuneReport) -> Iterator[str]:
 
 
 def _front_notes(report: TuneReport) -> Iterator[str]:
+    texts = {point.number: _list_changes(point) for point in report.front}
+    phrases = dict.fromkeys(itertools.chain(*texts.values()))
+    if phrases:
+        own = (
+            f"{phrase} ({_join_numbers([one for one, its in texts.items() if phrase in its])})"
+            for phrase in phrases
+        )
+        yield f"settings by point: {', '.join(own)}"
+    for point in report.front:
+        if point.state in ("verified", "failed"):
+            file = f"; {point.file}" if point.file else ""
+            yield f"point {point.number} {point.state}: {point.verification}{file}"
+    if others := [point.number for point in report.front if point.state == "not verified"]:
+        yield (
+            f"not verified: {_join_numbers(others)}; --pick N writes and verifies one; --error 1% "
+            "searches the fastest within 1 %"
+        )
     if len(report.front) < _FEW_POINTS:
         yield f"Few points: {_few_points_reason(report)}."
-    if any(point.state == "not verified" for point in report.front):
-        yield (
-            "--pick N writes and verifies another point; --error 1% searches the fastest within 1 %"
-        )
+
+
+def _list_changes(point: FrontPoint) -> list[str]:
+    candidate = point.candidate
+    own = {name: value for name, value in candidate.settings.items() if name != INTEGRATOR}
+    removed = {
+        "without unused parts": candidate.removes_unused,
+        "without far pairs": candidate.removes_far_pairs,
+        "simplified hulls": candidate.simplifies_hulls,
+    }
+    return [*list_settings(own), *(text for text, is_made in removed.items() if is_made)]
+
+
+def _join_numbers(numbers: Sequence[int]) -> str:
+    # 1, 2, 3, 5 are "1-3, 5".
+    first = {number: number - place for place, number in enumerate(numbers)}
+    groups = [list(own) for _, own in itertools.groupby(numbers, first.__getitem__)]
+    return ", ".join(f"{own[0]}-{own[-1]}" if len(own) > 1 else str(own[0]) for own in groups)
 
 
 def _few_points_reason(report: TuneReport) -> str:
@@ -135,50 +167,34 @@ def _front_table(report: TuneReport) -> Table:
 
 
 def _front_row(point: FrontPoint, report: TuneReport) -> Row:
-    candidate, unit = point.candidate, report.target.unit
-    time = f"work {format_amount(candidate.cost, 'x')}"
-    if candidate.time_ratio and "as written" not in point.marks:
-        time = candidate.time_ratio.text
-    elif "as written" in point.marks:
+    unit, ratio = report.target.unit, point.candidate.time_ratio
+    if "as written" in point.marks:
         time = format_amount(1.0, "x")
-    cells = (
-        f"{point.number} {', '.join((point.name, *point.marks))}",
-        error_text(point.error, unit),
-        _range_text(point, unit),
-        time,
-        f"{format_amount(point.real_time, digits=2)}x",
+    elif ratio:
+        interval = format_interval(ratio.low, ratio.high, "x").replace(" to ", "-")
+        time = f"{format_amount(ratio.ratio, 'x')} ({interval})"
+    else:
+        time = f"work {format_amount(point.candidate.cost, 'x')}"
+    return Row(
+        (
+            f"{point.number} {', '.join((point.name, *point.marks))}",
+            error_text(point.error, unit),
+            _range_text(point, unit),
+            time,
+            f"{format_amount(point.real_time, digits=2)}x",
+        )
     )
-    text = "; ".join(_point_texts(point))
-    return Row(cells, details=(text,) if text else ())
 
 
 def _range_text(point: FrontPoint, unit: str) -> str:
     if unit == "1":
-        return format_interval(point.error_low, point.error_high)
+        return format_interval(point.error_low, point.error_high).replace(" to ", "-")
     low, high = (error_text(value, unit) for value in (point.error_low, point.error_high))
     return f"{low.removesuffix(f' {unit}')} to {high}"
 
 
-def _point_texts(point: FrontPoint) -> Iterator[str]:
-    if point.state == "as written":
-        return
-    candidate = point.candidate
-    own = {name: value for name, value in candidate.settings.items() if name != INTEGRATOR}
-    if own:
-        yield format_settings(own)
-    if candidate.removes_unused:
-        yield "without unused parts"
-    if candidate.removes_far_pairs:
-        yield "without far pairs"
-    if candidate.simplifies_hulls:
-        yield "simplified hulls"
-    yield f"{point.state}: {point.verification}" if point.verification else point.state
-    if point.file:
-        yield point.file
-
-
 def _details(report: TuneReport) -> Iterator[Block]:
-    """Yield unused parts, assumptions, the verification, and the changed lines."""
+    """Yield unused parts, assumptions, and the changed lines."""
     if report.masked or report.excluded:
         count = _count_pairs(report.masked, report.excluded)
         yield Sentence(
@@ -195,10 +211,6 @@ def _details(report: TuneReport) -> Iterator[Block]:
             f"assumed: {plural(len(hulls.meshes), 'hull')} with fewer vertices, at most "
             f"{format_amount(hulls.max_distance, 'mm')} inside the original"
         )
-    if report.verified:
-        fresh = report.verified.seeds
-        seeds = f"seed{'s' * (len(fresh) > 1)} {', '.join(map(str, fresh))}"
-        yield Sentence(f"verified on {seeds}: {report.verified.sentence}")
     lines = [f"{each.file}:{each.line}: {each.element or 'removed'}" for each in report.lines]
     if lines:
         yield Code(tuple(shortened(lines, _MAX_LINES, PATCH)), indent=0)
