@@ -39,6 +39,9 @@ OPENING = 0.012
 """m: a gripper opens by more."""
 DROPPED = 0.05
 """m/s: an object that creeps faster is not held."""
+HEAVY = 1e6
+"""Factor of the mass of a box that fingers do not move. A box whose state is reset after each step
+would be as soft as it is light, and deeper at a longer step."""
 CLEARANCE = 1e-3
 """m: how near fingers are to the box when they begin to close."""
 FINE = 16
@@ -285,30 +288,26 @@ def with_box(file: str, grip: Grip) -> mujoco.MjSpec:
 
 
 def close_on_box(model: mujoco.MjModel, grip: Grip) -> mujoco.MjData:
-    """Return the state with the gripper closed on its box, without gravity."""
+    """Return the state with the gripper closed on its box, without gravity.
+
+    The box is first too heavy to be moved, and then itself.
+    """
     gravity = model.opt.gravity.copy()
     model.opt.gravity[:] = 0
     data = reset_to_start(model)
     box = model.body("gripped_box").id
-    place, speed = _free_addresses(model, box)
-    start = model.qpos0[place : place + 7].copy()
-
-    def keep_box(_: float) -> None:
-        data.qpos[place : place + 7] = start
-        data.qvel[speed : speed + 6] = 0
-
+    heavy = copy.copy(model)
+    heavy.body_mass[box] *= HEAVY
+    heavy.body_inertia[box] *= HEAVY
+    mujoco.mj_setConst(heavy, mujoco.MjData(heavy))
+    place = int(model.jnt_qposadr[model.body_jntadr[box]])
     fingers = approach_box(model, (grip.opened, grip.closed), grip.geoms, grip.width)
     data.qpos[:], data.act[:], data.ctrl[:] = fingers.qpos, fingers.act, grip.closed
-    data.qpos[place : place + 7] = start
-    run_for(model, data, 2 * CLOSE_SECONDS, keep_box)
+    data.qpos[place : place + 7] = model.qpos0[place : place + 7]
+    run_for(heavy, data, 2 * CLOSE_SECONDS)
     run_for(model, data, CLOSE_SECONDS / 2)
     model.opt.gravity[:] = gravity
     return data
-
-
-def _free_addresses(model: mujoco.MjModel, body: int) -> tuple[int, int]:
-    joint = model.body_jntadr[body]
-    return int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
 
 
 def measure_hold(

@@ -2,8 +2,9 @@
 
 The runs load a model in the ways that its users will: its task from the seeds that settings were
 chosen by and from fresh ones, rest, tilted gravity, doubled inputs, no actuation, each actuator
-alone, and its grip. A change passes if no measure is worse than the original's by more than its
-tolerance.
+alone, and its grip. A fix that is meant to change the motion is also run without constraints, where
+it has to move as the original does. A change passes if no measure is worse than the original's by
+more than its tolerance.
 """
 
 import math
@@ -38,6 +39,7 @@ from contactlab.studies.verification.runs import (
     build_doubled_run,
     build_load_runs,
     build_tracking_runs,
+    build_unconstrained_runs,
     pair_motions,
 )
 from contactlab.studies.verification.state_tables import EXTREME_UNITS, StateTable
@@ -90,7 +92,7 @@ class VerificationRequest:
         same_model: True if the change computes the same model in another way. Otherwise it is
             another model, and has its own reference for the numerical error.
         keeps_motion: False if the change is meant to move bodies otherwise, as one that removes a
-            failure is. Then ends of bodies are not compared.
+            failure is. Then ends of bodies are compared in runs without constraints only.
         keeps_start: False if the change only begins elsewhere. Then joint limits, rest, energy and
             tracking are not compared: they depend on where a body falls from and comes to rest.
         must_improve: names of measures; the largest of them has to become better by more than its
@@ -262,9 +264,13 @@ class _Panel:
         if self._in_loop or not self._has_same_layout(self._motions_of("task")):
             return
         own, other = (motions[0] for motions in self._motions_of("task"))
-        for run in build_load_runs(own, other, self._request.length_share):
+        share, actuators = self._request.length_share, self._choose_actuators(own.model)
+        runs = build_load_runs(own, other, share)
+        if not self._request.keeps_motion and self._request.keeps_start:
+            runs += build_unconstrained_runs(own, other, actuators, share)
+        runs += build_tracking_runs(own, other, actuators, share)
+        for run in runs:
             yield from self._compare_states(run)
-        yield from self._compare_tracking(self._motions_of("task"))
 
     def measure_others(self) -> Iterator[VerifiedMeasure]:
         """Yield all other measures."""
@@ -372,11 +378,12 @@ class _Panel:
         tables = tabulate_run(run, self._original.threads, self._request.runs.tables)
         self._equal_runs.append(tables.original.bits == tables.changed.bits)
         request = self._request
+        # Nothing that a fix is meant to change acts without constraints.
         compared = compare_run(
             run,
             tables,
-            request.allowed_error,
-            keeps_motion=request.keeps_motion,
+            0.0 if run.unconstrained else request.allowed_error,
+            keeps_motion=request.keeps_motion or run.unconstrained,
             keeps_start=request.keeps_start,
         )
         repeats = not (request.keeps_motion or run.in_loop)
@@ -403,22 +410,13 @@ class _Panel:
             worse=after > before,
         )
 
-    def _compare_tracking(
-        self, motions: tuple[list[Motion], list[Motion]]
-    ) -> Iterator[VerifiedMeasure]:
-        own, other = (each[0] for each in motions)
-        count = own.model.nu
-        if not count:
-            return
-        chosen = np.unique(
-            np.linspace(0, count - 1, min(count, MAX_TRACKED_ACTUATORS)).round().astype(int)
-        )
+    def _choose_actuators(self, model: mujoco.MjModel) -> list[int]:
+        count = int(model.nu)
+        chosen = np.linspace(0, count - 1, min(count, MAX_TRACKED_ACTUATORS)).round().astype(int)
         if len(chosen) < count:
             reason = f"{len(chosen)} of {count} actuators were moved alone"
             self._skip_run("step and sine of the other actuators", reason)
-        share = self._request.length_share
-        for run in build_tracking_runs(own, other, chosen.tolist(), share):
-            yield from self._compare_states(run)
+        return np.unique(chosen).tolist()
 
     def _measure_errors(
         self, name: str, own: Sequence[Motion], other: Sequence[Motion]

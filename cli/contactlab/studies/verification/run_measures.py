@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -80,16 +81,17 @@ def tabulate_run(
     `known` has the tables of the original, the reference and the twin by the name of the run;
     missing ones are added. They are the same for every change of one model.
     """
+    tabulate = partial(tabulate_states, extremes_too=not run.unconstrained)
     if run.name not in known:
         length = run.original.steps * float(run.original.model.opt.timestep)
         times = np.linspace(0.0, length, SAMPLES + 1)
         known[run.name] = (
-            tabulate_states(run.original, workers, times),
-            tabulate_states(run.reference, workers, times),
-            tabulate_states(run.twin, workers, times),
+            tabulate(run.original, workers, times),
+            tabulate(run.reference, workers, times),
+            tabulate(run.twin, workers, times),
         )
     original, reference, twin = known[run.name]
-    changed = tabulate_states(run.changed, workers, original.times, demands=run.original.model)
+    changed = tabulate(run.changed, workers, original.times, demands=run.original.model)
     return Tables(original, changed, reference, twin)
 
 

@@ -50,6 +50,7 @@ class PairedRun:
         in_loop: True if a policy acted in each of its motions.
         passive: True if actuators do nothing, so that energy can only fall.
         at_rest: True if inputs are constant, so that a body that rests should not move.
+        unconstrained: True if no constraint acts, so that only the equations of motion count.
         actuators: names of the actuators that its rows excite, one row each; empty otherwise.
     """
 
@@ -61,6 +62,7 @@ class PairedRun:
     in_loop: bool = False
     passive: bool = False
     at_rest: bool = False
+    unconstrained: bool = False
     actuators: tuple[str, ...] = ()
 
 
@@ -147,6 +149,31 @@ def _state_slice(model: mujoco.MjModel, bit: int) -> slice:
 def without_actuation(model: mujoco.MjModel) -> mujoco.MjModel:
     """Return the model with its actuators switched off."""
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+    return model
+
+
+def build_unconstrained_runs(
+    original: Motion, changed: Motion, actuators: Sequence[int], share: float = 1.0
+) -> list[PairedRun]:
+    """Return the runs without contacts, limits, equalities and dry friction.
+
+    They are: constant controls, and a step of each actuator alone. Whatever a fix changes of
+    constraints, these motions stay.
+    """
+    pair = [
+        replace(motion, model=without_constraints(copy.copy(motion.model)))
+        for motion in (original, changed)
+    ]
+    held = (hold_inputs(motion, share * REST_SECONDS, lambda own: own) for motion in pair)
+    steps = build_tracking_runs(pair[0], pair[1], actuators, share)[:1]
+    named = (replace(step, name=f"free motion, {step.name}") for step in steps)
+    runs = (pair_motions("free motion", *held), *named)
+    return [replace(run, unconstrained=True) for run in runs]
+
+
+def without_constraints(model: mujoco.MjModel) -> mujoco.MjModel:
+    """Return the model with all its constraints switched off."""
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     return model
 
 
