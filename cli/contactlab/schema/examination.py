@@ -32,6 +32,7 @@ class Fact(Model):
         "depth",
         "overlap",
         "creep",
+        "fall",
         "limit",
         "equality",
         "force",

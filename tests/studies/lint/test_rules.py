@@ -112,6 +112,8 @@ _ROVER = f"""<robot name="rover">
   {_WHEEL.format("rear", "-.2")}
 </robot>
 """
+_LIFT = '<position name="lift" joint="shoulder" kp="10" ctrlrange="-1 1"/>'
+_MOTORS = '<motor name="lift" joint="shoulder" {0}/>\n    <motor name="bend" joint="elbow" {0}/>'
 CASES: Mapping[str, Planted] = {
     "keyframe-length": Planted({'qpos="0 0"': 'qpos="0"'}, "<key", mends=False),
     "keyframe-range": Planted({'qpos="0 0"': 'qpos="0 1.5"'}, "<key"),
@@ -238,10 +240,20 @@ CASES: Mapping[str, Planted] = {
         mends=False,
     ),
     "control-range": Planted({'ctrlrange="-1 1"': 'ctrlrange="-90 90"'}, "<position", False),
+    "keyframe-torque": Planted(
+        {_LIFT: _MOTORS.format(""), 'ctrl="0"': 'ctrl=".2 -.5"', 'qpos="0 0"': 'qpos=".2 -.5"'},
+        "<key",
+        mends=False,
+    ),
+    "clipped-control": Planted(
+        {_LIFT: _MOTORS.format('gear="2" ctrlrange="-9 9" forcerange="-4 4"'), 'ctrl="0"': ""},
+        "<motor",
+        mends=False,
+    ),
     "jaw-force": Planted({}, "<position", False, _JAWS),
     "activation-step": Planted(
         {
-            '<position name="lift" joint="shoulder" kp="10" ctrlrange="-1 1"/>': "<general "
+            _LIFT: "<general "
             'name="lift" joint="shoulder" ctrlrange="-1 1" dyntype="filter" dynprm=".001"/>'
         },
         "<general",
@@ -371,6 +383,8 @@ SOUND: Mapping[str, Mapping[str, str]] = {
     "welded-root": {_WHEEL.format("rear", "-.2"): ""},
     "nothing-below": {'contype="0" conaffinity="0"': ""},
     "control-range": {'ctrlrange="-90 90"': 'ctrlrange="-2 2"'},
+    "keyframe-torque": {'ctrl=".2 -.5"': 'ctrl=".2 -.4"'},
+    "clipped-control": {'forcerange="-4 4"': 'forcerange="-9 9"'},
     "activation-step": {'dyntype="filter"': 'dyntype="filterexact"'},
     "jaw-force": {'kp="2000"': 'kp="2000" forcerange="-10 10"'},
     "light-link": {'mass=".01"': 'mass="5"'},

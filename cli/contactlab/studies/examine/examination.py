@@ -76,6 +76,7 @@ from contactlab.studies.examine.servo_table import (
     list_unheld_servos,
     measure_task_servos,
 )
+from contactlab.studies.examine.standing_starts import list_falls
 from contactlab.studies.examine.verified_fixes import FixVerifier
 from contactlab.studies.grip.grip_fact import describe_grip, find_grip
 from contactlab.studies.verification import VerificationRequest, verify_change
@@ -370,6 +371,7 @@ def _measure_budget(
     if "facts" in request.sections:
         found = [
             *met.facts,
+            *list_falls(examined.motions[0], repaired.causes),
             *facts(examined.motions, times),
             *(() if designs else list_sagging_servos(report.servos)),
             *list_loop_facts(report.loop),

@@ -6,7 +6,7 @@ controls hold elsewhere.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import mujoco
@@ -16,11 +16,15 @@ from numpy.typing import NDArray
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
 from contactlab.contact.trace_arrays import Floats
+from contactlab.rendering.amounts import format_amount
 from contactlab.scene.closed_start import moving_extent
+from contactlab.scene.model_names import name_of
 from contactlab.scene.part_bodies import AT_JOINT
+from contactlab.schema.examination import Cause, Fact
 
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
+_LONGEST = 2.0  # s; by then, a robot that does not stand has fallen
 _FIXED_GAIN, _AFFINE_BIAS = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_AFFINE)
 
 
@@ -50,6 +54,22 @@ def list_standing_poses(motion: Motion) -> Iterator[StandingPose]:
         yield StandingPose(turned, "its root turned as in the reference pose")
 
 
+def list_falls(motion: Motion, causes: Sequence[Cause]) -> Iterator[Fact]:
+    """Yield the fact that a robot falls, unless its file or its start is a known cause."""
+    is_known = any(cause.stage in ("file", "start") for cause in causes)
+    fall = 0.0 if is_known else find_fall(motion)
+    if fall:
+        root = name_of(motion.model, "body", int(_find_roots(motion.model)[0]))
+        yield Fact(
+            kind="fall",
+            place=root,
+            value=fall,
+            unit="m",
+            sentence=f"{root} falls by {format_amount(fall, 'mm')} within {_LONGEST:g} s: the "
+            "drive of this task does not hold the robot up; --drive takes its controller",
+        )
+
+
 def find_fall(motion: Motion, positions: Floats | None = None) -> float:
     """Return how far a driven floating robot falls [m]; 0 if it stands, or none floats.
 
@@ -61,7 +81,7 @@ def find_fall(motion: Motion, positions: Floats | None = None) -> float:
         positions: another configuration (nq,) to begin in.
     """
     model, data = motion.model, begin_motion(motion)
-    roots = [int(model.jnt_bodyid[joint]) for joint in _find_driven_roots(model)]
+    roots = _find_roots(model)
     weight = float(np.linalg.norm(model.opt.gravity))
     if not roots or not weight:
         return 0.0
@@ -70,8 +90,7 @@ def find_fall(motion: Motion, positions: Floats | None = None) -> float:
         mujoco.mj_forward(model, data)
     up, extent = -np.array(model.opt.gravity) / weight, moving_extent(model, data)
     before, turns = data.xpos[roots] @ up, data.xmat[roots].reshape(-1, 3, 3).copy()
-    longest = 2.0  # s; by then, a robot that does not stand has fallen
-    for _ in step_first_seed(motion, data, longest):
+    for _ in step_first_seed(motion, data, _LONGEST):
         pass
     lost = before - data.xpos[roots] @ up
     now = data.xmat[roots].reshape(-1, 3, 3)
@@ -117,6 +136,10 @@ def list_held_positions(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[
         if model.jnt_limited[joint]:
             position = float(np.clip(position, *model.jnt_range[joint]))
         yield joint, float(position)
+
+
+def _find_roots(model: mujoco.MjModel) -> list[int]:
+    return [int(model.jnt_bodyid[joint]) for joint in _find_driven_roots(model)]
 
 
 def _find_driven_roots(model: mujoco.MjModel) -> NDArray[np.intp]:

@@ -1,5 +1,6 @@
-"""Servo rules: targets that a joint cannot reach, jaws that nothing limits, fast activations."""
+"""Rules of servos and motors: targets out of reach, clipped forces, jaws, fast activations."""
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -8,7 +9,7 @@ import numpy as np
 
 from contactlab.contact.contact_laws import rest_penetration
 from contactlab.contact.trace_arrays import Floats
-from contactlab.numerical_tolerance import SUM_ROUNDING
+from contactlab.numerical_tolerance import COARSE_ROUNDING, SUM_ROUNDING
 from contactlab.scene.contact_pairs import half_extents
 from contactlab.scene.model_draft import mjcf_text
 from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel
@@ -18,7 +19,8 @@ _SCALAR = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
 _JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
 _FIXED_GAIN = int(mujoco.mjtGain.mjGAIN_FIXED)
 _FILTER, _MUSCLE = int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_MUSCLE)
-_AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
+_AFFINE, _NO_BIAS = int(mujoco.mjtBias.mjBIAS_AFFINE), int(mujoco.mjtBias.mjBIAS_NONE)
+_LAGS = tuple(int(getattr(mujoco.mjtDyn, f"mjDYN_{name}")) for name in ("NONE", "FILTER"))
 
 
 class _Servo(NamedTuple):
@@ -79,6 +81,98 @@ def control_range(linted: LintedModel) -> Iterator[Fault]:
             "percent?",
             linted.place("actuator", servo.actuator),
         )
+
+
+class _Motor(NamedTuple):
+    """An actuator at a slide or hinge, its force in proportion to its control."""
+
+    actuator: int
+    joint: int
+    gain: float  # N or Nm, per control
+    gear: float
+
+
+def _list_motors(model: mujoco.MjModel) -> Iterator[_Motor]:
+    for actuator in range(model.nu):
+        joint = int(model.actuator_trnid[actuator, 0])
+        direct = (
+            model.actuator_gaintype[actuator] == _FIXED_GAIN
+            and model.actuator_biastype[actuator] == _NO_BIAS
+            and model.actuator_dyntype[actuator] in _LAGS
+            and model.actuator_trntype[actuator] == _JOINT
+        )
+        gain, gear = model.actuator_gainprm[actuator, 0], model.actuator_gear[actuator, 0]
+        if direct and gain and gear and model.jnt_type[joint] in _SCALAR:
+            yield _Motor(actuator, joint, float(gain), float(gear))
+
+
+@rule("keyframe-torque", "warn")
+def keyframe_torque(linted: LintedModel) -> Iterator[Fault]:
+    """A keyframe gives motors the positions of their joints, as a servo would take them.
+
+    Two motors at least have controls other than 0, and each of these equals the position of its
+    joint. The motors take them as torques, so nothing holds the pose. Fix: a controller outside
+    of the model (`--drive kp=400,kd=10`), or `<position>` for `<motor>`.
+    """
+    model = linted.model
+    motors = list(_list_motors(model))
+    for name, data in linted.starts.items():
+        held = [motor for motor in motors if data.ctrl[motor.actuator]]
+        same = all(
+            math.isclose(
+                data.ctrl[motor.actuator],
+                data.qpos[model.jnt_qposadr[motor.joint]],
+                rel_tol=COARSE_ROUNDING,
+            )
+            for motor in held
+        )
+        if len(held) > 1 and same:
+            first = held[0]
+            control = f"{data.ctrl[first.actuator]:.4g}"
+            yield Fault(
+                f"keyframe '{name}' gives {len(held)} motors the positions of their joints, such "
+                f"as {control} to {linted.name('actuator', first.actuator)}: a motor takes it as "
+                f"{abs(first.gain * first.gear) * data.ctrl[first.actuator]:.4g} "
+                f"{_force_unit(model, first.joint)}, and nothing holds the pose; use a controller "
+                "(--drive kp=400,kd=10, with your gains), or write position servos",
+                linted.place("key", name),
+            )
+
+
+@rule("clipped-control", "note")
+def clipped_control(linted: LintedModel) -> Iterator[Fault]:
+    """Controls of a motor ask for more force than its own range or its joint's lets pass.
+
+    All larger controls act alike, so a policy saturates early. Fix: the `ctrlrange` of that force.
+    """
+    model, found = linted.model, list[tuple[float, float, float, _Motor]]()
+    for motor in _list_motors(model):
+        limits = list[float]()
+        if model.actuator_forcelimited[motor.actuator]:
+            limits.append(float(np.abs(model.actuator_forcerange[motor.actuator]).max()))
+        if model.jnt_actfrclimited[motor.joint]:
+            most = float(np.abs(model.jnt_actfrcrange[motor.joint]).max())
+            limits.append(most / abs(motor.gear))
+        if not limits or not model.actuator_ctrllimited[motor.actuator]:
+            continue
+        asked = float(np.abs(model.actuator_ctrlrange[motor.actuator]).max())
+        acts = min(limits) / abs(motor.gain)
+        slight = 1.01  # times the force: a rounded range
+        if 0 < acts < asked / slight:
+            found.append((asked / acts, asked, acts, motor))
+    if found:
+        times, asked, acts, motor = max(found, key=lambda one: one[0])
+        more = f"; and {len(found) - 1} more motors" if len(found) > 1 else ""
+        yield Fault(
+            f"motor {linted.name('actuator', motor.actuator)} takes controls up to {asked:.4g}, "
+            f"but its force is clipped from {acts:.4g} on, {times:.3g} times lower{more}; write "
+            "the control range that acts",
+            linted.place("actuator", motor.actuator),
+        )
+
+
+def _force_unit(model: mujoco.MjModel, joint: int) -> str:
+    return "Nm" if model.jnt_type[joint] == int(mujoco.mjtJoint.mjJNT_HINGE) else "N"
 
 
 class _JawForce(NamedTuple):
