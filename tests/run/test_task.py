@@ -1,6 +1,7 @@
 """The task of a model is the author's: its runs are plain MuJoCo's, under what was stored."""
 
 import os
+import re
 from pathlib import Path
 
 import mujoco
@@ -143,6 +144,9 @@ def test_a_task_is_the_first_that_the_model_has(tmp_path: Path) -> None:
     moved = "1 s at rest, then 2 s of sines and pushes"
     assert line(ARM.format(keys="")) == f"qpos0, {moved}; {end}"
     assert line(ARM.format(keys=REST)) == f"keyframe away, {moved}; {end}"
+    alone = ARM.format(keys="").replace("<freejoint/>", "")
+    assert "2 s of sines; " in line(alone)
+    assert "2 s of pushes; " in line(re.sub("<actuator>.*</actuator>", "", alone, flags=re.DOTALL))
     assert line(SQUEEZE, keyframe="open").startswith("keyframe open, 0.667 s at rest")
 
 

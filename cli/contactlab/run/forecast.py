@@ -30,6 +30,7 @@ from contactlab.scene.contact_pairs import geom_pairs, half_extents, touch_mask
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
+from contactlab.scene.task import describe_excitation
 from contactlab.schema.drive import PolicyDrive, acts_too_often, describe_drive
 from contactlab.schema.store_reports import PlannedAxis, SweepForecast
 
@@ -115,17 +116,19 @@ def forecast_sweep(request: SweepRequest) -> SweepForecast:
             for axis in plan.axes
         ),
         start=_join_names(run.keyframe for run in sums.sampled),
-        drive=_describe_drives(sums.sampled, inferred=sweep.drive == "auto"),
+        drive=_describe_drives(scene, sums.sampled, inferred=sweep.drive == "auto"),
         seeds=len(sweep.seed_values),
         runs=len(index),
         least_runs=smallest_run_count(refine, len(index)) if refine else None,
         steps=sums.steps,
         cores=_used_cores(workers, len(index)),
         seconds=seconds,
+        checks_share=cost.checks_share if cost else 0.0,
         accuracy_seconds=accuracy,
         timing_seconds=timing,
         memory_bytes=memory,
         bytes=sizes.get(sweep.trace_format, (0.0, 0.0)) if cost else None,
+        scene_bytes=scene.source.content.count_bytes(),
         bytes_by_format=sizes,
         trace=sweep.trace,
         trace_format=sweep.trace_format,
@@ -146,9 +149,12 @@ def _used_cores(workers: int, runs: int) -> int:
     return max(1, min(workers, runs, os.cpu_count() or 1))
 
 
-def _describe_drives(sampled: Sequence[RunSpec], *, inferred: bool) -> str:
+def _describe_drives(scene: Scene, sampled: Sequence[RunSpec], *, inferred: bool) -> str:
     drives = {run.drive for run in sampled if isinstance(run.drive, str)}
     words = _join_names(describe_drive(run.drive) for run in sampled)
+    if drives == {"exercise"}:
+        inputs = describe_excitation(scene.base(sampled[0].structure).model)
+        words = f"a rest, then {inputs} (`drive: exercise`; `drive: none` leaves them out)"
     if not inferred:
         return words
     why = {"none": "its start has controls", "exercise": "no start sets its controls"}

@@ -1,7 +1,7 @@
 """Measures the cost of a sweep's runs, by recording some of them into a temporary store."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -22,10 +22,17 @@ _WARM_UP_STEPS = 100  # compile the model, and load everything that a first run 
 
 @dataclass(frozen=True)
 class SampledCost:
-    """The cost of recorded runs, per step: stepping, measures, checks and traces included."""
+    """The cost of recorded runs, per step: stepping, measures, checks and traces included.
+
+    Attributes:
+        cpu_seconds: of a step.
+        trace_bytes: of a step, by `trace_format`.
+        checks_share: of the time that checks take.
+    """
 
     cpu_seconds: float
-    trace_bytes: dict[str, float]  # by `trace_format`
+    trace_bytes: dict[str, float]
+    checks_share: float
 
 
 def sample_cost(request: SweepRequest, index: RunIndex, runs: Sequence[RunSpec]) -> SampledCost:
@@ -45,13 +52,17 @@ def sample_cost(request: SweepRequest, index: RunIndex, runs: Sequence[RunSpec])
         sample_cpu_seconds = 2.0  # about as long as a person waits for a plan
         chosen = _affordable_runs(runs, sample_cpu_seconds * steps / max(seconds, 1e-9))
         seconds, steps = np.sum(_record_jobs(worker, request, chosen), axis=0).tolist()
-        forms = {}
+        forms, share = dict[str, float](), 0.0
+        if request.plan.sweep.checks != "none":
+            unchecked = _open_unchecked(request, index, Path(folder) / "unchecked", {})
+            alone, own = np.sum(_record_jobs(unchecked, request, chosen), axis=0).tolist()
+            share = max(0.0, 1 - alone / own * steps / seconds)
         if request.plan.sweep.trace != "none":
             form_runs = 3  # runs that are encoded in each form of traces
             few = chosen[:: max(1, len(chosen) // form_runs)]
             for form in ("messages", "compact"):
                 forms[form] = _trace_bytes_per_step(request, index, Path(folder) / form, few, form)
-    return SampledCost(seconds / steps, forms)
+    return SampledCost(seconds / steps, forms, share)
 
 
 def _shorten_runs(runs: Sequence[RunSpec], most_steps: int) -> list[RunSpec]:
@@ -85,14 +96,18 @@ def _record_jobs(
 def _trace_bytes_per_step(
     request: SweepRequest, index: RunIndex, store: Path, runs: Sequence[RunSpec], form: str
 ) -> float:
-    sweep = request.plan.sweep.model_copy(
-        update={"trace": "all", "trace_format": form, "checks": "none"}
-    )
-    worker = _open_worker(replace(request, plan=replace(request.plan, sweep=sweep)), index, store)
+    worker = _open_unchecked(request, index, store, {"trace": "all", "trace_format": form})
     for job in pack_jobs(runs, len(runs), request.scene, 1):
         worker.run(job)
     size = sum(file.stat().st_size for file in (store / TRACES).rglob("*.mcap"))
     return size / sum(run.steps for run in runs)
+
+
+def _open_unchecked(
+    request: SweepRequest, index: RunIndex, store: Path, changes: Mapping[str, str]
+) -> Worker:
+    sweep = request.plan.sweep.model_copy(update={"checks": "none", **changes})
+    return _open_worker(replace(request, plan=replace(request.plan, sweep=sweep)), index, store)
 
 
 def _open_worker(request: SweepRequest, index: RunIndex, store: Path) -> Worker:

@@ -227,6 +227,10 @@ class SceneFiles:
     absolute: bool  # whether a model names files by absolute paths
     hash: str  # SHA-256 over names and bytes of the files, shortened to 16 hex digits
 
+    def count_bytes(self) -> int:
+        """Return the size of all files that a copy has."""
+        return sum((self.root / file).stat().st_size for file in (*self.files, *self.licences))
+
     def copy_to(self, folder: Path) -> None:
         """Copy every file into the folder, licences with them, keeping their places."""
         for file in (*self.files, *self.licences):

@@ -12,6 +12,7 @@ import numpy as np
 
 from contactlab.errors import SceneError
 from contactlab.printable import first_names
+from contactlab.scene.drive.signals import pushed_bodies
 from contactlab.scene.model_names import name_of
 from contactlab.schema.drive import Drive
 from contactlab.schema.task import DEFAULT_TOLERANCE, QPOS0, SEEDS, Phase, Task
@@ -40,6 +41,12 @@ def default_start_keyframe(model: mujoco.MjModel) -> str:
 def infer_drive(model: mujoco.MjModel, keyframe: str) -> Drive:
     """Return the drive of a model from a start: its constant controls, or otherwise an exercise."""
     return "none" if has_controls(model, keyframe) else "exercise"
+
+
+def describe_excitation(model: mujoco.MjModel) -> str:
+    """Return the inputs by which an excitation moves a model, in words."""
+    inputs = (("sines", model.nu), ("pushes", len(pushed_bodies(model))))
+    return " and ".join(word for word, count in inputs if count) or "rest: nothing to drive"
 
 
 def rest_time(duration: float) -> float:
@@ -101,6 +108,7 @@ def infer_task(
             "drive": moving,
             "own_controls": has_controls(model, begin),
             "programmed": programmed,
+            "excitation": describe_excitation(model),
             "duration": float(seconds),
             "phases": phases,
             "observed": tuple(watch),

@@ -226,7 +226,10 @@ def describe_drive(drive: Drive) -> str:
     """Return what moves a run, in words."""
     match drive:
         case "exercise":
-            return "sines and pushes of contactlab after a rest (`drive: none` leaves them out)"
+            return (
+                "after a rest, sines at actuators and pushes on free bodies (`drive: exercise`; "
+                "`drive: none` leaves them out)"
+            )
         case "hold":
             return "an external load holds its joints (`drive: hold`)"
         case "none":

@@ -37,12 +37,14 @@ class SweepForecast(ReportModel):
     steps: int = about("Steps of all runs.")
     cores: int = about("Cores that the time assumes to be idle.", default=1)
     seconds: tuple[float, float] | None = about("Wall time of all runs, least and most [s].")
+    checks_share: float = about("Part of the time of the runs that checks take.", default=0.0)
     accuracy_seconds: float
     timing_seconds: float
     memory_bytes: float | None = about("Memory of all processes, at most.")
     bytes: tuple[float, float] | None = about(
         "Size of the traces, least and most; 0 without traces."
     )
+    scene_bytes: int = about("Size of the scene's files, which the store copies.", default=0)
     bytes_by_format: dict[str, tuple[float, float]] = about("The same for every `trace_format`.")
     trace: str = about("The rule that chooses the runs that keep a trace.")
     trace_format: str

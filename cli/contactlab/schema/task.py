@@ -30,6 +30,7 @@ class Task(Model):
     drive: Drive = about("its drive; none: constant controls, those of the start")
     own_controls: bool = about("whether the start is a keyframe with controls, which are kept")
     programmed: bool = about("whether the scene has controls over time", default=False)
+    excitation: str = about("inputs of the second phase", default="sines and pushes")
     duration: Number = about("simulated time [s]")
     phases: tuple[Phase, ...] = about("judged one by one; the worst counts")
     observed: tuple[str, ...] = about("bodies; all if empty", default=())
@@ -60,7 +61,7 @@ class Task(Model):
             case "exercise":
                 rest, excited = (phase.end - phase.begin for phase in self.phases)
                 controls = "with its controls" if self.own_controls else "at rest"
-                return f"{rest:.3g} s {controls}, then {excited:.3g} s of sines and pushes"
+                return f"{rest:.3g} s {controls}, then {excited:.3g} s of {self.excitation}"
             case _:
                 return f"{seconds} driven by {drive_text(self.drive)}"
 
