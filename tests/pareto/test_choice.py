@@ -6,13 +6,15 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.pareto.conftest import make_runs, make_weighing
 
-from contactlab.pareto.configurations import Evaluated
+from contactlab.pareto.configurations import Evaluated, evaluate_configurations, group_runs
+from contactlab.pareto.end_states import mark_ends
 from contactlab.pareto.recommendation import (
     equally_fast,
     feasible_front,
     next_more_accurate,
-    places_of_models,
+    recommendable_places,
 )
 
 Weigh = Callable[..., list[Evaluated]]
@@ -217,7 +219,26 @@ def test_no_other_engine_is_recommended(weighed: Weigh) -> None:
         {"engine": "mujoco", "timestep": 1e-3, "oracle_error": 0.1, "time_median": 2.0},
     ]
     found = [
-        places_of_models([each.summary for each in weighed(part, ["engine", "timestep"])])
+        recommendable_places([each.summary for each in weighed(part, ["engine", "timestep"])])
         for part in (rows, rows[:1])
     ]
     assert found == [[1, 2], [0]]
+
+
+@pytest.mark.parametrize(("drop", "recommended"), [(0.125, 4e-3), (0.425, 1e-3)])
+def test_a_configuration_whose_bodies_end_elsewhere_is_not_recommended(
+    drop: float, recommended: float
+) -> None:
+    rows: list[dict[str, Any]] = [
+        {"oracle_error": error, "depth": 1.0, "time_median": 1e-3 / step, "timestep": step,
+         "drop": fallen, "penetration_max": 0.002, "seed": seed}
+        for step, error, fallen in ((1e-3, 0.1, 0.12), (4e-3, 0.5, drop))
+        for seed in range(3)
+    ]  # fmt: skip
+    runs = make_runs(rows)
+    found = mark_ends(
+        evaluate_configurations(runs, make_weighing(**LIMITS)), runs, group_runs(runs)
+    )
+    places = recommendable_places([each.summary for each in found])
+    (chosen,) = equally_fast([found[place] for place in places])[:1]
+    assert chosen.summary.configuration == {"timestep": recommended}

@@ -29,7 +29,7 @@ from contactlab.pareto.recommendation import (
     EQUALLY_FAST,
     MORE_ACCURATE,
     SAFE_MARGIN,
-    places_of_models,
+    recommendable_places,
 )
 from contactlab.printable import Told
 from contactlab.reporting.coverage_rows import coverage_rows
@@ -249,7 +249,7 @@ def _run_columns(
 
 
 def _tradeoff_data(report: TradeoffReport) -> dict[str, Any]:
-    recommendable = places_of_models(report.configurations)
+    recommendable = recommendable_places(report.configurations)
     return {
         "knobs": report.knobs,
         "configurations": [
@@ -260,6 +260,7 @@ def _tradeoff_data(report: TradeoffReport) -> dict[str, Any]:
         "baseline": report.baseline is not None,
         # Null if all are.
         "recommendable": recommendable if len(recommendable) < len(report.configurations) else None,
+        "clamped": [place for place, one in enumerate(report.configurations) if one.solref_clamped],
         "equallyFast": EQUALLY_FAST,
         "equallyAccurate": MORE_ACCURATE,
         "safeMargin": SAFE_MARGIN,

@@ -25,13 +25,14 @@ from contactlab.pareto.configurations import (
 )
 from contactlab.pareto.convergence import find_methods
 from contactlab.pareto.criteria import Criteria, error_measure, time_measure, tolerances_of
+from contactlab.pareto.end_states import END_COLUMNS, mark_ends
 from contactlab.pareto.recommendation import (
     SAFE_MARGIN,
     equally_fast,
     feasible_front,
     front_of,
     next_more_accurate,
-    places_of_models,
+    recommendable_places,
 )
 from contactlab.schema.coverage import Exercised, Feature, feature_of
 from contactlab.schema.evidence import Setting
@@ -57,13 +58,16 @@ def analyze_tradeoff(store: Store, criteria: Criteria = _DEFAULT_CRITERIA) -> Tr
     tolerances = tolerances_of(store, criteria)
     error = error_measure(store, criteria, tolerances)
     resolved = ResolvedCriteria(error, time_measure(store), tolerances)
-    runs = read_runs(store, (error.name, resolved.time.name, *tolerances, *PASS_COLUMNS))
+    names = (error.name, resolved.time.name, *tolerances, *PASS_COLUMNS, *END_COLUMNS)
+    runs = read_runs(store, names)
     evaluated = evaluate_configurations(runs, resolved)
+    if not is_chaotic(runs):
+        evaluated = mark_ends(evaluated, runs, group_runs(runs))
     front = feasible_front(evaluated)
     baseline = None if runs.baseline is None else evaluated[0].summary
     own = baseline and baseline.configuration
     summaries = tuple(configuration.summary for configuration in evaluated)
-    possible = [evaluated[place] for place in places_of_models(summaries)]
+    possible = [evaluated[place] for place in recommendable_places(summaries)]
     chosen, safe = (equally_fast(possible, margin, own) for margin in (0.0, SAFE_MARGIN))
     best, insensitive = (chosen[0] if chosen else None), find_insensitive_knobs(evaluated)
     alike = fix_insensitive_knobs(evaluated, insensitive, best)
@@ -191,6 +195,12 @@ def _report_notes(
         yield (
             f"{clamped} of {len(report.configurations)} configurations set a time constant below "
             "two timesteps; refsafe raises it, so that they simulate a softer contact"
+        )
+    elsewhere = [one.ends_elsewhere for one in report.configurations if one.ends_elsewhere]
+    if elsewhere:
+        yield (
+            f"{len(elsewhere)} of {len(report.configurations)} configurations end elsewhere than "
+            f"the most accurate one of the same model, such as {elsewhere[0]}: not recommended"
         )
     if chosen is not None and chosen.summary.solref_clamped:
         yield "the recommended configuration is one of these"

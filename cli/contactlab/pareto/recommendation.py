@@ -69,11 +69,15 @@ def equally_fast(
     return sorted(near, key=preference)
 
 
-def places_of_models(configurations: Sequence[Configuration]) -> list[int]:
-    """Return the configurations of the engine for models; all, if none names an engine."""
+def recommendable_places(configurations: Sequence[Configuration]) -> list[int]:
+    """Return the configurations of the engine for models that end as the most accurate ones do.
+
+    If none names an engine, those of any.
+    """
     engines = [configuration.configuration.get("engine") for configuration in configurations]
     own = [place for place, engine in enumerate(engines) if engine == MODEL_ENGINE]
-    return own or [*range(len(engines))]
+    places = own or [*range(len(engines))]
+    return [place for place in places if not configurations[place].ends_elsewhere]
 
 
 def feasible_front(evaluated: Sequence[Evaluated]) -> list[Evaluated]:

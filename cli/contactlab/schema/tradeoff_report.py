@@ -74,6 +74,11 @@ class Configuration(Model):
     )
     solref_clamped: bool = about("refsafe raised a solref time constant to 2 timesteps.")
     step_p99: float | None = about("99th percentile of a step's time, worst run [s].")
+    ends_elsewhere: str = about(
+        "How its bodies end, if that differs from the most accurate one of the same model; it is "
+        "not recommended then.",
+        default="",
+    )
     feasible: bool
     reasons: tuple[str, ...] = about("Why it is not feasible.")
     worst: dict[str, float | None] = about("Largest value of each metric with a tolerance.")

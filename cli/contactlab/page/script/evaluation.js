@@ -148,6 +148,7 @@ function recommendationOf(columns, evaluated, limits) {
     `Error ${numberWithUnit(number(columns.error[place]), unit)}, ${number(time)} CPU s per simulated s`,
     ` (${number(1 / time)} x real time). `,
     robustText(columns, evaluated),
+    metadata.tradeoff.clamped.includes(place) ? " At this timestep refsafe makes its contacts softer than its solref says." : "",
   ];
   return [
     element("dl", { class: "settings" }, ...values),

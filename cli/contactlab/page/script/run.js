@@ -84,22 +84,42 @@ function metricLists(columns, row) {
   return [all.filter(isFirst), all];
 }
 
-// The stable run under the same conditions that differs in fewest settings, of equals by the nearest values, and what
-// it has instead.
+// Whether a run is clearly better in what the labels of another are about: by a tenth. Runs on both
+// sides of a limit are alike.
+function isBetter(columns, row, other) {
+  const names = (metadata.details[row]?.breaching ?? []).filter((name) => columns[`value:${name}`]);
+  const pairs = names.map((name) => [columns[`value:${name}`][row], columns[`value:${name}`][other]]);
+  const known = pairs.filter(([here, there]) => Number.isFinite(here) && Number.isFinite(there));
+  return !known.length || known.some(([here, there]) => Math.abs(here - there) > 0.1 * Math.abs(here));
+}
+
+// How far two values of an axis lie apart: by their ratio, or as a share of the range of the axis.
+function axisDistance(columns, axis, row, other) {
+  const codes = axisCodes(columns, axis.name);
+  if (codes[row] === codes[other]) return 0;
+  const [here, there] = [Number(axis.ticks[codes[row]]), Number(axis.ticks[codes[other]])];
+  if (here > 0 && there > 0) return Math.abs(Math.log(there / here));
+  const numbers = axis.ticks.map(Number);
+  return numbers.every(Number.isFinite) ? Math.abs(here - there) / (Math.max(...numbers) - Math.min(...numbers)) : 1;
+}
+
+// The stable run under the same conditions that is clearly better and differs in fewest settings, of
+// equals by the nearest values, and what it has instead.
 function nearestStable(columns, row) {
   const stable = metadata.labels.names.indexOf("stable");
   if (metadata.aggregated || !metadata.axes.some((axis) => axis.role !== "scenario") || columns.label[row] === stable) return null;
   const codes = metadata.axes.map((axis) => axisCodes(columns, axis.name));
-  let [best, least] = [null, Infinity];
-  const most = 1 + metadata.axes.reduce((sum, axis) => sum + axis.ticks.length, 0);
+  let [best, least, alike] = [null, [Infinity, Infinity], false];
   for (let other = 0; other < metadata.runs; other++) {
     if (columns.label[other] !== stable) continue;
     if (metadata.axes.some((axis, at) => axis.role === "scenario" && codes[at][other] !== codes[at][row])) continue;
-    const ways = codes.map((code) => Math.abs(code[other] - code[row]));
-    const distance = ways.reduce((sum, way) => sum + (way ? most + way : 0), 0);
-    if (distance < least) [best, least] = [other, distance];
+    if (!isBetter(columns, row, other)) { alike = true; continue; }
+    const changed = metadata.axes.filter((_, at) => codes[at][other] !== codes[at][row]);
+    if (changed.length > least[0]) continue;
+    const distance = changed.reduce((sum, axis) => sum + axisDistance(columns, axis, row, other), 0);
+    if (changed.length < least[0] || distance < least[1]) [best, least] = [other, [changed.length, distance]];
   }
-  if (best === null) return { row: null };
+  if (best === null) return { row: null, alike };
   const changes = metadata.axes.filter((_, at) => codes[at][best] !== codes[at][row]);
   return { row: best, changes: changes.map((axis) => `${axis.title} ${axisText(columns, axis, row)} → ${axisText(columns, axis, best)}`) };
 }
@@ -108,7 +128,9 @@ function changePart(columns, row, open) {
   const nearest = nearestStable(columns, row);
   if (!nearest) return null;
   if (nearest.row === null) {
-    return element("p", { class: "change" }, element("strong", {}, "What to change: "), "nothing in this sweep is stable under the same conditions; ",
+    const why = nearest.alike ? "the stable runs under the same conditions are hardly better: the limit lies between like runs; "
+      : "nothing in this sweep is stable under the same conditions; ";
+    return element("p", { class: "change" }, element("strong", {}, "What to change: "), why,
       element("code", {}, "contactlab tune"), " looks for settings that are.");
   }
   return element("p", { class: "change" }, element("strong", {}, "What to change: "), `the nearest stable run has ${nearest.changes.join(", ")}. `,

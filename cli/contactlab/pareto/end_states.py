@@ -1,0 +1,89 @@
+"""Finds configurations whose bodies end elsewhere than those of the most accurate one.
+
+An error per window may be small while a body falls to the other side. Such a run is stable, and
+fast, and another result.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.pareto.configurations import Evaluated, GroupedRuns, Rows, StoredRuns
+from contactlab.rendering.amounts import format_amount
+from contactlab.schema.evidence import Setting
+
+END_COLUMNS = ("drop", "drift", "penetration_max")
+"""Columns that are compared: how far free bodies move, and the depth of contacts."""
+_DISCRETIZATION = frozenset(
+    ("timestep", "integrator", "solver", "iterations", "ls_iterations", "tolerance", "ls_tolerance")
+)
+"""Knobs that compute one model differently, so that it should end alike."""
+
+
+class _Ends(NamedTuple):
+    """Cases of a configuration (n,), sorted, with their (n,) distances [m] by column."""
+
+    cases: Rows
+    distances: dict[str, Floats]
+    depths: Floats
+
+
+def mark_ends(
+    evaluated: Sequence[Evaluated], runs: StoredRuns, groups: GroupedRuns
+) -> list[Evaluated]:
+    """Return the configurations, with how those end that end elsewhere than the most accurate.
+
+    They are compared with the most accurate feasible one of the same model, case by case. Distances
+    differ if the median difference exceeds a tenth of the larger one and the depths of contacts.
+    """
+    ends = list(_read_ends(runs, groups))
+    models: dict[tuple[tuple[str, Setting], ...], list[int]] = {}
+    for place, each in enumerate(evaluated):
+        if each.summary.feasible and each.summary.error is not None:
+            key = tuple(item for item in each.values.items() if item[0] not in _DISCRETIZATION)
+            models.setdefault(key, []).append(place)
+    marked = list(evaluated)
+    for places in models.values():
+        finest = min(places, key=lambda place: evaluated[place].summary.error or 0.0)
+        for place in places:
+            said = _describe_difference(ends[place], ends[finest])
+            summary = evaluated[place].summary.model_copy(update={"ends_elsewhere": said})
+            marked[place] = replace(evaluated[place], summary=summary)
+    return marked
+
+
+def _read_ends(runs: StoredRuns, groups: GroupedRuns) -> Iterator[_Ends]:
+    case = np.zeros(len(groups.order), np.int64)
+    for column in (*runs.scenarios.values(), runs.seeds):
+        case = case * len(column.values) + column.codes
+    columns = {
+        name: groups.split_values(np.asarray(runs.numbers[name])[groups.order])
+        for name in END_COLUMNS
+        if name in runs.numbers
+    }
+    for place, cases in enumerate(groups.split_values(case[groups.order])):
+        order = np.argsort(cases, kind="stable")
+        own = {name: parts[place][order] for name, parts in columns.items()}
+        depths = own.pop("penetration_max", np.zeros(len(order)))
+        yield _Ends(cases[order], own, np.nan_to_num(depths))
+
+
+def _describe_difference(here: _Ends, finest: _Ends) -> str:
+    # Both have all cases, since both are feasible, but may have some more than once.
+    if not np.array_equal(here.cases, finest.cases):
+        return ""
+    for name, distances in here.distances.items():
+        other = finest.distances[name]
+        known = np.isfinite(distances) & np.isfinite(other)
+        if not known.any():
+            continue
+        alike = 0.1 * np.maximum(abs(distances), abs(other)) + here.depths + finest.depths
+        excess = np.where(known, abs(distances - other) - alike, -np.inf)
+        if np.median(excess[known]) > 0:
+            worst = int(excess.argmax())
+            ours, theirs = format_amount(distances[worst], "m"), format_amount(other[worst], "m")
+            return f"{name} {ours} instead of {theirs}"
+    return ""
