@@ -130,7 +130,9 @@ def compare(
     if remeasure is not None:
         checks.append(remeasured_check(paired, remeasure))
     checks = apply_waivers(checks, policy.waive, paired.today)
-    verdict, code, headline = draw_conclusion(checks)
+    equal = bool(bitwise_equal(paired).all())
+    passed = "same" if equal else "no difference proven" if spread else "within tolerances"
+    verdict, code, headline = draw_conclusion(checks, passed)
     flipped = paired.read_labels(paired.baseline) != paired.read_labels(paired.candidate)
     pairing, flagged = paired.pairing, knife_edge(paired)
     compared_by = "id" if policy.match == "auto" else policy.match
@@ -334,10 +336,14 @@ def _warn_store(name: str, warning: str, fine: str) -> Finding:
     return subject.single(CHANGED if warning else SAME, warning or fine)
 
 
-def draw_conclusion(checks: Sequence[Finding]) -> tuple[Change, int, str]:
+def draw_conclusion(checks: Sequence[Finding], passed: str = "same") -> tuple[Change, int, str]:
     """Return verdict, exit code and headline.
 
     If required properties differ, that comes first: no other check means anything then.
+
+    Args:
+        checks: all that were made.
+        passed: the word of the headline for the verdict `same`.
     """
     failed = [NAMES.index(check.verdict) for check in checks if check.outcome == "failed"]
     skipped = [check.kind for check in checks if check.is_open]
@@ -354,7 +360,8 @@ def draw_conclusion(checks: Sequence[Finding]) -> tuple[Change, int, str]:
         return verdict, code, f"{verdict}: {', '.join(parts)}"
     words = {"better": "better", "changed": "changed", "worse": "worse within budget"}
     changes = ", ".join(f"{found[name]} {word}" for name, word in words.items() if found[name])
-    return verdict, code, f"{verdict}: no check of {len(checks)} fails{changes and f'; {changes}'}"
+    word = passed if verdict == "same" else verdict
+    return verdict, code, f"{word}: no check of {len(checks)} fails{changes and f'; {changes}'}"
 
 
 def _advise_commands(checks: Sequence[Finding], baseline: Store, candidate: Store) -> Iterator[str]:

@@ -35,7 +35,15 @@ _UNIT = re.compile(r"\s*\[.*\]$")
 
 def is_defined(word: str) -> bool:
     """Return whether a word has a definition."""
-    return _definition_key(word) in _collect_definitions() or _definition_key(word) in _scene_axes()
+    return _find_meanings(word) is not None
+
+
+def _find_meanings(word: str) -> list[Callable[[], Iterator[str]]] | None:
+    # Names of fixes have hyphens, as options do, where terms have none.
+    key = _definition_key(word)
+    keys = (key, key.replace("-", "_"), key.replace("-", " "))
+    known = (_collect_definitions, _scene_axes)
+    return next((found for read in known for key in keys if (found := read().get(key))), None)
 
 
 def define_word(word: str) -> tuple[WordMeaning, ...]:
@@ -46,9 +54,7 @@ def define_word(word: str) -> tuple[WordMeaning, ...]:
     Raises:
         SweepFileError: the word has no definition; the message suggests the nearest one.
     """
-    meanings = _collect_definitions().get(_definition_key(word)) or _scene_axes().get(
-        _definition_key(word)
-    )
+    meanings = _find_meanings(word)
     if meanings is None:
         SweepFileError.unless_known(
             _definition_key(word),
@@ -76,7 +82,8 @@ def _collect_definitions() -> Definitions:
     # Those of a word are in the order of their importance.
     known: dict[str, list[Callable[[], Iterator[str]]]] = {}
     headed = {metric.heading: metric for metric in METRICS.values() if metric.heading}
-    limits = {name: each for name, each in THRESHOLDS.items() if name not in LABELS}
+    known_names = LABELS.keys() | METRICS.keys()
+    limits = {name: each for name, each in THRESHOLDS.items() if name not in known_names}
     sources: tuple[tuple[Mapping[str, Any], Callable[[Any], Iterator[str]]], ...] = (
         (LABELS, _label_lines),
         (METRICS, _metric_lines),
@@ -133,11 +140,19 @@ def _metric_lines(metric: Metric) -> Iterator[str]:
     better = {"none": "neither way is better"}.get(metric.better, f"{metric.better} is better")
     yield f"{metric.name} [{metric.unit}]: a metric, version {metric.version}; {better}"
     yield metric.definition
-    for label in LABELS.values():
-        for threshold in label.thresholds:
-            if threshold.name == metric.name:
-                yield _limit_line(threshold)
-                yield f"over it, a run is {label.name}: {label.advice or label.meaning}"
+    limits = [
+        (threshold, label)
+        for label in LABELS.values()
+        for threshold in label.thresholds
+        if threshold.name == metric.name
+    ]
+    yield from dict.fromkeys(_limit_line(threshold) for threshold, _ in limits)
+    labels = [label for _, label in limits]
+    if len(labels) == 1:
+        yield f"over it, a run is {labels[0].name}: {labels[0].advice or labels[0].meaning}"
+    elif labels:
+        names = ", ".join(label.name for label in labels)
+        yield f"labels that read it: {names}; `contactlab explain LABEL` has the change of each"
 
 
 def _heading_lines(metric: Metric) -> Iterator[str]:
@@ -181,7 +196,7 @@ _ROW_KINDS = {
 
 def _row_lines(row: Row) -> Iterator[str]:
     yield f"{row.name}: a row of the error budget, {_ROW_KINDS.get(row.kind, row.kind)}"
-    yield row.summary
+    yield f"It measures how the motion changes with {row.summary}."
 
 
 def _check_lines(check: Check) -> Iterator[str]:
