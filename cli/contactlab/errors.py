@@ -138,7 +138,8 @@ def no_file(path: Path, kind: str, suffixes: Collection[str] = ()) -> str:
     found = sorted(file.name for file in path.parent.iterdir() if file.is_file())
     names = [name for name in found if not suffixes or Path(name).suffix in suffixes]
     most_nearby = 3
-    listed = ", ".join(names[:most_nearby]) or f"no {kind}"
+    endings = f"{' or '.join(suffixes)} file" if suffixes else kind
+    listed = ", ".join(names[:most_nearby]) or f"no {endings}"
     near = did_you_mean(path.name, names)
     return f"no {kind} {path}{near or f'; the folder {path.parent.resolve().name} has {listed}'}"
 

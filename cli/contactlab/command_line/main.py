@@ -180,7 +180,8 @@ def main() -> None:
         _check_surroundings(sys.argv[1:])
         sys.exit(_run_words(complete_words(sys.argv[1:])))
     except ContactlabError as error:
-        say(f"error: {error}" if not str(error).startswith("error") else str(error))
+        if text := str(error):
+            say(text if text.startswith("error") else f"error: {text}")
         raise SystemExit(error.exit_code) from error
     except OSError as error:
         where, why = error.filename, error.strerror or str(error)

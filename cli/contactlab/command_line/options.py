@@ -100,7 +100,8 @@ Drive = Annotated[
     str | None,
     Option(
         "DRIVE",
-        "Controls: auto, none, hold, exercise, noise=0.3,rate=10, a file or a policy.",
+        "Controls: auto, none, hold, exercise, noise=0.3,rate=10, kp=400,kd=10,rate=500, a file or "
+        "a policy.",
     ),
 ]
 Duration = Annotated[

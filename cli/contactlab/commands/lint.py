@@ -9,10 +9,17 @@ from contactlab.command_line.declaration import Argument, Given, command
 from contactlab.command_line.judgements import print_report
 from contactlab.command_line.report_formats import report_formats
 from contactlab.command_line.surroundings import say
+from contactlab.errors import ContactlabError, ExpectationError
 
 if TYPE_CHECKING:
     from contactlab.schema.lint_report import LintReport
     from contactlab.writers import Report
+
+
+def _fail(report: "LintReport", given: Given) -> ContactlabError | None:
+    # The findings and their number are printed already.
+    del given
+    return None if report.passed else ExpectationError("")
 
 
 def _findings(report: "LintReport", given: Given) -> "Report":
@@ -24,6 +31,7 @@ def _findings(report: "LintReport", given: Given) -> "Report":
 
 @command(
     "examine",
+    failure=_fail,
     keeps="nothing",
     examples=("lint robot.xml", "lint models/*.xml --format sarif"),
     formats={

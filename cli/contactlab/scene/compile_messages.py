@@ -122,6 +122,13 @@ def _unreadable_file_text(found: re.Match[str], element: str, model: Path) -> st
     return f"cannot open '{found[1]}'"
 
 
+def _impossible_inertia_text(_: re.Match[str], element: str, model: Path) -> str:
+    del element
+    compiler = '<compiler balanceinertia="true"/>'
+    written = f"<mujoco>{compiler}</mujoco> in <robot>" if model.suffix == ".urdf" else compiler
+    return f"an inertia must satisfy A + B >= C: correct it; {written} writes the mean instead"
+
+
 def _massless_body_text(_: re.Match[str], element: str, model: Path) -> str:
     del element, model
     return "a body that moves has no mass or no inertia; give it a geom, or <inertial>"
@@ -155,6 +162,7 @@ _ERROR_EXPLANATIONS: Mapping[str, Callable[[re.Match[str], str, Path], str]] = {
     r"(\w+) '([^']*)' not found in (\w+)": _missing_object_text,
     r"rror opening file '([^']*)'": _unreadable_file_text,
     r"invalid joint type in URDF": _bad_joint_type_text,
+    r"inertia must satisfy A \+ B >= C": _impossible_inertia_text,
     r"mass and inertia of moving bodies": _massless_body_text,
     r"unknown exception|bad_alloc|length_error": _too_large_text,
 }

@@ -15,6 +15,7 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import ExpectedContact
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.numerical_tolerance import SUM_ROUNDING
+from contactlab.printable import first_names
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import body_reaches
 from contactlab.scene.model_names import match_names, name_of
@@ -176,8 +177,8 @@ def _unmonitored_contact(requirement: Requirement, base: CompiledScene) -> str |
 
 
 def _name_hint(name: str, known: Sequence[str]) -> str:
-    few = f"; write one of {', '.join(known)}" if 0 < len(known) <= 12 else ""
-    return did_you_mean(name, known) or few
+    names = first_names(f"known here: {', '.join(known)}")
+    return did_you_mean(name, known) or (f"; {names}" if known else "")
 
 
 def _expected_motion(
