@@ -32,7 +32,7 @@ class SampledCost:
 
     cpu_seconds: float
     trace_bytes: dict[str, float]
-    checks_share: float
+    checks_share: float = 0.0
 
 
 def sample_cost(request: SweepRequest, index: RunIndex, runs: Sequence[RunSpec]) -> SampledCost:

@@ -44,7 +44,7 @@ def infer_drive(model: mujoco.MjModel, keyframe: str) -> Drive:
 
 
 def describe_excitation(model: mujoco.MjModel) -> str:
-    """Return the inputs by which an excitation moves a model, in words."""
+    """Return the inputs of a model's excitation, in words."""
     inputs = (("sines", model.nu), ("pushes", len(pushed_bodies(model))))
     return " and ".join(word for word, count in inputs if count) or "rest: nothing to drive"
 

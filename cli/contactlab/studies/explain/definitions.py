@@ -39,7 +39,7 @@ def is_defined(word: str) -> bool:
 
 
 def _find_meanings(word: str) -> list[Callable[[], Iterator[str]]] | None:
-    # Names of fixes have hyphens, as options do, where terms have none.
+    # Names of fixes have hyphens, terms have spaces.
     key = _definition_key(word)
     keys = (key, key.replace("-", "_"), key.replace("-", " "))
     known = (_collect_definitions, _scene_axes)
