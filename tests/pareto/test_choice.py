@@ -237,7 +237,7 @@ def test_a_configuration_whose_bodies_end_elsewhere_is_not_recommended(
     ]  # fmt: skip
     runs = make_runs(rows)
     found = mark_ends(
-        evaluate_configurations(runs, make_weighing(**LIMITS)), runs, group_runs(runs)
+        evaluate_configurations(runs, make_weighing("oracle_error", **LIMITS)), runs, group_runs(runs)
     )
     places = recommendable_places([each.summary for each in found])
     (chosen,) = equally_fast([found[place] for place in places])[:1]

@@ -1,4 +1,4 @@
-"""Finds configurations whose bodies end elsewhere than those of the most accurate one.
+"""Finds configurations that end elsewhere than the most accurate one of the same model.
 
 An error per window may be small while a body falls to the other side. Such a run is stable, and
 fast, and another result.
