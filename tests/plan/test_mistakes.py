@@ -229,7 +229,7 @@ def test_another_version_is_refused(vocabulary: Any) -> None:
 
 
 def test_a_missing_file_is_named(vocabulary: Any, tmp_path: Path) -> None:
-    with pytest.raises(SweepFileError, match=r"no file .*none\.yaml; the folder .* has no .yaml file"):
+    with pytest.raises(SweepFileError, match=r"no file .*none\.yaml; the folder .* no .yaml file"):
         read_sweep(tmp_path / "none.yaml", vocabulary)
     (tmp_path / "latin.yaml").write_bytes(b"scene: \xe9")
     with pytest.raises(SweepFileError, match="not UTF-8"):
