@@ -237,7 +237,9 @@ class _RunCheck:
         if not driven and not self._scene.is_timed:
             return
         start = tuple(run.settings.get(name) for name in START_SETTINGS)
-        key = (shape, tuple(sorted(run.initial.items())), start, run.timestep if driven else None)
+        # Sines and pushes fit every timestep; noise and recorded controls may not.
+        step = run.timestep if driven and run.drive != "exercise" else None
+        key = (shape, tuple(sorted(run.initial.items())), start, step)
         if key not in self._checked:
             self._scene.check_start(run)
             # Initial states that are remembered as checked.

@@ -146,6 +146,13 @@ def test_a_name_that_is_used_twice_is_told_at_its_line(linted: Linted) -> None:
     assert '<geom name="upper"' in text.splitlines()[found.line - 1]
 
 
+def test_a_number_that_no_run_can_use_is_named(linted: Linted) -> None:
+    text = ROBOT.replace('<geom name="lower"', '<geom name="lower" mass="1e308"')
+    found = only(linted(text), "unread")
+    assert found.message.startswith("inertia of body ")
+    assert "write finite numbers" in found.message
+
+
 def test_annotations_have_file_and_line(linted: Linted) -> None:
     text = WRITERS["github"](findings_of_lint(linted(BROKEN)))
     line = BROKEN.splitlines().index('    <key name="home" qpos="0 1.5" ctrl="0"/>') + 1

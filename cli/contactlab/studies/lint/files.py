@@ -27,8 +27,10 @@ def unread(linted: LintedModel) -> Iterator[Fault]:
     The message is MuJoCo's, the line is the file's.
     """
     if linted.refused:
-        _, *lines = (line.strip() for line in linted.refused.splitlines())
-        yield Fault("; ".join(line for line in lines if line), linted.refused_at)
+        # The first of several lines names the file; of one line, its beginning does.
+        first, *lines = (line.strip() for line in linted.refused.splitlines())
+        told = [line for line in lines if line] or [first.removeprefix(f"{linted.source.model}: ")]
+        yield Fault("; ".join(told), linted.refused_at)
 
 
 @rule("deprecated", "warn", of_refused=True)
