@@ -9,11 +9,7 @@ from hypothesis import strategies as st
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.studies.gradients.differences import (
-    ABOUT,
-    NOISE_POINTS,
-    NOISE_SPAN,
-    SPANS,
-    WIDE_SPANS,
+    PLAN,
     Estimate,
     estimate_noise,
     extrapolate,
@@ -26,9 +22,9 @@ ULP = float(np.finfo(float).eps)
 
 def of_sine(at: float, noise: Floats | float = 0.0) -> Estimate:
     """Return the derivative of a sine, to whose values an error is added."""
-    points = np.concatenate([ladder_points(at), at + NOISE_SPAN * NOISE_POINTS])
+    points = np.concatenate([ladder_points(at), at + PLAN.noise_offsets])
     values = np.sin(points) + noise
-    rungs = slice(2 * len(SPANS))
+    rungs = slice(2 * len(PLAN.spans))
     return extrapolate(points[rungs], values[rungs], estimate_noise(values[rungs.stop :]))
 
 
@@ -59,7 +55,7 @@ def test_noise_is_seen_and_bounded(size: float) -> None:
     """
     for seed in range(50):
         rng = np.random.default_rng(seed)
-        count = 2 * len(SPANS) + len(NOISE_POINTS)
+        count = 2 * len(PLAN.spans) + len(PLAN.noise_offsets)
         found = of_sine(0.3, rng.uniform(-size, size, count))
         assert abs(found.value - math.cos(0.3)) <= found.bound
         assert found.bound < least_bound(size)
@@ -68,14 +64,14 @@ def test_noise_is_seen_and_bounded(size: float) -> None:
 @pytest.mark.parametrize("beside", [1e-4, 1e-3, 1e-2])
 def test_a_kink_beside_is_not_mixed_in(beside: float) -> None:
     """The slope at the point is 1, beyond the kink 3: spans that reach it tell neither."""
-    points = np.concatenate([SPANS, -SPANS])
+    points = np.concatenate([PLAN.spans, -PLAN.spans])
     found = extrapolate(points, points + 2 * np.maximum(points - beside, 0), noise=ULP)
     assert abs(found.value - 1) <= found.bound
     assert found.span < 2 * beside
 
 
 def test_a_point_on_a_jump_has_no_derivative() -> None:
-    points = np.concatenate([SPANS, -SPANS])
+    points = np.concatenate([PLAN.spans, -PLAN.spans])
     found = extrapolate(points, np.sign(points), noise=ULP)
     assert found.bound > 1
 
@@ -88,13 +84,13 @@ def sawtooth(points: Floats, tooth: float, phases: Floats) -> Floats:
 @pytest.mark.parametrize("tooth", [1e-3, 4e-3, 1e-2])
 def test_smoothing_sees_through_teeth(tooth: float) -> None:
     """A run's slope is 2 + 10 within a tooth; the model's, teeth going to 0, is 2 at 0."""
-    points = WIDE_SPANS[:, None] * ABOUT
+    points = PLAN.wide_spans[:, None] * PLAN.within
     for seed in range(50):
         rng = np.random.default_rng(seed)
         fine, coarse = (
             sawtooth(points, width, rng.uniform(0, 1, points.shape)) for width in (tooth, 2 * tooth)
         )
-        found = fit_slope(WIDE_SPANS, fine, coarse)
+        found = fit_slope(PLAN.wide_spans, fine, coarse)
         assert abs(found.value - 2) <= found.bound
         assert found.bound < 1
 
@@ -102,5 +98,5 @@ def test_smoothing_sees_through_teeth(tooth: float) -> None:
 def test_runs_that_failed_give_none() -> None:
     points = ladder_points(1.0)
     assert math.isinf(extrapolate(points, np.full(len(points), np.nan), math.nan).bound)
-    wide = np.full((len(WIDE_SPANS), len(ABOUT)), np.nan)
-    assert math.isinf(fit_slope(WIDE_SPANS, wide, wide).bound)
+    wide = np.full((len(PLAN.wide_spans), len(PLAN.within)), np.nan)
+    assert math.isinf(fit_slope(PLAN.wide_spans, wide, wide).bound)

@@ -35,8 +35,22 @@ def run(cases: Sequence[StabilityCase], session: Session) -> StabilityReport:
         session.claim(case.name, case.name)
     results: list[StabilityResult] = []
     for number, case in enumerate(cases, 1):
-        result = _run_case(case, session)
-        session.notify(f"{number}/{len(cases)} {case.name}: {_verdict_of_result(result)}")
+        started = time.monotonic()
+        store = session.folder / case.name
+        sweep = read_request(
+            case.source,
+            case.name,
+            store,
+            folder=case.source.parent,
+            workers=session.workers,
+            partly=True,
+        )
+        sweep = replace(sweep, fresh=(store / "manifest.json").is_file())
+        rows = session.run(sweep).table.to_pylist() if sweep.plan.count else []
+        result = _judge_case_result(sweep, rows, time.monotonic() - started)
+        verdict = "not run" if not result.runs else "ok" if result.passed else "NOT AS EXPECTED"
+        skipped = "; skipped: " + "; ".join(result.skipped) if result.skipped else ""
+        session.notify(f"{number}/{len(cases)} {case.name}: {verdict}{skipped}")
         results += [result] if result.runs else []
     return StabilityReport(tuple(results))
 
@@ -47,7 +61,7 @@ def find_cases(names: Sequence[str] = ()) -> list[StabilityCase]:
     Raises:
         SweepFileError: there is no such case.
     """
-    known = _list_hard_cases()
+    known = {path.stem: path for path in sorted((resources.SWEEPS / FOLDER).glob("*.yaml"))}
     for name in names:
         shipped = name in resources.scene_names()
         if name not in known and (shipped or is_menagerie(name) or set(name) & set("./")):
@@ -59,26 +73,6 @@ def find_cases(names: Sequence[str] = ()) -> list[StabilityCase]:
                 f"no case '{name}'{did_you_mean(name, known)}; there are {', '.join(known)}"
             )
     return [StabilityCase(name, known[name]) for name in names or known]
-
-
-def _list_hard_cases() -> dict[str, Path]:
-    return {path.stem: path for path in sorted((resources.SWEEPS / FOLDER).glob("*.yaml"))}
-
-
-def _run_case(case: StabilityCase, session: Session) -> StabilityResult:
-    started = time.monotonic()
-    store = session.folder / case.name
-    sweep = read_request(
-        case.source,
-        case.name,
-        store,
-        folder=case.source.parent,
-        workers=session.workers,
-        partly=True,
-    )
-    sweep = replace(sweep, fresh=(store / "manifest.json").is_file())
-    rows = session.run(sweep).table.to_pylist() if sweep.plan.count else []
-    return _judge_case_result(sweep, rows, time.monotonic() - started)
 
 
 def _judge_case_result(
@@ -108,10 +102,3 @@ def _judge_case_result(
         store=str(sweep.store),
         skipped=sweep.left_out,
     )
-
-
-def _verdict_of_result(result: StabilityResult) -> str:
-    skipped = "; skipped: " + "; ".join(result.skipped) if result.skipped else ""
-    if not result.runs:
-        return "not run" + skipped
-    return ("ok" if result.passed else "NOT AS EXPECTED") + skipped

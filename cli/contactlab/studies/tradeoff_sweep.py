@@ -3,7 +3,7 @@
 The analysis of a stored sweep stands by itself in `contactlab.pareto`, without an engine.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -23,11 +23,10 @@ from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.schema.evidence import ERRORS
-from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import Recommendation, TradeoffReport
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import Address
-from contactlab.tasks.session import Session, Values
+from contactlab.tasks.session import Session
 from contactlab.tasks.task_verdict import records_of, refuse_lengths, task_verdict
 
 
@@ -59,13 +58,16 @@ def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
     if stored is not None:
         store = Store.open(stored)
     else:
-        sweep = _sweep(request, session)
+        sweep = _read_sweep(request, session)
         for warning in sweep.plan.warnings:
             session.notify(str(warning))
         store = session.run(sweep)
         seeds, duration = sweep.plan.sweep.seed_values, sweep.plan.sweep.duration
         watch, within = request.task.observe, request.task.tolerance
-        values = _of_model(sweep)
+        # The task is that of the model as written, in the first scenario.
+        first = next(sweep.plan.iterate_runs()).values
+        scenario = sweep.plan.sweep.scenario
+        values = {name: value for name, value in first.items() if name in scenario}
         task = sweep.scene.task(values, duration, watch=watch, within=within, seeds=tuple(seeds))
         records = records_of(store, sweep.scene, values, task)
         verdict = task_verdict(task, sweep.scene, values, records, session)
@@ -77,12 +79,6 @@ def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
         robust, _ = _written(report, report.robust, Path(folder), store)
     found = {"recommendation": chosen, "robust": robust, "notes": (*report.notes, *notes)}
     return report.model_copy(update={**found, "task": task, "verdict": verdict})
-
-
-def _of_model(sweep: SweepRequest) -> Values:
-    """Return the values of the model as written, in the first scenario."""
-    first = next(sweep.plan.iterate_runs()).values
-    return {name: value for name, value in first.items() if name in sweep.plan.sweep.scenario}
 
 
 def _written(
@@ -105,41 +101,29 @@ def _written(
     return pick.model_copy(update={"mjcf": lines, "other": other}), ()
 
 
-def _sweep(request: TradeoffRequest, session: Session) -> SweepRequest:
-    source, name, folder = _source(request.source)
+def _read_sweep(request: TradeoffRequest, session: Session) -> SweepRequest:
+    """Return the sweep, with the measurements that the analysis needs and its file leaves out."""
+    path = resources.find_sweep(request.source)
     read = partial(
         read_request,
-        source,
-        name,
-        request.store or session.folder / name,
-        folder=folder,
+        path,
+        path.stem,
+        request.store or session.folder / path.stem,
+        folder=path.parent,
         workers=session.workers,
         drive=request.task.drive,
     )
-    added = [*_added(read().plan.sweep, request.criteria)]
+    sweep, criteria, added = read().plan.sweep, request.criteria, list[str | FlagSetting]()
+    # Runs against a reference cost more than all others; an error of another kind needs none.
+    error = criteria.metric or find_error_metric({**sweep.tolerances, **criteria.tolerances})
+    if (error is None or error in ERRORS) and sweep.accuracy is None:
+        added.append("accuracy={error: auto}")
+    if not sweep.baseline:
+        added.append("baseline=true")
+    if sweep.timing is None:
+        added.append("timing={contenders: true}")
+    elif "contenders" not in sweep.timing.model_fields_set:
+        added.append("timing.contenders=true")
     if request.task.seeds is not None:
         added.append(FlagSetting(f"seeds={request.task.seeds}", "--seeds"))
     return read(overrides=Overrides(assign=(*added, *request.task.settings)))
-
-
-def _source(reference: str) -> tuple[Path, str, Path]:
-    """Return the file of a sweep, its name, and where its relative paths start."""
-    path = resources.find_sweep(reference)
-    return path, path.stem, path.parent
-
-
-def _added(sweep: Sweep, criteria: Criteria) -> Iterator[str]:
-    """Yield what a sweep is to measure that its file leaves out.
-
-    Runs against a reference cost more than all others; they are left out where the error is of
-    another kind.
-    """
-    error = criteria.metric or find_error_metric({**sweep.tolerances, **criteria.tolerances})
-    if (error is None or error in ERRORS) and sweep.accuracy is None:
-        yield "accuracy={error: auto}"
-    if not sweep.baseline:
-        yield "baseline=true"
-    if sweep.timing is None:
-        yield "timing={contenders: true}"
-    elif "contenders" not in sweep.timing.model_fields_set:
-        yield "timing.contenders=true"

@@ -110,7 +110,31 @@ def find_differences(
 ) -> Iterator[Difference]:
     """Yield the differences of two compiled models above a tolerance."""
     found = found or match_parts(one, other)
-    yield from _option_differences(one, other, tolerance)
+
+    for name in OPTIONS:
+        before, after = read_option(one, name), read_option(other, name)
+        share = relative_change("value", before, after, 1.0)
+        if share is None or share > tolerance:
+            yield Difference(
+                kind="option",
+                name="",
+                quantity=name,
+                before=format_value(before),
+                after=format_value(after),
+                relative_change=share,
+            )
+    for name in FLAG_NAMES:
+        before, after = read_flag(one, name), read_flag(other, name)
+        if before != after:
+            yield Difference(
+                kind="flag",
+                name="",
+                quantity=name,
+                before="enable" if before else "disable",
+                after="enable" if after else "disable",
+                relative_change=None,
+            )
+
     for kind, listed in QUANTITIES.items():
         for before, after in found.both[kind]:
             if kind == "geom" and not (_has_contacts(one, before) or _has_contacts(other, after)):
@@ -126,37 +150,6 @@ def find_differences(
     yield from _set_differences(
         "filter", *(_touching_pairs(one, own), _touching_pairs(other, names))
     )
-
-
-def _option_differences(
-    one: mujoco.MjModel, other: mujoco.MjModel, tolerance: float
-) -> Iterator[Difference]:
-    """Yield differences of options and flags."""
-    for name in OPTIONS:
-        before, after = read_option(one, name), read_option(other, name)
-        share = relative_change("value", before, after, 1.0)
-        if share is None or share > tolerance:
-            told = format_value(before), format_value(after)
-            yield Difference(
-                kind="option",
-                name="",
-                quantity=name,
-                before=told[0],
-                after=told[1],
-                relative_change=share,
-            )
-    for name in FLAG_NAMES:
-        before, after = read_flag(one, name), read_flag(other, name)
-        if before != after:
-            words = ["enable" if state else "disable" for state in (before, after)]
-            yield Difference(
-                kind="flag",
-                name="",
-                quantity=name,
-                before=words[0],
-                after=words[1],
-                relative_change=None,
-            )
 
 
 def _part_differences(

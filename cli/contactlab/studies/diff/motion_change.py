@@ -27,7 +27,6 @@ from contactlab.schema.diff_report import MotionChange
 from contactlab.studies.diff.matching import MatchedParts
 from contactlab.tasks.task_motions import task_motions
 
-_SECONDS = 1.0  # s of the task
 _INPUTS = sum(
     int(getattr(mujoco.mjtState, f"mjSTATE_{name}"))
     for name in ("CTRL", "QFRC_APPLIED", "XFRC_APPLIED")
@@ -72,7 +71,8 @@ def motion_change(
     if not len(places.qvel) or not moving:
         return None, "no moving body is in both models"
     try:
-        task = scene.task({}, _SECONDS, seeds=(0,))
+        seconds = 1.0  # of the task
+        task = scene.task({}, seconds, seeds=(0,))
         motions = task_motions(scene, {}, task)
         parts = [_phase_impulses(motion, other, places, np.array(moving)) for motion in motions]
     except (EngineError, SceneError) as error:

@@ -76,8 +76,12 @@ def _read_target(model: mujoco.MjModel, actuator: int) -> object:
     return f"{kind} {name_of(model, kind, int(model.actuator_trnid[actuator, 0]))}" if kind else ""
 
 
-_SIZES = {"SPHERE": 1, "CAPSULE": 2, "CYLINDER": 2, "PLANE": 0}  # numbers that act, of three
-_ACTING = {int(getattr(mujoco.mjtGeom, f"mjGEOM_{name}")): count for name, count in _SIZES.items()}
+_ACTING = {  # numbers of a size that act, of three
+    int(mujoco.mjtGeom.mjGEOM_SPHERE): 1,
+    int(mujoco.mjtGeom.mjGEOM_CAPSULE): 2,
+    int(mujoco.mjtGeom.mjGEOM_CYLINDER): 2,
+    int(mujoco.mjtGeom.mjGEOM_PLANE): 0,
+}
 
 
 def _solid_size(model: mujoco.MjModel, geom: int) -> object:

@@ -32,7 +32,6 @@ _MEASURES = {
     "roll": "acceleration", "slide": "way", "slope": "way", "spin": "braking",
     "stack": "load of the lowest", "stick": "way that slides, m",
 }  # fmt: skip
-_ACCURACIES = (1e-1, 1e-3, 1e-5)
 
 
 @dataclass(frozen=True)
@@ -111,7 +110,7 @@ def _read_sweep(task: str, engine: SimulationEngine, session: Session) -> SweepR
     if not engine.controls_error:
         return request
     (steps,) = (axis.values for axis in request.plan.axes if axis.name == "timestep")
-    accuracies = ",".join(f"{accuracy:g}" for accuracy in _ACCURACIES)
+    accuracies = ",".join(f"{accuracy:g}" for accuracy in (1e-1, 1e-3, 1e-5))
     return read(f"timestep={steps[len(steps) // 2]}", f"tolerance={accuracies}")
 
 

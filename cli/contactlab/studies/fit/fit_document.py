@@ -6,8 +6,6 @@ from contactlab.rendering.amounts import format_amount
 from contactlab.rendering.document import Document, Headline, Sentence, document_of, table_of
 from contactlab.schema.study_reports import FITTED, FitReport, FittedSetting
 
-_MOST_WORST = 5  # held-out runs that are named
-
 
 def describe_fit(report: FitReport, *, folder: Path | None = None) -> Document:
     """Describe a fit.
@@ -24,7 +22,8 @@ def describe_fit(report: FitReport, *, folder: Path | None = None) -> Document:
         f"on {len(report.fitted_runs)} fitted runs"
     )
     noise = f"noise floor: {format_amount(report.noise_floor)}, by the start noise of the scene"
-    worst = sorted(report.held_out.items(), key=lambda item: -item[1])[:_MOST_WORST]
+    most_named = 5
+    worst = sorted(report.held_out.items(), key=lambda item: -item[1])[:most_named]
     named = ", ".join(f"run {run} ({format_amount(error)})" for run, error in worst)
     written = f"wrote {folder / 'fitted' / FITTED}, after {report.runs:,} runs" if folder else ""
     return document_of(

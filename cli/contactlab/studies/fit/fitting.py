@@ -34,13 +34,31 @@ _BOUNDS: Mapping[str, tuple[float, float]] = {
     "impratio": (1.0, 100.0),
 }
 """Default bounds; numbers are searched on a log scale."""
-_SCREENING_POINTS, _SCREENING_RUNS, _RETAINED_POINTS = (
-    64,
-    30,
-    12,
-)  # points that are screened, runs per screened point, points that are retained
-_ROUNDS, _POINTS_PER_ROUND, _BEST_POINTS = 4, 16, 8  # rounds of points around the best ones
-_PROFILE_POINTS, _RESAMPLINGS = 7, 400  # points of a profile; resampled sets of runs
+
+
+@dataclass(frozen=True)
+class FitBudget:
+    """Points and runs of a fit.
+
+    Attributes:
+        screening_points, screening_runs: points that are screened, and the runs of each.
+        retained_points: the best of these, which all fitted runs then judge.
+        rounds, points_per_round, best_points: rounds of points around the best ones.
+        profile_points: of each setting.
+        resamplings: sets of runs that give the intervals.
+    """
+
+    screening_points: int = 64
+    screening_runs: int = 30
+    retained_points: int = 12
+    rounds: int = 4
+    points_per_round: int = 16
+    best_points: int = 8
+    profile_points: int = 7
+    resamplings: int = 400
+
+
+_BUDGET = FitBudget()
 
 
 @dataclass(frozen=True)
@@ -166,27 +184,26 @@ def fit_settings(request: FitRequest, session: Session) -> FitReport:
     order = np.random.default_rng(request.seed).permutation(numbers).tolist()
     count = min(request.fitted, 2 * len(order) // 3)
     trials = _Trials(request, session, scenes, knobs, fixed, order[:count])
-    _search_settings(trials)
+
+    # Screen points with few runs, then draw points around the best of them.
+    size, words = len(knobs), [bool(knob.spec.choices) for knob in knobs]
+    points = sample_points(Sample(n=_BUDGET.screening_points, seed=request.seed), size)
+    few = trials.fitted[: _BUDGET.screening_runs]
+    screened = trials.run("screening", [trials.values(point) for point in points], few).mean(axis=1)
+    trials.keep("kept", points[np.argsort(screened)[: _BUDGET.retained_points]])
+    least_spread = 0.02  # smallest spread of a round's points, as a share of the bounds
+    for number in range(_BUDGET.rounds):
+        elite, _ = trials.best(_BUDGET.best_points)
+        spread = np.maximum(elite.std(axis=0), least_spread)
+        normal = np.random.default_rng([request.seed, number]).normal(
+            size=(_BUDGET.points_per_round, size)
+        )
+        drawn = np.clip(elite.mean(axis=0) + spread * normal, 0, 1)
+        trials.keep(f"round-{number}", np.where(words, elite[0], drawn))
+
     report = _make_report(trials, scene, order[count:])
     session.write({FIT_REPORT: report.model_dump_json(indent=2) + "\n"})
     return report
-
-
-def _search_settings(trials: _Trials) -> None:
-    """Screen points with few runs, then draw points around the best of them."""
-    size, seed = len(trials.knobs), trials.request.seed
-    points = sample_points(Sample(n=_SCREENING_POINTS, seed=seed), size)
-    few = trials.fitted[:_SCREENING_RUNS]
-    screened = trials.run("screening", [trials.values(point) for point in points], few).mean(axis=1)
-    trials.keep("kept", points[np.argsort(screened)[:_RETAINED_POINTS]])
-    least_spread = 0.02  # smallest spread of a round's points, as a share of the bounds
-    for number in range(_ROUNDS):
-        elite, _ = trials.best(_BEST_POINTS)
-        spread = np.maximum(elite.std(axis=0), least_spread)
-        normal = np.random.default_rng([seed, number]).normal(size=(_POINTS_PER_ROUND, size))
-        drawn = np.clip(elite.mean(axis=0) + spread * normal, 0, 1)
-        words = [bool(knob.spec.choices) for knob in trials.knobs]
-        trials.keep(f"round-{number}", np.where(words, elite[0], drawn))
 
 
 def _make_report(trials: _Trials, scene: Scene, held_out: Sequence[float]) -> FitReport:
@@ -195,8 +212,13 @@ def _make_report(trials: _Trials, scene: Scene, held_out: Sequence[float]) -> Fi
     (there,) = trials.run("held-out", [chosen], held_out)
     (written,) = trials.run("as-written", [{}], held_out)
     rng = np.random.default_rng(trials.request.seed)
-    drawn = there[rng.integers(len(there), size=(_RESAMPLINGS, len(there)))].mean(axis=1)
+    drawn = there[rng.integers(len(there), size=(_BUDGET.resamplings, len(there)))].mean(axis=1)
     minima = _resampled_minima(trials)
+    floor = None  # the mean change of a run's error by the start noise that a scene declares
+    if (manifest := scene.source.manifest) is not None and manifest.perturb is not None:
+        both = [{**chosen, PERTURBATION: factor} for factor in (0.0, 1.0)]
+        errors_of_noise = trials.run("noise", both, held_out)
+        floor = noise_floor(np.tile(np.arange(len(held_out)), 2), errors_of_noise.ravel())
     edits = ModelEdits({**trials.fixed, **chosen})
     return FitReport(
         scene=trials.request.scene,
@@ -209,34 +231,22 @@ def _make_report(trials: _Trials, scene: Scene, held_out: Sequence[float]) -> Fi
         held_out_error=float(there.mean()),
         held_out_interval=tuple(np.percentile(drawn, [2.5, 97.5]).tolist()),
         current_error=float(written.mean()),
-        noise_floor=_noise_floor(trials, scene, chosen, held_out),
+        noise_floor=floor,
         lines=write_model(scene, edits, trials.session.folder / "fitted", FITTED).lines,
         runs=trials.runs,
     )
 
 
-def _noise_floor(
-    trials: _Trials, scene: Scene, chosen: Values, runs: Sequence[float]
-) -> float | None:
-    """Return the mean change of a run's error by the start noise that a scene declares."""
-    manifest = scene.source.manifest
-    if manifest is None or manifest.perturb is None:
-        return None
-    both = [{**chosen, PERTURBATION: factor} for factor in (0.0, 1.0)]
-    errors = trials.run("noise", both, runs)
-    return noise_floor(np.tile(np.arange(len(runs)), 2), errors.ravel())
-
-
 def _fitted_setting(trials: _Trials, best: Floats, place: int, minima: Floats) -> FittedSetting:
     """Return one setting at the best point (d,), with its interval and its profile."""
     knob = trials.knobs[place]
-    name, count = knob.spec.name, len(knob.spec.choices) or _PROFILE_POINTS
+    name, count = knob.spec.name, len(knob.spec.choices) or _BUDGET.profile_points
     along = np.array([best[place], *np.linspace(0, 1, count)])
     points = np.where(np.arange(len(best)) == place, along[:, None], best)
     settings = list(
         {candidate[name]: candidate for candidate in map(trials.values, points)}.values()
     )
-    errors = trials.run(f"profile-{name}", settings, trials.fitted[: 2 * _SCREENING_RUNS])
+    errors = trials.run(f"profile-{name}", settings, trials.fitted[: 2 * _BUDGET.screening_runs])
     flat_rise = 0.1  # relative rise of the error that makes a profile informative
     alike = errors.mean(axis=1) <= (1 + flat_rise) * errors[0].mean()
     alike |= _is_as_good(errors)
@@ -280,13 +290,13 @@ def _resampled_minima(trials: _Trials) -> Floats:
 
     Without a minimum, it is the best point.
     """
-    points, errors = trials.best(max(len(trials.points) // 2, _BEST_POINTS))
+    points, errors = trials.best(max(len(trials.points) // 2, _BUDGET.best_points))
     size, near = points.shape[1], points - points[0]
     first, second = np.triu_indices(size)
     design = np.hstack([np.ones((len(near), 1)), near, near[:, first] * near[:, second]])
     solve = np.linalg.pinv(design, rcond=1e-6)
     rng, minima = np.random.default_rng(trials.request.seed), list[Floats]()
-    for _ in range(_RESAMPLINGS):
+    for _ in range(_BUDGET.resamplings):
         means = errors[:, rng.integers(errors.shape[1], size=errors.shape[1])].mean(axis=1)
         fit, curve = solve @ means, np.zeros((size, size))
         curve[first, second] = fit[1 + size :]

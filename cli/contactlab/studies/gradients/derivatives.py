@@ -11,11 +11,7 @@ from contactlab.engines.engine import PreparedRuns
 from contactlab.schema.gradients import Difference, GradientInput, GradientVerdict, LadderRung
 from contactlab.studies.gradients.automatic_differentiation import ADAPTIVE, ENGINE, automatic
 from contactlab.studies.gradients.differences import (
-    ABOUT,
-    NOISE_POINTS,
-    NOISE_SPAN,
-    SPANS,
-    WIDE_SPANS,
+    PLAN,
     Estimate,
     differences,
     estimate_noise,
@@ -25,13 +21,8 @@ from contactlab.studies.gradients.differences import (
     parameter_scale,
 )
 from contactlab.studies.gradients.end_states import DifferentiatedScene, Parameter, Point
-from contactlab.studies.gradients.transition_chain import EPSILON, chain_transitions
+from contactlab.studies.gradients.transition_chain import chain_transitions
 from contactlab.tasks.session import Values
-
-_NEAR = NOISE_SPAN * NOISE_POINTS
-_SPREAD = 1e-6  # over the scale, of the two runs that a chain of steps differentiates
-_ACCURACY = 1e-4  # of substeps
-_EXPLODES, _VANISHES, _KNOWN = 10.0, 0.01, 0.5
 
 
 @dataclass(frozen=True)
@@ -43,17 +34,17 @@ class DerivativeMethod:
     settings: Values = field(default_factory=dict[str, object])  # settings of these runs
 
 
-def _chain_of(epsilon: float) -> DerivativeMethod:
+def _chain_of(**epsilon: float) -> DerivativeMethod:
     """Return the chain of transitions of a run with a converging solver."""
     converged = {"tolerance": 0.0, "ls_tolerance": 1e-10, "iterations": 100}
-    return DerivativeMethod(partial(chain_transitions, epsilon=epsilon), converged)
+    return DerivativeMethod(partial(chain_transitions, **epsilon), converged)
 
 
 METHODS: Mapping[str, Mapping[str, DerivativeMethod]] = {
     # With a step that crosses few mode switches, and with the step of MuJoCo's own examples.
-    "chain": {"chain": _chain_of(EPSILON), "chain 1e-6": _chain_of(1e-6)},
+    "chain": {"chain": _chain_of(), "chain 1e-6": _chain_of(epsilon=1e-6)},
     ENGINE: {ENGINE: DerivativeMethod(automatic)},
-    ADAPTIVE: {ADAPTIVE: DerivativeMethod(partial(automatic, accuracy=_ACCURACY))},
+    ADAPTIVE: {ADAPTIVE: DerivativeMethod(partial(automatic, accuracy=1e-4))},  # of substeps
 }
 
 
@@ -70,7 +61,9 @@ class Differentiation:
         """Return the derivative at each place, without verdicts."""
         values = [parameter.at(self.subject, point) for point in points]
         around = [
-            np.concatenate([ladder_points(value), value + parameter_scale(value) * _NEAR])
+            np.concatenate(
+                [ladder_points(value), value + parameter_scale(value) * PLAN.noise_offsets]
+            )
             for value in values
         ]
         moved = [
@@ -80,7 +73,7 @@ class Differentiation:
         ]
         own: list[Estimate] = []
         for at, ends in zip(around, self._end_values(moved, len(points)), strict=True):
-            rungs = slice(2 * len(SPANS))
+            rungs = slice(2 * len(PLAN.spans))
             own.append(extrapolate(at[rungs], ends[rungs], estimate_noise(ends[rungs.stop :])))
         fine, coarse = (
             self._end_values(
@@ -93,16 +86,17 @@ class Differentiation:
             )
             for coarser in (1, 2)
         )
-        shape = len(WIDE_SPANS), len(ABOUT)
+        shape = len(PLAN.wide_spans), len(PLAN.within)
         models = [
             fit_slope(
-                WIDE_SPANS * parameter_scale(value), some.reshape(shape), rough.reshape(shape)
+                PLAN.wide_spans * parameter_scale(value), some.reshape(shape), rough.reshape(shape)
             )
             for some, rough, value in zip(fine, coarse, values, strict=True)
         ]
+        spread_share = 1e-6  # over the scale, of the two runs that a chain of steps differentiates
         told: list[GradientInput] = []
         for place, (point, value) in enumerate(zip(points, values, strict=True)):
-            spread = _SPREAD * parameter_scale(value)
+            spread = spread_share * parameter_scale(value)
             told.append(
                 GradientInput(
                     value=value,
@@ -124,8 +118,8 @@ class Differentiation:
         more_steps = (0, 6, 10, 18, 22, 30, 38, 42, 54, 58, 66, 74)
         half, steps = len(more_steps), run.steps * self.finer
         found: list[_Smoothed] = []
-        for span in WIDE_SPANS:
-            for number, about in enumerate(ABOUT):
+        for span in PLAN.wide_spans:
+            for number, about in enumerate(PLAN.within):
                 # The two ends of a span have different steps.
                 turn = number if number < half else (2 * half - 1 - number + half // 2) % half
                 timestep = run.steps * run.timestep * coarser / (steps + more_steps[turn])
@@ -186,15 +180,19 @@ def judge_derivative(
 
     A share of that up to the tolerance counts as zero.
     """
+    most_bound = 0.5  # of a known derivative, over its value
+    explodes, vanishes = 10.0, 0.01  # over the model's derivative
     model, bound = by.model.value, by.model.bound
     least = tolerance * most / parameter_scale(by.value)
-    if value is None or model is None or bound is None or bound > max(_KNOWN * abs(model), least):
+    if value is None or model is None or bound is None:
         return "unknown"
-    if abs(value) > _EXPLODES * max(abs(model), bound, least):
+    if bound > max(most_bound * abs(model), least):
+        return "unknown"
+    if abs(value) > explodes * max(abs(model), bound, least):
         return "explodes"
     if abs(value - model) <= max(tolerance * abs(model), least) + bound:
         return "agrees"
-    return "vanishes" if abs(value) < _VANISHES * abs(model) else "differs"
+    return "vanishes" if abs(value) < vanishes * abs(model) else "differs"
 
 
 def _find_difference(estimate: Estimate) -> Difference:

@@ -15,23 +15,44 @@ and Golay). Each pair of runs has its own step, so that the event falls anywhere
 """
 
 import math
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 
-# Ratio of one span to the next smaller; not a whole number, since jumps at a step repeat.
-RATIO = 3.7
-SPANS = 0.1 * RATIO ** -np.arange(15.0)  # over the scale of the parameter
-NOISE_SPAN = 2.0**-32  # over the scale, between neighbors of NOISE_POINTS
-NOISE_POINTS = np.arange(-3.0, 4.0)
-WIDE_SPANS = np.array([0.25, 0.07, 0.02])  # over the scale, for the model's derivative
-ABOUT = np.linspace(
-    -1.0, 1.0, 24
-)  # points within a span; an even number, so that none is the middle
-_DEVIATIONS, _ERRORS = 4.0, 3.0
 _ULP = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True)
+class DifferencePlan:
+    """Points at which a parameter is moved, and the bounds that follow.
+
+    Attributes:
+        ratio: of one span to the next smaller; not a whole number, since jumps at a step repeat.
+        noise_offsets: of points that are so near that only rounding separates their values, over
+            the scale.
+        wide_spans: for the model's derivative, over the scale.
+        within: points within a wide span; an even number, so that none is the middle.
+        noise_deviations: deviations of the noise that bound it.
+        slope_errors: standard errors of a slope that bound it.
+    """
+
+    ratio: float = 3.7
+    noise_offsets: Floats = field(default_factory=lambda: 2.0**-32 * np.arange(-3.0, 4.0))
+    wide_spans: Floats = field(default_factory=lambda: np.array([0.25, 0.07, 0.02]))
+    within: Floats = field(default_factory=lambda: np.linspace(-1.0, 1.0, 24))
+    noise_deviations: float = 4.0
+    slope_errors: float = 3.0
+
+    @property
+    def spans(self) -> Floats:
+        """Falling spans of central differences, over the scale of the parameter."""
+        return 0.1 * self.ratio ** -np.arange(15.0)
+
+
+PLAN = DifferencePlan()
 
 
 class Estimate(NamedTuple):
@@ -62,12 +83,12 @@ def estimate_noise(values: Floats) -> float:
         math.sqrt(math.factorial(k) ** 2 / math.factorial(2 * k) * np.mean(np.diff(values, k) ** 2))
         for k in orders
     ]
-    return max(_DEVIATIONS * max(deviations), _ULP * float(np.abs(values).max()))
+    return max(PLAN.noise_deviations * max(deviations), _ULP * float(np.abs(values).max()))
 
 
 def ladder_points(value: float) -> Floats:
     """Return (2 K,) points above a value, by falling spans, then those below it."""
-    return value + parameter_scale(value) * np.concatenate([SPANS, -SPANS])
+    return value + parameter_scale(value) * np.concatenate([PLAN.spans, -PLAN.spans])
 
 
 def differences(points: Floats, values: Floats) -> tuple[Floats, Floats]:
@@ -83,34 +104,37 @@ def differences(points: Floats, values: Floats) -> tuple[Floats, Floats]:
 def extrapolate(points: Floats, values: Floats, noise: float) -> Estimate:
     """Return the extrapolated difference with the least bound; see above."""
     spans, plain = differences(points, values)
-    square = RATIO**2
+    square = PLAN.ratio**2
     better = (square * plain[1:] - plain[:-1]) / (square - 1)
-    bounds = np.abs(better - plain[1:]) + noise / spans[:-1] * (RATIO**3 + 1) / (square - 1)
+    bounds = np.abs(better - plain[1:]) + noise / spans[:-1] * (PLAN.ratio**3 + 1) / (square - 1)
     return _smallest_bound(better, bounds, spans[:-1])
 
 
 def fit_slope(spans: Floats, fine: Floats, coarse: Floats) -> Estimate:
-    """Return the slope with the least bound, of values (K, M) at `ABOUT` within each of K spans.
+    """Return the slope with the least bound, of values (K, M) at points within each of K spans.
 
-    The steps of `fine` are half of those of `coarse`. The bound is the sum of three parts: the
-    distance between the slopes of a parabola and of a cubic with an error of fourth order; three
-    standard errors of the cubic's slope, from its residuals; and the distance between both sets of
-    values, which equals the error of the finer one if that is of first order.
+    The points are `PLAN.within`. The steps of `fine` are half of those of `coarse`. The bound is
+    the sum of three parts: the distance between the slopes of a parabola and of a cubic with an
+    error of fourth order; three standard errors of the cubic's slope, from its residuals; and the
+    distance between both sets of values, which equals the error of the finer one if that is of
+    first order.
     """
     slopes, (cubic, errors) = _fit_polynomials(fine, 2)[0], _fit_polynomials(fine, 3)
     bounds = (
-        _ERRORS * errors + np.abs(cubic - slopes) + np.abs(_fit_polynomials(coarse, 2)[0] - slopes)
+        PLAN.slope_errors * errors
+        + np.abs(cubic - slopes)
+        + np.abs(_fit_polynomials(coarse, 2)[0] - slopes)
     )
     return _smallest_bound(slopes / spans, bounds / spans, spans)
 
 
 def _fit_polynomials(values: Floats, degree: int) -> tuple[Floats, Floats]:
     """Return (K,) slopes at the middle of polynomials through (K, M) values, and their errors."""
-    powers = np.vander(ABOUT, degree + 1, increasing=True)
+    powers = np.vander(PLAN.within, degree + 1, increasing=True)
     inverse = np.linalg.pinv(powers)
     found = values @ inverse.T
     rest = values - found @ powers.T
-    deviations = np.sqrt((rest**2).sum(axis=1) / (len(ABOUT) - degree - 1))
+    deviations = np.sqrt((rest**2).sum(axis=1) / (len(PLAN.within) - degree - 1))
     return found[:, 1], deviations * float(np.linalg.norm(inverse[1]))
 
 

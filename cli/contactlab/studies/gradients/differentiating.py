@@ -37,7 +37,7 @@ from contactlab.studies.gradients.derivatives import (
     influence,
     judge_derivative,
 )
-from contactlab.studies.gradients.differences import WIDE_SPANS, parameter_scale
+from contactlab.studies.gradients.differences import PLAN, parameter_scale
 from contactlab.studies.gradients.end_states import DifferentiatedScene, Parameter, Point
 from contactlab.tasks.session import Session
 
@@ -90,7 +90,7 @@ def differentiate_scene(request: GradientsRequest, session: Session) -> Gradient
     parameters = [subject.find_parameter(name) for name in names]
     for parameter, point in product(parameters, points):
         value = parameter.at(subject, point)  # raises an error before anything runs
-        for reach in (-WIDE_SPANS[0], WIDE_SPANS[0]):
+        for reach in (-PLAN.wide_spans[0], PLAN.wide_spans[0]):
             parameter.moved(point, value + float(reach) * parameter_scale(value))
     session.claim("gradients", request.source)
     store = session.run(sweep)
@@ -122,7 +122,14 @@ def differentiate_scene(request: GradientsRequest, session: Session) -> Gradient
         )
         for place, point in enumerate(points)
     )
-    timestep = subject.resolve(points[0]).timestep
+    first = subject.resolve(points[0])
+    notes = [f"the store has {store.columns.runs} runs, one per place"]
+    solref = first.settings.get("solref")
+    if solref is not None and 0 < as_vector(solref)[0] < 2 * first.timestep:
+        notes.append(
+            "refsafe raises the contact's time constant to two timesteps of the scene, so that "
+            "finer timesteps simulate another model"
+        )
     report = GradientsReport(
         source=request.source,
         scene=sweep.scene.name,
@@ -130,14 +137,14 @@ def differentiate_scene(request: GradientsRequest, session: Session) -> Gradient
         mujoco=ENGINES[MODEL_ENGINE].version,
         engines={ENGINE: automatic_differentiation.engine().version} if differentiates else {},
         output_coordinate=request.output_coordinate,
-        duration=subject.resolve(points[0]).duration,
-        steps=(timestep, timestep / finer),
+        duration=first.duration,
+        steps=(first.timestep, first.timestep / finer),
         tolerance=request.tolerance,
         axes=axes,
         places=places,
         bands=tuple(_find_bands(axes, places, [RUN, *methods])) if is_map else (),
         mode_switches=len(list(find_mode_switches(axes, places))),
-        notes=tuple(_list_notes(subject, points[0], store.columns.runs)),
+        notes=tuple(notes),
     )
     session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
     return report
@@ -255,14 +262,3 @@ def find_mode_switches(
                 neighbor = number + int(np.prod(shape[axis + 1 :], dtype=int))
                 if places[neighbor].mode != place.mode:
                     yield number, neighbor
-
-
-def _list_notes(subject: DifferentiatedScene, point: Point, runs: int) -> Iterator[str]:
-    yield f"the store has {runs} runs, one per place"
-    spec = subject.resolve(point)
-    solref = spec.settings.get("solref")
-    if solref is not None and 0 < as_vector(solref)[0] < 2 * spec.timestep:
-        yield (
-            "refsafe raises the contact's time constant to two timesteps of the scene, so that "
-            "finer timesteps simulate another model"
-        )

@@ -25,7 +25,6 @@ from contactlab.scene.scene import Scene
 from contactlab.schema.setting_values import as_number, as_vector
 from contactlab.tasks.session import Values
 
-_MOST_RUNS, _MOST_BYTES = 256, 64 << 20
 _MODES = {STICK: "stick", SLIDE: "slide"}
 _QUATERNION = (".qw", ".qx", ".qy", ".qz")
 
@@ -142,7 +141,8 @@ class DifferentiatedScene:
             places = list(alike)
             first = resolved[places[0]]
             size = bytes_of_run(self.scene.base_of(first).model, first.steps)
-            most = max(1, min(_MOST_RUNS, _MOST_BYTES // size))
+            most_runs, most_bytes = 256, 64 << 20  # made together
+            most = max(1, min(most_runs, most_bytes // size))
             for at in range(0, len(places), most):
                 some = places[at : at + most]
                 yield some, self.prepare([points[place] for place in some])

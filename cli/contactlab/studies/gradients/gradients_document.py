@@ -9,7 +9,6 @@ from contactlab.rendering.document import (
     Document,
     Headline,
     Sentence,
-    Table,
     document_of,
     table_of,
 )
@@ -28,18 +27,15 @@ def describe_gradients(report: GradientsReport, *, folder: Path | None = None) -
         f"{report.scene}: derivative of {report.output_coordinate} after {report.duration:g} s, of "
         f"the run at its timestep of {own}, and of the model at timesteps up to {finest}"
     )
-    blocks: list[Block] = [Headline(headline)]
-    if not report.axes:
-        blocks.append(Sentence(report.places[0].mode))
-    blocks.append(_map_table(report) if report.axes else _place_table(report))
-    blocks += map(Sentence, (*_list_advice(report), *report.notes))
+    blocks = [Headline(headline), *(_map_blocks(report) if report.axes else _place_blocks(report))]
+    blocks += map(Sentence, report.notes)
     if folder is not None:
         blocks.append(Sentence(f"evidence and {REPORT} in {folder}"))
     return document_of(blocks)
 
 
-def _place_table(report: GradientsReport) -> Table:
-    """Return the table of one place: one row per input."""
+def _place_blocks(report: GradientsReport) -> Iterator[Block]:
+    """Yield one row per input of one place, then advice for each input that needs one."""
     (place,) = report.places
     methods = list(next(iter(place.inputs.values())).methods)
     rows = [
@@ -54,16 +50,22 @@ def _place_table(report: GradientsReport) -> Table:
         )
         for name, each in place.inputs.items()
     ]
-    return table_of(("input", "value", "model", "run", *methods), rows)
+    yield Sentence(place.mode)
+    yield table_of(("input", "value", "model", "run", *methods), rows)
+    for name, each in place.inputs.items():
+        verdict, span = each.verdicts["run"], each.model.span
+        if verdict == "agrees" or span is None or each.run.value is None:
+            continue
+        yield Sentence(
+            f"{name}: the model's derivative over +-{span:g} is uncertain by more than half"
+            if verdict == "unknown"
+            else f"{name}: the run's derivative {verdict}. Use smoothed differences over "
+            f"+-{span:g}."
+        )
 
 
-def _model_cell(each: GradientInput) -> str:
-    value, bound = each.model.value, each.model.bound
-    return "-" if value is None or bound is None else f"{value:.4g} +- {bound:.1g}"
-
-
-def _map_table(report: GradientsReport) -> Table:
-    """Return the table of a map: one row per input and method."""
+def _map_blocks(report: GradientsReport) -> Iterator[Block]:
+    """Yield one row per input and method of a map, then its mode switches."""
     verdicts = list(report.bands[0].counts)
     rows = [
         (
@@ -75,22 +77,13 @@ def _map_table(report: GradientsReport) -> Table:
         for band in report.bands
     ]
     header = ("input", "method", *verdicts, *(f"unusable, {axis}" for axis in report.axes))
-    return table_of(header, rows)
+    yield table_of(header, rows)
+    yield Sentence(
+        f"{len({place.mode for place in report.places})} modes, {report.mode_switches} mode "
+        "switches between neighbors"
+    )
 
 
-def _list_advice(report: GradientsReport) -> Iterator[str]:
-    """Yield a sentence of advice for each input that needs one."""
-    if report.axes:
-        yield (
-            f"{len({place.mode for place in report.places})} modes, {report.mode_switches} mode "
-            "switches between neighbors"
-        )
-        return
-    for name, each in report.places[0].inputs.items():
-        verdict, span = each.verdicts["run"], each.model.span
-        if verdict == "agrees" or span is None or each.run.value is None:
-            continue
-        if verdict == "unknown":
-            yield f"{name}: the model's derivative over +-{span:g} is uncertain by more than half"
-            continue
-        yield f"{name}: the run's derivative {verdict}. Use smoothed differences over +-{span:g}."
+def _model_cell(each: GradientInput) -> str:
+    value, bound = each.model.value, each.model.bound
+    return "-" if value is None or bound is None else f"{value:.4g} +- {bound:.1g}"

@@ -7,20 +7,20 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.engine import PreparedRuns
 from contactlab.scene.initial_states import apply_inputs
 
-EPSILON = 1e-9
-"""of the finite differences of a step; a larger one may cross the start or end of a contact."""
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
-_BALL, _SINGLE = int(mujoco.mjtJoint.mjJNT_BALL), 2  # slides and hinges come after these
+_FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 
 
 def chain_transitions(
-    runs: PreparedRuns, place: int, spread: float, epsilon: float = EPSILON
+    runs: PreparedRuns, place: int, spread: float, epsilon: float = 1e-9
 ) -> float | None:
     """Return the derivative of a coordinate's end value, or None if MuJoCo has no such matrices.
 
     The runs are the run itself, and it with the parameter above and below, `spread` apart. A step
     from the run's own state has d x' = A d x + b d p: A is from mjd_transitionFD, and b the central
     difference of that step between both models and inputs, as MuJoCo has it for controls alone.
+    `epsilon` is of the finite differences of a step; a larger one may cross the start or end of a
+    contact.
     """
     model, *sides = runs.models
     row = tangent_place(model, place)
@@ -33,7 +33,12 @@ def chain_transitions(
         one.qpos[:], one.qvel[:] = runs.starts.qpos[run], runs.starts.qvel[run]
         one.act[:] = runs.starts.act[run]
     change = _tangent_difference(model, *both) / spread
-    steady = _are_identical(*sides) and np.array_equal(inputs[1], inputs[2])
+    binaries: list[bytes] = []
+    for side in sides:
+        buffer = np.empty(mujoco.mj_sizeModel(side), np.uint8)
+        mujoco.mj_saveModel(side, None, buffer)
+        binaries.append(buffer.tobytes())
+    steady = binaries[0] == binaries[1] and np.array_equal(inputs[1], inputs[2])
     size = 2 * model.nv + model.na
     matrix, state = np.zeros((size, size)), np.zeros(mujoco.mj_stateSize(model, _STATE))
     try:
@@ -62,7 +67,7 @@ def tangent_place(model: mujoco.MjModel, place: int) -> int | None:
     offset = place - int(model.jnt_qposadr[joint])
     kind = int(model.jnt_type[joint])
     translations = 3  # translational coordinates of a free joint
-    if kind == _BALL or (kind < _SINGLE and offset >= translations):
+    if kind == _BALL or (kind == _FREE and offset >= translations):
         return None
     return int(model.jnt_dofadr[joint]) + offset
 
@@ -72,12 +77,3 @@ def _tangent_difference(model: mujoco.MjModel, up: mujoco.MjData, down: mujoco.M
     positions = np.zeros(model.nv)
     mujoco.mj_differentiatePos(model, positions, 1.0, down.qpos, up.qpos)
     return np.concatenate([positions, up.qvel - down.qvel, up.act - down.act])
-
-
-def _are_identical(first: mujoco.MjModel, second: mujoco.MjModel) -> bool:
-    binaries: list[bytes] = []
-    for model in (first, second):
-        buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
-        mujoco.mj_saveModel(model, None, buffer)
-        binaries.append(buffer.tobytes())
-    return binaries[0] == binaries[1]

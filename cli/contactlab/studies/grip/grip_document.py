@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 from contactlab.rendering.amounts import format_amount
 from contactlab.rendering.document import (
-    Block,
     Column,
     Document,
     Facts,
@@ -17,21 +16,39 @@ from contactlab.rendering.document import (
 )
 from contactlab.schema.grip import GripFix, GripReport
 
-_DRIFT_HEADS = ("weight pulls", Column("speed", "right"), "", "lost after")
-
 
 def describe_grip(report: GripReport) -> Document:
     """Describe whether a gripper holds an object, and why not."""
     place = f"keyframe {report.keyframe}" if report.keyframe else "hand with its base fixed"
     limit = _speed_text(report.tolerance)
     where = f"{place}; motion relative to {report.base}; tolerance {limit}"
+
+    speed = Column("speed", "right")
+    drifts = [
+        (
+            each.name,
+            _speed_text(each.speed, lost="-"),
+            each.trend,
+            "never" if each.lost_after is None else format_amount(each.lost_after, "s"),
+        )
+        for each in report.drifts
+    ]
+    placements = [
+        (each.name, format_amount(each.force, "N", digits=3), _speed_text(each.speed), each.verdict)
+        for each in report.placements
+    ]
+    of_placements = ("object", Column("force", "right"), speed, "verdict")
+    of_fixes = (Column("fix"), speed, Column("time"), Column("verdict"))
     return document_of(
         [Headline(report.sentence), Sentence(where)],
         [Facts(tuple(_squeeze_facts(report)))],
-        [_drift_table(report), Facts(tuple(_trial_facts(report)))],
-        [*_placement_table(report)],
+        [
+            table_of(("weight pulls", speed, "", "lost after"), drifts),
+            Facts(tuple(_trial_facts(report))),
+        ],
+        [table_of(of_placements, placements)] if placements else [],
         [Sentence(cause.sentence) for cause in report.causes[1:]],
-        [*_fix_table(report)],
+        [Table(of_fixes, tuple(map(_fix_row, report.fixes)))] if report.fixes else [],
         [Sentence(note) for note in report.notes],
     )
 
@@ -39,7 +56,21 @@ def describe_grip(report: GripReport) -> Document:
 def _squeeze_facts(report: GripReport) -> Iterator[tuple[str, str]]:
     if report.opening is not None:
         yield "opening", format_amount(report.opening, "mm")
-    yield _pressing_bodies(report)
+
+    # The bodies that press on the object: fingers, or one jaw and its counterpart.
+    forces = [
+        f"{each.body} {format_amount(each.force, 'N', digits=3)}"
+        for each in report.fingers
+        if each.force > 0
+    ]
+    moving = [each.body for each in report.fingers if each.body != report.base]
+    if len(moving) != 1:
+        yield "fingers", ", ".join(forces) or "no finger presses on it"
+    elif len(forces) > 1:
+        yield "jaw", " against ".join(forces)
+    else:
+        yield "jaw", f"{moving[0]} and {report.base}: they do not hold it"
+
     controls = (
         f"{each.name} {abs(each.force):.3g}"
         + (f" of {each.limit:.3g}" if each.limit is not None else "")
@@ -53,34 +84,6 @@ def _squeeze_facts(report: GripReport) -> Iterator[tuple[str, str]]:
     yield "depth", depth
 
 
-def _pressing_bodies(report: GripReport) -> tuple[str, str]:
-    """Return the bodies that press on the object: fingers, or one jaw and its counterpart."""
-    forces = [
-        f"{each.body} {format_amount(each.force, 'N', digits=3)}"
-        for each in report.fingers
-        if each.force > 0
-    ]
-    moving = [each.body for each in report.fingers if each.body != report.base]
-    if len(moving) != 1:
-        return "fingers", ", ".join(forces) or "no finger presses on it"
-    if len(forces) > 1:
-        return "jaw", " against ".join(forces)
-    return "jaw", f"{moving[0]} and {report.base}: they do not hold it"
-
-
-def _drift_table(report: GripReport) -> Table:
-    rows = [
-        (
-            each.name,
-            "-" if each.speed is None else _speed_text(each.speed),
-            each.trend,
-            "never" if each.lost_after is None else format_amount(each.lost_after, "s"),
-        )
-        for each in report.drifts
-    ]
-    return table_of(_DRIFT_HEADS, rows)
-
-
 def _trial_facts(report: GripReport) -> Iterator[tuple[str, str]]:
     for name, trial in (("shaken", report.shake), ("turned", report.turn)):
         way = "far" if trial.distance is None else format_amount(trial.distance, "mm")
@@ -92,27 +95,6 @@ def _trial_facts(report: GripReport) -> Iterator[tuple[str, str]]:
     yield "pulled", f"holds {force}, {pull.weights:.3g} weights ({pull.direction})"
 
 
-def _placement_table(report: GripReport) -> Iterator[Block]:
-    if report.placements:
-        header = ("object", Column("force", "right"), Column("speed", "right"), "verdict")
-        rows = [
-            (
-                each.name,
-                format_amount(each.force, "N", digits=3),
-                _speed_text(each.speed),
-                each.verdict,
-            )
-            for each in report.placements
-        ]
-        yield table_of(header, rows)
-
-
-def _fix_table(report: GripReport) -> Iterator[Block]:
-    if report.fixes:
-        header = (Column("fix"), Column("speed", "right"), Column("time"), Column("verdict"))
-        yield Table(header, tuple(_fix_row(fix) for fix in report.fixes))
-
-
 def _fix_row(fix: GripFix) -> Row:
     ratio = format_amount(fix.time_ratio.ratio, "x") if fix.time_ratio else ""
     worse = ", worse than as written" if fix.worse else ""
@@ -121,5 +103,5 @@ def _fix_row(fix: GripFix) -> Row:
     return Row(cells, details=(*fix.lines, *why))
 
 
-def _speed_text(speed: float | None) -> str:
-    return "lost" if speed is None else format_amount(speed, "mm/s")
+def _speed_text(speed: float | None, lost: str = "lost") -> str:
+    return lost if speed is None else format_amount(speed, "mm/s")

@@ -26,17 +26,7 @@ from contactlab.studies.grip.grip_verdict import MOST_DEPTH, verdict_of
 from contactlab.studies.grip.holding import Drift, Load, load_directions, measure_drifts
 from contactlab.studies.grip.rollouts import data_at, repeat_input, roll_out, state_row
 
-_INPUTS = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_XFRC_APPLIED)
-SECONDS = 2.0  # s of a run in each direction
-_ADAPTS = 0.5  # s for a held object to adapt to a change
-_TIMED = 0.4  # s of a timed run
-_WINDOW = 0.04  # s of a window
-_MORE = 2.0  # times the squeeze
-# A control squeezes if its full range adds this share of the force.
-_SQUEEZES = 0.02
-_SHARES = (0.125, 0.25, 0.5, 1.0)
-_LESS = (0.25, 0.06, 0.015)  # shares of the squeeze
-_HALVINGS = 10  # of the way to the opened control, for one of these shares
+_LEAST_SQUEEZE = 0.02  # a control squeezes if its full range adds this share of the force
 
 
 @dataclass(frozen=True)
@@ -75,7 +65,8 @@ class Grip:
 
     def measure_drifts(self) -> tuple[Drift, ...]:
         """Return the drifts in all directions; the first is without a further load."""
-        return measure_drifts(self.fixture, self.held, self.load, self.directions(), SECONDS)
+        seconds = 2.0  # of a run in each direction
+        return measure_drifts(self.fixture, self.held, self.load, self.directions(), seconds)
 
     def with_model(self, model: mujoco.MjModel) -> "Grip":
         """Return the grip of a changed model: closed again, or continued from the keyframe."""
@@ -113,7 +104,8 @@ class Grip:
 
     def _held_on(self, fixture: GripFixture, control: Floats) -> Squeeze:
         """Continue from the keyframe to a control, with a weightless object."""
-        steps = max(2, round(_ADAPTS / fixture.model.opt.timestep))
+        adapt_seconds = 0.5  # for a held object to adapt to a change
+        steps = max(2, round(adapt_seconds / fixture.model.opt.timestep))
         share = np.minimum(1, np.linspace(0, 2, steps))[:, None]
         controls = self.held.control + share * (control - self.held.control)
         lifted = repeat_input(self.load.load_forces(np.zeros(3)), 1, steps)
@@ -177,7 +169,22 @@ def run_fixes(grip: Grip, within: float) -> list[TestedFix]:
             drifts, deep = tried.measure_drifts(), tried.depth_share
             fix = TestedFix(name, candidate.against, settings, drifts, deep, None, bool(less))
             found.append(fix)
-    ratios, costs = _measure_costs(grip, changed)
+
+    # Time ratios are measured; counted costs are exact, and rank the fixes.
+    timed_seconds, window_seconds = 0.4, 0.04
+    steps = max(2, round(timed_seconds / model.opt.timestep))
+    down = grip.directions()[grip.names[1]]
+    forces = grip.load.load_forces(grip.load.gravity * down).ravel()
+    inputs = np.tile(np.concatenate([grip.held.control, forces]), (1, steps, 1))
+    kinds = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_XFRC_APPLIED)
+    motion = Motion(model, grip.held.row[None], inputs, kinds, "held")
+    states = sample_states(motion)
+    own = count_step_seconds(motion, model, states)
+    costs = {
+        name: count_step_seconds(motion, other, states) / own for name, other in changed.items()
+    }
+    timed = {name: (lambda other=other: other, 1) for name, other in changed.items()}
+    ratios = measure_time_ratios(motion, replay(motion, window_seconds, 1), timed)
     found = [
         replace(each, time_ratio=ratios.get(each.name), cost=costs.get(each.name, math.inf))
         for each in found
@@ -196,10 +203,11 @@ def _ease_squeeze(grip: Grip) -> Iterator[tuple[Grip, TestedFix]]:
     own = sum(grip.closed_again(grip.held.control).held.forces)
     ends = control_ranges(grip.fixture.model)
     opened = grip.closing.opened if grip.closing else _squeezing_ends(grip, ends, own, opens=True)
+    halvings = 10  # of the way to the opened control, for a share of the squeeze
     low = 0.0
-    for share in _LESS:
+    for share in (0.25, 0.06, 0.015):
         high = 1.0
-        for _ in range(_HALVINGS):
+        for _ in range(halvings):
             middle = (low + high) / 2
             tried = grip.closed_again(grip.held.control + middle * (opened - grip.held.control))
             more = sum(tried.held.forces) > share * own
@@ -225,26 +233,6 @@ def changed_settings(
     return settings
 
 
-def _measure_costs(
-    grip: Grip, changed: Mapping[str, mujoco.MjModel]
-) -> tuple[Mapping[str, TimeRatio], Mapping[str, float]]:
-    # Ratios of measured time, and counted costs.
-    model = grip.fixture.model
-    steps = max(2, round(_TIMED / model.opt.timestep))
-    down = grip.directions()[grip.names[1]]
-    forces = grip.load.load_forces(grip.load.gravity * down).ravel()
-    inputs = np.tile(np.concatenate([grip.held.control, forces]), (1, steps, 1))
-    motion = Motion(model, grip.held.row[None], inputs, _INPUTS, "held")
-    run = replay(motion, _WINDOW, 1)
-    made = {name: (lambda other=other: other, 1) for name, other in changed.items()}
-    states = sample_states(motion)
-    own = count_step_seconds(motion, model, states)
-    costs = {
-        name: count_step_seconds(motion, other, states) / own for name, other in changed.items()
-    }
-    return measure_time_ratios(motion, run, made), costs
-
-
 def weakest_finger_force(held: Squeeze) -> float:
     """Return the force of the finger that presses least, of those that press [N]."""
     return min((force for force in held.forces if force > 0), default=0.0)
@@ -262,15 +250,16 @@ def double_squeeze(grip: Grip) -> tuple[Floats, float] | None:
         target, control, rtol=0, atol=SUM_ROUNDING * (1 + np.abs(ends).max())
     ):
         return None
+    factor = 2.0
     best, most = control, own
-    for share in _SHARES:
+    for share in (0.125, 0.25, 0.5, 1.0):  # of the way to the end of the control ranges
         tried = control + share * (target - control)
         force = sum(grip.with_control(tried).held.forces)
         if force > most:
             best, most = tried, force
-        if most >= _MORE * own:
+        if most >= factor * own:
             break
-    return (best, most / own) if most > own * (1 + _SQUEEZES) else None
+    return (best, most / own) if most > own * (1 + _LEAST_SQUEEZE) else None
 
 
 def _squeezing_ends(grip: Grip, ends: Floats, own: float, *, opens: bool = False) -> Floats:
@@ -285,7 +274,7 @@ def _squeezing_ends(grip: Grip, ends: Floats, own: float, *, opens: bool = False
             tried = grip.held.control.copy()
             tried[control] += (end - tried[control]) / 20
             more = (sum(close(tried).held.forces) - own) * (-1 if opens else 1)
-            if 20 * more > _SQUEEZES * own:
+            if 20 * more > _LEAST_SQUEEZE * own:
                 target[control] = end
                 break
     return target

@@ -60,15 +60,6 @@ from contactlab.studies.grip.holding import (
 )
 from contactlab.studies.grip.keyframe_grip import find_held_object
 
-CREEP_SPEED_LIMIT = 1e-4  # m/s: 1 mm in the ten seconds of a pick and place
-_HAND_DIRECTIONS = ("out of the hand", "into the hand")
-_KEYFRAME_DIRECTIONS = ("up", "down")
-_FILTER_NOTE = (
-    "The base of the hand is fixed to the world. Contacts of the base with the first links, which "
-    "MuJoCo filters on an arm, are excluded."
-)
-_NO_SQUEEZE_NOTE = "More squeeze was not tested, since the control ranges end here."
-
 
 @dataclass(frozen=True)
 class GripRequest:
@@ -80,11 +71,12 @@ class GripRequest:
         keyframe: a keyframe with a held object.
         squeeze: force of a finger [N]; default: the force at the ends of control ranges.
         base: the body that carries the fingers.
-        tolerance: an object with a larger speed creeps [m/s].
+        tolerance: an object with a larger speed creeps [m/s]; by default, one that moves 1 mm in
+            the ten seconds of a pick and place.
         fixes: whether to test fixes.
         placements: whether to test other places and sizes of the object.
         notify: called with a line of text at each stage.
-        film: called with the grip after the verdict.
+        film: called with the grip after all measurements.
     """
 
     model: str
@@ -92,7 +84,7 @@ class GripRequest:
     keyframe: str | None = None
     squeeze: float | None = None
     base: str | None = None
-    tolerance: float = CREEP_SPEED_LIMIT
+    tolerance: float = 1e-4
     fixes: bool = True
     placements: bool = True
     notify: Callable[[str], None] = lambda _: None
@@ -117,33 +109,36 @@ def judge_grip(request: GripRequest) -> GripReport:
         SweepFileError: a squeeze is requested for a keyframe, or is more than the actuators give.
     """
     with step_names(5 if request.fixes else 4) as begin_step:
-        return _judge_in_steps(request, begin_step)
+        begin_step("closing the hand")
+        setup = _read_keyframe(request) if request.keyframe else _mount_and_close(request)
+        grip = setup.grip
+        force = weakest_finger_force(grip.held)
+        request.notify(f"closed on {_object_words(setup)} with {force:.3g} N per finger; loading")
+        begin_step("pulling in six directions")
+        drifts = grip.measure_drifts()
+        deep = grip.depth_share
+        word = verdict_of(drifts, request.tolerance, deep)
+        directions = grip.directions()
+        down = directions[grip.names[1] if setup.mounted_hand is None else grip.names[0]]
+        across = dict(list(directions.items())[:4])
+        begin_step("shaking and turning")
+        trials = [
+            each(grip.fixture, grip.held, grip.load, down) for each in (shake_object, turn_object)
+        ]
+        begin_step("pulling it out")
+        direction, pull = pull_object(grip.fixture, grip.held, grip.load, across)
+        tried = list[TestedFix]()
+        if word != "holds" and request.fixes:
+            request.notify(f"it {word}; testing fixes")
+            begin_step("testing fixes")
+            tried = run_fixes(grip, request.tolerance)
+        fixes = _fix_rows(request, drifts, tried)
+        placements = (
+            tuple(_placement_rows(setup, drifts, request.tolerance)) if request.placements else ()
+        )
+        if request.film is not None:
+            request.film(grip)
 
-
-def _judge_in_steps(request: GripRequest, begin_step: Callable[[str], None]) -> GripReport:
-    begin_step("closing the hand")
-    setup = _read_keyframe(request) if request.keyframe else _mount_and_close(request)
-    grip = setup.grip
-    force = weakest_finger_force(grip.held)
-    request.notify(f"closed on {_object_words(setup)} with {force:.3g} N per finger; loading")
-    begin_step("pulling in six directions")
-    drifts = grip.measure_drifts()
-    deep = grip.depth_share
-    word = verdict_of(drifts, request.tolerance, deep)
-    directions = grip.directions()
-    down = directions[grip.names[1] if setup.mounted_hand is None else grip.names[0]]
-    across = dict(list(directions.items())[:4])
-    begin_step("shaking and turning")
-    trials = [
-        each(grip.fixture, grip.held, grip.load, down) for each in (shake_object, turn_object)
-    ]
-    begin_step("pulling it out")
-    pull = pull_object(grip.fixture, grip.held, grip.load, across)
-    tried = list[TestedFix]()
-    if word != "holds" and request.fixes:
-        request.notify(f"it {word}; testing fixes")
-        begin_step("testing fixes")
-        tried = run_fixes(grip, request.tolerance)
     # The least speed over fixes, by the cause that they test.
     speeds = dict[str, float]()
     for each in tried:
@@ -153,20 +148,33 @@ def _judge_in_steps(request: GripRequest, begin_step: Callable[[str], None]) -> 
         speed=worst_speed(drifts),
         idle=drifts[0].speed if setup.mounted_hand else 0.0,
         pressed=grip.held.is_held,
-        pull=pull[1],
+        pull=pull,
         weight=object_weight(grip.fixture, grip.load),
         deep=deep,
         tried=speeds,
         tolerance=request.tolerance,
     )
-    fixes = _fix_rows(request, drifts, tried)
-    placements = (
-        tuple(_placement_rows(setup, drifts, request.tolerance)) if request.placements else ()
-    )
     why = tuple(GripCause(kind=kind, sentence=text) for kind, text in find_causes(known))
-    if request.film is not None:
-        request.film(grip)
+
     model = grip.fixture.model
+    pressing = zip(
+        [*(finger[0] for finger in grip.fixture.fingers), grip.fixture.base],
+        grip.held.forces,
+        strict=True,
+    )
+    fingers = [
+        GripFinger(body=model.body(body).name, force=force)
+        for body, force in pressing
+        if force > 0 or body != grip.fixture.base
+    ]
+    notes = list(setup.notes)
+    if setup.mounted_hand is not None:
+        notes.append(
+            "The base of the hand is fixed to the world. Contacts of the base with the first "
+            "links, which MuJoCo filters on an arm, are excluded."
+        )
+    if tried and not any(each.against == "squeeze" for each in tried):
+        notes.append("More squeeze was not tested, since the control ranges end here.")
     return GripReport(
         model=request.model,
         mujoco=VERSION,
@@ -179,18 +187,18 @@ def _judge_in_steps(request: GripRequest, begin_step: Callable[[str], None]) -> 
         base=model.body(grip.fixture.base).name,
         opening=grip.closing.opening if grip.closing else None,
         controls=tuple(_control_rows(grip)),
-        fingers=tuple(_finger_rows(grip)),
+        fingers=tuple(fingers),
         depth=grip.held.depth,
         depth_share=known.deep,
         weight=known.weight,
         drifts=tuple(map(_drift_report, drifts)),
         shake=trials[0],
         turn=trials[1],
-        pull=GripPull(direction=pull[0], force=pull[1], weights=pull[1] / known.weight),
+        pull=GripPull(direction=direction, force=pull, weights=pull / known.weight),
         placements=placements,
         causes=why,
         fixes=fixes,
-        notes=tuple(_list_notes(setup, tried)),
+        notes=tuple(notes),
     )
 
 
@@ -211,9 +219,8 @@ def _read_keyframe(request: GripRequest) -> _Setup:
     model, _, notes = _compile_request(request)
     assert request.keyframe is not None
     fixture, held = find_held_object(model, request.keyframe, request.held, request.base)
-    return _Setup(
-        Grip(fixture, held, Load.of_object(fixture), _KEYFRAME_DIRECTIONS, None), None, None, notes
-    )
+    grip = Grip(fixture, held, Load.of_object(fixture), ("up", "down"), None)
+    return _Setup(grip, None, None, notes)
 
 
 def _mount_and_close(request: GripRequest) -> _Setup:
@@ -257,7 +264,8 @@ def _mount_and_close(request: GripRequest) -> _Setup:
         own = find_closing(changed)
         return own, squeeze_object(changed, own, centre)
 
-    grip = Grip(fixture, held, load, _HAND_DIRECTIONS, closing, close_again)
+    directions = ("out of the hand", "into the hand")
+    grip = Grip(fixture, held, load, directions, closing, close_again)
     return _Setup(grip, mounted_hand, given, notes)
 
 
@@ -315,14 +323,6 @@ def _control_rows(grip: Grip) -> Iterator[GripControl]:
             force=force,
             limit=None if most is None else abs(most),
         )
-
-
-def _finger_rows(grip: Grip) -> Iterator[GripFinger]:
-    model = grip.fixture.model
-    bodies = [*(finger[0] for finger in grip.fixture.fingers), grip.fixture.base]
-    for body, force in zip(bodies, grip.held.forces, strict=True):
-        if force > 0 or body != grip.fixture.base:
-            yield GripFinger(body=model.body(body).name, force=force)
 
 
 def _placement_rows(
@@ -388,7 +388,13 @@ def _fix_rows(
         elif each.squeezes_less:
             reason = "limit the force of the actuators first, for example by forcerange"
         elif word == "holds" and each.options and len(made) < MOST_FIXES:
-            lines, reason = _patch_lines(request, scenes, each)
+            try:
+                scene = scenes.open(request.model).with_effects("all")
+                with TemporaryDirectory(prefix="contactlab-") as folder:
+                    edits = ModelEdits(each.options)
+                    lines = write_model(scene, edits, Path(folder) / "changed").lines
+            except SceneError as error:
+                reason = str(error).splitlines()[0]
         left = worst_speed(each.drifts)
         made.append(
             GripFix(
@@ -403,26 +409,6 @@ def _fix_rows(
             )
         )
     return tuple(made)
-
-
-def _patch_lines(
-    request: GripRequest, scenes: SceneLoader, each: TestedFix
-) -> tuple[tuple[str, ...], str]:
-    """Return the changed lines of the model files, or the reason for none."""
-    try:
-        scene = scenes.open(request.model).with_effects("all")
-        with TemporaryDirectory(prefix="contactlab-") as folder:
-            return write_model(scene, ModelEdits(each.options), Path(folder) / "changed").lines, ""
-    except SceneError as error:
-        return (), str(error).splitlines()[0]
-
-
-def _list_notes(setup: _Setup, tried: Sequence[TestedFix]) -> Iterator[str]:
-    yield from setup.notes
-    if setup.mounted_hand is not None:
-        yield _FILTER_NOTE
-    if tried and not any(each.against == "squeeze" for each in tried):
-        yield _NO_SQUEEZE_NOTE
 
 
 def _grip_sentence(

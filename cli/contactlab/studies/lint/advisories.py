@@ -7,7 +7,6 @@ from contactlab.advisories.met_advisories import describe_met_advisory, find_met
 from contactlab.mjcf import OPTIONS
 from contactlab.scene.model_draft import mjcf_text
 from contactlab.scene.model_edits import FLAG_NAMES
-from contactlab.schema.advisory import Advisory
 from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel
 from contactlab.studies.lint.rules import rule
 
@@ -20,21 +19,19 @@ def known_fault(linted: LintedModel) -> Iterator[Fault]:
     matters in a motion. Fix: the workaround, or another release.
     """
     for each in find_met_advisories(linted.model, elements=lambda: linted.elements):
-        place = linted.place_of("option")
-        yield Fault(describe_met_advisory(each), place, _list_edits(linted, each))
-
-
-def _list_edits(linted: LintedModel, met: Advisory) -> tuple[Edit, ...]:
-    # A workaround with other settings has no edits.
-    settings = met.workarounds[0].settings if met.workarounds else {}
-    if not settings.keys() <= {*OPTIONS, *FLAG_NAMES}:
-        return ()
-    flags = {name: "enable" if value else "disable" for name, value in settings.items()}
-    flags = {name: word for name, word in flags.items() if name in FLAG_NAMES}
-    options = {name: mjcf_text(settings[name]) for name in settings if name in OPTIONS}
-    edits = linted.set_in("option", **options) if options else ()
-    if flags:
-        element = ET.Element("option")
-        ET.SubElement(element, "flag", flags)
-        edits += linted.add(element)
-    return edits
+        settings = each.workarounds[0].settings if each.workarounds else {}
+        edits: tuple[Edit, ...] = ()
+        # A workaround with other settings has no edits.
+        if settings.keys() <= {*OPTIONS, *FLAG_NAMES}:
+            options = {name: mjcf_text(settings[name]) for name in settings if name in OPTIONS}
+            edits = linted.set_in("option", **options) if options else ()
+            flags = {
+                name: "enable" if value else "disable"
+                for name, value in settings.items()
+                if name in FLAG_NAMES
+            }
+            if flags:
+                element = ET.Element("option")
+                ET.SubElement(element, "flag", flags)
+                edits += linted.add(element)
+        yield Fault(describe_met_advisory(each), linted.place_of("option"), edits)

@@ -7,7 +7,7 @@ from pathlib import Path
 import mujoco
 
 from contactlab.scene.model_files import plain_name, relative_path
-from contactlab.studies.lint.linted_model import Fault, LintedModel, Place
+from contactlab.studies.lint.linted_model import Fault, LintedModel
 from contactlab.studies.lint.rules import rule
 
 _FILES = ("file", "filename")
@@ -41,15 +41,14 @@ def deprecated(linted: LintedModel) -> Iterator[Fault]:
     """
     for text in linted.warned:
         lines = (line.strip() for line in text.splitlines())
-        yield Fault("; ".join(line for line in lines if line), next(_named_in(linted, text), None))
-
-
-def _named_in(linted: LintedModel, text: str) -> Iterator[Place]:
-    """Yield the elements that a warning names by tag and attribute."""
-    words = set(re.findall(r"\w+", text))
-    for element, origin in linted.tags():
-        if element.tag in words and words & element.attrib.keys():
-            yield linted.place_at(origin)
+        # The place is that of the first element that the warning names by tag and attribute.
+        words = set(re.findall(r"\w+", text))
+        named = (
+            linted.place_at(origin)
+            for element, origin in linted.tags()
+            if element.tag in words and words & element.attrib.keys()
+        )
+        yield Fault("; ".join(line for line in lines if line), next(named, None))
 
 
 @rule("legacy", "note", of_refused=True)
@@ -93,7 +92,15 @@ def resource_name(linted: LintedModel) -> Iterator[Fault]:
         for key in _FILES
         if _RESOURCE.match(element.get(key, ""))
     ]
-    if not named or "opening file" not in (refused := _refused_alone(linted.main)):
+    if not named:
+        return
+    try:
+        mujoco.MjSpec.from_file(str(linted.main)).compile()
+    except (ValueError, mujoco.FatalError) as error:
+        refused = str(error).strip().splitlines()[0]
+    else:
+        return
+    if "opening file" not in refused:
         return
     (name, origin), *others = named
     more = f", nor {len(others)} more of such names" if others else ""
@@ -104,15 +111,6 @@ def resource_name(linted: LintedModel) -> Iterator[Fault]:
         hint = f"it is {relative_path(there, linted.main.parent).as_posix()}"
     message = f"MuJoCo does not find {name}{more} ({refused}); {hint}"
     yield Fault(message, linted.place_at(origin))
-
-
-def _refused_alone(model: Path) -> str:
-    """Return why MuJoCo refuses a file without its ROS packages; "" if it does not."""
-    try:
-        mujoco.MjSpec.from_file(str(model)).compile()
-    except (ValueError, mujoco.FatalError) as error:
-        return str(error).strip().splitlines()[0]
-    return ""
 
 
 @rule("unused-asset", "note")

@@ -103,17 +103,6 @@ def shown_path(path: Path) -> str:
     return (path.relative_to(here) if path.is_relative_to(here) else path).as_posix()
 
 
-class _Compiled(NamedTuple):
-    spec: mujoco.MjSpec
-    model: mujoco.MjModel | None
-    lines: Mapping[tuple[str, str], int]  # by kind and name, in the copied files
-    origins: Origins
-    root: Path
-    inertia: tuple[InertiaFault, ...]  # of written inertias
-    warned: tuple[str, ...]
-    refused: str
-
-
 @dataclass(frozen=True)
 class LintedModel:
     """A scene's model, compiled from its files.
@@ -331,37 +320,32 @@ def linted_model(source: SceneSource) -> Generator[LintedModel]:
                 said = str(error if found else compile_error(copy.model, copy.model, error))
                 refused = said.replace(str(copy.content.root), str(source.content.root))
         warned = tuple(dict.fromkeys(str(warning.message) for warning in caught))
-        root = copy.content.root
-        compiled = _Compiled(spec, model, lines, origins, root, faults, warned, refused)
-        yield _make_linted(source, compiled)
 
+        own, by_line = source.content.root, origins.by_line
 
-def _make_linted(source: SceneSource, made: _Compiled) -> LintedModel:
-    own, by_line = source.content.root, made.origins.by_line
+        def real(origin: Origin) -> Origin:
+            return own / origin[0].relative_to(copy.content.root), origin[1]
 
-    def real(origin: Origin) -> Origin:
-        return own / origin[0].relative_to(made.root), origin[1]
-
-    parts = {part: real(by_line[line]) for part, line in made.lines.items() if line in by_line}
-    unlined = (part for part, line in made.lines.items() if part[0] == _UNLINED and not line)
-    parts |= dict(zip(unlined, map(real, made.origins.keyframes), strict=False))
-    linted = LintedModel(
-        source=source,
-        spec=made.spec,
-        compiled=made.model,
-        warned=made.warned,
-        refused=made.refused,
-        refused_at=None,
-        inertia=made.inertia,
-        _origins=parts or dict(_urdf_lines(source.model)),
-        _last={tag: real(origin) for tag, origin in made.origins.last.items()},
-    )
-    line = _LINE.search(made.refused)
-    if line is None or (origin := by_line.get(int(line[1]))) is None:
-        return linted
-    place = linted.place_at(real(origin))
-    told = made.refused.replace(line[0], f":{place.line}: does not compile")
-    return replace(linted, refused=told, refused_at=place)
+        found_at = {part: real(by_line[line]) for part, line in lines.items() if line in by_line}
+        unlined = (part for part, line in lines.items() if part[0] == _UNLINED and not line)
+        found_at |= dict(zip(unlined, map(real, origins.keyframes), strict=False))
+        linted = LintedModel(
+            source=source,
+            spec=spec,
+            compiled=model,
+            warned=warned,
+            refused=refused,
+            refused_at=None,
+            inertia=faults,
+            _origins=found_at or dict(_urdf_lines(source.model)),
+            _last={tag: real(origin) for tag, origin in origins.last.items()},
+        )
+        line = _LINE.search(refused)
+        if line is not None and (origin := by_line.get(int(line[1]))) is not None:
+            place = linted.place_at(real(origin))
+            told = refused.replace(line[0], f":{place.line}: does not compile")
+            linted = replace(linted, refused=told, refused_at=place)
+        yield linted
 
 
 @contextmanager

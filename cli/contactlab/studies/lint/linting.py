@@ -30,7 +30,19 @@ def lint(models: Sequence[str]) -> LintReport:
 
     A SceneError says that there is no such file or scene.
     """
-    found, skipped = _split_models(models)
+    found, skipped = dict[str, None](), list[str]()
+    for model in models:
+        path = Path(model).expanduser()
+        if path.suffix not in MODEL_SUFFIXES:
+            found[model] = None
+            continue
+        if not path.is_file():
+            raise SceneError(no_file(path, "model file", MODEL_SUFFIXES))
+        whole = list(map(str, _including_models(path)))
+        if whole or _is_model(path):
+            found |= dict.fromkeys(whole or [model])
+        else:
+            skipped.append(model)
     counted = count_steps(found, "models", len(found))
     findings = (finding for model in counted for finding in _model_findings(model))
     return _report_of(found, skipped, findings)
@@ -58,24 +70,6 @@ def _report_of(
         skipped=tuple(skipped),
         findings=tuple(findings.values()),
     )
-
-
-def _split_models(models: Iterable[str]) -> tuple[list[str], list[str]]:
-    """Return the models to lint, and the files without a model."""
-    found, skipped = dict[str, None](), list[str]()
-    for model in models:
-        path = Path(model).expanduser()
-        if path.suffix not in MODEL_SUFFIXES:
-            found[model] = None
-            continue
-        if not path.is_file():
-            raise SceneError(no_file(path, "model file", MODEL_SUFFIXES))
-        whole = list(map(str, _including_models(path)))
-        if whole or _is_model(path):
-            found |= dict.fromkeys(whole or [model])
-        else:
-            skipped.append(model)
-    return list(found), skipped
 
 
 def _is_model(path: Path) -> bool:
@@ -122,23 +116,22 @@ def _scene_findings(source: SceneSource, model: str) -> Iterator[PlacedFinding]:
     """Yield the findings in an open scene, by line."""
     try:
         with linted_model(source) as linted:
-            yield from sorted(
-                _rule_faults(linted), key=lambda finding: (finding.file, finding.line)
-            )
+            but = ignored(linted.source)
+            found = [
+                _make_finding(declared, fault, linted, but)
+                for declared in RULES.values()
+                if linted.compiled is not None or declared.of_refused
+                for fault in declared.function(linted)
+            ]
+            # Comments may ignore an unknown rule.
+            found += [
+                _make_finding(_IGNORES, Fault(f"unknown rule '{rule}', {at}"), linted, but)
+                for rule, at in but.rules.items()
+                if rule not in RULES
+            ]
+            yield from sorted(found, key=lambda finding: (finding.file, finding.line))
     except SceneError as error:
         yield _unreadable_finding(model, str(error))
-
-
-def _rule_faults(linted: LintedModel) -> Iterator[PlacedFinding]:
-    but = ignored(linted.source)
-    for declared in RULES.values():
-        if linted.compiled is not None or declared.of_refused:
-            for fault in declared.function(linted):
-                yield _make_finding(declared, fault, linted, but)
-    # Comments may ignore an unknown rule.
-    for rule, at in but.rules.items():
-        if rule not in RULES:
-            yield _make_finding(_IGNORES, Fault(f"unknown rule '{rule}', {at}"), linted, but)
 
 
 def _make_finding(rule: Rule, fault: Fault, linted: LintedModel, but: Ignored) -> PlacedFinding:

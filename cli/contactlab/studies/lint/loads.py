@@ -126,16 +126,20 @@ def pyramid_friction(linted: LintedModel) -> Iterator[Fault]:
     pyramids = model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL
     if not pyramids or not gravity or wrong_options(model):
         return
+    much_softer = (
+        100.0  # with friction 1, pyramids are as soft as a cone, with 3.7 100 times softer
+    )
+    deep_share = 0.1  # of half the thinner geom; more is an overlap
     halves, found = half_extents(model), list[tuple[float, float, float, tuple[int, int]]]()
     for pair in detected_pairs(model):
         used = effective_parameters(model, pair)
         softer = pyramid_softness(used.friction[0], used.condim, float(model.opt.impratio))
-        if used.condim < 3 or softer < _MUCH_SOFTER:
+        if used.condim < 3 or softer < much_softer:
             continue
         first, second = pair.geoms[0][0], pair.geoms[1][0]
         # One contact of four that a body rests on.
         depth = float(rest_penetration(softer * gravity / 4, 1.0, used.solref, used.solimp))
-        if depth > _DEEP * float(halves[[first, second]].min()):
+        if depth > deep_share * float(halves[[first, second]].min()):
             found.append((depth, softer, used.friction[0], (first, second)))
     if found:
         depth, softer, friction, (first, second) = max(found, key=lambda one: one[0])
@@ -150,10 +154,6 @@ def pyramid_friction(linted: LintedModel) -> Iterator[Fault]:
         )
 
 
-_MUCH_SOFTER = 100.0  # pyramids with friction 1 are as soft as a cone, with 3.7 this much softer
-_DEEP = 0.1  # of half the thinner geom; more is an overlap
-
-
 @rule("hfield-cell", "warn")
 def hfield_cell(linted: LintedModel) -> Iterator[Fault]:
     """Cells of a height field are larger than a geom that can touch it, which may fall through.
@@ -162,14 +162,18 @@ def hfield_cell(linted: LintedModel) -> Iterator[Fault]:
     at 3 times their size, 2 at 5, 12 at 8, 33 at 40. Fix: a finer grid, or a mesh.
     """
     model = linted.model
+    most_sizes = 4.0  # of a geom, see the drops above
     found = list[tuple[float, float, int, int]]()
     fields = np.flatnonzero(model.geom_type == int(mujoco.mjtGeom.mjGEOM_HFIELD)).tolist()
     touch = touch_mask(model) if fields else np.zeros((0, 0), bool)
     for field in fields:
-        cell = _cell_size(model, int(model.geom_dataid[field]))
+        data = int(model.geom_dataid[field])
+        rows, columns = int(model.hfield_nrow[data]), int(model.hfield_ncol[data])
+        wide, long = model.hfield_size[data, :2]
+        cell = float(max(2 * wide / max(columns - 1, 1), 2 * long / max(rows - 1, 1)))
         for geom in np.flatnonzero(touch[field]).tolist():
             size = 2 * float(model.geom_aabb[geom, 3:].max())
-            if size > 0 and cell > _MOST_SIZES * size:
+            if size > 0 and cell > most_sizes * size:
                 found.append((cell / size, cell, field, geom))
     if found:
         times, cell, field, geom = max(found)
@@ -179,14 +183,3 @@ def hfield_cell(linted: LintedModel) -> Iterator[Fault]:
             "cells may vanish, and the geom falls through; use a finer grid, or a mesh",
             linted.place("geom", field),
         )
-
-
-# Sizes of a geom. 48 shapes were dropped on rough fields for each size of cell: none fell through
-# at 3 times their size, 2 at 5, 12 at 8 and 33 at 40.
-_MOST_SIZES = 4.0
-
-
-def _cell_size(model: mujoco.MjModel, field: int) -> float:
-    rows, columns = int(model.hfield_nrow[field]), int(model.hfield_ncol[field])
-    wide, long = model.hfield_size[field, :2]
-    return float(max(2 * wide / max(columns - 1, 1), 2 * long / max(rows - 1, 1)))

@@ -68,8 +68,15 @@ def visual_mass(linted: LintedModel) -> Iterator[Fault]:
     """
     if linted.is_urdf or not (visual := _visual_geoms(linted)):
         return
-    model, bare = linted.model, _without_mass(linted.spec, visual)
-    if bare is None or bare.nbody != model.nbody:
+    without = linted.spec.copy()
+    for name in visual:
+        without.geom(name).mass = 0
+    try:
+        bare = without.compile()
+    except (ValueError, mujoco.FatalError):
+        return
+    model = linted.model
+    if bare.nbody != model.nbody:
         return
     moving = model.body_dofnum[model.body_weldid] > 0
     added = np.asarray(model.body_mass) - bare.body_mass
@@ -118,14 +125,3 @@ def _visual_geoms(linted: LintedModel) -> list[str]:
         and np.isnan(geom.mass)
         and geom.density == water
     ]
-
-
-def _without_mass(spec: mujoco.MjSpec, geoms: Iterable[str]) -> mujoco.MjModel | None:
-    """Compile a copy with some geoms without mass; None if it does not compile."""
-    bare = spec.copy()
-    for name in geoms:
-        bare.geom(name).mass = 0
-    try:
-        return bare.compile()
-    except (ValueError, mujoco.FatalError):
-        return None

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from contactlab.contact.trace_arrays import Floats
 from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.body_inertia import hull_volume, mesh_vertices
 from contactlab.scene.contact_pairs import half_extents, touch_mask
@@ -70,7 +69,9 @@ def _are_joined(linted: LintedModel, low: int, high: int) -> bool:
     for start in ends:
         link, others = start, ends - {start}
         for _ in range(near_joints):
-            if not link or _is_free(model, link):
+            joint = int(model.body_jntadr[link])
+            is_free = joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE
+            if not link or is_free:
                 break
             link = _first_link(model, int(model.body_parentid[link]))
             if link in others and (link or linted.is_urdf):
@@ -83,11 +84,6 @@ def _first_link(model: mujoco.MjModel, body: int) -> int:
     while model.body_parentid[body] and not model.body_jntnum[body]:
         body = int(model.body_parentid[body])
     return body
-
-
-def _is_free(model: mujoco.MjModel, body: int) -> bool:
-    joint = int(model.body_jntadr[body])
-    return joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE
 
 
 def _overlap_text(linted: LintedModel, found: Sequence[_Overlap]) -> str:
@@ -286,7 +282,16 @@ def find_coincident_geoms(model: mujoco.MjModel) -> list[tuple[int, int]]:
     mujoco.mj_kinematics(model, data)
     solid = np.flatnonzero((model.geom_contype | model.geom_conaffinity) != 0)
     parts = model.body_weldid[model.geom_bodyid]
-    lows, highs = _boxes_in_parts(model, data)
+
+    # Boxes around the geoms, in the frames of their parts.
+    turn = np.asarray(data.xmat)[parts].reshape(-1, 3, 3).transpose(0, 2, 1)
+    own = turn @ np.asarray(data.geom_xmat).reshape(-1, 3, 3)
+    offset = (turn @ (data.geom_xpos - data.xpos[parts])[..., None])[..., 0]
+    center = offset + (own @ model.geom_aabb[:, :3, None])[..., 0]
+    half = (np.abs(own) @ model.geom_aabb[:, 3:, None])[..., 0]
+    lows, highs = center - half, center + half
+
+    same_share = 0.01  # of the smallest side: difference of boxes around a copy and its original
     touch = touch_mask(model)
     doubled = list[tuple[int, int]]()
     for place, first in enumerate(solid.tolist()):
@@ -295,26 +300,10 @@ def find_coincident_geoms(model: mujoco.MjModel) -> list[tuple[int, int]]:
         rest = solid[place + 1 :]
         rest = rest[(parts[rest] == parts[first]) & (parts[rest] > 0)]
         apart = np.maximum(np.abs(lows[rest] - lows[first]), np.abs(highs[rest] - highs[first]))
-        alike = apart.max(axis=1, initial=0.0) <= _SAME * (highs[first] - lows[first]).min()
+        alike = apart.max(axis=1, initial=0.0) <= same_share * (highs[first] - lows[first]).min()
         shared = (touch[rest] & touch[first]).any(axis=1)
         doubled += [(first, second) for second in rest[alike & shared].tolist()]
     return doubled
-
-
-_SAME = (
-    0.01  # share of the smallest side: largest difference of boxes around a copy and its original
-)
-
-
-def _boxes_in_parts(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Floats, Floats]:
-    """Return the least and largest corner of each geom (ngeom, 3) in the frame of its part [m]."""
-    part = model.body_weldid[model.geom_bodyid]
-    turn = np.asarray(data.xmat)[part].reshape(-1, 3, 3).transpose(0, 2, 1)
-    own = turn @ np.asarray(data.geom_xmat).reshape(-1, 3, 3)
-    offset = (turn @ (data.geom_xpos - data.xpos[part])[..., None])[..., 0]
-    center = offset + (own @ model.geom_aabb[:, :3, None])[..., 0]
-    half = (np.abs(own) @ model.geom_aabb[:, 3:, None])[..., 0]
-    return center - half, center + half
 
 
 @rule("hull-fills-mesh", "note")

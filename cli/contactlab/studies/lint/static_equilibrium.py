@@ -44,9 +44,6 @@ def contact_rows(model: mujoco.MjModel, data: mujoco.MjData, contact: int) -> sl
 
 MANY_WEIGHTS = 10.0
 """Weights of all that moves that only joints, not gravity, can press bodies together with."""
-_MOTORS = int(mujoco.mjtDisableBit.mjDSBL_ACTUATION) | int(
-    getattr(mujoco.mjtDisableBit, "mjDSBL_SPRING", 0)
-)
 
 
 class Pressing(NamedTuple):
@@ -68,7 +65,8 @@ def find_pressing(model: mujoco.MjModel, qpos: Floats) -> Iterator[Pressing]:
     if not weight:
         return
     idle, force = model.__copy__(), np.empty(6)
-    idle.opt.disableflags |= _MOTORS
+    idle.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+    idle.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, "mjDSBL_SPRING", 0))
     data = mujoco.MjData(idle)
     data.qpos[:] = qpos
     mujoco.mj_forward(idle, data)

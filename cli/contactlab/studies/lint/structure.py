@@ -1,6 +1,5 @@
 """Structure rules: models with runs that say nothing of the robot that their author meant."""
 
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 
 import mujoco
@@ -85,7 +84,12 @@ def welded_root(linted: LintedModel) -> Iterator[Fault]:
     if not np.isfinite(lowest) or lowest > base - level_share * extent:
         return
     feet = [limb for limb in limbs if bottom[limb] <= lowest + level_share * extent]
-    if _stands_on(model, data, feet, tree):
+    # Three limbs under the center of mass, two with wheels, or two legs of three joints each.
+    # A gripper that points down has two fingers of fewer joints.
+    joints = {foot: np.flatnonzero(tree[model.jnt_bodyid] == foot) for foot in feet}
+    wheels = [foot for foot in feet if _ends_in_wheel(model, data, joints[foot])]
+    legs = [foot for foot in feet if len(joints[foot]) > 2]
+    if len(wheels) > 1 or len(legs) > 1 or _surround_center(model, data, feet, tree):
         name = linted.name("body", feet[0])
         yield Fault(
             f"the import welds the root of this URDF to the world: the robot hangs in the air on "
@@ -94,17 +98,6 @@ def welded_root(linted: LintedModel) -> Iterator[Fault]:
             "attach the URDF to a body with a free joint in MJCF",
             linted.place("body", name),
         )
-
-
-def _stands_on(
-    model: mujoco.MjModel, data: mujoco.MjData, feet: list[int], tree: NDArray[np.intp]
-) -> bool:
-    # Three limbs under the center of mass, two with wheels, or two legs of three joints each.
-    # A gripper that points down has two fingers of fewer joints.
-    joints = {foot: np.flatnonzero(tree[model.jnt_bodyid] == foot) for foot in feet}
-    wheels = [foot for foot in feet if _ends_in_wheel(model, data, joints[foot])]
-    legs = [foot for foot in feet if len(joints[foot]) > 2]
-    return len(wheels) > 1 or len(legs) > 1 or _surround_center(model, data, feet, tree)
 
 
 def _ends_in_wheel(model: mujoco.MjModel, data: mujoco.MjData, joints: NDArray[np.intp]) -> bool:
@@ -162,7 +155,9 @@ def nothing_below(linted: LintedModel) -> Iterator[Fault]:
     carried = model.opt.density > 0 or model.body_gravcomp.any() or model.neq or model.nmocap
     if not falls or carried or model.ntendon or model.nflex:
         return
-    driven = _driven_joints(model)
+    at_joint = np.isin(model.actuator_trntype, _AT_JOINT)
+    joints = np.asarray(model.actuator_trnid)[at_joint, 0]
+    driven = joints[np.isin(model.jnt_type[joints], _SCALAR)]
     others = [kind for kind in model.actuator_trntype.tolist() if kind not in _AT_JOINT]
     for joint in np.flatnonzero(model.jnt_type == _FREE).tolist():
         root = int(model.jnt_bodyid[joint])
@@ -178,12 +173,6 @@ def nothing_below(linted: LintedModel) -> Iterator[Fault]:
             linted.place("body", root),
         )
         return
-
-
-def _driven_joints(model: mujoco.MjModel) -> NDArray[np.int32]:
-    at_joint = np.isin(model.actuator_trntype, _AT_JOINT)
-    joints = np.asarray(model.actuator_trnid)[at_joint, 0]
-    return joints[np.isin(model.jnt_type[joints], _SCALAR)]
 
 
 def _count_text(number: int, noun: str) -> str:

@@ -16,7 +16,7 @@ from contactlab.errors import ContactlabError, ExpectationError, PolicyError, St
 from contactlab.schema.comparison import ComparePolicy, ComparisonReport
 from contactlab.schema.finding import Finding
 from contactlab.schema.store_reports import ChangingRelease
-from contactlab.step_progress import StepCount, finish_step, step_count
+from contactlab.step_progress import finish_step, step_count
 from contactlab.store.atomic_files import atomic_write, sha256_of
 
 # Checks that count as an outcome: those of the first of these groups that differ at the ends.
@@ -32,32 +32,23 @@ def find_change(
     raise a ContactlabError.
     """
     trials = math.ceil(math.log2(max(2, len(versions) - 1)))
-    with step_count("releases", trials) as count:
-        return _search_releases(versions, differs, notify, count)
-
-
-def _search_releases(
-    versions: Sequence[str],
-    differs: Callable[[str], bool],
-    notify: Callable[[str], None],
-    count: StepCount,
-) -> ChangingRelease:
     same, other, steps = 0, len(versions) - 1, 0
     skipped: dict[str, str] = {}
-    while left := [index for index in range(same + 1, other) if versions[index] not in skipped]:
-        middle = min(left, key=lambda index: abs(2 * index - same - other))
-        version, steps = versions[middle], steps + 1
-        try:
-            is_other = differs(version)
-            finish_step(count)
-        except StoppedError:
-            raise
-        except ContactlabError as error:
-            skipped[version] = str(error).partition("\n")[0]
-            notify(f"{version}: left out, since {skipped[version]}")
-            continue
-        notify(f"{version}: {'not ' if is_other else ''}as in {versions[0]}")
-        same, other = (same, middle) if is_other else (middle, other)
+    with step_count("releases", trials) as count:
+        while left := [index for index in range(same + 1, other) if versions[index] not in skipped]:
+            middle = min(left, key=lambda index: abs(2 * index - same - other))
+            version, steps = versions[middle], steps + 1
+            try:
+                is_other = differs(version)
+                finish_step(count)
+            except StoppedError:
+                raise
+            except ContactlabError as error:
+                skipped[version] = str(error).partition("\n")[0]
+                notify(f"{version}: left out, since {skipped[version]}")
+                continue
+            notify(f"{version}: {'not ' if is_other else ''}as in {versions[0]}")
+            same, other = (same, middle) if is_other else (middle, other)
     between = {name: skipped[name] for name in versions[same + 1 : other]}
     return ChangingRelease(
         before=versions[same], after=versions[other], skipped=between, steps=steps

@@ -109,9 +109,16 @@ def shrink_run(
     whole = FailingModel(text, start, record.duration, pairs=runs.base.pairs)
     with TemporaryDirectory(prefix="contactlab-") as folder:
         notify("running the model as one file")
-        trials = _find_trials(whole, record, Path(folder), _judged_by(request.store, scene))
+        trials = _find_trials(whole, record, Path(folder), request.store, scene)
         trials.end = begun + request.seconds
-        smallest = _shrink_model(whole, trials, notify)
+
+        notify("shortening the run")
+        smallest = whole
+        changes = (_shorten_run, _start_later, _shorten_run)
+        for shorten in count_steps(changes, "shorter runs", len(changes)):
+            smallest = shorten(smallest, trials)
+        smallest = remove_unneeded_parts(smallest, trials, notify)
+
         entry = trials.failed[smallest].labels[0]
         report = ShrinkReport(
             run=record.run_id,
@@ -142,22 +149,17 @@ class _Judging(NamedTuple):
     thresholds: Mapping[str, float]
 
 
-def _judged_by(store: Store, scene: Scene) -> Iterator[_Judging]:
-    """Yield the judging of a store's runs, first without checks, which many labels do not need."""
+def _find_trials(
+    model: FailingModel, record: EvidenceRecord, folder: Path, store: Store, scene: Scene
+) -> "_Trials":
+    """Return trials with judgements that let a model fail like a stored run."""
     resolved, manifest = store.manifest.sweep.resolved, scene.source.manifest
     keys = {key: resolved[key] for key in _KEPT if resolved.get(key)}
     thresholds = manifest.thresholds if manifest else {}
-    yield _Judging({**keys, "checks": "none"}, thresholds)
-    yield _Judging(keys, thresholds)
-
-
-def _find_trials(
-    model: FailingModel, record: EvidenceRecord, folder: Path, judgings: Iterator[_Judging]
-) -> "_Trials":
-    """Return trials with judgements that let a model fail like a stored run."""
     why = ""
-    for judging in judgings:
-        trials = _Trials(folder, judging, _Failure.of(record))
+    # The first judging has no checks, which many labels do not need.
+    for judged in ({**keys, "checks": "none"}, keys):
+        trials = _Trials(folder, _Judging(judged, thresholds), _Failure.of(record))
         why = trials.find_difference(model)
         if not why:
             return trials
@@ -264,17 +266,6 @@ def _write_yaml(data: Mapping[str, Any]) -> str:
     text = StringIO()
     YAML().dump({key: value for key, value in data.items() if value != {}}, text)
     return text.getvalue()
-
-
-def _shrink_model(
-    model: FailingModel, trials: _Trials, notify: Callable[[str], None]
-) -> FailingModel:
-    """Return the model with a shorter run, and without removable parts."""
-    notify("shortening the run")
-    shortened = (_shorten_run, _start_later, _shorten_run)
-    for shorten in count_steps(shortened, "shorter runs", len(shortened)):
-        model = shorten(model, trials)
-    return remove_unneeded_parts(model, trials, notify)
 
 
 def remove_unneeded_parts(
