@@ -25,20 +25,9 @@ from contactlab.schema.sweep_schema import AccuracyRequest
 Note = Mapping[str, Any]
 """Results of a pass for one run, in JSON's types; empty if the run does not complete."""
 
-# Common times of a run and its reference, and restarts from the reference's states; fewer if runs
-# of many timesteps would make the reference keep too many states.
-_SAMPLES, _MIN_SAMPLES = 256, 16
-_RESTARTS = 32
-_MOST_BYTES_OF_STATES = 32 << 20
-# A family is chaotic if a start 1e-8 away diverges by this share of the model's extent, and by this
-# share of the runs' median error or by this multiple of the reference's own error estimate.
-_EXTENT_SHARE = 1e-3
-_ERROR_SHARE = 0.1
-_ESTIMATE_MULTIPLE = 10.0
+_MOST_BYTES_OF_STATES = 32 << 20  # of a reference; more timesteps make it keep fewer states each
 _EMPTY_NOTE: Note = {}
 _ERROR_FIELDS = ("final", "mean", "peak", "estimate", "final_estimate", "mean_estimate")
-# RK4 evaluates the forces four times a step.
-_EVALUATIONS_PER_STEP = 4
 
 
 class _ComparisonTimes(NamedTuple):
@@ -76,8 +65,9 @@ def reference_steps(
 
 def _evaluation_count(family: list[RunSpec], model: RunSpec, refine: int) -> float:
     finest = max(run.duration / run.timestep for run in (*family, model))
+    evaluations_per_step = 4  # of RK4
     # The coarse solution, its perturbed copy, and the fine one with twice as many steps.
-    reference = 4 * refine * finest * _EVALUATIONS_PER_STEP
+    reference = 4 * refine * finest * evaluations_per_step
     return reference + sum(run.steps for run in family)
 
 
@@ -117,11 +107,13 @@ def discretization_errors(
         if divergence is None or not errors:
             found["chaotic"] = None
         else:
-            hides_errors = divergence >= _ERROR_SHARE * float(
-                np.median([error["peak"] for error in errors])
-            )
-            above_estimate = divergence >= _ESTIMATE_MULTIPLE * errors[0]["estimate"]
-            visible = divergence >= _EXTENT_SHARE * float(reference.fine.prepared.model.stat.extent)
+            # A family is chaotic if a start 1e-8 away diverges by a visible share of the model's
+            # extent, and by as much as the runs' errors or as the reference's own estimate shows.
+            extent_share, error_share, estimate_multiple = 1e-3, 0.1, 10.0
+            peaks = [error["peak"] for error in errors]
+            hides_errors = divergence >= error_share * float(np.median(peaks))
+            above_estimate = divergence >= estimate_multiple * errors[0]["estimate"]
+            visible = divergence >= extent_share * float(reference.fine.prepared.model.stat.extent)
             found["chaotic"] = visible and (hides_errors or above_estimate)
     return [{**note, **found} for note in notes]
 
@@ -131,7 +123,8 @@ def _sample_count(family: Sequence[PlannedModel]) -> int:
     model = family[0].prepared.model
     state = 8 * (1 + model.nq + model.nv + model.na)
     timesteps = len({run.run.timestep for run in family})
-    return max(_MIN_SAMPLES, min(_SAMPLES, _MOST_BYTES_OF_STATES // (state * timesteps)))
+    least, most = 16, 256  # common times of a run and its reference
+    return max(least, min(most, _MOST_BYTES_OF_STATES // (state * timesteps)))
 
 
 def _common_times(run: PlannedModel, samples: int, *, to_the_end: bool) -> _ComparisonTimes:
@@ -148,7 +141,8 @@ def _restart_times(run: PlannedModel, longest: float) -> _ComparisonTimes:
     """Spread restarts over a run, each over the family's longest timestep."""
     total, timestep = run.run.steps, run.run.timestep
     steps = min(total, max(1, round(longest / timestep)))
-    begins = _spread_numbers(0, total - steps, _RESTARTS)
+    most_restarts = 32
+    begins = _spread_numbers(0, total - steps, most_restarts)
     return _ComparisonTimes(timestep * begins, timestep * (begins + steps))
 
 

@@ -35,9 +35,6 @@ from contactlab.schema.sweep_schema import TimingRequest
 
 # CPU time [s] of a run in a round, least and most, and most of its single steps.
 MIN_SECONDS, MAX_SECONDS, STEP_SECONDS = 0.02, 0.1, 0.02
-_MOST_REPEATS_OF_A_RUN = 50
-_MOST_SINGLE_STEPS = 1000
-_WARM_STEPS = 10
 _TIME_FIELDS = ("time_min", "time_median", "step_p50", "step_p99", "compile_time")
 Groups = Sequence[Sequence[str]]
 Select = Callable[[Mapping[str, float]], Groups]
@@ -175,14 +172,13 @@ def _measure_times(
 
 def _choose_portion(engine: TimesSteps, segments: Segments, runs: int) -> _TimedPortion:
     """Return the timed portion of a run in a round, if `runs` runs share the time for one."""
-    seconds, steps = engine.time_segments(segments, _WARM_STEPS, 1)
+    warm_steps, most_repeats, most_single_steps = 10, 50, 1000
+    seconds, steps = engine.time_segments(segments, warm_steps, 1)
     cost = runs * max(seconds / steps, 1e-7)
     most = max(1, math.ceil(MAX_SECONDS / (cost * len(segments.work.places))))
     repeats = math.ceil(MIN_SECONDS / (cost * sum(segments.lengths(most))))
-    single = min(_MOST_SINGLE_STEPS / runs, STEP_SECONDS / cost) / len(segments.work.places)
-    return _TimedPortion(
-        most, min(_MOST_REPEATS_OF_A_RUN, max(1, repeats)), max(1, math.ceil(single))
-    )
+    single = min(most_single_steps / runs, STEP_SECONDS / cost) / len(segments.work.places)
+    return _TimedPortion(most, min(most_repeats, max(1, repeats)), max(1, math.ceil(single)))
 
 
 @contextmanager

@@ -330,15 +330,12 @@ def simulate_growth(loop: ControlLoop, seconds: float) -> float:
         differences[period] = max(rows.find_difference(row) for row in (1, 2))
         if differences[period] > beyond:
             return math.inf
-    if _alternates_in_step(speeds[4 * periods // 5 :], beyond):
-        return math.inf
+    late_speeds = speeds[4 * periods // 5 :]
+    change = np.linalg.norm(np.diff(late_speeds, axis=0), axis=1)
+    turn = np.linalg.norm(np.diff(late_speeds, n=2, axis=0), axis=1)
+    if len(turn) and np.median(turn) > max(0.5 * np.median(change), beyond / 100):
+        return math.inf  # it alternates in step
     early = differences[periods // 10 : 3 * periods // 10].max()
     late = differences[4 * periods // 5 :].max()
     span = 0.7 * periods / loop.rate
     return math.log(max(late, 1e-300) / max(early, 1e-300)) / span
-
-
-def _alternates_in_step(speeds: Floats, least: float) -> bool:
-    change = np.linalg.norm(np.diff(speeds, axis=0), axis=1)
-    turn = np.linalg.norm(np.diff(speeds, n=2, axis=0), axis=1)
-    return bool(len(turn) and np.median(turn) > max(0.5 * np.median(change), least / 100))

@@ -157,6 +157,11 @@ def linearize_model(model: mujoco.MjModel, data: mujoco.MjData) -> LinearModel:
     soft_mass, soft_stiffness, soft_damping = (
         (rows.T * weight) @ rows for weight in (hard, hard * spring * impedance, hard * damper)
     )
+    free = np.eye(model.nv)
+    if len(rows):
+        _, sizes, directions = np.linalg.svd(rows)
+        held = int(np.sum(sizes > SUM_ROUNDING * sizes.max(initial=0.0)))
+        free = directions[held:].T
     return LinearModel(
         mass,
         stiffness + soft_stiffness,
@@ -164,7 +169,7 @@ def linearize_model(model: mujoco.MjModel, data: mujoco.MjData) -> LinearModel:
         (not late) * damping,
         soft_mass,
         soft_damping,
-        _free_directions(rows),
+        free,
         float(model.opt.timestep),
         int(model.opt.integrator),
     )
@@ -225,11 +230,3 @@ def _equality_rows(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
         return rows
     rows[:] = np.reshape(data.efc_J, (-1, model.nv))[: data.ne]
     return rows
-
-
-def _free_directions(rows: Floats) -> Floats:
-    if not len(rows):
-        return np.eye(rows.shape[1])
-    _, sizes, directions = np.linalg.svd(rows)
-    held = int(np.sum(sizes > SUM_ROUNDING * sizes.max(initial=0.0)))
-    return directions[held:].T

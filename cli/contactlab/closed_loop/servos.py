@@ -1,7 +1,7 @@
 """Measures the servos of a model: stiffness, sag, frequency, and the gains that the step holds."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -22,7 +22,6 @@ from contactlab.schema.servo import Servo
 
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
 _HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
-_MOST_GAIN = 100.0  # largest factor that is tried
 
 
 @dataclass(frozen=True)
@@ -68,7 +67,22 @@ def measure_servos(
     data.mocap_pos[:], data.mocap_quat[:] = start.mocap_pos, start.mocap_quat
     mujoco.mj_forward(model, data)
     linear = linearize_model(model, data)
-    groups = list(_group_servos(model, data, linear.free))
+
+    # Position and velocity actuators of one joint are one servo.
+    single = np.isin(model.jnt_type[model.dof_jntid], _SCALAR)
+    ways = dict[int, list[tuple[ServoForce, Floats]]]()
+    for force in list_servos(model, data):
+        moved = np.where(single, np.abs(force.row), 0.0)
+        dof = int(moved.argmax())
+        way = linear.free @ (linear.free.T @ (force.row / np.abs(force.row).max()))
+        if not moved[dof] or abs(way[dof]) < COARSE_ROUNDING:
+            continue  # a site in space, or a joint that an equality holds
+        ways.setdefault(int(model.dof_jntid[dof]), []).append((force, way / way[dof]))
+    groups = [
+        _Group(tuple(force for force, _ in found), joint, found[0][1])
+        for joint, found in ways.items()
+    ]
+
     if not groups or not linear.weighs:
         return ()
     held = model.opt.integrator == getattr(mujoco.mjtIntegrator, "mjINT_DISCRETE", -1)
@@ -80,21 +94,6 @@ def measure_servos(
         _measure_group(model, data, linear, group, rests, grows=bool(most and share >= most / 2))
         for group, share in zip(groups, shares, strict=True)
     )
-
-
-def _group_servos(model: mujoco.MjModel, data: mujoco.MjData, free: Floats) -> Iterator[_Group]:
-    # Position and velocity actuators of one joint are one servo.
-    single = np.isin(model.jnt_type[model.dof_jntid], _SCALAR)
-    ways = dict[int, list[tuple[ServoForce, Floats]]]()
-    for force in list_servos(model, data):
-        moved = np.where(single, np.abs(force.row), 0.0)
-        dof = int(moved.argmax())
-        way = free @ (free.T @ (force.row / np.abs(force.row).max()))
-        if not moved[dof] or abs(way[dof]) < COARSE_ROUNDING:
-            continue  # a site in space, or a joint that an equality holds
-        ways.setdefault(int(model.dof_jntid[dof]), []).append((force, way / way[dof]))
-    for joint, found in ways.items():
-        yield _Group(tuple(force for force, _ in found), joint, found[0][1])
 
 
 def _measure_group(
@@ -110,8 +109,10 @@ def _measure_group(
     dof, body = int(model.jnt_dofadr[joint]), int(model.jnt_bodyid[joint])
     inertia, whole = float(way @ linear.mass @ way), float(way @ linear.stiffness @ way)
     damping = float(way @ (linear.explicit + linear.implicit) @ way)
-    # Gravity is balanced by the joint's springs, or by what compensates it, before the servo.
-    balanced = data.qfrc_passive + data.qfrc_gravcomp * _compensated_dofs(model)
+    # Gravity is balanced by the joint's springs, or by its compensation, before the servo. Of some
+    # joints, the compensation is a part of the actuator's force.
+    compensated = np.asarray(model.jnt_actgravcomp)[model.dof_jntid].astype(float)
+    balanced = data.qfrc_passive + data.qfrc_gravcomp * compensated
     gravity = float(way @ (data.qfrc_bias - balanced))
     task = [_find_force(group, rest) for rest in rests]
     lever = _find_lever(model, data, joint)
@@ -119,6 +120,8 @@ def _measure_group(
     gain, stiffest, strongest, armature = _find_limits(model, linear, group, grows=grows)
     load = float(np.mean(task)) if task else math.nan
     held = next(filter(None, (_find_pressed_body(model, rest, body) for rest in rests)), 0)
+    solid = np.flatnonzero((model.geom_bodyid == held) & (model.geom_contype > 0))
+    held_size = 2 * float(model.geom_aabb[solid, 3:].min(initial=math.inf))
     return Servo(
         name=name_of(model, "joint", joint),
         actuators=tuple(name_of(model, "actuator", one.actuator) for one in group.forces),
@@ -136,7 +139,7 @@ def _measure_group(
         task_load=load,
         task_sag=load / own if own else None,
         held_body=name_of(model, "body", held) if held else "",
-        held_size=_find_size(model, held) if held else None,
+        held_size=held_size if held else None,
         timestep=linear.timestep,
         integrator=name_integrator(linear.integrator),
         holds=not grows,
@@ -146,11 +149,6 @@ def _measure_group(
         armature=float(model.dof_armature[dof]),
         least_armature=armature,
     )
-
-
-def _compensated_dofs(model: mujoco.MjModel) -> Floats:
-    # Of these, the compensation is a part of the actuator's force.
-    return np.asarray(model.jnt_actgravcomp)[model.dof_jntid].astype(float)
 
 
 def _find_force(group: _Group, data: mujoco.MjData) -> float:
@@ -165,21 +163,18 @@ def _find_limits(
     # The largest factor, stiffness and damping, and the least armature; NaN without a border.
     discrete = int(getattr(mujoco.mjtIntegrator, "mjINT_DISCRETE", -1))
     if model.opt.integrator == discrete or (not grows and not linear.holds_step()):
-        return (
-            math.nan,
-            math.nan,
-            math.nan,
-            math.nan,
-        )  # implicit in all of them, or no gain of this servo changes that
+        # The step is implicit in all of them, or no gain of this servo changes that.
+        return math.nan, math.nan, math.nan, math.nan
     dof = int(model.jnt_dofadr[group.joint])
     own = float(model.dof_armature[dof])
+    most_gain = 100.0  # largest factor that is tried
 
     def find_factor(stiffness: bool, damping: bool) -> float:
         def holds_with_gain(factor: float) -> bool:
             scaled = (factor if one else 1.0 for one in (stiffness, damping))
             return group.scale_gains(linear, *scaled).holds_step()
 
-        outer = 0.0 if grows else _MOST_GAIN
+        outer = 0.0 if grows else most_gain
         if holds_with_gain(outer) != grows:
             return math.nan
         return find_border(holds_with_gain, outer if grows else 1.0, 1.0 if grows else outer)
@@ -233,8 +228,3 @@ def _find_pressed_body(model: mujoco.MjModel, data: mujoco.MjData, body: int) ->
         if moved[one] != moved[two] and model.body_weldid[other] > 0:
             return other
     return 0
-
-
-def _find_size(model: mujoco.MjModel, body: int) -> float:
-    geoms = np.flatnonzero((model.geom_bodyid == body) & (model.geom_contype > 0))
-    return 2 * float(model.geom_aabb[geoms, 3:].min(initial=math.inf))

@@ -23,11 +23,13 @@ def complete_words(words: Sequence[str]) -> list[str]:
         raise SweepFileError(f"'{first}' is now `contactlab {new}`")
     if not first or first.startswith("-") or first in command_modules():
         return list(words)
-    if Path(first).suffix in _SWEEPS:
+    path = Path(first)
+    if path.suffix in _SWEEPS:
         raise SweepFileError(f"{first}: a sweep runs by `contactlab sweep {first}`")
-    if (Path(first) / _MANIFEST).is_file():
+    if (path / _MANIFEST).is_file():
         raise SweepFileError(f"{first}: a store; read it by `contactlab report {first}`")
-    if _is_model(first):
+    is_place = bool(path.suffix) or "/" in first or ":" in first or path.exists()
+    if is_place or first in scene_names():
         return [_EXAMINE, *words]
     from contactlab.plugins import extensions
 
@@ -53,9 +55,3 @@ def replacement_of(command: str, *rest: str) -> str:
     if (command, *rest) == ("engines", "add"):
         return "parity --install NAME"
     return renamed.get(command, "")
-
-
-def _is_model(word: str) -> bool:
-    """Return whether a word names a file, a folder, a shipped scene or a robot."""
-    path = Path(word)
-    return bool(path.suffix) or "/" in word or ":" in word or path.exists() or word in scene_names()

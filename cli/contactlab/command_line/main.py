@@ -13,7 +13,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from contactlab.command_line.declaration import TITLES, Command, Group, declared
+from contactlab.command_line.declaration import TITLES, Command, declared
 from contactlab.command_line.front_door import complete_words
 from contactlab.command_line.modules import command_modules, commands_of
 from contactlab.command_line.parser import misunderstood, typed
@@ -52,8 +52,16 @@ def command_line(first: str | None = None) -> typer.Typer:
     names = [first] if first in modules else modules
     for name in names:
         _add_command(app, name, commands_of(name), in_list=first in _HELP)
-    if first not in modules:
-        _add_installed(app)
+    if first in modules:
+        return app
+    from contactlab.plugins import extensions
+
+    for name, installed in extensions("command").items():
+        try:
+            command = declared(installed.load())
+            app.command(name, epilog=command.end_of_help)(typed(command))
+        except Exception as error:  # noqa: BLE001 - an installed package may raise anything
+            say(f"warning: there is no command {name}: {in_one_line(error, __file__)}")
     return app
 
 
@@ -66,16 +74,12 @@ class _Grouped(TyperGroup):
         listed: dict[str, list[tuple[str, str]]] = {title: [] for title in TITLES.values()}
         summary_width = 66  # columns that a line of 80 leaves for the summary of a command
         for name, found in self.commands.items():
-            title = TITLES[_group_of(name)] if name in command_modules() else _OF_OTHERS
+            title = TITLES[commands_of(name)[0].group] if name in command_modules() else _OF_OTHERS
             listed.setdefault(title, []).append((name, found.get_short_help_str(summary_width)))
         for title, rows in listed.items():
             if rows:
                 with formatter.section(title):
                     formatter.write_dl(rows)
-
-
-def _group_of(name: str) -> Group:
-    return commands_of(name)[0].group
 
 
 def _add_command(app: typer.Typer, name: str, found: Sequence[Command], *, in_list: bool) -> None:
@@ -94,17 +98,6 @@ def _add_command(app: typer.Typer, name: str, found: Sequence[Command], *, in_li
                 invoke_without_command=True, no_args_is_help=False, epilog=command.end_of_help
             )(typed(command, in_list=in_list, of_group=True))
     app.add_typer(group, name=name)
-
-
-def _add_installed(app: typer.Typer) -> None:
-    from contactlab.plugins import extensions
-
-    for name, installed in extensions("command").items():
-        try:
-            command = declared(installed.load())
-            app.command(name, epilog=command.end_of_help)(typed(command))
-        except Exception as error:  # noqa: BLE001 - an installed package may raise anything
-            say(f"warning: there is no command {name}: {in_one_line(error, __file__)}")
 
 
 def _print_version(wanted: bool) -> None:

@@ -284,19 +284,15 @@ def task_of(
         seeds,
     )
     if any(task.units.values()):
-        _check_units(task)
+        from contactlab.measure import METRICS
+
+        # Limits of metrics have the units of these metrics.
+        for name, unit in task.units.items():
+            own = METRICS[name].unit if name in METRICS else "any"
+            if unit and own not in (unit, "any"):
+                like = "a plain number" if own == "1" else f"a number in {own}"
+                raise SweepFileError(f"--tolerance {name}: write {like}, not in {unit}")
     return task
-
-
-def _check_units(task: "TaskOptions") -> None:
-    """Check that limits of metrics have the units of these metrics."""
-    from contactlab.measure import METRICS
-
-    for name, unit in task.units.items():
-        own = METRICS[name].unit if name in METRICS else "any"
-        if unit and own not in (unit, "any"):
-            like = "a plain number" if own == "1" else f"a number in {own}"
-            raise SweepFileError(f"--tolerance {name}: write {like}, not in {unit}")
 
 
 def read_reductions(

@@ -3,7 +3,7 @@
 import inspect
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from datetime import date, datetime
 from typing import Annotated, Any, Literal, get_args, get_origin
@@ -36,7 +36,18 @@ def typed(
         parameters.append(inspect.Parameter(_CONTEXT, kind, annotation=typer.Context))
     if not in_list:
         own = inspect.signature(command.function).parameters.values()
-        parameters += [*map(_typed_parameter, own), *_format_options(command)]
+        parameters += map(_typed_parameter, own)
+    if not in_list and len(command.formats) > 1:
+        formats = tuple(command.formats)
+        read = typer.Option(
+            formats[0],
+            "--format",
+            help="How results are printed.",
+            parser=_word_of("--format", formats),
+            metavar="|".join(formats),
+        )
+        kind = inspect.Parameter.KEYWORD_ONLY
+        parameters.append(inspect.Parameter(_FORMAT, kind, default=read, annotation=str))
 
     def run(**values: Any) -> None:  # noqa: ANN401 - of all types
         context = values.pop(_CONTEXT, None)
@@ -87,7 +98,9 @@ def _typed_parameter(own: inspect.Parameter) -> inspect.Parameter:
     if isinstance(described, Option):
         if isinstance(own.default, bool | int | float):
             default = own.default
-        read = typer.Option(default, *_option_flags(own, described), **rules)
+        name = _spell_option(own.name)
+        name += f"/--no-{name[2:]}" if own.default is True else ""
+        read = typer.Option(default, *filter(None, (described.short, name)), **rules)
     else:
         read = typer.Argument(default, **rules)
     return inspect.Parameter(own.name, own.KEYWORD_ONLY, default=read, annotation=kind)
@@ -160,7 +173,9 @@ def _day_of(name: str, formats: Sequence[str]) -> Callable[[Any], datetime]:
 def misunderstood(error: typer.TyperException, words: Sequence[str]) -> CommandLineError:
     """Return the error of a command line: the wrong word, and what to write instead."""
     said = error.format_message()
-    command, shown = _name_word(error, words)
+    path = getattr(getattr(error, "ctx", None), "command_path", None)
+    path = path or " ".join(["contactlab", *words[:1]])
+    command, shown = f"`{path}`", f"see `{path} --help`"
     if known := getattr(error, "option_name", None):
         near = [*(getattr(error, "possibilities", None) or ())]
         if valued := _WITHOUT_VALUE.search(said):
@@ -182,34 +197,5 @@ def misunderstood(error: typer.TyperException, words: Sequence[str]) -> CommandL
     return CommandLineError(f"{said[:1].lower()}{said[1:].rstrip('.')}; {shown}")
 
 
-def _name_word(error: typer.TyperException, words: Sequence[str]) -> tuple[str, str]:
-    """Return the command that an error is about, and where its parameters are listed."""
-    path = getattr(getattr(error, "ctx", None), "command_path", None)
-    path = path or " ".join(["contactlab", *words[:1]])
-    return f"`{path}`", f"see `{path} --help`"
-
-
 def _spell_option(name: str) -> str:
     return f"--{name.rstrip('_').replace('_', '-')}"
-
-
-def _option_flags(own: inspect.Parameter, option: Option) -> list[str]:
-    name = _spell_option(own.name)
-    if own.default is True:
-        name += f"/--no-{name[2:]}"
-    return [*filter(None, (option.short,)), name]
-
-
-def _format_options(command: Command) -> Iterator[inspect.Parameter]:
-    """Yield the option that chooses among formats, if there are several."""
-    if len(command.formats) > 1:
-        names = tuple(command.formats)
-        read = typer.Option(
-            names[0],
-            "--format",
-            help="How results are printed.",
-            parser=_word_of("--format", names),
-            metavar="|".join(names),
-        )
-        kind = inspect.Parameter.KEYWORD_ONLY
-        yield inspect.Parameter(_FORMAT, kind, default=read, annotation=str)

@@ -106,7 +106,20 @@ def compare(
     if all(Path(str(each)).suffix in {".xml", ".urdf"} for each in (baseline, candidate)):
         raise StoreError(f"compare reads stores; models: contactlab diff {baseline} {candidate}")
     if update:
-        return _write_baseline(baseline, candidate, baseline_digest)
+        from contactlab.schema.store_reports import WrittenBaseline
+        from contactlab.store.verify_store import write_baseline
+
+        folder, source = opt.address_of(baseline), opt.address_of(candidate)
+        if not isinstance(folder, Path):
+            raise OutputError(f"{baseline}: --update writes a folder; name one")
+        written = write_baseline(source, folder, baseline_digest)
+        return WrittenBaseline(
+            store=str(source),
+            baseline=str(folder),
+            runs=written.manifest.runs,
+            bytes=sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()),
+            digest=written.digest,
+        )
     from contactlab.comparison.compare_stores import compare as compare_stores
     from contactlab.comparison.compare_stores import unreadable_report
     from contactlab.judge.waivers import add_waivers, waivers_for
@@ -142,26 +155,6 @@ def compare(
         report = report.model_copy(update=added)
     publish(report, targets)
     return report
-
-
-def _write_baseline(
-    baseline: "Store | Address | str", candidate: "Store | Address | str", digest: str | None
-) -> "WrittenBaseline":
-    from contactlab.schema.store_reports import WrittenBaseline
-    from contactlab.store.verify_store import write_baseline
-
-    folder, source = opt.address_of(baseline), opt.address_of(candidate)
-    if not isinstance(folder, Path):
-        raise OutputError(f"{baseline}: --update writes a folder; name one")
-    written = write_baseline(source, folder, digest)
-    size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
-    return WrittenBaseline(
-        store=str(source),
-        baseline=str(folder),
-        runs=written.manifest.runs,
-        bytes=size,
-        digest=written.digest,
-    )
 
 
 def _timers(

@@ -37,13 +37,8 @@ def diff(
         SceneError: there is no such model, or it does not compile.
         SweepFileError: the tolerance is not a share.
     """
-    from contactlab.studies.diff.compare_models import diff_models as compared
+    from contactlab.studies.diff.compare_models import diff_models
 
-    return compared(str(before), str(after), _read_share(tolerance))
-
-
-def _read_share(tolerance: float | str) -> float:
-    """Return a share as a number; `1%` is 0.01."""
     text = str(tolerance)
     try:
         share = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
@@ -51,4 +46,4 @@ def _read_share(tolerance: float | str) -> float:
         share = -1.0
     if not 0 <= share < float("inf"):
         raise SweepFileError(f"--tolerance {text}: not a share; write for example 1%")
-    return share
+    return diff_models(str(before), str(after), share)

@@ -13,7 +13,6 @@ from contactlab.errors import OutputError, SweepFileError
 
 if TYPE_CHECKING:
     from contactlab.schema.effects_report import EffectsReport
-    from contactlab.studies.effects.effects_request import EffectsRequest
 
 
 _MAX_TIME = "2min"
@@ -76,6 +75,7 @@ def effects(
         OutputError: the file of the smaller model exists or is not an .xml file.
     """
     from contactlab.run.worker_pool import worker_count
+    from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie
     from contactlab.studies.effects.effects_request import EffectsRequest
     from contactlab.studies.effects.effects_study import study_effects
     from contactlab.studies.effects.recorded_effects import study_recordings
@@ -85,8 +85,10 @@ def effects(
     opt.check_figure(figure)
     asked = opt.task_of(**task)
     folder = opt.study_folder("effects", source, output)
-    if write is not None:
-        _check_model_file(Path(write))
+    if write is not None and Path(write).exists():
+        raise OutputError(f"{write} exists; choose another file with --write")
+    if write is not None and Path(write).suffix != ".xml":
+        raise OutputError(f"--write {write}: a model is written as MJCF; write a name as new.xml")
     words = (apply,) if isinstance(apply, str) else apply
     reductions = opt.read_reductions(words, ["far-pairs"])
     request = EffectsRequest(
@@ -103,7 +105,15 @@ def effects(
     if metric is None:
         report = study_effects(request, session)
     else:
-        _check_recorded_request(str(source), request)
+        if is_menagerie(str(source)) or Path(source).suffix in MODEL_SUFFIXES:
+            raise SweepFileError("--metric needs a scene or a sweep with a recording")
+        if request.far_distance is not None:
+            raise SweepFileError("--apply far-pairs compares no recordings. Leave --metric out")
+        if request.max_time != read_seconds(_MAX_TIME):
+            raise SweepFileError(
+                "--max-time does not limit --metric reality, which simulates every recorded run. "
+                "Leave one of both out"
+            )
         report = study_recordings(request, session)
     if figure is not None:
         from contactlab.charts import save_figure
@@ -112,24 +122,3 @@ def effects(
         save_figure(specification(report), Path(figure))
         say(f"drew {figure}")
     return report
-
-
-def _check_model_file(model: Path) -> None:
-    if model.exists():
-        raise OutputError(f"{model} exists; choose another file with --write")
-    if model.suffix != ".xml":
-        raise OutputError(f"--write {model}: a model is written as MJCF; write a name as new.xml")
-
-
-def _check_recorded_request(source: str, request: "EffectsRequest") -> None:
-    from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie
-
-    if is_menagerie(source) or Path(source).suffix in MODEL_SUFFIXES:
-        raise SweepFileError("--metric needs a scene or a sweep with a recording")
-    if request.far_distance is not None:
-        raise SweepFileError("--apply far-pairs compares no recordings. Leave --metric out")
-    if request.max_time != read_seconds(_MAX_TIME):
-        raise SweepFileError(
-            "--max-time does not limit --metric reality, which simulates every recorded run. Leave "
-            "one of both out"
-        )

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from contactlab.writers import Report
 
 _PAGE, _REPORT, _LIVE = "page.html", "examination.json", ".live.html"
-_GRIP, _FILM_PIXELS, _FILM_RATE = "grip.gif", (480, 360), 10  # frames per second
 _FILES = {".html", ".htm", ".json"}
 
 
@@ -49,7 +48,7 @@ def _find_failure(
     return ExpectationError(report.problem) if report.problem else None
 
 
-def _examined(
+def _examine_model(
     request: "ExamineRequest",
     target: Path | None,
     workers: int | None,
@@ -66,40 +65,51 @@ def _examined(
 
     from contactlab.run.worker_pool import worker_count
     from contactlab.step_progress import step_names
+    from contactlab.store.atomic_files import atomic_write, write_errors
     from contactlab.studies.examine.examination import run
     from contactlab.tasks.session import Session
 
     file = target if target is not None and target.suffix in _FILES else None
     page = page if file is None else file.suffix != ".json"
-    _check_pages(request, page=page, live=live)
+    if page and not request.has_runs:
+        raise OutputError("a page shows the runs of a task; add --section labels, or write a .json")
+    if live and not page:
+        raise OutputError("--live needs a whole examination; leave out --section and -o FILE.json")
+    if live:
+        from contactlab.live.browser_build import find_build
+
+        find_build()
     parts = request.parts + page + live
     with (
-        _folder(request, None if file else target, kept=file is None) as folder,
+        _open_folder(request, None if file else target, kept=file is None) as folder,
         step_names(parts) as begin,
     ):
         if file is not None:
-            _check_file(file)
+            with write_errors(file), TemporaryFile(dir=file.parent):
+                if file.is_dir():
+                    raise OutputError(f"{file} is a folder; write the name of a file, as in a.json")
         session = Session(folder, worker_count(workers), notify=say, allow_code=allow_code)
         report = run(replace(request, begins=begin), session)
         if file is None:
             report = report.model_copy(update={"evidence": str(folder)})
         if page:
             begin("drawing its page")
-            report = _drawn(report, session, file or folder / _PAGE)
+            report = _draw_page(report, session, file or folder / _PAGE)
         if live:
             begin("writing the page that simulates")
-            _simulating(
-                report, session, file.with_suffix(_LIVE) if file else folder / f"page{_LIVE}"
-            )
+            page_file = file.with_suffix(_LIVE) if file else folder / f"page{_LIVE}"
+            _write_live_page(report, session, page_file)
         if file is None:
             session.write({_REPORT: report.model_dump_json(indent=2) + "\n"})
         elif file.suffix == ".json":
-            _write(file, report.model_dump_json(indent=2) + "\n")
+            with write_errors(file), atomic_write(file) as path:
+                path.write_text(report.model_dump_json(indent=2) + "\n", encoding="utf-8")
+            say(f"wrote {file}")
     return report
 
 
 @contextmanager
-def _folder(request: "ExamineRequest", folder: Path | None, *, kept: bool) -> Generator[Path]:
+def _open_folder(request: "ExamineRequest", folder: Path | None, *, kept: bool) -> Generator[Path]:
     from contactlab import resources
     from contactlab.studies.examine.examination import RESULTS
     from contactlab.tasks.session import free_folder
@@ -114,15 +124,6 @@ def _folder(request: "ExamineRequest", folder: Path | None, *, kept: bool) -> Ge
         parent = resources.RESULTS / RESULTS
         with free_folder(parent, RESULTS, request.model, variant) as found:
             yield found
-
-
-def _check_file(file: Path) -> None:
-    """Refuse a file that cannot be written, before the measurement."""
-    from contactlab.store.atomic_files import write_errors
-
-    with write_errors(file), TemporaryFile(dir=file.parent):
-        if file.is_dir():
-            raise OutputError(f"{file} is a folder; write the name of a file, as in a.json")
 
 
 def _check_model_file(model: Path, sections: Sequence[str]) -> None:
@@ -141,28 +142,7 @@ def _check_model_file(model: Path, sections: Sequence[str]) -> None:
         raise OutputError(f"cannot write {model}: {why}") from error
 
 
-def _write(file: Path, text: str) -> None:
-    from contactlab.store.atomic_files import atomic_write, write_errors
-
-    with write_errors(file), atomic_write(file) as path:
-        path.write_text(text, encoding="utf-8")
-    say(f"wrote {file}")
-
-
-def _check_pages(request: "ExamineRequest", *, page: bool, live: bool) -> None:
-    """Refuse pages that cannot be written, before the measurement."""
-    if page and not request.has_runs:
-        raise OutputError("a page shows the runs of a task; add --section labels, or write a .json")
-    if not live:
-        return
-    from contactlab.live.browser_build import find_build
-
-    if not page:
-        raise OutputError("--live needs a whole examination; leave out --section and -o FILE.json")
-    find_build()
-
-
-def _simulating(report: "Examination", session: "Session", file: Path) -> None:
+def _write_live_page(report: "Examination", session: "Session", file: Path) -> None:
     """Write the page that simulates the runs of an examination's task."""
     from contactlab.live.live_page import write_live_page
     from contactlab.store.finished_store import Store
@@ -174,42 +154,28 @@ def _simulating(report: "Examination", session: "Session", file: Path) -> None:
     say(f"wrote {file}, {file.stat().st_size / 1e6:.2g} MB")
 
 
-def _drawn(report: "Examination", session: "Session", file: Path) -> "Examination":
-    """Draw the page of an examination, from the store of its runs."""
+def _draw_page(report: "Examination", session: "Session", file: Path) -> "Examination":
+    """Draw the page of an examination, from the store of its runs, with a film of its grip."""
     from contactlab.page.report_files import write_page
     from contactlab.reporting.report import PageRequest
     from contactlab.store.finished_store import Store
-    from contactlab.tasks.checked_model import TASK_STORE
-
-    report = report.model_copy(update={"page": str(file)})
-    store = Store.open(session.folder / TASK_STORE)
-    grip = _filmed(report, session.folder / _GRIP)
-    write_page(store, file, PageRequest(examination=report, grip=grip))
-    return report
-
-
-def _filmed(report: "Examination", file: Path) -> Path | None:
-    """Film the grip of an examination; None without a grip, or if nothing can be drawn."""
     from contactlab.studies.grip.grip_fact import film_grip
     from contactlab.studies.grip.grip_film import film_writer
+    from contactlab.tasks.checked_model import TASK_STORE
 
-    if not any(fact.kind == "grip" for fact in report.facts):
-        return None
-    try:
-        film_grip(report.model, report.task.start, film_writer(file, _FILM_PIXELS, _FILM_RATE))
-    except (SceneError, OutputError) as error:
-        say(f"note: no film of its grip: {error}")
-        return None
-    return file
-
-
-def _read_waivers(waive: "str | Path | Sequence[Waiver] | None") -> "Sequence[Waiver]":
-    from contactlab.plan.sweep_file import read_yaml_as
-    from contactlab.schema.finding import Waivers
-
-    if isinstance(waive, str | Path):
-        return read_yaml_as(Path(waive), Waivers).waive
-    return waive or ()
+    grip = None
+    if any(fact.kind == "grip" for fact in report.facts):
+        film = session.folder / "grip.gif"
+        try:
+            writer = film_writer(film, size=(480, 360), rate=10)
+            film_grip(report.model, report.task.start, writer)
+            grip = film
+        except (SceneError, OutputError) as error:
+            say(f"note: no film of its grip: {error}")
+    report = report.model_copy(update={"page": str(file)})
+    store = Store.open(session.folder / TASK_STORE)
+    write_page(store, file, PageRequest(examination=report, grip=grip))
+    return report
 
 
 @command(
@@ -304,6 +270,7 @@ def examine(
     """
     from dataclasses import replace
 
+    from contactlab.scene.scene_source import find_scene
     from contactlab.schema.examination import Examinations
     from contactlab.studies.examine.examination import ExamineRequest, sections_of
     from contactlab.tasks.session import model_name
@@ -313,23 +280,34 @@ def examine(
     sections = sections_of(section or (("checks",) if check else ()))
     target = None if output is None else opt.folder_of(output)
     if len(named) > 1:
-        _check_several(named, target, write, live=live)
+        if write is not None or live:
+            raise SweepFileError("--write, --apply and --live need one model; name it alone")
+        if target is not None and target.suffix in _FILES:
+            raise OutputError(f"{target}: several models have a folder each; name a folder")
+        for model in named:
+            find_scene(model)
     if write is not None:
         _check_model_file(Path(write), section)
+    waivers = waive or ()
+    if isinstance(waivers, str | Path):
+        from contactlab.plan.sweep_file import read_yaml_as
+        from contactlab.schema.finding import Waivers
+
+        waivers = read_yaml_as(Path(waivers), Waivers).waive
     request = ExamineRequest(
         model=named[0],
         assign=opt.assigned(set),
         task=opt.task_of(**task),
         sections=sections,
         checks=check,
-        accepted=_read_waivers(waive),
+        accepted=waivers,
         write=None if write is None else Path(write),
         apply=tuple(apply),
         max_cpu=read_seconds(max_cpu, "--max-cpu"),
     )
     page = sections == sections_of(())
     reports = [
-        _examined(
+        _examine_model(
             replace(request, model=model),
             target if target is None or len(named) == 1 else target / model_name(model),
             workers,
@@ -340,16 +318,3 @@ def examine(
         for model in named
     ]
     return reports[0] if len(reports) == 1 else Examinations(examinations=tuple(reports))
-
-
-def _check_several(
-    models: Sequence[str], output: Path | None, write: str | Path | None, *, live: bool
-) -> None:
-    from contactlab.scene.scene_source import find_scene
-
-    if write is not None or live:
-        raise SweepFileError("--write, --apply and --live need one model; name it alone")
-    if output is not None and output.suffix in _FILES:
-        raise OutputError(f"{output}: several models have a folder each; name a folder")
-    for model in models:
-        find_scene(model)

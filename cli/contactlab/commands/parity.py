@@ -156,7 +156,15 @@ def parity(
     if bundle:
         return _write_bundle(str(source), overrides, drive, Path(bundle))
     if from_:
-        return _compare_runs(_read_bundle(Path(from_), policy))
+        from contactlab.studies.parity.bundle import Bundle
+        from contactlab.studies.parity.bundled_engine import BundledEngine
+
+        written = Bundle.read(Path(from_))
+        judged = BundledEngine(Path(from_), written)
+        rules = policy_of(policy)
+        return _compare_runs(
+            ParityRequest(written.panel(Path(from_)), judged, judged.device, (), rules)
+        )
     engine, changed = _open_engine(str(against), device), tuple(opt.assigned(with_))
     panel = _make_panel(str(source), engine.name, overrides, changed, drive)
     folder = opt.study_folder("parity", source, output)
@@ -233,16 +241,6 @@ def _write_bundle(
     for why in dict.fromkeys(made.refused.values()):
         say(f"{plural(list(made.refused.values()).count(why), 'run')} refused: {why}")
     return WrittenBundle(folder=folder, runs=len(made.runs), refused=dict(made.refused))
-
-
-def _read_bundle(folder: Path, policy: str | Path | None) -> "ParityRequest":
-    from contactlab.studies.parity.bundle import Bundle
-    from contactlab.studies.parity.bundled_engine import BundledEngine
-    from contactlab.studies.parity.sweep_parity import ParityRequest
-
-    bundle = Bundle.read(folder)
-    engine = BundledEngine(folder, bundle)
-    return ParityRequest(bundle.panel(folder), engine, engine.device, (), policy_of(policy))
 
 
 def _open_engine(name: str, device: str) -> "SimulationEngine":

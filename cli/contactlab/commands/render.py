@@ -101,11 +101,16 @@ def render(
         found["window"].load()(start.prepared.model, start.runs.starts)
         return None
     write = found[suffix].load()
+    if isinstance(size, str):
+        wide, cross, high = size.partition("x")
+        if not (cross and wide.isdecimal() and high.isdecimal()):
+            raise OutputError(f"--size {size}: write width and height, as in 640x480")
+        size = int(wide), int(high)
     if note := write(
         opened,
         run,
         target,
-        size=_size(size) if isinstance(size, str) else size,
+        size=size,
         camera=camera,
         speed=speed,
         at=at,
@@ -136,10 +141,3 @@ def _write_messages(store: "Store", run: str | None, folder: Path) -> "ExpandedT
             temporary.write_bytes(content)
         size += len(content)
     return ExpandedTraces(folder=folder, traces=len(records), bytes=size)
-
-
-def _size(text: str) -> tuple[int, int]:
-    width, cross, height = text.partition("x")
-    if not (cross and width.isdecimal() and height.isdecimal()):
-        raise OutputError(f"--size {text}: write width and height, as in 640x480")
-    return int(width), int(height)

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from contactlab.store.finished_store import Store
     from contactlab.store.store_files import Address
 
-_ALL = 1_000_000
-
 
 def _text(result: Path | list[Path] | Listing, given: Given) -> None:
     del given
@@ -137,15 +135,22 @@ def report(
             raise OutputError(f"--{unread[0]} does not go with --live; leave it out")
         page = opt.beside(address, ".live.html") if output is None else Path(output)
         rerun_with_mujoco(mujoco, None)
-        return _live(opened, page, run)
+        from contactlab.live.live_page import write_live_page
+
+        _check_name(page)
+        return _print_notes(page, write_live_page(opened, page, run))
     if unread := [name for name, given in {"run": run, "mujoco": mujoco}.items() if given]:
         raise OutputError(f"--{unread[0]} needs --live")
     against = None if baseline is None else Store.open(opt.address_of(baseline))
     shown = None if parity is None else Path(parity)
-    request = PageRequest(criteria, _count(str(traces)), int(max_mb * 1e6), against, shown)
+    if not str(traces).isdecimal() and traces not in {"all", "none"}:
+        raise OutputError(f"--traces {traces}: write a number of runs, all or none")
+    most = {"all": opened.columns.runs, "none": 0}.get(str(traces))
+    count = int(traces) if most is None else most
+    request = PageRequest(criteria, count, int(max_mb * 1e6), against, shown)
     page = opt.beside(address, ".html") if output is None else Path(output)
     _check_name(page)
-    return _said(page, write_page(opened, page, request))
+    return _print_notes(page, write_page(opened, page, request))
 
 
 def _check_name(page: Path) -> None:
@@ -155,18 +160,11 @@ def _check_name(page: Path) -> None:
         raise OutputError(f"cannot write {page}: no folder {page.parent}; create it first")
 
 
-def _said(page: Path, notes: Sequence[str]) -> Path:
+def _print_notes(page: Path, notes: Sequence[str]) -> Path:
     for note in notes:
         say(f"note: {note}")
     say(f"{page.stat().st_size / 1e6:.2g} MB")
     return page
-
-
-def _live(store: "Store", page: Path, run: Sequence[str]) -> Path:
-    from contactlab.live.live_page import write_live_page
-
-    _check_name(page)
-    return _said(page, write_live_page(store, page, run))
 
 
 def _figures(
@@ -183,11 +181,3 @@ def _figures(
     for name, why in missing.items():
         say(f"no figure '{name}': {why}")
     return written
-
-
-def _count(text: str) -> int:
-    if text in {"all", "none"}:
-        return _ALL if text == "all" else 0
-    if not text.isdecimal():
-        raise OutputError(f"--traces {text}: write a number of runs, all or none")
-    return int(text)

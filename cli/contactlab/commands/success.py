@@ -1,7 +1,6 @@
 """`contactlab success`: how many successes of a policy are physical."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line import options as opt
@@ -109,25 +108,21 @@ def success(
         None if precision is None else read_share(precision, "--precision"),
         task.duration,
     )
+    from contactlab.page.success_page import success_page
+    from contactlab.schema.success import PAGE, REPORT
+    from contactlab.store.atomic_files import atomic_write, write_errors
     from contactlab.studies.success.success_study import judge_successes
 
     with study_session(folder, workers, allow_code=allow_code) as session:
         report = judge_successes(request, session)
-        _write_files(report, folder)
+        files = {
+            REPORT: report.model_dump_json(indent=2) + "\n",
+            PAGE: success_page(report, Store.open(report.store)),
+        }
+        with write_errors(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+            for file, text in files.items():
+                with atomic_write(folder / file) as path:
+                    path.write_text(text, encoding="utf-8")
+        say(f"wrote {folder / REPORT} and {PAGE}")
     return report
-
-
-def _write_files(report: "SuccessReport", folder: Path) -> None:
-    from contactlab.page.success_page import success_page
-    from contactlab.schema.success import PAGE, REPORT
-    from contactlab.store.atomic_files import atomic_write, write_errors
-    from contactlab.store.finished_store import Store
-
-    page = success_page(report, Store.open(report.store))
-    files = {REPORT: report.model_dump_json(indent=2) + "\n", PAGE: page}
-    with write_errors(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, text in files.items():
-            with atomic_write(folder / name) as path:
-                path.write_text(text, encoding="utf-8")
-    say(f"wrote {folder / REPORT} and {PAGE}")

@@ -114,6 +114,8 @@ def sweep(
             runs that another has.
         StoppedError: the sweep was interrupted; the same call resumes it.
     """
+    from contactlab.resources import RESULTS
+
     places: Sequence[Any] = source if isinstance(source, list | tuple) else [source]
     if merge:
         return _merge_shards(places, output, shard=shard or plan, may_lack=partial, fresh=fresh)
@@ -127,7 +129,7 @@ def sweep(
         raise SweepFileError("--workers 0 runs in this process; leave it out for a cluster")
     one: Any = places[0]
     text, name, folder = _find_source(one)
-    target = _default_store(name) if output is None else opt.address_of(output)
+    target = RESULTS / name if output is None else opt.address_of(output)
     rerun_with_mujoco(mujoco, None if output else target)
     # A finished store is unlikely to need workers. Their parent process loads during planning.
     runs_nothing = plan or (not fresh and Path(str(target), "manifest.json").exists())
@@ -216,12 +218,6 @@ def _find_source(
 
     path = find_sweep(str(source))
     return path, path.stem, path.parent
-
-
-def _default_store(name: str) -> Path:
-    from contactlab.resources import RESULTS
-
-    return RESULTS / name
 
 
 def _run_request(

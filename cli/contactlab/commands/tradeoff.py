@@ -12,7 +12,6 @@ from contactlab.printable import shell_word
 from contactlab.resources import RESULTS
 
 if TYPE_CHECKING:
-    from contactlab.plan.task_options import TaskOptions
     from contactlab.schema.tradeoff_report import TradeoffReport
     from contactlab.store.finished_store import Store
     from contactlab.store.store_files import Address
@@ -58,84 +57,56 @@ def tradeoff(
         OutputError: a file cannot be written.
     """
     from contactlab.pareto.analysis import analyze_tradeoff
-    from contactlab.pareto.criteria import Criteria
+    from contactlab.pareto.criteria import Criteria, find_store
+    from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie
+    from contactlab.store.finished_store import Store
 
     opt.load_plugins(plugin)
     asked = opt.task_of(**task)
-    _refuse_model(str(source))
+    if is_menagerie(str(source)) or Path(str(source)).suffix in MODEL_SUFFIXES:
+        raise SweepFileError(
+            f"{source} is a model, not a sweep or a store. Write contactlab tune "
+            f"{shell_word(str(source))}"
+        )
     criteria = Criteria(metric, asked.limits)
     sweep_file, folder = (None if path is None else Path(path) for path in (write, model))
     _check_outputs(figure, sweep_file, folder)
     name = str(opt.address_of(source))
     target = None if output is None else opt.address_of(output)
-    opened = _open_store(name, target, asked)
+    opened = None
+    if (address := find_store(name, target)) is not None:
+        opened = Store.open(address)
+        exist = "exist already; write --tolerance METRIC=VALUE, such as slip=1mm"
+        opt.refuse_parts(asked, ["tolerance"], f"the runs of a store {exist}")
+        parts = ["keyframe", "drive", "duration", "observe", "require", "seeds"]
+        opt.refuse_parts(
+            asked, parts, f"the runs of {name} exist already; give their sweep instead"
+        )
+        opt.mention_damage(opened)
     if opened is not None and model is None:
         report = analyze_tradeoff(opened, criteria)
     else:
         # An engine is needed to run a sweep, and to write a model.
+        from contactlab.measure import METRICS
+        from contactlab.schema.evidence import ERRORS
         from contactlab.studies.tradeoff_sweep import TradeoffRequest, run
 
-        _check_metric(metric)
+        rest = "; `contactlab list metrics` lists all"
+        if metric is not None:
+            known = [*METRICS, *ERRORS]
+            SweepFileError.unless_known(metric, known, f"--metric {metric}: no such metric", rest)
         request = TradeoffRequest(name, criteria, target, asked, folder)
         with study_session(RESULTS / "tradeoff", workers, allow_code=allow_code) as session:
             report = run(request, session)
     if figure is not None:
-        _draw(report, Path(figure))
+        from contactlab.charts import save_figure
+        from contactlab.pareto.tradeoff_chart import chart_specification
+
+        save_figure(chart_specification(report), Path(figure))
+        say(f"drew {figure}")
     if sweep_file is not None and report.recommendation is not None:
-        _write(sweep_file, report)
+        _write_sweep(sweep_file, report)
     return report
-
-
-def _open_store(name: str, target: "Address | None", task: "TaskOptions") -> "Store | None":
-    """Open a store, or return None for a sweep; refuse task options that a store ignores."""
-    from contactlab.pareto.criteria import find_store
-    from contactlab.store.finished_store import Store
-
-    address = find_store(name, target)
-    if address is None:
-        return None
-    opened = Store.open(address)
-    _check_task_options(task, name)
-    opt.mention_damage(opened)
-    return opened
-
-
-def _draw(report: "TradeoffReport", figure: Path) -> None:
-    from contactlab.charts import save_figure
-    from contactlab.pareto.tradeoff_chart import chart_specification
-
-    save_figure(chart_specification(report), figure)
-    say(f"drew {figure}")
-
-
-def _refuse_model(source: str) -> None:
-    """Refuse a model: its settings are searched by another command."""
-    from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie
-
-    if is_menagerie(source) or Path(source).suffix in MODEL_SUFFIXES:
-        raise SweepFileError(
-            f"{source} is a model, not a sweep or a store. Write contactlab tune "
-            f"{shell_word(source)}"
-        )
-
-
-def _check_metric(metric: str | None) -> None:
-    """Refuse an unknown metric before anything is run."""
-    from contactlab.measure import METRICS
-    from contactlab.schema.evidence import ERRORS
-
-    rest = "; `contactlab list metrics` lists all"
-    if metric is not None:
-        known = [*METRICS, *ERRORS]
-        SweepFileError.unless_known(metric, known, f"--metric {metric}: no such metric", rest)
-
-
-def _check_task_options(task: "TaskOptions", store: str) -> None:
-    """Refuse task options that cannot change the runs of a store."""
-    measured = "the runs of a store exist already; write --tolerance METRIC=VALUE, such as slip=1mm"
-    opt.refuse_parts(task, ["tolerance"], measured)
-    parts = ["keyframe", "drive", "duration", "observe", "require", "seeds"]
-    opt.refuse_parts(task, parts, f"the runs of {store} exist already; give their sweep instead")
 
 
 def _check_outputs(figure: str | Path | None, write: Path | None, model: Path | None) -> None:
@@ -149,7 +120,7 @@ def _check_outputs(figure: str | Path | None, write: Path | None, model: Path | 
         raise OutputError(f"{model} is not an empty folder; choose another one with --model")
 
 
-def _write(path: Path, report: "TradeoffReport") -> None:
+def _write_sweep(path: Path, report: "TradeoffReport") -> None:
     from contactlab.pareto.configuration_export import recommended_sweep
     from contactlab.schema.evidence import ERRORS
     from contactlab.store.atomic_files import atomic_write

@@ -104,11 +104,13 @@ def tune(
     observed = (names,) if isinstance(names, str) else tuple(names)
     if error_at:  # then they are outputs of the forward error, such as a site, not task bodies
         task["observe"] = ()
+    if real_time is not None and not 0 < real_time < math.inf:
+        raise SweepFileError(f"--real-time {real_time:g}: write a number above 0, such as 5")
     request = TuneRequest(
         model=str(model),
         task=opt.task_of(**task),
         error=read_error(error, is_share=error_at is None),
-        real_time=_positive_rate(real_time),
+        real_time=real_time,
         observed=observed if error_at else (),
         error_at=error_at,
         max_time=read_seconds(max_time),
@@ -148,9 +150,3 @@ def _draw_front(report: "TuneReport", path: Path, *, dark: bool) -> None:
     page = build_front_page(entitle_front(report), describe_tuning(report), figures)
     with atomic_write(path) as temporary:
         temporary.write_text(page, encoding="utf-8")
-
-
-def _positive_rate(rate: float | None) -> float | None:
-    if rate is not None and not 0 < rate < math.inf:
-        raise SweepFileError(f"--real-time {rate:g}: write a number above 0, such as 5")
-    return rate

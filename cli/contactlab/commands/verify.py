@@ -11,9 +11,6 @@ from contactlab.errors import CommandLineError, ContactlabError, ExpectationErro
 from contactlab.printable import in_one_line
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from contactlab.schema.store_reports import RunReplay, StoreVerification
 
 
@@ -78,7 +75,14 @@ def verify(
             raise CommandLineError("--simulate and --sample check a whole store; leave out the run")
         return replay_run(Store.open(address), run, allow_code=allow_code)
     opened = Store.unchecked(address)
-    chosen = None if sample is None else _drawn(_share(sample), opened.columns.runs)
+    chosen = None
+    if sample is not None:
+        import numpy as np
+
+        runs = opened.columns.runs
+        chosen = np.zeros(runs, bool)
+        count = int(np.ceil(_read_share(sample) * runs))
+        chosen[np.random.default_rng().permutation(runs)[:count]] = True
     problems = find_problems(address, chosen=chosen)
     # Later, so that the engine and the reader of the whole table are not in memory at once.
     from contactlab.run.recomputed_runs import (
@@ -127,7 +131,7 @@ def verify(
     )
 
 
-def _share(text: str) -> float:
+def _read_share(text: str) -> float:
     """Read a share, such as 1% or 0.01; raise CommandLineError for other text."""
     number = text.removesuffix("%").strip()
     try:
@@ -137,13 +141,3 @@ def _share(text: str) -> float:
     if not 0 < share <= 1:
         raise CommandLineError(f"--sample {text}: write a share above 0 and up to 100%, such as 1%")
     return share
-
-
-def _drawn(share: float, runs: int) -> "NDArray[np.bool_]":
-    """Return (runs,) which are drawn: the share of them, rounded up."""
-    import numpy as np
-
-    chosen = np.zeros(runs, bool)
-    drawn = np.random.default_rng().permutation(runs)[: int(np.ceil(share * runs))]
-    chosen[drawn] = True
-    return chosen

@@ -21,10 +21,9 @@ def expectation_findings(store: Store) -> Iterator[Finding]:
     met, unmet = (manifest.expectations.get(name, 0) for name in ("met", "unmet"))
     all_invalid = manifest.labels.get("invalid", 0) == manifest.runs and not met
     if not lost and all_invalid:
-        lost, said = (
-            manifest.runs,
-            f"all {manifest.runs:,} runs are invalid: {_first_reason(store)}",
-        )
+        first = store.columns.arrow(["label_reason"])["label_reason"][:1].to_pylist()
+        reason = next(filter(None, first), "without a reason")
+        lost, said = manifest.runs, f"all {manifest.runs:,} runs are invalid: {reason}"
     yield _make_finding(RUNS, "runs", manifest.runs, lost, said)
     rest = manifest.runs - met - unmet
     said = f"{met:,} of {met + unmet:,} runs are as expected"
@@ -33,11 +32,6 @@ def expectation_findings(store: Store) -> Iterator[Finding]:
     yield _make_finding(EXPECTED, "labels", met + unmet, unmet, said, _unmet_runs(store))
     if means := manifest.unmet_means:
         yield _make_finding(MEANS, "metrics", len(means), len(means), "; ".join(means))
-
-
-def _first_reason(store: Store) -> str:
-    reasons = store.columns.arrow(["label_reason"])["label_reason"]
-    return str(next((reason for reason in reasons[:1].to_pylist() if reason), "without a reason"))
 
 
 def _make_finding(

@@ -19,9 +19,7 @@ from contactlab.scene.model_names import name_of
 from contactlab.scene.part_bodies import is_mocap_driven
 from contactlab.schema.setting_values import as_number
 
-# A converged solver: few problems need more iterations, and a tolerance of rounding ends others.
-# A dense Jacobian takes too long above this number of degrees of freedom.
-_ITERATIONS, _LINE_SEARCHES, _SMALL, DENSE_UP_TO = 100, 50, 1e-12, 400
+DENSE_UP_TO = 400  # degrees of freedom; a dense Jacobian of more takes too long
 
 
 def keep_model(_model: mujoco.MjModel, _own: mujoco.MjModel) -> None:
@@ -72,9 +70,10 @@ def converge_solver(model: mujoco.MjModel, _own: mujoco.MjModel | None = None) -
     """
     option = model.opt
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-    option.iterations = max(_ITERATIONS, option.iterations)
-    option.ls_iterations = max(_LINE_SEARCHES, option.ls_iterations)
-    option.tolerance = _SMALL
+    # Few problems need more iterations, and a tolerance of rounding ends others.
+    option.iterations = max(100, option.iterations)
+    option.ls_iterations = max(50, option.ls_iterations)
+    option.tolerance = 1e-12
     if has_branches(model) and model.nv <= DENSE_UP_TO:
         option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
 
@@ -98,18 +97,16 @@ def multiply_impratio(model: mujoco.MjModel, own: mujoco.MjModel) -> None:
     model.opt.cone = ELLIPTIC
 
 
-# Smooth shapes converge within 35 iterations, the default. A signed distance field takes the best
-# of several searches: four times the defaults of 10 iterations and 40 points.
-_CCD_ITERATIONS, _CCD_TOLERANCE, _SDF_ITERATIONS, _SDF_POINTS = 200, 1e-6, 40, 160
-
-
 def converge_collision(model: mujoco.MjModel, _own: mujoco.MjModel | None = None) -> None:
     """Make collisions of convex shapes and distance fields run to convergence."""
     option = model.opt
-    option.ccd_iterations = max(_CCD_ITERATIONS, option.ccd_iterations)
-    option.ccd_tolerance = min(_CCD_TOLERANCE, option.ccd_tolerance)
-    option.sdf_iterations = max(_SDF_ITERATIONS, option.sdf_iterations)
-    option.sdf_initpoints = max(_SDF_POINTS, option.sdf_initpoints)
+    # Smooth shapes converge within 35 iterations, the default.
+    option.ccd_iterations = max(200, option.ccd_iterations)
+    option.ccd_tolerance = min(1e-6, option.ccd_tolerance)
+    # A signed distance field takes the best of several searches: four times the defaults of 10
+    # iterations and 40 points.
+    option.sdf_iterations = max(40, option.sdf_iterations)
+    option.sdf_initpoints = max(160, option.sdf_initpoints)
 
 
 def add_speculative_contacts(model: mujoco.MjModel) -> None:
@@ -253,14 +250,15 @@ def stiffen_friction_with_noslip(model: mujoco.MjModel) -> None:
     add_noslip(model)
 
 
-_GRIP_IMPRATIO, GRIP_NOSLIP = 10.0, 3
-"""Impratio and iterations of noslip that hold an object against regularized friction."""
+GRIP_NOSLIP = 3
+"""Iterations of noslip that hold an object against regularized friction."""
 
 
 def find_stiff_impratio(model: mujoco.MjModel) -> float:
     """Return ten times the impratio under elliptic cones, or at least ten."""
     own = model.opt.impratio if model.opt.cone == ELLIPTIC else 1.0
-    return max(_GRIP_IMPRATIO, _GRIP_IMPRATIO * float(own))
+    factor = 10.0  # holds an object against regularized friction
+    return max(factor, factor * float(own))
 
 
 def stiffen_grip(model: mujoco.MjModel, _geoms: Sequence[int]) -> None:

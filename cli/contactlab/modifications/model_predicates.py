@@ -210,18 +210,15 @@ def lacks_surroundings(model: mujoco.MjModel) -> bool:
         return False
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
+    # Along a slide joint, half of gravity lets a body fall: 60 degrees from vertical.
     slides = (model.jnt_type == int(mujoco.mjtJoint.mjJNT_SLIDE)) & (
-        np.abs(data.xaxis @ model.opt.gravity) > _ALONG * read_gravity(model)
+        np.abs(data.xaxis @ model.opt.gravity) > read_gravity(model) / 2
     )
     driven = model.actuator_trnid[model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT), 0]
     held = (model.jnt_limited != 0) | (model.jnt_stiffness != 0)
     held[driven] = True
     falls = (model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)) | (slides & ~held)
     return bool(falls.any()) and bool(solid.any())
-
-
-_ALONG = 0.5
-"""Least share of gravity along a slide joint that lets a body fall: 60 degrees from vertical."""
 
 
 def has_flag(name: str) -> ModelPredicate:

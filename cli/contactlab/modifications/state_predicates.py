@@ -138,18 +138,12 @@ def is_clamped(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
     at = (data.actuator_force <= low) | (data.actuator_force >= high)
     if (at & (model.actuator_forcelimited.repeat(outputs) > 0)).any():
         return True
-    return _is_at_joint_range(model, data)
-
-
-def _is_at_joint_range(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
     # The actuators of a joint or tendon push with all that it allows.
     limited = np.flatnonzero(model.jnt_actfrclimited)
     force = data.qfrc_actuator[model.jnt_dofadr[limited]]
-    low, high = model.jnt_actfrcrange[limited].T
-    joints = (
-        (force <= low * (1 - COARSE_ROUNDING)) | (force >= high * (1 - COARSE_ROUNDING))
-    ).any()
+    low, high = model.jnt_actfrcrange[limited].T * (1 - COARSE_ROUNDING)
     # MuJoCo scales the actuators of a tendon together; their sum is then at the range.
+    joints = ((force <= low) | (force >= high)).any()
     return bool(joints or model.tendon_actfrclimited.any())
 
 

@@ -25,7 +25,6 @@ from contactlab.schema.sweep_schema import Limit
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import stored_sweep
 
-_MOST_LINES, _MOST_LAYERS, _MOST_LIMITS = 8, 4, 12
 _SIDES = {
     "outcome": {True: "stable", False: "not stable"},
     "must": {True: "as required", False: "not as required"},
@@ -123,15 +122,16 @@ def boundary_lines(found: Boundaries) -> Iterator[str]:
     if found.limit is not None:
         yield from _limit_lines(found, found.limit)
         return
+    most_grids = 8
     axes = [_AxisText.of(*axis) for axis in zip(found.grid.axes.items(), found.units, strict=True)]
-    for sides in found.sides[:_MOST_LINES]:
+    for sides in found.sides[:most_grids]:
         if len(found.sides) > 1:
             yield ", ".join(
                 f"{name} {format_setting(value, 4)}" for name, value in sides.shared.items()
             )
         yield from _axis_lines(axes, sides.names, sides.codes)
-    if len(found.sides) > _MOST_LINES:
-        yield f"and {len(found.sides) - _MOST_LINES:,} more grids, of other seeds or settings"
+    if len(found.sides) > most_grids:
+        yield f"and {len(found.sides) - most_grids:,} more grids, of other seeds or settings"
 
 
 @dataclass(frozen=True)
@@ -174,39 +174,25 @@ def _axis_lines(axes: Sequence[_AxisText], names: Sequence[str], codes: Codes) -
     """Yield the changes of sides along the first axis, once for equal values of the last."""
     *_, last = axes
     if codes.ndim == 1:
-        yield _describe_sides(last, names, codes)
+        # Such as `stable up to timestep 4.1 to 4.3 ms, then tunneling`.
+        changes: list[int] = np.flatnonzero(codes[1:] != codes[:-1]).tolist()
+        sides = [names[place] for place in codes.tolist()]
+        parts = [f"{sides[step]} up to {last.name} {last.at(step, step + 1)}" for step in changes]
+        yield ", then ".join([*parts, sides[-1]]) if changes else f"{sides[0]} throughout"
         return
     layers = np.moveaxis(codes, -1, 0)
     told = [tuple(_axis_lines(axes[:-1], names, layer)) for layer in layers]
-    most = _MOST_LINES if codes.ndim == 2 else _MOST_LAYERS
-    for places, lines in _group_neighbors(told, most):
-        if codes.ndim == 2:
-            yield f"{lines[0]}, {last.where(*places)}"
-            continue
-        yield f"{last.where(*places)}:"
-        yield from (f"  {line}" for line in lines)
-
-
-def _group_neighbors(
-    told: Sequence[tuple[str, ...]], most: int
-) -> Iterator[tuple[tuple[int, int], tuple[str, ...]]]:
-    """Yield the first and last place of neighbors with equal lines, at most `most` of them."""
     groups = [list(group) for _, group in groupby(range(len(told)), key=told.__getitem__)]
-    shown = np.unique(np.linspace(0, len(groups) - 1, most).round().astype(int))
+    most_groups = 8 if codes.ndim == 2 else 4
+    shown = np.unique(np.linspace(0, len(groups) - 1, most_groups).round().astype(int))
     for place in shown[: len(groups)].tolist():
-        first, last = groups[place][0], groups[place][-1]
-        yield (first, last), told[first]
-
-
-def _describe_sides(axis: _AxisText, names: Sequence[str], codes: Codes) -> str:
-    """Return the sides along an axis: `stable up to timestep 4.1 to 4.3 ms, then tunneling`."""
-    changes: list[int] = np.flatnonzero(codes[1:] != codes[:-1]).tolist()
-    places: list[int] = codes.tolist()
-    sides = [names[place] for place in places]
-    if not changes:
-        return f"{sides[0]} throughout"
-    parts = [f"{sides[step]} up to {axis.name} {axis.at(step, step + 1)}" for step in changes]
-    return ", then ".join([*parts, sides[-1]])
+        first, lines = groups[place][0], told[groups[place][0]]
+        where = last.where(first, groups[place][-1])
+        if codes.ndim == 2:
+            yield f"{lines[0]}, {where}"
+            continue
+        yield f"{where}:"
+        yield from (f"  {line}" for line in lines)
 
 
 def _limit_lines(found: Boundaries, limit: Limit) -> Iterator[str]:
@@ -230,13 +216,14 @@ def _limit_lines(found: Boundaries, limit: Limit) -> Iterator[str]:
     counts = {
         scenario: int(np.argmin(np.append(good[order], False))) for scenario, good in sound.items()
     }
-    for scenario, count in [*counts.items()][:_MOST_LIMITS]:
+    most_limits = 12
+    for scenario, count in [*counts.items()][:most_limits]:
         of = ", ".join(f"{name} {format_setting(value, 4)}" for name, value in scenario)
         yield f"{_limit_line(axis, limit, order, count)}{f', for {of}' if of else ''}"
         if again := int(sound[scenario][order[count:]].sum()):
             yield f"  beyond it {again:,} of {len(order) - count:,} pass again"
-    if len(counts) > _MOST_LIMITS:
-        yield f"and {len(counts) - _MOST_LIMITS:,} more scenarios"
+    if len(counts) > most_limits:
+        yield f"and {len(counts) - most_limits:,} more scenarios"
     if len(counts) > 1:
         yield f"in all {len(counts):,}: {_limit_line(axis, limit, order, min(counts.values()))}"
 

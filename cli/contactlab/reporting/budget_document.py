@@ -1,7 +1,7 @@
 """Describes an error budget: a table of each phase, or of the worst phase of each row."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from contactlab.rendering.amounts import (
@@ -39,9 +39,7 @@ _HEADS = (
     Column("time", "right"),
     Column("worst body, when", breakable=True),
 )
-_LEAST, _MOST = 1e-3, 10.0  # ends of a logarithmic bar: a tenth of a percent, ten times the forces
 _NOTHING = 1e-4  # a smaller share is written as 0 %, and has no worst body
-_SHOWN = 0.1  # of the tolerance: rows above it are in the short table
 DEFINITION = "error budget: residual force as a share of the real forces, in the worst body"
 NOTES = (
     "Bars are logarithmic, from 0.1 to 1000 %. The time is that of a run with the change over one "
@@ -82,11 +80,19 @@ def phase_section(phase: BudgetPhase, begin: float, tolerance: float) -> Section
         f"of {format_amount(phase.timestep, 'ms')}"
     )
     rows = [PlacedRow(row, begin) for row in phase.rows if row.exercised]
+    drift = phase.energy_drift
+    known = drift is None or abs(drift) >= _NOTHING
+    signed = format_percent(math.inf if drift is None else drift, signed=True)
+    others = [f"energy drift {signed if known else '0 %'}"]
+    if phase.upper_bound is not None:
+        others.append(f"upper bound of the numerical error {share_text(phase.upper_bound)}")
+    others.append(f"not judged: excess path {share_text(phase.excess_path)}")
+    others.append(f"worst window {share_text(phase.worst_window)} of the body's largest speed")
     blocks: list[Block] = [
         Sentence(head),
         budget_table(PlacedRow(phase.numerical_error, begin), rows, tolerance),
         *_describe_unexercised([row.name for row in phase.rows if not row.exercised]),
-        Sentence("; ".join(_other_numbers(phase))),
+        Sentence("; ".join(others)),
     ]
     return Section(tuple(blocks), "budget")
 
@@ -95,7 +101,8 @@ def worst_rows_section(budget: BudgetReport, task: Task) -> Section:
     """Return the numerical error and the rows that matter, each of its worst phase."""
     found = largest_rows(budget, task)
     run = found.pop(budget.phases[0].numerical_error.name)
-    least = _SHOWN * budget.tolerance
+    shown_share = 0.1  # of the tolerance: rows above it are in the short table
+    least = shown_share * budget.tolerance
     shown = {name: at for name, at in found.items() if row_error(at.row) >= least}
     blocks: list[Block] = [
         Sentence(DEFINITION),
@@ -151,17 +158,6 @@ def _describe_unexercised(names: Sequence[str]) -> list[Block]:
     return [Sentence(f"not exercised by the task: {', '.join(names)}")] if names else []
 
 
-def _other_numbers(phase: BudgetPhase) -> Iterator[str]:
-    drift = phase.energy_drift
-    known = drift is None or abs(drift) >= _NOTHING
-    signed = format_percent(math.inf if drift is None else drift, signed=True)
-    yield f"energy drift {signed if known else '0 %'}"
-    if phase.upper_bound is not None:
-        yield f"upper bound of the numerical error {share_text(phase.upper_bound)}"
-    yield f"not judged: excess path {share_text(phase.excess_path)}"
-    yield f"worst window {share_text(phase.worst_window)} of the body's largest speed"
-
-
 def _table_row(placed: PlacedRow, group: str, tolerance: float) -> Row:
     row = placed.row
     error = math.inf if row.infinite else row.error
@@ -184,7 +180,8 @@ def _shorten_share(share: float | None) -> str:
 
 
 def _place_along_bar(share: float) -> float:
-    """Return how far along a bar a share is, 0 to 1."""
-    if share <= _LEAST:
+    """Return how far along a logarithmic bar a share is, 0 to 1."""
+    least, most = 1e-3, 10.0  # ends: a tenth of a percent, and ten times the forces
+    if share <= least:
         return 0.0
-    return min(1.0, math.log(share / _LEAST) / math.log(_MOST / _LEAST))
+    return min(1.0, math.log(share / least) / math.log(most / least))

@@ -9,7 +9,7 @@ from contactlab.plan.sampled_shares import configuration_of
 from contactlab.plan.search import searched_axes
 from contactlab.plan.sides import counts_for_share, fields_read_by
 from contactlab.rendering.amounts import format_setting
-from contactlab.schema.sweep_schema import Sweep, Until
+from contactlab.schema.sweep_schema import Until
 from contactlab.shares import anytime
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import stored_sweep
@@ -71,9 +71,6 @@ def share_lines(until: Until, shares: list[KnownShare]) -> Iterator[str]:
         yield f"and {len(shares) - most_lines:,} more configurations"
 
 
-_ID_DIGITS = 8
-
-
 def worst_lines(store: Store) -> Iterator[str]:
     """Yield the worst of each search in a line; no line for a sweep without `search`."""
     sweep = stored_sweep(store.manifest.sweep)
@@ -82,15 +79,18 @@ def worst_lines(store: Store) -> Iterator[str]:
     metric = sweep.search.metric
     axes, columns = searched_axes(sweep), store.columns
     others = [name for name in (*columns.axis_names, "seed") if name not in axes]
+    largest, worst_values = sweep.search.maximise, dict[object, float]()
     worst = dict[object, dict[str, object]]()
     trials = dict[object, int]()
     for row in columns.arrow([*dict.fromkeys(["run_id", metric, *axes, *others])]).to_pylist():
         key = tuple(row[name] for name in others)
         trials[key] = trials.get(key, 0) + 1
-        if row[metric] is not None and (
-            key not in worst or _is_worse(row[metric], worst[key][metric], sweep)
+        value = row[metric]
+        if value is not None and (
+            key not in worst
+            or (value > worst_values[key] if largest else value < worst_values[key])
         ):
-            worst[key] = row
+            worst[key], worst_values[key] = row, value
     if not worst:
         yield f"{metric} could not be measured in any of {columns.runs:,} trials"
     unit = columns.described[metric].unit
@@ -102,14 +102,8 @@ def worst_lines(store: Store) -> Iterator[str]:
         )
         sought = f"{'largest' if sweep.search.maximise else 'least'} {metric}"
         value = f"{format_setting(row[metric], 4)}{f' {unit}' if unit != '1' else ''}"
-        run = str(row["run_id"])[:_ID_DIGITS]
+        run = str(row["run_id"])[:8]
         of = f" of {of}" if of else ""
         yield f"{sought}{of}: {value} at {at}, run {run}, in {trials[key]:,} trials"
     if len(worst) > most_lines:
         yield f"and {len(worst) - most_lines:,} more searches"
-
-
-def _is_worse(value: float, other: object, sweep: Sweep) -> bool:
-    assert sweep.search is not None
-    assert isinstance(other, float | int)
-    return value > other if sweep.search.maximise else value < other

@@ -10,8 +10,6 @@ from contactlab.schema.examination import Examination, Fix, RestingContact, RunL
 
 NUMERICAL_CHECK, ENERGY_CHECK = "numerical_error", "energy_drift"
 """Findings of the check of a task that the reasons of its budget fail."""
-_MOST_LABELS = 2  # that the causes of a verdict have
-_MOST_NAMES = 3  # of skipped rows and fixes
 
 
 def judged_labels(report: Examination) -> Sequence[RunLabel]:
@@ -44,7 +42,8 @@ def check_of_reason(row: str) -> str:
 
 def labels_in_why(report: Examination) -> Sequence[RunLabel]:
     """Return the failure labels that the causes of a verdict name."""
-    return judged_labels(report)[:_MOST_LABELS]
+    most_labels = 2
+    return judged_labels(report)[:most_labels]
 
 
 def label_line(label: RunLabel, seeds: int) -> str:
@@ -99,7 +98,8 @@ def not_tried_line(report: Examination) -> str:
     """Return the rows and fixes that were skipped, in a sentence; empty if there are none."""
     if not report.not_tried:
         return ""
-    named, more = report.not_tried[:_MOST_NAMES], len(report.not_tried) - _MOST_NAMES
+    most_names = 3
+    named, more = report.not_tried[:most_names], len(report.not_tried) - most_names
     rest = f" and {more} more" if more > 0 else ""
     return f"not tried within the CPU limit: {', '.join(named)}{rest}; --max-cpu 5min allows more"
 

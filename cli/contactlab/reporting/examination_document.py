@@ -42,23 +42,9 @@ from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.error_budget import BudgetReport
 from contactlab.schema.examination import Examination, Examinations, Fix
 from contactlab.schema.finding import Finding, PlacedFinding
+from contactlab.schema.verification import VerifiedChange
 from contactlab.writers.report import Report
 from contactlab.writers.signs import outcome_mark
-
-_VERIFIED_HEADS = (
-    "measure",
-    "run",
-    Column("original", "right"),
-    Column("changed", "right"),
-    Column("tolerance", "right"),
-    "where",
-)
-_MOST_LINES = 6  # of a fix
-_MOST_FIRST_LINES = 3  # of the first fix
-_REPLAYED = (
-    "The error budget replays the actions of the policy; fixes are verified in its loop, where a "
-    "finer step or another integrator has to reduce the tracking error."
-)
 
 
 def describe_examination(
@@ -75,7 +61,15 @@ def describe_examination(
         model: named before the headline, where several models are in one place.
     """
     details_or_alone = details or len(report.sections) == 1
-    sections = [*_head_sections(report, model), Section(tuple(_task_blocks(report)), "task")]
+    task: list[Block] = [Facts((("task", report.task.line),), colon=True)]
+    if isinstance(report.task.drive, PolicyDrive):
+        task.append(
+            Sentence(
+                "The error budget replays the actions of the policy; fixes are verified in its "
+                "loop, where a finer step or another integrator has to reduce the tracking error."
+            )
+        )
+    sections = [*_head_sections(report, model), Section(tuple(task), "task")]
     if report.requested and not report.missed:
         sections.append(Section((Sentence("verified by a run with these settings"),), "requested"))
     if report.budget is not None and "budget" in report.sections:
@@ -105,14 +99,16 @@ def describe_examination(
         Section(
             (
                 Sentence(f"fix {number}: {fix_summary(fix, report)}"),
-                *_list_fix_lines(fix, _MOST_LINES),
+                *_list_fix_lines(fix, most=6),
             ),
             "fixes",
         )
         for number, fix in enumerate(others, 2)
     ]
-    if details:
-        sections += _verified_section(report)
+    verified = next(filter(None, (fix.verification for fix in report.fixes)), None)
+    if details and verified is not None and verified.measures:
+        title = f"Verified: {verified.sentence}"
+        sections.append(Section((_verified_table(verified),), "verified", title, folded=True))
     notes = report.notes if details_or_alone else ()
     sections.append(Section(tuple(map(Sentence, notes)), "notes"))
     sections.append(Section(tuple(map(Sentence, _list_next_steps(report))), "ends"))
@@ -200,7 +196,7 @@ def _head_sections(report: Examination, model: str) -> Iterator[Section]:
     blocks: list[Block] = [Facts((*entries,), colon=True)]
     if report.fixes:
         first = first_fix(report.fixes)
-        blocks += _list_fix_lines(first, _MOST_FIRST_LINES)
+        blocks += _list_fix_lines(first, most=3)
         if first.lines and report.model.endswith(".urdf"):
             blocks.append(Sentence("A URDF has no place for it: --write FILE writes a new MJCF."))
         if first.verification is not None:
@@ -213,12 +209,6 @@ def _head_sections(report: Examination, model: str) -> Iterator[Section]:
     yield Section(tuple(blocks), "causes", follows=True)
 
 
-def _task_blocks(report: Examination) -> Iterator[Block]:
-    yield Facts((("task", report.task.line),), colon=True)
-    if isinstance(report.task.drive, PolicyDrive):
-        yield Sentence(_REPLAYED)
-
-
 def _list_fix_lines(fix: Fix, most: int) -> Iterator[Block]:
     if fix.lines:
         more = len(fix.lines) - most
@@ -228,16 +218,21 @@ def _list_fix_lines(fix: Fix, most: int) -> Iterator[Block]:
         yield Sentence(f"no lines: {fix.no_patch_reason}")
 
 
-def _verified_section(report: Examination) -> Iterator[Section]:
-    """Yield the measures of the first fix next to those of the model as written."""
-    verified = next(filter(None, (fix.verification for fix in report.fixes)), None)
-    if verified is not None and verified.measures:
-        rows = [
-            (row.name, row.run, row.before, row.after, f"{row.tolerance} {row.unit}", row.place)
-            for row in measure_rows(verified.measures)
-        ]
-        table = table_of(_VERIFIED_HEADS, rows)
-        yield Section((table,), "verified", f"Verified: {verified.sentence}", folded=True)
+def _verified_table(verified: VerifiedChange) -> Table:
+    """Return the measures of a fix next to those of the model as written."""
+    heads = (
+        "measure",
+        "run",
+        Column("original", "right"),
+        Column("changed", "right"),
+        Column("tolerance", "right"),
+        "where",
+    )
+    rows = [
+        (row.name, row.run, row.before, row.after, f"{row.tolerance} {row.unit}", row.place)
+        for row in measure_rows(verified.measures)
+    ]
+    return table_of(heads, rows)
 
 
 def _full_budget(report: Examination, budget: BudgetReport) -> Iterator[Section]:

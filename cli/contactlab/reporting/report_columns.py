@@ -28,7 +28,7 @@ SCENES_OWN = "as in the scene"
 STABLE = "stable"
 _UNITLESS = {"", "1", "any"}
 _MORE_LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0789"
-_SMALLER, _LEAST_OF_UNIT = {"s": "ms", "m": "mm"}, 0.1
+_SMALLER = {"s": "ms", "m": "mm"}
 _LARGER = {small: unit for unit, small in _SMALLER.items()}
 
 
@@ -212,8 +212,9 @@ def tick_of(axis: GridAxis, value: object) -> int:
 
 def in_small_units(numbers: Floats, unit: str) -> tuple[Floats, str]:
     """Return times and lengths in ms and mm where all are below a tenth of the unit."""
+    least_of_unit = 0.1
     finite = np.abs(numbers[np.isfinite(numbers)])
-    if unit not in _SMALLER or not finite.size or finite.max() >= _LEAST_OF_UNIT:
+    if unit not in _SMALLER or not finite.size or finite.max() >= least_of_unit:
         return numbers, unit
     values, places = np.unique(numbers, return_inverse=True)
     # A thousand times 1.1e-3 is not quite 1.1.
@@ -260,11 +261,12 @@ def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
     from contactlab.measure import LABELS  # noqa: PLC0415 - takes a while
 
     codes, strings = store.columns.coded("label")
-
-    added, ours = (
-        _added_labels(store),
-        {name: label.facts for name, label in LABELS.items() if not label.is_added},
-    )
+    ours = {name: label.facts for name, label in LABELS.items() if not label.is_added}
+    # Plug-ins may not be installed; the store has the facts about their labels.
+    try:
+        added = _ADDED.validate_python(store.columns.shared.get("labels", {}))
+    except ValidationError as error:
+        raise StoreError(f"{store.address}: its table describes labels wrongly: {error}") from error
     order = [str(name) for name in store.columns.shared.get("severity", ())]
     unordered = dict.fromkeys((*strings, *also))
     if unordered.keys() - {*order}:
@@ -288,11 +290,3 @@ def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
         masks.astype(np.min_scalar_type((1 << len(every)) - 1)),
         every,
     )
-
-
-def _added_labels(store: Store) -> dict[str, LabelFacts]:
-    """Return the facts that a store has about labels of plug-ins; these may not be installed."""
-    try:
-        return _ADDED.validate_python(store.columns.shared.get("labels", {}))
-    except ValidationError as error:
-        raise StoreError(f"{store.address}: its table describes labels wrongly: {error}") from error

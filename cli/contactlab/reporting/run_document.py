@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from contactlab.printable import shell_word
 from contactlab.rendering.amounts import format_percent, format_setting
 from contactlab.rendering.document import (
+    Block,
     Commands,
     Document,
     Facts,
@@ -47,21 +48,28 @@ def describe_run(store: Store, record: EvidenceRecord) -> Document:
         for name, pair in record.pairs.items()
     ]
     tables.append(table_of(("pair", "condim", "friction", "solref", "solimp", "margin"), pairs))
+
+    blocks: list[Block] = [Headline(f"run {record.run_id}: {record.label}"), *reasons]
+    if steps := record.metrics.get("ungraded_contacts"):
+        blocks.append(
+            Sentence(
+                f"Not judged: contacts outside the {len(record.pairs)} monitored pairs, in "
+                f"{steps:.0f} of {record.steps} steps. No label and no axis of contacts concerns "
+                "them; `pairs` of the scene's manifest choose others."
+            )
+        )
+    commands = list[tuple[str, str]]()
+    stored_run = f"{shell_word(store.address)} {record.run_id}"
+    if record.trace is not None:
+        commands.append(("see it", f"contactlab render {stored_run} -o run.mcap"))
+    if record.loop is None:
+        commands.append(("replay", f"contactlab verify {stored_run}"))
     return document_of(
-        [Headline(f"run {record.run_id}: {record.label}"), *reasons, *_unjudged_contacts(record)],
+        blocks,
         [Facts((*_run_facts(store, record),))],
         *([table] for table in tables if table.rows),
-        [Commands((*_next_commands(store, record),))],
+        [Commands(tuple(commands))],
     )
-
-
-def _unjudged_contacts(record: EvidenceRecord) -> Iterator[Sentence]:
-    if steps := record.metrics.get("ungraded_contacts"):
-        yield Sentence(
-            f"Not judged: contacts outside the {len(record.pairs)} monitored pairs, in {steps:.0f} "
-            f"of {record.steps} steps. No label and no axis of contacts concerns them; `pairs` of "
-            "the scene's manifest choose others."
-        )
 
 
 def _run_facts(store: Store, record: EvidenceRecord) -> Iterator[tuple[str, str]]:
@@ -86,11 +94,3 @@ def _run_facts(store: Store, record: EvidenceRecord) -> Iterator[tuple[str, str]
         reward = "" if record.total_reward is None else f", return {record.total_reward:.6g}"
         yield "loop", f"episode {record.seed}{success}{reward}"
         yield "unchecked", str(record.loop.unchecked)
-
-
-def _next_commands(store: Store, record: EvidenceRecord) -> Iterator[tuple[str, str]]:
-    named = f"{shell_word(store.address)} {record.run_id}"
-    if record.trace is not None:
-        yield "see it", f"contactlab render {named} -o run.mcap"
-    if record.loop is None:
-        yield "replay", f"contactlab verify {named}"

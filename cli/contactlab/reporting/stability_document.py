@@ -1,24 +1,27 @@
 """Describes the results of hard cases."""
 
-from collections.abc import Iterator
-
 from contactlab.printable import shortened
 from contactlab.rendering.amounts import format_amount
 from contactlab.rendering.document import Document, Sentence, document_of, table_of
 from contactlab.schema.check_report import StabilityReport, StabilityResult
 
 _HEADS = ("case", "runs", "as expected", "controls", "labels", "error", "step", "seconds")
-_MOST_MISSES = 5  # of a case
 
 
 def describe_stability(report: StabilityReport) -> Document:
     """Describe hard cases: a row for each, and its unmet expectations."""
     seconds = format_amount(sum(case.seconds for case in report.cases), "s")
     met = sum(case.passed for case in report.cases)
+    most_misses = 5  # of a case
+    missed = [
+        f"{case.name} {miss}"
+        for case in report.cases
+        for miss in shortened(case.misses, most_misses, case.store)
+    ]
     return document_of(
         [
             table_of(_HEADS, [_case_row(case) for case in report.cases]),
-            *map(Sentence, _missed_texts(report)),
+            *map(Sentence, missed),
             Sentence(f"{met} of {len(report.cases)} cases are as expected, in {seconds}"),
         ]
     )
@@ -29,10 +32,3 @@ def _case_row(case: StabilityResult) -> tuple[object, ...]:
     met = f"{case.as_expected}/{case.expected}"
     end = (case.error, case.step, case.seconds)
     return case.name, case.runs, met, case.controls, labels, *end
-
-
-def _missed_texts(report: StabilityReport) -> Iterator[str]:
-    for case in report.cases:
-        yield from (
-            f"{case.name} {miss}" for miss in shortened(case.misses, _MOST_MISSES, case.store)
-        )

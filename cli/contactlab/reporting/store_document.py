@@ -2,12 +2,11 @@
 
 import json
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from operator import itemgetter, methodcaller
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contactlab.judge.expectations import EXPECTED, expectation_findings
 from contactlab.measure import METRICS
@@ -19,19 +18,16 @@ from contactlab.rendering.document import (
     Headline,
     Section,
     Sentence,
-    Table,
     document_of,
     table_of,
 )
 from contactlab.reporting.finding import write_finding, write_headline
-from contactlab.reporting.label_shares import share_words, stable_share
+from contactlab.reporting.label_shares import ShareWords, share_words, stable_share
 from contactlab.reporting.map_axes import by_importance
 from contactlab.reporting.report_columns import GridAxis, RunLabels, read_axes, read_run_labels
 from contactlab.reporting.start_noise import distance_to_reality
 from contactlab.schema.drive import describe_drive, parse_drive
-from contactlab.schema.evidence import StoreManifest
 from contactlab.store.finished_store import Store
-from contactlab.store.run_columns import RunColumns
 from contactlab.store.store_files import is_slice, shard_of
 
 _MOST_ROWS = 12
@@ -44,107 +40,81 @@ def describe_store(store: Store) -> Document:
     """Describe the result of a store: sentences, and the table of the axes that matter most."""
     manifest, columns = store.manifest, store.columns
     axes, labels, share = read_axes(store), read_run_labels(store), share_words(store)
-    mixed = bool(labels.failed.any())  # otherwise all values are alike, as the headline says
-    began = _failed_at_start(columns, labels)
-    rest = np.flatnonzero(~began)
-    others = [replace(axis, codes=axis.codes[rest]) for axis in axes]
-    left = replace(labels, codes=labels.codes[rest], masks=labels.masks[rest])
-    texts = [
-        stable_share(labels, share),
-        _describe_invalid(columns, labels),
-        _describe_starts(began, labels),
-        write_finding(others, left, share) if axes and left.failed.any() else "",
-        distance_to_reality(axes, columns),
-        *_expectation_texts(store),
-        *_missing_effects(columns),
-        _describe_unjudged(columns),
-    ]
     blocks: list[Block] = [Headline(f"{manifest.sweep.name}: {write_headline(labels)}")]
-    blocks += map(Sentence, filter(None, texts))
+    blocks += map(Sentence, filter(None, _result_sentences(store, axes, labels, share)))
+
     if chosen := [*_chosen_runs(store)]:
         blocks += map(Sentence, chosen)
     elif manifest.runs <= _MOST_ROWS:
-        blocks.append(_run_table(store))
-    elif axes and mixed:
+        # A table of all runs, with the metrics that any of them has.
+        rows = store.table.to_pylist()
+        headed = [(metric.name, metric.heading) for metric in METRICS.values() if metric.heading]
+        shown = [name for name, _ in headed if any(map(methodcaller("get", name), rows))]
+        headings = [heading for name, heading in headed if name in shown]
+        said = _OF_LOOPS if "loop" in rows[0] else {"expectation_met": "as expected"}
+        of_columns = itemgetter("label", *said, *columns.axis_names, *shown)
+        cells = [[str(row["run_id"])[:_ID_DIGITS], *of_columns(row)] for row in rows]
+        header = ["run", "label", *said.values(), *columns.axis_names, *headings]
+        blocks.append(table_of(header, cells, droppable=len(headings)))
+    elif axes and labels.failed.any():  # otherwise all values are alike, as the headline says
         blocks += _value_table(by_importance(axes, labels), labels, share)
-    blocks.append(Sentence(f"driven by: {_drive_text(columns)}"))
+
+    drives = [describe_drive(parse_drive(json.loads(word))) for word in columns.coded("drive")[1]]
+    blocks.append(Sentence(f"driven by: {'; '.join(dict.fromkeys(drives))}"))
+    sweep, runs = manifest.sweep, f"{manifest.runs:,} runs"
+    if sweep.whole is not None and is_slice(sweep):
+        part = f"shard {shard}" if (shard := shard_of(sweep)) else "a part of the sweep"
+        runs = f"{manifest.runs:,} of {sweep.whole.runs:,} runs ({part})"
     path = store.address
+    blocks.append(Sentence(f"{runs}, {manifest.traces:,} traces in {path}"))
     look = columns.run_id(int(labels.codes.argmin()))[:_ID_DIGITS]
-    blocks.append(Sentence(f"{_count_runs(manifest)}, {manifest.traces:,} traces in {path}"))
     closer = f"look closer: contactlab show {shell_word(path)} {look}"
     blocks.append(Code((closer, f"one page: contactlab report {shell_word(path)}"), indent=0))
     return document_of(Section(tuple(blocks), "summary"))
 
 
-def _describe_unjudged(columns: RunColumns) -> str:
-    if "ungraded_contacts" not in columns.schema.names:
-        return ""
-    count = int((columns.numbers("ungraded_contacts").values > 0).sum())
-    return (
-        f"in {count:,} of {columns.runs:,} runs some contacts are not judged, because their pairs "
-        "are not monitored: ungraded_contacts has their steps, `pairs` of the scene's manifest "
-        "choose pairs"
-        if count
-        else ""
-    )
-
-
-def _failed_at_start(columns: RunColumns, labels: RunLabels) -> NDArray[np.bool_]:
+def _result_sentences(
+    store: Store, axes: Sequence[GridAxis], labels: RunLabels, share: ShareWords
+) -> Iterator[str]:
+    columns = store.columns
+    invalid = np.array([name == "invalid" for name in labels.names], np.bool_)[labels.codes]
     steps = columns.numbers("label_step")
-    return labels.failed & steps.valid & (steps.values <= 1) & ~_are_invalid(labels)
+    began = labels.failed & steps.valid & (steps.values <= 1) & ~invalid
+    yield stable_share(labels, share)
+    if invalid.any():
+        reasons = columns.arrow(["label_reason"])["label_reason"]
+        most = Counter(reasons.take(np.flatnonzero(invalid)).to_pylist()).most_common(1)[0][0]
+        yield f"{invalid.sum():,} runs are invalid: {most}"
+    if began.any():
+        code = Counter(labels.codes[began].tolist()).most_common(1)[0][0]
+        yield (
+            f"{began.sum():,} of {labels.failed.sum():,} failures begin with the first step, most "
+            f"as {labels.names[code]}: look at the start (another keyframe or height) before any "
+            "setting"
+        )
 
+    # The axes explain the failures of the other runs.
+    rest = np.flatnonzero(~began)
+    others = [replace(axis, codes=axis.codes[rest]) for axis in axes]
+    left = replace(labels, codes=labels.codes[rest], masks=labels.masks[rest])
+    yield write_finding(others, left, share) if axes and left.failed.any() else ""
+    yield distance_to_reality(axes, columns)
 
-def _are_invalid(labels: RunLabels) -> NDArray[np.bool_]:
-    return np.array([name == "invalid" for name in labels.names], np.bool_)[labels.codes]
-
-
-def _describe_invalid(columns: RunColumns, labels: RunLabels) -> str:
-    invalid = np.flatnonzero(_are_invalid(labels))
-    if not len(invalid):
-        return ""
-    reasons = columns.arrow(["label_reason"])["label_reason"].take(invalid).to_pylist()
-    return f"{len(invalid):,} runs are invalid: {Counter(reasons).most_common(1)[0][0]}"
-
-
-def _describe_starts(began: NDArray[np.bool_], labels: RunLabels) -> str:
-    if not began.any():
-        return ""
-    most = Counter(labels.codes[began].tolist()).most_common(1)[0][0]
-    return (
-        f"{began.sum():,} of {labels.failed.sum():,} failures begin with the first step, most as "
-        f"{labels.names[most]}: look at the start (another keyframe or height) before any setting"
-    )
-
-
-def _drive_text(columns: RunColumns) -> str:
-    texts = [describe_drive(parse_drive(json.loads(word))) for word in columns.coded("drive")[1]]
-    return "; ".join(dict.fromkeys(texts))
-
-
-def _count_runs(manifest: StoreManifest) -> str:
-    """Return the number of runs of a store, and of its sweep if it is a part of it."""
-    sweep, runs = manifest.sweep, f"{manifest.runs:,} runs"
-    if sweep.whole is None or not is_slice(sweep):
-        return runs
-    part = f"shard {shard}" if (shard := shard_of(sweep)) else "a part of the sweep"
-    return f"{manifest.runs:,} of {sweep.whole.runs:,} runs ({part})"
-
-
-def _expectation_texts(store: Store) -> Iterator[str]:
-    """Yield how many runs are as the sweep expects, and the means that are not."""
-    for found in expectation_findings(store):
-        if found.name == EXPECTED:
-            yield found.message
+    yield from (found.message for found in expectation_findings(store) if found.name == EXPECTED)
     yield from (f"not as expected: {mean}" for mean in store.manifest.unmet_means)
-
-
-def _missing_effects(columns: RunColumns) -> Iterator[str]:
-    """Yield the effects that were off in runs that needed them."""
     missing: Counter[str] = Counter()
     for entry in columns.arrow(["effects_missed"])[0].value_counts().to_pylist():
         missing.update(dict.fromkeys(json.loads(entry["values"]), entry["counts"]))
     for name, count in missing.most_common():
         yield f"{name} is off, but {count:,} of {columns.runs:,} runs need it"
+    if "ungraded_contacts" in columns.schema.names and (
+        count := int((columns.numbers("ungraded_contacts").values > 0).sum())
+    ):
+        yield (
+            f"in {count:,} of {columns.runs:,} runs some contacts are not judged, because their "
+            "pairs are not monitored: ungraded_contacts has their steps, `pairs` of the scene's "
+            "manifest choose pairs"
+        )
 
 
 def _chosen_runs(store: Store) -> Iterator[str]:
@@ -172,22 +142,7 @@ def _chosen_runs(store: Store) -> Iterator[str]:
         yield from boundary_lines(found)
 
 
-def _run_table(store: Store) -> Table:
-    """Return the table of all runs, with the metrics that any of them has."""
-    rows, axes = store.table.to_pylist(), store.columns.axis_names
-    headed = [(metric.name, metric.heading) for metric in METRICS.values() if metric.heading]
-    shown = [name for name, _ in headed if any(map(methodcaller("get", name), rows))]
-    headings = [heading for name, heading in headed if name in shown]
-    said = _OF_LOOPS if "loop" in rows[0] else {"expectation_met": "as expected"}
-    of_columns = itemgetter("label", *said, *axes, *shown)
-    cells = [[str(row["run_id"])[:_ID_DIGITS], *of_columns(row)] for row in rows]
-    header = ["run", "label", *said.values(), *axes, *headings]
-    return table_of(header, cells, droppable=len(headings))
-
-
-def _value_table(
-    axes: Sequence[GridAxis], labels: RunLabels, share: Callable[[int, int], str]
-) -> Iterator[Block]:
+def _value_table(axes: Sequence[GridAxis], labels: RunLabels, share: ShareWords) -> Iterator[Block]:
     """Yield the numbers of runs by label for each axis value, the most important axes first."""
     rows: list[tuple[object, ...]] = []
     for axis in axes:

@@ -118,19 +118,15 @@ def describe_replay(report: RunReplay) -> Document:
         return document_of([Headline(f"run {report.run_id}: bitwise equal ({report.hash})")])
     if report.stored_hash is None:
         return document_of([Headline(f"run {report.run_id}: no trajectory was stored")])
-    return document_of(
-        [Headline(f"run {report.run_id}: differs"), Facts((*_difference_facts(report),))]
-    )
-
-
-def _difference_facts(report: RunReplay) -> Iterator[tuple[str, str]]:
+    facts = list[tuple[str, str]]()
     if report.step is not None:
         amount = "" if report.difference is None else f" by {report.difference:.3g}"
-        yield "first", f"after step {report.step}{amount}"
+        facts.append(("first", f"after step {report.step}{amount}"))
     if report.damage is not None:
-        yield "trace", f"its stored trace is damaged: {report.damage}"
-    yield "stored", f"{report.stored_hash} with {report.stored_engine}"
-    yield "now", report.hash
+        facts.append(("trace", f"its stored trace is damaged: {report.damage}"))
+    facts.append(("stored", f"{report.stored_hash} with {report.stored_engine}"))
+    facts.append(("now", report.hash))
+    return document_of([Headline(f"run {report.run_id}: differs"), Facts(tuple(facts))])
 
 
 def describe_bisection(report: Bisection) -> Document:

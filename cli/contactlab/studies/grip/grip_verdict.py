@@ -96,7 +96,14 @@ def _first_cause(known: GripEvidence) -> tuple[CauseKind, str] | None:
     if not known.pressed:
         return "shape", "it slips out while the fingers close, before it is loaded"
     if known.word == "drops" and known.pull < known.weight:
-        return _weak_squeeze_cause(known)
+        kind: CauseKind = "weak squeeze"
+        end = ", and neither more friction nor more squeeze is enough"
+        if known.is_halved_by("squeeze"):
+            end = "; more squeeze holds it"
+        elif known.is_halved_by("friction"):
+            kind, end = "Coulomb's limit", "; more friction holds it"
+        held = f"the fingers hold {known.pull:.3g} N, the object weighs {known.weight:.3g} N"
+        return kind, f"{held}{end}"
     if known.idle > min(_HALVED_SHARE * known.speed, known.tolerance):
         # Friction carries no load then, so the cause is not its regularization.
         return "shape", (
@@ -110,15 +117,6 @@ def _first_cause(known: GripEvidence) -> tuple[CauseKind, str] | None:
             return kind, text
     unknown: CauseKind = "unknown"
     return (unknown, "no tested change halves the speed") if known.tried else None
-
-
-def _weak_squeeze_cause(known: GripEvidence) -> tuple[CauseKind, str]:
-    held = f"the fingers hold {known.pull:.3g} N, the object weighs {known.weight:.3g} N"
-    if known.is_halved_by("squeeze"):
-        return "weak squeeze", f"{held}; more squeeze holds it"
-    if known.is_halved_by("friction"):
-        return "Coulomb's limit", f"{held}; more friction holds it"
-    return "weak squeeze", f"{held}, and neither more friction nor more squeeze is enough"
 
 
 def _regularized_cause(known: GripEvidence) -> str:

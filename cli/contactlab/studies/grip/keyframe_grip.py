@@ -1,12 +1,11 @@
 """Finds the object that is held in a keyframe, the bodies that press on it, and their frame."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import mujoco
 import numpy as np
 
-from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.keyframes import place_mocap, start_data
@@ -103,19 +102,15 @@ def find_held_object(
         up[:] = np.cross(across, np.eye(3)[int(np.argmin(np.abs(across)))])
     turn = squeeze_frame(across, up)
     held = measure_squeeze(fixture, settled.rows[0], control, turn, settled.qpos[0])
-    held = replace(held, sucks=_pulls_by_adhesion(model, control, {number, *touching}))
+    adhesion = model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_BODY)
+    own = np.isin(model.actuator_trnid[:, 0], [number, *touching])
+    held = replace(held, sucks=bool((adhesion & own & (control > 0)).any()))
     if not held.is_held:
         raise SceneError(
             f"keyframe '{keyframe}' presses on {model.body(number).name} from one side only; "
             "name a keyframe in which fingers hold it"
         )
     return fixture, held
-
-
-def _pulls_by_adhesion(model: mujoco.MjModel, control: Floats, bodies: Collection[int]) -> bool:
-    adhesion = model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_BODY)
-    own = np.isin(model.actuator_trnid[:, 0], list(bodies))
-    return bool((adhesion & own & (control > 0)).any())
 
 
 def _shared_base(model: mujoco.MjModel, bodies: Sequence[int]) -> int:
