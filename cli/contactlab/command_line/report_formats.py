@@ -27,7 +27,7 @@ def print_text(folder: FolderOf | None = None, **options: object) -> Show:
     """Return a printer of text as wide as the terminal."""
 
     def show(result: Described, given: Given) -> None:
-        print_document(result.describe(**_placed(folder, given), **options))
+        print_document(result.describe(**_place_folder(folder, given), **options))
 
     return show
 
@@ -37,7 +37,7 @@ def print_markdown(folder: FolderOf | None = None, name: str = "", **options: ob
 
     def show(result: Described, given: Given) -> None:
         named = {name: str(getattr(result, name))} if name else {}
-        document = result.describe(**_placed(folder, given), **named, **options)
+        document = result.describe(**_place_folder(folder, given), **named, **options)
         echo(render_markdown(document))
 
     return show
@@ -67,5 +67,5 @@ def formats_by_type(formats: Mapping[str, Mapping[str, Show]]) -> Mapping[str, S
     return {form: partial(print_result, form) for form in next(iter(formats.values()))}
 
 
-def _placed(folder: FolderOf | None, given: Given) -> Mapping[str, Path]:
+def _place_folder(folder: FolderOf | None, given: Given) -> Mapping[str, Path]:
     return {"folder": folder(given)} if folder else {}

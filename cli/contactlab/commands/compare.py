@@ -126,7 +126,7 @@ def compare(
 
     targets = files_to_write(output)
     given = {"match": match, "baseline_digest": baseline_digest}
-    timers = _timers(remeasure, baseline_python, candidate_python)
+    timers = _read_timers(remeasure, baseline_python, candidate_python)
     stores = opt.address_of(baseline), opt.address_of(candidate)
     arm = None if control is None else opt.address_of(control)
     run = partial(compare_stores, *stores, control=arm, thorough=thorough, remeasure=timers)
@@ -157,7 +157,7 @@ def compare(
     return report
 
 
-def _timers(
+def _read_timers(
     runs: int | None, baseline_python: str | Path | None, candidate_python: str | Path | None
 ) -> "Remeasure | None":
     if runs is None:

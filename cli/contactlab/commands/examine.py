@@ -25,7 +25,7 @@ _PAGE, _REPORT, _LIVE = "page.html", "examination.json", ".live.html"
 _FILES = {".html", ".htm", ".json"}
 
 
-def _findings(report: "Examination | Examinations", given: Given) -> "Report":
+def _list_findings(report: "Examination | Examinations", given: Given) -> "Report":
     from contactlab.reporting.examination_document import (
         findings_of_examination,
         findings_of_examinations,
@@ -192,7 +192,7 @@ def _draw_page(report: "Examination", session: "Session", file: Path) -> "Examin
         "full": print_text(details=True, phases=True),
         **report_formats(),
         "markdown": print_markdown(details=True, name="model"),
-        **printed(_findings, "junit", "sarif", "github"),
+        **printed(_list_findings, "junit", "sarif", "github"),
     },
     failure=_find_failure,
 )

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from contactlab.schema.study_reports import FitReport
 
 
-def _folder(given: Given) -> Path:
+def _find_folder(given: Given) -> Path:
     return opt.study_folder("fit", given["scene"], given["output"])
 
 
@@ -22,7 +22,7 @@ def _folder(given: Given) -> Path:
     keeps="finished runs",
     examples=("fit cube_toss", "fit scene/ --free friction.slide=0.1:1,solref --fitted 60"),
     codes="0 fitted, 2 bad input, 130 interrupted",
-    formats=report_formats(_folder),
+    formats=report_formats(_find_folder),
 )
 def fit(
     scene: Annotated[str | Path, Argument("SCENE", "A scene with a recording.", kind=str)],

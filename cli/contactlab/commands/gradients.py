@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from contactlab.schema.gradients import GradientsReport
 
 
-def _folder(given: Given) -> Path:
+def _find_folder(given: Given) -> Path:
     return opt.study_folder("gradients", given["source"], given["output"])
 
 
@@ -25,7 +25,7 @@ def _folder(given: Given) -> Path:
         "gradients map.yaml --output-coordinate x.v --input speed --figure map.svg",
     ),
     codes="0 measured, 2 bad input, 130 interrupted",
-    formats=report_formats(_folder),
+    formats=report_formats(_find_folder),
 )
 def gradients(
     source: Annotated[

@@ -22,7 +22,7 @@ def _fail(report: "LintReport", given: Given) -> ContactlabError | None:
     return None if report.passed else ExpectationError("")
 
 
-def _findings(report: "LintReport", given: Given) -> "Report":
+def _list_findings(report: "LintReport", given: Given) -> "Report":
     from contactlab.studies.lint.linting import findings_of_lint
 
     del given
@@ -36,8 +36,8 @@ def _findings(report: "LintReport", given: Given) -> "Report":
     examples=("lint robot.xml", "lint models/*.xml --format sarif"),
     formats={
         **report_formats(),
-        "github": partial(print_report, "github", _findings),
-        "sarif": partial(print_report, "sarif", _findings),
+        "github": partial(print_report, "github", _list_findings),
+        "sarif": partial(print_report, "sarif", _list_findings),
     },
 )
 def lint(

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from contactlab.schema.store_reports import WrittenLock
 
 
-def _failure(result: "WrittenLock | ComparisonReport", given: Given) -> ContactlabError | None:
+def _find_failure(result: "WrittenLock | ComparisonReport", given: Given) -> ContactlabError | None:
     from contactlab.schema.store_reports import WrittenLock
 
     return None if isinstance(result, WrittenLock) else failure(result, given)
@@ -42,7 +42,7 @@ def _failure(result: "WrittenLock | ComparisonReport", given: Given) -> Contactl
     formats=formats_by_type(
         {"ComparisonReport": printed(compared), "WrittenLock": report_formats()}
     ),
-    failure=_failure,
+    failure=_find_failure,
 )
 def lock(
     source: Annotated[str | Path, Argument("SWEEP|STORE", "Sweep, or a finished store.", kind=str)],

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from contactlab.store.finished_store import Store
 
 
-def _text(result: Any, given: Given) -> None:  # noqa: ANN401 - a path, or None
+def _print_path(result: Any, given: Given) -> None:  # noqa: ANN401 - a path, or None
     del given
     if result is not None:
         echo(result)
@@ -33,7 +33,7 @@ def _text(result: Any, given: Given) -> None:  # noqa: ANN401 - a path, or None
     formats=formats_by_type(
         {
             "ExpandedTraces": report_formats(),
-            **{name: {"text": _text} for name in ("NoneType", "PosixPath", "WindowsPath")},
+            **{name: {"text": _print_path} for name in ("NoneType", "PosixPath", "WindowsPath")},
         }
     ),
 )

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from contactlab.store.store_files import Address
 
 
-def _text(result: Path | list[Path] | Listing, given: Given) -> None:
+def _print_paths(result: Path | list[Path] | Listing, given: Given) -> None:
     del given
     if isinstance(result, Listing):
         print_table(result.header, result.rows)
@@ -30,7 +30,7 @@ def _text(result: Path | list[Path] | Listing, given: Given) -> None:
     "read",
     keeps="nothing",
     examples=("report results/grasp", "report results/grasp --figures paper --format pdf"),
-    formats={"text": _text},
+    formats={"text": _print_paths},
 )
 def report(
     store: opt.StoreArgument,
@@ -128,7 +128,7 @@ def report(
         raise OutputError("--width needs --figures FOLDER")
     if figures is not None:
         formats = format.split(",") if isinstance(format, str) else format
-        return _figures(opened, Path(figures), list(formats), criteria, width)
+        return _write_figures(opened, Path(figures), list(formats), criteria, width)
     if live:
         others = {"figures": figures, "baseline": baseline, "parity": parity, "metric": metric}
         if unread := [name for name, given in {**others, "tolerance": tolerance}.items() if given]:
@@ -167,7 +167,7 @@ def _print_notes(page: Path, notes: Sequence[str]) -> Path:
     return page
 
 
-def _figures(
+def _write_figures(
     store: "Store", folder: Path, formats: list[str], criteria: "Criteria", width: str | None
 ) -> list[Path] | Listing:
     from contactlab.page.report_files import write_figures

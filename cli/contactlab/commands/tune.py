@@ -18,16 +18,16 @@ if TYPE_CHECKING:
     from contactlab.schema.tune_report import TuneReport
 
 
-def _folder(given: Given) -> Path:
+def _find_folder(given: Given) -> Path:
     return opt.study_folder("tune", given["model"], given["output"])
 
 
-def _text(report: "TuneReport", given: Given) -> None:
+def _print_result(report: "TuneReport", given: Given) -> None:
     from contactlab.schema.tune_report import PATCH
 
-    patch = _folder(given) / PATCH
+    patch = _find_folder(given) / PATCH
     if not given["patch"]:
-        print_text(_folder)(report, given)
+        print_text(_find_folder)(report, given)
     elif report.recommended and patch.is_file():
         echo_bytes(patch.read_bytes())
 
@@ -36,7 +36,7 @@ def _text(report: "TuneReport", given: Given) -> None:
     "examine",
     keeps="nothing",
     examples=("tune robot.xml",),
-    formats={**report_formats(_folder), "text": _text},
+    formats={**report_formats(_find_folder), "text": _print_result},
 )
 def tune(
     model: Annotated[

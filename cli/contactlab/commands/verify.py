@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from contactlab.schema.store_reports import RunReplay, StoreVerification
 
 
-def _failure(result: "StoreVerification | RunReplay", given: Given) -> ContactlabError | None:
+def _find_failure(result: "StoreVerification | RunReplay", given: Given) -> ContactlabError | None:
     from contactlab.schema.store_reports import RunReplay
 
     del given
@@ -36,7 +36,7 @@ def _failure(result: "StoreVerification | RunReplay", given: Given) -> Contactla
     keeps="nothing",
     examples=("verify results/grasp --simulate 20", "verify results/grasp 3ead3115"),
     formats=formats_by_type({"StoreVerification": report_formats(), "RunReplay": report_formats()}),
-    failure=_failure,
+    failure=_find_failure,
 )
 def verify(
     store: opt.StoreArgument,

@@ -176,7 +176,8 @@ def _axis_lines(axes: Sequence[_AxisText], names: Sequence[str], codes: Codes) -
     if codes.ndim == 1:
         # Such as `stable up to timestep 4.1 to 4.3 ms, then tunneling`.
         changes: list[int] = np.flatnonzero(codes[1:] != codes[:-1]).tolist()
-        sides = [names[place] for place in codes.tolist()]
+        places: list[int] = codes.tolist()
+        sides = [names[place] for place in places]
         parts = [f"{sides[step]} up to {last.name} {last.at(step, step + 1)}" for step in changes]
         yield ", then ".join([*parts, sides[-1]]) if changes else f"{sides[0]} throughout"
         return

@@ -73,15 +73,15 @@ def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
         verdict = task_verdict(task, sweep.scene, values, records, session)
     report = analyze_tradeoff(store, request.criteria)
     with TemporaryDirectory(prefix="contactlab-") as folder:
-        chosen, notes = _written(
+        chosen, notes = _write_choice(
             report, report.recommendation, request.model or Path(folder), store
         )
-        robust, _ = _written(report, report.robust, Path(folder), store)
+        robust, _ = _write_choice(report, report.robust, Path(folder), store)
     found = {"recommendation": chosen, "robust": robust, "notes": (*report.notes, *notes)}
     return report.model_copy(update={**found, "task": task, "verdict": verdict})
 
 
-def _written(
+def _write_choice(
     report: TradeoffReport, pick: Recommendation | None, folder: Path, store: Store
 ) -> tuple[Recommendation | None, Sequence[str]]:
     """Return what to use with what it changes in the model, written into a folder; and why not."""

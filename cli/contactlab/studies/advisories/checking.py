@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -15,8 +15,6 @@ from contactlab.studies.advisories import witness_process
 from contactlab.studies.lock.versions import run_python
 
 _PROCESS = witness_process.__name__
-_SHOWN = 0.5
-"""A value shows the fault beyond this share of the way from the right to the wrong value."""
 
 
 def check_advisories(
@@ -53,7 +51,8 @@ def _replay_files(
     last, left = dict[str, dict[str, Any]](), list(files)
     while left:
         done = run_python(["-P", "-m", _PROCESS, *left], release, notify)
-        lines = [*_read_lines(done.stdout)]
+        texts = (text for text in done.stdout.splitlines() if text.startswith('{"file"'))
+        lines = list(map(json.loads, texts))
         last |= {line["file"]: line for line in lines}
         started = lines[-1]["file"] if lines else left[0]
         last.setdefault(started, {"file": started})
@@ -61,29 +60,26 @@ def _replay_files(
     return last
 
 
-def _read_lines(text: str) -> Iterator[dict[str, Any]]:
-    for line in text.splitlines():
-        if line.startswith('{"file"'):
-            yield json.loads(line)
-
-
 def _judge_line(advisory: Advisory, release: str, line: Mapping[str, Any]) -> WitnessResult:
+    witness = advisory.witness
+    shown_share = 0.5  # of the way from the right to the wrong value; beyond, the fault shows
+    outcome: WitnessOutcome
+    if "measured" not in line:
+        ended = advisory.severity == "crash" or "reason" not in line
+        outcome = "crashed" if ended else "not run"
+    else:
+        measured = math.nan if line["measured"] is None else float(line["measured"])
+        if abs(measured - witness.right) <= witness.tolerance:
+            outcome = "not shown"
+        else:
+            shows = fault_share(witness, measured) >= shown_share
+            outcome = "shown" if shows else "unclear"
     return WitnessResult(
         advisory=advisory.id,
         release=release,
         affected=advisory.affects_release(release),
-        outcome=_find_outcome(advisory, line),
+        outcome=outcome,
         measured=line.get("measured"),
         meets=line.get("meets", False),
         reason=line.get("reason", ""),
     )
-
-
-def _find_outcome(advisory: Advisory, line: Mapping[str, Any]) -> WitnessOutcome:
-    witness = advisory.witness
-    if "measured" not in line:
-        return "crashed" if advisory.severity == "crash" or "reason" not in line else "not run"
-    measured = math.nan if line["measured"] is None else float(line["measured"])
-    if abs(measured - witness.right) <= witness.tolerance:
-        return "not shown"
-    return "shown" if fault_share(witness, measured) >= _SHOWN else "unclear"

@@ -20,9 +20,6 @@ _SHAPES = {
     "mesh": 'type="mesh" mesh="hull"',
 }
 _PLANE = 'type="plane" size="2 2 .1"'
-_TREES = 24
-_POSES = 6
-"""Poses of each pair of shapes: enough for faces, edges and corners to meet."""
 _CONSTRAINTS = {
     "weld": '<equality><weld body1="arm" body2="load"/></equality>',
     "connect": '<equality><connect body1="arm" body2="load" anchor=".2 0 0"/></equality>',
@@ -103,7 +100,7 @@ def generate_models() -> Iterator[tuple[str, str]]:
     for first, second in itertools.combinations_with_replacement(["plane", *_SHAPES], 2):
         if second != "plane":
             yield f"{first}-{second}", _pair_text(first, second)
-    for seed in range(_TREES):
+    for seed in range(24):
         yield f"tree-{seed}", _tree_text(seed)
     for name, text in _CONSTRAINTS.items():
         yield f"constraint-{name}", _constraint_text(text)
@@ -131,7 +128,8 @@ def _format_numbers(values: np.ndarray) -> str:
 def _pair_text(first: str, second: str) -> str:
     # Pairs are apart, so that only the two shapes of a pair touch.
     draw, bodies = np.random.default_rng(1), list[str]()
-    for place in range(_POSES):
+    poses = 6  # enough for faces, edges and corners to meet
+    for place in range(poses):
         turn, other = draw.normal(size=4), draw.normal(size=4)
         away = draw.normal(size=3)
         away *= draw.uniform(0.1, 0.2) / np.linalg.norm(away)

@@ -2,7 +2,7 @@
 
 import re
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -36,12 +36,6 @@ STAGES = {
 _INDEX = re.compile(r"\[[\d, ]+\]")
 _ADDRESS = re.compile(r"geom\[(\d+)\]")
 _SOLVED = ("constraints", "solver")
-_LEAST_ERROR = 1e-4
-"""Largest ordinary error of a solver, of steps or of saved text, as a share."""
-_CLEAR = 30.0
-"""Least ratio of the errors of a wrong and a right release."""
-_TEXT_ROUNDING = 1e-5
-"""Share of the largest number that is lost in MJCF with six digits."""
 
 
 class Difference(NamedTuple):
@@ -95,7 +89,7 @@ def _find_solver_difference(first: Windows, second: Windows) -> Difference | Non
     # Each release is compared with its own tight solution, since rounding may change contacts.
     for place in range(len(first.ends)):
         errors = _solver_error(first, place), _solver_error(second, place)
-        if max(errors) > max(_LEAST_ERROR, _CLEAR * min(errors)):
+        if _differ_clearly(errors):
             ours, theirs = (np.asarray(one.exact["qacc"][place]) for one in (first, second))
             worst = int(np.abs(ours - theirs).argmax())
             values = float(ours[worst]), float(theirs[worst])
@@ -106,7 +100,8 @@ def _find_solver_difference(first: Windows, second: Windows) -> Difference | Non
 def _find_compiled_difference(
     first: Mapping[str, Floats], second: Mapping[str, Floats], prefix: str
 ) -> Difference | None:
-    share = _TEXT_ROUNDING if prefix else COARSE_ROUNDING
+    # MJCF with six digits loses this share of the largest number.
+    share = 1e-5 if prefix else COARSE_ROUNDING
     for name, ours in first.items():
         theirs, kind = second[name], f"{name} of the {prefix}" if prefix else name
         if ours.shape != theirs.shape:
@@ -191,12 +186,18 @@ def decide_fault(
         return "", "no closed form or independent computation is known for this stage"
     errors = [measure(windows, difference.place) for windows in (first, second)]
     worse = int(errors[1] > errors[0])
-    if errors[worse] > max(_LEAST_ERROR, _CLEAR * errors[1 - worse]):
+    if _differ_clearly(errors):
         return releases[worse], (
             f"the difference to {reference} is a share of {errors[worse]:.2g} under "
             f"{releases[worse]}, and of {errors[1 - worse]:.2g} under {releases[1 - worse]}"
         )
     return "", f"both releases agree with {reference} alike"
+
+
+def _differ_clearly(errors: Sequence[float]) -> bool:
+    ordinary_error = 1e-4  # of a solver, of steps or of saved text, as a share
+    clear_ratio = 30.0  # of the errors of a wrong and a right release
+    return max(errors) > max(ordinary_error, clear_ratio * min(errors))
 
 
 def _saving_error(windows: Windows, place: int) -> float:

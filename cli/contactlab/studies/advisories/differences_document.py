@@ -10,18 +10,17 @@ from contactlab.rendering.document import (
 )
 from contactlab.schema.differences_report import DifferencesReport
 
-_MOST = 3  # models that are named in a row
-
 
 def describe_differences(report: DifferencesReport) -> Document:
     """Describe the differences by stage, and the models that were not compared."""
+    most_named = 3
     rows = [
         (
             group.stage,
             group.quantity,
             f"fault in {group.faulty}" if group.faulty else "change",
             len(group.models),
-            ", ".join(group.models[:_MOST]),
+            ", ".join(group.models[:most_named]),
             group.first,
             group.second,
             group.bodies,

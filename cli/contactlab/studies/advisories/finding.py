@@ -42,8 +42,6 @@ from contactlab.studies.advisories.release_windows import (
 from contactlab.studies.shrink.failing_model import START, FailingModel, as_one_file
 from contactlab.tasks.session import Session
 
-RECORDED_STEPS = (1, 10, 20, 30, 40, 60, 80, 120, 160, 240, 320, 400)
-"""Numbers of steps before recorded states, closer in the first impacts; some faults are rare."""
 _ORDER = tuple(dict.fromkeys(STAGES.values()))
 _UNDECIDED = "CHANGE: find a closed form or an independent computation, or drop this draft"
 
@@ -140,7 +138,9 @@ def _compare_model(
     # settings.
     text, compiled = member.text or flat, compile_text(member.text or flat)
     begin = state_at(compiled, start)
-    states = record(text, begin, RECORDED_STEPS)
+    # Steps before recorded states are closer in the first impacts; some faults are rare.
+    steps = (1, 10, 20, 30, 40, 60, 80, 120, 160, 240, 320, 400)
+    states = record(text, begin, steps)
     if not states:
         raise EngineError("no finite state")
     found = find_difference(compiled, *(evaluate(text, states) for evaluate in engines))

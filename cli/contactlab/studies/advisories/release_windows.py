@@ -22,10 +22,6 @@ _COMPILED = (
     *("geom_friction", "jnt_range", "dof_M0", "qpos0"),
 )
 """Fields of a compiled model that are compared, besides quantities that are computed from them."""
-_TIGHT_ITERATIONS = 1000
-_FINER = 8
-"""Steps of a finer window in one step."""
-_CCD_TOLERANCE, _CCD_ITERATIONS = 1e-12, 500
 
 
 class Windows(NamedTuple):
@@ -78,7 +74,8 @@ def record_states(text: str, start: State, steps: Sequence[int]) -> list[State]:
 def evaluate_windows(text: str, states: Sequence[State]) -> Windows:
     """Return the windows of a model from states, under the MuJoCo of this process."""
     model, fine = compile_text(text), compile_text(text)
-    fine.opt.timestep /= _FINER
+    finer = 8  # steps of a finer window in one step
+    fine.opt.timestep /= finer
     found: dict[str, list[Any]] = {name: [] for name in Windows._fields}
     data = mujoco.MjData(model)
     for state in states:
@@ -89,7 +86,7 @@ def evaluate_windows(text: str, states: Sequence[State]) -> Windows:
             found[f"{prefix}sensors"].append(np.array(data.sensordata))
             found[f"{prefix}ends"].append(_step_window(model, each, WINDOW_STEPS))
         found["tight"].append(_solve_tightly(model, state))
-        found["fine_ends"].append(_step_window(fine, state, _FINER * WINDOW_STEPS))
+        found["fine_ends"].append(_step_window(fine, state, finer * WINDOW_STEPS))
     by_name: dict[str, Any] = {
         name: {field: [one[field] for one in found[name]] for field in found[name][0]}
         for name in ("exact", "rounded")
@@ -111,8 +108,8 @@ def compile_text(text: str) -> mujoco.MjModel:
             model = mujoco.MjModel.from_xml_string(text)
     except (ValueError, mujoco.FatalError) as error:
         raise EngineError(f"MuJoCo {mujoco.__version__} refuses it: {error}") from error
-    model.opt.ccd_tolerance = min(model.opt.ccd_tolerance, _CCD_TOLERANCE)
-    model.opt.ccd_iterations = max(model.opt.ccd_iterations, _CCD_ITERATIONS)
+    model.opt.ccd_tolerance = min(model.opt.ccd_tolerance, 1e-12)
+    model.opt.ccd_iterations = max(model.opt.ccd_iterations, 500)
     return model
 
 
@@ -149,7 +146,7 @@ def _solve_tightly(model: mujoco.MjModel, state: State) -> Floats:
     own = option.solver, option.jacobian, option.tolerance, option.iterations
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    option.tolerance, option.iterations = 0.0, _TIGHT_ITERATIONS
+    option.tolerance, option.iterations = 0.0, 1000
     data = mujoco.MjData(model)
     _set_state(model, data, state)
     mujoco.mj_forward(model, data)

@@ -12,7 +12,7 @@ from contactlab.studies.lint.rules import rule
 
 
 @rule("advisory", "note")
-def known_fault(linted: LintedModel) -> Iterator[Fault]:
+def find_known_faults(linted: LintedModel) -> Iterator[Fault]:
     """The model meets a known fault of the installed engine.
 
     The message has the release that fixes it and a workaround. `contactlab MODEL` shows whether it

@@ -13,7 +13,7 @@ _FULL = tuple(
 
 
 @rule("memory", "gate")
-def memory(linted: LintedModel) -> Iterator[Fault]:
+def find_full_memory(linted: LintedModel) -> Iterator[Fault]:
     """The model reserves too little memory for the contacts of its own start.
 
     Dropped contacts, or more than half of its own setting used at the start. Fix: `<size

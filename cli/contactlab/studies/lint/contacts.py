@@ -106,7 +106,7 @@ def _users_text(linted: LintedModel, users: list[_User]) -> str:
 
 
 @rule("solref-step", "warn")
-def solref_step(linted: LintedModel) -> Iterator[Fault]:
+def find_raised_time_constants(linted: LintedModel) -> Iterator[Fault]:
     """A time constant of solref is below two timesteps, so another one acts.
 
     `refsafe` raises it silently, so the constraint is softer. Fix: the solref that acts, which is
@@ -134,7 +134,7 @@ def solref_step(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("long-step", "note")
-def long_step(linted: LintedModel) -> Iterator[Fault]:
+def find_long_steps(linted: LintedModel) -> Iterator[Fault]:
     """The timestep is too long for MuJoCo's default solref, which acts softer then.
 
     It is more than half of `0.02`. Fix: a timestep of at most 10 ms.
@@ -151,7 +151,7 @@ def long_step(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("solref-energy", "warn")
-def solref_energy(linted: LintedModel) -> Iterator[Fault]:
+def find_stiff_solrefs(linted: LintedModel) -> Iterator[Fault]:
     """A contact is too stiff for its damping at this timestep: an impact can gain energy.
 
     The timestep is above 0.8 / sqrt(K) of a contact that is less than critically damped. `refsafe`
@@ -180,7 +180,7 @@ def solref_energy(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("solref-mixed", "gate")
-def solref_mixed(linted: LintedModel) -> Iterator[Fault]:
+def find_mixed_solrefs(linted: LintedModel) -> Iterator[Fault]:
     """A solref has one negative number and one positive: the engine takes the default instead.
 
     Fix: the default, which acts anyway.
@@ -196,7 +196,7 @@ def solref_mixed(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("frictionless-condim", "warn")
-def frictionless_condim(linted: LintedModel) -> Iterator[Fault]:
+def find_frictionless_condims(linted: LintedModel) -> Iterator[Fault]:
     """Two geoms make contacts with friction of coefficient zero; condim 1 means no friction.
 
     MuJoCo raises the friction to 1e-5, a cone of almost no width, which costs rows and scales
@@ -236,7 +236,7 @@ def _friction_fault(linted: LintedModel, who: str, condim: int, kind: str, index
 
 
 @rule("contact-margin", "note")
-def contact_margin(linted: LintedModel) -> Iterator[Fault]:
+def find_large_margins(linted: LintedModel) -> Iterator[Fault]:
     """Contacts push before geoms touch.
 
     The margins of two geoms add to more than 0.1 mm. Fix: `margin="0"`; `gap` finds contacts early
@@ -260,7 +260,7 @@ def contact_margin(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("contact-softness", "note")
-def contact_softness(linted: LintedModel) -> Iterator[Fault]:
+def find_soft_contacts(linted: LintedModel) -> Iterator[Fault]:
     """Contacts are softer than the engine's default.
 
     The default lets a body sink by a tenth of a millimetre. Fix: the default.

@@ -21,7 +21,7 @@ _LEGACY = {
 
 
 @rule("unread", "gate", of_refused=True)
-def unread(linted: LintedModel) -> Iterator[Fault]:
+def find_unread_model(linted: LintedModel) -> Iterator[Fault]:
     """The model cannot be read or compiled, or names a file that it may not.
 
     The message is MuJoCo's, the line is the file's.
@@ -34,7 +34,7 @@ def unread(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("deprecated", "warn", of_refused=True)
-def deprecated(linted: LintedModel) -> Iterator[Fault]:
+def find_engine_warnings(linted: LintedModel) -> Iterator[Fault]:
     """The installed MuJoCo warns of something as it compiles the model.
 
     Fix: as the message says.
@@ -52,7 +52,7 @@ def deprecated(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("legacy", "note", of_refused=True)
-def legacy(linted: LintedModel) -> Iterator[Fault]:
+def find_legacy_attributes(linted: LintedModel) -> Iterator[Fault]:
     """An attribute is one that MuJoCo keeps for old files only.
 
     `njmax`, `nconmax`, `nstack`, `directional`. Fix: leave it out.
@@ -65,7 +65,7 @@ def legacy(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("absolute-path", "warn", of_refused=True)
-def absolute_path(linted: LintedModel) -> Iterator[Fault]:
+def find_absolute_paths(linted: LintedModel) -> Iterator[Fault]:
     """A file or a folder is named by a path that starts at the root of one machine.
 
     Fix: the path relative to the model.
@@ -80,7 +80,7 @@ def absolute_path(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("resource-name", "gate", of_refused=True)
-def resource_name(linted: LintedModel) -> Iterator[Fault]:
+def find_unresolved_resources(linted: LintedModel) -> Iterator[Fault]:
     """A file is named by its ROS package, and MuJoCo alone does not find it.
 
     Its package is sought next to the model. Fix: the path in the message, with
@@ -114,7 +114,7 @@ def resource_name(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("unused-asset", "note")
-def unused_asset(linted: LintedModel) -> Iterator[Fault]:
+def find_unused_assets(linted: LintedModel) -> Iterator[Fault]:
     """A file is read for a mesh or a height field that no geom has.
 
     Fix: remove it.

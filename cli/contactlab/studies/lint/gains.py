@@ -20,7 +20,7 @@ _EULERDAMP = int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
 
 
 @rule("gain-step", "gate")
-def gain_step(linted: LintedModel) -> Iterator[Fault]:
+def find_unstable_gains(linted: LintedModel) -> Iterator[Fault]:
     """One step of the integrator cannot hold the gains of servos, springs or tendons.
 
     Near the start, the step is a linear map of positions and velocities, with an eigenvalue above

@@ -60,7 +60,7 @@ def _trees_of(model: mujoco.MjModel, bodies: tuple[str, ...]) -> frozenset[int]:
 
 
 @rule("light-link", "warn")
-def light_link(linted: LintedModel) -> Iterator[Fault]:
+def find_light_links(linted: LintedModel) -> Iterator[Fault]:
     """A light body joins a heavy one to the world by constraints, which stretch then.
 
     A constraint yields in proportion to the inverse mass of its parts: each one of the light body
@@ -114,7 +114,7 @@ def _find_reached(begin: set[int], links: list[_Link]) -> set[int]:
 
 
 @rule("pyramid-friction", "warn", may_decide=True)
-def pyramid_friction(linted: LintedModel) -> Iterator[Fault]:
+def find_soft_pyramids(linted: LintedModel) -> Iterator[Fault]:
     """Pyramids of a large friction coefficient make a contact too soft to carry a weight.
 
     Pyramids soften a contact by mu^2 (1 + mu^2) / (condim - 1): 5,050 for a friction of 10. The
@@ -155,7 +155,7 @@ def pyramid_friction(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("hfield-cell", "warn")
-def hfield_cell(linted: LintedModel) -> Iterator[Fault]:
+def find_large_cells(linted: LintedModel) -> Iterator[Fault]:
     """Cells of a height field are larger than a geom that can touch it, which may fall through.
 
     Cells are more than four times as wide as the geom. 48 shapes fell on rough fields: none passed

@@ -23,7 +23,7 @@ def _combined_faults(linted: LintedModel, faults: Iterable[InertiaFault]) -> Ite
 
 
 @rule("inertia-impossible", "gate", of_refused=True)
-def inertia_impossible(linted: LintedModel) -> Iterator[Fault]:
+def find_impossible_inertias(linted: LintedModel) -> Iterator[Fault]:
     """A body that moves has no mass, or moments of inertia that no body has.
 
     One principal moment exceeds the sum of the others, so free motion does not conserve energy.
@@ -36,7 +36,7 @@ def inertia_impossible(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("density", "note")
-def density(linted: LintedModel) -> Iterator[Fault]:
+def find_odd_densities(linted: LintedModel) -> Iterator[Fault]:
     """A body is lighter than foam, or denser than any metal.
 
     Mass over volume of the geoms is below 50 or above 20,000 kg/m^3. Fix: the real mass, or geoms
@@ -48,7 +48,7 @@ def density(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("inertia-shape", "note")
-def inertia_shape(linted: LintedModel) -> Iterator[Fault]:
+def find_odd_inertias(linted: LintedModel) -> Iterator[Fault]:
     """A body's inertia or center of mass does not fit the shape of its geoms.
 
     Common where geoms are simplified. Fix: compare the inertia with the drawing.
@@ -60,7 +60,7 @@ def inertia_shape(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("visual-mass", "warn")
-def visual_mass(linted: LintedModel) -> Iterator[Fault]:
+def find_visual_masses(linted: LintedModel) -> Iterator[Fault]:
     """Meshes that nothing can touch add to the mass of a body that has other geoms.
 
     They have no written mass and add more than 2 %: the part counts twice, once at the density of

@@ -11,7 +11,7 @@ _REFERRED = {"actuator": "controls", "key": "resets"}
 
 
 @rule("unnamed", "note")
-def unnamed(linted: LintedModel) -> Iterator[Fault]:
+def find_unnamed_parts(linted: LintedModel) -> Iterator[Fault]:
     """Actuators or keyframes have no name, so that programs refer to them by a number.
 
     Another actuator moves the number. Fix: a name for each.

@@ -12,7 +12,7 @@ from contactlab.studies.lint.rules import rule
 
 
 @rule("option-value", "gate")
-def option_value(linted: LintedModel) -> Iterator[Fault]:
+def find_impossible_options(linted: LintedModel) -> Iterator[Fault]:
     """An option is infinite, or zero or negative where nothing in the world is.
 
     MuJoCo compiles it; other commands refuse it, unless `--set` replaces the value. Fix: MuJoCo's
@@ -30,7 +30,7 @@ def option_value(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("gravity-size", "note")
-def gravity_size(linted: LintedModel) -> Iterator[Fault]:
+def find_large_gravity(linted: LintedModel) -> Iterator[Fault]:
     """Gravity is ten times the Earth's or more, as in centimetres or millimetres.
 
     Lengths are read as metres, so limits in mm are of other lengths here. Shares of

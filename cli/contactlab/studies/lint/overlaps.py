@@ -103,7 +103,7 @@ def _overlap_place(linted: LintedModel, found: Sequence[_Overlap]) -> Place:
 
 
 @rule("parent-filter", "warn")
-def parent_filter(linted: LintedModel) -> Iterator[Fault]:
+def find_overlapping_neighbors(linted: LintedModel) -> Iterator[Fault]:
     """Neighbouring links overlap in a start, and MuJoCo's filter of parents is not about them.
 
     MuJoCo leaves out contacts of a link with its parent, but not with a grandparent, nor with a
@@ -120,7 +120,7 @@ def parent_filter(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("base-filter", "note")
-def base_filter(linted: LintedModel) -> Iterator[Fault]:
+def find_overlapping_bases(linted: LintedModel) -> Iterator[Fault]:
     """A base that MJCF fixes to the world overlaps links that it carries.
 
     Alone, its joints jam; programs attach such a part to a robot. Fix: an `<exclude>` for each
@@ -167,7 +167,7 @@ def _unjoined_overlaps(linted: LintedModel) -> list[_Overlap]:
 
 
 @rule("overlap", "warn")
-def overlap_in_keyframe(linted: LintedModel) -> Iterator[Fault]:
+def find_overlaps_in_keyframes(linted: LintedModel) -> Iterator[Fault]:
     """Bodies that are not joined overlap in a keyframe.
 
     The overlap is more than a tenth of half the thinner geom, and the first steps throw the bodies
@@ -180,7 +180,7 @@ def overlap_in_keyframe(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("overlap-qpos0", "note")
-def overlap_in_qpos0(linted: LintedModel) -> Iterator[Fault]:
+def find_overlaps_in_qpos0(linted: LintedModel) -> Iterator[Fault]:
     """Bodies that are not joined overlap in the reference pose, and no keyframe is another.
 
     Programs often place bodies themselves. Fix: a keyframe with them apart.
@@ -191,7 +191,7 @@ def overlap_in_qpos0(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("below-floor", "warn")
-def below_floor(linted: LintedModel) -> Iterator[Fault]:
+def find_starts_below_floor(linted: LintedModel) -> Iterator[Fault]:
     """A floating body begins with its center of mass below a plane that it can touch.
 
     The floor throws it out. Fix: a larger `pos`, or a keyframe.
@@ -216,7 +216,7 @@ def below_floor(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("pressing", "warn")
-def pressed_bodies(linted: LintedModel) -> Iterator[Fault]:
+def find_pressed_bodies(linted: LintedModel) -> Iterator[Fault]:
     """Joints hold bodies in each other, which press with many times the weight, without a motor.
 
     The contacts press with more than ten times the weight of all that moves, at the start, without
@@ -253,7 +253,7 @@ COINCIDENT = "coincident-geoms"
 
 
 @rule(COINCIDENT, "warn", voids_runs=True)
-def coincident_geoms(linted: LintedModel) -> Iterator[Fault]:
+def find_doubled_geoms(linted: LintedModel) -> Iterator[Fault]:
     """Two equal geoms of one rigid part lie in one place, and both collide with the same.
 
     Such as a shape and its visual copy: each touch makes two contacts, which are twice as stiff.
@@ -307,7 +307,7 @@ def find_coincident_geoms(model: mujoco.MjModel) -> list[tuple[int, int]]:
 
 
 @rule("hull-fills-mesh", "note")
-def hull_fills_mesh(linted: LintedModel) -> Iterator[Fault]:
+def find_filled_meshes(linted: LintedModel) -> Iterator[Fault]:
     """A mesh collides as its convex hull, which fills much that the mesh leaves open.
 
     The hull has at least 1.5 times the volume. Fix: cut the mesh into convex parts, where it

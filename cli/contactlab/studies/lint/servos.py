@@ -53,7 +53,7 @@ def _list_servos(model: mujoco.MjModel) -> Iterator[_Servo]:
 
 
 @rule("control-range", "warn")
-def control_range(linted: LintedModel) -> Iterator[Fault]:
+def find_wide_control_ranges(linted: LintedModel) -> Iterator[Fault]:
     """A position servo takes targets far beyond the range of its joint.
 
     Targets lie more than a whole range beyond the range, as radians for degrees do. Fix: the range
@@ -184,7 +184,7 @@ class _JawForce(NamedTuple):
 
 
 @rule("jaw-force", "warn", may_decide=True)
-def jaw_force(linted: LintedModel) -> Iterator[Fault]:
+def find_strong_jaws(linted: LintedModel) -> Iterator[Fault]:
     """Jaws of position servos without a force range press through an object.
 
     Closed on an object that fills half of its opening, the jaw sinks in by more than half of its
@@ -236,7 +236,7 @@ def jaw_force(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("activation-step", "warn")
-def activation_step(linted: LintedModel) -> Iterator[Fault]:
+def find_fast_activations(linted: LintedModel) -> Iterator[Fault]:
     """An activation is faster than the timestep, which integrates it explicitly.
 
     It overshoots, and swings without end if the timestep is above two time constants. Fix:

@@ -94,7 +94,7 @@ def _clip_text(values: Floats, found: list[_Beyond]) -> str:
 
 
 @rule("keyframe-length", "gate")
-def keyframe_length(linted: LintedModel) -> Iterator[Fault]:
+def find_keyframes_of_wrong_length(linted: LintedModel) -> Iterator[Fault]:
     """A keyframe has another count of numbers than the model.
 
     MuJoCo appends reference values, or zeros, so the values after an inserted joint act on other
@@ -115,7 +115,7 @@ KEYFRAME_RANGE = "keyframe-range"
 
 
 @rule(KEYFRAME_RANGE, "gate")
-def keyframe_range(linted: LintedModel) -> Iterator[Fault]:
+def find_keyframes_out_of_range(linted: LintedModel) -> Iterator[Fault]:
     """A keyframe puts joints outside of their ranges.
 
     A slide or hinge is beyond its range by more than a hundredth of it, and the joint has at least
@@ -139,7 +139,7 @@ def keyframe_range(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("keyframe-control", "warn")
-def keyframe_control(linted: LintedModel) -> Iterator[Fault]:
+def find_controls_out_of_range(linted: LintedModel) -> Iterator[Fault]:
     """A keyframe has controls outside of their ranges, which are clamped.
 
     Fix: the control that acts.
@@ -156,7 +156,7 @@ def keyframe_control(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("qpos0-range", "note")
-def qpos0_range(linted: LintedModel) -> Iterator[Fault]:
+def find_qpos0_out_of_range(linted: LintedModel) -> Iterator[Fault]:
     """The reference pose is outside of joints' ranges, and no keyframe gives another start.
 
     Many robots are drawn so. Fix: a keyframe within the ranges.
@@ -172,7 +172,7 @@ def qpos0_range(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("radians-as-degrees", "warn", voids_runs=True)
-def radians_as_degrees(linted: LintedModel) -> Iterator[Fault]:
+def find_radians_as_degrees(linted: LintedModel) -> Iterator[Fault]:
     """Ranges of joints are in radians, where the compiler reads degrees.
 
     More than half of the limited hinges, two at least, turn by less than 15 degrees, by numbers
@@ -186,7 +186,7 @@ def radians_as_degrees(linted: LintedModel) -> Iterator[Fault]:
 
 
 @rule("degrees-as-radians", "warn", voids_runs=True)
-def degrees_as_radians(linted: LintedModel) -> Iterator[Fault]:
+def find_degrees_as_radians(linted: LintedModel) -> Iterator[Fault]:
     """Ranges of joints are in degrees, where the compiler reads radians.
 
     More than half of the limited hinges turn by more than four turns, by numbers up to 360. A URDF

@@ -18,7 +18,7 @@ _AT_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARE
 
 
 @rule("no-actuators", "warn", voids_postures=True)
-def no_actuators(linted: LintedModel) -> Iterator[Fault]:
+def find_missing_actuators(linted: LintedModel) -> Iterator[Fault]:
     """Joints have motors by their attributes or defaults, and no actuator drives any of them.
 
     The attributes are `actuatorfrcrange`, `actuatorgravcomp`, and the effort of a URDF; or a
@@ -31,7 +31,17 @@ def no_actuators(linted: LintedModel) -> Iterator[Fault]:
         return
     motors = model.jnt_actfrclimited.astype(bool) | model.jnt_actgravcomp.astype(bool)
     driven = np.flatnonzero(np.isin(model.jnt_type, _SCALAR) & motors)
-    meant = _find_default_actuator(linted)
+    kinds = {"position", "velocity", "motor", "general", "intvelocity", "damper", "cylinder"}
+    meant = next(
+        (
+            child
+            for element, _ in linted.tags()
+            if element.tag == "default"
+            for child in element
+            if child.tag in kinds and child.attrib
+        ),
+        None,
+    )
     if not model.njnt or (meant is None and not driven.size):
         return
     if meant is not None:
@@ -51,18 +61,8 @@ def no_actuators(linted: LintedModel) -> Iterator[Fault]:
     yield Fault(f"no actuators: {motors_of}, {limp}; {remedy}", place)
 
 
-def _find_default_actuator(linted: LintedModel) -> ET.Element | None:
-    kinds = {"position", "velocity", "motor", "general", "intvelocity", "damper", "cylinder"}
-    for element, _ in linted.tags():
-        if element.tag == "default":
-            for child in element:
-                if child.tag in kinds and child.attrib:
-                    return child
-    return None
-
-
 @rule("welded-root", "warn", voids_runs=True)
-def welded_root(linted: LintedModel) -> Iterator[Fault]:
+def find_welded_roots(linted: LintedModel) -> Iterator[Fault]:
     """The import welds the root of a URDF to the world, and the robot stands on limbs.
 
     Below the root end two limbs with wheels, two legs of three joints or more, or three limbs
@@ -142,7 +142,7 @@ def _lowest_points(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
 
 
 @rule("nothing-below", "warn", voids_runs=True)
-def nothing_below(linted: LintedModel) -> Iterator[Fault]:
+def find_missing_floor(linted: LintedModel) -> Iterator[Fault]:
     """Nothing can stop the fall of a driven robot with a floating base.
 
     Robots that float by thrusters, tendons, equalities or a medium pass, as does a model without

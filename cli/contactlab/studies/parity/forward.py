@@ -42,7 +42,6 @@ LIMITS = {
 }
 FLOOR_FACTOR = 8.0  # allowed multiple of the effect of rounding the state
 GRAZING = 1e-5  # rounding decides whether a contact of a smaller distance acts [m]
-_SAME_DIRECTION = 1e-3  # angle between normals that shapes of single precision explain [rad]
 _NONE = np.empty((0, 19))
 _GEOMS, _DISTANCE, _MARGIN, _FRICTION = slice(0, 2), 2, 3, slice(4, 9)
 _SOLREF, _SOLIMP, _POSITION, _NORMAL = slice(9, 11), slice(11, 16), slice(16, 19), slice(19, 22)
@@ -52,23 +51,20 @@ _OF_CONTACT = {"friction": _FRICTION, "solref": _SOLREF, "solimp": _SOLIMP}
 def forward_quantities(engine: SimulationEngine, runs: PreparedRuns) -> Forward | None:
     """Return the quantities that an engine computes at the starts of runs, or None."""
     if isinstance(engine, MujocoEngine):
-        return _forward_by_mujoco(runs)
+        found: dict[str, list[Floats]] = defaultdict(list)
+        for run, model in enumerate(runs.models):
+            data, start = mujoco.MjData(model), runs.starts
+            data.qpos[:], data.qvel[:] = start.qpos[run], start.qvel[run]
+            data.act[:] = start.act[run]
+            inputs = (start.ctrl[run], start.applied[run], start.mocap[run])
+            apply_inputs(model, data, np.concatenate(inputs))
+            for name, values in read_forward_quantities(model, data).items():
+                found[name].append(values)
+        return found
     if not isinstance(engine, AdaptedEngine) or not engine.goes_forward:
         return None
     told = engine.ask(runs, operation="forward")
     return None if isinstance(told, str) else told
-
-
-def _forward_by_mujoco(runs: PreparedRuns) -> Forward:
-    told: dict[str, list[Floats]] = defaultdict(list)
-    for run, model in enumerate(runs.models):
-        data, start = mujoco.MjData(model), runs.starts
-        data.qpos[:], data.qvel[:], data.act[:] = start.qpos[run], start.qvel[run], start.act[run]
-        inputs = (start.ctrl[run], start.applied[run], start.mocap[run])
-        apply_inputs(model, data, np.concatenate(inputs))
-        for name, values in read_forward_quantities(model, data).items():
-            told[name].append(values)
-    return told
 
 
 def read_forward_quantities(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, Floats]:
@@ -192,8 +188,9 @@ class _MatchedContacts:
 
     def find_mismatch(self) -> _Mismatch | None:
         """Return how the first unambiguous pair differs: in count, depth or parameters."""
-        # Relative difference of a contact's parameters that single precision explains.
-        single_precision = 1e-4
+        # Single precision explains such a relative difference of parameters, and such an angle
+        # between normals [rad].
+        single_precision, same_direction = 1e-4, 1e-3
         for pair in sorted((self.ours.keys() | self.theirs.keys()) - self.ambiguous):
             ours, theirs = self.ours.get(pair), self.theirs.get(pair)
             counts = _count_acting(ours), _count_acting(theirs)
@@ -217,8 +214,8 @@ class _MatchedContacts:
                 )
             if (apart := _point_distance(ours, theirs)) > GRAZING:
                 return apart / GRAZING, f"points of {self._name_pair(pair)}", 0.0, apart
-            if (turned := _normal_difference(ours, theirs)) > _SAME_DIRECTION:
-                excess = turned / _SAME_DIRECTION
+            if (turned := _normal_difference(ours, theirs)) > same_direction:
+                excess = turned / same_direction
                 return excess, f"normal of {self._name_pair(pair)}", 0.0, turned
             for name, columns in _OF_CONTACT.items():
                 both = ours[0, columns], theirs[0, columns]

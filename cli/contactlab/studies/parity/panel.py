@@ -30,8 +30,6 @@ from contactlab.scene.scene import Scene
 from contactlab.scene.timed_inputs import Signals
 from contactlab.schema.drive import Drive, PolicyDrive
 
-_MOST_RUNS, _MOST_BYTES = 64, 64 << 20
-
 
 @dataclass(frozen=True)
 class PanelRun:
@@ -120,7 +118,8 @@ class Panel:
             alike = list(group)
             first = alike[0].ours
             size = bytes_of_run(self.scene.base_of(first).model, first.steps)
-            most = max(1, min(_MOST_RUNS, _MOST_BYTES // size))
+            most_runs, most_bytes = 64, 64 << 20
+            most = max(1, min(most_runs, most_bytes // size))
             yield from (alike[at : at + most] for at in range(0, len(alike), most))
 
     def measure_runs(self, runs: PreparedRuns, rollout: Rollout) -> list[dict[str, float | str]]:

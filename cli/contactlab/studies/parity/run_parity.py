@@ -27,10 +27,6 @@ from contactlab.studies.parity.rounding import (
     without_warmstart,
 )
 
-_MOST_STEPS, _MOST_FORWARD = (
-    1_000,
-    24,
-)  # single-step states of a run, and states with compared quantities
 _BUFFERS = ("contactfull", "cnstrfull")
 
 
@@ -93,7 +89,8 @@ class SteppedStates:
 
 def single_step_places(steps: int) -> np.ndarray:
     """Return the single steps (K,) of a run: all, or 1,000 of them."""
-    return np.unique(np.linspace(0, steps - 1, min(steps, _MOST_STEPS)).round().astype(int))
+    most_steps = 1_000
+    return np.unique(np.linspace(0, steps - 1, min(steps, most_steps)).round().astype(int))
 
 
 def step_once(comparison: Comparison, run: int, states: Floats) -> SteppedStates:
@@ -134,10 +131,11 @@ def select_states(steps: SteppedStates, contacts: np.ndarray) -> np.ndarray:
     These are the steps with the largest differences, the start, the first with contacts, that with
     most contacts, and some along the run.
     """
+    most_states = 24
     excess = steps.error / steps.allowed
-    worst = steps.places[np.argsort(-excess, kind="stable")[: _MOST_FORWARD // 3]]
+    worst = steps.places[np.argsort(-excess, kind="stable")[: most_states // 3]]
     touching = np.flatnonzero(contacts)[:1]
-    along = np.linspace(0, len(contacts) - 1, _MOST_FORWARD // 2).astype(int)
+    along = np.linspace(0, len(contacts) - 1, most_states // 2).astype(int)
     return np.unique(np.concatenate([worst, touching, [int(contacts.argmax())], along]))
 
 

@@ -34,9 +34,8 @@ from contactlab.studies.parity.run_parity import Comparison, judge_run
 
 Metrics = Mapping[str, float | str]
 SUCCESS, PENETRATION, ENERGY = "success", "penetration_mean", "energy"
-_REL = 0.05  # the gate of common practice
 _STABLE = "stable"
-_RULE = MetricRule(rel=_REL, level="gate")
+_RULE = MetricRule(rel=0.05, level="gate")  # the gate of common practice
 _ORACLE = "oracle_error"
 
 
@@ -246,7 +245,15 @@ def _quantity_checks(name: str, rule: MetricRule, runs: Sequence[RunParity]) -> 
         math.inf if reading.difference is None else reading.difference for _, reading in told
     ]
     average, beyond = fmean(differences), [reading.above_tolerance for _, reading in told]
-    shown = _mean_text([reading for _, reading in told])
+    known = [
+        (reading.mujoco, reading.engine)
+        for _, reading in told
+        if reading.mujoco is not None and reading.engine is not None
+    ]
+    shown = ""
+    if known:
+        ours, theirs = (fmean(values) for values in zip(*known, strict=True))
+        shown = f"{ours:.4g} -> {theirs:.4g}; "
     code = WORSE if average > share and any(beyond) else SAME
     message = f"{shown}runs differ by {format_percent(average)} {tolerance}"
     yield mean.single(code, message, judged=len(told))
@@ -260,19 +267,6 @@ def _quantity_checks(name: str, rule: MetricRule, runs: Sequence[RunParity]) -> 
     ]
     codes = np.where(beyond, WORSE, SAME).astype(np.int8)
     yield worst.finding(codes, f"worst {format_percent(max(differences))} {tolerance}", pairs)
-
-
-def _mean_text(measured: Sequence[Measured]) -> str:
-    """Return the means of both engines over the runs that both measured."""
-    known = [
-        (reading.mujoco, reading.engine)
-        for reading in measured
-        if reading.mujoco is not None and reading.engine is not None
-    ]
-    if not known:
-        return ""
-    ours, theirs = (fmean(values) for values in zip(*known, strict=True))
-    return f"{ours:.4g} -> {theirs:.4g}; "
 
 
 def _verdict_counts(verdicts: Mapping[str, int]) -> str:

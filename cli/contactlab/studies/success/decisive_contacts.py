@@ -264,7 +264,8 @@ class DecisiveContacts:
             part = format_percent(deepest.amount)
             text = f"{deepest.describe_contact()}: {part} of the thinner body's thickness"
             causes[TOO_DEEP] = ContactCause(text, deepest.time)
-        if (longest := max(slips)).amount > _MOST_CREEP:
+        most_creep = 0.1  # in one stretch, over the smaller body's size, as of a grip that slips
+        if (longest := max(slips)).amount > most_creep:
             part = format_percent(longest.amount)
             text = f"{longest.describe_contact()}: slips {part} of its size within its friction"
             causes[CREEPING] = ContactCause(text, longest.time)
@@ -281,13 +282,15 @@ class DecisiveContacts:
     def _find_longest_creep(self, pair: StoredPair, times: Floats) -> "_Extreme":
         # A body slides only at the limit of its friction. Regularized friction lets it creep below.
         step, steps = float(times[1] - times[0]), len(times) - 1
-        below = (pair.usage < _FRICTION_USED) & (pair.normal > 0) & (pair.slip > _CREEP_SPEED)
+        # Unlike an impact, creep uses less of its friction, is faster [m/s], and lasts longer [s].
+        friction_used, creep_speed, creep_seconds = 0.9, 1e-3, 0.1
+        below = (pair.usage < friction_used) & (pair.normal > 0) & (pair.slip > creep_speed)
         creeps = pair.spread_over_steps(steps, below, apart=False)
         slips: Floats = pair.spread_over_steps(steps, pair.slip)
         edges = np.flatnonzero(np.diff(np.concatenate([[False], creeps, [False]]).astype(int)))
         longest = _Extreme(0.0, pair.name, 0.0)
         for first, last in edges.reshape(-1, 2).tolist():
-            if (last - first) * step >= _CREEP_SECONDS:
+            if (last - first) * step >= creep_seconds:
                 share = float(slips[first:last].sum()) * step / self._sizes[pair.name][1]
                 longest = max(longest, _Extreme(share, pair.name, float(times[first])))
         return longest
@@ -303,7 +306,3 @@ class _Extreme(NamedTuple):
 
 
 _NOTHING = _Extreme(0.0, "", 0.0)
-_MOST_CREEP = 0.1
-"""Largest creep in one stretch over the size of the smaller body, as of a grip that slips."""
-_FRICTION_USED, _CREEP_SPEED, _CREEP_SECONDS = 0.9, 1e-3, 0.1
-"""Creep uses less of its friction, is faster [m/s], and lasts longer [s], unlike an impact."""

@@ -15,7 +15,6 @@ from contactlab.studies.success.episode_table import Case, EpisodeTable
 
 FIRST_BLOCK = 10
 """Cases before the first look; the object is found in them, and costly variants are played."""
-_GROWTH_DIVISOR = 4  # later blocks grow with a quarter of all cases so far
 
 FinishedEpisode = tuple[Case, str, Mapping[str, Any]]
 """The case of a finished run, its variant, and its row."""
@@ -68,7 +67,8 @@ class EpisodesUntilDecided(ChosenRuns):
         """Return the plan indices of the next episodes."""
         count, table = 0, EpisodeTable(())
         while count < len(self._cases):
-            count = min(len(self._cases), count + max(FIRST_BLOCK, count // _GROWTH_DIVISOR))
+            # Later blocks grow with a quarter of all cases so far.
+            count = min(len(self._cases), count + max(FIRST_BLOCK, count // 4))
             if places := self._list_missing([AS_WRITTEN], count):
                 self.purpose = "record"
                 return places

@@ -12,10 +12,6 @@ from contactlab.scene.model_names import name_of
 from contactlab.schema.success import PartingForce
 from contactlab.store.mcap.trace_reader import StoredTrace
 
-_MOST_SAMPLES = 2000
-_SHARE = 0.5  # of the reach of the object from its frame; farther places differ
-_FORCE_SECONDS = 0.02  # forces are means over this time before the moment [s]
-
 
 @dataclass(frozen=True)
 class PartingMoment:
@@ -45,7 +41,8 @@ def find_parting(
     The second episode may make several steps for each of the first.
     """
     written, variant = traces
-    count = min(len(written.time), _MOST_SAMPLES)
+    most_samples, reach_share = 2000, 0.5  # farther than half of the reach of a body is elsewhere
+    count = min(len(written.time), most_samples)
     rows = np.unique(np.linspace(0, len(written.time) - 1, count).astype(int))
     rows = rows[written.time[rows] <= variant.time[-1] + np.ptp(written.time[:2]) / 2]
     half_step = np.ptp(variant.time[:2]) / 2
@@ -57,7 +54,7 @@ def find_parting(
         axis=2,
     )
     reach = body_reaches(model)[list(bodies)]
-    limits = _SHARE * np.where(reach > 0, reach, max(model.stat.meansize, 1e-3))
+    limits = reach_share * np.where(reach > 0, reach, max(model.stat.meansize, 1e-3))
     beyond = apart > limits
     if not beyond.any():
         return None
@@ -89,5 +86,6 @@ def _find_positions(model: mujoco.MjModel, qpos: Floats, bodies: Sequence[int]) 
 def _mean_force(trace: StoredTrace, name: str, time: float) -> float:
     pair = next(each for each in trace.pairs if each.name == name)
     forces = pair.spread_over_steps(len(trace.time) - 1, pair.normal)
-    inside = (trace.time[:-1] <= time) & (trace.time[:-1] >= time - _FORCE_SECONDS)
+    seconds = 0.02  # of the mean before the moment
+    inside = (trace.time[:-1] <= time) & (trace.time[:-1] >= time - seconds)
     return float(forces[inside].mean()) if inside.any() else 0.0

@@ -65,6 +65,11 @@ def judge_store(request: SuccessRequest, store: Store, planned: int | None = Non
     lost = good - physical
     low, high = paired_difference(0, lost, cases)
     chance = paired_chance(0, lost)
+    needed = None
+    if lost and chance > 1 - SURE:
+        # As many losses as McNemar's exact test needs, at the same rate.
+        enough = next(count for count in range(1, cases + 8) if paired_chance(0, count) <= 1 - SURE)
+        needed = math.ceil(enough * cases / lost)
     shares = {"success": judge.share_of(good), "physical": judge.share_of(physical)}
     lacking = () if table.numerics else (_NOT_REPEATED,)
     lacking += () if any(each.kind == "robot" for each in judge.variants) else (_NOT_VARIED,)
@@ -85,7 +90,7 @@ def judge_store(request: SuccessRequest, store: Store, planned: int | None = Non
         losses=tuple(judge.list_losses()),
         variants=tuple(map(judge.compare_variant, judge.variants)),
         parting=judge.find_first_parting(),
-        needed=_cases_to_tell(lost, cases) if chance > 1 - SURE else None,
+        needed=needed,
         stop="decided" if planned is not None and len(table.rows) < planned else "all episodes",
         anytime=request.stops_early,
         requirements=tuple(decide_requirement(text, shares) for text in request.requirements),
@@ -93,12 +98,6 @@ def judge_store(request: SuccessRequest, store: Store, planned: int | None = Non
         not_checked=lacking,
         notes=tuple(judge.list_notes()),
     )
-
-
-def _cases_to_tell(lost: int, cases: int) -> int | None:
-    # As many losses as McNemar's exact test needs, at the same rate.
-    enough = next(count for count in range(1, cases + 8) if paired_chance(0, count) <= 1 - SURE)
-    return math.ceil(enough * cases / lost) if lost else None
 
 
 def decide_requirement(text: str, shares: dict[str, SuccessShare]) -> SuccessRequirement:

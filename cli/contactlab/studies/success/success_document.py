@@ -29,12 +29,27 @@ _GROUPS = {
 
 def describe_success(report: SuccessReport, *, headed: bool = True) -> Document:
     """Describe how many successes are physical, and the causes that take the others away."""
-    head = [Headline(headline_of(report))] if headed else []
+    head: list[Block] = [Headline(headline_of(report))] if headed else []
+    for each in report.requirements:
+        more = f"; about {each.needed:,} episodes would decide it" if each.needed else ""
+        head.append(Sentence(f"{each.text}: {each.outcome}{more}"))
+
+    loss_heads = ("takes successes away", Column("lost", "right"), Column("alone", "right"), "")
+    losses = [(each.cause, each.episodes, each.alone, each.example) for each in report.losses]
+    variant_heads = (
+        Column("variant"),
+        Column("success", "right"),
+        Column("95 %", "right"),
+        Column("lost", "right"),
+        Column("gained", "right"),
+        Column("p", "right"),
+    )
+    variants = tuple(map(_variant_row, report.variants))
     return document_of(
-        [*head, *_requirement_sentences(report)],
+        head,
         [Facts(tuple(_share_facts(report)))],
-        Section(tuple(_loss_table(report)), "losses"),
-        Section(tuple(_variant_table(report)), "variants"),
+        Section((table_of(loss_heads, losses),) if losses else (), "losses"),
+        Section((Table(variant_heads, variants),) if variants else (), "variants"),
         [Facts(tuple(_parting_facts(report)))] if report.parting else [],
         [Items(report.not_checked, "not known from these episodes:")] if report.not_checked else [],
         [Sentence(note) for note in report.notes],
@@ -50,12 +65,6 @@ def headline_of(report: SuccessReport) -> str:
     if report.written.good == report.physical.good:
         return f"{shares[0]} succeed, {same} physically"
     return f"{shares[0]} succeed, {shares[1]} physically"
-
-
-def _requirement_sentences(report: SuccessReport) -> Iterator[Block]:
-    for each in report.requirements:
-        more = f"; about {each.needed:,} episodes would decide it" if each.needed else ""
-        yield Sentence(f"{each.text}: {each.outcome}{more}")
 
 
 def _share_facts(report: SuccessReport) -> Iterator[tuple[str, str]]:
@@ -90,26 +99,6 @@ def _share_text(share: SuccessShare) -> str:
     return (
         f"{out_of(share.good, share.episodes, 'episode')}, {format_percent(share.share)} ({ends})"
     )
-
-
-def _loss_table(report: SuccessReport) -> Iterator[Block]:
-    if report.losses:
-        heads = ("takes successes away", Column("lost", "right"), Column("alone", "right"), "")
-        rows = [(each.cause, each.episodes, each.alone, each.example) for each in report.losses]
-        yield table_of(heads, rows)
-
-
-def _variant_table(report: SuccessReport) -> Iterator[Block]:
-    if report.variants:
-        columns = (
-            Column("variant"),
-            Column("success", "right"),
-            Column("95 %", "right"),
-            Column("lost", "right"),
-            Column("gained", "right"),
-            Column("p", "right"),
-        )
-        yield Table(columns, tuple(map(_variant_row, report.variants)))
 
 
 def _variant_row(result: VariantResult) -> Row:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from contactlab.rendering.amounts import format_interval, format_percent
 from contactlab.schema.finding import Finding, Outcome, Verdict
-from contactlab.schema.success import SuccessReport, SuccessRequirement
+from contactlab.schema.success import SuccessReport
 from contactlab.studies.success.success_document import headline_of
 from contactlab.writers.report import Report
 
@@ -26,7 +26,10 @@ def _requirement_findings(report: SuccessReport) -> Iterator[Finding]:
     for each in report.requirements:
         share = report.written if each.quantity == "success" else report.physical
         passed = each.outcome == "met"
-        ends = format_interval(share.low, share.high)
+        text = f"{format_percent(share.share)} ({format_interval(share.low, share.high)})"
+        if each.outcome == "undecided":
+            text += "; undecided"
+            text += f": about {each.needed:,} episodes would decide it" if each.needed else ""
         yield Finding(
             name=each.text,
             kind="requirement",
@@ -35,20 +38,11 @@ def _requirement_findings(report: SuccessReport) -> Iterator[Finding]:
             verdict="met" if passed else "unmet",
             judged=share.episodes,
             failing=0 if passed else share.episodes - share.good,
-            message=f"{format_percent(share.share)} ({ends}){_open_text(each)}",
+            message=text,
             value=share.share,
             limit=each.least,
             unit="1",
         )
-
-
-def _open_text(requirement: SuccessRequirement) -> str:
-    if requirement.outcome != "undecided":
-        return ""
-    needed = (
-        f": about {requirement.needed:,} episodes would decide it" if requirement.needed else ""
-    )
-    return f"; undecided{needed}"
 
 
 def _variant_findings(report: SuccessReport) -> Iterator[Finding]:

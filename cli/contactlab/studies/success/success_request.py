@@ -111,15 +111,11 @@ def sweep_of_episodes(
     if VARIANT in axes:
         raise SweepFileError(f"axes: {VARIANT}: leave it out; --variant chooses some of them")
     axes[VARIANT] = [AS_WRITTEN, *(variant.name for variant in variants)]
-    episodes = request.episodes or written.get("seeds") or DEFAULT_EPISODES
+    episodes = request.episodes or written.get("seeds") or 100
     sweep = {**written, "scene": reference, "axes": axes, "seeds": episodes, "trace": "all"}
     if request.duration is not None:
         sweep["duration"] = request.duration
     return sweep, folder, variants
-
-
-DEFAULT_EPISODES = 100
-"""Episodes as written, unless an option or the sweep says otherwise."""
 
 
 def _read_source(source: str) -> tuple[Mapping[str, Any], Path]:

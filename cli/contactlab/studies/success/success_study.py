@@ -25,8 +25,6 @@ from contactlab.studies.success.success_request import (
 )
 from contactlab.tasks.session import Session
 
-_COSTLY_RATE = 4  # steps for each step as written
-
 
 def judge_successes(request: SuccessRequest, session: Session) -> SuccessReport:
     """Play the episodes of an environment, or read those of a store, and judge their successes.
@@ -53,7 +51,8 @@ def judge_successes(request: SuccessRequest, session: Session) -> SuccessReport:
     contacts = DecisiveContacts(asked.scene.base({}), request.objects, request.depth_limit)
     numerics = [each.name for each in variants if each.kind == "numerics"]
     control = next((each.name for each in variants if each.kind == "control"), None)
-    costly = [each.name for each in variants if each.rate >= _COSTLY_RATE]
+    costly_rate = 4  # steps for each step as written
+    costly = [each.name for each in variants if each.rate >= costly_rate]
     reader = EpisodeReader(contacts, target, numerics)
 
     chosen: EpisodesUntilDecided | None = None
