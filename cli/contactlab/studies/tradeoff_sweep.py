@@ -114,7 +114,7 @@ def _read_sweep(request: TradeoffRequest, session: Session) -> SweepRequest:
         drive=request.task.drive,
     )
     sweep, criteria, added = read().plan.sweep, request.criteria, list[str | FlagSetting]()
-    # Runs against a reference cost more than all others; an error of another kind needs none.
+    # Runs against a reference cost more than all others; other errors are measured without them.
     error = criteria.metric or find_error_metric({**sweep.tolerances, **criteria.tolerances})
     if (error is None or error in ERRORS) and sweep.accuracy is None:
         added.append("accuracy={error: auto}")

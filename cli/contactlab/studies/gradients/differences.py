@@ -27,7 +27,7 @@ _ULP = float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class DifferencePlan:
-    """Points at which a parameter is moved, and the bounds that follow.
+    """Offsets of a parameter for differences, and the factors of their bounds.
 
     Attributes:
         ratio: of one span to the next smaller; not a whole number, since jumps at a step repeat.
