@@ -17,6 +17,7 @@ PartVerdict = Literal[
     "unused",
     "not exercised",
     "below the tolerance",
+    "near the tolerance",
     "needed",
     "not measured",
     "missing",
@@ -33,8 +34,9 @@ class PartEffect(Model):
     members: tuple[str, ...] = about("The parts, if several go together.", default=())
     verdict: PartVerdict = about(
         "unused: by proof; not exercised: no run depends on it, so it is kept; below the "
-        "tolerance: the motion without it differs by less than the tolerance; needed: by more, or "
-        "it is an actuator that moves something; not measured: the time limit was reached. Against "
+        "tolerance: the motion without it differs by less than half of the tolerance; near the "
+        "tolerance: by less than the tolerance, so it is kept; needed: by more, or it is an "
+        "actuator that moves something; not measured: the time limit was reached. Against "
         "recordings, of added features, missing: runs are closer; not needed: they are not."
     )
     error: FiniteOrNull = about(

@@ -9,6 +9,7 @@ from contactlab.schema.effects_report import EffectsReport, PartEffect
 
 _COLOURS = {
     "needed": "#4c78a8",
+    "near the tolerance": "#72b7b2",
     "below the tolerance": "#54a24b",
     "unused": "#8a8a8a",
     "not exercised": "#bab0ac",

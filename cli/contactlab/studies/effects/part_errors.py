@@ -1,5 +1,6 @@
 """Errors of a model without some of its parts, and the verdict on each part."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -15,8 +16,8 @@ from contactlab.studies.effects.model_parts import ModelPart, change_model
 from contactlab.tasks.reference_error import ErrorEstimate, TaskReference
 
 LOAD_MARGIN = 0.5
-"""Largest share of the tolerance that counts as below it: other pushes may have twice the effect of
-those in the task."""
+"""Largest share of the tolerance that counts as below it: other pushes may have twice, or half, the
+effect of those in the task."""
 
 
 @dataclass
@@ -87,9 +88,9 @@ class MeasuredPart:
         """Return the verdict at a tolerance."""
         if (verdict := self.verdict_at) is not None:
             return verdict
-        small = self.error is not None and self.error.error <= LOAD_MARGIN * tolerance
-        if not small:
-            return "needed"
+        error = math.inf if self.error is None else self.error.error
+        if error > LOAD_MARGIN * tolerance:
+            return "near the tolerance" if error <= tolerance else "needed"
         return "not exercised" if self.part.carries_loads else "below the tolerance"
 
     def can_go(self, tolerance: float) -> bool:

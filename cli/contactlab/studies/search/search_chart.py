@@ -61,7 +61,7 @@ class Scale:
         span = math.log(self.high / self.low)
         return self.length * math.log(max(value, 1e-300) / self.low) / span
 
-    def holds(self, value: float) -> bool:
+    def has_value(self, value: float) -> bool:
         """Return whether a value lies on the axis."""
         return self.low <= value <= self.high
 
@@ -71,7 +71,7 @@ class Scale:
         digits = (1, 2, 5) if len(powers) < 5 else (1,)
         powers = [power for power in powers if power % (1 + len(powers) // 9) == 0]
         found = [float(f"{digit}e{power}") for power in powers for digit in digits]
-        return [tick for tick in found if self.holds(tick)]
+        return [tick for tick in found if self.has_value(tick)]
 
 
 def draw_front(report: TuneReport, layout: FrontLayout | None = None) -> alt.TopLevelMixin:
@@ -102,7 +102,9 @@ def draw_front(report: TuneReport, layout: FrontLayout | None = None) -> alt.Top
         *_line_boxes(levels, ladders, across, upward),
         *_span_boxes(points, across, upward),
     ]
-    seen = [row for row in ladders if across.holds(row["time"]) and upward.holds(row["error"])]
+    seen = [
+        row for row in ladders if across.has_value(row["time"]) and upward.has_value(row["error"])
+    ]
     colours = _integrator_colours({row["integrator"] for row in seen})
     colour = word_colours("integrator", list(colours), list(colours.values())).title(None)
     shown = layer_of("points", [_point_row(point, report, upward.low) for point in points]).encode(
@@ -221,7 +223,7 @@ def _ladder_rows(report: TuneReport, points: Sequence[FrontPoint]) -> Rows:
         if each.error and each.cost and _name_settings(each) not in names
     ]
     rows = [row for row in rows if not any(_is_ranked(row, other) for other in own)]
-    rows = [row for row in rows if not any(_beats(other, row) for other in rows)]
+    rows = [row for row in rows if not any(_beats_row(other, row) for other in rows)]
     return sorted([*rows, *own], key=lambda row: (row["integrator"], row["time"]))
 
 
@@ -229,7 +231,7 @@ def _name_settings(candidate: Candidate) -> tuple[float, str]:
     return candidate.timestep, format_settings(candidate.settings)
 
 
-def _beats(row: dict[str, Any], other: dict[str, Any]) -> bool:
+def _beats_row(row: dict[str, Any], other: dict[str, Any]) -> bool:
     return (
         row is not other
         and row["integrator"] == other["integrator"]
@@ -239,7 +241,7 @@ def _beats(row: dict[str, Any], other: dict[str, Any]) -> bool:
 
 
 def _is_ranked(row: dict[str, Any], point: dict[str, Any]) -> bool:
-    return _beats(row, point) or _beats(point, row)
+    return _beats_row(row, point) or _beats_row(point, row)
 
 
 def _find_levels(report: TuneReport, upward: Scale) -> Rows:
