@@ -147,9 +147,9 @@ def test_a_name_that_is_used_twice_is_told_at_its_line(linted: Linted) -> None:
 
 
 def test_a_number_that_no_run_can_use_is_named(linted: Linted) -> None:
-    text = ROBOT.replace('<geom name="lower"', '<geom name="lower" mass="1e308"')
-    found = only(linted(text), "unread")
-    assert found.message.startswith("inertia of body ")
+    heavy = '<body name="ball"><freejoint/><geom size=".1" mass="1e308"/></body>'
+    found = only(linted(f"<mujoco><worldbody>{heavy}</worldbody></mujoco>"), "unread")
+    assert found.message.startswith("inertia of body 'ball' is inf")
     assert "write finite numbers" in found.message
 
 
