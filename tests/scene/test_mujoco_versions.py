@@ -1,5 +1,6 @@
 """What an engine lacks is refused by name, with the version that has it; defaults are taken."""
 
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,7 +12,12 @@ from contactlab.plan.overrides import Overrides
 from contactlab.run.sweep_request import SweepRequest, read_request
 from contactlab.scene import mujoco_versions
 from contactlab.scene.model_edits import FLAG_NAMES
-from contactlab.scene.mujoco_versions import NEW_FEATURES, NewFeature, why_unsupported
+from contactlab.scene.mujoco_versions import (
+    NEW_FEATURES,
+    NewFeature,
+    silence_mujoco,
+    why_unsupported,
+)
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.scene import Scene
 
@@ -118,3 +124,23 @@ def test_the_library_is_that_of_the_running_release(
     for file in (own, tmp_path / "libmujoco.so.4.0.0"):
         file.touch()
     assert mujoco_versions.library_file() == own
+
+
+def test_only_a_timer_of_the_program_reads_the_clock() -> None:
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+
+    def time_step() -> float:
+        data = mujoco.MjData(model)
+        mujoco.mj_step(model, data)
+        return float(data.timer[mujoco.mjtTimer.mjTIMER_STEP].duration)
+
+    ticks = itertools.count()
+    mujoco.set_mjcb_time(lambda: next(ticks))
+    try:
+        silence_mujoco()
+        assert time_step() > 0
+    finally:
+        mujoco.set_mjcb_time(None)  # installs MuJoCo's own again
+    assert time_step() > 0
+    silence_mujoco()
+    assert time_step() == 0

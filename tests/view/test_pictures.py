@@ -263,7 +263,7 @@ def test_animations_last_as_long_as_the_run(drawn: Draw, target: Target) -> None
             animation.seek(frame)
             lasting += animation.info["duration"]
         assert animation.info["loop"] == 0
-    assert lasting == 40 * (int(run.trace.time[-1] * 25 + 1e-6) + 1)
+    assert lasting == 80 * (int(run.trace.time[-1] * 12.5 + 1e-6) + 1)
 
 
 @pytest.mark.long

@@ -501,30 +501,37 @@ class _FixJudge(NamedTuple):
 
         Against a modeling choice, a first look at the phases that failed is followed by the loads
         of a verification. They reject most of the changes that move a model otherwise, and take a
-        tenth of the steps of a whole budget.
+        tenth of the steps of a whole budget. If the numerical error of the task's own seeds is
+        within half of the tolerance, checked against finer references, that of new seeds is judged
+        by a first look: they are equal draws, and only the choice is in question.
         """
         if candidate.must_come_nearer and candidate.same_states and math.isnan(apart):
             return self.not_ended(candidate)  # no time was left to compare it
         row = self.verdict.reasons[0].row if self.word == "depends" else RUN.name
         enough = before if candidate.changes_model else min(before, self.verdict.tolerance)
         word, shares, removes, safely = self.verdict.word, list[float](), False, True
-        first, harms = self.motions[0], False
+        first, harms, sound = self.motions[0], False, self.word == "depends"
         options = options_changed(first.model, changed_model(first.model, candidate))
         edits = replace(candidate.edits, settings={**options, **candidate.edits.settings})
         if not candidate.must_come_nearer or math.isinf(before) or apart < enough:
             steps = steps_of(self.motions) * candidate.rate * (2 if self.trial.moved else 1)
-            for place, motions in enumerate(self._parts(candidate)):
+            for place, (motions, is_new) in enumerate(self._parts(candidate)):
                 looked = self._look_first(motions)
                 if looked is None:
                     return self.not_ended(candidate)
                 phases, budget, found = looked
                 removes, screened = self._removes(found), self.word == "depends" and not place
                 harms = removes and screened and self.trial.finds_harm(candidate, edits)
-                if removes and not harms:
+                if removes and sound and is_new:
+                    found = judge(budget, self.verdict.tolerance)
+                elif removes and not harms:
                     measured = self._budget_of(phases, motions, steps)
                     if measured is None:
                         return self.not_ended(candidate)
                     budget, found = measured
+                    numerics = ErrorBudget(tuple(replace(each, rows=()) for each in budget.phases))
+                    half = _SAFE_SHARE * self.verdict.tolerance
+                    sound &= judge(numerics, half).word == "ok"
                 steps -= steps_of(motions)
                 worst = budget.worst(row)
                 shares += [worst[1].error] if worst and worst[1].exercised else []
@@ -552,16 +559,19 @@ class _FixJudge(NamedTuple):
             cost=cost,
         )
 
-    def _parts(self, candidate: Candidate) -> Iterator[Sequence[Motion]]:
-        """Yield motions of a changed model; phases that failed come first."""
+    def _parts(self, candidate: Candidate) -> Iterator[tuple[Sequence[Motion], bool]]:
+        """Yield motions of a changed model, and whether they have new seeds.
+
+        Phases that failed come first.
+        """
         moved = self.trial.moved or self._same
         for place, group in enumerate(moved(candidate)):
             if place:
-                yield group
+                yield group, True
                 continue
             named = [motion for motion in group if motion.name in self._phases]
             others = [motion for motion in group if motion.name not in self._phases]
-            yield from filter(None, (named, others))
+            yield from ((some, False) for some in (named, others) if some)
 
     def _same(self, candidate: Candidate) -> Iterator[Sequence[Motion]]:
         yield [changed(motion, candidate) for motion in self.motions]

@@ -232,6 +232,11 @@ class CheckedModel:
         self.check_timestep()
         return self.run(TASK_STORE, "The model as it is", seeds=self.task.seeds)
 
+    @property
+    def has_run(self) -> bool:
+        """Whether the runs of its task are made already."""
+        return "runs" in vars(self)
+
     def check_timestep(self) -> None:
         """Raise a SweepFileError if the step is too long for a phase of the task."""
         step = self.resolved.timestep

@@ -374,10 +374,12 @@ def recorded_poses(motion: RecordedMotion | None, times: Floats) -> dict[int, Fl
     return {frame: motion.qpos[0, row] for frame, row in enumerate(rows)}
 
 
-def write_mp4(target: Path, pictures: Iterator[Picture], rate: int) -> None:
+def write_mp4(target: Path, pictures: Iterator[Picture], rate: float) -> None:
     """Write pictures of one even size as H.264 video, `rate` per second."""
     with atomic_write(target) as temporary, av.open(str(temporary), "w", format="mp4") as container:
-        stream: VideoStream = container.add_stream("libx264", rate=rate, options=_H264_OPTIONS)
+        stream: VideoStream = container.add_stream(
+            "libx264", rate=round(rate), options=_H264_OPTIONS
+        )
         first = next(pictures)
         stream.height, stream.width = first.shape[:2]
         stream.pix_fmt = "yuv420p"
@@ -386,11 +388,16 @@ def write_mp4(target: Path, pictures: Iterator[Picture], rate: int) -> None:
         container.mux(stream.encode())
 
 
-def write_gif(target: Path, pictures: Iterator[Picture], rate: int) -> None:
+def write_gif(target: Path, pictures: Iterator[Picture], rate: float) -> None:
     """Write pictures as an endless animation, `rate` per second."""
     images = (Image.fromarray(picture) for picture in pictures)
     with atomic_write(target) as temporary:
-        animation = {"save_all": True, "append_images": images, "duration": 1000 // rate, "loop": 0}
+        animation = {
+            "save_all": True,
+            "append_images": images,
+            "duration": round(1000 / rate),
+            "loop": 0,
+        }
         next(images).save(temporary, format="GIF", **animation)
 
 

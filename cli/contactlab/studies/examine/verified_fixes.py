@@ -1,7 +1,6 @@
 """Verifies the fixes that an examination prints first or writes, and drops those that harm."""
 
 import math
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,6 +18,7 @@ from contactlab.studies.verification import (
     OriginalRuns,
     Verification,
     VerificationRequest,
+    count_labels,
     has_policy,
 )
 from contactlab.tasks.checked_model import CheckedModel
@@ -140,7 +140,7 @@ class FixVerifier:
             and (computed or not in_loop)
         )
         if self.labels:
-            self._runs.labels.setdefault("task", _count_failures(self.labels))
+            self._runs.labels.setdefault("task", count_labels(self.labels))
         return VerificationRequest(
             original=self.examined,
             changed=self._open_edited(search, name, edits),
@@ -183,10 +183,3 @@ def _runs_with(found: VerifiedChange, label: str) -> float:
     return sum(
         measure.after or 0.0 for measure in found.measures if measure.name == f"label {label}"
     )
-
-
-def _count_failures(labels: Sequence[RunLabel]) -> Counter[str]:
-    counts = Counter[str]()
-    for label in labels:
-        counts[label.label] += label.runs
-    return counts

@@ -22,6 +22,7 @@ from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.restarts import run_at_once
 from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.reporting.verified_measures import describe_measure, measure_change
+from contactlab.schema.examination import RunLabel
 from contactlab.schema.grip import GripReport
 from contactlab.schema.task import Task
 from contactlab.schema.verification import SkippedRun, VerifiedChange, VerifiedMeasure
@@ -478,17 +479,23 @@ class _Panel:
 
     def _count_failure_labels(self, checked: CheckedModel, task: Task) -> Counter[str]:
         share = self._request.length_share
+        if share == 1 and checked.has_run and task.seeds == checked.task.seeds:
+            return count_labels(run_labels(task, [run.record for run in checked.runs]))
         with TemporaryDirectory(prefix="contactlab-") as folder:
             alone = replace(checked, session=replace(checked.session, folder=Path(folder)))
             if share < 1:
                 alone = replace(alone, duration=share * checked.task.duration)
             what = "Verified against the original"
             runs = alone.run("labels", what, seeds=task.seeds, trace="none")
-            labels = run_labels(task, [run.record for run in runs])
-        counts = Counter[str]()
-        for each in labels:
-            counts[each.label] += each.runs
-        return counts
+            return count_labels(run_labels(task, [run.record for run in runs]))
+
+
+def count_labels(labels: Sequence[RunLabel]) -> Counter[str]:
+    """Return how many runs have each label."""
+    counts = Counter[str]()
+    for each in labels:
+        counts[each.label] += each.runs
+    return counts
 
 
 def _measure_error_pair(
