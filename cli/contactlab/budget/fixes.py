@@ -501,30 +501,30 @@ class _FixJudge(NamedTuple):
 
         Against a modeling choice, a first look at the phases that failed is followed by the loads
         of a verification. They reject most of the changes that move a model otherwise, and take a
-        tenth of the steps of a whole budget. If the numerical error of the task's own seeds is
-        within half of the tolerance, checked against finer references, that of new seeds is judged
-        by a first look: they are equal draws, and only the choice is in question.
+        tenth of the steps of a whole budget. If the task's own seeds leave half of the tolerance,
+        new seeds, which are equal draws, repeat no check of their energy by RK4; nor of their
+        reference, if only a modeling choice is in question.
         """
         if candidate.must_come_nearer and candidate.same_states and math.isnan(apart):
             return self.not_ended(candidate)  # no time was left to compare it
         row = self.verdict.reasons[0].row if self.word == "depends" else RUN.name
         enough = before if candidate.changes_model else min(before, self.verdict.tolerance)
         word, shares, removes, safely = self.verdict.word, list[float](), False, True
-        first, harms, sound = self.motions[0], False, self.word == "depends"
+        first, harms, sound = self.motions[0], False, True
+        repeated = replace(self._settings, check=self.word != "depends", energy=False)
         options = options_changed(first.model, changed_model(first.model, candidate))
         edits = replace(candidate.edits, settings={**options, **candidate.edits.settings})
         if not candidate.must_come_nearer or math.isinf(before) or apart < enough:
             steps = steps_of(self.motions) * candidate.rate * (2 if self.trial.moved else 1)
             for place, (motions, is_new) in enumerate(self._parts(candidate)):
-                looked = self._look_first(motions)
+                settings = repeated if is_new and sound else self._settings
+                looked = self._look_first(motions, settings)
                 if looked is None:
                     return self.not_ended(candidate)
                 phases, budget, found = looked
                 removes, screened = self._removes(found), self.word == "depends" and not place
                 harms = removes and screened and self.trial.finds_harm(candidate, edits)
-                if removes and sound and is_new:
-                    found = judge(budget, self.verdict.tolerance)
-                elif removes and not harms:
+                if removes and not harms:
                     measured = self._budget_of(phases, motions, steps)
                     if measured is None:
                         return self.not_ended(candidate)
@@ -580,15 +580,17 @@ class _FixJudge(NamedTuple):
         return found.word == "ok" or (self.word == "inaccurate" and found.word == "depends")
 
     def _look_first(
-        self, motions: Sequence[Motion]
+        self, motions: Sequence[Motion], settings: Settings
     ) -> tuple[list[PhaseMeasure], ErrorBudget, Verdict] | None:
         """Return a first budget of a changed model at h/4; of one seed if that is decisive.
+
+        The settings are those of the whole budget that may follow.
 
         An error is the mean over S seeds, so one seed decides if it alone is S times too large. In
         the limit of fine steps an error is at least half of that at h/4. None if there is no time
         for it.
         """
-        within, settings = self.verdict.tolerance, self._settings
+        within = self.verdict.tolerance
         first = [
             replace(motion, starts=motion.starts[:1], inputs=motion.inputs[:1])
             for motion in motions

@@ -41,9 +41,8 @@ class TimingProtocol:
     warm_turns: int = 1
 
 
-TURN_SECONDS = 1e-3
-"""Time of a turn of a fast model [s], a thousand times that of a look at the clock. Shorter turns
-have wider intervals, and then more rounds."""
+TURN_SECONDS = 2.5e-3
+"""Time of a turn of a fast model [s], several thousand times that of a look at the clock."""
 
 
 def stopwatch(work: Callable[[], object], read: Callable[[], float] | None = None) -> Timer:
