@@ -36,6 +36,7 @@ from contactlab.scene.model_text import (
     attribute_text,
     elements_of,
     line_of,
+    mjcf_text,
     remove_element,
     with_attributes,
 )
@@ -479,13 +480,6 @@ def object_name(model: mujoco.MjModel, field: str, row: int) -> str:
     prefix = field.partition("_")[0]
     index = int(model.dof_jntid[row]) if prefix == "dof" else row
     return getattr(model, FIELD_KINDS[prefix])(index).name
-
-
-def mjcf_text(value: object) -> str:
-    """Return a number, several numbers or a word as MJCF text; no number loses a digit."""
-    if isinstance(value, (list, tuple)):
-        return " ".join(mjcf_text(item) for item in value)
-    return str(value).removesuffix(".0")
 
 
 def differing_rows(some: np.ndarray, other: np.ndarray) -> list[int]:

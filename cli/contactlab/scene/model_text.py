@@ -11,7 +11,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
-from xml.sax.saxutils import quoteattr
 
 from contactlab.scene.model_files import FileSearch
 from contactlab.scene.model_xml import parse
@@ -39,8 +38,17 @@ class Replacement(NamedTuple):
     text: bytes
 
 
+def mjcf_text(value: object) -> str:
+    """Return a number, several numbers or a word as MJCF text; no number loses a digit."""
+    if isinstance(value, (list, tuple)):
+        return " ".join(mjcf_text(item) for item in value)
+    return str(value).removesuffix(".0")
+
+
 def attribute_text(values: Mapping[str, str]) -> str:
     """Return attributes as written in an element, each preceded by a space."""
+    from xml.sax.saxutils import quoteattr  # noqa: PLC0415 - loads network protocols
+
     return "".join(f" {name}={quoteattr(value)}" for name, value in values.items())
 
 

@@ -14,8 +14,6 @@ from types import ModuleType
 from typing import Any
 
 from pydantic import ValidationError
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
 from contactlab import resources
 from contactlab.errors import SceneError, install_command, no_file
@@ -239,6 +237,8 @@ def _scene_of_folder(
 
 def read_manifest(path: Path) -> SceneManifest:
     """Read a scene's manifest. Raises a SceneError if it is not YAML, or with all wrong keys."""
+    from ruamel.yaml.error import YAMLError  # noqa: PLC0415 - most models are no scene
+
     try:
         return _parse_manifest(path.read_text(encoding="utf-8-sig"))
     except ValidationError as error:
@@ -258,6 +258,8 @@ def read_manifest(path: Path) -> SceneManifest:
 @lru_cache(maxsize=4)
 def _parse_manifest(text: str) -> SceneManifest:
     """Return the manifest in a YAML text, cached for a sweep's process and its forked workers."""
+    from ruamel.yaml import YAML  # noqa: PLC0415 - as above
+
     check_extent(text)
     yaml = YAML(typ="safe", pure=True)
     yaml.composer.warn_double_anchors = False

@@ -9,8 +9,8 @@ import numpy as np
 from contactlab.contact.rotations import rotation_matrices
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.body_inertia import volume
-from contactlab.scene.model_draft import mjcf_text
 from contactlab.scene.model_names import name_of
+from contactlab.scene.model_text import mjcf_text
 from contactlab.scene.mujoco_versions import enum_members
 
 Measured = Literal["value", "length", "turn", "word"]

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 
 from contactlab.advisories.met_advisories import describe_met_advisory, find_met_advisories
 from contactlab.mjcf import OPTIONS
-from contactlab.scene.model_draft import mjcf_text
 from contactlab.scene.model_edits import FLAG_NAMES
+from contactlab.scene.model_text import mjcf_text
 from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel
 from contactlab.studies.lint.rules import rule
 

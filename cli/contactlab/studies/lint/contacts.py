@@ -16,7 +16,7 @@ from contactlab.contact.contact_laws import (
 from contactlab.judge.limits import MILLIMETRES, MILLISECONDS, Limit
 from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.contact_pairs import geom_pairs, touch_mask
-from contactlab.scene.model_draft import mjcf_text
+from contactlab.scene.model_text import mjcf_text
 from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel
 from contactlab.studies.lint.rules import rule
 

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from contactlab.scene.compile_model import wrong_options
-from contactlab.scene.model_draft import mjcf_text
+from contactlab.scene.model_text import mjcf_text
 from contactlab.studies.lint.linted_model import Fault, LintedModel
 from contactlab.studies.lint.rules import rule
 

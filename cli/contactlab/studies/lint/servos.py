@@ -11,7 +11,7 @@ from contactlab.contact.contact_laws import rest_penetration
 from contactlab.contact.trace_arrays import Floats
 from contactlab.numerical_tolerance import COARSE_ROUNDING, SUM_ROUNDING
 from contactlab.scene.contact_pairs import half_extents
-from contactlab.scene.model_draft import mjcf_text
+from contactlab.scene.model_text import mjcf_text
 from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel
 from contactlab.studies.lint.rules import rule
 

@@ -12,7 +12,7 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.angle_units import MIN_LIMITED_HINGES, find_radian_angles, limited_hinges
 from contactlab.scene.keyframes import start_data
-from contactlab.scene.model_draft import mjcf_text
+from contactlab.scene.model_text import mjcf_text
 from contactlab.scene.task import keyframe_names
 from contactlab.schema.task import QPOS0
 from contactlab.studies.lint.linted_model import Fault, LintedModel
