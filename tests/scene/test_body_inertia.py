@@ -60,8 +60,10 @@ def test_what_is_sound_has_no_fault() -> None:
         ('mass=".002" pos="0 0 0" diaginertia="3e-6 8e-6 8e-6"', BOX, "density", 1.0, 50.0),
         # The centre is 0.05 m beyond the end of 0.1 m; 5 % of 0.2 m are allowed.
         (SOUND.replace('"0 0 0"', '".15 0 0"'), BOX, "outside", 0.05, 0.01),
-        # sqrt((B + C - A) / 2 / m) = sqrt(1.99 / 2 / 2), where the shape is 0.2 m long.
-        ('mass="2" pos="0 0 0" diaginertia=".01 1 1"', BOX, "too_large", 0.70534, 0.2),
+        # sqrt((B + C - A) / 2 / m) = sqrt(.19 / 2 / 2), where the shape is 0.2 m long.
+        ('mass="2" pos="0 0 0" diaginertia=".01 .1 .1"', BOX, "too_large", 0.21794, 0.2),
+        # sqrt((A + B + C) / 2 / m) = sqrt(2.01 / 2 / 2); twice the diagonal to a corner.
+        ('mass="2" pos="0 0 0" diaginertia=".01 1 1"', BOX, "beyond", 0.70887, 0.24495),
         # A thirtieth of 2 m: sqrt(3 1e-3 / 2 / 2) = 27.4 mm is nearer than 66.7 mm.
         (
             'mass="2" pos="0 0 0" diaginertia="1e-3 1e-3 1e-3"',
@@ -327,3 +329,37 @@ def test_three_links_of_the_panda_are_larger_than_their_shapes() -> None:
     assert kinds(faults) == [(f"link{index}", "too_large") for index in (1, 2, 7)]
     assert faults[0].value == pytest.approx(0.3755, abs=1e-4)
     assert faults[0].limit == pytest.approx(0.2503, abs=1e-4)
+
+
+def pendulum(radius_of_gyration: float, armature: float = 0.0, joint: str = "hinge") -> str:
+    """A rod of 1 m and 2 kg on a joint, its mass at a distance from its center."""
+    moment = 2 * radius_of_gyration**2
+    return f"""<mujoco><worldbody><body name="rod"><joint type="{joint}" axis="0 1 0"
+      armature="{armature}"/><inertial pos="0 0 -.5" mass="2" diaginertia="{moment} {moment} .001"/>
+      <geom type="capsule" fromto="0 0 0 0 0 -1" size=".01"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("spread", "armature", "joint", "beyond"),
+    [
+        (0.29, 0.0, "hinge", False),  # a uniform rod
+        (0.9, 0.0, "hinge", False),  # less than twice the .51 m to the end of the rod
+        (1.1, 0.0, "hinge", True),
+        (1.1, 100.0, "hinge", False),  # the inertia of the motor hides it
+        (50.0, 0.0, "slide", False),  # nothing turns it
+    ],
+)
+def test_mass_beyond_the_machine_is_impossible_if_a_joint_feels_it(
+    spread: float, armature: float, joint: str, beyond: bool
+) -> None:
+    model = mujoco.MjModel.from_xml_string(pendulum(spread, armature, joint))
+    assert ("beyond" in {fault.kind for fault in inertia_faults(model)}) == beyond
+
+
+def test_a_link_may_have_mass_anywhere_in_its_machine() -> None:
+    """Its geoms are often simplified; those of the other links bound it, too."""
+    long = '<body pos="0 0 -1"><joint axis="0 1 0"/><geom type="capsule" size=".01 1"/></body>'
+    text = pendulum(1.1).replace("</body></worldbody>", f"{long}</body></worldbody>")
+    kinds = {fault.kind for fault in inertia_faults(mujoco.MjModel.from_xml_string(text))}
+    assert "too_large" in kinds
+    assert "beyond" not in kinds

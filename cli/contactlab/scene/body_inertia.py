@@ -6,11 +6,12 @@ For a body of mass m and principal moments A <= B <= C about its center of mass:
 * m over the volume of its geoms is the density of some material;
 * (A + B + C) / 2 minus one moment is m times the mean square distance from the plane normal to
   that moment's axis, which in a shape of length L is at most (L / 2)^2 (Popoviciu's inequality);
-* (A + B + C) / 2 is m times the mean square distance from the center, smallest for a ball.
+* (A + B + C) / 2 is m times the mean square distance from the center, smallest for a ball, and at
+  most that of the farthest point of the machine.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 import mujoco
 import numpy as np
@@ -28,8 +29,8 @@ from contactlab.scene.compile_model import (
 )
 from contactlab.scene.scene_source import SceneSource
 
-IMPOSSIBLE = ("not_positive", "triangle", "balanced")
-"""Faults of an inertia itself; the others compare it with simplified shapes."""
+IMPOSSIBLE = ("not_positive", "triangle", "balanced", "beyond")
+"""Faults of an inertia itself, or beyond the machine; others compare it with simplified shapes."""
 
 LIGHTEST, DENSEST = 50.0, 20000.0
 """Densities [kg/m^3] from foam and hollow shells to osmium, rounded."""
@@ -137,7 +138,92 @@ def scene_inertia_faults(
 def inertia_faults(model: mujoco.MjModel) -> tuple[InertiaFault, ...]:
     """Return the inertia faults of the moving bodies of a compiled model, in order."""
     moving = np.flatnonzero(model.body_weldid != 0).tolist()
-    return tuple(fault for body in moving for fault in _body_faults(model, body))
+    faults = {body: [*_body_faults(model, body)] for body in moving}
+    # Of a body without geoms of its own, the machine says how far its mass can lie.
+    large = [
+        body
+        for body, own in faults.items()
+        if any(fault.kind == "too_large" for fault in own)
+        or (model.body_mass[body] > 0 and not solid_geoms(model, body))
+    ]
+    for body, fault in _find_beyond(model, large):
+        faults[body] = [fault, *(one for one in faults[body] if one.kind != "too_large")]
+    return tuple(fault for own in faults.values() for fault in own)
+
+
+def _find_beyond(
+    model: mujoco.MjModel, bodies: Sequence[int], felt: float = 0.1
+) -> Iterator[tuple[int, InertiaFault]]:
+    """Yield each body with mass that would lie outside its machine in any pose.
+
+    The root mean square distance of its mass from its center exceeds that of the farthest point of
+    the machine's geoms, and a joint feels it. Inertias of motors belong into `armature`.
+
+    Args:
+        model: compiled.
+        bodies: to judge.
+        felt: least share of the inertia at any joint that would not fit.
+    """
+    if not bodies:
+        return
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_crb(model, data)
+    mass, turn = np.zeros((model.nv, model.nv)), np.zeros((3, model.nv))
+    mujoco.mj_fullM(model, data, mass)
+    for body in bodies:
+        moments = model.body_inertia[body]
+        spread = math.sqrt(moments.sum() / 2 / _body_mass(model, body))
+        reach = _find_machine_reach(model, body)
+        if not 0 < _SLACK * reach < spread:
+            continue
+        mujoco.mj_jacBodyCom(model, data, None, turn, body)
+        own = np.asarray(data.ximat[body]).reshape(3, 3).T @ turn
+        excess = (1 - (reach / spread) ** 2) * (moments[:, None] * own**2).sum(axis=0)
+        if (excess > felt * np.diag(mass)).any():
+            reason = (
+                f"its inertia puts its mass {spread:.3g} m (rms) from its center; the farthest "
+                f"point of the machine is {reach:.3g} m away"
+            )
+            name = model.body(body).name
+            yield body, InertiaFault(name, "beyond", spread, _SLACK * reach, "m", reason)
+
+
+def _find_machine_reach(model: mujoco.MjModel, body: int) -> float:
+    """Return the largest distance from a body's center of mass to its machine's geoms [m].
+
+    It holds in any pose: distances add up from body to body. 0 without geoms.
+    """
+    distances, places = {body: float(np.linalg.norm(model.body_ipos[body]))}, [body]
+    while places:
+        place = places.pop()
+        children = np.flatnonzero(model.body_parentid == place).tolist()
+        for other in (int(model.body_parentid[place]), *children):
+            if other and other not in distances:
+                lower = max(other, place)  # bodies are numbered from root to leaf
+                distances[other] = distances[place] + _find_link_length(model, lower)
+                places.append(other)
+    reach = 0.0
+    for geom in np.flatnonzero(model.geom_rbound > 0).tolist():
+        owner = int(model.geom_bodyid[geom])
+        if owner in distances:
+            center = model.body_ipos[body] if owner == body else np.zeros(3)
+            away = np.linalg.norm(model.geom_pos[geom] - center)
+            before = 0.0 if owner == body else distances[owner]
+            reach = max(reach, before + float(away + model.geom_rbound[geom]))
+    return reach
+
+
+def _find_link_length(model: mujoco.MjModel, body: int) -> float:
+    # Largest distance between the frames of a body and its parent.
+    length = float(np.linalg.norm(model.body_pos[body]))
+    first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+    for joint in range(first, first + count):
+        length += 2 * float(np.linalg.norm(model.jnt_pos[joint]))
+        if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE and model.jnt_limited[joint]:
+            length += float(np.abs(model.jnt_range[joint]).max())
+    return length
 
 
 def _body_faults(model: mujoco.MjModel, body: int) -> Iterator[InertiaFault]:

@@ -392,7 +392,7 @@ def _missing_file_hints(message: str, model: Path) -> Iterator[str]:
 
 
 Kind = Literal[
-    "not_positive", "triangle", "balanced", "density", "outside", "too_large", "too_small"
+    "not_positive", "triangle", "balanced", "beyond", "density", "outside", "too_large", "too_small"
 ]
 
 

@@ -135,7 +135,7 @@ CASES: Mapping[str, Planted] = {
         {'size=".02"/>\n        </body>': 'size=".02" density="1"/></body>'}, "lower", False
     ),
     "inertia-shape": Planted(
-        {'<geom name="lower"': _INERTIAL.format(0.3, "2 2 2") + '<geom name="lower"'},
+        {'<geom name="lower"': _INERTIAL.format(0.3, ".2 .2 .2") + '<geom name="lower"'},
         "lower",
         False,
     ),

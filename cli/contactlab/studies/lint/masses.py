@@ -22,17 +22,20 @@ def _combined_faults(linted: LintedModel, faults: Iterable[InertiaFault]) -> Ite
         yield Fault(words, linted.place("body", same[0].body))
 
 
-@rule("inertia-impossible", "gate", of_refused=True)
+@rule("inertia-impossible", "gate", of_refused=True, voids_runs=True)
 def find_impossible_inertias(linted: LintedModel) -> Iterator[Fault]:
     """A body that moves has no mass, or moments of inertia that no body has.
 
-    One principal moment exceeds the sum of the others, so free motion does not conserve energy.
-    `balanceinertia` hides it. Fix: the inertia of the part, from its drawing or its geoms.
+    One principal moment exceeds the sum of the others, so free motion does not conserve energy;
+    `balanceinertia` hides it. Or its mass would lie outside the whole machine in any pose, and a
+    joint feels it. Fix: the inertia of the part, from its drawing or its geoms; a motor's belongs
+    into `armature`.
     """
     for fault in linted.inertia_faults:
         if fault.kind in IMPOSSIBLE:
             (words,) = in_words([fault])
-            yield Fault(words, linted.place("body", fault.body))
+            remedy = "write the inertia of the part, from its drawing or its geoms"
+            yield Fault(f"impossible {words}; {remedy}", linted.place("body", fault.body))
 
 
 @rule("density", "note")

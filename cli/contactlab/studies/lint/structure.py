@@ -52,7 +52,7 @@ def find_missing_actuators(linted: LintedModel) -> Iterator[Fault]:
         place = linted.place("joint", int(driven[0]))
         motors_of = f"{_count_text(driven.size, 'joint')} such as {first} have motors"
         remedy = (
-            "a URDF has none in MuJoCo, so write an MJCF that attaches it and has an <actuator> "
+            "a URDF cannot have one in MuJoCo: write an MJCF that attaches it, with an <actuator> "
             "for each"
             if linted.is_urdf
             else "add an <actuator> for each"
