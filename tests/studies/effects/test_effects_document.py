@@ -1,5 +1,6 @@
 """The table of effects, and the verdicts that it prints."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
@@ -10,7 +11,7 @@ from contactlab.scene.model_draft import ModelEdits
 from contactlab.schema.effects_report import PartEffect
 from contactlab.schema.time_ratio import TimeRatio
 from contactlab.studies.effects.effects_document import describe_effects
-from contactlab.studies.effects.model_parts import ModelPart
+from contactlab.studies.effects.model_parts import ModelPart, find_used_parts
 from contactlab.studies.effects.part_errors import LOAD_MARGIN, MeasuredPart
 from contactlab.tasks.reference_error import ErrorEstimate
 
@@ -60,3 +61,18 @@ def test_the_verdict_follows_from_proof_load_and_error(
     one = measure_part(None if share is None else share * LOAD_MARGIN * 0.1, **parts)
     assert one.find_verdict(0.1) == verdict
     assert one.can_go(0.1) == can_go
+
+
+@pytest.mark.parametrize("used", [(), (0,), (3, 4), (0, 6), tuple(range(7))])
+def test_halves_find_the_parts_that_single_trials_find(used: tuple[int, ...]) -> None:
+    parts = [ModelPart("geom", str(number), None, lambda _: None) for number in range(7)]
+    trials = list[int]()
+
+    def is_idle(group: Sequence[ModelPart]) -> bool:
+        trials.append(len(group))
+        return not any(int(part.name) in used for part in group)
+
+    found = find_used_parts(parts, is_idle)
+    assert found == [part for part in parts if not is_idle([part])]
+    if len(used) == 1:
+        assert len(trials) - len(parts) < len(parts)

@@ -5,7 +5,7 @@ load uses, and that has no proof, is checked: without it, the motions must be th
 """
 
 import copy
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from operator import eq
 
@@ -182,17 +182,29 @@ def find_parts(
 
     def is_idle(parts: Sequence[ModelPart]) -> bool:
         changes = [part.change for part in parts]
-        others = [replace(motion, model=change_model(motion.model, *changes)) for motion in motions]
-        return all(map(eq, own, state_bytes(others, checked.threads)))
+        made = [replace(motion, model=change_model(motion.model, *changes)) for motion in motions]
+        return all(map(eq, own, state_bytes(made, checked.threads)))
 
     idle = [
         part for part in found if not (part.exercised or part.proof or part.adds or part.assumed)
     ]
-    parts = [part for part in idle if part.kind != "feature"]
-    used = [part for part in idle if part.kind == "feature" and not is_idle([part])]
-    if parts and not is_idle(parts):
-        used += [part for part in parts if not is_idle([part])]
+    features = [part for part in idle if part.kind == "feature"]
+    others = [part for part in idle if part.kind != "feature"]
+    used = [*find_used_parts(features, is_idle), *find_used_parts(others, is_idle)]
     return [replace(part, exercised=True) if part in used else part for part in found]
+
+
+def find_used_parts(
+    parts: Sequence[ModelPart], is_idle: Callable[[Sequence[ModelPart]], bool]
+) -> list[ModelPart]:
+    """Return the parts that any motion depends on, by halves: most parts are idle together."""
+    if not parts or is_idle(parts):
+        return []
+    if len(parts) == 1:
+        return [*parts]
+    middle = len(parts) // 2
+    halves = parts[:middle], parts[middle:]
+    return [part for half in halves for part in find_used_parts(half, is_idle)]
 
 
 def list_model_features(
