@@ -127,15 +127,35 @@ def test_an_exploit_is_not_physical(
 
 
 @pytest.mark.long
-def test_a_grip_that_creeps_is_not_physical(tmp_path: Path) -> None:
-    """No variant shows it: friction is as soft in all of them."""
-    report = judged(tmp_path, "ThickCreep", "Grasp", episodes=2, variant=["half the step"])
+@pytest.mark.parametrize(
+    ("env", "policy", "loses"),
+    [
+        ("ThickCreep", "Grasp", True),
+        ("SoftTray", "Raise", True),
+        ("PyramidGrip", "Grasp", False),
+        ("FirmTray", "Raise", False),
+        ("FirmGrip", "Shake", False),
+    ],
+)
+def test_a_contact_that_is_lost_soon_is_not_physical(
+    tmp_path: Path, env: str, policy: str, loses: bool
+) -> None:
+    """No variant shows it, since friction is as soft in all of them; four times the time does."""
+    report = judged(tmp_path, env, policy, episodes=2, variant=["half the step"])
+    task = getattr(exploits, env)()
+    actor, (seen, _), lost = getattr(exploits, policy)(task.model), task.reset(seed=0), None
+    for _ in range(4 * task.count):
+        seen, *_ = task.step(actor.act(seen))
+        if lost is None and task.made >= task.count and not task.succeeds():
+            lost = task.made
 
-    assert [(loss.cause, loss.alone) for loss in report.losses] == [("creeping", 2)]
+    assert (lost is not None) == loses
+    expected = [("creeping", 2)] if loses else []
+    assert [(loss.cause, loss.alone) for loss in report.losses] == expected
     assert report.parting is None
     page = (tmp_path / "success.html").read_text(encoding="utf-8")
-    assert "100 % succeed, 0 % physically" in page
-    assert "creeping at 0." in page or "No film here" in page
+    assert loses == ("100 % succeed, 0 % physically" in page)
+    assert not loses or "creeping at 0." in page or "No film here" in page
 
 
 @pytest.mark.long

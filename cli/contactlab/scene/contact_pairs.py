@@ -141,6 +141,18 @@ def half_extents(model: mujoco.MjModel) -> Floats:
     )
 
 
+def geom_ends(model: mujoco.MjModel, data: mujoco.MjData, way: Floats) -> Floats:
+    """Return both ends of the bounding boxes of all geoms along a unit vector (2, ngeom) [m].
+
+    They are infinite for planes and height fields.
+    """
+    frames = data.geom_xmat.reshape(-1, 3, 3)
+    centers = data.geom_xpos + np.einsum("gij,gj->gi", frames, model.geom_aabb[:, :3])
+    halves = (np.abs(np.einsum("gij,i->gj", frames, way)) * model.geom_aabb[:, 3:]).sum(axis=1)
+    halves = np.where(np.isin(model.geom_type, _SURFACE_TYPES), np.inf, halves)
+    return np.array([centers @ way - halves, centers @ way + halves])
+
+
 def body_reaches(model: mujoco.MjModel) -> Floats:
     """Return how far the geoms of each body reach from its frame [m] (nbody,); 0 without geoms."""
     reach = np.zeros(model.nbody)

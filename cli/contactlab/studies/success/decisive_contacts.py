@@ -29,6 +29,12 @@ from contactlab.scene.part_bodies import bodies_of_actuator, is_mocap_driven
 from contactlab.schema.evidence import LabelEntry
 from contactlab.schema.scene_manifest import PairEntry
 from contactlab.store.mcap.trace_reader import StoredPair, StoredTrace
+from contactlab.studies.success.contact_creep import (
+    ContactHold,
+    CreepLimits,
+    Sides,
+    find_holds,
+)
 
 Bodies = frozenset[int]
 SUSTAINED_SECONDS = 0.02
@@ -183,16 +189,22 @@ class DecisiveContacts:
         }
 
     @cached_property
-    def _sizes(self) -> dict[str, tuple[float, float]]:
-        bounds = 2 * np.asarray(self._base.model.geom_rbound)
-        bounds = np.where(bounds > 0, bounds, np.inf)  # planes have none
-        touch, halves = touch_mask(self._base.model), half_extents(self._base.model)
-        sizes = dict[str, tuple[float, float]]()
-        for pair in self._base.pairs:
-            geoms = [geom for both in colliding_geoms(touch, pair) for geom in both]
-            thin, small = halves[geoms].min(initial=np.inf), bounds[geoms].min(initial=np.inf)
-            sizes[pair.name] = 2 * float(thin), float(small)
-        return sizes
+    def _touching(self) -> dict[str, Sides]:
+        # The geoms of each pair that may touch.
+        touch = touch_mask(self._base.model)
+        touching = {pair.name: colliding_geoms(touch, pair) for pair in self._base.pairs}
+        return {
+            name: (tuple({one for one, _ in pairs}), tuple({other for _, other in pairs}))
+            for name, pairs in touching.items()
+        }
+
+    @cached_property
+    def _thicknesses(self) -> dict[str, float]:
+        halves = half_extents(self._base.model)
+        return {
+            name: 2 * float(halves[[*sides[0], *sides[1]]].min(initial=np.inf))
+            for name, sides in self._touching.items()
+        }
 
     @property
     def object_names(self) -> tuple[str, ...]:
@@ -255,20 +267,21 @@ class DecisiveContacts:
             if each.label not in notes and (not each.bodies or not names.isdisjoint(each.bodies)):
                 time = None if trace is None or each.step is None else float(trace.time[each.step])
                 causes.setdefault(each.label, ContactCause(each.reason, time))
-        depths, slips = [_NOTHING], [_NOTHING]
+        depths, holds = [_NOTHING], list[tuple[ContactHold, str]]()
         for pair in trace.pairs if trace else ():
             if trace and self._is_decisive(pair.name) and len(pair.steps):
                 depths.append(self._find_lasting_depth(pair, trace.time))
-                slips.append(self._find_longest_creep(pair, trace.time))
+                found = find_holds(self._base.model, self._touching[pair.name], pair, trace)
+                holds += [(hold, pair.name) for hold in found]
         if (deepest := max(depths)).amount > self._limit:
             part = format_percent(deepest.amount)
             text = f"{deepest.describe_contact()}: {part} of the thinner body's thickness"
             causes[TOO_DEEP] = ContactCause(text, deepest.time)
-        most_creep = 0.1  # in one stretch, over the smaller body's size, as of a grip that slips
-        if (longest := max(slips)).amount > most_creep:
-            part = format_percent(longest.amount)
-            text = f"{longest.describe_contact()}: slips {part} of its size within its friction"
-            causes[CREEPING] = ContactCause(text, longest.time)
+        if holds:
+            shortest, name = min(holds, key=lambda each: each[0].times_left)
+            if shortest.times_left < CreepLimits().multiple:
+                text = f"{name}: {shortest.describe_creep()}"
+                causes[CREEPING] = ContactCause(text, shortest.begin)
         return ContactVerdict(causes)
 
     def _find_lasting_depth(self, pair: StoredPair, times: Floats) -> "_Extreme":
@@ -276,24 +289,8 @@ class DecisiveContacts:
         width = min(max(1, round(SUSTAINED_SECONDS / float(times[1] - times[0]))), len(depths))
         lasting = np.lib.stride_tricks.sliding_window_view(depths, width).min(axis=1)
         deepest = int(lasting.argmax())
-        share = float(lasting[deepest]) / self._sizes[pair.name][0]
+        share = float(lasting[deepest]) / self._thicknesses[pair.name]
         return _Extreme(share, pair.name, float(times[deepest]))
-
-    def _find_longest_creep(self, pair: StoredPair, times: Floats) -> "_Extreme":
-        # A body slides only at the limit of its friction. Regularized friction lets it creep below.
-        step, steps = float(times[1] - times[0]), len(times) - 1
-        # Unlike an impact, creep uses less of its friction, is faster [m/s], and lasts longer [s].
-        friction_used, creep_speed, creep_seconds = 0.9, 1e-3, 0.1
-        below = (pair.usage < friction_used) & (pair.normal > 0) & (pair.slip > creep_speed)
-        creeps = pair.spread_over_steps(steps, below, apart=False)
-        slips: Floats = pair.spread_over_steps(steps, pair.slip)
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], creeps, [False]]).astype(int)))
-        longest = _Extreme(0.0, pair.name, 0.0)
-        for first, last in edges.reshape(-1, 2).tolist():
-            if (last - first) * step >= creep_seconds:
-                share = float(slips[first:last].sum()) * step / self._sizes[pair.name][1]
-                longest = max(longest, _Extreme(share, pair.name, float(times[first])))
-        return longest
 
 
 class _Extreme(NamedTuple):
