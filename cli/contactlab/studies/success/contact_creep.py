@@ -113,22 +113,17 @@ def _measure_slide(
 ) -> tuple[float, float]:
     # How far the places of a point on both sides part along the contact from one state to the next,
     # and how far they may go on until the sides no longer overlap.
-    data, places = mujoco.MjData(model), list[Floats]()
+    data, frames, origins = mujoco.MjData(model), list[Floats](), list[Floats]()
     bodies = [int(model.geom_bodyid[geoms[0]]) for geoms in sides]
     for qpos in states:
         data.qpos[:] = qpos
         mujoco.mj_kinematics(model, data)
-        frames = [data.xmat[body].reshape(3, 3) for body in bodies]
-        if not places:
-            pairs = zip(frames, bodies, strict=True)
-            places = [frame.T @ (point[POSITION] - data.xpos[body]) for frame, body in pairs]
-            normals = [frame.T @ point[NORMAL] for frame in frames]
-    one, other = (
-        data.xpos[body] + frame @ place
-        for body, frame, place in zip(bodies, frames, places, strict=True)
-    )
-    normal = frames[0] @ normals[0]
-    slide = other - one - normal * float(normal @ (other - one))
+        frames.append(data.xmat[bodies].reshape(-1, 3, 3))
+        origins.append(data.xpos[bodies])
+    turns = frames[1] @ frames[0].transpose(0, 2, 1)
+    moved = origins[1] + np.einsum("bij,bj->bi", turns, point[POSITION] - origins[0])
+    normal = turns[0] @ point[NORMAL]
+    slide = (moved[1] - moved[0]) - normal * float(normal @ (moved[1] - moved[0]))
     way = float(np.linalg.norm(slide))
     if not way:
         return 0.0, np.inf
