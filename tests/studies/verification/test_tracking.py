@@ -1,11 +1,14 @@
-"""A step and a sine are compared apart, so that drift after one hides no delay of the other."""
+"""A step and a sine are compared apart, so that drift after one hides no delay of the other.
+
+Without constraints, no change of a constraint shows.
+"""
 
 from pathlib import Path
 
 from contactlab.budget import Motion
 from contactlab.schema.verification import VerifiedMeasure
 from contactlab.studies.verification.run_measures import compare_run, tabulate_run
-from contactlab.studies.verification.runs import build_tracking_runs
+from contactlab.studies.verification.runs import build_tracking_runs, build_unconstrained_runs
 from contactlab.tasks.checked_model import open_model
 from contactlab.tasks.session import Session
 
@@ -48,6 +51,22 @@ def test_the_delay_of_a_long_step_shows_in_its_sine(tmp_path: Path) -> None:
     assert sine.worse
 
 
+def test_a_shorter_step_follows_a_sine_more_closely(tmp_path: Path) -> None:
+    """Each step holds its control, for half of it too long: half the step has half the delay."""
+    original = _first_phase(tmp_path / "original", PENDULUM)
+    text = PENDULUM.replace('timestep="0.005"', 'timestep="0.0025"')
+    changed = _first_phase(tmp_path / "changed", text)
+    _, sine = build_tracking_runs(original, changed, [0])
+    (found,) = (
+        measure
+        for measure in compare_run(sine, tabulate_run(sine, 1, {}), 0.0)
+        if measure.name == "tracking error"
+    )
+    assert found.before is not None
+    assert found.after is not None
+    assert found.after < 0.6 * found.before
+
+
 STOPPED = PENDULUM.replace('damping="0.1"', 'damping="0.1" range="-60 60" solreflimit="0.02 1"')
 """It falls against its stop within a second."""
 
@@ -77,3 +96,14 @@ def test_a_bounce_from_a_stop_says_nothing_about_an_actuator(tmp_path: Path) -> 
 def test_a_weaker_actuator_shows_before_the_stop(tmp_path: Path) -> None:
     weaker = STOPPED.replace('joint="hinge" ctrl', 'joint="hinge" gear="0.5" ctrl')
     assert _compare_step(tmp_path, weaker, keeps_motion=False).worse
+
+
+def test_another_stop_keeps_the_motion_without_constraints(tmp_path: Path) -> None:
+    original = _first_phase(tmp_path / "original", STOPPED)
+    changed = _first_phase(tmp_path / "changed", STOPPED.replace("0.02 1", "0.04 0.3"))
+    for run in build_unconstrained_runs(original, changed, [0]):
+        tables = tabulate_run(run, 1, {})
+        assert tables.changed.bits == tables.original.bits, run.name
+    (step, _) = build_tracking_runs(original, changed, [0])
+    tables = tabulate_run(step, 1, {})
+    assert tables.changed.bits != tables.original.bits

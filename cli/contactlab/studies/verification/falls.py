@@ -1,8 +1,8 @@
 """Repeats a peak over falls from slightly different starts, since one fall says little of it.
 
 How deep a body hits, or how far a joint passes its limit, depends on the edge that hits and the
-moment within a step. A change that is meant to move bodies otherwise has another fall by chance, so
-its mean over falls is compared with the original's.
+moment within a step. Another step, or another way to move, has another fall by chance, so its mean
+over falls is compared with the original's.
 """
 
 import math
@@ -59,11 +59,12 @@ def repeat_peak(
 
 
 def _tabulate_falls(motion: Motion, workers: int, demands: mujoco.MjModel) -> StateTable:
-    model, rows = motion.model, np.arange(FALLS) % motion.seeds
+    model, falls = motion.model, max(FALLS, motion.seeds)
+    rows = np.arange(falls) % motion.seeds
     starts = motion.starts[rows]
-    noise = np.random.default_rng(FALLS).uniform(-START_NOISE, START_NOISE, (FALLS, model.nv))
+    noise = np.random.default_rng(FALLS).uniform(-START_NOISE, START_NOISE, (falls, model.nv))
     starts[:, velocity_slice(model)] += noise
-    falls = replace(motion, starts=starts, inputs=motion.inputs[rows])
+    repeated = replace(motion, starts=starts, inputs=motion.inputs[rows])
     ends = np.array([motion.steps * float(model.opt.timestep)])
-    states = FALLS * _STATES_OF_A_FALL
-    return tabulate_states(falls, workers, ends, contact_states=states, demands=demands)
+    states = falls * _STATES_OF_A_FALL
+    return tabulate_states(repeated, workers, ends, contact_states=states, demands=demands)

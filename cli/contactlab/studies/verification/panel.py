@@ -387,9 +387,8 @@ class _Panel:
             keeps_motion=request.keeps_motion or run.unconstrained,
             keeps_start=request.keeps_start,
         )
-        repeats = not (request.keeps_motion or run.in_loop)
         for measure in compared:
-            if repeats and measure.worse and measure.name in EXTREME_UNITS:
+            if not run.in_loop and measure.worse and measure.name in EXTREME_UNITS:
                 yield repeat_peak(run, measure, self._original.threads, request.runs.falls)
             else:
                 yield measure

@@ -187,8 +187,12 @@ def build_tracking_runs(
     """
     if not len(actuators):
         return []
-    model, length = original.model, share * TRACKING_SECONDS
-    begin = hold_inputs(original, length, lambda own: own)
+    model = original.model
+    begin = hold_inputs(original, share * TRACKING_SECONDS, lambda own: own)
+    length = begin.steps * float(model.opt.timestep)
+    # The waves of the reference are not those that the original's steps hold: a shorter step
+    # follows a sine more closely.
+    fine = reference_motion(original, REFERENCE_RATE)
     ranges = control_ranges(model)
     # Away from the nearer end of the range, so that a step never meets it.
     rest = begin.inputs[0, 0]
@@ -212,5 +216,6 @@ def build_tracking_runs(
     runs = list[PairedRun]()
     for name, wave in waves.items():
         pair = (excite_actuators(motion, wave) for motion in (original, changed))
-        runs.append(replace(pair_motions(name, *pair), actuators=names))
+        run = replace(pair_motions(name, *pair), reference=excite_actuators(fine, wave))
+        runs.append(replace(run, actuators=names))
     return runs
