@@ -3,7 +3,7 @@
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory, TemporaryFile
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Annotated, Any, Unpack
 
 from contactlab.command_line import options as opt
@@ -13,6 +13,7 @@ from contactlab.command_line.quantities import read_seconds
 from contactlab.command_line.report_formats import print_markdown, print_text, report_formats
 from contactlab.command_line.surroundings import say
 from contactlab.errors import ExpectationError, OutputError, SceneError, SweepFileError
+from contactlab.temporary_folders import temporary_folder
 
 if TYPE_CHECKING:
     from contactlab.schema.examination import Examination, Examinations
@@ -115,7 +116,7 @@ def _open_folder(request: "ExamineRequest", folder: Path | None, *, kept: bool) 
     from contactlab.tasks.session import free_folder
 
     if not kept:
-        with TemporaryDirectory(prefix="contactlab-") as name:
+        with temporary_folder() as name:
             yield Path(name)
     elif folder is not None:
         yield folder

@@ -35,6 +35,7 @@ from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.strict_model import is_inner_name
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.table_layout import LOOP_COLUMNS
+from contactlab.temporary_folders import temporary_folder
 
 _CODE_SUFFIX = ".py:"
 _MODEL_FILE = f"model{BINARY}"
@@ -79,7 +80,7 @@ class Environment:
             model, _ = find_simulation(unwrap_environment(env))
         except SceneError as error:
             raise SceneError(f"environment {self.name}: {error}") from error
-        temporary = TemporaryDirectory(prefix="contactlab-")
+        temporary = temporary_folder()
         _scene_folders.append(temporary)
         folder = Path(temporary.name)
         mujoco.mj_saveModel(model, str(folder / _MODEL_FILE))

@@ -2,13 +2,13 @@
 
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from pydantic_core import from_json
 
 from contactlab.run.tasks import Crashed, Stop, Task
 from contactlab.run.worker_pool import LocalPool
 from contactlab.scene.run_spec import RunSpec
+from contactlab.temporary_folders import temporary_folder
 
 _COMPARED = ("status", "steps", "trajectory_hash", "controls")
 
@@ -19,7 +19,7 @@ def find_unrepeatable(task: Task, runs: list[RunSpec], workers: int, stop: Stop)
     Nothing of it is kept. A run that ends its worker is left out.
     """
     found: list[str] = []
-    with TemporaryDirectory(prefix="contactlab-") as folder:
+    with temporary_folder() as folder:
         sweep = task.sweep.model_copy(update={"trace": "none", "checks": "none"})
         own = replace(task, sweep=sweep, store=Path(folder))
         for run in runs:

@@ -13,7 +13,6 @@ import re
 import select
 import signal
 import sys
-import tempfile
 import threading
 from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass
@@ -34,6 +33,7 @@ from contactlab.foreign_code import PrintedFile, ends_command, printed_as_text
 from contactlab.run.fork_server import CONTEXT, STOP_SIGNALS, signals_blocked, start_process
 from contactlab.run.tasks import Crashed, Job, Result, Stop, Task
 from contactlab.run.worker import Worker
+from contactlab.temporary_folders import temporary_folder
 
 # Messages of the engine, zstandard and the operating system.
 _NO_MEMORY = re.compile("(allocate|not enough|out of) memory", re.IGNORECASE)
@@ -73,7 +73,7 @@ class LocalPool:
                 yield result
             return
         with (
-            tempfile.TemporaryDirectory(prefix="contactlab-") as folder,
+            temporary_folder() as folder,
             contextlib.closing(WorkerPool(task, Path(folder), self.workers)) as pool,
         ):
             yield from pool.run_jobs(jobs, stop)

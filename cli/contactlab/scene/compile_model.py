@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from functools import cache, partial
 from itertools import islice
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 import mujoco
@@ -32,6 +31,7 @@ from contactlab.scene.mujoco_versions import has_batch, silence_mujoco
 from contactlab.scene.scene_source import BINARY, MODEL_SUFFIXES, SceneSource
 from contactlab.scene.timed_inputs import HoldSpec
 from contactlab.schema.scene_manifest import SceneManifest
+from contactlab.temporary_folders import temporary_folder
 
 SENSOR_PREFIX = "contactlab/"
 COMPILE_ERRORS = ValueError, RuntimeError, mujoco.FatalError
@@ -315,7 +315,7 @@ def _model_file(source: SceneSource, structure: Mapping[str, object]) -> Generat
     if not structure and not moved:
         yield source.model
         return
-    with TemporaryDirectory(prefix="contactlab-") as folder:
+    with temporary_folder() as folder:
         content.copy_to(Path(folder))
         files = [Path(folder) / file for file in content.files if file.suffix in MODEL_SUFFIXES]
         roots = {file: parse(file) for file in files}

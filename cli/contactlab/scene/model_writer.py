@@ -9,7 +9,6 @@ import shutil
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import mujoco
 import numpy as np
@@ -31,6 +30,7 @@ from contactlab.scene.model_edits import FIELD_KINDS
 from contactlab.scene.model_files import common_folder, plain_name, relative_path
 from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import SceneSource, copied_scene
+from contactlab.temporary_folders import temporary_folder
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -
     """
     source = scene.source
     refuse_place(source, folder, name)
-    with TemporaryDirectory(prefix="contactlab-") as temporary, source.named_in_errors():
+    with temporary_folder() as temporary, source.named_in_errors():
         copied = _copy_scene(source, Path(temporary).resolve(), name, fused=not edits.freed)
         edit = partial(edit_spec, edits=edits) if edits.changes_spec else None
         meant = CompiledFiles.from_scene(scene, source, edits.settings, edit)

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from contactlab import resources
 from contactlab.errors import SceneError, StoreError
@@ -28,6 +27,7 @@ from contactlab.store.finished_store import Store
 from contactlab.store.store_files import Address
 from contactlab.tasks.session import Session
 from contactlab.tasks.task_verdict import records_of, refuse_lengths, task_verdict
+from contactlab.temporary_folders import temporary_folder
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
         records = records_of(store, sweep.scene, values, task)
         verdict = task_verdict(task, sweep.scene, values, records, session)
     report = analyze_tradeoff(store, request.criteria)
-    with TemporaryDirectory(prefix="contactlab-") as folder:
+    with temporary_folder() as folder:
         chosen, notes = _write_choice(
             report, report.recommendation, request.model or Path(folder), store
         )

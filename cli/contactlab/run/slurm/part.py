@@ -12,7 +12,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from pydantic_core import from_json
 from submitit.helpers import DelayedSubmission
@@ -22,6 +21,7 @@ from contactlab.run.task_bundle import unpack_bundle
 from contactlab.run.tasks import Crashed, Job, Result, Stop
 from contactlab.run.worker_pool import LocalPool
 from contactlab.store.atomic_files import write_file
+from contactlab.temporary_folders import temporary_folder
 
 BUNDLE, STOP = "task.bundle", "stop"
 RESULT = ".result"
@@ -46,7 +46,7 @@ class Part:
                         f"a node has {name} {theirs}, but the sweep was started with {ours}; "
                         "install the same versions on every node"
                     )
-            with TemporaryDirectory(prefix="contactlab-") as own, self._watch_stop_file() as stop:
+            with temporary_folder() as own, self._watch_stop_file() as stop:
                 task = unpack_bundle((self.folder / BUNDLE).read_bytes(), Path(own))
                 left = unfinished_jobs(self.jobs, stored_runs(self.folder))
                 for result in LocalPool(self.workers).run(task, left, stop):

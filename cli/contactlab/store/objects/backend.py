@@ -5,7 +5,6 @@ process is stored at once: traces by the workers, rows and notes batch by batch,
 unique names.
 """
 
-import atexit
 import shutil
 import uuid
 from collections import deque
@@ -14,7 +13,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from functools import cached_property
 from pathlib import Path
-from tempfile import TemporaryDirectory, mkdtemp
+from tempfile import mkdtemp
 
 from contactlab.errors import OutputError, StoreError
 from contactlab.schema.evidence import StoreManifest, SweepIdentity
@@ -36,11 +35,11 @@ from contactlab.store.store_files import (
     document_json,
     parse_manifest,
 )
+from contactlab.temporary_folders import temporary_folder, temporary_root
 
 _BATCH_FOLDERS = {JOURNAL: "journal", NOTES: "notes"}
 """The folder of batches for each local file of lines."""
 _STORE_NAMES = {SCENES, TRACES, CONTROLS, LOCK, *_BATCH_FOLDERS.values(), TABLE, IDENTITY, MANIFEST}
-_TEMPORARY_PREFIX = "contactlab-"
 _TRANSFERS = 16  # objects that are fetched or stored in parallel, and traces fetched ahead
 
 _fetched_folders: dict[tuple[ObjectAddress, bytes | str], Path] = {}
@@ -73,8 +72,7 @@ class ObjectBackend(ObjectClient):
 
     def _fetched_folders(self, names: Iterable[str]) -> Path:
         """Return a new folder with some objects, which is removed when the process ends."""
-        folder = Path(mkdtemp(prefix=_TEMPORARY_PREFIX))
-        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        folder = Path(mkdtemp(dir=temporary_root()))
         safe = [_safe_name(name, self.address) for name in names]
         with ThreadPoolExecutor(_TRANSFERS) as pool:
             list(pool.map(self.fetch_object, safe, [folder / name for name in safe]))
@@ -101,7 +99,7 @@ class ObjectBackend(ObjectClient):
         """Yield a local file for each object, some fetched ahead; None if it is missing."""
         coming: deque[tuple[Path, Future[bool]]] = deque()
         with (
-            TemporaryDirectory(prefix=_TEMPORARY_PREFIX) as folder,
+            temporary_folder() as folder,
             ThreadPoolExecutor(_TRANSFERS) as pool,
         ):
             for number, name in enumerate(names):
@@ -129,7 +127,7 @@ class ObjectBackend(ObjectClient):
     @contextmanager
     def write_session(self) -> Generator["ObjectSession"]:
         """Hold the store's lease."""
-        with hold_lease(self) as lease, TemporaryDirectory(prefix=_TEMPORARY_PREFIX) as folder:
+        with hold_lease(self) as lease, temporary_folder() as folder:
             yield ObjectSession(self, lease, Path(folder))
 
 

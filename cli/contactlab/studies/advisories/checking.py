@@ -4,7 +4,6 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from contactlab.advisories.witness_runs import fault_share
@@ -13,6 +12,7 @@ from contactlab.schema.advisory_report import AdvisoriesCheck, WitnessOutcome, W
 from contactlab.step_progress import count_steps
 from contactlab.studies.advisories import witness_process
 from contactlab.studies.lock.versions import run_python
+from contactlab.temporary_folders import temporary_folder
 
 _PROCESS = witness_process.__name__
 
@@ -29,7 +29,7 @@ def check_advisories(
     """
     ordered = sorted(releases, key=numbers_of)
     found = list[WitnessResult]()
-    with TemporaryDirectory(prefix="contactlab-") as folder:
+    with temporary_folder() as folder:
         files = {str(Path(folder) / f"{each.id}.yaml"): each for each in advisories}
         for file, advisory in files.items():
             # JSON is YAML.

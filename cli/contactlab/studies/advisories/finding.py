@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import mujoco
@@ -41,6 +40,7 @@ from contactlab.studies.advisories.release_windows import (
 )
 from contactlab.studies.shrink.failing_model import START, FailingModel, as_one_file
 from contactlab.tasks.session import Session
+from contactlab.temporary_folders import temporary_folder
 
 _ORDER = tuple(dict.fromkeys(STAGES.values()))
 _UNDECIDED = "CHANGE: find a closed form or an independent computation, or drop this draft"
@@ -94,7 +94,7 @@ def compare_engines(
     """Compare two functions that compute windows; see `find_differences`."""
     found = dict[tuple[str, str], dict[str, _Found]]()
     refused, compared, states = list[RefusedModel](), 0, 0
-    with TemporaryDirectory(prefix="contactlab-") as folder, warnings.catch_warnings():
+    with temporary_folder() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # they are about models, not about differences
         for member in list_models(request.models, Path(folder)):
             session.notify(member.name)

@@ -6,7 +6,6 @@ Each part of the report is a section that may be requested alone, with the same 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple, get_args
 
 from contactlab.budget import (
@@ -84,6 +83,7 @@ from contactlab.tasks.checked_model import CheckedModel, open_changed_model, ope
 from contactlab.tasks.session import Session, Values
 from contactlab.tasks.task_motions import Change, with_new_seeds
 from contactlab.tasks.task_verdict import run_labels
+from contactlab.temporary_folders import temporary_folder
 
 SECTIONS: tuple[SectionName, ...] = get_args(SectionName)
 REFERENCE = "reference.json"
@@ -197,7 +197,7 @@ def run(request: ExamineRequest, session: Session) -> Examination:
         report = report.model_copy(update={"loop": measure_loop(examined, study)})
     if wanted <= _NOT_JUDGED:
         return judge_loops(report)
-    with TemporaryDirectory(prefix="contactlab-") as folder:
+    with temporary_folder() as folder:
         return _measure_budget(request, report, examined, limit, (Path(folder), study, met))
 
 

@@ -54,6 +54,7 @@ from contactlab.studies.examine.primitive_fixes import primitives
 from contactlab.studies.examine.start_fixes import separated
 from contactlab.tasks.session import Values
 from contactlab.tasks.task_motions import Change, as_it_is
+from contactlab.temporary_folders import temporary_root
 
 Removes = Literal["verdict", "labels", "overlap", "cause"]
 _RUNS = 3  # a run, and one with half its step, which has twice the steps
@@ -138,7 +139,7 @@ class FixSearch:
         the repairs.
         """
         self._repaired = repaired
-        self._folder = Path(mkdtemp(prefix="contactlab-"))  # of models with other states
+        self._folder = Path(mkdtemp(dir=temporary_root()))  # of models with other states
         weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
         self._others = dict[str, Path]()
         self._written = dict[str, tuple[ModelEdits, WrittenModel | SceneError]]()

@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import mujoco
 
@@ -59,6 +58,7 @@ from contactlab.studies.grip.holding import (
     turn_object,
 )
 from contactlab.studies.grip.keyframe_grip import find_held_object
+from contactlab.temporary_folders import temporary_folder
 
 
 @dataclass(frozen=True)
@@ -390,7 +390,7 @@ def _fix_rows(
         elif word == "holds" and each.options and len(made) < MOST_FIXES:
             try:
                 scene = scenes.open(request.model).with_effects("all")
-                with TemporaryDirectory(prefix="contactlab-") as folder:
+                with temporary_folder() as folder:
                     edits = ModelEdits(each.options)
                     lines = write_model(scene, edits, Path(folder) / "changed").lines
             except SceneError as error:

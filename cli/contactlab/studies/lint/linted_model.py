@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import mujoco
@@ -40,6 +39,7 @@ from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource
 from contactlab.scene.task import keyframe_names
 from contactlab.schema.task import QPOS0
+from contactlab.temporary_folders import temporary_folder
 
 _KINDS = {
     **OBJECT_LISTS,
@@ -352,7 +352,7 @@ def linted_model(source: SceneSource) -> Generator[LintedModel]:
 def _laid_out(source: SceneSource) -> Generator[tuple[SceneSource, Origins]]:
     """Yield a copy of a scene with one line per element, and links to other files."""
     content = source.content
-    with TemporaryDirectory(prefix="contactlab-") as folder:
+    with temporary_folder() as folder:
         # below folders of the same names, since paths may go up
         root = Path(folder).resolve() / content.root.relative_to(content.root.anchor)
         for file in content.files:

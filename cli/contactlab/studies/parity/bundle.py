@@ -9,7 +9,6 @@ import json
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import mujoco
 import numpy as np
@@ -29,6 +28,7 @@ from contactlab.schema.strict_model import InnerName, Model
 from contactlab.studies.parity.panel import Panel, roll_out
 from contactlab.studies.parity.rounding import round_starts, rounded_at_each_step, without_warmstart
 from contactlab.studies.parity.run_parity import contact_counts, max_difference, single_step_places
+from contactlab.temporary_folders import temporary_folder
 
 ENGINE = "newton"
 """Engine of a bundle; its adapter states the features of that engine."""
@@ -80,7 +80,7 @@ def write_bundle(panel: Panel, overrides: Overrides, drive: str | None, folder: 
     """
     if folder.exists():
         raise OutputError(f"{folder} exists; name a new folder")
-    with TemporaryDirectory(prefix="contactlab-") as temporary:
+    with temporary_folder() as temporary:
         made = Path(temporary) / "bundle"
         for part in ("models", "runs"):
             (made / part).mkdir(parents=True)

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from io import StringIO
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple, Protocol
 
 from ruamel.yaml import YAML
@@ -35,6 +34,7 @@ from contactlab.studies.shrink.failing_model import (
 )
 from contactlab.studies.shrink.issue_text import issue_text
 from contactlab.tasks.session import Session
+from contactlab.temporary_folders import temporary_folder
 
 MODEL, SCENE, CONTROLS = "model.xml", "scene.yaml", "controls.csv"
 SWEEP, ISSUE = "sweep.yaml", "issue.md"
@@ -107,7 +107,7 @@ def shrink_run(
     start = Start.of(runs.models[0], runs.starts, controls)
     text = as_one_file(scene, runs.resolved[0], runs.starts)
     whole = FailingModel(text, start, record.duration, pairs=runs.base.pairs)
-    with TemporaryDirectory(prefix="contactlab-") as folder:
+    with temporary_folder() as folder:
         notify("running the model as one file")
         trials = _find_trials(whole, record, Path(folder), request.store, scene)
         trials.end = begun + request.seconds

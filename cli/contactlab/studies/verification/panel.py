@@ -12,7 +12,6 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import mujoco
 import numpy as np
@@ -48,6 +47,7 @@ from contactlab.tasks.checked_model import CheckedModel
 from contactlab.tasks.reference_error import ErrorEstimate, TaskReference
 from contactlab.tasks.task_motions import shorten_task, with_new_seeds
 from contactlab.tasks.task_verdict import run_labels
+from contactlab.temporary_folders import temporary_folder
 
 ERROR_FLOOR = 1e-3
 """Numerical error that no setting is rejected for: a tenth of a percent of the real forces is far
@@ -480,7 +480,7 @@ class _Panel:
         share = self._request.length_share
         if share == 1 and checked.has_run and task.seeds == checked.task.seeds:
             return count_labels(run_labels(task, [run.record for run in checked.runs]))
-        with TemporaryDirectory(prefix="contactlab-") as folder:
+        with temporary_folder() as folder:
             alone = replace(checked, session=replace(checked.session, folder=Path(folder)))
             if share < 1:
                 alone = replace(alone, duration=share * checked.task.duration)

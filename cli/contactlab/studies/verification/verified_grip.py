@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from contactlab.errors import EngineError, SceneError
 from contactlab.run.sweep_request import SceneLoader
@@ -15,6 +14,7 @@ from contactlab.studies.grip.gripping import GripRequest, judge_grip
 from contactlab.studies.verification.panel import OriginalRuns, VerificationRequest, verify_change
 from contactlab.tasks.checked_model import open_changed_model, open_model
 from contactlab.tasks.session import Session
+from contactlab.temporary_folders import temporary_folder
 
 
 def judge_verified_grip(request: GripRequest) -> GripReport:
@@ -58,7 +58,7 @@ def _recommend(report: GripReport, fixes: Sequence[GripFix], reason: str) -> Gri
 
 
 def _verify_fix(request: GripRequest, fix: GripFix, runs: OriginalRuns) -> VerifiedChange:
-    with TemporaryDirectory(prefix="contactlab-") as folder:
+    with temporary_folder() as folder:
         session = Session(Path(folder) / "results")
         scene = SceneLoader(Path()).open(request.model).with_effects("all")
         written = write_model(scene, ModelEdits(dict(fix.options)), Path(folder) / "changed")
