@@ -74,7 +74,9 @@ def _format_ratio(ratio: TimeRatio) -> str:
 
 def _list_sentences(report: EffectsReport, shown: list[PartEffect]) -> Iterator[str]:
     for part in shown:
-        if part.members:
+        if part.members == (part.name,):
+            yield f"{part.name}: {part.reason}"
+        elif part.members:
             yield f"{part.name}: {_join_names(part.members)} ({part.reason})"
     safe = [part for part in shown if part.verdict == "below the tolerance" and part.reason]
     for reason in dict.fromkeys(part.reason for part in safe):
