@@ -33,8 +33,6 @@ CONTEXTS = frozenset(
         "verdict of a model",
         "error budget",
         "task",
-        "sweep",
-        "store",
     }
 )
 """Contexts of terms that more than one page uses; `contactlab explain WORD` has all terms."""
