@@ -299,8 +299,9 @@ PAGES: Mapping[str, Page] = {
     ),
     "columns": Page(
         "Columns of runs.parquet",
-        "Each axis and each metric has a column, too. `plugins` is in tables of sweeps with "
-        "plug-ins, the last three in those of recorded loops.",
+        "Each axis and each metric has a column, too. Many are null in a whole store: `contactlab "
+        "show STORE --format csv` prints the numbers and labels that have a value. `plugins` is "
+        "in tables of sweeps with plug-ins, the last three in those of recorded loops.",
         list_columns,
     ),
     "lint": Page(

@@ -34,12 +34,13 @@ def unexpected(store: "Store") -> ContactlabError | None:
 
 
 def summary_csv(store: "Store", given: Given) -> None:
-    """Print the runs of a store: axes, label, and the metrics that any run has."""
+    """Print the runs of a store: its columns of numbers and labels that have a value in any run."""
     del given
     columns = store.columns
-    names = ["run_id", *columns.axis_names, "seed", "label", "expectation_met"]
-    measured = [name for name in columns.measured if columns.has_value(name).any()]
-    values = columns.to_pydict([*dict.fromkeys(names), *measured])
+    names = ["run_id", *columns.axis_names, "seed", "label", "label_reason", "expectation_met"]
+    others = [name for name in columns.schema.names if columns.is_number(name)]
+    shown = [name for name in dict.fromkeys((*names, *others)) if columns.has_value(name).any()]
+    values = columns.to_pydict(shown)
     print_csv([*values], zip(*values.values(), strict=True))
 
 

@@ -247,7 +247,7 @@ def _overlap_warnings(scene: Scene, sampled: Sequence[RunSpec]) -> Iterator[str]
         if len(shares) and shares.max() > deep_share:
             worst = int(np.argmax(shares))
             bodies = [model.body(model.geom_bodyid[geom]).name or "?" for geom in pairs[worst]]
-            depth = format_amount(-float(data.contact.dist[worst]), "m")
+            depth = format_amount(-float(data.contact.dist[worst]), "mm")
             found.append((float(shares[worst]), f"{' and '.join(bodies)} by {depth}"))
     if found:
         yield (
