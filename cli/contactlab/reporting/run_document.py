@@ -2,14 +2,17 @@
 
 from collections.abc import Iterator
 
+from contactlab.measure import METRICS
 from contactlab.printable import shell_word
 from contactlab.rendering.amounts import format_percent, format_setting
 from contactlab.rendering.document import (
     Block,
+    Column,
     Commands,
     Document,
     Facts,
     Headline,
+    Row,
     Sentence,
     Table,
     document_of,
@@ -30,9 +33,17 @@ def describe_run(store: Store, record: EvidenceRecord) -> Document:
     if record.coverage is not None:
         rows = [tuple(map(named, row)) for row in coverage_rows(record.coverage, record.pairs)]
         tables.append(table_of(("exercised", "not at all", "share of range or time"), rows))
-    measured = {name: value for name, value in record.metrics.items() if value is not None}
-    metrics = [(name, f"{value:.6g}", record.units[name]) for name, value in measured.items()]
-    tables.append(table_of(("metric", "value", "unit"), metrics))
+    # By topic: metrics of one topic are often one fact, seen in several ways.
+    rows = list[Row]()
+    for name, value in record.metrics.items():
+        entry = METRICS.get(name)
+        topic = entry.function.__module__.rpartition(".")[2] if entry else "plug-ins"
+        meaning = entry.definition.partition(". ")[0].rstrip(".") if entry else ""
+        if value is not None:
+            cells = (name, f"{value:.6g}", record.units[name], meaning)
+            rows.append(Row(cells, group=topic.replace("_", " ")))
+    heads = Column("metric"), Column("value", "right"), Column("unit")
+    tables.append(Table((*heads, Column("meaning", breakable=True)), tuple(rows)))
     settings = [
         (name, format_setting(value), "swept" if name in record.axes else "")
         for name, value in {**record.settings, **record.axes}.items()
