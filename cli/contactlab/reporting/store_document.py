@@ -11,6 +11,7 @@ import numpy as np
 from contactlab.judge.expectations import EXPECTED, expectation_findings
 from contactlab.measure import METRICS
 from contactlab.printable import shell_word
+from contactlab.rendering.amounts import format_amount
 from contactlab.rendering.document import (
     Block,
     Code,
@@ -81,6 +82,17 @@ def _result_sentences(
     steps = columns.numbers("label_step")
     began = labels.failed & steps.valid & (steps.values <= 1) & ~invalid
     yield stable_share(labels, share)
+    if not labels.failed.any():
+        # What a sweep without a failure shows: how near its runs come to one.
+        said = list[str]()
+        for name, what, unit in (
+            ("penetration_max", "contact depth", "mm"),
+            ("backward_error", "numerical error", "%"),
+        ):
+            if name in columns.measured and columns.has_finite(name):
+                most = float(np.nanmax(columns.numbers(name).values))
+                said.append(f"{what} at most {format_amount(most, unit)}")
+        yield "; ".join(said)
     if invalid.any():
         reasons = columns.arrow(["label_reason"])["label_reason"]
         most = Counter(reasons.take(np.flatnonzero(invalid)).to_pylist()).most_common(1)[0][0]
