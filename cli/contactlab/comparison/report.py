@@ -35,7 +35,10 @@ def explain_no_effect(axes: Iterable[str], quantities: Collection[str]) -> str:
     """
     hiding = [axis for axis in axes if attribute_of(axis) in quantities]
     if not hiding:
-        return "the change of the model acts in no run, because no run uses a changed value"
+        why = "no run uses a changed value"
+        if "friction" in quantities:
+            why += " (a contact has the larger friction of its two geoms)"
+        return f"the change of the model acts in no run, because {why}"
     hidden = ", ".join(dict.fromkeys(map(attribute_of, hiding)))
     word = "axis" if len(hiding) == 1 else "axes"
     said = f"the {word} {', '.join(hiding)} {'sets' if len(hiding) == 1 else 'set'} {hidden}"
