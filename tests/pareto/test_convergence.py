@@ -6,9 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.pareto.convergence import (
-    CLEAR_RATIO,
-    FLAT_RATIO,
-    WORST_STANDARD_ERROR,
+    RULES,
     TimestepErrors,
     convergence_order,
     find_floor,
@@ -62,7 +60,7 @@ def test_a_slope_is_told_only_if_it_is_known(seed: int) -> None:
         assert found.reason
     else:
         assert found.standard_error is not None
-        assert found.standard_error <= WORST_STANDARD_ERROR
+        assert found.standard_error <= RULES.worst_standard_error
         assert found.slope >= 0.25
 
 
@@ -76,7 +74,7 @@ def test_errors_near_the_references_own_do_not_count() -> None:
     """Below the estimate stands what the reference errs, which has another law."""
     estimate = 1e-9
     error = np.maximum(STEPS**2, estimate)
-    clear = int((error > CLEAR_RATIO * estimate).sum())
+    clear = int((error > RULES.clear_ratio * estimate).sum())
     found = convergence_order(steps(error, hidden=estimate))
     assert found.points == clear >= 3
     assert found.slope == pytest.approx(2, abs=1e-12)
@@ -99,11 +97,11 @@ def test_a_floor_is_found_under_a_power_law(floor: float, slope: float, above: f
     """
     error = floor * (1 + above * (STEPS / STEPS[-1]) ** slope)
     found = find_floor(steps(error))
-    flat = error <= FLAT_RATIO * error[0]
+    flat = error <= RULES.flat_ratio * error[0]
     if flat.sum() >= 3:
         assert found is not None
         assert found.points == flat.sum()
-        assert floor <= found.error <= FLAT_RATIO * error[0]
+        assert floor <= found.error <= RULES.flat_ratio * error[0]
     else:
         assert found is None
 

@@ -61,7 +61,7 @@ class ConstraintEnergy:
         energies, counts, found = np.full(len(rows), np.nan), np.zeros(len(rows), int), []
         with np.errstate(invalid="ignore", over="ignore"):
             for place in np.flatnonzero(np.isfinite(rows).all(axis=1)):
-                power, violated = self._at(rows[place])
+                power, violated = self._evaluate_state(rows[place])
                 energies[place] = self._lag * power
                 if violated is not None:
                     counts[place] = len(violated.violations)
@@ -71,7 +71,7 @@ class ConstraintEnergy:
                 energies += np.bincount(of, self._given_back(found), len(rows))
         return energies.reshape(states.shape[:-1])
 
-    def _at(self, state: Floats) -> tuple[float, _Violated | None]:
+    def _evaluate_state(self, state: Floats) -> tuple[float, _Violated | None]:
         """Return the power of gravity and springs [W], and which constraints are violated."""
         model, data = self._model, self._data
         mujoco.mj_setState(model, data, state, INTEGRATION)
@@ -94,11 +94,11 @@ class ConstraintEnergy:
         mujoco.mj_fwdConstraint(model, data)
         springs = data.efc_force[rows]
         violations = violations[rows]
-        softness = self._softness(violations, rows)
+        softness = self._gather_softness(violations, rows)
         shape = data.efc_KBIP[rows, :2]
         return power, _Violated(violations, springs, forces - springs, powers, shape, *softness)
 
-    def _softness(self, violations: Floats, rows: np.ndarray) -> tuple[Floats, Floats]:
+    def _gather_softness(self, violations: Floats, rows: np.ndarray) -> tuple[Floats, Floats]:
         """Return (K,) depths and (K, 5) solimp by which rows of constraints have impedances."""
         model, data = self._model, self._data
         kinds, numbers = data.efc_type[rows], data.efc_id[rows]

@@ -21,9 +21,6 @@ from contactlab.budget.windows import count_simulated_steps, count_stages, repla
 from contactlab.contact.trace_arrays import Floats
 from contactlab.modifications.catalogue import list_rows
 
-_SAMPLES, _STEPS = 6, 3  # states of a motion, and steps from each; the first is not counted
-_STATE_SECONDS = 3e-6
-"""s of Python for each step, since some states are evaluated: measured for five robots."""
 _CPU_SLACK = 3.0
 """A search ends in any case above this ratio of CPU time over counted time.
 
@@ -69,7 +66,9 @@ def count_pace(motions: Sequence[Motion]) -> float:
     states = sample_states(one)
     found = (time.process_time() - begin) / one.steps / 2
     if not (one.model.nflex or one.model.nplugin):
-        found = count_step_seconds(one, one.model, states) + _STATE_SECONDS
+        # Some states are evaluated, in Python: measured for five robots.
+        python_seconds = 3e-6
+        found = count_step_seconds(one, one.model, states) + python_seconds
     _PACES[key] = weakref.ref(shortest.inputs), found
     return found
 
@@ -108,7 +107,8 @@ def sample_states(motion: Motion) -> list[tuple[int, Floats]]:
     windows = np.flatnonzero(run.valid[0] & np.isfinite(run.starts[0]).all(axis=1))
     if not len(windows):
         return [(0, motion.starts[0])]
-    chosen = windows[np.unique(np.linspace(0, len(windows) - 1, _SAMPLES).astype(int))]
+    samples = 6
+    chosen = windows[np.unique(np.linspace(0, len(windows) - 1, samples).astype(int))]
     return [(int(run.begins[window]), run.starts[0, window]) for window in chosen]
 
 
@@ -125,7 +125,8 @@ def count_step_seconds(
         mujoco.mj_resetData(made, data)  # wakes sleeping bodies
         mujoco.mj_setState(made, data, state, INTEGRATION)
         try:
-            work.count_steps(data, _STEPS, motion.rows(0, begin + np.arange(_STEPS)), motion.spec)
+            steps = 3  # the first is not counted
+            work.count_steps(data, steps, motion.rows(0, begin + np.arange(steps)), motion.spec)
         except mujoco.FatalError:
             continue
     return float(work.total @ UNIT_SECONDS) / max(work.steps, 1)

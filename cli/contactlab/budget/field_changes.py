@@ -41,7 +41,6 @@ from contactlab.schema.error_budget import BudgetReason
 
 _AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
 _STIFFNESS, _DAMPING = 1, 2  # places of their negatives in biasprm
-_DIGITS = 2
 
 
 def build_candidate(
@@ -80,7 +79,7 @@ def field_changes(motions: Sequence[Motion], verdict: Verdict) -> tuple[Candidat
         return ()
     reasons = [reason for reason in verdict.reasons if reason.verdict == verdict.reasons[0].verdict]
     if word == "depends":
-        return tuple(_stiffer(motion.model, reasons, verdict.tolerance))
+        return tuple(_stiffen_parts(motion.model, reasons, verdict.tolerance))
     return tuple(_slower_servos(motion, reasons))
 
 
@@ -97,11 +96,11 @@ def _slower_servos(motion: Motion, reasons: Sequence[BudgetReason]) -> Iterator[
     pointed = [servo for reason in reasons for servo in unheld if _points_to(model, reason, servo)]
     if not pointed:
         return
-    alone = {change.apply: change for change in _held(model, pointed[:1])}
+    alone = {change.apply: change for change in _hold_servos(model, pointed[:1])}
     yield from alone.values()
     if len(unheld) > 1:
         first, others = pointed[0], [servo for servo in unheld if servo is not pointed[0]]
-        for change in _held(model, [first, *others]):
+        for change in _hold_servos(model, [first, *others]):
             includes = (alone[change.apply].name,)
             yield replace(change, apply=f"{change.apply}-all", includes=includes)
 
@@ -142,7 +141,7 @@ class _Servo(NamedTuple):
     @classmethod
     def of(cls, model: mujoco.MjModel, joint: int, inertia: float) -> "_Servo":
         """Return those of a joint that moves an inertia."""
-        step, actuators = float(model.opt.timestep), [*_servos(model, joint)]
+        step, actuators = float(model.opt.timestep), [*_list_servos(model, joint)]
         square = model.actuator_gear[actuators, 0] ** 2
         kp, kv = (
             float(-(model.actuator_biasprm[actuators, place] * square).sum())
@@ -169,10 +168,10 @@ class _Servo(NamedTuple):
 def _points_to(model: mujoco.MjModel, reason: BudgetReason, servo: _Servo) -> bool:
     """Return whether a reason names the joint of a servo, or is of a body that it moves."""
     body = name_of(model, "body", int(model.jnt_bodyid[servo.joint]))
-    return reason.place == joint_name(model, servo.joint) or body in _bodies(model, reason)
+    return reason.place == joint_name(model, servo.joint) or body in _list_bodies(model, reason)
 
 
-def _bodies(model: mujoco.MjModel, reason: BudgetReason) -> Iterator[str]:
+def _list_bodies(model: mujoco.MjModel, reason: BudgetReason) -> Iterator[str]:
     """Yield the bodies of a reason: the one that moves, and those of its place."""
     yield reason.body
     kind, _, name = reason.place.partition(" ")
@@ -183,18 +182,18 @@ def _bodies(model: mujoco.MjModel, reason: BudgetReason) -> Iterator[str]:
         ("tendon", model.ntendon, bodies_of_tendon),
     ):
         for index in range(count if kind == part else 0):
-            if _own(model, part, index) == name:
+            if _find_own_name(model, part, index) == name:
                 yield from bodies_of(model, index)
 
 
-def _held(model: mujoco.MjModel, servos: Sequence[_Servo]) -> Iterator[Candidate]:
+def _hold_servos(model: mujoco.MjModel, servos: Sequence[_Servo]) -> Iterator[Candidate]:
     """Yield changes by which the step holds the servos and springs of joints."""
     step = float(model.opt.timestep)
     names = f"joint {name_of(model, 'joint', servos[0].joint)}"
     names += f" and {len(servos) - 1} more" if len(servos) > 1 else ""
     if all(servo.actuators for servo in servos):
         slower = [
-            value for servo in servos for value in _slower(model, servo.actuators, servo.slower)
+            value for servo in servos for value in _slow_gains(model, servo.actuators, servo.slower)
         ]
         yield build_candidate(f"gains of {names} that the step holds", "gains", slower)
     dofs = [int(model.jnt_dofadr[servo.joint]) for servo in servos]
@@ -214,13 +213,15 @@ def _of_dofs(
         own = getattr(model, field)[dof]
         index = (dof,) if np.ndim(own) == 0 else (dof, 0)
         axis = f"{field}[{name_of(model, 'joint', int(model.dof_jntid[dof]))}]"
-        values.append(FieldValue(field, index, axis, _rounded(float(np.ravel(own)[0]) + added)))
+        values.append(
+            FieldValue(field, index, axis, _round_digits(float(np.ravel(own)[0]) + added))
+        )
     numbers = [value.value for value in values]
     size = f"{numbers[0]:g}" if len({*numbers}) == 1 else f"of up to {max(numbers):g}"
     return build_candidate(f"{word} {size} of {names}", word, values)
 
 
-def _servos(model: mujoco.MjModel, joint: int) -> Iterator[int]:
+def _list_servos(model: mujoco.MjModel, joint: int) -> Iterator[int]:
     """Yield the actuators of a joint whose force depends on its position or speed."""
     for actuator in range(model.nu):
         at_joint = int(model.actuator_trntype[actuator]) in AT_JOINT
@@ -233,22 +234,22 @@ def _servos(model: mujoco.MjModel, joint: int) -> Iterator[int]:
             yield actuator
 
 
-def _slower(model: mujoco.MjModel, servos: Sequence[int], part: float) -> Iterator[FieldValue]:
+def _slow_gains(model: mujoco.MjModel, servos: Sequence[int], part: float) -> Iterator[FieldValue]:
     """Yield the gains of servos that are slower by a factor."""
     for actuator in servos:
         gain, bias = model.actuator_gainprm[actuator, 0], model.actuator_biasprm[actuator]
         stiff, damped = -float(bias[_STIFFNESS]), -float(bias[_DAMPING])
-        kp = _rounded(stiff * part**2, up=False) if stiff > 0 else 0.0
-        kv = _rounded(damped * part, up=False) if damped > 0 else 0.0
+        kp = _round_digits(stiff * part**2, up=False) if stiff > 0 else 0.0
+        kv = _round_digits(damped * part, up=False) if damped > 0 else 0.0
         leading, own = (kp, stiff) if kp else (kv, damped)
-        yield _parameter(model, actuator, ("gain", 0), float(gain) / own * leading)
+        yield _make_parameter_value(model, actuator, ("gain", 0), float(gain) / own * leading)
         if kp:
-            yield _parameter(model, actuator, ("bias", _STIFFNESS), -kp)
+            yield _make_parameter_value(model, actuator, ("bias", _STIFFNESS), -kp)
         if kv:
-            yield _parameter(model, actuator, ("bias", _DAMPING), -kv)
+            yield _make_parameter_value(model, actuator, ("bias", _DAMPING), -kv)
 
 
-def _parameter(
+def _make_parameter_value(
     model: mujoco.MjModel, actuator: int, which: tuple[str, int], value: float
 ) -> FieldValue:
     (kind, place), name = which, name_of(model, "actuator", actuator)
@@ -256,15 +257,14 @@ def _parameter(
     return FieldValue(field, (actuator, place), f"{field}[{name},{place}]", value)
 
 
-def _rounded(number: float, *, up: bool = True) -> float:
+def _round_digits(number: float, *, up: bool = True) -> float:
     """Return a positive number in two digits, no smaller, or no larger."""
-    unit = 10.0 ** (math.floor(math.log10(number)) + 1 - _DIGITS)
+    digits = 2
+    unit = 10.0 ** (math.floor(math.log10(number)) + 1 - digits)
     whole = math.ceil(number / unit) if up else math.floor(number / unit)
-    return float(f"{whole * unit:.{_DIGITS}g}")
+    return float(f"{whole * unit:.{digits}g}")
 
 
-_MORE, _LESS = (4, 16), (2,)  # how much shorter time constants get still; less if no step holds it
-_COARSEST = 4  # the most steps in one of the run's that may hold it
 PARTS_OF_A_STEP = {2: "half", 4: "a quarter of", 8: "an eighth of", 16: "a sixteenth of"}
 
 
@@ -275,7 +275,7 @@ def _find_soft_fields(row: str) -> tuple[str, ...]:
     )
 
 
-def _stiffer(
+def _stiffen_parts(
     model: mujoco.MjModel, reasons: Sequence[BudgetReason], tolerance: float
 ) -> Iterator[Candidate]:
     """Yield a shorter solref of the parts that are named, and of all of their kind.
@@ -311,10 +311,12 @@ def _ever_stiffer(
         return _of_solref(model, parts, more * times, own, what)
 
     def held(powers: Sequence[int]) -> list[Candidate]:
-        return [change for more in powers if (change := shorter(more)).rate <= _COARSEST]
+        most_rate = 4  # steps in one of the run's that may hold it
+        return [change for more in powers if (change := shorter(more)).rate <= most_rate]
 
+    # Time constants get 4 and 16 times shorter still, or 2 times if no step holds these.
     before = tuple[str, ...]()
-    for change in (shorter(1), *(held(_MORE) or held(_LESS))):
+    for change in (shorter(1), *(held((4, 16)) or held((2,)))):
         yield replace(change, includes=before)
         before = (*before, change.name)
 
@@ -342,17 +344,19 @@ def _named_parts(model: mujoco.MjModel, reason: BudgetReason) -> Iterator[tuple[
     """Yield fields and rows of the parts that a reason names."""
     kind, _, name = reason.place.partition(" ")
     if kind == "contact":
-        yield from _touching(model, {find_id(model, "body", body) for body in name.split(" - ")})
+        yield from _list_touching_geoms(
+            model, {find_id(model, "body", body) for body in name.split(" - ")}
+        )
         return
     for field in _find_soft_fields(reason.row):
         yield from (
             (field, row)
             for row in _used_rows(model, field)
-            if _said(model, field, row) == reason.place
+            if _name_part(model, field, row) == reason.place
         )
 
 
-def _touching(model: mujoco.MjModel, bodies: set[int]) -> Iterator[tuple[str, int]]:
+def _list_touching_geoms(model: mujoco.MjModel, bodies: set[int]) -> Iterator[tuple[str, int]]:
     """Yield geoms of bodies, and pairs of two of them."""
     for geom in _used_rows(model, "geom_solref"):
         if int(model.geom_bodyid[geom]) in bodies:
@@ -363,15 +367,17 @@ def _touching(model: mujoco.MjModel, bodies: set[int]) -> Iterator[tuple[str, in
             yield "pair_solref", pair
 
 
-def _said(model: mujoco.MjModel, field: str, row: int) -> str:
+def _name_part(model: mujoco.MjModel, field: str, row: int) -> str:
     """Return how a reason speaks of what a row of a field belongs to."""
     if field.startswith("dof_"):
         return joint_name(model, int(model.dof_jntid[row]))
     kind = FIELD_KINDS[field.partition("_")[0]]
-    return joint_name(model, row) if kind == "joint" else f"{kind} {_own(model, kind, row)}"
+    return (
+        joint_name(model, row) if kind == "joint" else f"{kind} {_find_own_name(model, kind, row)}"
+    )
 
 
-def _own(model: mujoco.MjModel, kind: str, index: int) -> str:
+def _find_own_name(model: mujoco.MjModel, kind: str, index: int) -> str:
     return getattr(model, kind)(index).name or f"[{index}]"
 
 

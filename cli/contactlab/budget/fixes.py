@@ -60,7 +60,6 @@ from contactlab.scene.model_names import name_of
 from contactlab.schema.error_budget import BudgetReason
 from contactlab.schema.time_ratio import TimeRatio, cost_class
 
-_MAX_REFINEMENT = 64  # most steps per step of the run that are tried
 _ALWAYS_TRIED_RATE = 2  # steps per step of the run that are tried even if another fix helps
 _MAX_IMPEDANCE = 0.9999  # the largest impedance that MuJoCo allows
 _SAFE_SHARE = 0.5  # a fix below this share of the tolerance is not at its edge
@@ -213,7 +212,8 @@ def _finer(model: mujoco.MjModel, verdict: Verdict) -> Iterator[Candidate]:
     needed = max(filter(math.isfinite, shares), default=0.0) / verdict.tolerance
     if raises_time_constants(model):
         needed = 2 * float(model.opt.timestep) / find_shortest_time_constant(model)
-    if verdict.word == "inaccurate" and FINEST < needed <= _MAX_REFINEMENT:
+    most_refined = 64  # steps per step of the run
+    if verdict.word == "inaccurate" and FINEST < needed <= most_refined:
         rate = math.ceil(needed)
         yield Candidate(f"1/{rate} of the step", "inaccurate", rate=rate)
 

@@ -109,11 +109,11 @@ def _constraint_rows(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, li
     pushing = np.flatnonzero(data.efc_force)
     kinds, sources = data.efc_type[pushing].tolist(), data.efc_id[pushing].tolist()
     for row, kind, source in zip(pushing.tolist(), kinds, sources, strict=True):
-        rows[_source(model, data, kind, source)].append(row)
+        rows[_name_source(model, data, kind, source)].append(row)
     return rows
 
 
-def _source(model: mujoco.MjModel, data: mujoco.MjData, kind: int, source: int) -> str:
+def _name_source(model: mujoco.MjModel, data: mujoco.MjData, kind: int, source: int) -> str:
     if kind in _CONTACTS:
         return contact_name(model, data.contact.geom[source])
     if kind == _DOF:

@@ -55,12 +55,7 @@ WINDOW = 0.04  # s; docs/theory/error-budget.md compares others
 FINER = 4
 # Steps of RK4 per step of the run; RK4 shows energy that both run and reference lose.
 _RK4_RATE = 2
-# Above a tenth of the tolerance, finer steps of RK4 show whether a drift is that of RK4.
-_WORTH_A_LOOK = 0.01
-# Largest relative change of an energy drift when the reference is refined.
-_ITS_OWN = 0.5
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
-_SHARED_NUMBERS = 1 << 23  # velocities of rolls that rows share: 64 MiB, as much as is recorded
 
 
 @dataclass(frozen=True)
@@ -104,10 +99,10 @@ def evaluations(
     finer, smooth = settings.finer, settings.energy and model.opt.integrator != _RK4
     looks = _RK4_RATE * (3 if drifts else 1)
     counted = finer * (1 + 2 * settings.check) + 4 * looks * smooth
-    return counted + sum(_evaluations(row, finer) for row in (RUN, *rows))
+    return counted + sum(_count_evaluations(row, finer) for row in (RUN, *rows))
 
 
-def _evaluations(row: Row, finer: int) -> int:
+def _count_evaluations(row: Row, finer: int) -> int:
     rate = finer if row.base == "reference" else 1
     return rate * (len(row.changes) + (row.both is not None))
 
@@ -169,7 +164,7 @@ class PhaseMeasure:
 
     def first_look(self) -> PhaseBudget:
         """Return the budget at h/4, without checks, excess path or RK4."""
-        return self._told(self.looked.found, excess=False)
+        return self._build_phase(self.looked.found, excess=False)
 
     def budget(self) -> PhaseBudget:
         """Return the budget with those of the wanted rows that the model has.
@@ -179,22 +174,23 @@ class PhaseMeasure:
         found = self.looked.found
         for look in self.looked.looks:
             self._measure_more(look, found)
-        return self._told(found, excess=self._settings.excess)
+        return self._build_phase(found, excess=self._settings.excess)
 
     @cached_property
-    def _there(self) -> list[Row]:
+    def _exercised_rows(self) -> list[Row]:
         """The run, and the rows that the task exercises."""
         shown = exercised_rows(self._motion, self._used)
         return [RUN, *(row for row in self._used if row.name in shown)]
 
-    def _told(self, found: "_Found", *, excess: bool) -> PhaseBudget:
-        model, run, there = self._model, self.run, self._there
-        real, limits = self._real(found), self._limits(found)
-        energy, energy_rk4 = self._energies(found)
+    def _build_phase(self, found: "_Found", *, excess: bool) -> PhaseBudget:
+        model, run, there = self._model, self.run, self._exercised_rows
+        real, limits = self._sum_real(found), self._extrapolate_limits(found)
+        energy, energy_rk4 = self._measure_drifts(found)
         of_steps = {row.name: found.apart[row.name] * limits for row in there if row.is_of_steps}
         found = found._replace(apart=found.apart | of_steps)
         whole, *rows = (
-            self._reading(row, found, real, exercised=row in there) for row in (RUN, *self._used)
+            self._build_reading(row, found, real, exercised=row in there)
+            for row in (RUN, *self._used)
         )
         warnings = tuple(self._with_cause(warning) for warning in run.warnings)
         told = PhaseBudget(
@@ -205,16 +201,16 @@ class PhaseMeasure:
             windows=len(run.begins),
             bodies=tuple(self._names[body] for body in self._observed),
             masses=model.body_mass[self._bodies[self._observed]],
-            run=self._failing(warnings, whole),
+            run=self._mark_failing(warnings, whole),
             rows=tuple(rows),
             energy=energy,
             energy_rk4=energy_rk4,
             energy_origin=self._energy_origin(found),
-            excess_path=self._excess(found, real)
+            excess_path=self._measure_excess(found, real)
             if excess
             else np.full(len(self._observed), np.nan),
-            worst_window=self._peak(found) if excess else float("nan"),
-            upper_bound=self._most(found, real),
+            worst_window=self._measure_peak(found) if excess else float("nan"),
+            upper_bound=self._bound_error(found, real),
             limit_factor=float(limits[self._observed[whole.body]]),
             invalid_windows=float(found.lost[run.valid].mean()) if run.valid.any() else 0.0,
             warnings=warnings,
@@ -224,11 +220,11 @@ class PhaseMeasure:
         self._impulses.clear()
         return told
 
-    def _worst(self, values: Floats) -> int:
+    def _find_worst_body(self, values: Floats) -> int:
         """Return the number of the observed body with the largest of (B,) values."""
         return int(self._observed[np.argmax(values[self._observed])])
 
-    def _base(self, name: str) -> mujoco.MjModel:
+    def _find_base(self, name: str) -> mujoco.MjModel:
         if name not in self._bases:
             self._bases[name] = self._made_base(name)
         return self._bases[name]
@@ -237,10 +233,10 @@ class PhaseMeasure:
         if name == "run":
             return run_at_once(self._model)
         if name == "RK4":
-            return self._smooth(1)
+            return self._make_smooth_model(1)
         return build_reference_model(self._model, 1 if name == "step" else self._settings.finer)
 
-    def _stored(self, name: str) -> ConstraintEnergy:
+    def _find_energy_store(self, name: str) -> ConstraintEnergy:
         """Return the calculator of stored energies for a copy of a base."""
         if name not in self._stores:
             alike = not raises_time_constants(self._model)
@@ -248,22 +244,24 @@ class PhaseMeasure:
             self._stores[name] = ConstraintEnergy(base, constraints=alike)
         return self._stores[name]
 
-    def _varied(self, row: Row) -> Iterator[mujoco.MjModel]:
+    def _vary_model(self, row: Row) -> Iterator[mujoco.MjModel]:
         """Yield the models of a row's changes; each is a new copy, since a mesh may be large."""
         for change in row.changes:
-            yield self._changed(self._other(row) if row.both else self._base(row.base), change)
+            yield self._change_copy(
+                self._compared_model(row) if row.both else self._find_base(row.base), change
+            )
 
-    def _other(self, row: Row) -> mujoco.MjModel:
+    def _compared_model(self, row: Row) -> mujoco.MjModel:
         """Return the model that a row's changes are compared with."""
         if row.both is None:
-            return self._base(row.against)
-        return self._changed(self._base(row.base), row.both)
+            return self._find_base(row.against)
+        return self._change_copy(self._find_base(row.base), row.both)
 
-    def _rate(self, row: Row) -> int:
+    def _find_rate(self, row: Row) -> int:
         """Return how many steps of a row's models make one of the run's."""
         return self._settings.finer if row.base == "reference" else 1
 
-    def _changed(self, model: mujoco.MjModel, change: ModelChange) -> mujoco.MjModel:
+    def _change_copy(self, model: mujoco.MjModel, change: ModelChange) -> mujoco.MjModel:
         changed = without_sensors(model)
         change(changed, self._model)
         return changed
@@ -271,7 +269,7 @@ class PhaseMeasure:
     @cached_property
     def looked(self) -> "Looked":
         """First pass over all windows with references at h/4, and data for the second pass."""
-        run, settings, rows = self.run, self._settings, self._there
+        run, settings, rows = self.run, self._settings, self._exercised_rows
         shape, looks, seeds = (self._motion.seeds, len(run.begins)), list[_Look](), 0
         found = _Found.empty(shape, len(self._bodies), [row.name for row in rows])
         if self._begun is not None and {*self._begun.found.apart} == {*found.apart}:
@@ -282,16 +280,16 @@ class PhaseMeasure:
             windows = Windows(self._undelayed, run, settings.workers, block)
             around, lost = self._measure_run(windows, block, found)
             looks.append(_Look(block, around["run"], around["reference"]))
-            rolls = _SharedRolls(partial(self._around, windows))
+            rolls = _SharedRolls(partial(self._measure_around, windows))
             if any(row.against == "step" for row in rows):
-                around["step"] = rolls(self._base("step"), 1)
+                around["step"] = rolls(self._find_base("step"), 1)
             for row in rows:
                 if row is RUN:
                     continue
-                other, rate = around[row.against], self._rate(row)
+                other, rate = around[row.against], self._find_rate(row)
                 if row.both is not None:
-                    other = rolls(self._other(row), rate)
-                apart = [defects(rolls(model, rate), other) for model in self._varied(row)]
+                    other = rolls(self._compared_model(row), rate)
+                apart = [defects(rolls(model, rate), other) for model in self._vary_model(row)]
                 largest = np.max(apart, axis=0)
                 largest[lost] = 0
                 found.apart[row.name][tuple(block.T)] = largest
@@ -309,18 +307,20 @@ class PhaseMeasure:
         """
         finer, steps, place = self._settings.finer, windows.steps, tuple(block.T)
         own, energies = self._observer(windows.own[:, [0, -3, -2, -1]])
-        fine, lost = windows.roll(self._base("reference"), finer, whole=True)
+        fine, lost = windows.roll(self._find_base("reference"), finer, whole=True)
         path, powers = self._observer(fine[:, : steps * finer + 1 : finer])
         end, end_energies = self._observer(fine[:, (steps - 1) * finer :])
         last = own[:, -3:]
         found.lost[place] = lost
         found.apart[RUN.name][place] = np.where(lost[:, None], 0, defects(last, end))
         found.path[place] = np.where(lost[:, None], 0, paths(path))
-        found.gained[place] = np.where(lost[:, None], 0, self._gained(last[:, 1], end[:, finer]))
-        stored = self._storing(windows, "step", windows.own[:, -2:-1])
+        found.gained[place] = np.where(
+            lost[:, None], 0, self._measure_gained(last[:, 1], end[:, finer])
+        )
+        stored = self._measure_stored(windows, "step", windows.own[:, -2:-1])
         found.total[place] = energies[:, -2].sum(axis=-1) + stored[:, 1] - stored[:, 0]
         around, path_energy = end_energies[:, ::finer].sum(axis=-1), powers.sum(axis=-1)
-        held = self._storing(windows, "reference", fine[:, -2 * finer - 1 :: finer])
+        held = self._measure_stored(windows, "reference", fine[:, -2 * finer - 1 :: finer])
         around += held[:, 1:] - held[:, :1]
         found.energy[place] = energy_defects(found.total[place], around)
         start, most = path_energy[:, 0] + stored[:, 0], path_energy.max(axis=1)
@@ -330,17 +330,17 @@ class PhaseMeasure:
         found.begin[place] = np.linalg.norm(own[:, 0], axis=-1)
         return {"run": last, "reference": end}, lost
 
-    def _storing(self, windows: Windows, name: str, kept: Floats) -> Floats:
+    def _measure_stored(self, windows: Windows, name: str, kept: Floats) -> Floats:
         """Return (M, 1 + K) what is stored at the beginning, and in states (M, K, kept) [J].
 
         Not by constraints where refsafe gives the run's other springs than the reference has: these
         would lift what the run's let sink, window by window.
         """
-        return self._stored(name)(
+        return self._find_energy_store(name)(
             windows.states(np.concatenate([windows.own[:, :1], kept], axis=1))
         )
 
-    def _gained(self, own: Floats, reference: Floats) -> Floats:
+    def _measure_gained(self, own: Floats, reference: Floats) -> Floats:
         """Return (M, B) kinetic energies beyond the reference's [J], from (M, B, 6) velocities."""
         with np.errstate(invalid="ignore", over="ignore"):
             square = (own**2).sum(axis=-1) - (reference**2).sum(axis=-1)
@@ -358,47 +358,53 @@ class PhaseMeasure:
         seed, window = map(int, np.unravel_index(np.argmax(along), along.shape))
         place = ""
         if self._settings.places and along[seed, window] > 0:
-            models = self._base("run"), self._base("reference")
-            place = self._place(seed, window, models, body)
+            models = self._find_base("run"), self._find_base("reference")
+            place = self._find_place(seed, window, models, body)
         return Origin(
             body_name(self._model, int(self._bodies[body])),
             place,
             float(self.run.begins[window] * self._model.opt.timestep),
         )
 
-    def _smooth(self, rate: int) -> mujoco.MjModel:
+    def _make_smooth_model(self, rate: int) -> mujoco.MjModel:
         smooth = build_reference_model(self._model, rate)
         smooth.opt.integrator = _RK4
         return smooth
 
     def _energy_by_rk4(self, windows: Windows, total: Floats, rate: int) -> Floats:
         """Return (M, 2) energy defects against RK4 [J]; NaN where it gave up."""
-        kept, gave_up = windows.roll(self._smooth(rate), rate)
+        kept, gave_up = windows.roll(self._make_smooth_model(rate), rate)
         around = self._observer(kept[:, ::rate])[1].sum(axis=-1)
-        held = self._storing(windows, "RK4", kept[:, ::rate])
+        held = self._measure_stored(windows, "RK4", kept[:, ::rate])
         apart = energy_defects(total, around + held[:, 1:] - held[:, :1])
         return np.where(gave_up[:, None], np.nan, apart)
 
-    def _energies(self, found: "_Found") -> tuple[Floats, Floats]:
+    def _measure_drifts(self, found: "_Found") -> tuple[Floats, Floats]:
         """Return (S,) drifts of energy, against the run's own integrator and against RK4.
 
         RK4 treats dampers explicitly, and may be the one that is wrong. So where it would tell of
         more, it is asked with half its step again: NaN where it then says otherwise.
         """
-        own, rk4 = self._drift(found, found.energy), self._drift(found, found.energy_rk4)
-        if not np.abs(rk4).mean() > max(_WORTH_A_LOOK, np.abs(own).mean()):
+        own, rk4 = (
+            self._measure_drift(found, found.energy),
+            self._measure_drift(found, found.energy_rk4),
+        )
+        # Above a tenth of the tolerance, finer steps of RK4 show whether a drift is that of RK4.
+        least_drift = 0.01
+        if not np.abs(rk4).mean() > max(least_drift, np.abs(own).mean()):
             return own, rk4
         run, rate = self.run, 2 * _RK4_RATE
         for block in blocks(self._model, np.argwhere(run.valid), (run.steps + 1) * rate):
             windows = Windows(self._undelayed, run, self._settings.workers, block)
             place = tuple(block.T)
             found.energy_rk4[place] = self._energy_by_rk4(windows, found.total[place], rate)
-        finer = self._drift(found, found.energy_rk4)
+        finer = self._measure_drift(found, found.energy_rk4)
         with np.errstate(invalid="ignore"):
-            resolved = np.abs(finer - rk4) <= _ITS_OWN * np.maximum(np.abs(finer), np.abs(rk4))
+            # A drift changes at most by half when the reference is refined.
+            resolved = np.abs(finer - rk4) <= 0.5 * np.maximum(np.abs(finer), np.abs(rk4))
         return own, np.where(resolved, finer, np.nan)
 
-    def _around(self, windows: Windows, model: mujoco.MjModel, rate: int) -> Floats:
+    def _measure_around(self, windows: Windows, model: mujoco.MjModel, rate: int) -> Floats:
         """Return (M, 2 rate + 1, B, 6) velocities of a model around the end; NaN if it gave up."""
         kept, failed = windows.roll(model, rate)
         seen = self._observer(kept)[0]
@@ -411,7 +417,7 @@ class PhaseMeasure:
         windows = Windows(self._undelayed, self.run, settings.workers, look.block)
         if settings.check:
             rate = 2 * settings.finer
-            finest = self._around(windows, build_reference_model(self._model, rate), rate)
+            finest = self._measure_around(windows, build_reference_model(self._model, rate), rate)
             found.checked[place] = defects(look.reference, finest)
             found.finer[place] = defects(look.run, finest)
         if settings.excess:
@@ -421,7 +427,7 @@ class PhaseMeasure:
         if settings.energy and self._model.opt.integrator != _RK4:
             found.energy_rk4[place] = self._energy_by_rk4(windows, found.total[place], _RK4_RATE)
 
-    def _real(self, found: "_Found") -> Floats:
+    def _sum_real(self, found: "_Found") -> Floats:
         """Return (S, B) real impulses over mass, the scale of errors [m/s]."""
         run, sums = self.run, np.cumsum(self._pulls, axis=1)
         sums = np.concatenate([0 * sums[:, :1], sums], axis=1)
@@ -432,7 +438,9 @@ class PhaseMeasure:
         real = np.maximum(real, GRAVITY_AS_REAL * self._usual * duration[:, None])
         return scale_of_impulses(real)
 
-    def _reading(self, row: Row, found: "_Found", real: Floats, *, exercised: bool) -> Reading:
+    def _build_reading(
+        self, row: Row, found: "_Found", real: Floats, *, exercised: bool
+    ) -> Reading:
         about = row.name, row.summary, row.kind
         if not exercised:
             none = np.empty(0)
@@ -443,7 +451,7 @@ class PhaseMeasure:
         apart = found.apart[row.name]
         shares = apart.sum(axis=1) / real
         mean = shares.mean(axis=0)
-        body = self._worst(mean)
+        body = self._find_worst_body(mean)
         seed, window = map(int, np.unravel_index(np.argmax(apart[..., body]), apart.shape[:2]))
         time = float(self.run.begins[window] * self._model.opt.timestep)
         reading = Reading(
@@ -458,11 +466,11 @@ class PhaseMeasure:
         )
         if not self._settings.places or not apart[seed, window, body]:
             return reading
-        models = next(self._varied(row)), self._other(row)
+        models = next(self._vary_model(row)), self._compared_model(row)
         base = row.against if row.both is None else ""
-        return replace(reading, place=self._place(seed, window, models, body, base))
+        return replace(reading, place=self._find_place(seed, window, models, body, base))
 
-    def _place(
+    def _find_place(
         self,
         seed: int,
         window: int,
@@ -488,7 +496,7 @@ class PhaseMeasure:
         impulses = sum_impulses(stretch, models[0], timestep), other
         return find_force_place(stretch, models[0], impulses, int(self._bodies[body]))
 
-    def _failing(self, warnings: Sequence[EngineWarning], reading: Reading) -> Reading:
+    def _mark_failing(self, warnings: Sequence[EngineWarning], reading: Reading) -> Reading:
         """Return the run's reading, infinite if the engine warned."""
         if not warnings:
             return reading
@@ -497,13 +505,15 @@ class PhaseMeasure:
             reading,
             errors=np.full_like(reading.errors, np.inf),
             seeds=np.full(self._motion.seeds, np.inf),
-            body=int(np.searchsorted(self._observed, self._worst(self._speeds(first)))),
+            body=int(
+                np.searchsorted(self._observed, self._find_worst_body(self._measure_speeds(first)))
+            ),
             seed=first.seed,
             time=first.time,
             place=first.cause,
         )
 
-    def _speeds(self, warning: EngineWarning) -> Floats:
+    def _measure_speeds(self, warning: EngineWarning) -> Floats:
         """Return (B,) speeds in the last state before a warning; 0 where one is not finite."""
         run, begin = self.run, int(self.run.begins[warning.window])
         kept = run.kept[warning.seed, begin : begin + run.steps]
@@ -517,14 +527,14 @@ class PhaseMeasure:
         """Return a warning of the run with where its forces had parted from the reference's."""
         if not self._settings.places:
             return warning
-        models = self._base("run"), self._base("reference")
-        body = int(np.argmax(self._speeds(warning)))
-        cause = self._place(warning.seed, warning.window, models, body)
+        models = self._find_base("run"), self._find_base("reference")
+        body = int(np.argmax(self._measure_speeds(warning)))
+        cause = self._find_place(warning.seed, warning.window, models, body)
         if not cause and warning.window:
-            cause = self._place(warning.seed, warning.window - 1, models, body)
+            cause = self._find_place(warning.seed, warning.window - 1, models, body)
         return replace(warning, cause=cause)
 
-    def _drift(self, found: "_Found", parts: Floats) -> Floats:
+    def _measure_drift(self, found: "_Found", parts: Floats) -> Floats:
         """Return (S,) drifts of energy over all of it that there was.
 
         That is what the start had above the lowest potential energy, and what the reference added;
@@ -554,36 +564,36 @@ class PhaseMeasure:
                     found_drifts[seed] = drift(own / scale)
         return found_drifts
 
-    def _excess(self, found: "_Found", real: Floats) -> Floats:
+    def _measure_excess(self, found: "_Found", real: Floats) -> Floats:
         return np.maximum(0, (found.excess.sum(axis=1) / real).mean(axis=0))[self._observed]
 
-    def _peak(self, found: "_Found") -> float:
+    def _measure_peak(self, found: "_Found") -> float:
         speed = found.speed.max(axis=1, keepdims=True)
         with np.errstate(invalid="ignore", divide="ignore"):
             parts = np.where(speed > 0, found.apart[RUN.name] / speed, 0)[..., self._observed]
         return float(np.nanmax(parts, initial=0))
 
-    def _limits(self, found: "_Found") -> Floats:
+    def _extrapolate_limits(self, found: "_Found") -> Floats:
         """Return (B,) factors from shares at h/4 to those at the limit of fine steps."""
-        checked = self._checked(found)
+        checked = self._find_checked(found)
         run, finer = (of[checked].sum(axis=0) for of in (found.apart[RUN.name], found.finer))
         return to_the_limit(run, finer)
 
-    def _most(self, found: "_Found", real: Floats) -> float:
+    def _bound_error(self, found: "_Found", real: Floats) -> float:
         """Return at most how far the run is from the limit of fine steps, of the worst body.
 
         NaN where nothing was checked. In first order that limit is as far from a reference at h/8
         as that is from one at h/4, whether or not they come nearer to the run. What slack forgives
         of that is in the run's share, which is at the limit already.
         """
-        checked = self._checked(found)
+        checked = self._find_checked(found)
         if not checked.any():
             return float("nan")
         apart = np.where(checked[..., None], found.finer + found.checked, 0)
         apart = np.stack([apart, found.apart[RUN.name]]).sum(axis=2)
         return float((apart / real).mean(axis=1)[:, self._observed].max())
 
-    def _checked(self, found: "_Found") -> np.ndarray:
+    def _find_checked(self, found: "_Found") -> np.ndarray:
         """Return (S, W) whether a window was gone through by both references."""
         return ~np.isnan(found.checked[..., 0]) & ~found.lost
 
@@ -601,7 +611,8 @@ class _SharedRolls:
         if key in self._known:
             return self._known[key]
         seen = self._roll(model, rate)
-        if self._numbers + seen.size <= _SHARED_NUMBERS:
+        most_numbers = 1 << 23  # that rows share: 64 MiB, as much as is recorded
+        if self._numbers + seen.size <= most_numbers:
             self._known[key], self._numbers = seen, self._numbers + seen.size
         return seen
 

@@ -84,7 +84,7 @@ def distances_to_reference(
     real += GRAVITY_AS_REAL * read_gravity(motion.model) * span[:, None]
     if motion.usual is not None:
         real = np.maximum(real, GRAVITY_AS_REAL * motion.usual[bodies] * span[:, None])
-    shares = _shares(apart, real)
+    shares = _mean_shares(apart, real)
     counted = [
         not motion.observed or body_name(motion.model, int(body)) in motion.observed
         for body in bodies
@@ -92,7 +92,7 @@ def distances_to_reference(
     return shares[:, counted].max(axis=1, initial=0).tolist()
 
 
-def _shares(apart: Floats, real: Floats) -> Floats:
+def _mean_shares(apart: Floats, real: Floats) -> Floats:
     """Return (R, B) shares, the mean over seeds that have windows at all."""
     begun = real.any(axis=1)
     return (apart / scale_of_impulses(real))[:, begun].mean(axis=1)

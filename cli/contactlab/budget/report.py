@@ -25,7 +25,7 @@ def budget_report(
         verdict=verdict.word,
         reasons=verdict.reasons,
         fixes=tuple(map(fix_report, tried)),
-        phases=tuple(_phase(phase, verdict.tolerance) for phase in budget.phases),
+        phases=tuple(_build_phase(phase, verdict.tolerance) for phase in budget.phases),
     )
 
 
@@ -44,7 +44,7 @@ def fix_report(fix: TriedFix) -> BudgetFix:
     )
 
 
-def _phase(phase: PhaseBudget, tolerance: float) -> BudgetPhase:
+def _build_phase(phase: PhaseBudget, tolerance: float) -> BudgetPhase:
     return BudgetPhase(
         name=phase.name,
         timestep=phase.timestep,
@@ -54,8 +54,8 @@ def _phase(phase: PhaseBudget, tolerance: float) -> BudgetPhase:
         window=phase.window,
         windows=phase.windows,
         bodies=phase.bodies,
-        numerical_error=_row(phase, phase.run),
-        rows=tuple(_row(phase, reading) for reading in phase.rows),
+        numerical_error=_build_row(phase, phase.run),
+        rows=tuple(_build_row(phase, reading) for reading in phase.rows),
         energy_drift=phase.energy_drift,
         excess_path=float(phase.excess_path.max()),
         worst_window=phase.worst_window,
@@ -75,7 +75,7 @@ def _phase(phase: PhaseBudget, tolerance: float) -> BudgetPhase:
     )
 
 
-def _row(phase: PhaseBudget, reading: Reading) -> BudgetRow:
+def _build_row(phase: PhaseBudget, reading: Reading) -> BudgetRow:
     known = reading.exercised
     seeds = (float(reading.seeds.min()), float(reading.seeds.max())) if reading.seeds.size else None
     return BudgetRow(

@@ -16,8 +16,6 @@ _FIELDS = {int(_GEOMS.mjGEOM_HFIELD), int(_GEOMS.mjGEOM_SDF)}
 _BOX, _MESH = int(_GEOMS.mjGEOM_BOX), int(_GEOMS.mjGEOM_MESH)
 _ENERGY = int(mujoco.mjtEnableBit.mjENBL_ENERGY)
 _INVERSE = int(mujoco.mjtEnableBit.mjENBL_FWDINV)
-_STAGES = 4  # evaluations of the forces in a step of RK4
-_SPARSE_SIZE = 60  # degrees of freedom; larger models have sparse matrices in MuJoCo
 UNIT_NANOSECONDS: Mapping[str, float] = {
     "step": 708,
     "step dof": 81.2,
@@ -90,11 +88,12 @@ class StepWork:
         self._model = model
         self.total, self.steps = np.zeros(len(UNITS)), 0
         option = model.opt
-        self._stages = _STAGES if option.integrator == _INTEGRATORS.mjINT_RK4 else 1
+        self._stages = 4 if option.integrator == _INTEGRATORS.mjINT_RK4 else 1
         self._solver, self._enabled = int(option.solver), int(option.enableflags)
         self._islands = "island" in FLAG_NAMES and read_flag(model, "island")
+        sparse_size = 60  # degrees of freedom; larger models have sparse matrices in MuJoCo
         self._is_sparse = option.jacobian == mujoco.mjtJacobian.mjJAC_SPARSE or (
-            option.jacobian == mujoco.mjtJacobian.mjJAC_AUTO and model.nv >= _SPARSE_SIZE
+            option.jacobian == mujoco.mjtJacobian.mjJAC_AUTO and model.nv >= sparse_size
         )
         self._has_contacts = float(read_flag(model, "contact") and read_flag(model, "constraint"))
         self._pairs, self._kinds = self._pair_kinds()

@@ -15,9 +15,6 @@ from contactlab.timing.interleaved import TURN_SECONDS, compare_times, stopwatch
 
 Made = Callable[[], mujoco.MjModel]
 
-_HELD = 1 << 27  # bytes of models that are held
-_STRETCH = 5  # windows, so that setting states is no part of the time
-
 
 def measure_time_ratios(
     motion: Motion, run: Run, changed: Mapping[str, tuple[Made, int]]
@@ -29,7 +26,8 @@ def measure_time_ratios(
     together are timed in groups.
     """
     # Windows that the engine finished are the beginning of each run.
-    length = min(_STRETCH, int(run.valid.sum(axis=1).max()))
+    most_windows = 5  # in a stretch, so that setting states is no part of the time
+    length = min(most_windows, int(run.valid.sum(axis=1).max()))
     if not length or not changed:
         return {}
     valid = np.argwhere(run.valid[:, length - 1 :])
@@ -38,9 +36,10 @@ def measure_time_ratios(
     # One place tells roughly how many are enough, and these tell it better.
     for _ in range(2):
         own = stretches.ready(motion.model, 1, taken)
-        taken = _enough(valid, own.seconds() / len(taken))
+        taken = _repeat_places(valid, own.seconds() / len(taken))
     own = stretches.ready(motion.model, 1, taken)
-    most = max(1, _HELD // motion.model.nbuffer)
+    held_bytes = 1 << 27  # of models at a time
+    most = max(1, held_bytes // motion.model.nbuffer)
     ratios = dict[str, TimeRatio]()
     for begin in range(0, len(changed), most):
         names = [*changed][begin : begin + most]
@@ -51,7 +50,7 @@ def measure_time_ratios(
     return ratios
 
 
-def _enough(valid: np.ndarray, seconds: float) -> np.ndarray:
+def _repeat_places(valid: np.ndarray, seconds: float) -> np.ndarray:
     """Return enough places for the timing if one takes `seconds` [s]; few come twice."""
     count = max(1, math.ceil(TURN_SECONDS / seconds))
     places = np.linspace(0, len(valid) - 1, min(count, len(valid))).astype(int)

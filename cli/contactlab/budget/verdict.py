@@ -43,7 +43,12 @@ def judge(
 def _list_reasons(
     phase: PhaseBudget, tolerance: float, intended: Sequence[str]
 ) -> Iterator[BudgetReason]:
-    yield from _warning_reasons(phase)
+    for warning in phase.warnings:
+        at = f" at {warning.place}" if warning.place else ""
+        body = phase.bodies[phase.run.body]
+        where = Origin(body, warning.cause or warning.place, warning.time)
+        sentence = f"MuJoCo warned of {warning.kind}{at}"
+        yield build_reason("inaccurate", phase.name, "warning", np.inf, where, sentence)
     yield from _numerical_reasons(phase, tolerance)
     alternatives = {row.name: row.alternative for row in list_rows()}
     for row in phase.rows:
@@ -62,15 +67,6 @@ def build_reason(
     return BudgetReason(
         verdict=verdict, phase=phase, row=row, error=error, sentence=sentence, **where._asdict()
     )
-
-
-def _warning_reasons(phase: PhaseBudget) -> Iterator[BudgetReason]:
-    body = phase.bodies[phase.run.body]
-    for warning in phase.warnings:
-        at = f" at {warning.place}" if warning.place else ""
-        where = Origin(body, warning.cause or warning.place, warning.time)
-        sentence = f"MuJoCo warned of {warning.kind}{at}"
-        yield build_reason("inaccurate", phase.name, "warning", np.inf, where, sentence)
 
 
 def _numerical_reasons(phase: PhaseBudget, tolerance: float) -> Iterator[BudgetReason]:

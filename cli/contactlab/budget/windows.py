@@ -30,10 +30,7 @@ KEPT = sum(
 _SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 _UNUSED = sum(int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{n}")) for n in ("SENSOR", "AUTORESET"))
 _OBSERVED = ("cvel", "xipos", "subtree_com", "energy")
-# States that are looked at together, and numbers that a block of windows may record.
-_CHUNK = 512
-_NUMBERS = 1 << 23
-_PERSISTENT_WINDOWS = 64
+_CHUNK = 512  # states that are looked at together
 
 
 @dataclass(frozen=True)
@@ -91,15 +88,15 @@ def start_rows(model: mujoco.MjModel, rows: Floats, workers: int) -> Batch:
     return batch
 
 
-def _roll(
+def _roll_out(
     batch: Batch, size: int, steps: int, inputs: Floats | None, spec: int
 ) -> tuple[Floats, np.ndarray]:
     """Return (n, steps, size) states after each step, and (n) whether a simulation failed."""
     kept = np.full((len(batch.state), steps, size), np.nan)
-    return kept, _advance(batch, steps, inputs, spec, {KEPT: kept})
+    return kept, _make_steps(batch, steps, inputs, spec, {KEPT: kept})
 
 
-def _advance(
+def _make_steps(
     batch: Batch, steps: int, inputs: Floats | None, spec: int, out: dict[Any, Floats]
 ) -> np.ndarray:
     """Make steps that record such parts of states, and return (n) whether a simulation failed."""
@@ -165,9 +162,13 @@ def replay(motion: Motion, window: float, workers: int, known: Floats | None = N
         span = np.arange(first, end)
         held = [motion.rows(seed, span) for seed in range(motion.seeds)]
         inputs = None if held[0] is None else np.stack([row for row in held if row is not None])
-        kept[:, first + 1 : end + 1], fails = _roll(batch, size, end - first, inputs, motion.spec)
+        kept[:, first + 1 : end + 1], fails = _roll_out(
+            batch, size, end - first, inputs, motion.spec
+        )
         for seed in np.flatnonzero(fails & ~failed):
-            warnings += _warned(model, batch, int(seed), (place, float(begin * model.opt.timestep)))
+            warnings += _list_warnings(
+                model, batch, int(seed), (place, float(begin * model.opt.timestep))
+            )
         failed |= fails
         # A window that the run began before the failure may end after it.
         valid[failed, np.searchsorted(begins, begin - length, side="right") :] = False
@@ -183,10 +184,10 @@ def cut(motion: Motion, window: float) -> tuple[int, NDArray[np.intp]]:
 
 def parts(model: mujoco.MjModel, rows: Floats) -> Floats:
     """Return (..., kept) the parts of (..., nstate) states that velocities depend on."""
-    return np.concatenate([rows[..., place] for place in _places(model)], axis=-1)
+    return np.concatenate([rows[..., place] for place in _find_places(model)], axis=-1)
 
 
-def _places(model: mujoco.MjModel, spec: int = KEPT) -> list[slice]:
+def _find_places(model: mujoco.MjModel, spec: int = KEPT) -> list[slice]:
     """Return where the parts of a state lie that the bits of a spec name."""
     found = list[slice]()
     bit = 1
@@ -198,7 +199,7 @@ def _places(model: mujoco.MjModel, spec: int = KEPT) -> list[slice]:
     return found
 
 
-def _enter(states: Floats, rows: Floats, places: Sequence[slice]) -> None:
+def _write_rows(states: Floats, rows: Floats, places: Sequence[slice]) -> None:
     """Write (..., width) rows into the parts of (..., nstate) states that they are of."""
     begin = 0
     for place in places:
@@ -207,11 +208,11 @@ def _enter(states: Floats, rows: Floats, places: Sequence[slice]) -> None:
         begin = end
 
 
-def _warned(
+def _list_warnings(
     model: mujoco.MjModel, batch: Batch, seed: int, when: tuple[int, float]
 ) -> list[EngineWarning]:
     found = [
-        EngineWarning(kind, _named(model, kind, int(place)), seed, *when)
+        EngineWarning(kind, _name_subject(model, kind, int(place)), seed, *when)
         for kind, (place, count) in zip(_KINDS, batch.warning[seed], strict=True)
         if count
     ]
@@ -225,7 +226,7 @@ _KINDS = [
 ]
 
 
-def _named(model: mujoco.MjModel, kind: str, place: int) -> str:
+def _name_subject(model: mujoco.MjModel, kind: str, place: int) -> str:
     """Return the subject of a warning: MuJoCo gives a degree of freedom, or an actuator."""
     if kind == "badctrl" and 0 <= place < model.nu:
         return f"actuator {model.actuator(place).name or place}"
@@ -257,7 +258,10 @@ class Windows:
         self.steps, self._spec, self._workers = run.steps, motion.spec, workers
         seed, window = which.T
         self.starts = run.starts[seed, window]
-        self._given, self._places = _places(motion.model, motion.spec), _places(motion.model)
+        self._given, self._places = (
+            _find_places(motion.model, motion.spec),
+            _find_places(motion.model),
+        )
         self.own = np.stack(
             [
                 run.kept[s, b : b + run.steps + 2]
@@ -284,12 +288,12 @@ class Windows:
         batch = start_rows(model, self.starts, self._workers)
         failed = np.zeros(len(self.starts), bool)
         if first:
-            held = self._held(0, first, rate)
-            failed = _advance(batch, first * rate, held, self._spec, {})
+            held = self._hold_inputs(0, first, rate)
+            failed = _make_steps(batch, first * rate, held, self._spec, {})
         begin = parts(model, batch.state)
-        held = self._held(first, self.steps + 1, rate)
+        held = self._hold_inputs(first, self.steps + 1, rate)
         steps = (self.steps + 1 - first) * rate
-        kept, fails = _roll(batch, begin.shape[1], steps, held, self._spec)
+        kept, fails = _roll_out(batch, begin.shape[1], steps, held, self._spec)
         return np.concatenate([begin[:, None], kept], axis=1), failed | fails
 
     def states(self, kept: Floats) -> Floats:
@@ -299,19 +303,20 @@ class Windows:
         """
         states = self.starts[:, None].repeat(kept.shape[1], axis=1)
         if self._inputs is not None:
-            _enter(states, self._inputs[:, self.steps - 1, None], self._given)
-        _enter(states, kept, self._places)
+            _write_rows(states, self._inputs[:, self.steps - 1, None], self._given)
+        _write_rows(states, kept, self._places)
         return states
 
-    def _held(self, first: int, last: int, rate: int) -> Floats | None:
+    def _hold_inputs(self, first: int, last: int, rate: int) -> Floats | None:
         return None if self._inputs is None else self._inputs[:, first:last].repeat(rate, axis=1)
 
 
 def blocks(model: mujoco.MjModel, which: np.ndarray, steps: int) -> list[np.ndarray]:
     """Cut (M, 2) windows into blocks whose recorded states need little memory."""
-    most = max(1, _NUMBERS // (steps * max(1, mujoco.mj_stateSize(model, KEPT))))
+    most_numbers, persistent_windows = 1 << 23, 64  # of a block
+    most = max(1, most_numbers // (steps * max(1, mujoco.mj_stateSize(model, KEPT))))
     if model.opt.enableflags & PERSISTENT & ~_SLEEP:
-        most = min(most, _PERSISTENT_WINDOWS)
+        most = min(most, persistent_windows)
     return [which[begin : begin + most] for begin in range(0, len(which), most)]
 
 
@@ -332,7 +337,7 @@ class Observer:
         idle.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
         idle.opt.enableflags &= ~PERSISTENT
         idle.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
-        self._places, self._bodies = _places(model), bodies
+        self._places, self._bodies = _find_places(model), bodies
         self._roots, self._radius = model.body_rootid[bodies], gyration(model)[bodies]
         self._batch = start_rows(idle, np.tile(start, (_CHUNK, 1)), workers)
 
@@ -348,12 +353,12 @@ class Observer:
         velocities, energies = np.empty((len(rows), len(self._bodies), 6)), np.empty((len(rows), 2))
         for begin in range(0, len(rows), _CHUNK):
             some = slice(begin, begin + _CHUNK)
-            self._look(rows[some], velocities[some], energies[some])
+            self._observe_states(rows[some], velocities[some], energies[some])
         return velocities.reshape(*kept.shape[:-1], -1, 6), energies.reshape(*kept.shape[:-1], 2)
 
-    def _look(self, rows: Floats, velocities: Floats, energies: Floats) -> None:
+    def _observe_states(self, rows: Floats, velocities: Floats, energies: Floats) -> None:
         count = len(rows)
-        _enter(self._batch.state[:count], rows, self._places)
+        _write_rows(self._batch.state[:count], rows, self._places)
         self._batch.bind("time")[:] = 0
         seen = self._batch.rollout(1, record=list(_OBSERVED), ids=list(range(count)))
         twist = seen["cvel"][:, 0, self._bodies]

@@ -35,7 +35,6 @@ from contactlab.pareto.recommendation import (
     recommendable_places,
 )
 from contactlab.schema.coverage import Exercised, Feature, feature_of
-from contactlab.schema.evidence import Setting
 from contactlab.schema.tradeoff_report import (
     Blocker,
     Configuration,
@@ -71,6 +70,15 @@ def analyze_tradeoff(store: Store, criteria: Criteria = _DEFAULT_CRITERIA) -> Tr
     chosen, safe = (equally_fast(possible, margin, own) for margin in (0.0, SAFE_MARGIN))
     best, insensitive = (chosen[0] if chosen else None), find_insensitive_knobs(evaluated)
     alike = fix_insensitive_knobs(evaluated, insensitive, best)
+    next_step = None
+    after = next_more_accurate(feasible_front(possible), best) if best else None
+    if best and after:
+        here, there = _front_point(best.summary), _front_point(after.summary)
+        next_step = NextStep(
+            configuration=there.configuration,
+            time_ratio=there.time / here.time,
+            error_ratio=here.error / there.error if there.error else None,
+        )
     identity = store.manifest.sweep
     # Such an error may remain at any timestep.
     is_modeling = error.kind != "discretization" or error.reference == "written"
@@ -93,7 +101,7 @@ def analyze_tradeoff(store: Store, criteria: Criteria = _DEFAULT_CRITERIA) -> Tr
         methods=tuple(find_methods(alike, is_modeling=is_modeling)),
         recommendation=_make_recommendation(store, chosen),
         robust=_make_recommendation(store, safe),
-        next_step=_next_step(feasible_front(possible), best) if best else None,
+        next_step=next_step,
         blockers=tuple(_find_blockers(evaluated)),
         notes=(),
     )
@@ -132,18 +140,6 @@ def _make_recommendation(store: Store, near: Sequence[Evaluated]) -> Recommendat
         **chosen.summary.model_dump(include={*Recommendation.model_fields}),
         equally_fast=tuple(other.values for other in others),
         run_id=store.columns.run_id(chosen.first),
-    )
-
-
-def _next_step(front: Sequence[Evaluated], chosen: Evaluated) -> NextStep | None:
-    after = next_more_accurate(front, chosen)
-    if after is None:
-        return None
-    here, there = _front_point(chosen.summary), _front_point(after.summary)
-    return NextStep(
-        configuration=there.configuration,
-        time_ratio=there.time / here.time,
-        error_ratio=here.error / there.error if there.error else None,
     )
 
 
@@ -210,11 +206,7 @@ def _report_notes(
         yield f"{short} configurations lack some scenario or seed, and are not feasible"
     if report.insensitive_knobs:
         yield f"these knobs change no error by more than 1 %: {', '.join(report.insensitive_knobs)}"
-    yield from _edge_notes(chosen.values if chosen else {}, runs)
-
-
-def _edge_notes(chosen: Mapping[str, Setting], runs: StoredRuns) -> Iterator[str]:
-    for name, value in chosen.items():
+    for name, value in (chosen.values if chosen else {}).items():
         values = (
             setting for setting in runs.knobs[name].values if isinstance(setting, int | float)
         )

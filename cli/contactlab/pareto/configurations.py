@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.mjcf import OPTIONS
-from contactlab.schema.evidence import EvidenceRecord, Setting
+from contactlab.schema.evidence import Setting
 from contactlab.schema.tradeoff_report import (
     REALITY,
     Configuration,
@@ -64,6 +64,12 @@ def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
 
     first = store.manifest.sweep.baseline
     place = None if first is None else columns.place_of(first)
+    written = None
+    if place is not None:
+        # Contact parameters may differ between the geoms of a run.
+        settings = store.record(columns.run_id(place)).settings
+        options = {name: settings[name] for name in OPTIONS}
+        written = {name: value for name, value in options.items() if not isinstance(value, tuple)}
     return StoredRuns(
         knobs=of("knob"),
         scenarios=of("scenario"),
@@ -72,7 +78,7 @@ def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
         numbers=_StoredNumbers(columns, names),
         solref_rules=columns.coded(_SOLREF_RULE).values if _SOLREF_RULE in present else (),
         baseline=place,
-        written=None if place is None else _scalar_options(store.record(columns.run_id(place))),
+        written=written,
     )
 
 
@@ -98,12 +104,6 @@ class _StoredNumbers(Mapping[str, Floats]):
 
     def __len__(self) -> int:
         return len(self._names)
-
-
-def _scalar_options(record: EvidenceRecord) -> dict[str, Setting]:
-    """Return the options of a run; contact parameters may differ between its geoms."""
-    options = {name: record.settings[name] for name in OPTIONS}
-    return {name: value for name, value in options.items() if not isinstance(value, tuple)}
 
 
 def is_chaotic(runs: StoredRuns) -> bool:

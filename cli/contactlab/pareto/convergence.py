@@ -1,6 +1,7 @@
 """Methods, that is, all knobs except the timestep: their orders of convergence and floors."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -12,15 +13,31 @@ from contactlab.pareto.configurations import Evaluated
 from contactlab.schema.evidence import Setting
 from contactlab.schema.tradeoff_report import Floor, Method, Order
 
-MIN_TIMESTEPS = 3
-CLEAR_RATIO = (
-    3.0  # an error this many times the uncertainty of its reference is wrong by at most a third
-)
-# A slope may be wrong by twice this, so that whole orders are clearly distinguishable.
-WORST_STANDARD_ERROR = 0.1
-LEAST_SLOPE = 0.25
-FLAT_RATIO = 1.5
-FLAT_SPAN = 4.0
+
+@dataclass(frozen=True)
+class ConvergenceRules:
+    """The errors of timesteps that show an order or a floor.
+
+    Attributes:
+        min_timesteps: of a line.
+        clear_ratio: an error this many times the uncertainty of its reference is wrong by at most
+            a third.
+        worst_standard_error: of a slope, which may be wrong by twice this, so that whole orders are
+            clearly distinguishable.
+        least_slope: of an error that falls with the timestep.
+        flat_ratio: of the errors of a floor.
+        flat_span: of its timesteps.
+    """
+
+    min_timesteps: int = 3
+    clear_ratio: float = 3.0
+    worst_standard_error: float = 0.1
+    least_slope: float = 0.25
+    flat_ratio: float = 1.5
+    flat_span: float = 4.0
+
+
+RULES = ConvergenceRules()
 
 
 class TimestepErrors(NamedTuple):
@@ -39,15 +56,22 @@ def convergence_order(steps: TimestepErrors, floor: float = 0.0) -> Order:
     asymptotic range. A step is clear if its error exceeds three times the uncertainty of the
     reference, and three times the floor, which remains at any timestep; 0 if none is known.
     """
-    clear = steps.error > CLEAR_RATIO * np.maximum(steps.uncertainty, floor)
+    clear = steps.error > RULES.clear_ratio * np.maximum(steps.uncertainty, floor)
     timestep, error = np.log(steps.timestep[clear]), np.log(steps.error[clear])
-    if len(timestep) < MIN_TIMESTEPS:
-        return no_order(_too_few_text(len(timestep), steps, floor))
-    for count in range(len(timestep), MIN_TIMESTEPS - 1, -1):
+    if len(timestep) < RULES.min_timesteps:
+        found = len(timestep)
+        if not floor and not steps.uncertainty.any():
+            return no_order(f"{found} timesteps, but a line needs {RULES.min_timesteps}")
+        threshold = "the floor" if floor else "the reference's own error"
+        return no_order(
+            f"{found} of at least {RULES.min_timesteps} timesteps have an error above three times "
+            f"{threshold}"
+        )
+    for count in range(len(timestep), RULES.min_timesteps - 1, -1):
         slope, standard_error = _fit_line(timestep[:count], error[:count])
-        if standard_error <= WORST_STANDARD_ERROR and slope < LEAST_SLOPE:
+        if standard_error <= RULES.worst_standard_error and slope < RULES.least_slope:
             return no_order(f"the error does not fall with the timestep (slope {slope:.2g})")
-        if standard_error <= WORST_STANDARD_ERROR:
+        if standard_error <= RULES.worst_standard_error:
             return Order(slope=slope, standard_error=standard_error, points=count, reason=None)
     return no_order("the errors of the finest timesteps do not lie on a line")
 
@@ -65,23 +89,14 @@ def find_floor(steps: TimestepErrors) -> Floor | None:
     by 2 over that span, one of order 1 by 4.
     """
     floor = None
-    for count in range(MIN_TIMESTEPS, len(steps.timestep) + 1):
+    for count in range(RULES.min_timesteps, len(steps.timestep) + 1):
         timestep, error = steps.timestep[:count], steps.error[:count]
-        if error.max() > FLAT_RATIO * error.min():
+        if error.max() > RULES.flat_ratio * error.min():
             break
         # The span is compared with a little room, since timesteps such as 1e-3 / 4 are rounded.
-        if timestep[-1] >= FLAT_SPAN * timestep[0] * (1 - SUM_ROUNDING):
+        if timestep[-1] >= RULES.flat_span * timestep[0] * (1 - SUM_ROUNDING):
             floor = Floor(error=float(np.median(error)), points=count, timestep=float(timestep[-1]))
     return floor
-
-
-def _too_few_text(clear: int, steps: TimestepErrors, floor: float) -> str:
-    if not floor and not steps.uncertainty.any():
-        return f"{clear} timesteps, but a line needs {MIN_TIMESTEPS}"
-    threshold = "the floor" if floor else "the reference's own error"
-    return (
-        f"{clear} of at least {MIN_TIMESTEPS} timesteps have an error above three times {threshold}"
-    )
 
 
 def _fit_line(x: Floats, y: Floats) -> tuple[float, float]:

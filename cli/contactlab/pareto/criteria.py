@@ -58,7 +58,16 @@ def error_measure(
     """
     if criteria.metric is not None:
         _check_number(store, criteria.metric)
-    name = criteria.metric or find_error_metric(tolerances) or _measured_error(store, tolerances)
+    name = criteria.metric or find_error_metric(tolerances)
+    if name is None:
+        candidates = (ERRORS[0], MODELING_ERROR, REALITY, *tolerances)
+        other = ERRORS[0] if _all_failed(store) else None
+        name = next((each for each in candidates if _is_measured(store, each)), other)
+    if name is None:
+        raise StoreError(
+            f"{store.address} has neither an error nor a tolerated metric; sweep with "
+            "`accuracy: {error: auto}`, or name a metric with --metric"
+        )
     if not _is_measured(store, name) and not _all_failed(store):
         hint = "; sweep with `accuracy: {error: auto}`" if name in ERRORS else ""
         raise StoreError(f"no run in {store.address} has a value of {name}{hint}")
@@ -91,18 +100,6 @@ def time_measure(store: Store) -> TimeMeasure:
     timed = np.isfinite(middle) & (least > 0) & (middle > least)
     spread = float(np.median(middle[timed] / least[timed] - 1)) if timed.any() else None
     return TimeMeasure(name=TIMED_COLUMN, source="timing", spread=spread)
-
-
-def _measured_error(store: Store, tolerances: Mapping[str, float]) -> str:
-    candidates = (ERRORS[0], MODELING_ERROR, REALITY, *tolerances)
-    other = ERRORS[0] if _all_failed(store) else None
-    measured = next((name for name in candidates if _is_measured(store, name)), other)
-    if measured is None:
-        raise StoreError(
-            f"{store.address} has neither an error nor a tolerated metric; sweep with "
-            "`accuracy: {error: auto}`, or name a metric with --metric"
-        )
-    return measured
 
 
 def _all_failed(store: Store) -> bool:

@@ -18,9 +18,6 @@ from contactlab.schema.effects_report import REPORT, EffectsReport, PartEffect
 from contactlab.schema.time_ratio import TimeRatio
 
 _HEADS = ("feature or part", "verdict", "error", "worst body", "time")
-_NAME_WIDTH, _BODY_WIDTH = 27, 15  # so that a row fits into 80 columns
-_MOST_LINES = 12  # of the model's changes
-_MOST_NAMES = 12  # of parts in a sentence
 
 
 def describe_effects(report: EffectsReport, *, folder: Path | None = None) -> Document:
@@ -60,8 +57,9 @@ def _describe_row(part: PartEffect) -> tuple[str, ...]:
     name = f"add {part.name}" if part.adds else part.name
     kind = "" if part.kind == "feature" or part.members else f"{part.kind} "
     time = _format_ratio(part.time_ratio) if part.time_ratio else ""
-    named = _shorten_name(kind + name, _NAME_WIDTH)
-    return named, part.verdict, error, _shorten_name(part.body, _BODY_WIDTH), time
+    # A row fits into 80 columns.
+    named, body = _shorten_name(kind + name, width=27), _shorten_name(part.body, width=15)
+    return named, part.verdict, error, body, time
 
 
 def _shorten_name(text: str, width: int) -> str:
@@ -100,8 +98,9 @@ def _list_sentences(report: EffectsReport, shown: list[PartEffect]) -> Iterator[
 
 
 def _join_names(names: "list[str] | tuple[str, ...]") -> str:
-    more = len(names) - _MOST_NAMES
-    return ", ".join(names[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
+    most_names = 12
+    more = len(names) - most_names
+    return ", ".join(names[:most_names]) + (f" and {more} more" if more > 0 else "")
 
 
 def _describe_smaller(report: EffectsReport, folder: Path | None) -> Iterator[Block]:
@@ -110,7 +109,8 @@ def _describe_smaller(report: EffectsReport, folder: Path | None) -> Iterator[Bl
         return
     yield Sentence(f"verified: {smaller.sentence}")
     path = Path(smaller.file) if folder is None else folder / smaller.file
-    yield Code(tuple(shortened(smaller.lines, _MOST_LINES, f"the patch next to {path}")))
+    most_lines = 12
+    yield Code(tuple(shortened(smaller.lines, most_lines, f"the patch next to {path}")))
     yield Sentence(f"wrote {path}")
     yield Code((f"next: contactlab {shell_word(path)}",), indent=0)
     if any(part.kind == "sensor" and part.can_go for part in report.effects):

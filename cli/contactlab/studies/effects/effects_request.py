@@ -45,9 +45,6 @@ class EffectsRequest:
     write: Path | None = None
 
 
-_MOST_RECORDED = 24  # number of drawn recorded runs
-
-
 @dataclass(frozen=True)
 class SweepSetup:
     """A scene, with the settings and the scenarios of a sweep."""
@@ -79,7 +76,8 @@ class SweepSetup:
         drawn = np.random.default_rng(0).permutation(recorded.numbers).tolist()
         scenarios = self.scenarios
         if not all(RECORDED_RUN in scenario for scenario in scenarios):
-            some = drawn[:_MOST_RECORDED]
+            most_drawn = 24
+            some = drawn[:most_drawn]
             scenarios = [{**scenario, RECORDED_RUN: run} for scenario in scenarios for run in some]
         used = {scenario[RECORDED_RUN] for scenario in scenarios}
         others = [run for run in drawn if run not in used]

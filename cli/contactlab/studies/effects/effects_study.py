@@ -43,18 +43,10 @@ from contactlab.tasks.task_clock import Clock
 from contactlab.tasks.time_limit import TimeLimit
 from contactlab.timing.interleaved import TimingProtocol
 
-_MEASURING_SHARE = 0.5
-"""Share of the time limit for parts: the rest is for the smaller model."""
-_PASS_SHARE = 0.01
-"""Share of the time limit that one part may take on the average. Models have 20 to 50 of them."""
-_MAX_WINDOW_STRIDE = 8  # at least one in this many windows is used
 _CLOSE = TimingProtocol(half_width=LEAST_SAVING / 3)
 """Rounds of parts that may go, if there is time: they resolve a third of the least saving."""
 _SCREENING = TimingProtocol(rounds=6, looks=1)
 """The same of slow models; whole runs time the model without all of them more closely."""
-_GLANCE = TimingProtocol(rounds=2, looks=1)
-"""Rounds of parts that stay in any case."""
-_TIMING_SHARE = 0.05  # share of the time limit that close rounds may take
 
 
 def study_effects(request: EffectsRequest, session: Session) -> EffectsReport:
@@ -142,7 +134,8 @@ class EffectsStudy:
         """Run the reference, and find the parts."""
         self.scenarios = scenarios
         examined = scenarios.models[0]
-        self._timing_seconds = _TIMING_SHARE * request.max_time
+        timing_share = 0.05  # of the time limit, that close rounds may take
+        self._timing_seconds = timing_share * request.max_time
         self._examined, self._allowed = examined, allowed
         self.runs = OriginalRuns()
         self.base = with_flags(
@@ -211,12 +204,14 @@ class EffectsStudy:
         shown = [one for one in others if one.error is not None]
         if shown and not self._is_late:
             models = [(change_model(self.base, one.part.change), 1) for one in shown]
-            for one, ratio in zip(shown, self.clock.time_ratios(models, _GLANCE), strict=True):
+            few_rounds = TimingProtocol(rounds=2, looks=1)  # for parts that stay in any case
+            for one, ratio in zip(shown, self.clock.time_ratios(models, few_rounds), strict=True):
                 one.ratio = ratio
 
     @property
     def _is_late(self) -> bool:
-        return self._allowed.elapsed > _MEASURING_SHARE * self._allowed.seconds
+        measuring_share = 0.5  # of the time limit; the rest is for the smaller model
+        return self._allowed.elapsed > measuring_share * self._allowed.seconds
 
     def _compile_without(self, part: ModelPart) -> mujoco.MjModel | None:
         if not part.recompiles:
@@ -232,10 +227,12 @@ def _plan_work(motions: Sequence[Motion], max_time: float) -> tuple[list[Motion]
     # As many seeds as the counted time of one core allows, then fewer windows.
     steps = 3 * sum(motion.steps for motion in motions)  # unchanged, tilted, doubled
     seconds = steps * count_pace(motions)
-    allowed = _PASS_SHARE * max_time
+    pass_share = 0.01  # of the time limit, for one part on average; models have 20 to 50 parts
+    most_stride = 8  # at least one in this many windows is used
+    allowed = pass_share * max_time
     most = min(motion.seeds for motion in motions)
-    seeds = min(most, max(1, int(_MAX_WINDOW_STRIDE * allowed / seconds)))
-    stride = min(_MAX_WINDOW_STRIDE, max(1, math.ceil(seeds * seconds / allowed)))
+    seeds = min(most, max(1, int(most_stride * allowed / seconds)))
+    stride = min(most_stride, max(1, math.ceil(seeds * seconds / allowed)))
     fewer = [
         replace(motion, starts=motion.starts[:seeds], inputs=motion.inputs[:seeds])
         for motion in motions

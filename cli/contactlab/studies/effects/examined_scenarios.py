@@ -18,9 +18,6 @@ from contactlab.studies.effects.effects_request import (
 from contactlab.tasks.checked_model import CheckedModel, open_changed_model, open_model
 from contactlab.tasks.session import Session
 
-_MAX_SCENARIOS = 4
-"""Most scenarios of a sweep, evenly spread: each takes as long as a task."""
-
 
 @dataclass(frozen=True)
 class Scenarios:
@@ -74,7 +71,8 @@ def open_scenarios(request: EffectsRequest, session: Session) -> Scenarios:
         model = open_model(request.source, session, request.task, request.assign)
         return Scenarios([model], session, request.task)
     setup = read_setup(request)
-    stride = max(1, -(-len(setup.scenarios) // _MAX_SCENARIOS))
+    most_scenarios = 4  # of a sweep, evenly spread: each takes as long as a task
+    stride = max(1, -(-len(setup.scenarios) // most_scenarios))
     models = [check_scenario(setup, scenario, session) for scenario in setup.scenarios[::stride]]
     return Scenarios(models, session, request.task, setup)
 

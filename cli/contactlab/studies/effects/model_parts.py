@@ -58,7 +58,6 @@ from contactlab.tasks.checked_model import CheckedModel
 from contactlab.tasks.stress_motions import state_bytes
 
 _NO_TARGETS = EditTargets((), (), None)
-_FAR_BELOW = -1e6  # m: margin of an explicit pair that never touches
 _CANNOT_TOUCH = "cannot touch, whatever their joints do within their ranges"
 _SLEEP = "sleep"
 FAR_PAIRS = "far-pairs"
@@ -425,7 +424,7 @@ def _leave_out_geoms(model: mujoco.MjModel, geoms: Sequence[int], proof: str) ->
 
 def _stop_pairs(pairs: Sequence[int]) -> InPlaceChange:
     def edit_model(model: mujoco.MjModel) -> None:
-        model.pair_margin[list(pairs)] = _FAR_BELOW
+        model.pair_margin[list(pairs)] = -1e6  # m, so that the pairs never touch
 
     return edit_model
 

@@ -40,8 +40,6 @@ from contactlab.tasks.task_clock import Clock
 
 _RELEVANT = 0.05
 """Smallest relevant change of the mean distance from recordings, as a share of it."""
-_STANDARD_ERRORS = 3.0
-"""Half of the interval of a change, in standard errors over recorded runs."""
 _SEARCH, _FRESH = "one-by-one", "fresh"
 """Stores of the runs: each feature alone, and the chosen features on other recorded runs."""
 Distances = Sequence[float | None]
@@ -100,7 +98,8 @@ def compare_distances(base: Distances, other: Distances, tolerance: float = 0.0)
     mean = fmean(own) if own else 0.0
     spread = float("inf")
     if len(changes) > 1:
-        spread = _STANDARD_ERRORS * stdev(changes) / len(changes) ** 0.5
+        standard_errors = 3.0  # over recorded runs, in half of the interval of a change
+        spread = standard_errors * stdev(changes) / len(changes) ** 0.5
     return DistanceChange(
         change=fmean(changes) if changes else 0.0,
         spread=spread,

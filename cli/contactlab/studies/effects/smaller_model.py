@@ -34,10 +34,6 @@ from contactlab.tasks.task_clock import Clock
 from contactlab.tasks.task_motions import with_new_seeds
 from contactlab.tasks.time_limit import TimeLimit
 
-_SEEDS_TIMED = 6  # times new seeds are drawn for whole runs; seeds differ more than turns do
-_TIMING_SHARE = 0.3  # share of the remaining time for timing the written model
-_LEAST_WORTH = 0.01
-"""Least share of the counted time that a feature saves: it costs a changed line."""
 EXACT = (
     "the motion is that of the model as written, bit for bit, in the task, on fresh seeds, tilted, "
     "and with twice the inputs"
@@ -190,7 +186,8 @@ class SmallerSearch:
         )
 
     def _time_whole_runs(self, made: mujoco.MjModel) -> TimeRatio:
-        least = (1 - _TIMING_SHARE) * self.allowed.remaining
+        timing_share = 0.3  # of the remaining time, for the written model
+        least = (1 - timing_share) * self.allowed.remaining
         (ratio,) = self.clock.time_whole_runs(
             [(made, 1)], self._list_tasks(), lambda: self.allowed.remaining > max(0.0, least)
         )
@@ -199,7 +196,7 @@ class SmallerSearch:
     def _list_tasks(self) -> Iterator[Sequence[Motion]]:
         yield self._original.motions
         task = self._original.task
-        for _ in range(_SEEDS_TIMED):
+        for _ in range(6):  # seeds differ more than turns do
             task = with_new_seeds(task)
             yield self._original.motions_of(task)
 
@@ -215,7 +212,8 @@ def _is_worthwhile(one: MeasuredPart) -> bool:
         return False
     if one.part.proof and one.part.kind != "feature":
         return one.cost <= 1
-    return one.cost < 1 - _LEAST_WORTH
+    least_saving = 0.01  # of the counted time, since a feature costs a changed line
+    return one.cost < 1 - least_saving
 
 
 def _join_edits(parts: Sequence[ModelPart]) -> ModelEdits:

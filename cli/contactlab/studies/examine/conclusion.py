@@ -21,52 +21,39 @@ from contactlab.reporting.examination import (
     labels_in_why,
 )
 from contactlab.schema.error_budget import BudgetPhase, BudgetReason
-from contactlab.schema.examination import Cause, Examination, Fix
+from contactlab.schema.examination import Cause, Examination
 from contactlab.schema.finding import Finding
 from contactlab.schema.task import QPOS0
 from contactlab.schema.verdict import PASSING_VERDICTS, VerdictWord, join_verdict
 
 _OF_TASK = {NUMERICAL_CHECK, ENERGY_CHECK, "failure_labels"}  # which repeat budget and labels
-_MOST_NAMED = 2  # labels or checks in a headline
-_MOST_WORDS = 13  # of a cause in a headline
-_MAIN_SHARE = 0.5  # of the numerical error, above which a numerical setting is its main cause
 
 
 def conclude(
     report: Examination, *, fixes_tried: int = 0, fixes_not_tried: Sequence[str] = ()
 ) -> Examination:
     """Return a report with its verdict, headline, causes, and the first fix."""
-    verdict = _verdict(report)
+    reasons = judged_reasons(report)
+    sure = [cause for cause in report.causes if cause.fails]  # whatever labels and numerics say
+    failing = judged_labels(report) or _failed_checks(report) or sure
+    verdict = join_verdict(reasons[0].verdict if reasons else "ok", failing=bool(failing))
     report = report.model_copy(update={"verdict": verdict})
     if verdict not in PASSING_VERDICTS and not report.causes:
-        report = report.model_copy(update={"causes": tuple(_collision_causes(report.fixes))})
+        # A fault that another setting of collision removes alone.
+        missed = {candidate.name: candidate.missed for candidate in list_candidates()}
+        causes = tuple(
+            Cause(stage="collision", sentence=sentence, repair=fix.name)
+            for fix in report.fixes[:1]
+            if (sentence := missed.get(fix.name))
+        )
+        report = report.model_copy(update={"causes": causes})
     return report.model_copy(
         update={
-            "headline": _headline(report, verdict),
+            "headline": _write_headline(report, verdict),
             "why": tuple(filter(None, _yield_causes(report, verdict))),
-            "fix": _fix(report, verdict, fixes_tried, len(fixes_not_tried)),
+            "fix": _choose_fix(report, verdict, fixes_tried, len(fixes_not_tried)),
         }
     )
-
-
-def _verdict(report: Examination) -> VerdictWord:
-    reasons = judged_reasons(report)
-    numerics = reasons[0].verdict if reasons else "ok"
-    failing = judged_labels(report) or _failed_checks(report) or _sure_causes(report)
-    return join_verdict(numerics, failing=bool(failing))
-
-
-def _collision_causes(fixes: Sequence[Fix]) -> Iterator[Cause]:
-    # A fault that another setting of collision removes alone.
-    missed = {candidate.name: candidate.missed for candidate in list_candidates()}
-    for fix in fixes[:1]:
-        if sentence := missed.get(fix.name):
-            yield Cause(stage="collision", sentence=sentence, repair=fix.name)
-
-
-def _sure_causes(report: Examination) -> list[Cause]:
-    # These fail whatever labels and numerics say.
-    return [cause for cause in report.causes if cause.fails]
 
 
 def _failed_checks(report: Examination) -> list[str]:
@@ -83,15 +70,19 @@ def find_failed_checks(report: Examination) -> list[str]:
     return [name for name in failed_names(report.findings) if name not in _OF_TASK]
 
 
-def _headline(report: Examination, verdict: VerdictWord) -> str:
+def _write_headline(report: Examination, verdict: VerdictWord) -> str:
     reason = next(iter(judged_reasons(report)), None)
     tolerance = f"(tolerance {format_percent(report.task.tolerance)})"
     if report.causes:
-        return f"{verdict}: {_short_cause(report.causes[0])}"
+        # At most a dozen words: the whole sentence is the first cause.
+        most_words = 13
+        clause = re.split("[:;]", report.causes[0].sentence)[0]
+        return f"{verdict}: {' '.join(clause.split()[:most_words])}"
     if verdict == "fails":
         labels = list(dict.fromkeys(label.label for label in judged_labels(report)))
         causes = [*labels, *(f"check {name}" for name in _failed_checks(report))]
-        named, more = causes[:_MOST_NAMED], len(causes) - _MOST_NAMED
+        most_named = 2
+        named, more = causes[:most_named], len(causes) - most_named
         rest = f" and {more} more" if more > 0 else ""
         return f"fails: {' and '.join(named)}{rest}"
     if reason is None:
@@ -99,12 +90,6 @@ def _headline(report: Examination, verdict: VerdictWord) -> str:
     if verdict == "depends":
         return f"depends on {find_row(reason.row).subject}: {reason.sentence}"
     return f"{verdict}: {reason.sentence}{'' if reason.row == 'warning' else f' {tolerance}'}"
-
-
-def _short_cause(cause: Cause) -> str:
-    # At most a dozen words: the whole sentence is the first cause.
-    clause = re.split("[:;]", cause.sentence)[0]
-    return " ".join(clause.split()[:_MOST_WORDS])
 
 
 def _why_ok(report: Examination, tolerance: str) -> str:
@@ -148,7 +133,7 @@ def _yield_causes(report: Examination, verdict: VerdictWord) -> Iterator[str]:
         *(label_line(label, len(report.task.seeds)) for label in labels_in_why(report)),
         *(finding.full_message for finding in report.findings if finding.name in failed),
     ]
-    numerics = [*_numerics(report, verdict)]
+    numerics = [*_list_numerics(report, verdict)]
     yield from (*failures, *numerics) if verdict == "fails" else (*numerics, *failures)
     yield from (fact.sentence for fact in report.facts if fact.kind == "grip")
 
@@ -162,7 +147,7 @@ def _touches_nothing(report: Examination) -> bool:
     return bool(contacts) and measured and not any(contacts)
 
 
-def _numerics(report: Examination, verdict: VerdictWord) -> Iterator[str]:
+def _list_numerics(report: Examination, verdict: VerdictWord) -> Iterator[str]:
     """Yield where the numerical error, or the effect of a modeling choice, is largest."""
     if report.budget is None or not judges_task(report):
         return
@@ -172,15 +157,17 @@ def _numerics(report: Examination, verdict: VerdictWord) -> Iterator[str]:
             yield from (finding.full_message for finding in waived)
             return
         phase = max(report.budget.phases, key=_error_of)
-        yield from _disagreements(report)
+        yield from _list_disagreements(report)
         if verdict == "ok":
             place = phase.numerical_error.place
-            where = f"; the numerical error is largest at {place}, {_time(report, phase)}"
+            begin = phase_begins(report.task).get(phase.name, 0.0)
+            time = begin + (phase.numerical_error.time or 0.0)
+            where = f"; the numerical error is largest at {place}, {time:.2f} s"
             yield f"no failure label{where if place else ''}"
         elif NUMERICAL_CHECK not in _failed_checks(report):
             yield _choices_line(report, ())
         return
-    yield from _disagreements(report)
+    yield from _list_disagreements(report)
     first, *others = reasons
     phase = next(each for each in report.budget.phases if each.name == first.phase)
     if verdict != "fails":
@@ -189,7 +176,7 @@ def _numerics(report: Examination, verdict: VerdictWord) -> Iterator[str]:
         yield _choices_line(report, others if verdict == "depends" else (first, *others))
 
 
-def _disagreements(report: Examination) -> Iterator[str]:
+def _list_disagreements(report: Examination) -> Iterator[str]:
     """Yield how near to the tolerance the numerical error is, if seeds disagree about it."""
     assert report.budget is not None
     for phase in report.budget.phases:
@@ -224,20 +211,16 @@ def _place_line(report: Examination, reason: BudgetReason, phase: BudgetPhase) -
                 f"step still differ, most{at}"
             )
         case _ if reason.verdict == "depends":
+            # A place of another kind than the choice is replaced by its body.
+            kinds = {"limit softness": "joint", "equality softness": "equality"}
+            if reason.place and not reason.place.startswith(kinds.get(reason.row, "")):
+                at = at.replace(f" at {reason.place}", f" in {reason.body}", 1)
             return (
-                f"the numerics are fine (numerical error {_percent(_largest_error(report))}), but "
-                f"this modeling choice decides the motion, most{_place_of_choice(reason, at)}"
+                f"the numerics are fine (numerical error {_format_error(_largest_error(report))}), "
+                f"but this modeling choice decides the motion, most{at}"
             )
         case _:
             return f"{_main_cause(phase)}{at}"
-
-
-def _place_of_choice(reason: BudgetReason, at: str) -> str:
-    # Return a place and its time, without a place of another kind than the choice.
-    kinds = {"limit softness": "joint", "equality softness": "equality"}
-    if reason.place and not reason.place.startswith(kinds.get(reason.row, "")):
-        return at.replace(f" at {reason.place}", f" in {reason.body}", 1)
-    return at
 
 
 def _main_cause(phase: BudgetPhase) -> str:
@@ -247,7 +230,8 @@ def _main_cause(phase: BudgetPhase) -> str:
     rows = {row.name: row for row in phase.rows if row.name in causes}
     errors = {name: math.inf if row.infinite else row.error or 0.0 for name, row in rows.items()}
     main = max(errors, key=lambda name: errors[name], default="")
-    if main and math.isfinite(whole) and errors[main] >= _MAIN_SHARE * whole:
+    main_share = 0.5  # of the numerical error, above which a setting is its main cause
+    if main and math.isfinite(whole) and errors[main] >= main_share * whole:
         return causes[main]
     return "the numerical error is largest"
 
@@ -260,7 +244,7 @@ def _choices_line(report: Examination, reasons: Sequence[BudgetReason]) -> str:
     for reason in reasons:
         if reason.verdict == "depends" and reason.row != first:
             choices.setdefault(
-                reason.row, f"{find_row(reason.row).subject} ({_percent(reason.error)})"
+                reason.row, f"{find_row(reason.row).subject} ({_format_error(reason.error)})"
             )
     also = f"also depends on {' and '.join(choices.values())}" if choices else ""
     if report.verdict == "depends":
@@ -275,16 +259,11 @@ def _largest_error(report: Examination) -> float:
     return max(map(_error_of, report.budget.phases))
 
 
-def _percent(error: float | None) -> str:
+def _format_error(error: float | None) -> str:
     return format_percent(math.inf if error is None else abs(error))
 
 
-def _time(report: Examination, phase: BudgetPhase) -> str:
-    begin = phase_begins(report.task).get(phase.name, 0.0)
-    return f"{begin + (phase.numerical_error.time or 0.0):.2f} s"
-
-
-def _fix(report: Examination, verdict: VerdictWord, tried: int, not_tried: int) -> str:
+def _choose_fix(report: Examination, verdict: VerdictWord, tried: int, not_tried: int) -> str:
     if report.fixes:
         first = first_fix(report.fixes)
         summary = fix_summary(first, report)
@@ -302,7 +281,8 @@ def _fix(report: Examination, verdict: VerdictWord, tried: int, not_tried: int) 
         if has_remedy and by_hand and not cause.repair:
             return remedy if "contactlab grip" in remedy else f"by hand: {remedy}"
     start = report.task.start if report.task.start == QPOS0 else f"keyframe {report.task.start}"
-    first = [f"move the bodies apart in {start}"] if _overlaps(report) else []
+    overlaps = any(fact.kind == "overlap" for fact in report.facts)
+    first = [f"move the bodies apart in {start}"] if overlaps else []
     first += [
         f"avoid {fact.place}" for fact in report.facts if fact.kind == "advisory" and fact.value
     ]
@@ -310,10 +290,6 @@ def _fix(report: Examination, verdict: VerdictWord, tried: int, not_tried: int) 
     if first:
         return f"{' and '.join(first)}, and examine the model again"
     return _no_fix(report, tried, not_tried)
-
-
-def _overlaps(report: Examination) -> bool:
-    return any(fact.kind == "overlap" for fact in report.facts)
 
 
 def _no_fix(report: Examination, tried: int, not_tried: int) -> str:

@@ -23,12 +23,6 @@ from contactlab.schema.examination import Fact
 from contactlab.studies.examine.masked_passages import MaskedPassages
 from contactlab.studies.lint.static_equilibrium import MANY_WEIGHTS, find_pressing
 
-# States are looked at in these windows of a run [s].
-_WINDOW = 0.01
-_END = 0.2  # of the first phase, in which what rests may creep
-_STILL = 1e-3  # half extents of a geom in a second [1/s], below which it does not creep
-_HOLDS = 0.95  # of a cone of friction: beyond, a contact slides
-_WITH_FRICTION = 3  # dimensions of a contact
 _PYRAMIDAL = int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
 _DEEP = 0.05  # of half the thinner geom, a range or a body's size, up to which a start is ordinary
 _ENDS_MEET = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
@@ -50,11 +44,14 @@ def facts(motions: Sequence[Motion], begins: Sequence[float]) -> tuple[Fact, ...
     deepest, hardest, overlap = list[_Contact](), list[_Contact](), list[_Contact]()
     creep, pressing, masked = tuple[Fact, ...](), tuple[Fact, ...](), MaskedPassages(model)
     for motion, begin in zip(motions, begins, strict=True):
-        run = replay(motion, _WINDOW, 1)
+        window_seconds = 0.01  # between states that are looked at
+        run = replay(motion, window_seconds, 1)
         times = begin + run.begins * model.opt.timestep
         for seed in range(motion.seeds):
             for place in np.flatnonzero(run.valid[seed]):
-                found = list(_contacts(model, data, run.starts[seed, place], float(times[place])))
+                found = list(
+                    _measure_contacts(model, data, run.starts[seed, place], float(times[place]))
+                )
                 deepest += [contact for contact, _ in found]
                 hardest += [contact for _, contact in found]
                 if not place and not begin:
@@ -74,7 +71,7 @@ def facts(motions: Sequence[Motion], begins: Sequence[float]) -> tuple[Fact, ...
     )
 
 
-def _contacts(
+def _measure_contacts(
     model: mujoco.MjModel, data: mujoco.MjData, state: Floats, time: float
 ) -> Iterator[tuple[_Contact, _Contact]]:
     """Yield each contact of a state as a depth and as a force."""
@@ -102,7 +99,7 @@ def half_extent(model: mujoco.MjModel, geom: int) -> float:
 
 
 def _of_depth(deepest: Sequence[_Contact], overlap: Sequence[_Contact]) -> Iterator[Fact]:
-    if worst := _worst([contact for contact in overlap if contact.share > _DEEP]):
+    if worst := _find_worst([contact for contact in overlap if contact.share > _DEEP]):
         yield Fact(
             kind="overlap",
             place=worst.pair,
@@ -110,7 +107,7 @@ def _of_depth(deepest: Sequence[_Contact], overlap: Sequence[_Contact]) -> Itera
             unit="m",
             sentence=f"bodies begin inside each other: {_in_words(worst)}",
         )
-    if (worst := _worst(deepest)) and worst.share > COARSE_ROUNDING:
+    if (worst := _find_worst(deepest)) and worst.share > COARSE_ROUNDING:
         yield Fact(
             kind="depth",
             place=worst.pair,
@@ -127,24 +124,24 @@ def _of_margin(depths: Sequence[_Contact], forces: Sequence[_Contact]) -> Iterat
     farthest = min(apart, key=lambda contact: contact.amount, default=None)
     if farthest is not None:
         sentence = (
-            f"contact force begins {_mm(-farthest.amount)} mm before the geoms touch (margin): "
-            f"{farthest.pair}, at {farthest.time:.2f} s"
+            f"contact force begins {_format_mm(-farthest.amount)} mm before the geoms touch "
+            f"(margin): {farthest.pair}, at {farthest.time:.2f} s"
         )
         yield Fact(
             kind="margin", place=farthest.pair, value=-farthest.amount, unit="m", sentence=sentence
         )
 
 
-def _worst(contacts: Sequence[_Contact]) -> _Contact | None:
+def _find_worst(contacts: Sequence[_Contact]) -> _Contact | None:
     return max(contacts, key=lambda contact: contact.amount, default=None)
 
 
 def _in_words(contact: _Contact) -> str:
     share = format_percent(contact.share)
-    return f"{contact.pair}, {_mm(contact.amount)} mm ({share} of half the thinner geom)"
+    return f"{contact.pair}, {_format_mm(contact.amount)} mm ({share} of half the thinner geom)"
 
 
-def _mm(length: float) -> str:
+def _format_mm(length: float) -> str:
     return format_digits(1e3 * length, 2)
 
 
@@ -154,8 +151,9 @@ def _of_creep(motion: Motion, run: Run) -> Iterator[Fact]:
     It touches, and does not slide, in all states of the last fifth. Its creep is the mean velocity
     of one surface along the other: what rolls does not slip, and what comes back cancels.
     """
+    end_share = 0.2  # of the first phase, in which a body at rest may creep
     step = motion.model.opt.timestep
-    late = np.flatnonzero(run.valid[0] & (run.begins >= (1 - _END) * motion.steps))
+    late = np.flatnonzero(run.valid[0] & (run.begins >= (1 - end_share) * motion.steps))
     data, states = mujoco.MjData(motion.model), list[dict[tuple[int, int], Floats]]()
     for place in late:
         mujoco.mj_setState(motion.model, data, run.starts[0, place], INTEGRATION)
@@ -169,12 +167,13 @@ def _of_creep(motion: Motion, run: Run) -> Iterator[Fact]:
     if not speeds:
         return
     pair = max(speeds, key=lambda pair: speeds[pair])
-    if (speed := speeds[pair]) <= _STILL * min(half_extent(motion.model, geom) for geom in pair):
+    still = 1e-3  # half extents of a geom in a second, below which it does not creep
+    if (speed := speeds[pair]) <= still * min(half_extent(motion.model, geom) for geom in pair):
         return
     place = contact_name(motion.model, np.array(pair))
     sentence = (
-        f"{place} creeps {_mm(speed)} mm/s while friction could hold it, "
-        f"{(1 - _END) * motion.steps * step:.2g} to {motion.steps * step:.2g} s"
+        f"{place} creeps {_format_mm(speed)} mm/s while friction could hold it, "
+        f"{(1 - end_share) * motion.steps * step:.2g} to {motion.steps * step:.2g} s"
     )
     yield Fact(kind="creep", place=place, value=speed, unit="m/s", sentence=sentence)
 
@@ -182,6 +181,7 @@ def _of_creep(motion: Motion, run: Run) -> Iterator[Fact]:
 def _creep_velocities(model: mujoco.MjModel, data: mujoco.MjData) -> dict[tuple[int, int], Floats]:
     found, slides = dict[tuple[int, int], list[Floats]](), set[tuple[int, int]]()
     force, ways = np.empty(6), np.empty((2, 3, model.nv))
+    held_share = 0.95  # of a cone of friction: beyond, a contact slides
     for place in range(data.ncon):
         contact = data.contact[place]
         one, two = pair = min(contact.geom), max(contact.geom)
@@ -190,7 +190,8 @@ def _creep_velocities(model: mujoco.MjModel, data: mujoco.MjData) -> dict[tuple[
         mujoco.mj_contactForce(model, data, place, force)
         shares = np.abs(force[1:3]) / np.maximum(contact.friction[:2], np.finfo(float).tiny)
         cone = shares.sum() if model.opt.cone == _PYRAMIDAL else np.linalg.norm(shares)
-        if contact.dim < _WITH_FRICTION or cone >= _HOLDS * force[0]:
+        has_friction = contact.dim > 1
+        if not has_friction or cone >= held_share * force[0]:
             slides.add(pair)
             continue
         for way, geom in zip(ways, (one, two), strict=True):
@@ -228,7 +229,7 @@ def _find_joint_off_limits(motion: Motion) -> Iterator[Fact]:
     worst = int(np.where(shares > _DEEP, beyond * levers, -np.inf).argmax())
     joint, amount = int(joints[worst]), float(beyond[worst])
     turns = int(model.jnt_type[joint]) == mujoco.mjtJoint.mjJNT_HINGE
-    said = f"{format_digits(np.degrees(amount), 2)} deg" if turns else f"{_mm(amount)} mm"
+    said = f"{format_digits(np.degrees(amount), 2)} deg" if turns else f"{_format_mm(amount)} mm"
     others = int((shares > _DEEP).sum()) - 1
     are = "are" if others > 1 else "is"
     more = f" ({others} more {are}, too)" if others else ""
@@ -258,7 +259,8 @@ def _of_equalities(motion: Motion) -> Iterator[Fact]:
         return
     name = model.equality(worst).name
     place = f"equality {name or f'[{worst}]'}"
-    said = f"at the start the ends of {place} are {_mm(apart[worst])} mm apart, and it draws them"
+    gap = _format_mm(apart[worst])
+    said = f"at the start the ends of {place} are {gap} mm apart, and it draws them"
     led = bool(is_mocap_driven(model)[worst])
     advice = "place its mocap body there" if led else "begin where they meet"
     yield Fact(

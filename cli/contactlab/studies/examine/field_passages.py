@@ -21,8 +21,6 @@ from contactlab.scene.contact_pairs import half_extents, touch_mask
 from contactlab.schema.examination import Cause
 
 _HFIELD = int(mujoco.mjtGeom.mjGEOM_HFIELD)
-_WINDOW = 0.02  # between states that are looked at [s]
-_DEEP = 1.0  # half extents of a geom; its center is that far below the surface once all of it is
 
 
 class FieldPassage(NamedTuple):
@@ -72,12 +70,14 @@ def find_field_passages(motions: Sequence[Motion], begins: Sequence[float]) -> l
     found = dict[tuple[int, int], FieldPassage]()
     above = set[tuple[int, int]]()
     for motion, begin in zip(motions, begins, strict=True) if pairs else ():
-        run = replay(motion, _WINDOW, 1)
+        window_seconds = 0.02  # between states that are looked at
+        run = replay(motion, window_seconds, 1)
         for place, depths in _depths_over_time(motion, run, pairs):
             for pair, depth in depths.items():
                 if depth <= 0:
                     above.add(pair)
-                elif depth > _DEEP * half_extents(model)[pair[1]] and pair in above:
+                # A geom is below the surface if its center is as deep as its half extent.
+                elif depth > half_extents(model)[pair[1]] and pair in above:
                     time = begin + place * model.opt.timestep
                     found.setdefault(pair, FieldPassage(*pair, depth, time))
     return sorted(found.values(), key=lambda passage: passage.time)

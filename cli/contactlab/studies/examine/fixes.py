@@ -57,8 +57,6 @@ from contactlab.tasks.task_motions import Change, as_it_is
 from contactlab.temporary_folders import temporary_root
 
 Removes = Literal["verdict", "labels", "overlap", "cause"]
-_RUNS = 3  # a run, and one with half its step, which has twice the steps
-_FINEST = 64  # most steps per step of the run that are tried
 
 
 def edits_of(fix: Fix, scene: Scene) -> ModelEdits:
@@ -157,7 +155,7 @@ class FixSearch:
         self._candidates = (*starts, *against, *shapes)
         self.label_trials, self.not_tried, self._went_further = 0, list[str](), False
         self.without_labels = list[TriedFix]()
-        found = try_fixes(motions, verdict, candidates=self._candidates, trial=self._trial)
+        found = try_fixes(motions, verdict, candidates=self._candidates, trial=self._build_trial)
         ended = [fix for fix in found if fix.is_complete]
         self.not_tried += [fix.name for fix in found if not fix.is_complete]
         self.helping = self._by_labels([fix for fix in ended if fix.removes])
@@ -173,7 +171,7 @@ class FixSearch:
             for candidate in physical
             if candidate.edits.fixes_start
             and candidate.name not in known
-            and self._parts(candidate)
+            and self._parts_bodies(candidate)
         ]
 
     def _keeps_integrator(self, candidate: Candidate) -> bool:
@@ -186,7 +184,7 @@ class FixSearch:
         )
 
     @property
-    def _trial(self) -> Trial:
+    def _build_trial(self) -> Trial:
         """How candidates are tried; made on demand, since it refers to this object."""
         harms = partial(self._repeats.finds_harm, self)
         return replace(self._limits, moved=self._motions_of, finds_harm=harms)
@@ -200,7 +198,7 @@ class FixSearch:
             return [*helping]
         base, left = None, self._repeats.labels
         for fix in helping:
-            candidate = self._named(fix.name)
+            candidate = self._find_candidate(fix.name)
             if (labels := self._labels_with(fix, candidate.rate)) is None:
                 continue
             if not labels:
@@ -215,8 +213,8 @@ class FixSearch:
     ) -> Sequence[TriedFix]:
         # The first that removes the verdict and leaves no label.
         self._went_further |= base is None
-        for candidate in self._further(base, labels):
-            trial = replace(self._trial, most=None)
+        for candidate in self._list_further(base, labels):
+            trial = replace(self._build_trial, most=None)
             tried = try_fixes(self._motions, self._verdict, candidates=[candidate], trial=trial)
             self.not_tried += [one.name for one in tried if not one.is_complete]
             if any(self._labels_with(one, candidate.rate) == () for one in tried if one.removes):
@@ -238,16 +236,19 @@ class FixSearch:
         None if the fix is not one of settings, or if there is no time for the runs, each with a
         second one of half its step.
         """
-        steps = 2 * _RUNS * rate * steps_of(self._motions)
-        if fix.edits.fitted or steps * count_pace(self._motions) > self._trial.left():
+        runs = 3  # a run, and one with half its step, which has twice the steps
+        steps = 2 * runs * rate * steps_of(self._motions)
+        if fix.edits.fitted or steps * count_pace(self._motions) > self._build_trial.left():
             return None
         *_, labels = self._repeats.labelled({**self._values, **fix.edits.settings}, None)
         return tuple(labels)
 
-    def _named(self, name: str) -> Candidate:
+    def _find_candidate(self, name: str) -> Candidate:
         return next(candidate for candidate in self._candidates if candidate.name == name)
 
-    def _further(self, base: Candidate | None, labels: Sequence[RunLabel]) -> Iterator[Candidate]:
+    def _list_further(
+        self, base: Candidate | None, labels: Sequence[RunLabel]
+    ) -> Iterator[Candidate]:
         """Yield candidates that go further than a fix that leaves labels, or than none."""
         verdict, word = self._verdict, self._verdict.word
         if base is None and word != "inaccurate":
@@ -267,7 +268,8 @@ class FixSearch:
         if kinds & {*CONVERGED_SOLVER.labels} and base is not CONVERGED_SOLVER:
             yield joined([base, CONVERGED_SOLVER])
         if any(map(is_numerical_label, kinds)):
-            yield from (finer(base, times) for times in (2, 4) if base.rate * times <= _FINEST)
+            finest = 64  # most steps per step of the run that are tried
+            yield from (finer(base, times) for times in (2, 4) if base.rate * times <= finest)
         for candidate in physical:
             if candidate.apply == MARGIN:
                 yield candidate
@@ -281,19 +283,19 @@ class FixSearch:
         for candidate in candidates:
             if candidate.changes_model in kinds:
                 continue
-            if not self._affords(candidate.rate):
+            if not self._can_afford(candidate.rate):
                 self.not_tried.append(candidate.name)
                 continue
             model = self._motions[0].model
             options = options_changed(model, changed_model(model, candidate))
             edits = replace(candidate.edits, settings={**options, **candidate.edits.settings})
             self.label_trials += 1
-            file = None if candidate.same_states else self._other(candidate)
+            file = None if candidate.same_states else self._write_other(candidate)
             if any(self._repeats.labelled({**self._values, **edits.settings}, file)):
                 continue
             if all(self._is_no_worse(motions) for motions in self._motions_of(candidate)):
                 kinds.add(candidate.changes_model)
-                yield _untimed(candidate, self._verdict.word, edits, removes=True)
+                yield _make_untimed(candidate, self._verdict.word, edits, removes=True)
 
     def _motions_of(self, candidate: Candidate) -> Iterable[Sequence[Motion]]:
         """Return the motions of a changed model under the task."""
@@ -301,7 +303,7 @@ class FixSearch:
         options = options_changed(model, changed_model(model, candidate))
         if not candidate.same_states:
             return self._repeats.moved(
-                {**self._values, **options}, as_it_is, self._other(candidate)
+                {**self._values, **options}, as_it_is, self._write_other(candidate)
             )
 
         def change(own: mujoco.MjModel) -> mujoco.MjModel:
@@ -315,11 +317,11 @@ class FixSearch:
     def _can_begin(self, candidate: Candidate) -> bool:
         """Return whether the changed model has states to begin in."""
         try:
-            return candidate.same_states or self._other(candidate).is_file()
+            return candidate.same_states or self._write_other(candidate).is_file()
         except SceneError:
             return False
 
-    def _other(self, candidate: Candidate) -> Path:
+    def _write_other(self, candidate: Candidate) -> Path:
         """Return the file of a changed model with other states; it is written once."""
         if candidate.name not in self._others:
             folder = self._folder / str(len(self._others))
@@ -331,10 +333,10 @@ class FixSearch:
         shown = [
             fix
             for place, fix in enumerate(self.helping)
-            if place < MOST_FIXES or fix.apply in self._trial.requested
+            if place < MOST_FIXES or fix.apply in self._build_trial.requested
         ]
         parting = [
-            _untimed(candidate, self._verdict.word, candidate.edits, removes=False)
+            _make_untimed(candidate, self._verdict.word, candidate.edits, removes=False)
             for candidate in self._parting
         ]
         found: dict[Removes, Sequence[TriedFix]] = {
@@ -342,7 +344,7 @@ class FixSearch:
             "labels": self.without_labels,
             "overlap": parting,
         }
-        return tuple(self._report(one, what) for what, some in found.items() for one in some)
+        return tuple(self._report_fix(one, what) for what, some in found.items() for one in some)
 
     def find_edits(self, name: str) -> ModelEdits:
         """Return the edits of a reported fix, with those of the repairs before it."""
@@ -362,12 +364,12 @@ class FixSearch:
         self.without_labels = [fix for fix in self.without_labels if fix.name != name]
         self._parting = [candidate for candidate in self._parting if candidate.name != name]
 
-    def _parts(self, candidate: Candidate) -> bool:
+    def _parts_bodies(self, candidate: Candidate) -> bool:
         """Return whether a fix leaves no overlap, no extreme force and no worse verdict."""
         absurd = _start_faults(self._motions)
         if not absurd:
             return False
-        if not self._affords(candidate.rate):
+        if not self._can_afford(candidate.rate):
             self.not_tried.append(candidate.name)
             return False
         return all(
@@ -375,22 +377,24 @@ class FixSearch:
             for motions in self._motions_of(candidate)
         )
 
-    def _affords(self, rate: int) -> bool:
+    def _can_afford(self, rate: int) -> bool:
         """Return whether there is time for a budget with `rate` steps per step of the run.
 
         It is measured on both groups of seeds.
         """
         model, steps = self._motions[0].model, 2 * rate * steps_of(self._motions)
-        looks = evaluations(model, self._trial.settings, drifts=drifts(self._verdict))
-        return looks * steps * count_pace(self._motions) <= self._trial.left()
+        looks = evaluations(model, self._build_trial.settings, drifts=drifts(self._verdict))
+        return looks * steps * count_pace(self._motions) <= self._build_trial.left()
 
     def _is_no_worse(self, motions: Sequence[Motion]) -> bool:
-        settings = replace(self._trial.settings, places=False, timed=False)
-        budget = error_budget(motions, rows=(), settings=settings, workers=self._trial.workers)
+        settings = replace(self._build_trial.settings, places=False, timed=False)
+        budget = error_budget(
+            motions, rows=(), settings=settings, workers=self._build_trial.workers
+        )
         word = judge(budget, self._verdict.tolerance).word
         return word == "ok" or self._verdict.word in ("inaccurate", "undecided")
 
-    def _report(self, fix: TriedFix, removes: Removes) -> Fix:
+    def _report_fix(self, fix: TriedFix, removes: Removes) -> Fix:
         lines, no_patch_reason = tuple[str, ...](), ""
         try:
             lines = self.write_once(fix.name, fix.edits).lines
@@ -455,10 +459,10 @@ class FixSearch:
         """
         helping = [*self.helping, *self.without_labels]
         numerical = [fix for fix in helping if not fix.changes_model]
-        wanted = {*self._trial.requested}
+        wanted = {*self._build_trial.requested}
         if self._repaired is not None:
             wanted -= {*self._repaired.apply}
-            reason = self._repaired.why_not_written(self._trial.requested)
+            reason = self._repaired.why_not_written(self._build_trial.requested)
             if reason or not (wanted or helping):
                 return " and ".join(self._repaired.apply), self.whole_edits(NO_EDITS), reason
         chosen = [fix for fix in self.without_labels if wanted == {fix.apply}]
@@ -471,23 +475,23 @@ class FixSearch:
             return "", NO_EDITS, reason
         by_word = {candidate.apply: candidate for candidate in self._candidates}
         accepted = [
-            by_word[word] for word in dict.fromkeys(self._trial.requested) if word in wanted
+            by_word[word] for word in dict.fromkeys(self._build_trial.requested) if word in wanted
         ]
         others = [one for one in self._candidates if one.name in {two.name for two in numerical}]
-        trial = replace(self._trial, most=None, left=lambda: math.inf)
+        trial = replace(self._build_trial, most=None, left=lambda: math.inf)
         for candidates in (accepted, *([*accepted, other] for other in others)):
             whole = joined(candidates)
             tried = try_fixes(self._motions, self._verdict, candidates=[whole], trial=trial)
             if tried and tried[0].removes:
                 return tried[0].name, tried[0].edits, ""
-        if self._parts(whole := joined(accepted)):
+        if self._parts_bodies(whole := joined(accepted)):
             return whole.name, whole.edits, ""
         return "", NO_EDITS, "the applied fixes do not remove the cause of the verdict"
 
     def _unknown_request(self) -> str:
         words = [candidate.apply for candidate in self._candidates if candidate.apply]
         words += self._repaired.apply if self._repaired else ()
-        unknown = [word for word in self._trial.requested if word not in words]
+        unknown = [word for word in self._build_trial.requested if word not in words]
         known = ", ".join(words) or "none"
         return f"no fix is called {unknown[0]}; write one of: {known}" if unknown else ""
 
@@ -519,7 +523,7 @@ def candidates_against_labels(
         if kinds & {*candidate.labels} or ANY_LABEL in candidate.labels
         if all(candidate.label_applies(motion.model) for motion in motions)
     ]
-    soft = tuple(_softness(model, verdict, labels))
+    soft = tuple(_list_softness_reasons(model, verdict, labels))
     stiffer = field_changes(motions, Verdict("depends", verdict.tolerance, soft)) if soft else ()
     driven = tuple(_of_joints(model, labels))
     slower = (
@@ -536,7 +540,7 @@ def candidates_against_labels(
     )
 
 
-def _softness(
+def _list_softness_reasons(
     model: mujoco.MjModel, verdict: Verdict, labels: Sequence[RunLabel]
 ) -> Iterator[BudgetReason]:
     """Yield a reason for each modeling choice that a label of softness concerns, and its places."""
@@ -544,7 +548,7 @@ def _softness(
     for label in labels:
         for row in find_softness_rows(label.label):
             for place in _places_of(model, label, row) or [""]:
-                yield _reason("depends", label, row, shares.get(row, math.inf), place)
+                yield _build_reason("depends", label, row, shares.get(row, math.inf), place)
 
 
 def _places_of(model: mujoco.MjModel, label: RunLabel, row: str) -> list[str]:
@@ -562,7 +566,7 @@ def _of_joints(model: mujoco.MjModel, labels: Sequence[RunLabel]) -> Iterator[Bu
         if not is_numerical_label(label.label):
             continue
         for joint in _joints_of(model, label):
-            yield _reason("inaccurate", label, RUN.name, math.inf, joint_name(model, joint))
+            yield _build_reason("inaccurate", label, RUN.name, math.inf, joint_name(model, joint))
 
 
 def _joints_of(model: mujoco.MjModel, label: RunLabel) -> Iterator[int]:
@@ -572,12 +576,14 @@ def _joints_of(model: mujoco.MjModel, label: RunLabel) -> Iterator[int]:
         yield from range(first, first + count)
 
 
-def _reason(word: VerdictWord, label: RunLabel, row: str, share: float, place: str) -> BudgetReason:
+def _build_reason(
+    word: VerdictWord, label: RunLabel, row: str, share: float, place: str
+) -> BudgetReason:
     where = Origin(next(iter(label.bodies), ""), place, label.time or 0.0)
     return build_reason(word, label.phase, row, share, where, label.reason)
 
 
-def _untimed(
+def _make_untimed(
     candidate: Candidate, word: VerdictWord, edits: ModelEdits, *, removes: bool
 ) -> TriedFix:
     """Return a fix without a measured error."""

@@ -14,8 +14,6 @@ from contactlab.studies.lint.linting import lint_scene
 from contactlab.studies.lint.rules import RULES
 from contactlab.studies.lint.starts import KEYFRAME_RANGE, largest_excess
 
-_MOST = 3
-
 
 def _relative_to_model(file: str, reference: str) -> str:
     """Return a file as the lines of fixes name it: relative to the folder of the model."""
@@ -80,12 +78,13 @@ def _is_limp(finding: PlacedFinding) -> bool:
 
 
 def _list_file_facts(found: Sequence[PlacedFinding], reference: str) -> Iterator[Fact]:
-    more = len(found) - _MOST
-    for number, finding in enumerate(found[:_MOST], 1):
+    most_named = 3
+    more = len(found) - most_named
+    for number, finding in enumerate(found[:most_named], 1):
         place = f"{finding.file}:{finding.line}"
         name = f"{_relative_to_model(finding.file, reference)}:{finding.line}"
         sentence = f"{name}: {finding.severity}: {finding.message} [{finding.name}]"
-        if number == _MOST and more > 0:
+        if number == most_named and more > 0:
             sentence += f"; contactlab lint lists {more} more"
         yield Fact(kind="file", place=place, value=finding.line, unit="", sentence=sentence)
 

@@ -20,9 +20,6 @@ from contactlab.scene.model_names import name_of
 from contactlab.schema.examination import Fact
 from contactlab.studies.examine.standing_starts import begin_motion, step_first_seed
 
-_WINDOW = 0.02  # between states that are looked at [s]
-_OUTSIDE = 0.5  # of half the thinner geom, up to which its middle begins outside of the other
-_FREE = 1e-3  # of gravity: largest difference of a falling body's acceleration
 _UNMEASURED = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_SDF))
 
 
@@ -44,12 +41,12 @@ class MaskedPassages:
 
     def __init__(self, model: mujoco.MjModel) -> None:
         """Look for passages of a model's geoms."""
-        self._model, self._pairs = model, _masked(model)
+        self._model, self._pairs = model, _list_masked(model)
         self._found = dict[tuple[int, int], _Passage]()
 
     def enter(self, motion: Motion, run: Run, begin: float) -> None:
         """Look at a phase's first seed, as it was replayed, which begins at that time [s]."""
-        for passage in _passages(motion, run, self._pairs, begin) if self._pairs else ():
+        for passage in _find_passages(motion, run, self._pairs, begin) if self._pairs else ():
             self._found.setdefault(passage.geoms, passage)
 
     def facts(self) -> Iterator[Fact]:
@@ -130,14 +127,15 @@ def _falls_freely(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> bool
     weight = float(np.linalg.norm(gravity))
     if is_disabled(model, "gravity") or not weight:
         return False
-    falls = float(np.linalg.norm(data.qacc[dof : dof + 3] - gravity)) < _FREE * weight
+    free_share = 1e-3  # of gravity: largest difference of a falling body's acceleration
+    falls = float(np.linalg.norm(data.qacc[dof : dof + 3] - gravity)) < free_share * weight
     return falls and bool(data.qvel[dof : dof + 3] @ gravity > 0)
 
 
 def _open_masks(model: mujoco.MjModel, bodies: Sequence[int]) -> tuple[tuple[str, str, int], ...]:
     # Let bodies touch all fixed geoms that only masks keep from contact.
     opened = dict[tuple[str, str], int]()
-    for pair in _masked(model) if bodies else ():
+    for pair in _list_masked(model) if bodies else ():
         fixed = [geom for geom in pair if model.body_weldid[model.geom_bodyid[geom]] == 0]
         if len(fixed) != 1 or not {*model.geom_bodyid[list(pair)].tolist()} & {*bodies}:
             continue
@@ -152,7 +150,7 @@ def _open_masks(model: mujoco.MjModel, bodies: Sequence[int]) -> tuple[tuple[str
     return tuple((*place, bits) for place, bits in opened.items())
 
 
-def _masked(model: mujoco.MjModel) -> list[tuple[int, int]]:
+def _list_masked(model: mujoco.MjModel) -> list[tuple[int, int]]:
     """Return the pairs of geoms that collide with others and that masks alone keep from contact."""
     open_to_all = copy(model)
     solid = (np.asarray(model.geom_contype) | np.asarray(model.geom_conaffinity)) != 0
@@ -162,7 +160,7 @@ def _masked(model: mujoco.MjModel) -> list[tuple[int, int]]:
     return geom_pairs(masked)
 
 
-def _passages(
+def _find_passages(
     motion: Motion, run: Run, pairs: Sequence[tuple[int, int]], begin: float
 ) -> Iterator[_Passage]:
     """Yield the passages of a phase's first seed, the earliest of a pair first."""
@@ -170,28 +168,32 @@ def _passages(
     data, geoms, halves = mujoco.MjData(model), np.array(pairs), half_extents(model)
     thin = halves[geoms].min(axis=1)
     apart = np.ones(len(pairs), bool)
-    for place in map(int, _looks(motion, run)):
+    for place in map(int, _list_looks(motion, run)):
         mujoco.mj_setState(model, data, run.kept[0, place], KEPT)
         mujoco.mj_kinematics(model, data)
-        near = apart & _near(model, data, geoms)
+        near = apart & _are_near(model, data, geoms)
         for pair in np.flatnonzero(near):
             one, other = (int(geom) for geom in geoms[pair])
             depth = -mujoco.mj_geomDistance(model, data, one, other, 0.0, None)
             if not place:
-                apart[pair] = depth < _OUTSIDE * thin[pair]
+                # Up to half of half the thinner geom, its middle begins outside of the other.
+                apart[pair] = depth < thin[pair] / 2
             elif depth >= thin[pair]:
                 yield _Passage((one, other), depth, begin + place * step)
                 apart[pair] = False
 
 
-def _looks(motion: Motion, run: Run) -> NDArray[np.intp]:
+def _list_looks(motion: Motion, run: Run) -> NDArray[np.intp]:
     """Return the steps before which a phase is looked at, as far as its first seed came."""
-    length, begins = cut(motion, _WINDOW)
+    window_seconds = 0.02  # between states that are looked at
+    length, begins = cut(motion, window_seconds)
     lost = run.begins[~run.valid[0]]
     return begins[begins + length <= lost[0]] if lost.size else begins
 
 
-def _near(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.intp]) -> NDArray[np.bool_]:
+def _are_near(
+    model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.intp]
+) -> NDArray[np.bool_]:
     """Return (P,) whether spheres around geoms (P, 2) meet; a plane's is the half space below."""
     centres, radii = np.asarray(data.geom_xpos)[geoms], np.asarray(model.geom_rbound)[geoms]
     lengths: Floats = np.linalg.norm(centres[:, 0] - centres[:, 1], axis=1)

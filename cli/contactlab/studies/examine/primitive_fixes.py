@@ -21,7 +21,6 @@ from contactlab.studies.examine.start_fixes import compiled
 from contactlab.tasks.session import Values
 
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
-_ALIKE = 0.1  # mean distance of the corners of a hull from a primitive, over their widest spread
 
 
 def primitives(
@@ -32,10 +31,10 @@ def primitives(
     They are those whose hull a primitive resembles.
     """
     bodies = {reason.body for reason in verdict.reasons if reason.verdict != "depends"}
-    touching = sorted(_touching(motions[0], bodies)) if verdict.word != "depends" else []
+    touching = sorted(_list_touching(motions[0], bodies)) if verdict.word != "depends" else []
     if not touching:
         return
-    nearest = _nearest(scene, values, motions[0].model, touching)
+    nearest = _find_nearest(scene, values, motions[0].model, touching)
     edits = ModelEdits(fitted=tuple(nearest.items()))
     made = compiled(scene, values, lambda spec: edit_spec(spec, edits)) if nearest else None
     if made is None:
@@ -53,7 +52,7 @@ def primitives(
     )
 
 
-def _touching(motion: Motion, bodies: set[str]) -> Iterator[str]:
+def _list_touching(motion: Motion, bodies: set[str]) -> Iterator[str]:
     """Yield names of mesh geoms that touch in a motion, where one of some bodies takes part."""
     model, data = motion.model, mujoco.MjData(motion.model)
     meshes = (model.geom_type == _MESH) & (model.geom_dataid >= 0)
@@ -72,7 +71,7 @@ def _touching(motion: Motion, bodies: set[str]) -> Iterator[str]:
     yield from filter(None, (model.geom(geom).name for geom in np.flatnonzero(found & meshes)))
 
 
-def _nearest(
+def _find_nearest(
     scene: Scene, values: Values, own: mujoco.MjModel, geoms: Sequence[str]
 ) -> dict[str, str]:
     """Return the primitive whose surface is nearest to the hull of each geom that one resembles."""
@@ -83,14 +82,16 @@ def _nearest(
         if model is None:
             continue
         for name in geoms:
-            corners = _fitted(own, name, model.geom(name))
+            corners = _fit_corners(own, name, model.geom(name))
             off = np.abs(distances(shape, model.geom(name).size, corners)).mean()
             apart[name][shape] = float(off / corners.std(axis=0).max())
     nearest = {name: min(of, key=lambda shape: of[shape]) for name, of in apart.items() if of}
-    return {name: shape for name, shape in nearest.items() if apart[name][shape] <= _ALIKE}
+    # Mean distance of the corners of a hull from a primitive, over their widest spread.
+    alike = 0.1
+    return {name: shape for name, shape in nearest.items() if apart[name][shape] <= alike}
 
 
-def _fitted(own: mujoco.MjModel, name: str, fitted: Any) -> Floats:  # noqa: ANN401 - a geom's view
+def _fit_corners(own: mujoco.MjModel, name: str, fitted: Any) -> Floats:  # noqa: ANN401 - a geom's view
     """Return the (n, 3) corners of a geom's hull in the frame of the primitive fitted to it [m].
 
     Both are of one body.
@@ -114,14 +115,16 @@ def distances(shape: str, size: Floats, points: Floats) -> Floats:
             along = np.maximum(np.abs(points[:, 2]) - half, 0)
             return np.hypot(around, along) - radius
         case "cylinder":
-            return _outside(np.stack([around - radius, np.abs(points[:, 2]) - half], axis=1))
+            return _measure_outside(
+                np.stack([around - radius, np.abs(points[:, 2]) - half], axis=1)
+            )
         case "ellipsoid":
             scaled = np.linalg.norm(points / size, axis=1)
             return scaled * (scaled - 1) / np.linalg.norm(points / size**2, axis=1)
         case _:
-            return _outside(np.abs(points) - size)
+            return _measure_outside(np.abs(points) - size)
 
 
-def _outside(beyond: Floats) -> Floats:
+def _measure_outside(beyond: Floats) -> Floats:
     """Return distances from a box, from how far points are beyond each of its sides."""
     return np.linalg.norm(np.maximum(beyond, 0), axis=1) + np.minimum(beyond.max(axis=1), 0)

@@ -21,7 +21,6 @@ from contactlab.schema.examination import RestingContact
 from contactlab.tasks.checked_model import CheckedModel
 
 _MEANS = ("contacts", "load", "depth")
-_RESTING = 0.9  # share of the last fifth of the first phase in which a pair at rest touches
 
 
 @dataclass(frozen=True)
@@ -107,7 +106,8 @@ def resting_pairs(examined: CheckedModel) -> Iterator[RestingPair]:
         found = RestingPair(
             law, examined.told(pair.name), record.metrics.get("restitution_measured"), first.name
         )
-        if last.sum() >= _RESTING * fifth:
+        resting_share = 0.9  # of the last fifth of the first phase, in which a pair touches
+        if last.sum() >= resting_share * fifth:
             depth = used.margin - float(points.mean())  # force begins at the margin
             means = float(count.mean()), float((loads / count).mean()), depth
             found = replace(found, **dict(zip(_MEANS, means, strict=True)))

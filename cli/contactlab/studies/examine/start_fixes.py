@@ -37,7 +37,6 @@ from contactlab.tasks.session import Values
 
 _ENDLESS = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
 _HELD = "allowed"  # keyframe of a model that has none
-_NEAR = 2  # joints between links of one robot that touch by how it is built
 
 
 def separated(
@@ -52,14 +51,14 @@ def separated(
     model = motions[0].model
     word: VerdictWord = "depends" if verdict.word == "depends" else "inaccurate"
     can_move = any(moved_starts(scene, values, motions[0]))
-    stuck = () if can_move else tuple(_stuck(motions[0]))
+    stuck = () if can_move else tuple(_find_stuck(motions[0]))
     pairs = dict.fromkeys((*overlapping(motions[0]), *stuck))
     if not pairs:
         return ()
     names = tuple((name_of(model, "body", one), name_of(model, "body", two)) for one, two in pairs)
     return (
         *_without_contacts(scene, values, model, names, word, must_come_nearer=not stuck),
-        *_floating(scene, values, names, word),
+        *_free_roots(scene, values, names, word),
     )
 
 
@@ -87,7 +86,11 @@ def moved_starts(scene: Scene, values: Values, motion: Motion) -> Iterator[Moved
     """
     model, start = motion.model, motion.starts[0]
     raised = raised_start(model, start, INTEGRATION)
-    opened = start if raised is None else _with_positions(motion, raised)
+    opened = start
+    if raised is not None:
+        data, opened = begin_motion(motion), np.empty_like(start)
+        data.qpos[:] = raised
+        mujoco.mj_getState(model, data, opened, INTEGRATION)
     positions = closed_start(model, opened, INTEGRATION)
     if raised is None and positions is None:
         return
@@ -193,14 +196,6 @@ def _begins_alike(model: mujoco.MjModel, made: mujoco.MjModel, positions: Floats
     return bool(np.allclose(*places, rtol=0, atol=SUM_ROUNDING * (1 + np.abs(places[0]).max())))
 
 
-def _with_positions(motion: Motion, positions: Floats) -> Floats:
-    data = begin_motion(motion)
-    data.qpos[:] = positions
-    start = np.empty_like(motion.starts[0])
-    mujoco.mj_getState(motion.model, data, start, INTEGRATION)
-    return start
-
-
 def _without_contacts(
     scene: Scene,
     values: Values,
@@ -227,7 +222,7 @@ def _without_contacts(
     )
 
 
-def _floating(
+def _free_roots(
     scene: Scene, values: Values, names: Sequence[tuple[str, str]], word: VerdictWord
 ) -> Iterator[Candidate]:
     """Yield the change that gives the root links of a URDF a free joint, which no URDF can have.
@@ -268,15 +263,15 @@ def overlapping(motion: Motion) -> Iterator[tuple[int, int]]:
     """Yield pairs of near links that are in each other where a motion starts."""
     model = motion.model
     found = find_overlaps(model, begin_motion(motion))
-    yield from ((one, two) for one, two, _ in found if _near(model, one, two))
+    yield from ((one, two) for one, two, _ in found if _are_near(model, one, two))
 
 
-def _stuck(motion: Motion) -> Iterator[tuple[int, int]]:
+def _find_stuck(motion: Motion) -> Iterator[tuple[int, int]]:
     """Yield pairs deep in each other of which neither is the world's, and neither floats."""
     model, data = motion.model, begin_motion(motion)
     least = OPEN_TOLERANCE * moving_extent(model, data)
     for one, two, depth in find_overlaps(model, data):
-        held = [_way(model, body) for body in (one, two)]
+        held = [_list_links(model, body) for body in (one, two)]
         if depth > least and all(way[0] and way[-1] == 0 for way in held):
             yield one, two
 
@@ -292,33 +287,34 @@ def find_overlaps(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[tuple[
             yield one, two, -distance
 
 
-def _near(model: mujoco.MjModel, one: int, two: int) -> bool:
+def _are_near(model: mujoco.MjModel, one: int, two: int) -> bool:
     """Return whether one of two bodies carries the other, few joints on.
 
     Fingers that close on each other carry neither the other, and may touch.
     """
-    ways = [_way(model, body) for body in (one, two)]
+    most_joints = 2  # between links of one robot that touch by how it is built
+    ways = [_list_links(model, body) for body in (one, two)]
     return any(
-        way[0] in other and 0 < other.index(way[0]) <= _NEAR for way, other in (ways, ways[::-1])
+        way[0] in other and 0 < other.index(way[0]) <= most_joints
+        for way, other in (ways, ways[::-1])
     )
 
 
-def _way(model: mujoco.MjModel, body: int) -> list[int]:
+def _list_links(model: mujoco.MjModel, body: int) -> list[int]:
     """Return the links from a body to the root of its robot, welded bodies as one.
 
     What a free joint carries is a robot of its own.
     """
+    free = int(mujoco.mjtJoint.mjJNT_FREE)
     link = int(model.body_weldid[body])
     way = [link]
-    while link and not _floats(model, link):
+    while link:
+        joint = int(model.body_jntadr[link])
+        if joint >= 0 and int(model.jnt_type[joint]) == free:
+            break
         link = int(model.body_weldid[model.body_parentid[link]])
         way.append(link)
     return way
-
-
-def _floats(model: mujoco.MjModel, body: int) -> bool:
-    first = int(model.body_jntadr[body])
-    return first >= 0 and int(model.jnt_type[first]) == mujoco.mjtJoint.mjJNT_FREE
 
 
 def compiled(

@@ -27,13 +27,9 @@ from contactlab.scene.model_names import find_id
 from contactlab.tasks.reference_error import ErrorEstimate
 
 ErrorTime = Literal["end", "peak"]
-_NUDGE_SHARE = 1e-8  # of the size of every coordinate, in velocity
-_COPIES = 3
 _PARTS = 16  # parts of a run in which growth is measured
 _CHAOTIC_GROWTH = 1e3  # growth over a run above which it may be chaotic
-_MIN_GROWING_PARTS = 3  # parts in which a chaotic motion grows by a factor of e
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
-_PEAK_SAMPLES = 200  # samples of a run for its peak
 
 
 @dataclass(frozen=True)
@@ -53,7 +49,8 @@ class Divergence:
     @property
     def chaotic(self) -> bool:
         """Whether it grows again and again; a mode switch that a nudge flips makes it grow once."""
-        return self.factor > _CHAOTIC_GROWTH and self.growing_parts >= _MIN_GROWING_PARTS
+        fewest_parts = 3  # in which a chaotic motion grows by a factor of e
+        return self.factor > _CHAOTIC_GROWTH and self.growing_parts >= fewest_parts
 
     @property
     def sentence(self) -> str:
@@ -73,15 +70,16 @@ def measure_divergence(motion: Motion, workers: int) -> Divergence:
     generator = np.random.default_rng(0)
     qvel = mujoco.mj_stateSize(model, int(mujoco.mjtState.mjSTATE_QVEL) - 1 & INTEGRATION)
     place = slice(qvel, qvel + model.nv)
-    starts = np.repeat(motion.starts, 1 + _COPIES, axis=0)
-    nudges = _NUDGE_SHARE * generator.normal(size=(len(starts), model.nv))
-    nudges[:: 1 + _COPIES] = 0
+    copies, nudge_share = 3, 1e-8  # of the size of every coordinate, in velocity
+    starts = np.repeat(motion.starts, 1 + copies, axis=0)
+    nudges = nudge_share * generator.normal(size=(len(starts), model.nv))
+    nudges[:: 1 + copies] = 0
     starts[:, place] += nudges * np.maximum(1.0, np.abs(starts[:, place]))
-    many = replace(motion, starts=starts, inputs=np.repeat(motion.inputs, 1 + _COPIES, axis=0))
+    many = replace(motion, starts=starts, inputs=np.repeat(motion.inputs, 1 + copies, axis=0))
     kept = replay(many, motion.steps * float(model.opt.timestep), workers).kept[:, :-1]
     nq = model.nq
     places = np.linspace(0, kept.shape[1] - 1, _PARTS + 1).astype(int)
-    seen = kept[:, places, nq : nq + model.nv].reshape(motion.seeds, 1 + _COPIES, len(places), -1)
+    seen = kept[:, places, nq : nq + model.nv].reshape(motion.seeds, 1 + copies, len(places), -1)
     with np.errstate(invalid="ignore", over="ignore"):
         apart = np.linalg.norm(seen[:, 1:] - seen[:, :1], axis=-1)
     apart = np.maximum(np.nan_to_num(apart, nan=np.inf), 1e-300)
@@ -185,7 +183,8 @@ class ForwardError:
         kept = replay(motion, steps * float(own.opt.timestep), self._workers).kept[:, :-1]
         places = [steps]
         if self._error_at == "peak":
-            places = np.unique(np.linspace(0, steps, _PEAK_SAMPLES).astype(int)).tolist()
+            samples = 200
+            places = np.unique(np.linspace(0, steps, samples).astype(int)).tolist()
         data, distances = (
             mujoco.MjData(own),
             np.empty((len(inputs), len(self._observed), len(places))),

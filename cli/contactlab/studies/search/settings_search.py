@@ -21,6 +21,7 @@ import mujoco
 
 from contactlab.modifications.modification import Settings
 from contactlab.modifications.numerics import SLEEP_SETTINGS
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.schema.time_ratio import LEAST_SAVING, TimeRatio
 from contactlab.step_progress import StepCount, finish_step, step_count
 from contactlab.studies.search.configuration import (
@@ -43,11 +44,6 @@ EQUAL_ERROR_RATIO = 1.02
 _LOSSLESS_SHARE = (
     0.05  # share of the limit that a lossless setting may add to the error of the model
 )
-_MAX_SINGLE_GEOMS = 12  # geoms whose contacts are tried one by one; more would crowd the patch
-_MAX_FAILED_STEPS = 2  # failed timesteps in a row, after which longer ones are not tried
-_MAX_FRONT_COST = 50.0  # most accurate points cost at most this, over the model as written
-_SETTINGS_SHARE = 0.3  # share of an error above which the settings are worth leaving out
-_USELESS_FINER = 4  # times finer steps that gain nothing end the ladder
 _ACCURATE = "RK4"  # has the finest steps first, if work ends the search
 
 _UNUSED: Reductions = frozenset({"unused"})
@@ -244,11 +240,13 @@ class Search:
         if not self.front_limit:
             return
         bases = {
-            name: self._exact.with_settings(changed_settings({INTEGRATOR: name}, self.space.model))
+            name: self._find_exact.with_settings(
+                changed_settings({INTEGRATOR: name}, self.space.model)
+            )
             for name in self.space.integrators
         }
         for base in bases.values():
-            self._evaluate(base)
+            self._evaluate_choice(base)
         distinct = list[str]()
         for name in sorted(bases, key=lambda name: self._cost_of(bases[name])):
             if not self._moves_like_cheaper(name, distinct):
@@ -263,7 +261,7 @@ class Search:
 
     def _without_error(self, integrator: str) -> Configuration:
         own = changed_settings({INTEGRATOR: integrator}, self.space.model)
-        return self._lossless.with_settings(own)
+        return self._find_lossless.with_settings(own)
 
     def _moves_like_cheaper(self, name: str, cheaper: Sequence[str]) -> bool:
         # Return whether an integrator is no more accurate than a cheaper one.
@@ -307,7 +305,7 @@ class Search:
             for point, made in new:
                 crossed.add(made.key)
                 if self._saves_work(made, point.configuration):
-                    self._evaluate(made)
+                    self._evaluate_choice(made)
 
     @staticmethod
     def _combine_settings(choice: Configuration, other: Configuration) -> Configuration:
@@ -336,21 +334,24 @@ class Search:
         or a solver that stops early, are a large part of the error of a step, they are left out
         from there on.
         """
-        base, best = cheap, self._evaluate(cheap)
+        base, best = cheap, self._evaluate_choice(cheap)
+        most_cost = 50.0  # of the most accurate points, over the model as written
+        settings_share = 0.3  # of an error above which the settings are worth leaving out
+        useless_finer = 4  # times finer steps that gain nothing end the ladder
         for multiple in reversed([each for each in self.space.steps if each < cheap.multiple]):
-            if self._cost_of(base.with_step(multiple)) > _MAX_FRONT_COST:
+            if self._cost_of(base.with_step(multiple)) > most_cost:
                 break
-            tried = self._evaluate(base.with_step(multiple))
+            tried = self._evaluate_choice(base.with_step(multiple))
             # Half of what a method of first order gains.
             most = math.sqrt(multiple / best.configuration.multiple) * error_of(best)
             if error_of(tried) > most:
                 for other in (exact, self._with_converged_solver(exact)):
-                    if self._added_error(base, other) > _SETTINGS_SHARE * error_of(tried):
+                    if self._added_error(base, other) > settings_share * error_of(tried):
                         base = other
-                        tried = self._evaluate(base.with_step(multiple))
+                        tried = self._evaluate_choice(base.with_step(multiple))
             if error_of(tried) <= most:
                 best = tried
-            elif _USELESS_FINER * multiple <= best.configuration.multiple:
+            elif useless_finer * multiple <= best.configuration.multiple:
                 break
 
     def _added_error(self, choice: Configuration, exact: Configuration) -> float:
@@ -370,7 +371,7 @@ class Search:
         return choice.with_settings(changed_settings(converged, self.space.model_of(choice)))
 
     def _search_bound(self) -> None:
-        base = self._lossless
+        base = self._find_lossless
         if self.max_cost is not None:
             self._search_accuracy(base)
             return
@@ -389,9 +390,11 @@ class Search:
         ]
         if self.max_cost is not None:
             return sorted((one for one in known if one.cost <= self.max_cost), key=error_of)
-        return sorted((one for one in known if error_of(one) <= bound.accepted), key=self._rank)
+        return sorted(
+            (one for one in known if error_of(one) <= bound.accepted), key=self._rank_tried
+        )
 
-    def _rank(self, tried: Evaluation) -> tuple[float, int]:
+    def _rank_tried(self, tried: Evaluation) -> tuple[float, int]:
         # Costs within the smallest saving are ties.
         level = round(math.log(tried.cost) / math.log(1 / SAVING)) if tried.cost > 0 else -(10**6)
         return level, self.count_changes(tried.configuration)
@@ -438,7 +441,7 @@ class Search:
     def evaluate(self, choice: Configuration) -> Evaluation:
         """Evaluate a configuration after the search, without limits."""
         self._allowed, self.is_late = math.inf, bool
-        return self._evaluate(choice)
+        return self._evaluate_choice(choice)
 
     def shorter_steps(self, tried: Evaluation) -> Iterator[Configuration]:
         """Yield a configuration at ever shorter usable steps."""
@@ -448,7 +451,7 @@ class Search:
 
     def without_lossy(self, choice: Configuration) -> Configuration:
         """Return a configuration without settings that add error, except integrator and step."""
-        lossless = self._lossless.settings
+        lossless = self._find_lossless.settings
         kept = {
             name: value if name == INTEGRATOR else lossless[name]
             for name, value in choice.settings.items()
@@ -465,7 +468,7 @@ class Search:
     def _evaluation_of(self, choice: Configuration) -> Evaluation:
         return self.evaluations.setdefault(choice.key, Evaluation(choice))
 
-    def _evaluate(self, choice: Configuration) -> Evaluation:
+    def _evaluate_choice(self, choice: Configuration) -> Evaluation:
         entry = self._evaluation_of(choice)
         cost = self._cost_of(choice)
         if entry.error is None:
@@ -477,7 +480,7 @@ class Search:
         return entry
 
     def _error_of(self, choice: Configuration) -> float:
-        return error_of(self._evaluate(choice))
+        return error_of(self._evaluate_choice(choice))
 
     def _cost_of(self, choice: Configuration) -> float:
         # Counting the cost is a small part of estimating errors.
@@ -494,13 +497,13 @@ class Search:
         return self._cost_of(choice) < SAVING * self._cost_of(base)
 
     @cached_property
-    def _lossless(self) -> Configuration:
+    def _find_lossless(self) -> Configuration:
         """The model without anything that costs work and adds no error, at its own step.
 
         All bounds start from it. The smallest bound decides which added error counts as none, and
         bounds that the model as written satisfies stay satisfied.
         """
-        base = self._exact
+        base = self._find_exact
         base = self._with_faster_base(base)
         own = self._error_of(base)
         kept = [bound.accepted for bound in self.bounds if own <= bound.accepted]
@@ -517,7 +520,7 @@ class Search:
     def _evaluate_milder(self, choice: Configuration) -> None:
         milder = self._milder_choice(choice)
         while milder != choice and self._saves_work(milder, self.current):
-            self._evaluate(milder)
+            self._evaluate_choice(milder)
             choice, milder = milder, self._milder_choice(milder)
 
     def _milder_choice(self, choice: Configuration) -> Configuration:
@@ -531,7 +534,7 @@ class Search:
         return choice
 
     @cached_property
-    def _exact(self) -> Configuration:
+    def _find_exact(self) -> Configuration:
         """The cheapest configuration whose motion is that of the model as written.
 
         It holds whatever else is measured, so that a slow model has a result early.
@@ -539,7 +542,7 @@ class Search:
         exact = self.current.with_reductions(self.space.start)
         if "far-pairs" in self.space.start:
             return exact
-        self._evaluate(exact).exact = True
+        self._evaluate_choice(exact).exact = True
 
         def moves_alike(choice: Configuration) -> bool:
             self._check_limits()
@@ -549,7 +552,7 @@ class Search:
             return True
 
         found = self._add_parameters(exact, self.space.parameters, moves_alike)
-        self._evaluate(found).exact = True
+        self._evaluate_choice(found).exact = True
         return found
 
     def _with_faster_base(self, base: Configuration) -> Configuration:
@@ -630,7 +633,8 @@ class Search:
             for one in (*near, cheapest):
                 if good(one):
                     return _added_settings(one, base)
-            alone = split_condim(_added_settings(cheapest, base))[:_MAX_SINGLE_GEOMS]
+            most_geoms = 12  # whose contacts are tried one by one; more would crowd the patch
+            alone = split_condim(_added_settings(cheapest, base))[:most_geoms]
             if kept := [each for each in alone if good(base.with_settings(each))]:
                 return dict(ChainMap(*map(dict, kept)))
         return {}
@@ -697,7 +701,8 @@ class Search:
                 found, failed = tried, 0
             else:
                 failed += 1
-                if failed == _MAX_FAILED_STEPS or multiple == own:
+                # After two failed timesteps in a row, longer ones are not tried.
+                if failed == 2 or multiple == own:
                     break
         if found:
             return self._with_margin(found)
@@ -714,7 +719,7 @@ class Search:
         for multiple in reversed([each for each in self.space.steps if each <= found.multiple]):
             choice = found.with_step(multiple)
             if self._is_within_bound(choice) and self.keeps_margin(
-                self._evaluate(choice), self.bound.accepted
+                self._evaluate_choice(choice), self.bound.accepted
             ):
                 return choice
             if multiple <= self.space.substeps:
@@ -765,7 +770,7 @@ def find_usable_steps(
         period: of the controller [s], if there is one.
     """
     found = {round(own / fine)}
-    for multiple in range(1, max(1, math.floor(longest / fine * (1 + _GRID))) + 1):
+    for multiple in range(1, max(1, math.floor(longest / fine * (1 + SUM_ROUNDING))) + 1):
         step = multiple * fine
         if period is not None:
             usable = _is_whole(period / step)
@@ -778,12 +783,8 @@ def find_usable_steps(
     return tuple(sorted(found))
 
 
-_GRID = 1e-9  # relative: ratios of steps are whole numbers up to rounding
-_ROUND_NUMBERS = (1.0, 2.0, 2.5, 4.0, 5.0, 8.0)
-
-
 def _is_whole(ratio: float) -> bool:
-    return round(ratio) >= 1 and abs(ratio - round(ratio)) <= _GRID * ratio
+    return round(ratio) >= 1 and abs(ratio - round(ratio)) <= SUM_ROUNDING * ratio
 
 
 def _is_doubled(ratio: float) -> bool:
@@ -791,8 +792,9 @@ def _is_doubled(ratio: float) -> bool:
 
 
 def _is_round(step: float) -> bool:
-    digits = step / 10 ** math.floor(math.log10(step) + _GRID)
-    return any(math.isclose(digits, number, rel_tol=_GRID) for number in _ROUND_NUMBERS)
+    round_numbers = (1.0, 2.0, 2.5, 4.0, 5.0, 8.0)
+    digits = step / 10 ** math.floor(math.log10(step) + SUM_ROUNDING)
+    return any(math.isclose(digits, number, rel_tol=SUM_ROUNDING) for number in round_numbers)
 
 
 def find_undominated(candidates: Iterable[Evaluation]) -> list[Evaluation]:

@@ -10,8 +10,6 @@ from contactlab.contact.trace_arrays import Floats
 
 VERTEX_COUNTS = (8, 12, 16, 24, 32, 48, 64, 96, 128)
 """Numbers of vertices to try."""
-_SUM_WEIGHT = 1e3
-"""Weight of the condition that convex weights sum to 1, over the size of the hull."""
 Made = Callable[[dict[str, int]], mujoco.MjModel]
 """Compiles a model with at most the given numbers of hull vertices, by mesh name."""
 
@@ -77,7 +75,8 @@ def hull_distance(outer: Floats, inner: Floats) -> float:
     and Hanson 1974).
     """
     centre = outer.mean(axis=0)
-    heavy = _SUM_WEIGHT * max(float(np.abs(outer - centre).max()), 1e-300)
+    # The condition that convex weights sum to 1 weighs this much, over the size of the hull.
+    heavy = 1e3 * max(float(np.abs(outer - centre).max()), 1e-300)
     rows = np.vstack([(inner - centre).T, np.full(len(inner), heavy)])
     return max(
         (

@@ -24,7 +24,6 @@ from contactlab.schema.time_ratio import LEAST_SAVING
 from contactlab.schema.tune_report import (
     PATCH,
     REPORT,
-    FarPairs,
     FrontPoint,
     TuneReport,
 )
@@ -38,17 +37,6 @@ from contactlab.studies.search.report_text import (
 )
 from contactlab.studies.search.tuning_problem import LIMITED
 
-_MAX_UNCHANGED = 6  # settings that are listed
-_MAX_LINES = 12  # of the patch
-_FEW_POINTS = 4  # below, the reason is printed
-_HEADS = (
-    Column("point", breakable=True),
-    Column("error", "right"),
-    Column("interval", "right"),
-    Column("time", "right"),
-    Column("speed", "right"),
-)
-
 
 def describe_tuning(report: TuneReport, *, folder: Path | None = None) -> Document:
     """Describe a search.
@@ -57,18 +45,26 @@ def describe_tuning(report: TuneReport, *, folder: Path | None = None) -> Docume
         report: the search.
         folder: of the report and the written models, if they were written.
     """
+    heads = (
+        Column("point", breakable=True),
+        Column("error", "right"),
+        Column("interval", "right"),
+        Column("time", "right"),
+        Column("speed", "right"),
+    )
+    front = tuple(_front_row(point, report) for point in report.front)
     return document_of(
         Section((Sentence(report.task.line), Headline(f"{report.model}: {report.sentence}"))),
-        Section((Facts(tuple(_facts(report))),), "search", follows=True),
-        Section((_front_table(report),), "front", follows=True),
+        Section((Facts(tuple(_list_facts(report))),), "search", follows=True),
+        Section((Table(heads, front, ruled=False),), "front", follows=True),
         Section(tuple(map(Sentence, _front_notes(report))), "front notes", follows=True),
-        Section(tuple(_details(report)), "details", follows=True),
-        Section(tuple(map(Sentence, _notes(report))), "notes", follows=True),
+        Section(tuple(_list_details(report)), "details", follows=True),
+        Section(tuple(map(Sentence, _list_notes(report))), "notes", follows=True),
         Section(tuple(_written_files(report, folder)), "files", follows=True),
     )
 
 
-def _facts(report: TuneReport) -> Iterator[tuple[str, str]]:
+def _list_facts(report: TuneReport) -> Iterator[tuple[str, str]]:
     target = report.target
     yield "target", _target_text(report)
     if target.unit == "1":
@@ -86,16 +82,14 @@ def _facts(report: TuneReport) -> Iterator[tuple[str, str]]:
         yield "motion", target.divergence
     yield "search", f"{ending_text(report)}, {report.seconds:.0f} s"
     yield "speed", f"{format_amount(report.real_time)}x real time as written, on one core"
-    if known := list(_uncertainty_texts(report)):
+    known = list[str]()
+    for each in report.uncertainty:
+        parameter, _, share = each.name.partition(" ")
+        known.append(f"{format_percent(each.error)} ({parameter} known to {share}, {each.body})")
+    if known:
         yield "model", f"known to {' and '.join(known)}"
     if why := no_speedup_text(report):
         yield "limits", why
-
-
-def _uncertainty_texts(report: TuneReport) -> Iterator[str]:
-    for each in report.uncertainty:
-        parameter, _, share = each.name.partition(" ")
-        yield f"{format_percent(each.error)} ({parameter} known to {share}, {each.body})"
 
 
 def _front_notes(report: TuneReport) -> Iterator[str]:
@@ -116,8 +110,14 @@ def _front_notes(report: TuneReport) -> Iterator[str]:
             f"not verified: {_join_numbers(others)}; --pick N writes and verifies one; --error 1% "
             "searches the fastest within 1 %"
         )
-    if len(report.front) < _FEW_POINTS:
-        yield f"Few points: {_few_points_reason(report)}."
+    few_points = 4
+    if len(report.front) < few_points:
+        reason = f"no other of {report.trials} candidates is distinctly faster or more accurate"
+        if report.ended == "time":
+            reason = "the time limit ended the search; allow more with --max-time"
+        elif report.ended == "work":
+            reason = f"{report.max_time:g} s allow no more work; allow more with --max-time"
+        yield f"Few points: {reason}."
 
 
 def _list_changes(point: FrontPoint) -> list[str]:
@@ -138,14 +138,6 @@ def _join_numbers(numbers: Sequence[int]) -> str:
     return ", ".join(f"{own[0]}-{own[-1]}" if len(own) > 1 else str(own[0]) for own in groups)
 
 
-def _few_points_reason(report: TuneReport) -> str:
-    if report.ended == "time":
-        return "the time limit ended the search; allow more with --max-time"
-    if report.ended == "work":
-        return f"{report.max_time:g} s allow no more work; allow more with --max-time"
-    return f"no other of {report.trials} candidates is distinctly faster or more accurate"
-
-
 def _target_text(report: TuneReport) -> str:
     target = report.target
     limit = error_text(target.limit, target.unit)
@@ -161,11 +153,6 @@ def _target_text(report: TuneReport) -> str:
             return f"error at most {limit}, as requested"
 
 
-def _front_table(report: TuneReport) -> Table:
-    rows = [_front_row(point, report) for point in report.front]
-    return Table(_HEADS, tuple(rows), ruled=False)
-
-
 def _front_row(point: FrontPoint, report: TuneReport) -> Row:
     unit, ratio = report.target.unit, point.candidate.time_ratio
     if "as written" in point.marks:
@@ -175,25 +162,22 @@ def _front_row(point: FrontPoint, report: TuneReport) -> Row:
         time = f"{format_amount(ratio.ratio, 'x')} ({interval})"
     else:
         time = f"work {format_amount(point.candidate.cost, 'x')}"
+    low, high = (error_text(value, unit) for value in (point.error_low, point.error_high))
+    errors = f"{low.removesuffix(f' {unit}')} to {high}"
+    if unit == "1":
+        errors = format_interval(point.error_low, point.error_high).replace(" to ", "-")
     return Row(
         (
             f"{point.number} {', '.join((point.name, *point.marks))}",
             error_text(point.error, unit),
-            _range_text(point, unit),
+            errors,
             time,
             f"{format_amount(point.real_time, digits=2)}x",
         )
     )
 
 
-def _range_text(point: FrontPoint, unit: str) -> str:
-    if unit == "1":
-        return format_interval(point.error_low, point.error_high).replace(" to ", "-")
-    low, high = (error_text(value, unit) for value in (point.error_low, point.error_high))
-    return f"{low.removesuffix(f' {unit}')} to {high}"
-
-
-def _details(report: TuneReport) -> Iterator[Block]:
+def _list_details(report: TuneReport) -> Iterator[Block]:
     """Yield unused parts, assumptions, and the changed lines."""
     if report.masked or report.excluded:
         count = _count_pairs(report.masked, report.excluded)
@@ -204,21 +188,29 @@ def _details(report: TuneReport) -> Iterator[Block]:
     if report.disabled_flags:
         flags = " and ".join(report.disabled_flags)
         yield Sentence(f"unused: {flags}: no state depends on it")
-    if (pairs := report.far_pairs) and (pairs.removed or _saves_time(pairs)):
-        yield Sentence(_far_pairs_text(pairs))
+    if pairs := report.far_pairs:
+        count = _count_pairs(pairs.geoms, pairs.bodies)
+        distance = f"{1e3 * pairs.distance:g} mm"
+        text = (
+            f"{count} stayed at least {distance} apart in every run (the task, tilted, and with "
+            "twice its inputs)"
+        )
+        # Work that was not counted may be saved, too.
+        if pairs.removed:
+            yield Sentence(f"assumed: {text}. If they meet, they now pass through each other")
+        elif pairs.cost is None or pairs.cost < 1 - LEAST_SAVING:
+            ratio = f" at x{pairs.cost:.2g} work" if pairs.cost else ""
+            option = f"--apply far-pairs={distance.replace(' ', '')}"
+            yield Sentence(f"option: {text}. {option} ignores their collisions{ratio}")
     if hulls := report.simplified_hulls:
         yield Sentence(
             f"assumed: {plural(len(hulls.meshes), 'hull')} with fewer vertices, at most "
             f"{format_amount(hulls.max_distance, 'mm')} inside the original"
         )
     lines = [f"{each.file}:{each.line}: {each.element or 'removed'}" for each in report.lines]
+    most_lines = 12  # of the patch
     if lines:
-        yield Code(tuple(shortened(lines, _MAX_LINES, PATCH)), indent=0)
-
-
-def _saves_time(pairs: FarPairs) -> bool:
-    """Return whether removing their collisions saves work; true if it was not counted."""
-    return pairs.cost is None or pairs.cost < 1 - LEAST_SAVING
+        yield Code(tuple(shortened(lines, most_lines, PATCH)), indent=0)
 
 
 def _count_pairs(geoms: Sequence[str], bodies: Sequence[object]) -> str:
@@ -226,21 +218,7 @@ def _count_pairs(geoms: Sequence[str], bodies: Sequence[object]) -> str:
     return " and ".join(text for text, some in zip(counts, (geoms, bodies), strict=True) if some)
 
 
-def _far_pairs_text(pairs: FarPairs) -> str:
-    count = _count_pairs(pairs.geoms, pairs.bodies)
-    distance = f"{1e3 * pairs.distance:g} mm"
-    text = (
-        f"{count} stayed at least {distance} apart in every run (the task, tilted, and with twice "
-        "its inputs)"
-    )
-    if pairs.removed:
-        return f"assumed: {text}. If they meet, they now pass through each other"
-    ratio = f" at x{pairs.cost:.2g} work" if pairs.cost else ""
-    option = f"--apply far-pairs={distance.replace(' ', '')}"
-    return f"option: {text}. {option} ignores their collisions{ratio}"
-
-
-def _notes(report: TuneReport) -> Iterator[str]:
+def _list_notes(report: TuneReport) -> Iterator[str]:
     """Yield the settings that were not changed and why, then the effects of the time limit."""
     limited = {each.name: each.reason for each in report.not_changed if each.name in LIMITED}
     unchanged = list(
@@ -250,8 +228,9 @@ def _notes(report: TuneReport) -> Iterator[str]:
             if each.name not in limited and each.reason != UNVERIFIED
         )
     )
-    yield from (f"Not changed: {each}." for each in unchanged[:_MAX_UNCHANGED])
-    if (more := len(unchanged) - _MAX_UNCHANGED) > 0:
+    most_listed = 6
+    yield from (f"Not changed: {each}." for each in unchanged[:most_listed])
+    if (more := len(unchanged) - most_listed) > 0:
         yield f"Not changed: {more} more settings, listed in {REPORT}."
     yield from (f"note: {name}: {reason}" for name, reason in limited.items())
     if any(each.reason == UNVERIFIED for each in report.not_changed):

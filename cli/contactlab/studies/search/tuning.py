@@ -77,11 +77,6 @@ from contactlab.tasks.task_clock import Clock
 from contactlab.tasks.task_motions import with_new_seeds
 from contactlab.tasks.time_limit import TimeLimit
 
-_TIMING_SHARE = 0.3  # share of the remaining time for timing a verified candidate
-_TIMING_SEED_FACTOR = 6  # seeds of the clock, in multiples of the search's seeds, if seeds differ
-_FEWEST_TIMINGS = 8  # runs per point at least: two seeds, each twice there and twice back
-_LARGE_SAVING = 0.8  # cost above which the unconstrained cost is reported
-
 
 @dataclass(frozen=True)
 class SeedPlan:
@@ -286,17 +281,17 @@ class TuningStudy:
             target=self._target,
             sentence="",
             target_met=met,
-            current=self._candidate(known),
+            current=self._describe_candidate(known),
             current_verdict=verifier.current_verdict(),
-            recommended=self._candidate(best.evaluation) if best else None,
+            recommended=self._describe_candidate(best.evaluation) if best else None,
             far_pairs=self._report_far_pairs([answer.evaluation for answer in made]),
             simplified_hulls=self._report_hulls(made),
-            closest=self._candidate(nearest) if nearest else None,
+            closest=self._describe_candidate(nearest) if nearest else None,
             limiting_factor=self._limiting_factor(nearest) if nearest else "",
             unconstrained_cost=self._unconstrained_cost(
                 best.evaluation if best else None, as_current.evaluation if as_current else None
             ),
-            equal_error=self._alternative(as_current),
+            equal_error=self._describe_alternative(as_current),
             front=front,
             picked=None,
             uncertainty=tuple(self._measure_uncertainty()),
@@ -305,7 +300,7 @@ class TuningStudy:
             reference_integrator=self._problem.reference_integrator or self._own_integrator,
             reference_step=self._problem.reference.step,
             candidates=tuple(
-                self._candidate(one) for one in search.evaluations.values() if one.error
+                self._describe_candidate(one) for one in search.evaluations.values() if one.error
             ),
             changed_settings=tuple(self._changed_settings(best.evaluation)) if best else (),
             masked=edits.masked,
@@ -522,7 +517,7 @@ class TuningStudy:
             number=number,
             name=name,
             marks=("as written",) * is_current + tuple(own),
-            candidate=self._candidate(tried),
+            candidate=self._describe_candidate(tried),
             error=error.error,
             error_low=low,
             error_high=high,
@@ -553,7 +548,8 @@ class TuningStudy:
         return names
 
     def _time_points(self, points: Sequence[Evaluation]) -> None:
-        seconds = _FEWEST_TIMINGS * self._problem.cost.pass_seconds
+        fewest_runs = 8  # per point: two seeds, each twice there and twice back
+        seconds = fewest_runs * self._problem.cost.pass_seconds
         left = PLAN.timing / PLAN.search * self._problem.work - seconds
         chosen = list[Evaluation]()
         current = self._verifier.current
@@ -619,7 +615,8 @@ class TuningStudy:
             for one in candidates
         ]
         limit = self._time_limit
-        least = (1 - _TIMING_SHARE) * limit.remaining
+        timing_share = 0.3  # of the remaining time for timing a verified candidate
+        least = (1 - timing_share) * limit.remaining
         prices = self._clock.time_whole_runs(
             models, self._timed_tasks(), lambda: limit.remaining > least
         )
@@ -631,16 +628,19 @@ class TuningStudy:
         own, unseen = self._problem.motions, self._verifier.motions
         yield [join_seeds(*pair) for pair in zip(own, unseen, strict=True)]
         task = self._verifier.task
-        for _ in range(_TIMING_SEED_FACTOR):
+        seed_factor = 6  # seeds of the clock, in multiples of the search's seeds, if seeds differ
+        for _ in range(seed_factor):
             task = with_new_seeds(task)
             yield self._problem.examined.motions_of(task)
 
     def _file_of(self, answer: VerifiedCandidate) -> str:
         return str(answer.written.path.relative_to(self._session.folder))
 
-    def _alternative(self, answer: VerifiedCandidate | None) -> AlternativeCandidate | None:
+    def _describe_alternative(
+        self, answer: VerifiedCandidate | None
+    ) -> AlternativeCandidate | None:
         return answer and AlternativeCandidate(
-            candidate=self._candidate(answer.evaluation),
+            candidate=self._describe_candidate(answer.evaluation),
             changed_settings=tuple(self._changed_settings(answer.evaluation)),
             verified=answer.verification,
             file=self._file_of(answer),
@@ -700,7 +700,8 @@ class TuningStudy:
 
     def _unconstrained_cost(self, *made: Evaluation | None) -> float | None:
         """Count the model without constraints, unless a verified candidate saves 20 %."""
-        saving = [one.cost < _LARGE_SAVING for one in made if one]
+        large_saving = 0.8  # cost above which the unconstrained cost is reported
+        saving = [one.cost < large_saving for one in made if one]
         if any(saving) or self._search.max_cost is not None:
             return None
         bare = copy.copy(self._problem.model)
@@ -720,7 +721,7 @@ class TuningStudy:
                 before = read_option(model, name)
             yield ChangedSetting(name=name, before=axis_cell(before), after=axis_cell(after))
 
-    def _candidate(self, tried: Evaluation) -> Candidate:
+    def _describe_candidate(self, tried: Evaluation) -> Candidate:
         error, price, choice = tried.error, tried.time_ratio, tried.configuration
         assert error
         own = changed_settings(choice.settings, self._problem.model)

@@ -56,32 +56,9 @@ from contactlab.tasks.stress_motions import (
 from contactlab.tasks.task_motions import shorten_task
 from contactlab.tasks.time_limit import TimeLimit
 
-_FIRST_VERIFICATION_SHARE = 0.8
-"""Share of the work of verification for the first candidate. The rest is for those that follow if
-it fails."""
-MAX_STEP_SECONDS = 0.04
-"""Longest timestep [s]: the length of a window."""
 LIMITED = ("reference", "seeds", "windows", "length", "verification")
 """Names of report entries on the effects of the time limit."""
-_SUBSTEPS = (2, 4, 5, 8, 10, 16, 20)
-_REFERENCE_ERROR_SHARE = 0.2  # share of the limit that the reference's own error may have
-_REFERENCE_SHARE, _MAX_SEED_SHARE = 0.3, 0.4
-"""Shares of the search's work for references: of all seeds, and of one."""
 _RK4 = "RK4"
-_SMOOTH_SUBSTEPS = 10  # most substeps of an RK4 reference
-_SMOOTH_GAIN = 4  # how much more accurate RK4 must be at the own step: it makes four times the work
-_FRONT_SUBSTEPS = 8  # substeps that show steps down to a quarter of the own one, if work allows
-_SEARCH_PASSES = 80  # approximate simulations of the task per search
-_FEWEST_PASSES = 30  # below, runs are shortened: exact savings, the solver, and a few steps
-_COUNT_SHARE = 0.3  # of the search's work, for counting costs
-_REJECTED_SHARE = 0.5  # of a verification's time until the first worse measure rejects a candidate
-_FRESH_PASSES = 16  # simulations of the task per seed, for references and errors on fresh seeds
-_FEWEST_WINDOWS = 3  # in the shortest phase
-_FIRST_STEPS = 20  # steps in which a model that moves otherwise usually shows it
-_MAX_WINDOW_STRIDE = 4  # at least one in this many windows is used
-_MAX_DIGITS, _ROUNDED = 6, 1e-7
-"""Most digits of a written timestep; relative difference below which fewer digits are the same."""
-_MANY_VERTICES = 32
 _UNUSED: Reductions = frozenset({"unused"})
 _SPARSER: Reductions = frozenset({"unused", "far-pairs"})
 
@@ -117,6 +94,50 @@ class WorkPlan:
 
 
 PLAN = WorkPlan()
+
+
+@dataclass(frozen=True)
+class SearchRules:
+    """Shares of the work of a search, and sizes of its references and runs.
+
+    Attributes:
+        first_verification_share: of the work of verification, for the first candidate; the rest is
+            for those that follow if it fails.
+        rejected_share: of a verification's time until the first worse measure rejects a candidate.
+        reference_share, most_seed_share: of the search's work, for references of all seeds, and of
+            one.
+        count_share: of the search's work, for counting costs.
+        substeps: of references.
+        front_substeps: that show steps down to a quarter of the own one, if work allows.
+        smooth_substeps: most substeps of an RK4 reference.
+        smooth_gain: of RK4 in accuracy at the own step at least, since it makes four times the
+            work.
+        reference_error_share: of the limit that the reference's own error may have.
+        search_passes: approximate simulations of the task per search.
+        fewest_passes: below, runs are shortened: exact savings, the solver, and a few steps.
+        fresh_passes: simulations of the task per seed, for references and errors on fresh seeds.
+        fewest_windows: in the shortest phase.
+        most_window_stride: at least one in this many windows is used.
+    """
+
+    first_verification_share: float = 0.8
+    rejected_share: float = 0.5
+    reference_share: float = 0.3
+    most_seed_share: float = 0.4
+    count_share: float = 0.3
+    substeps: tuple[int, ...] = (2, 4, 5, 8, 10, 16, 20)
+    front_substeps: int = 8
+    smooth_substeps: int = 10
+    smooth_gain: int = 4
+    reference_error_share: float = 0.2
+    search_passes: int = 80
+    fewest_passes: int = 30
+    fresh_passes: int = 16
+    fewest_windows: int = 3
+    most_window_stride: int = 4
+
+
+_RULES = SearchRules()
 
 
 class TuningProblem:
@@ -191,11 +212,12 @@ class TuningProblem:
     def timestep_of(self, choice: Configuration) -> float:
         """Return the timestep of a configuration [s], in as few digits as a person would write."""
         exact = choice.multiple * self.reference.step
-        for digits in range(1, _MAX_DIGITS):
+        most_digits, equal_ratio = 6, 1e-7  # fewer digits that differ by less are the same
+        for digits in range(1, most_digits):
             rounded = float(f"{exact:.{digits}g}")
-            if math.isclose(rounded, exact, rel_tol=_ROUNDED):
+            if math.isclose(rounded, exact, rel_tol=equal_ratio):
                 return rounded
-        return float(f"{exact:.{_MAX_DIGITS}g}")
+        return float(f"{exact:.{most_digits}g}")
 
     def error_estimator(
         self, reference: TaskReference, motions: Sequence[Motion]
@@ -207,10 +229,10 @@ class TuningProblem:
         return ForwardError(motions, finer, self.observed_outputs, at, self.threads)
 
     def _plan_windows(self) -> int:
-        takes, allowed = self.cost.pass_seconds, self._trial_work / _SEARCH_PASSES
-        seeds = min(self.seeds, max(1, int(_MAX_WINDOW_STRIDE * allowed / takes)))
+        takes, allowed = self.cost.pass_seconds, self._trial_work / _RULES.search_passes
+        seeds = min(self.seeds, max(1, int(_RULES.most_window_stride * allowed / takes)))
         self.motions = [first_seeds(motion, seeds) for motion in self.motions]
-        return min(_MAX_WINDOW_STRIDE, max(1, math.ceil(seeds * takes / allowed)))
+        return min(_RULES.most_window_stride, max(1, math.ceil(seeds * takes / allowed)))
 
     def _plan_length(self) -> tuple[int, float]:
         """Return the seeds of the verification, and the share of the length of all runs.
@@ -219,23 +241,23 @@ class TuningProblem:
         """
         if self._request.error_at is not None:
             return self.seeds, 1.0
-        allowed = _FIRST_VERIFICATION_SHARE * self._verification_work
+        allowed = _RULES.first_verification_share * self._verification_work
         seeds = self.seeds
         while seeds > 1 and self._estimate_panel(seeds, 1.0).first > allowed:
             seeds -= 1
         whole = self._estimate_panel(seeds, 1.0).first
         rest = self._estimate_panel(seeds, 0.0).first
         verified = (allowed - rest) / (whole - rest)
-        passes = self.search_passes / _FEWEST_PASSES
+        passes = self.search_passes / _RULES.fewest_passes
         shortest = min(phase.end - phase.begin for phase in self.task.phases)
-        fewest = min(1.0, _FEWEST_WINDOWS * WINDOW / shortest)
+        fewest = min(1.0, _RULES.fewest_windows * WINDOW / shortest)
         return seeds, max(fewest, min(1.0, verified, passes))
 
     def _plan_verdicts(self) -> int:
         """Return how many candidates may be verified within the counted work."""
         cost = self._estimate_panel(self.verified_seeds, self.length_share)
         left = self._verification_work - cost.first
-        return 2 + max(0, int(left / (_REJECTED_SHARE * cost.next)))
+        return 2 + max(0, int(left / (_RULES.rejected_share * cost.next)))
 
     @property
     def _verification_work(self) -> float:
@@ -243,7 +265,7 @@ class TuningProblem:
 
     def _estimate_panel(self, seeds: int, share: float) -> PanelCost:
         found = estimate_panel(self.own_model, self.task, seeds, share, self.cost.step_seconds)
-        fresh = _FRESH_PASSES * share * self.seeds * self.cost.pass_seconds
+        fresh = _RULES.fresh_passes * share * self.seeds * self.cost.pass_seconds
         return replace(found, first=found.first + fresh)
 
     def _shorten_motions(self) -> None:
@@ -255,11 +277,11 @@ class TuningProblem:
                 first_seeds(motion, seeds) for motion in self.examined.motions_of(self.task)
             ]
             reason = f"runs of {share * whole:.2g} s for {whole:g} s; --max-time allows no more"
-            self._skip("length", reason)
+            self._skip_part("length", reason)
         if self.verified_seeds < seeds:
             reason = f"{self.verified_seeds} of {seeds} seeds were compared"
-            self._skip("verification", f"{reason}; --max-time allows no more")
-        allowed = _COUNT_SHARE * self.work / _SEARCH_PASSES
+            self._skip_part("verification", f"{reason}; --max-time allows no more")
+        allowed = _RULES.count_share * self.work / _RULES.search_passes
         samples = int(allowed / (self.cost.sample_seconds * len(self.motions)))
         self.cost = CountedCost(self.motions, self.model, self.threads, samples)
 
@@ -271,12 +293,13 @@ class TuningProblem:
 
     @property
     def _trial_work(self) -> float:
-        return (1 - _REFERENCE_SHARE - _COUNT_SHARE) * self.work
+        return (1 - _RULES.reference_share - _RULES.count_share) * self.work
 
     def _usable_steps(self, substeps: int) -> tuple[int, ...]:
         own = float(self.own_model.opt.timestep)
         period = control_period(self.examined.scene)
-        found = find_usable_steps(own, own / substeps, max(own, MAX_STEP_SECONDS), period)
+        longest = max(own, WINDOW)  # a step of a window at most
+        found = find_usable_steps(own, own / substeps, longest, period)
         # Errors of the step of the reference itself cannot be measured.
         return tuple(step for step in found if step >= min(substeps, 2))
 
@@ -319,12 +342,12 @@ class TuningProblem:
             return None
         # RK4 makes four times the work, and half as much for the comparison with twice the step.
         passes = self.work / self.cost.pass_seconds / self.seeds
-        allowed = _REFERENCE_SHARE * passes / 6
-        rates = [rate for rate in _SUBSTEPS if rate <= min(allowed, _SMOOTH_SUBSTEPS)]
+        allowed = _RULES.reference_share * passes / 6
+        rates = [rate for rate in _RULES.substeps if rate <= min(allowed, _RULES.smooth_substeps)]
         if not rates:
             return None
         rate = max(rates, key=lambda rate: (len(self._usable_steps(rate)), -rate))
-        for substeps, largest in ((2, own / _SMOOTH_GAIN), (rate, own / finer)):
+        for substeps, largest in ((2, own / _RULES.smooth_gain), (rate, own / finer)):
             fine = self.run_reference(self.motions, substeps, _RK4)
             if not fine.is_complete or fine.uncorrected_error(model, 2).error > largest:
                 return None
@@ -341,25 +364,33 @@ class TuningProblem:
         if self._request.error is not None and self._request.error_at is None:
             limit = min(limit, self._request.error)
         passes = self.work / self.cost.pass_seconds
-        needed = min(own / (_REFERENCE_ERROR_SHARE * limit), _SUBSTEPS[-1])
-        needed = max(needed, min(_FRONT_SUBSTEPS, _REFERENCE_SHARE * passes / self.seeds))
-        enough = [rate for rate in _SUBSTEPS if needed <= rate <= max(2 * needed, _SUBSTEPS[1])]
-        finer = max(
-            enough or _SUBSTEPS[-1:], key=lambda rate: (len(self._usable_steps(rate)), -rate)
+        needed = min(own / (_RULES.reference_error_share * limit), _RULES.substeps[-1])
+        needed = max(
+            needed, min(_RULES.front_substeps, _RULES.reference_share * passes / self.seeds)
         )
-        seeds = min(self.seeds, max(1, int(_REFERENCE_SHARE * passes / finer)))
+        enough = [
+            rate
+            for rate in _RULES.substeps
+            if needed <= rate <= max(2 * needed, _RULES.substeps[1])
+        ]
+        finer = max(
+            enough or _RULES.substeps[-1:], key=lambda rate: (len(self._usable_steps(rate)), -rate)
+        )
+        seeds = min(self.seeds, max(1, int(_RULES.reference_share * passes / finer)))
         self.motions = [first_seeds(motion, seeds) for motion in self.motions]
         allowed = max(
-            rate for rate in _SUBSTEPS if rate <= max(_SUBSTEPS[0], _MAX_SEED_SHARE * passes)
+            rate
+            for rate in _RULES.substeps
+            if rate <= max(_RULES.substeps[0], _RULES.most_seed_share * passes)
         )
         if allowed < finer:
             reason = f"the reference uses {allowed} substeps, the error needs {finer}"
-            self._skip("reference", f"{reason}; --max-time allows no more")
+            self._skip_part("reference", f"{reason}; --max-time allows no more")
         if seeds < (all_seeds := len(self.examined.task.seeds)):
-            self._skip("seeds", f"{seeds} of {all_seeds} were used; --max-time allows no more")
+            self._skip_part("seeds", f"{seeds} of {all_seeds} were used; --max-time allows no more")
         if self._window_stride > 1:
             reason = f"one in {self._window_stride} was used; --max-time allows no more"
-            self._skip("windows", reason)
+            self._skip_part("windows", reason)
         return min(finer, allowed)
 
     @staticmethod
@@ -384,7 +415,8 @@ class TuningProblem:
     @cached_property
     def _own_states(self) -> list[tuple[list[Motion], list[bytes]]]:
         """The first steps of the task and the whole task, with the bytes of their states."""
-        begin = [replace(each, inputs=each.inputs[:, :_FIRST_STEPS]) for each in self.motions]
+        first_steps = 20  # in which a model that moves otherwise usually shows it
+        begin = [replace(each, inputs=each.inputs[:, :first_steps]) for each in self.motions]
         return [(each, list(state_bytes(each, self.threads))) for each in (begin, self.motions)]
 
     def _find_unused(self) -> ModelEdits:
@@ -400,16 +432,16 @@ class TuningProblem:
         if "sensors" in self._request.apply:
             edits = replace(edits, sensors=own_sensors(model))
         elif own_sensors(model):
-            self._skip("sensors", "your program may read them; --apply sensors removes them")
+            self._skip_part("sensors", "your program may read them; --apply sensors removes them")
         if edits == ModelEdits():
             return edits
         try:
             lighter = compile_changed(self.examined, edits)
         except SceneError as error:
-            self._skip("impossible collisions", str(error).splitlines()[0])
+            self._skip_part("impossible collisions", str(error).splitlines()[0])
             return ModelEdits()
         if not self.moves_alike(lighter):
-            self._skip("impossible collisions", "the motion differs")
+            self._skip_part("impossible collisions", "the motion differs")
             return ModelEdits()
         self.models[_UNUSED] = lighter
         return edits
@@ -418,7 +450,7 @@ class TuningProblem:
     def _needs_masks_kept(self) -> bool:
         return needs_masks(self.examined, self.original_runs.grips)
 
-    def _skip(self, name: str, reason: str) -> None:
+    def _skip_part(self, name: str, reason: str) -> None:
         self.skipped.append(SkippedParameter(name, reason))
 
     @property
@@ -463,7 +495,7 @@ class TuningProblem:
             try:
                 self.models[reductions] = compile_changed(self.examined, self.edits_of(reductions))
             except SceneError as error:
-                self._skip("far pairs", str(error).splitlines()[0])
+                self._skip_part("far pairs", str(error).splitlines()[0])
                 self.far_pairs = ModelEdits()
                 return None
         return self.models[reductions]
@@ -473,10 +505,11 @@ class TuningProblem:
         model, within = self.model, self._request.apply.get("hulls")
         if within is None:
             sizes = [len(hull_vertices(model, mesh)) for mesh in colliding_meshes(model)]
-            if large := [size for size in sizes if size > _MANY_VERTICES]:
+            many_vertices = 32
+            if large := [size for size in sizes if size > many_vertices]:
                 most = f"{min(large)} to {max(large)}" if len(large) > 1 else f"{large[0]}"
                 reason = f"{len(large)} of {len(sizes)}: {most} vertices"
-                self._skip("hulls", f"{reason}; --apply hulls tries fewer")
+                self._skip_part("hulls", f"{reason}; --apply hulls tries fewer")
             return None
         base = self.edits_of(self.start)
         reductions = Reductions({*self.start, "hulls"})
@@ -487,11 +520,13 @@ class TuningProblem:
                 within,
             )
             if not self.hull_vertices:
-                self._skip("hulls", f"no hull with fewer vertices is within {1e3 * within:g} mm")
+                self._skip_part(
+                    "hulls", f"no hull with fewer vertices is within {1e3 * within:g} mm"
+                )
                 return None
             self.models[reductions] = compile_changed(self.examined, self.edits_of(reductions))
         except SceneError as error:
-            self._skip("hulls", str(error).splitlines()[0])
+            self._skip_part("hulls", str(error).splitlines()[0])
             return None
         return reductions
 

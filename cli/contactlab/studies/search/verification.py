@@ -58,9 +58,6 @@ from contactlab.tasks.stress_motions import double_inputs, state_bytes, tilt_gra
 from contactlab.tasks.task_motions import with_new_seeds
 from contactlab.tasks.time_limit import TimeLimit
 
-_MAX_VERDICTS, _MAX_ERROR_ESTIMATES = 8, 25
-"""Largest number of verdicts and of error estimates on fresh seeds, per goal."""
-_FALLBACK_STEP_FRACTION = 0.6
 _BUDGET_SETTINGS = Settings(places=False, excess=False)  # settings of the error budget of a verdict
 ACCURATE = "ok"
 """The verdict of `contactlab MODEL` on accurate numerics."""
@@ -185,7 +182,8 @@ class CandidateVerifier:
         below, done = FailureBound(), {self.current.configuration.key}
         simpler: Evaluation | None = None
         try:
-            for _ in range(min(verdicts, _MAX_VERDICTS)):
+            most_verdicts = 8  # per goal
+            for _ in range(min(verdicts, most_verdicts)):
                 self._check_time(self._reserve)
                 measured = self._next_within_limit(goal, done, below, simpler)
                 simpler = None
@@ -199,7 +197,7 @@ class CandidateVerifier:
                 if verified.holds and not self._saves_no_time(tried):
                     return VerifiedCandidate(tried, written, verified)
                 if not verified.holds:
-                    self._reject(tried, f"on fresh seeds: {verified.sentence}")
+                    self._reject_candidate(tried, f"on fresh seeds: {verified.sentence}")
                     self.worse[tried.configuration.key] = verified.sentence
                     # A label or another measure may be caused by the step, whatever the error.
                     limits = [self._examined.task.tolerance]
@@ -259,9 +257,9 @@ class CandidateVerifier:
         try:
             written = self._write_model(tried, goal.folder)
         except SceneError as refused:
-            self._reject(tried, str(refused).splitlines()[0])
+            self._reject_candidate(tried, str(refused).splitlines()[0])
             return None
-        found = self._verify(tried, error, written, goal)
+        found = self._verify_model(tried, error, written, goal)
         self._reserve = max(self._reserve, self._time_limit.elapsed - begin)
         return written, found
 
@@ -273,7 +271,7 @@ class CandidateVerifier:
             return False
         if price is None or price.ratio <= SAVING:
             return False
-        self._reject(tried, f"{price.text} time: no saving, although it does less work")
+        self._reject_candidate(tried, f"{price.text} time: no saving, although it does less work")
         return True
 
     def _verify_exact(self, goal: Goal) -> VerifiedCandidate | None:
@@ -289,10 +287,10 @@ class CandidateVerifier:
         try:
             written = self._write_model(tried, goal.folder)
         except SceneError as refused:
-            self._reject(tried, str(refused).splitlines()[0])
+            self._reject_candidate(tried, str(refused).splitlines()[0])
             return None
         if lost := self._find_lost_grip(written):
-            self._reject(tried, f"worse than as written: {describe_measure(lost)}")
+            self._reject_candidate(tried, f"worse than as written: {describe_measure(lost)}")
         if lost or self._saves_no_time(tried):
             rmtree(self._session.folder / goal.folder, ignore_errors=True)
             return None
@@ -341,7 +339,7 @@ class CandidateVerifier:
         runs = (state_bytes(motions, self._problem.threads) for motions in (own, changed))
         return all(first == second for first, second in zip(*runs, strict=True))
 
-    def _reject(self, tried: Evaluation, reason: str) -> None:
+    def _reject_candidate(self, tried: Evaluation, reason: str) -> None:
         self.rejected.add(tried.configuration.key)
         self.skipped.append(SkippedParameter(self._settings_text(tried), reason))
 
@@ -358,7 +356,8 @@ class CandidateVerifier:
         candidate that failed last is tried first.
         """
         first = True
-        while len(done) < _MAX_ERROR_ESTIMATES:
+        most_estimates = 25  # of errors on fresh seeds, per goal
+        while len(done) < most_estimates:
             self._check_time(self._reserve)
             tried = simpler or self._next_candidate(done, goal.bound, below)
             simpler = None
@@ -371,7 +370,7 @@ class CandidateVerifier:
             if not why:
                 return tried, error
             if first:
-                self._reject(tried, f"on fresh seeds: {why}")
+                self._reject_candidate(tried, f"on fresh seeds: {why}")
             self.rejected.add(tried.configuration.key)
             below = below.tightened_by(tried, self._limit_of(goal) / max(error.error, 1e-300))
             first = False
@@ -479,7 +478,7 @@ class CandidateVerifier:
             own, most = (f"{100 * each:.4g} %" for each in (error.error, limit))
         return f"error {own} in {error.body}, at most {most}"
 
-    def _verify(
+    def _verify_model(
         self, tried: Evaluation, error: ErrorEstimate, written: WrittenModel, goal: Goal
     ) -> Verification:
         """Judge a written model with a known error on fresh seeds."""
@@ -624,7 +623,8 @@ def step_fraction(share: float | None, limit: float) -> float:
     The error is of first order in the step. If there is no error, or it is within the limit, a
     fixed fraction is tried.
     """
-    return min(_FALLBACK_STEP_FRACTION, limit / share) if share else _FALLBACK_STEP_FRACTION
+    fallback_fraction = 0.6
+    return min(fallback_fraction, limit / share) if share else fallback_fraction
 
 
 def _seed_range(budget: ErrorBudget) -> tuple[float, float]:

@@ -13,8 +13,6 @@ from contactlab.studies.grip.gripping import GripRequest, judge_grip
 from contactlab.tasks.checked_model import CheckedModel
 
 _RELATIVE = 0.05  # friction is not known better, and neither is a force that it holds
-_CREEP = 1e-5  # m/s: a tenth of a millimeter in the ten seconds of a pick and place
-_DEPTH = 0.01  # of half of the object's width
 _LOST = 1.0  # m/s, which stands for an object that is lost: faster than any creep
 
 
@@ -68,7 +66,8 @@ def _judge_possible_grip(request: GripRequest) -> GripReport | None:
 def _compare_reports(before: GripReport, after: GripReport | None) -> Iterator[VerifiedMeasure]:
     run = f"grip of keyframe {before.keyframe}" if before.keyframe else "grip of its hand"
     creep, other = _creep_of(before), _LOST if after is None else _creep_of(after)
-    tolerance = max(_CREEP, _RELATIVE * creep)
+    least_creep = 1e-5  # m/s: a tenth of a millimeter in the ten seconds of a pick and place
+    tolerance = max(least_creep, _RELATIVE * creep)
     # Fingers inside an object do not hold it by friction, so its creep is not that of a grip.
     is_inside = before.depth_share > MOST_DEPTH
     if not is_inside:
@@ -101,7 +100,8 @@ def _compare_reports(before: GripReport, after: GripReport | None) -> Iterator[V
     )
     if after is None:
         return
-    tolerance = max(_RELATIVE * before.depth_share, _DEPTH)
+    least_depth = 0.01  # of half of the object's width
+    tolerance = max(_RELATIVE * before.depth_share, least_depth)
     yield VerifiedMeasure(
         name="grip depth",
         run=run,

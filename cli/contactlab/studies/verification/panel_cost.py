@@ -16,21 +16,36 @@ from contactlab.studies.verification.state_tables import CONTACT_STATES, SAMPLES
 MAX_TRACKED_ACTUATORS = 24
 """Actuators that are moved alone, evenly spread. It covers an arm, a hand or a humanoid; a body of
 a hundred muscles would cost minutes, and its muscles are alike."""
-_STATE_SECONDS = 5e-5
-"""s of Python for the evaluation of one state, measured for robots of 5 to 30 joints."""
-_STATE_STEPS = 0.5
-"""Share of a step that the positions and contacts of a state take."""
-_SAMPLE_STATES = 3
-"""States that are evaluated for one sample of bodies and energies."""
-_LOAD_RUNS = 4
-_ERROR_RATE = 12
-"""Steps of the reference of numerical errors, and of its windows, in one step of the original."""
-_VERDICT_RATE = 12
-"""Steps of the original that a verdict takes for each step of the task."""
-_RECORDED_STEP_SECONDS = 5e-5
-"""s of one step with labels."""
-_VERDICT_SECONDS = 1.0
-"""s of a verdict besides its steps."""
+
+
+@dataclass(frozen=True)
+class VerificationWork:
+    """The work of the parts of a verification.
+
+    Attributes:
+        state_seconds: of Python for the evaluation of one state [s], measured for robots of 5 to 30
+            joints.
+        state_steps: share of a step that the positions and contacts of a state take.
+        sample_states: states that are evaluated for one sample of bodies and energies.
+        load_runs: runs at rest under loads.
+        error_rate: steps of the reference of numerical errors, and of its windows, in one step of
+            the original.
+        verdict_rate: steps of the original that a verdict takes for each step of the task.
+        verdict_seconds: of a verdict besides its steps [s].
+        recorded_step_seconds: of one step with labels [s].
+    """
+
+    state_seconds: float = 5e-5
+    state_steps: float = 0.5
+    sample_states: int = 3
+    load_runs: int = 4
+    error_rate: int = 12
+    verdict_rate: int = 12
+    verdict_seconds: float = 1.0
+    recorded_step_seconds: float = 5e-5
+
+
+_WORK = VerificationWork()
 
 
 @dataclass(frozen=True)
@@ -62,22 +77,22 @@ def estimate_panel(
     first = later = 0.0
     for seconds, rows in _list_runs(model, task, seeds):
         steps = rows * share * seconds / step
-        states = min(CONTACT_STATES, steps) + _SAMPLE_STATES * (SAMPLES + 1) * rows
-        evaluation = states * (_STATE_SECONDS + _STATE_STEPS * step_seconds)
+        states = min(CONTACT_STATES, steps) + _WORK.sample_states * (SAMPLES + 1) * rows
+        evaluation = states * (_WORK.state_seconds + _WORK.state_steps * step_seconds)
         later += steps * step_seconds + evaluation
         first += (REFERENCE_RATE + 3) * steps * step_seconds + 4 * evaluation
     steps = seeds * share * task.duration / step
     errors = 2 * steps * step_seconds
-    labels = 2 * steps * (step_seconds + _RECORDED_STEP_SECONDS)
-    verdict = _VERDICT_RATE * steps * step_seconds + _VERDICT_SECONDS
+    labels = 2 * steps * (step_seconds + _WORK.recorded_step_seconds)
+    verdict = _WORK.verdict_rate * steps * step_seconds + _WORK.verdict_seconds
     later += 2 * errors + labels + verdict
-    first += (_ERROR_RATE + 2) * errors + 2 * labels + 2 * verdict
+    first += (_WORK.error_rate + 2) * errors + 2 * labels + 2 * verdict
     return PanelCost(first, later)
 
 
 def _list_runs(model: mujoco.MjModel, task: Task, seeds: int) -> Iterator[tuple[float, int]]:
     # Yields the length [s] and the compared rows of states of each run.
-    for _ in range(_LOAD_RUNS):
+    for _ in range(_WORK.load_runs):
         yield REST_SECONDS, seeds
     for phase in task.phases:
         yield phase.end - phase.begin, seeds
