@@ -115,7 +115,8 @@ def script_data(data: ReportData, request: PageRequest, chart: Spec | None) -> S
         "aggregated": selection.is_aggregated,
         **_page_names(data, selection.axes),
         "digits": 6 if len(selection.rows) <= _RULES.most_precise_runs else 3,
-        "specs": chart_templates(data, chart),
+        # The page of an examination has no map.
+        "specs": {} if request.examination else chart_templates(data, chart),
         "tradeoff": _tradeoff_data(data.tradeoff) if data.tradeoff and table else None,
         "details": {
             place: _run_details(record, told[place]) for place, record in selection.records.items()

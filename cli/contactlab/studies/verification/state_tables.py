@@ -133,6 +133,7 @@ class _StateSampler:
         self.model = motion.model
         same = demands.neq == self.model.neq
         self._demanded = np.flatnonzero(demands.eq_active0 if same else [])
+        self._lacks_demanded = not self.model.eq_active0[self._demanded].all()
         self.data = mujoco.MjData(self.model)
         self._motion, self._kept = motion, kept
 
@@ -141,7 +142,7 @@ class _StateSampler:
         model, data = self.model, self.data
         mujoco.mj_setState(model, data, self._motion.starts[seed], _INTEGRATION)
         mujoco.mj_setState(model, data, np.ascontiguousarray(self._kept[seed, step]), KEPT)
-        if not self.model.eq_active0[self._demanded].all():
+        if self._lacks_demanded:
             data.eq_active[self._demanded] = True
         mujoco.mj_fwdPosition(model, data)
         return data
