@@ -387,11 +387,8 @@ def load_code(what: str, file: Path, name: str) -> Callable[..., object]:
         raise SceneError(f"{what} {file}: {in_one_line(error, __file__)}") from error
     found = getattr(module, name, None)
     if not callable(found):
-        raise SceneError(f"{what} {file}: it has no class {name}{_policy_classes(module)}")
+        classes = [item for item in vars(module).items() if isinstance(item[1], type)]
+        own = [known for known, kind in classes if kind.__module__ == module.__name__]
+        hint = f"; write one of {', '.join(own)}" if own else ""
+        raise SceneError(f"{what} {file}: it has no class {name}{hint}")
     return found
-
-
-def _policy_classes(module: ModuleType) -> str:
-    classes = [item for item in vars(module).items() if isinstance(item[1], type)]
-    own = [name for name, kind in classes if kind.__module__ == module.__name__]
-    return f"; write one of {', '.join(own)}" if own else ""

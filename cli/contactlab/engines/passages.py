@@ -254,8 +254,15 @@ def _passages_through_flexes(
         name = mujoco.mj_id2name(model, int(mujoco.mjtObj.mjOBJ_FLEX), flex) or f"flex[{flex}]"
         thick = float(half_extents(model)[geom] + model.flex_radius[flex])
         if not len(faces):
+            # The vertices of a rope, and the middle of each edge.
+            edges = model.flex_edgeadr[flex]
+            places = [*np.moveaxis(vertices[:, first : first + len(own)], 1, 0)]
+            places += [
+                vertices[:, first + ends].mean(axis=1)
+                for ends in model.flex_edge[edges : edges + model.flex_edgenum[flex]]
+            ]
             wall, steps = _PassableGeom(model, geom, float(model.flex_radius[flex])), list[int]()
-            for place in _rope_points(model, flex, vertices):
+            for place in places:
                 path = _in_geom_frame(model, position, rotation, geom, place)
                 steps += _first_passage(path, _MIN_MOTION_SHARE * thick, wall)
             if steps:
@@ -272,14 +279,6 @@ def _passages_through_flexes(
         way = vertices[soon, first : first + len(own)] - centre[soon]
         if np.linalg.norm(way, axis=1).min() > clear_distance * thick:
             yield Passage(name_of(model, "geom", geom), name, step)
-
-
-def _rope_points(model: mujoco.MjModel, flex: int, vertices: Floats) -> Iterator[Floats]:
-    """Yield (N, 3) the position of each vertex of a rope, and of the middle of each edge."""
-    first, edges = model.flex_vertadr[flex], model.flex_edgeadr[flex]
-    yield from np.moveaxis(vertices[:, first : first + model.flex_vertnum[flex]], 1, 0)
-    for ends in model.flex_edge[edges : edges + model.flex_edgenum[flex]]:
-        yield vertices[:, first + ends].mean(axis=1)
 
 
 def _first_crossing(seen: Floats, corners: Floats) -> int | None:

@@ -1,6 +1,6 @@
 """Converts an engine's recording into a Trace, and computes its hash."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
 
 import numpy as np
@@ -30,6 +30,15 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
     # MuJoCo returns the largest possible number of islands; there is at most one per tree.
     iterations = rollout.iterations[:, :, : max(1, model.ntree)]
     mass = np.array([compiled.model.body_subtreemass[0] for compiled in models])
+    friction = np.stack([compiled.friction for compiled in models])
+    pairs = list[PairTrace]()
+    for index, (pair, address) in enumerate(zip(base.pairs, base.layout.pairs, strict=True)):
+        if rollout.slots is None:
+            block = sensors[:, :, address : address + pair.slots * SLOT_WIDTH]
+            slots = block.reshape(*block.shape[:2], pair.slots, SLOT_WIDTH)
+        else:
+            slots = rollout.slots[index]
+        pairs.append(PairTrace(pair.name, slots, friction[:, index]))
     held = None
     if layout.held is not None:
         pose = sensors[:, :, layout.held : layout.held + 7]
@@ -48,7 +57,7 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
         iterations_most=iterations.max(axis=2),
         momentum=_sensor_vectors(sensors, layout.momentum, mass[:, None, None]),
         angular_momentum=_sensor_vectors(sensors, layout.angular_momentum, np.ones((1, 1, 1))),
-        pairs=tuple(_pair_traces(base, models, rollout)),
+        pairs=tuple(pairs),
         warnings=rollout.warnings,
         held=held,
         forces=sensors[:, :, layout.forces : layout.forces + model.nu],
@@ -69,16 +78,3 @@ def _sensor_values(sensors: Floats, address: int | None) -> Floats:
 
 def _sensor_vectors(sensors: Floats, address: int | None, factor: Floats) -> Floats | None:
     return None if address is None else sensors[:, :, address : address + 3] * factor
-
-
-def _pair_traces(
-    base: CompiledScene, models: Sequence[PreparedModel], rollout: Rollout
-) -> Iterator[PairTrace]:
-    friction = np.stack([model.friction for model in models])
-    for index, (pair, address) in enumerate(zip(base.pairs, base.layout.pairs, strict=True)):
-        if rollout.slots is None:
-            block = rollout.sensors[:, :, address : address + pair.slots * SLOT_WIDTH]
-            slots = block.reshape(*block.shape[:2], pair.slots, SLOT_WIDTH)
-        else:
-            slots = rollout.slots[index]
-        yield PairTrace(pair.name, slots, friction[:, index])

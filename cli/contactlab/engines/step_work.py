@@ -145,9 +145,13 @@ def _step_work(model: mujoco.MjModel, velocity: Floats, forces: dict[str, Floats
     if model.nu:
         work[:, ACTUATORS] = _row_dot(step, forces["qfrc_actuator"])
         if model.opt.integrator in _IMPLICIT:
-            work[:, ACTUATORS] += _implicit_feedback(
-                model, *(forces[actuator] for actuator in _ACTUATOR_FIELDS)
-            )
+            # Velocity feedback within force limits acts by speeds after a step.
+            speed, force = (forces[actuator] for actuator in _ACTUATOR_FIELDS)
+            change = _step_change(speed)
+            low, high = model.actuator_forcerange.T
+            free = ~model.actuator_forcelimited.astype(bool) | ((force > low) & (force < high))
+            feedback = free * (speed + change / 2) * change
+            work[:, ACTUATORS] += model.opt.timestep * feedback @ model.actuator_biasprm[:, 2]
     if _OTHER_FORCE_FIELDS[0] in forces:
         smooth, bias, spring, damper, fluid = (forces[name] for name in _OTHER_FORCE_FIELDS)
         others = smooth + bias - spring
@@ -167,15 +171,6 @@ def _row_dot(step: Floats, force: Floats) -> Floats:
 def _step_change(force: Floats) -> Floats:
     """Return the change over each step; it is unknown over the last one."""
     return np.diff(force, axis=0, append=force[-1:])
-
-
-def _implicit_feedback(model: mujoco.MjModel, speed: Floats, force: Floats) -> Floats:
-    """Return (N,) work of velocity feedback within force limits by speeds after a step."""
-    change = _step_change(speed)
-    low, high = model.actuator_forcerange.T
-    free = ~model.actuator_forcelimited.astype(bool) | ((force > low) & (force < high))
-    feedback = free * (speed + change / 2) * change
-    return model.opt.timestep * feedback @ model.actuator_biasprm[:, 2]
 
 
 def _largest_rise(given: Floats, starts: NDArray[np.bool_]) -> tuple[int, int]:

@@ -48,9 +48,7 @@ def _effect_text(row: BudgetRow) -> str:
         return _NOT_EXERCISED
     if row.error is None:
         return "ends it"
-    smallest_share = 1e-4
-    return (
-        format_percent(row.error)
-        if row.error >= smallest_share
-        else f"< {format_percent(smallest_share)}"
-    )
+    smallest_share = 1e-4  # smaller ones are not worth their digits
+    if row.error < smallest_share:
+        return f"< {format_percent(smallest_share)}"
+    return format_percent(row.error)

@@ -40,23 +40,20 @@ def textures_of(model: mujoco.MjModel) -> Iterator[Texture]:
         ).astype(np.uint8)
         red, green, blue = (pixels.mean(axis=(0, 1)) / _OPAQUE_BYTE).tolist()
         across, along = model.mat_texrepeat[material].tolist()
-        flat = int(model.tex_type[texture]) == _FLAT_TEXTURE
+        picture = None
+        if int(model.tex_type[texture]) == _FLAT_TEXTURE:
+            # Blocks of pixels become one, so that a side has at most 256.
+            block = -(-max(height, width) // 256)
+            rows, columns = max(1, height // block), max(1, width // block)
+            cut = pixels[: rows * block, : columns * block]
+            size = cut.shape[0] // rows, cut.shape[1] // columns
+            blocks = cut.reshape(rows, size[0], columns, size[1], 3)
+            picture = np.full((rows, columns, 4), _OPAQUE_BYTE, np.uint8)
+            picture[:, :, :3] = blocks.mean(axis=(1, 3)).round()
         yield Texture(
             material,
             (red, green, blue),
             (across, along),
             bool(model.mat_texuniform[material]),
-            _shrink_picture(pixels) if flat else None,
+            picture,
         )
-
-
-def _shrink_picture(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    most_pixels = 256  # pixels of a side
-    block = -(-max(pixels.shape[:2]) // most_pixels)
-    height, width = (max(1, side // block) for side in pixels.shape[:2])
-    cut = pixels[: height * block, : width * block]
-    rows, columns = cut.shape[0] // height, cut.shape[1] // width
-    means = cut.reshape(height, rows, width, columns, 3).mean(axis=(1, 3))
-    opaque = np.full((height, width, 4), _OPAQUE_BYTE, np.uint8)
-    opaque[:, :, :3] = means.round()
-    return opaque

@@ -190,12 +190,19 @@ def tunneling(runs: MeasuredRuns) -> OnsetIterator:
     A dip beyond the middle is accepted as softness if it turns back on its own side within 0.1 s,
     and the run is the motion of its model; the reason of the run then describes it.
     """
+    context, given = runs.context, runs.limits.get("pierced")
+    pierced = [
+        (span.run, Onset(span.reason, span.start, bodies_of_pair(context, place)))
+        for span in (_iterate_deep_spans(context, given) if given else _deep_spans(context))
+        if not span.accepted
+        for place in (context.pairs.places[span.row],)
+    ]
     passed = [
         (run, Onset(f"{passage.mover} passed through {passage.wall}", passage.step, passage.bodies))
-        for run, passages in enumerate(runs.context.trace.passages)
+        for run, passages in enumerate(context.trace.passages)
         for passage in passages
     ]
-    found = [*_find_crossings(runs.context), *_find_pierced(runs), *passed]
+    found = [*_find_crossings(context), *pierced, *passed]
     yield from sorted(found, key=lambda placed: placed[1].step)
 
 
@@ -326,14 +333,6 @@ def _iterate_deep_spans(context: Context, given: float | None) -> Iterator[_Deep
                 fault = _dip_fault(context, row, run, slice(start, stop))
                 why = fault or "and turns back, as its soft contact does"
                 yield _DeepSpan(row, run, start, f"{reason}, {why}", accepted=not fault)
-
-
-def _find_pierced(runs: MeasuredRuns) -> OnsetIterator:
-    context, given = runs.context, runs.limits.get("pierced")
-    for span in _iterate_deep_spans(context, given) if given else _deep_spans(context):
-        if not span.accepted:
-            bodies = bodies_of_pair(context, context.pairs.places[span.row])
-            yield span.run, Onset(span.reason, span.start, bodies)
 
 
 def accepted_overlaps(context: Context) -> dict[int, str]:

@@ -137,7 +137,13 @@ class _RequiredStretch:
         series = self.context.net.series.normal
         total = np.sum([series[row, self.run] for _, row in self.pairs], axis=0)
         judged = self.inside if self.expected.timed else self.touching
-        return _moving_means(total, judged, self.width)
+        means, found = np.full(len(total), np.nan), find_spans(judged[None])
+        for start, stop in zip(found.start.tolist(), found.stop.tolist(), strict=True):
+            # All of a shorter stretch.
+            size = min(self.width, stop - start)
+            sums = np.cumsum([0.0, *total[start:stop]])
+            means[start : stop - size + 1] = (sums[size:] - sums[:-size]) / size
+        return means
 
     def depth(self, row: int) -> Floats:
         """Return (N,) the depth of a pair [m], 0 outside of the requirement's time."""
@@ -181,20 +187,16 @@ def contact_margins(context: Context, hold: float) -> Floats:
     """
     least = np.full(context.trace.runs, np.inf)
     for stretch in _required_stretches(context, hold):
-        margins = (*_mode_margins(stretch), *_pair_margins(stretch))
-        least[stretch.run] = min(least[stretch.run], *margins, np.inf)
+        least[stretch.run] = min(least[stretch.run], *_stretch_margins(stretch), np.inf)
     return least
 
 
-def _mode_margins(stretch: _RequiredStretch) -> Iterator[float]:
+def _stretch_margins(stretch: _RequiredStretch) -> Iterator[float]:
+    word, width = stretch.expected.word, stretch.width
     for mode in (SLIDE, STICK):
         if stretch.forbids(mode):
             for _, row in stretch.pairs:
-                yield 1 - longest_stretch(stretch.in_mode(row, mode)) / stretch.width
-
-
-def _pair_margins(stretch: _RequiredStretch) -> Iterator[float]:
-    word, width = stretch.expected.word, stretch.width
+                yield 1 - longest_stretch(stretch.in_mode(row, mode)) / width
     if stretch.expected.end is not None:
         return
     yield 1 - longest_stretch(stretch.untouched) / width
@@ -228,17 +230,30 @@ def _find_wrong_modes(stretch: _RequiredStretch, met: int) -> Faults:
 
 def _find_mismatches(stretch: _RequiredStretch) -> Faults:
     expected, timestep = stretch.expected, stretch.context.trace.timestep[stretch.run]
+    word = expected.word
     if expected.end is not None:
         return
     least, most = expected.force
     apart = long_stretches(stretch.untouched, stretch.width)
     if apart.any():
-        wanted = _REQUIRED_VERBS.get(expected.word, f"press with {least:.3g} N or more")
+        wanted = _REQUIRED_VERBS.get(word, f"press with {least:.3g} N or more")
         met = f"touches nothing for {np.count_nonzero(apart) * timestep:.3g} s"
         yield f"{expected.name} should {wanted}", met, apart
     for name, row in stretch.pairs:
-        yield from _pair_mismatches(stretch, name, row)
-    if expected.word != "presses":
+        if word == "apart" and (pressed := stretch.pressed(row)).any():
+            force = stretch.context.net.series.normal[row, stretch.run, pressed].max()
+            yield f"{name} should be apart", f"presses with up to {force:.3g} N", pressed
+        elif word == "rolls":
+            still = long_stretches(stretch.unturned(row), stretch.width)
+            if still.any():
+                time = np.count_nonzero(still) * timestep
+                yield f"{name} should roll", f"does not turn for {time:.3g} s", still
+        elif word == "shallow":
+            depth = stretch.depth(row)
+            if (deep := depth > expected.depth).any():
+                met = f"is up to {depth[deep].max():.3g} m deep"
+                yield f"{name} should be at most {expected.depth:.3g} m deep", met, deep
+    if word != "presses":
         return
     mean = stretch.mean_force
     for beyond, worst, bound in (
@@ -248,21 +263,6 @@ def _find_mismatches(stretch: _RequiredStretch) -> Faults:
         if beyond.any():
             met = f"presses with {worst.reduce(mean):.3g} N at worst"
             yield f"{expected.name} should press with {bound}", met, beyond
-
-
-def _pair_mismatches(stretch: _RequiredStretch, name: str, row: int) -> Faults:
-    expected, run, word = stretch.expected, stretch.run, stretch.expected.word
-    if word == "apart" and (pressed := stretch.pressed(row)).any():
-        force = stretch.context.net.series.normal[row, run, pressed].max()
-        yield f"{name} should be apart", f"presses with up to {force:.3g} N", pressed
-    if word == "rolls":
-        still = long_stretches(stretch.unturned(row), stretch.width)
-        if still.any():
-            time = np.count_nonzero(still) * stretch.context.trace.timestep[run]
-            yield f"{name} should roll", f"does not turn for {time:.3g} s", still
-    if word == "shallow" and (deep := (depth := stretch.depth(row)) > expected.depth).any():
-        met = f"is up to {depth[deep].max():.3g} m deep"
-        yield f"{name} should be at most {expected.depth:.3g} m deep", met, deep
 
 
 def long_stretches(mask: Mask, shortest: int) -> Mask:
@@ -277,13 +277,3 @@ def longest_stretch(mask: Mask) -> int:
     """Return the largest number of consecutive true steps of a mask (N,)."""
     found = find_spans(mask[None])
     return int((found.stop - found.start).max(initial=0))
-
-
-def _moving_means(force: Floats, judged: Mask, width: int) -> Floats:
-    """Return (N,) means over `width` steps from each on, or over all of a shorter stretch."""
-    means, found = np.full(len(force), np.nan), find_spans(judged[None])
-    for start, stop in zip(found.start.tolist(), found.stop.tolist(), strict=True):
-        size = min(width, stop - start)
-        total = np.cumsum([0.0, *force[start:stop]])
-        means[start : stop - size + 1] = (total[size:] - total[:-size]) / size
-    return means

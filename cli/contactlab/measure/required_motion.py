@@ -119,7 +119,16 @@ def _steps_without_contact(
 def _find_faults(context: Context, path: _RequiredPath, hold: float) -> Iterator[Fault]:
     expected, states = path.expected, path.states
     if expected.word == "passes":
-        yield from _missed_hole(path)
+        before, offset = _plane_crossings(path.place)
+        if not len(before):
+            away = _amount_text(float(np.nanmin(np.abs(path.place[:, 2]))), "m")
+            yield f"it stays on one side, {away} away", int(states[-1])
+        elif not (offset <= expected.limit).any():
+            nearest = int(np.nanargmin(offset))
+            least = float(offset[nearest])
+            far = _amount_text(least - expected.limit, "m")
+            fault = f"it passes at {_amount_text(least, 'm')}, which is {far} too far"
+            yield fault, int(states[before[nearest]])
         return
     amount, unit = _path_departure(path)
     # A state with NaN departs by more than any tolerance.
@@ -169,21 +178,6 @@ def _plane_crossings(place: Floats) -> tuple[NDArray[np.intp], Floats]:
     share = (height[before] / (height[before] - height[before + 1]))[:, None]
     crossing = (1 - share) * place[before, :2] + share * place[before + 1, :2]
     return before, np.linalg.norm(crossing, axis=1)
-
-
-def _missed_hole(path: _RequiredPath) -> Iterator[Fault]:
-    """Yield the violation that a path does not cross the plane of a hole near enough."""
-    height, limit = path.place[:, 2], path.expected.limit
-    before, offset = _plane_crossings(path.place)
-    if not len(before):
-        away = _amount_text(float(np.nanmin(np.abs(height))), "m")
-        yield f"it stays on one side, {away} away", int(path.states[-1])
-    elif not (offset <= limit).any():
-        nearest = int(np.nanargmin(offset))
-        least = float(offset[nearest])
-        state = int(path.states[before[nearest]])
-        far = _amount_text(least - limit, "m")
-        yield f"it passes at {_amount_text(least, 'm')}, which is {far} too far", state
 
 
 def _amount_text(amount: float, unit: str) -> str:

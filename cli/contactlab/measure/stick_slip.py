@@ -68,27 +68,22 @@ def contact_modes(
     enter = (usage >= enter_usage) & (slip >= ENTER_SLIP) & bearing
     leave = ((grip < leave_usage) | (slip < LEAVE_SLIP)) & bearing
     events = (enter * np.int8(SLIDE) + leave * np.int8(STICK)).reshape(len(longest), steps)
-    _mark_long_gaps(events, bearing.reshape(events.shape), longest)
-    # At each sample, the last event at or before it.
-    step = np.arange(1, events.shape[1] + 1, dtype=np.int32) * 4
-    no_event = 0
-    dated = np.where(events == no_event, 0, step + events)
-    held = (np.maximum.accumulate(dated, axis=1) & 3).astype(np.int8)
-    held[held == _SEPARATED] = NO_CONTACT
-    return held.reshape(bearing.shape)
-
-
-def _mark_long_gaps(events: Modes, bearing: NDArray[np.bool_], longest: Floats) -> None:
-    """Set events at the start of long gaps, and where contact begins again."""
-    steps = bearing.shape[1]
-    gaps = find_spans(~bearing)
+    # Long gaps, and contacts that begin again, are events, too.
+    carries = bearing.reshape(events.shape)
+    gaps = find_spans(~carries)
     long = (gaps.start == 0) | (gaps.stop - gaps.start > longest[gaps.run])
     events[gaps.run[long], gaps.start[long]] = _SEPARATED
     again = long & (gaps.stop < steps)
     _begin_contact(events, gaps.run[again], gaps.stop[again])
     if steps:
-        first = np.flatnonzero(bearing[:, 0])
+        first = np.flatnonzero(carries[:, 0])
         _begin_contact(events, first, np.zeros_like(first))
+    # At each sample, the last event at or before it; 0 is no event.
+    step = np.arange(1, steps + 1, dtype=np.int32) * 4
+    dated = np.where(events == 0, 0, step + events)
+    held = (np.maximum.accumulate(dated, axis=1) & 3).astype(np.int8)
+    held[held == _SEPARATED] = NO_CONTACT
+    return held.reshape(bearing.shape)
 
 
 def _begin_contact(events: Modes, run: Rows, step: Rows) -> None:

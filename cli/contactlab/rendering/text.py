@@ -92,8 +92,7 @@ def _block_lines(block: Block, width: int, paint: Paint) -> Iterator[str]:
 def _fact_lines(facts: Facts, width: int) -> Iterator[str]:
     colon = ":" if facts.colon else ""
     names = [in_one_line(f"{name}{colon}" if name else "") for name, _ in facts.entries]
-    gap = 1 if facts.colon else 2
-    most_indent = 30  # of texts after a name
+    gap, most_indent = 1 if facts.colon else 2, 30
     indent = min(max(map(len, names), default=0) + gap, most_indent)
     for name, (_, text) in zip(names, facts.entries, strict=True):
         first = f"{name:{indent - gap}}{' ' * gap}"

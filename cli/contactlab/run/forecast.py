@@ -36,7 +36,6 @@ from contactlab.schema.store_reports import PlannedAxis, SweepForecast
 
 # Above this product of step and natural frequency, contacts gain energy under the Euler family.
 _MAX_STEP_RATE = 0.8
-_MAX_CACHED = 1 << 12
 
 
 @dataclass
@@ -63,7 +62,9 @@ def forecast_sweep(request: SweepRequest) -> SweepForecast:
     index = RunIndex(plan, scene)
     sums, sweep = _sum_runs(index), plan.sweep
     cost = None
-    if sums.sampled and not (_runs_code(scene) and not request.allow_code):
+    # Runs execute the code of a policy or of an environment.
+    executes = isinstance(scene.drive.drive, PolicyDrive) or scene.source.environment is not None
+    if sums.sampled and (request.allow_code or not executes):
         cost = sample_cost(request, index, sums.sampled)
     accuracy = timing = 0.0
     if sweep.accuracy or sweep.timing:
@@ -133,10 +134,9 @@ def forecast_sweep(request: SweepRequest) -> SweepForecast:
         trace=sweep.trace,
         trace_format=sweep.trace_format,
         warnings=(
-            *_forecast_warnings(plan, len(index), sums),
+            *_forecast_warnings(plan, scene, len(index), sums),
             *([] if scene.source.environment else _overlap_warnings(scene, sums.sampled)),
             *question_units(plan.axes, scene),
-            *_unmonitored_warnings(scene, sums.sampled),
             *(
                 f"{share}: {describe_met_advisory(each)}"
                 for each, share in find_sweep_advisories(index, scene)
@@ -198,12 +198,7 @@ def _step_cost(scene: Scene, resolved: RunSpec) -> float:
     return engine_of(resolved).seconds_per_step(first_steps)
 
 
-def _runs_code(scene: Scene) -> bool:
-    """Return whether runs of a scene execute the code of a policy or of an environment."""
-    return isinstance(scene.drive.drive, PolicyDrive) or scene.source.environment is not None
-
-
-def _forecast_warnings(plan: Plan, runs: int, sums: _RunSums) -> Iterator[str]:
+def _forecast_warnings(plan: Plan, scene: Scene, runs: int, sums: _RunSums) -> Iterator[str]:
     yield from (warning.message for warning in plan.warnings)
     if plan.count > runs:
         yield f"{plan.count - runs:,} runs are equal to others and run only once"
@@ -222,6 +217,15 @@ def _forecast_warnings(plan: Plan, runs: int, sums: _RunSums) -> Iterator[str]:
             f"in {sums.late:,} of {runs:,} runs a timestep is longer than the period of the "
             "policy, so they end as `invalid`: lower its rate or the timestep, or exclude them"
         )
+    if sums.sampled and not (scene.source.manifest and scene.source.manifest.pairs):
+        base = scene.base(sums.sampled[0].structure)
+        count, monitored = len(geom_pairs(touch_mask(base.model))), len(base.pairs)
+        if count > monitored:
+            yield (
+                f"{monitored} of {count} pairs of geoms that can touch are monitored, the "
+                "likeliest: no label judges the others and no axis changes them; list `pairs` in "
+                "the scene's manifest to choose, and see ungraded_contacts of the runs"
+            )
 
 
 def _join_names(names: Iterable[str]) -> str:
@@ -253,19 +257,6 @@ def _overlap_warnings(scene: Scene, sampled: Sequence[RunSpec]) -> Iterator[str]
         yield (
             f"in {len(found)} of {len(chosen)} tried starts bodies begin deep inside each other, "
             f"{max(found)[1]}: choose another `keyframe`, or a height"
-        )
-
-
-def _unmonitored_warnings(scene: Scene, sampled: Sequence[RunSpec]) -> Iterator[str]:
-    if not sampled or (scene.source.manifest and scene.source.manifest.pairs):
-        return
-    base = scene.base(sampled[0].structure)
-    count, monitored = len(geom_pairs(touch_mask(base.model))), len(base.pairs)
-    if count > monitored:
-        yield (
-            f"{monitored} of {count} pairs of geoms that can touch are monitored, the likeliest: "
-            "no label judges the others and no axis changes them; list `pairs` in the scene's "
-            "manifest to choose, and see ungraded_contacts of the runs"
         )
 
 
@@ -306,6 +297,6 @@ def is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, float | int) and not isinstance(value, bool)
 
 
-@lru_cache(_MAX_CACHED)
+@lru_cache(1 << 12)
 def _contact_frequency(solref: tuple[float, ...]) -> float:
     return float(stiffness_damping(solref)[0]) ** 0.5

@@ -22,8 +22,33 @@ def commit_of(folder: Path) -> str | None:
     """
     for parent in (folder, *folder.parents):
         repository = _find_repository(parent / ".git")
-        if repository is not None and (head := _read_line(repository / "HEAD", repository)):
-            return _resolve_head(head, repository)
+        line = None if repository is None else _read_line(repository / "HEAD", repository)
+        if repository is not None and line:
+            break
+    else:
+        return None
+    # A linked worktree has a HEAD of its own and shares the references of its main one.
+    shared = _read_line(repository / "commondir", repository)
+    common = (repository / shared).resolve() if shared else repository
+    if not (common / "objects").is_dir():
+        return None
+    # References that name another one in a row, as in git itself.
+    for _ in range(5):
+        if _COMMIT.fullmatch(line):
+            return line
+        if (reference := _REFERENCE.fullmatch(line)) is None:
+            return None
+        name = reference[1]
+        loose = _read_line(repository / name, repository) or _read_line(common / name, common)
+        if loose:
+            line = loose
+            continue
+        # A file of a million packed references [bytes].
+        packed = _read_text(common / "packed-refs", common, 1 << 26) or ""
+        found = re.search(rf"^([0-9a-f]+) {re.escape(name)}$", packed, re.MULTILINE)
+        if found is None:
+            return None
+        line = found[1]
     return None
 
 
@@ -35,35 +60,6 @@ def _find_repository(place: Path) -> Path | None:
     if line is None or not line.startswith("gitdir:"):
         return None
     return (place.parent / line.removeprefix("gitdir:").strip()).resolve()
-
-
-def _resolve_head(line: str, repository: Path) -> str | None:
-    """Return the commit that the content of a HEAD leads to."""
-    # A linked worktree has a HEAD of its own and shares the references of its main one.
-    shared = _read_line(repository / "commondir", repository)
-    common = (repository / shared).resolve() if shared else repository
-    if not (common / "objects").is_dir():
-        return None
-    # References that name another one in a row, as in git itself.
-    for _ in range(5):
-        if _COMMIT.fullmatch(line):
-            return line
-        if (found := _REFERENCE.fullmatch(line)) is None:
-            return None
-        name = found[1]
-        loose = _read_line(repository / name, repository) or _read_line(common / name, common)
-        following = loose or _packed_commit(common, name)
-        if following is None:
-            return None
-        line = following
-    return None
-
-
-def _packed_commit(common: Path, name: str) -> str | None:
-    # A file of a million packed references [bytes].
-    text = _read_text(common / "packed-refs", common, 1 << 26) or ""
-    found = re.search(rf"^([0-9a-f]+) {re.escape(name)}$", text, re.MULTILINE)
-    return found[1] if found else None
 
 
 def _read_line(path: Path, within: Path) -> str | None:

@@ -45,7 +45,6 @@ def merge_stores(
     if target in places:
         raise OutputError(f"{target} is one of the shards; name another place with -o")
     stores, lacking = _open_stores(places, may_lack=may_lack)
-    _check_same_sweep(stores)
     runs = _count_runs(stores)
     # All runs together are the whole sweep, or a part of it.
     sweep = stores[0].manifest.sweep
@@ -101,7 +100,10 @@ def merge_stores(
 
 
 def _open_stores(places: Sequence[Address], *, may_lack: bool) -> tuple[list[Store], list[str]]:
-    """Return the stores in the order of their first runs, and the reasons for omitted ones."""
+    """Return the stores in the order of their first runs, and the reasons for omitted ones.
+
+    Raises a StoreError if two are of different sweeps.
+    """
     stores, lacking = list[Store](), list[str]()
     for place in places:
         try:
@@ -121,10 +123,7 @@ def _open_stores(places: Sequence[Address], *, may_lack: bool) -> tuple[list[Sto
         stores.append(store)
     if not stores:
         raise StoreError(f"no finished store to merge: {'; '.join(lacking)}")
-    return sorted(stores, key=lambda store: store.columns.numbers("index").values[0]), lacking
-
-
-def _check_same_sweep(stores: Sequence[Store]) -> None:
+    stores.sort(key=lambda store: store.columns.numbers("index").values[0])
     first = stores[most_common([store.manifest.sweep for store in stores])]
     for other in stores:
         ours, theirs = first.manifest, other.manifest
@@ -137,6 +136,7 @@ def _check_same_sweep(stores: Sequence[Store]) -> None:
             raise StoreError(
                 f"{other.address} and {first.address} have different files of the scene"
             )
+    return stores, lacking
 
 
 def _scene_files(manifest: StoreManifest) -> dict[str, str]:

@@ -126,10 +126,35 @@ def _measure_times(
     keys = {run.run_id: _axes_key(run) if request.contenders else run.run_id for run in able}
     firsts = {keys[run.run_id]: run.run_id for run in reversed(able)}
     timed = set(firsts.values())
-    runs = [run for run in able if run.run_id in timed]
-    jobs = list(pack_jobs(runs, len(runs), session.scene, session.executor.workers))
+    planned = [run for run in able if run.run_id in timed]
+    jobs = list(pack_jobs(planned, len(planned), session.scene, session.executor.workers))
     work = results_of_pass(session, "work", jobs)
-    taken = _timed_runs(session, request, runs, work, errors)
+
+    # All runs are timed together, or none again.
+    planned = [run for run in planned if work.get(run.run_id)]
+    runs, turns = _by_id(planned), request.rounds * len(planned)
+    taken = notes_by_run(session.store.read_notes(), "times")
+    if runs.keys() <= taken.keys():
+        session.begin(turns, turns)
+    else:
+        session.begin(turns, 0)
+        backend = backend_at(session.task.store, OutputError)
+        controls = {
+            run.run_id: read_controls(backend, run.controls) for run in planned if run.controls
+        }
+        groups, select = [(run_id,) for run_id in runs], lambda _: groups
+        if request.contenders:
+            select = _Contenders(session, planned, errors)
+            groups = select.groups
+        turn = note_result("times", "", {})
+        timer = InterleavedTimer(session.scene, request.rounds, controls)
+        found = timer.times(
+            runs, work, groups, select, lambda count: session.progress([turn] * count)
+        )
+        session.store.write_notes(
+            [note_result("times", run_id, samples).row for run_id, samples in found]
+        )
+        taken = notes_by_run(session.store.read_notes(), "times")
     times = {run_id: taken[firsts[key]] for run_id, key in keys.items() if firsts[key] in taken}
     return run_timings(_by_id(session.planned), request, work, times)
 
@@ -157,36 +182,6 @@ def results_of_pass(
         session.store.write_notes([one.row for one in each])
         session.progress(each)
     return notes_by_run(session.store.read_notes(), purpose)
-
-
-def _timed_runs(
-    session: SweepSession,
-    request: TimingRequest,
-    planned: Sequence[RunSpec],
-    work: Mapping[str, Note],
-    errors: Mapping[str, Row],
-) -> dict[str, Note]:
-    """Return the times of all runs, which are measured together or not at all."""
-    times = notes_by_run(session.store.read_notes(), "times")
-    planned = [run for run in planned if work.get(run.run_id)]
-    runs, backend = _by_id(planned), backend_at(session.task.store, OutputError)
-    controls = {run.run_id: read_controls(backend, run.controls) for run in planned if run.controls}
-    turns = request.rounds * len(runs)
-    if runs.keys() <= times.keys():
-        session.begin(turns, turns)
-        return times
-    session.begin(turns, 0)
-    groups, select = [(run_id,) for run_id in runs], lambda _: groups
-    if request.contenders:
-        select = _Contenders(session, planned, errors)
-        groups = select.groups
-    turn = note_result("times", "", {})
-    timer = InterleavedTimer(session.scene, request.rounds, controls)
-    found = timer.times(runs, work, groups, select, lambda count: session.progress([turn] * count))
-    session.store.write_notes(
-        [note_result("times", run_id, samples).row for run_id, samples in found]
-    )
-    return notes_by_run(session.store.read_notes(), "times")
 
 
 class _Contenders:

@@ -101,14 +101,14 @@ def _differing_verdicts(alike: RowGroups, scene: Scene, plan: Plan) -> Iterator[
         found = said["expected"] and tuple(said["expected"])
         if verdict != (found, said["expectation_met"], said["expectation_reason"]):
             yield f"run {run}: its stored verdict contradicts the expectations of the sweep"
-        within = within_tolerances(plan.sweep.tolerances, _without_missing_errors(numbers))
+        # Errors count only if the run has any.
+        errors = numbers.keys() & Accuracy.model_fields.keys()
+        lacks_errors = all(numbers[name] is None for name in errors)
+        compared = {
+            name: number
+            for name, number in numbers.items()
+            if not (lacks_errors and name in errors)
+        }
+        within = within_tolerances(plan.sweep.tolerances, compared)
         if within != said["tolerances_met"]:
             yield f"run {run}: tolerances_met contradicts its metrics"
-
-
-def _without_missing_errors(numbers: Mapping[str, float | None]) -> Mapping[str, float | None]:
-    """Return the measured values of a run, without errors if it has none of them."""
-    errors = numbers.keys() & Accuracy.model_fields.keys()
-    if any(numbers[name] is not None for name in errors):
-        return numbers
-    return {name: number for name, number in numbers.items() if name not in errors}

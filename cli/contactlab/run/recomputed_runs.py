@@ -218,7 +218,11 @@ def simulate_again(store: Store, count: int, *, allow_code: bool = False) -> Res
     played = bool(scene.source.environment)
     order = random.sample(range(columns.runs), columns.runs)
     with TemporaryDirectory() as folder, step_count("runs", found.asked) as again:
-        worker = _make_worker(store, Path(folder))
+        identity = store.manifest.sweep
+        sweep = stored_sweep(identity).model_copy(update={"trace": "all"})
+        provenance, plugins = find_provenance(), loaded_plugins()
+        task = Task(sweep, (), identity, Path(folder), store.scene_folder, provenance, plugins)
+        worker = Worker(task, None)
         for row in order:
             if found.simulated >= found.asked:
                 break
@@ -242,13 +246,6 @@ def simulate_again(store: Store, count: int, *, allow_code: bool = False) -> Res
             found.problems += _differing_fields(store, scene, worker, record, stored)
     found.add_shortage()
     return found
-
-
-def _make_worker(store: Store, folder: Path) -> Worker:
-    identity = store.manifest.sweep
-    sweep = stored_sweep(identity).model_copy(update={"trace": "all"})
-    provenance, plugins = find_provenance(), loaded_plugins()
-    return Worker(Task(sweep, (), identity, folder, store.scene_folder, provenance, plugins), None)
 
 
 # Fields that depend on the sweep's expectations, which `recomputed_rows` judges again.

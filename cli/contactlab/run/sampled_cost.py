@@ -43,14 +43,21 @@ def sample_cost(request: SweepRequest, index: RunIndex, runs: Sequence[RunSpec])
     """
     runs = [replace(run, run_id=f"{place:016x}", index=place) for place, run in enumerate(runs)]
     with TemporaryDirectory() as folder:
-        first = _shorten_runs([runs[0]], _WARM_UP_STEPS)
+        worker = _open_worker(request, index, Path(folder) / "own")
+        _record_jobs(worker, request, _shorten_runs([runs[0]], _WARM_UP_STEPS))
         trial_steps = 500  # of one run, to find how many steps can be sampled
         trial = _shorten_runs([runs[0]], trial_steps)
-        worker = _open_worker(request, index, Path(folder) / "own")
-        _record_jobs(worker, request, first)
         ((seconds, steps),) = _record_jobs(worker, request, trial)
+        # Runs are chosen evenly, since costs differ between settings, and shortened if needed.
         sample_cpu_seconds = 2.0  # about as long as a person waits for a plan
-        chosen = _affordable_runs(runs, sample_cpu_seconds * steps / max(seconds, 1e-9))
+        most_steps = sample_cpu_seconds * steps / max(seconds, 1e-9)
+        share = min(1.0, most_steps / sum(run.steps for run in runs))
+        fewest_runs = 4  # settings differ between runs, so fewer tell nothing of the others
+        count = min(len(runs), max(fewest_runs, round(share * len(runs))))
+        places = np.linspace(0, len(runs) - 1, count).round().astype(int)
+        chosen = _shorten_runs(
+            [runs[place] for place in places], max(_WARM_UP_STEPS, int(most_steps / count))
+        )
         seconds, steps = np.sum(_record_jobs(worker, request, chosen), axis=0).tolist()
         forms, share = dict[str, float](), 0.0
         if request.plan.sweep.checks != "none":
@@ -70,15 +77,6 @@ def _shorten_runs(runs: Sequence[RunSpec], most_steps: int) -> list[RunSpec]:
         replace(run, duration=run.timestep * most_steps) if run.steps > most_steps else run
         for run in runs
     ]
-
-
-def _affordable_runs(runs: Sequence[RunSpec], most_steps: float) -> list[RunSpec]:
-    # Runs are chosen evenly, since costs differ between settings, and shortened if needed.
-    share = min(1.0, most_steps / sum(run.steps for run in runs))
-    fewest_runs = 4  # settings differ between runs, so fewer tell nothing of the others
-    count = min(len(runs), max(fewest_runs, round(share * len(runs))))
-    chosen = [runs[place] for place in np.linspace(0, len(runs) - 1, count).round().astype(int)]
-    return _shorten_runs(chosen, max(_WARM_UP_STEPS, int(most_steps / count)))
 
 
 def _record_jobs(

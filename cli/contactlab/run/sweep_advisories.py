@@ -1,7 +1,6 @@
 """Advisories that the models of a sweep meet under their engines."""
 
 from collections import Counter
-from collections.abc import Iterator
 
 from contactlab.advisories.met_advisories import (
     InstalledEngine,
@@ -9,7 +8,6 @@ from contactlab.advisories.met_advisories import (
 )
 from contactlab.engines import engine_of
 from contactlab.run.planned_runs import RunIndex
-from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.schema.advisory import Advisory
 
@@ -20,7 +18,13 @@ def find_sweep_advisories(index: RunIndex, scene: Scene) -> tuple[tuple[Advisory
     If a sweep has many models, some are examined, evenly spread over it.
     """
     counts, found, models = Counter[str](), dict[str, Advisory](), 0
-    for run in _spread_runs(index):
+    most_models = 64  # each takes about a millisecond
+    last = None
+    for run in index.select_shard(1, -(-len(index) // most_models)).iterate_runs():
+        # Runs of one model meet the same advisories, so one of them is enough.
+        if run.is_sibling(last):
+            continue
+        last = run
         engine = engine_of(run)
         model = scene.base_of(run).prepare(run.edits()).model
         installed = InstalledEngine(engine.name, engine.version)
@@ -29,14 +33,3 @@ def find_sweep_advisories(index: RunIndex, scene: Scene) -> tuple[tuple[Advisory
         counts.update(each.id for each in met)
         models += 1
     return tuple((found[name], f"{counts[name]} of {models} models") for name in sorted(found))
-
-
-def _spread_runs(index: RunIndex) -> Iterator[RunSpec]:
-    # Runs of one model meet the same advisories, so one of them is enough.
-    last = None
-    # Models of a sweep that are examined, evenly spread: each takes about a millisecond.
-    most_models = 64
-    for run in index.select_shard(1, -(-len(index) // most_models)).iterate_runs():
-        if not run.is_sibling(last):
-            last = run
-            yield run

@@ -84,24 +84,20 @@ def read_request(  # noqa: PLR0913 - one argument an option
     read = read_sweep(source, partial(scenes.vocabulary, lenient=partly), options)
     scene, plan = scenes.for_sweep(read)
     plan, reasons = supported_plan(plan)
+    written = [f"--set {assignment}" for assignment in options.assign]
+    written += [f"--where {condition}" for condition in options.where]
+    written += [] if options.limit is None else [f"--limit {options.limit}"]
+    written += [] if drive is None else [f"--drive {drive_text(drive)}"]
     return SweepRequest(
         plan=plan,
         scene=scene,
         name=name,
         source=read.text,
-        overrides=_override_options(options, drive),
+        overrides=tuple(written),
         store=store,
         workers=workers,
         left_out=reasons,
     )
-
-
-def _override_options(overrides: Overrides, drive: Drive | None) -> tuple[str, ...]:
-    options = [f"--set {assignment}" for assignment in overrides.assign]
-    options += [f"--where {condition}" for condition in overrides.where]
-    options += [] if overrides.limit is None else [f"--limit {overrides.limit}"]
-    options += [] if drive is None else [f"--drive {drive_text(drive)}"]
-    return tuple(options)
 
 
 def supported_plan(plan: Plan) -> tuple[Plan, tuple[str, ...]]:

@@ -94,7 +94,11 @@ def run_sweep(
     if kept is not request:
         _LOG.info("the files of the scene are written differently; runs use the store's copy")
         request, index = kept, RunIndex(kept.plan, kept.scene)
-    columns = _table_columns(request, index)
+    # Columns of axes are typed by their values; an environment adds some of its own.
+    firsts, own = index.firsts.values(), request.scene.source.environment
+    names = dict.fromkeys(chain.from_iterable(run.axes for run in firsts))
+    axes = [_axis_column(request, name) for name in names]
+    columns = [*axes, *measured_columns(firsts, names), *(own.columns if own else ())]
     identity = identity_of(request, index)
     if request.shard:
         index, identity = shard_of_sweep(request.shard, request.plan.sweep, index, identity)
@@ -121,7 +125,8 @@ def run_sweep(
         if chosen := chosen_runs(request.plan, index, request.choose):
             session, identity = _run_chosen(session, chosen)
         else:
-            _run_remaining(session)
+            session.begin(len(index), index.count_done(store.done))
+            _run_missing(session)
         values, added = run_passes(session)
         columns += added
         shared = shared_fields(identity)
@@ -202,11 +207,6 @@ def _repeat_some(session: SweepSession) -> tuple[str, ...]:
     return found
 
 
-def _run_remaining(session: SweepSession) -> None:
-    session.begin(len(session.index), session.index.count_done(session.store.done))
-    _run_missing(session)
-
-
 def _run_missing(session: SweepSession) -> None:
     index, store, executor = session.index, session.store, session.executor
     done = index.count_done(store.done)
@@ -252,13 +252,17 @@ def identity_of(request: SweepRequest, index: RunIndex) -> SweepIdentity:
     engines = {run.engine: engine_of(run) for run in index.firsts.values()}.values()
     lacking = [used.null_fields(driven=timed).items() for used in engines]
     lacking += [own.missing_fields(sweep).items()] if (own := scene.source.environment) else []
-    name = request.name
+    # The first baseline row of the grid, with the first seed.
+    baseline = [
+        scene.run_id(scene.resolve(row, sweep.seed_values[0], sweep.duration))
+        for row in request.plan.grid.baseline_rows[:1]
+    ]
     identity = SweepIdentity(
-        **identity_fields(name, scene, sweep),
+        **identity_fields(request.name, scene, sweep),
         source=request.source,
         overrides=request.overrides,
         runs_asked=len(index),
-        baseline=_baseline_id(request),
+        baseline=baseline[0] if baseline else None,
         lacking=dict(chain.from_iterable(lacking)),
         plan_hash=index.hash,
     )
@@ -291,21 +295,6 @@ def identity_fields(name: str, scene: Scene, sweep: Sweep) -> dict[str, Any]:
             for plugin in loaded_plugins()
         ),
     }
-
-
-def _baseline_id(request: SweepRequest) -> str | None:
-    scene, sweep = request.scene, request.plan.sweep
-    for row in request.plan.grid.baseline_rows[:1]:
-        return scene.run_id(scene.resolve(row, sweep.seed_values[0], sweep.duration))
-    return None
-
-
-def _table_columns(request: SweepRequest, index: RunIndex) -> list[Column]:
-    """Return the columns of axes, typed by their values, of metrics, settings and effects."""
-    firsts, own = index.firsts.values(), request.scene.source.environment
-    names = dict.fromkeys(chain.from_iterable(run.axes for run in firsts))
-    axes = [_axis_column(request, name) for name in names]
-    return [*axes, *measured_columns(firsts, names), *(own.columns if own else ())]
 
 
 def measured_columns(runs: Iterable[RunSpec], axes: Iterable[str] = ()) -> list[Column]:
@@ -352,17 +341,15 @@ def run_all_jobs(
             if not isinstance(result, Crashed):
                 yield result
             elif crashes == max_crashes_alone or (crashes and result.timed_out):
+                (run,), reason = result.job, result.reason
+                reason = f"over {task.sweep.timeout:g} s: {reason}" if result.timed_out else reason
+                label = "timeout" if result.timed_out else "crashed"
                 recorder = recorder or Worker(task, None)
-                yield [_record_crash(task, recorder, result)]
+                yield [
+                    recorder.record_crash(run, LabelEntry(label=label, reason=reason, step=None))
+                ]
             else:
                 crashed.append(result.job)
         if not crashed:
             return
         jobs = [(run,) for job in crashed for run in job]
-
-
-def _record_crash(task: Task, recorder: Worker, crash: Crashed) -> Finished:
-    (run,) = crash.job
-    label = "timeout" if crash.timed_out else "crashed"
-    reason = f"over {task.sweep.timeout:g} s: {crash.reason}" if crash.timed_out else crash.reason
-    return recorder.record_crash(run, LabelEntry(label=label, reason=reason, step=None))

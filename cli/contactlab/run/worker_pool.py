@@ -192,10 +192,17 @@ def receive_result(worker: WorkerHandle) -> Result:
         worker.pipe.close()
         marker = worker.marker
         traceback = marker.read_text(encoding="utf-8") if marker.is_file() else ""
-        timed_out = bool(traceback) or worker.process.exitcode == -signal.SIGALRM
-        halted = worker.halted >= _MAX_HALTED_CHECKS
-        reason = _HALTED_REASON if halted else _death_reason(worker.process.exitcode, traceback)
-        return Crashed(job, reason, timed_out)
+        code = worker.process.exitcode
+        if worker.halted >= _MAX_HALTED_CHECKS:
+            reason = _HALTED_REASON
+        elif traceback:
+            most_lines = 6  # the innermost calls; a log has all
+            reason = " / ".join(line.strip() for line in traceback.splitlines()[:most_lines])
+        elif code is not None and code < 0:
+            reason = f"the worker was ended by {signal.Signals(-code).name}"
+        else:
+            reason = f"the worker exited with code {code}"
+        return Crashed(job, reason, bool(traceback) or code == -signal.SIGALRM)
     if isinstance(received, Exception):
         raise received
     return received
@@ -209,15 +216,6 @@ def close(workers: Collection[WorkerHandle]) -> None:
             worker.process.kill()
         for worker in workers:
             worker.process.join()
-
-
-def _death_reason(exitcode: int | None, traceback: str) -> str:
-    if traceback:
-        max_traceback_lines = 6  # the innermost calls; the whole text goes into a log
-        return " / ".join(line.strip() for line in traceback.splitlines()[:max_traceback_lines])
-    if exitcode is not None and exitcode < 0:
-        return f"the worker was ended by {signal.Signals(-exitcode).name}"
-    return f"the worker exited with code {exitcode}"
 
 
 def _serve_jobs(task: Task, pipe: Connection, marker: Path, environment: dict[str, str]) -> None:

@@ -36,9 +36,6 @@ LIGHTEST, DENSEST = 50.0, 20000.0
 """Densities [kg/m^3] from foam and hollow shells to osmium, rounded."""
 
 
-_SLACK = 2.0  # rms distances may exceed those that fit into a shape by this factor
-
-
 def in_words(faults: Iterable[InertiaFault]) -> Iterator[str]:
     """Yield faults in words; bodies beyond the same limit are listed by name after the first."""
     alike: dict[tuple[str, float], list[InertiaFault]] = {}
@@ -80,38 +77,30 @@ def shape_faults(model: mujoco.MjModel, body: int) -> Iterator[InertiaFault]:
         spans = _find_extents(model, body, axes)
         lengths = np.ptp(spans, axis=1)
         length = float(lengths.max())
-        yield from _find_outside(name, spans, axes.T @ model.body_ipos[body])
+
+        # Shapes are simplified, so a center of mass may lie outside of them by a share of them.
+        most_outside = 0.05
+        places = axes.T @ model.body_ipos[body]
+        distances = np.maximum(spans[:, 0] - places, places - spans[:, 1])
+        worst = int(np.argmax(distances))
+        beyond, allowed = float(distances[worst]), float(most_outside * np.ptp(spans[worst]))
+        if beyond > allowed:
+            reason = f"its center of mass lies {beyond:.3g} m outside its geoms"
+            yield InertiaFault(name, "outside", beyond, allowed, "m", reason)
+
+        slack = 2.0  # rms distances may exceed those that fit into a shape by this factor
         worst = int(np.argmax(spreads / lengths))
-        if spreads[worst] > _SLACK * lengths[worst] / 2:
-            yield _too_large(name, float(spreads[worst]), float(lengths[worst]))
-    yield from _too_small(name, mass, float(np.sqrt((spreads**2).sum())), length)
+        widest, fits = float(spreads[worst]), float(lengths[worst]) / 2
+        if spreads[worst] > slack * lengths[worst] / 2:
+            reason = (
+                f"its inertia puts its mass {widest:.3g} m (rms) from its center along an axis on "
+                f"which its geoms are {lengths[worst]:.3g} m long, where at most {fits:.3g} m "
+                "would fit"
+            )
+            limit = slack * float(lengths[worst]) / 2
+            yield InertiaFault(name, "too_large", widest, limit, "m", reason)
 
-
-def _body_mass(model: mujoco.MjModel, body: int) -> float:
-    return float(model.body_mass[body])
-
-
-def _find_outside(name: str, spans: Floats, places: Floats) -> Iterator[InertiaFault]:
-    """Yield a fault if a center of mass, at (3,) along axes, is outside spans (3, 2)."""
-    distances = np.maximum(spans[:, 0] - places, places - spans[:, 1])
-    worst = int(np.argmax(distances))
-    # Shapes are simplified, so both bounds are generous.
-    most_outside = 0.05  # a center of mass may lie outside of a shape by this share of its length
-    beyond, allowed = float(distances[worst]), float(most_outside * np.ptp(spans[worst]))
-    if beyond > allowed:
-        reason = f"its center of mass lies {beyond:.3g} m outside its geoms"
-        yield InertiaFault(name, "outside", beyond, allowed, "m", reason)
-
-
-def _too_large(name: str, spread: float, length: float) -> InertiaFault:
-    reason = (
-        f"its inertia puts its mass {spread:.3g} m (rms) from its center along an axis on which "
-        f"its geoms are {length:.3g} m long, where at most {length / 2:.3g} m would fit"
-    )
-    return InertiaFault(name, "too_large", spread, _SLACK * length / 2, "m", reason)
-
-
-def _too_small(name: str, mass: float, spread: float, length: float) -> Iterator[InertiaFault]:
+    spread = float(np.sqrt((spreads**2).sum()))
     ball = math.sqrt(3 / 5) * (3 * mass / (4 * math.pi * DENSEST)) ** (1 / 3)
     # Smallest rms distance over length; 0.29 for a uniform rod, and 1/10 for any real body.
     least_spread = 1 / 30
@@ -124,6 +113,10 @@ def _too_small(name: str, mass: float, spread: float, length: float) -> Iterator
             else f"its geoms are {length:.3g} m long"
         )
         yield InertiaFault(name, "too_small", spread, limit, "m", reason)
+
+
+def _body_mass(model: mujoco.MjModel, body: int) -> float:
+    return float(model.body_mass[body])
 
 
 def scene_inertia_faults(

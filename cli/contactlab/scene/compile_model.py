@@ -17,7 +17,7 @@ from typing import Any, Literal
 
 import mujoco
 import numpy as np
-from mujoco._specs import MjsBody, MjsSensor
+from mujoco._specs import MjsSensor
 
 from contactlab.contact.trace_arrays import SLOT_WIDTH, Floats
 from contactlab.errors import ModelWarning, SceneError
@@ -363,7 +363,14 @@ def compile_error(model: Path, tried: Path, error: Exception) -> SceneError:
     lines = str(error).strip().replace(str(tried), str(model)).splitlines()
     lines = lines or ["MuJoCo gives no reason"]
     place = "".join(f":{found[1]}" for found in [_LINE.search(str(error))] if found)
-    hints = list(_missing_file_hints(lines[0], model))
+    hints = list[str]()
+    if "opening file" in lines[0]:
+        # The first missing file, and where MuJoCo expects it.
+        for path in (reference.path for reference in FileSearch().references(model)):
+            if not path.is_file() and f"{path.name}'" in lines[0]:
+                hints.append(f"it was expected at {path}; put it there, or say where it is:")
+                hints.append(_FOLDER_HINT[model.suffix == ".urdf"])
+                break
     if "inertia" in lines[0] and "XML Error" not in lines[0]:
         # MuJoCo gives no access to a specification that it failed to compile.
         with suppress(*COMPILE_ERRORS):
@@ -378,17 +385,6 @@ def compile_error(model: Path, tried: Path, error: Exception) -> SceneError:
             [f"{model}{place}: does not compile", *explain_compile_error(lines, model), *hints]
         )
     )
-
-
-def _missing_file_hints(message: str, model: Path) -> Iterator[str]:
-    """Yield the path where MuJoCo expected a file that it cannot open."""
-    if "opening file" not in message:
-        return
-    for path in (reference.path for reference in FileSearch().references(model)):
-        if not path.is_file() and f"{path.name}'" in message:
-            yield f"it was expected at {path}; put it there, or say where it is:"
-            yield _FOLDER_HINT[model.suffix == ".urdf"]
-            return
 
 
 Kind = Literal[
@@ -423,22 +419,22 @@ def written_inertia_faults(spec: mujoco.MjSpec) -> Iterator[InertiaFault]:
             continue
         name = body.name or f"body {body.id}"
         mass = max(float(body.mass), compiler.boundmass or -np.inf)
-        moments = np.maximum(_principal_moments(body), compiler.boundinertia or -np.inf)
+        xx, yy, zz, xy, xz, yz = (float(entry) for entry in body.fullinertia)
+        tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        # The first number is NaN if diaginertia gives the moments.
+        if np.isnan(xx):
+            moments = np.array(body.inertia, np.float64)
+        elif np.isfinite(tensor).all():
+            moments = np.linalg.eigvalsh(tensor)
+        else:
+            moments = np.full(3, np.nan)
+        moments = np.maximum(moments, compiler.boundinertia or -np.inf)
         # A body fixed to another may have no inertia of its own, but not a negative one.
         lower = mujoco.mjMINVAL if alone else -np.finfo(float).tiny
         if not np.min([mass, *moments]) > lower:
             yield nonpositive_inertia_fault(name, mass, moments)
         elif not satisfies_triangle(moments):
             yield triangle_inertia_fault(name, moments, balanced=bool(compiler.balanceinertia))
-
-
-def _principal_moments(body: MjsBody) -> Floats:
-    xx, yy, zz, xy, xz, yz = (float(entry) for entry in body.fullinertia)
-    # The first number is NaN if diaginertia gives the moments.
-    if np.isnan(xx):
-        return np.array(body.inertia, np.float64)
-    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    return np.linalg.eigvalsh(tensor) if np.isfinite(tensor).all() else np.full(3, np.nan)
 
 
 def nonpositive_inertia_fault(name: str, mass: float, moments: Floats) -> InertiaFault:

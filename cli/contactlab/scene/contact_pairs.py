@@ -85,7 +85,10 @@ def entry_pairs(model: mujoco.MjModel, entry: PairEntry) -> list[MonitoredPair]:
     if [entry.bodies, entry.chain, entry.geoms].count(None) != 2:
         raise SceneError("an entry of pairs takes exactly one of geoms, bodies and chain")
     if entry.bodies is not None:
-        return [_body_pair(model, *entry.bodies, entry.slots)]
+        first, second = entry.bodies
+        sides = (_colliding_geoms(model, first), _colliding_geoms(model, second))
+        slots = entry.slots or _BODY_PAIR_SLOTS
+        return [MonitoredPair(f"{first}-{second}", (first, second), True, sides, slots)]
     names = [name_of(model, "geom", index) for index in range(model.ngeom)]
     chain = [name for part in entry.chain or () for name in match_names(names, part) or [part]]
     ids = [require_id(model, "geom", name) for name in chain or entry.geoms or ()]
@@ -96,15 +99,16 @@ def entry_pairs(model: mujoco.MjModel, entry: PairEntry) -> list[MonitoredPair]:
 
 def _geom_pair(model: mujoco.MjModel, first: int, second: int, slots: int | None) -> MonitoredPair:
     names = (name_of(model, "geom", first), name_of(model, "geom", second))
-    slots = slots or _geom_pair_slots(int(model.geom_type[first]), int(model.geom_type[second]))
+    shapes = {int(model.geom_type[first]), int(model.geom_type[second])}
+    # The most contacts of two such shapes.
+    if _GEOM_OBJECT.mjGEOM_HFIELD in shapes:
+        most = mujoco.mjMAXCONPAIR
+    elif _GEOM_OBJECT.mjGEOM_SPHERE in shapes:
+        most = 1
+    else:
+        most = 2 if _GEOM_OBJECT.mjGEOM_CAPSULE in shapes else 8
+    slots = slots or most
     return MonitoredPair("-".join(names), names, False, ((first,), (second,)), slots)
-
-
-def _body_pair(model: mujoco.MjModel, first: str, second: str, slots: int | None) -> MonitoredPair:
-    sides = (_colliding_geoms(model, first), _colliding_geoms(model, second))
-    return MonitoredPair(
-        f"{first}-{second}", (first, second), True, sides, slots or _BODY_PAIR_SLOTS
-    )
 
 
 def _colliding_geoms(model: mujoco.MjModel, name: str) -> tuple[int, ...]:
@@ -115,15 +119,6 @@ def _colliding_geoms(model: mujoco.MjModel, name: str) -> tuple[int, ...]:
     if not geoms:
         raise SceneError(f"body '{name}' has no geom that can collide")
     return tuple(geoms)
-
-
-def _geom_pair_slots(first: int, second: int) -> int:
-    shapes = {first, second}
-    if _GEOM_OBJECT.mjGEOM_HFIELD in shapes:
-        return mujoco.mjMAXCONPAIR
-    if _GEOM_OBJECT.mjGEOM_SPHERE in shapes:
-        return 1
-    return 2 if _GEOM_OBJECT.mjGEOM_CAPSULE in shapes else 8
 
 
 def colliding_geoms(touch: NDArray[np.bool_], pair: MonitoredPair) -> list[tuple[int, int]]:

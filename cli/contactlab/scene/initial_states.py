@@ -182,12 +182,20 @@ class InitialStateRule:
         """
         data = start_data(model, keyframe)
         own_values = manifest.initial if manifest else {}
+        formulas = tuple(
+            (
+                read_formula(text, f"initial value '{name}' sets {pattern}", own_values),
+                tuple(match_coordinates(model, pattern)),
+            )
+            for name, entry in own_values.items()
+            for pattern, text in entry.sets.items()
+        )
         poses = np.concatenate([data.mocap_pos.ravel(), data.mocap_quat.ravel()])
         fields = (data.qpos, data.qvel, data.act, data.ctrl, data.xfrc_applied.ravel(), poses)
         return cls(
             state=np.concatenate(fields),
             starts=part_starts(model),
-            formulas=tuple(_read_formulas(model, manifest)) if manifest else (),
+            formulas=formulas,
             profiles=read_control(model, manifest),
             perturbed=_perturbed_coordinates(model, manifest),
             quaternions=quaternion_indices(model),
@@ -310,19 +318,6 @@ def quaternion_indices(model: mujoco.MjModel) -> tuple[int, ...]:
     return tuple(
         start + _QUATERNION_OFFSETS[kind] for kind, start in joints if kind in _QUATERNION_OFFSETS
     )
-
-
-def _read_formulas(
-    model: mujoco.MjModel, manifest: SceneManifest
-) -> list[tuple[Expression, tuple[int, ...]]]:
-    formulas: list[tuple[Expression, tuple[int, ...]]] = []
-    for name, entry in manifest.initial.items():
-        for pattern, text in entry.sets.items():
-            expression = read_formula(
-                text, f"initial value '{name}' sets {pattern}", manifest.initial
-            )
-            formulas.append((expression, tuple(match_coordinates(model, pattern))))
-    return formulas
 
 
 def _perturbed_coordinates(

@@ -245,7 +245,9 @@ def edit_spec(spec: mujoco.MjSpec, edits: ModelEdits) -> None:
         _find_element(spec, "geom", name).type = PRIMITIVES[primitive]
     for name, place in edits.placed:
         _find_element(spec, "body", name).pos = place
-    _set_keyframe_positions(spec, edits.posed)
+    for name, qpos in edits.posed:
+        key = _elements_by_name(spec, "key").get(name) or spec.add_key(name=name)
+        key.qpos = qpos
     for name, count in edits.hulls.items():
         _find_element(spec, "mesh", name).maxhullvert = count
     for kind, names in (
@@ -263,15 +265,6 @@ def drop_textures(spec: mujoco.MjSpec) -> None:
         material.textures = [""] * len(material.textures)
     for texture in list(spec.textures):
         spec.delete(texture)
-
-
-def _set_keyframe_positions(
-    spec: mujoco.MjSpec, posed: Sequence[tuple[str, Sequence[float]]]
-) -> None:
-    """Set the positions of keyframes, and add keyframes that a specification lacks."""
-    for name, qpos in posed:
-        key = _elements_by_name(spec, "key").get(name) or spec.add_key(name=name)
-        key.qpos = qpos
 
 
 # Attributes with a name other than that of the field after its prefix.

@@ -259,6 +259,10 @@ def collect_files(model: Path, beside: Sequence[Path] = (), copy: Path | None = 
         root = common_folder({*files, *(_make_plain_path(reference.place) for reference in found)})
         # What a package is called is no part of the scene: names start where the files do.
         inner = common_folder(files)
+        digest = hashlib.sha256()
+        for name in sorted(path.relative_to(inner) for path in files):
+            data = (inner / name).read_bytes()
+            digest.update(f"{name.as_posix()}\0{len(data)}\0".encode() + data)
         return SceneFiles(
             root=root,
             model=model.relative_to(root),
@@ -273,7 +277,7 @@ def collect_files(model: Path, beside: Sequence[Path] = (), copy: Path | None = 
             },
             copied=copy is not None,
             absolute=any(reference.absolute for reference in found),
-            hash=_hash_files(inner, sorted(path.relative_to(inner) for path in files)),
+            hash=digest.hexdigest()[:16],
         )
     except OSError as error:
         raise SceneError(f"{error.filename or model}: {error.strerror}") from error
@@ -313,11 +317,3 @@ def _list_licence_files(files: Iterable[Path], root: Path) -> Iterator[Path]:
         for path in folder.iterdir():
             if _LICENCE.fullmatch(path.name) and path.is_file() and not path.is_symlink():
                 yield path
-
-
-def _hash_files(root: Path, names: Iterable[Path]) -> str:
-    digest = hashlib.sha256()
-    for name in names:
-        data = (root / name).read_bytes()
-        digest.update(f"{name.as_posix()}\0{len(data)}\0".encode() + data)
-    return digest.hexdigest()[:16]

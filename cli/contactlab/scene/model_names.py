@@ -168,8 +168,13 @@ def coordinate_indices(model: mujoco.MjModel) -> dict[str, int]:
     force [N] and torque [N m] at the body's center of mass, world frame; ACTUATOR.ctrl is a
     constant control.
     """
-    starts = part_starts(model)
-    return dict([*_input_coordinates(model, starts), *_joint_coordinates(model, starts)])
+    starts, found = part_starts(model), dict[str, int]()
+    for body in range(1, model.nbody):
+        for offset, part in enumerate(_FORCE_SUFFIXES):
+            found[name_of(model, "body", body) + part] = starts["applied"] + 6 * body + offset
+    for actuator in range(model.nu):
+        found[f"{name_of(model, 'actuator', actuator)}.ctrl"] = starts["ctrl"] + actuator
+    return found | dict(_joint_coordinates(model, starts))
 
 
 def mocap_coordinates(model: mujoco.MjModel) -> dict[str, int]:
@@ -230,16 +235,6 @@ def input_names(model: mujoco.MjModel, places: Sequence[int] = ()) -> list[str]:
     named = {place - first: name for name, place in coordinate_indices(model).items()}
     names = (named[place] for place in places or range(model.nu))
     return [name.removesuffix(".ctrl") for name in names]
-
-
-def _input_coordinates(
-    model: mujoco.MjModel, starts: Mapping[str, int]
-) -> Iterator[tuple[str, int]]:
-    for body in range(1, model.nbody):
-        for offset, part in enumerate(_FORCE_SUFFIXES):
-            yield name_of(model, "body", body) + part, starts["applied"] + 6 * body + offset
-    for actuator in range(model.nu):
-        yield f"{name_of(model, 'actuator', actuator)}.ctrl", starts["ctrl"] + actuator
 
 
 def _joint_coordinates(

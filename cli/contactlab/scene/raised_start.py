@@ -27,44 +27,51 @@ def raised_start(model: mujoco.MjModel, start: Floats, spec: int) -> Floats | No
     allowed = OPEN_TOLERANCE * moving_extent(model, data)
     if not size or deepest_overlap(data) <= allowed:
         return None
-    up, heights = -gravity / size, dict[int, float]()
+    up = -gravity / size
     most_rounds = 20  # the deepest contact of a round may hide others, such as those of stairs
     for _ in range(most_rounds):
         heights = _missing_heights(model, data, up)
         if not heights:
-            break
+            return None if deepest_overlap(data) > allowed else data.qpos.copy()
         for joint, height in heights.items():
-            _raise_root(model, data, joint, height * up)
+            lift, place = height * up, int(model.jnt_qposadr[joint])
+            if int(model.jnt_type[joint]) == _FREE:
+                for axis in np.flatnonzero(np.abs(lift) > 1e-9 * np.abs(lift).max()).tolist():
+                    at = place + axis
+                    data.qpos[at] = _round_away(data.qpos[at], float(lift[axis]))
+            else:
+                along = np.array(model.jnt_axis[joint])
+                pose = np.array(model.body_quat[int(model.jnt_bodyid[joint])])
+                mujoco.mju_rotVecQuat(along, along.copy(), pose)
+                data.qpos[place] = _round_away(data.qpos[place], float(along @ lift))
         mujoco.mj_fwdPosition(model, data)
-    return None if heights or deepest_overlap(data) > allowed else data.qpos.copy()
+    return None
 
 
-def deepest_overlap(data: mujoco.MjData) -> float:
-    """Return how deep the deepest contact is [m]; 0 if nothing overlaps."""
-    return float(max(-data.contact.dist.min(initial=0.0), 0.0))
-
-
-# [m], by the joint that raises a root.
 def _missing_heights(model: mujoco.MjModel, data: mujoco.MjData, up: Floats) -> dict[int, float]:
+    # [m], by the joint that raises a root.
     heights = dict[int, float]()
     steep = 0.1  # of the unit normal along gravity: a steeper contact is a wall, not a floor
     rounding = 1e-9  # m, of sums of positions: less is a touch
     for place in np.flatnonzero(data.contact.dist < -rounding).tolist():
         geoms = data.contact.geom[place]
-        if geoms.min() < 0:
-            continue
         bodies = model.geom_bodyid[geoms]
         fixed = model.body_weldid[bodies] == 0
-        if fixed.sum() != 1:
+        # A contact of a flex has geom -1.
+        if geoms.min() < 0 or fixed.sum() != 1:
             continue
         # The normal points from the first geom to the second.
         normal = data.contact.frame[place, :3] * (1 if fixed[0] else -1)
         slope, joint = float(normal @ up), _root_joint(model, int(bodies[~fixed][0]), up)
-        if joint < 0 or slope < steep:
-            continue
-        height = -float(data.contact.dist[place]) / slope
-        heights[joint] = max(heights.get(joint, 0.0), height)
+        if joint >= 0 and slope >= steep:
+            height = -float(data.contact.dist[place]) / slope
+            heights[joint] = max(heights.get(joint, 0.0), height)
     return heights
+
+
+def deepest_overlap(data: mujoco.MjData) -> float:
+    """Return how deep the deepest contact is [m]; 0 if nothing overlaps."""
+    return float(max(-data.contact.dist.min(initial=0.0), 0.0))
 
 
 def _root_joint(model: mujoco.MjModel, body: int, up: Floats) -> int:
@@ -80,18 +87,6 @@ def _root_joint(model: mujoco.MjModel, body: int, up: Floats) -> int:
         if kind == _SLIDE and abs(float(axis @ up)) > aligned:
             return joint
     return -1
-
-
-def _raise_root(model: mujoco.MjModel, data: mujoco.MjData, joint: int, lift: Floats) -> None:
-    place = int(model.jnt_qposadr[joint])
-    if int(model.jnt_type[joint]) == _FREE:
-        for axis in np.flatnonzero(np.abs(lift) > 1e-9 * np.abs(lift).max()).tolist():
-            data.qpos[place + axis] = _round_away(data.qpos[place + axis], float(lift[axis]))
-        return
-    axis = np.array(model.jnt_axis[joint])
-    body = int(model.jnt_bodyid[joint])
-    mujoco.mju_rotVecQuat(axis, axis.copy(), np.array(model.body_quat[body]))
-    data.qpos[place] = _round_away(data.qpos[place], float(axis @ lift))
 
 
 def _round_away(value: float, change: float) -> float:

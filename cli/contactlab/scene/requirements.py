@@ -98,7 +98,13 @@ def mistake_in_requirement(
             hint = _name_hint(name, known) if known else "; name pairs in the `pairs` of a scene"
             mistake = f"'{name}' names no monitored pair{hint}"
     else:
-        mistake = _unknown_name(requirement, base.model) or _unmonitored_contact(requirement, base)
+        mistake = _unknown_name(requirement, base.model)
+        body, holder = requirement.names[0], requirement.holder
+        if mistake is None and holder is not None and not _pairs_between(base, body, holder):
+            mistake = (
+                f"no contact of '{body}' and '{holder}' is monitored; add one to the `pairs` of a "
+                "scene, or name another body that holds it"
+            )
     if mistake is None:
         try:
             start, stop = _requirement_window(
@@ -163,16 +169,6 @@ def _unknown_name(requirement: Requirement, model: mujoco.MjModel) -> str | None
         known = bodies if kind == "body" else [*bodies, *sites]
         if name not in known:
             return f"no {kind} '{name}'{_name_hint(name, known)}"
-    return None
-
-
-def _unmonitored_contact(requirement: Requirement, base: CompiledScene) -> str | None:
-    body, holder = requirement.names[0], requirement.holder
-    if holder is not None and not _pairs_between(base, body, holder):
-        return (
-            f"no contact of '{body}' and '{holder}' is monitored; add one to the `pairs` of a "
-            "scene, or name another body that holds it"
-        )
     return None
 
 

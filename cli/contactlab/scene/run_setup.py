@@ -1,7 +1,7 @@
 """Builds the setup of a group of runs, for measurements that need more than traces."""
 
 import re
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -108,7 +108,10 @@ def make_setup(
         passive=passive,
         conservative=passive and all(map(is_conservative, distinct)),
         free_bodies=tuple(bodies.values()),
-        barriers=tuple(_find_barriers(base, bodies)),
+        # The planes and boxes fixed to the world that free bodies can touch.
+        barriers=tuple(
+            Barrier(body=bodies[root], **wall) for root, wall in _find_walls(base) if root in bodies
+        ),
         **_mechanism_entries(base),
         **_pair_entries(base, models[0]),
         slots=np.array([pair.slots for pair in base.pairs], np.int32),
@@ -134,8 +137,14 @@ def _mechanism_entries(base: CompiledScene) -> Mapping[str, Any]:
 @lru_cache(maxsize=1)
 def _pair_entries(base: CompiledScene, model: mujoco.MjModel) -> Mapping[str, Any]:
     """Return the setup entries of each pair, which runs of the model share."""
+    # Half the smallest extent of the thinnest geom that can collide [m]. If geoms differ in the
+    # width of their solimp, only the widest deform.
+    touch, halves = touch_mask(base.model), half_extents(base.model)
+    widths = np.where(np.isfinite(halves), base.model.geom_solimp[:, 2], -np.inf)
+    touching = [np.array(colliding_geoms(touch, pair), np.intp).ravel() for pair in base.pairs]
+    soft = (geoms[widths[geoms] == widths[geoms].max(initial=-np.inf)] for geoms in touching)
     return {
-        "thickness": _half_thicknesses(base),
+        "thickness": np.array([halves[geoms].min(initial=np.inf) for geoms in soft]),
         "reaches": np.array([_smallest_diameter(base.model, pair) for pair in base.pairs]),
         "widths": np.array([effective_parameters(model, pair).solimp[2] for pair in base.pairs]),
         "masses": np.array([lighter_mass(base.model, pair) for pair in base.pairs]),
@@ -253,13 +262,6 @@ def _free_bodies(models: Sequence[mujoco.MjModel]) -> dict[int, FreeBody]:
     return bodies
 
 
-def _find_barriers(base: CompiledScene, bodies: Mapping[int, FreeBody]) -> Iterator[Barrier]:
-    """Yield the planes and boxes fixed to the world that free bodies can touch."""
-    for root, wall in _find_walls(base):
-        if body := bodies.get(root):
-            yield Barrier(body=body, **wall)
-
-
 @lru_cache(maxsize=1)
 def _find_walls(base: CompiledScene) -> list[tuple[int, Mapping[str, Any]]]:
     """Return the body that each wall may stop, and the remaining fields of its barrier."""
@@ -289,18 +291,6 @@ def _find_walls(base: CompiledScene) -> list[tuple[int, Mapping[str, Any]]]:
             geometry = {"point": point, "normal": normal, "reach": reach, "centre": centre}
             walls.append((root, {"pair": index, **geometry}))
     return walls
-
-
-def _half_thicknesses(base: CompiledScene) -> Floats:
-    """Return (P,) half the smallest extent of each pair's thinnest geom that can collide [m].
-
-    If geoms differ in the width of their solimp, only the widest deform.
-    """
-    touch, halves = touch_mask(base.model), half_extents(base.model)
-    widths = np.where(np.isfinite(halves), base.model.geom_solimp[:, 2], -np.inf)
-    touching = [np.array(colliding_geoms(touch, pair), np.intp).ravel() for pair in base.pairs]
-    soft = (geoms[widths[geoms] == widths[geoms].max(initial=-np.inf)] for geoms in touching)
-    return np.array([halves[geoms].min(initial=np.inf) for geoms in soft])
 
 
 def _smallest_diameter(model: mujoco.MjModel, pair: MonitoredPair) -> float:

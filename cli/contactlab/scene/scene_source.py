@@ -10,7 +10,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from pydantic import ValidationError
@@ -45,7 +44,13 @@ def menagerie_model(reference: str) -> Path:
     Without an entry it is the robot's default: its scene if it has one. A SceneError says that the
     package is not installed, knows no such robot or entry, or cannot get it.
     """
-    package = _find_package(reference)
+    try:
+        package = importlib.import_module("mujoco_menagerie")
+    except ModuleNotFoundError as error:
+        raise SceneError(
+            f"'{reference}' needs mujoco-menagerie, which is not installed; "
+            f"{install_command('menagerie')}"
+        ) from error
     robot, _, entry = reference.removeprefix(_MENAGERIE_SCHEME).partition("/")
     robots: list[str] = package.names()
     message, listing = f"MuJoCo Menagerie has no robot '{robot}'", "`mujoco-menagerie names`"
@@ -65,16 +70,6 @@ def menagerie_model(reference: str) -> Path:
     if not path.is_file():
         raise SceneError(f"{path.parent} has no {path.name}, the file of '{reference}'")
     return path
-
-
-def _find_package(reference: str) -> ModuleType:
-    try:
-        return importlib.import_module("mujoco_menagerie")
-    except ModuleNotFoundError as error:
-        raise SceneError(
-            f"'{reference}' needs mujoco-menagerie, which is not installed; "
-            f"{install_command('menagerie')}"
-        ) from error
 
 
 MANIFEST = "scene.yaml"
@@ -156,7 +151,11 @@ def find_scene(
     if path.exists() and not path.is_dir():
         raise SceneError(f"{path}: not a model; name an .xml or .urdf file")
     if path.is_dir() and not (path / MANIFEST).is_file():
-        raise SceneError(f"{path} has no {MANIFEST}; name {_list_models(path)}")
+        models = sorted(each for each in path.iterdir() if each.suffix in MODEL_SUFFIXES)
+        named = " or ".join(map(str, models[:3])) or "an .xml or .urdf file; it has none"
+        if len(models) > 3:
+            named = f"one of its {len(models)} models, as {named}"
+        raise SceneError(f"{path} has no {MANIFEST}; name {named}")
     if "/" in reference or (path / MANIFEST).is_file():
         return _scene_of_folder(path, path.resolve().name, allow_code=allow_code)
     return _scene_of_folder(resources.scene_folder(reference), reference)
@@ -186,19 +185,6 @@ def copied_scene(folder: Path, model: str, manifest: Path | None, name: str) -> 
     if manifest is not None:
         return _scene_of_folder(manifest.parent, name, copy=folder)
     return _scene_of_model(folder / model, name, copy=folder)
-
-
-def _list_models(folder: Path) -> str:
-    names = sorted(path.name for path in folder.iterdir() if path.suffix in MODEL_SUFFIXES)
-    if not names:
-        return "an .xml or .urdf file; it has none"
-    max_listed_models = 3  # a line of text
-    listed = " or ".join(str(folder / name) for name in names[:max_listed_models])
-    return (
-        listed
-        if len(names) <= max_listed_models
-        else f"one of its {len(names)} models, as {listed}"
-    )
 
 
 def _scene_of_model(path: Path, name: str, copy: Path | None = None) -> SceneSource:

@@ -5,6 +5,7 @@
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Annotated, Any, Literal, cast
 
 from pydantic import (
@@ -162,18 +163,13 @@ def _short_form_data(text: str) -> object:
             below = data
             for key in above:
                 below = below.setdefault(key, {})
-            below[name] = _number_or_text(part.partition("=")[2].strip())
+            below[name] = written = part.partition("=")[2].strip()
+            with suppress(ValueError):
+                below[name] = parse_decimal(written)
         return data
     if ".py:" in text:
         return {"policy": text}
     return {"file": text} if "." in text else text
-
-
-def _number_or_text(text: str) -> float | str:
-    try:
-        return parse_decimal(text)
-    except ValueError:
-        return text
 
 
 def drive_data(drive: Drive) -> object:

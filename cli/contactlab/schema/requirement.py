@@ -150,17 +150,14 @@ def _read_time(text: str, keyed: Mapping[str, str], key: str) -> Term | None:
     number, unit = read_quantity(written)
     if 0 <= number < math.inf and unit in ("", "s"):
         return number
-    if not (math.isnan(number) and _is_formula(written)):
-        raise ValueError(f"'{text}': `{key}: {written}` is no time; write {key}: 0.5 s")
-    return written
-
-
-def _is_formula(text: str) -> bool:
+    mistake = f"'{text}': `{key}: {written}` is no time; write {key}: 0.5 s"
+    if not math.isnan(number):
+        raise ValueError(mistake)
     try:
-        Expression(text)
-    except ExpressionError:
-        return False
-    return True
+        Expression(written)
+    except ExpressionError as error:
+        raise ValueError(mistake) from error
+    return written
 
 
 def _check_text(text: str) -> str:

@@ -365,13 +365,10 @@ _Rows = TypeVar("_Rows", pa.RecordBatch, pa.Array)
 def select_rows(
     batches: Iterator[pa.RecordBatch], chosen: NDArray[np.bool_] | None
 ) -> Iterator[pa.RecordBatch]:
-    """Return the rows of batches, or only the `chosen` ones (runs,), some at a time."""
-    return batches if chosen is None else _chosen_rows(batches, chosen)
-
-
-def _chosen_rows(
-    batches: Iterable[pa.RecordBatch], chosen: NDArray[np.bool_]
-) -> Iterator[pa.RecordBatch]:
+    """Yield the rows of batches, or only the `chosen` ones (runs,), some at a time."""
+    if chosen is None:
+        yield from batches
+        return
     start = 0
     for batch in batches:
         if (rows := rows_of(batch, chosen[start:][: len(batch)])).num_rows:
@@ -405,7 +402,7 @@ def hash_of_ids(parts: Iterable[NDArray[np.uint64]]) -> str:
     They come in parts (n,), each converted to text some ids at a time.
     """
     found = hashlib.sha256()
-    hash_block = 1 << 16  # ids that are converted to text at once
+    hash_block = 1 << 16  # 1 MiB of text
     for ids in parts:
         for first in range(0, len(ids), hash_block):
             found.update(ids[first : first + hash_block].astype(">u8").tobytes().hex().encode())

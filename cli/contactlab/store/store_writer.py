@@ -270,11 +270,21 @@ def _prepare_store(
 ) -> frozenset[str]:
     """Make a new store, or repair an interrupted one. Return the ids of its runs."""
     address, folder = rows.backend.address, session.folder
-    stored = rows.backend.read_file(IDENTITY)
+    stored, begun = rows.backend.read_file(IDENTITY), None
     if stored is None:
         _refuse_foreign(rows.backend, "choose another place with -o")
     else:
-        _check_begun(rows, stored)
+        try:
+            begun = parse_identity(stored, address)
+        except StoreError as error:
+            if not rows.repair:
+                message = f"{error}; add --repair to keep the valid runs, or --fresh to start over"
+                raise StoreError(message) from error
+        else:
+            if rows.repair:
+                # Only its definitions must be the same.
+                begun = rows.identity.model_copy(update={"definitions": begun.definitions})
+            check_same_sweep(address, begun, rows.identity)
     session.fetch_journal()
     has_lines = (folder / JOURNAL).is_file() and (folder / JOURNAL).stat().st_size > 0
     if stored is None and not rows.repair and has_lines:
@@ -282,10 +292,16 @@ def _prepare_store(
             f"{address} has runs but no {IDENTITY}, so their sweep is unknown; add --repair to "
             "keep those that this sweep plans, or --fresh to start over"
         )
-    is_begun = stored is not None and not rows.repair
+    is_begun = begun is not None and not rows.repair
     for name, files in folders.items():
         _copy_files(files, folder / SCENES / name, is_begun=is_begun)
-    if not is_begun or not _chooses_alike(rows, stored):
+    continues = (
+        begun is not None
+        and is_begun
+        and (begun.whole is None or shard_of(begun) is not None)
+        and chooses_alike(begun, rows.identity)
+    )
+    if not continues:
         session.begin_store(rows.identity)
     end_torn_line(folder / NOTES)
     run_ids = repair_journal(
@@ -296,27 +312,6 @@ def _prepare_store(
         rows.backend.delete_files(name for name in rows.backend.trace_names() if name not in named)
     session.replace_journal()
     return run_ids
-
-
-def _check_begun(rows: ResumedRows, stored: bytes) -> None:
-    """Check the identity of a begun store; for a repair, only its definitions."""
-    try:
-        begun = parse_identity(stored, rows.backend.address)
-    except StoreError as error:
-        if rows.repair:
-            return
-        message = f"{error}; add --repair to keep the valid runs, or --fresh to start over"
-        raise StoreError(message) from error
-    if rows.repair:
-        begun = rows.identity.model_copy(update={"definitions": begun.definitions})
-    check_same_sweep(rows.backend.address, begun, rows.identity)
-
-
-def _chooses_alike(rows: ResumedRows, stored: bytes | None) -> bool:
-    """Return whether a begun store chooses its runs like the current request."""
-    begun = parse_identity(stored or b"", rows.backend.address)
-    unfinished = begun.whole is None or shard_of(begun) is not None
-    return unfinished and chooses_alike(begun, rows.identity)
 
 
 def _copy_files(files: CopyableFiles, folder: Path, *, is_begun: bool) -> None:

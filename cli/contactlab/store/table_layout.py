@@ -286,7 +286,18 @@ def check_layout(schema: pa.Schema, shared: object) -> None:
     if len(names) < len(schema.names):
         twice = next(name for name in schema.names if schema.names.count(name) > 1)
         raise ValueError(f"column {twice} is there twice")
-    units = _checked_units(shared)
+    if not isinstance(shared, dict):
+        raise TypeError("the fields that all runs share are not a table")
+    known: dict[str, Any] = shared
+    severity = known.get("severity", [])
+    if not _is_table(known.get("units"), str) or not _is_table(known.get("metric_versions"), int):
+        raise ValueError("units and versions of its metrics are missing")
+    if not isinstance(severity, list) or not all(isinstance(name, str) for name in severity):
+        raise ValueError("the order of its labels is no list")
+    most_labels = 1000  # a written table has some dozens; a damaged one must not fill the memory
+    if len(severity) > most_labels:
+        raise ValueError(f"it has {len(severity):,} labels")
+    units = known["units"]
     if missing := sorted((_REQUIRED_COLUMNS | units.keys()) - names):
         raise ValueError(f"column {missing[0]} is missing")
     for field in schema:
@@ -300,21 +311,6 @@ def check_layout(schema: pa.Schema, shared: object) -> None:
         if wanted:
             raise ValueError(f"column {field.name} is {kind}, not {wanted}")
         column_of(field)
-
-
-def _checked_units(shared: object) -> dict[str, str]:
-    if not isinstance(shared, dict):
-        raise TypeError("the fields that all runs share are not a table")
-    known: dict[str, Any] = shared
-    severity = known.get("severity", [])
-    if not _is_table(known.get("units"), str) or not _is_table(known.get("metric_versions"), int):
-        raise ValueError("units and versions of its metrics are missing")
-    if not isinstance(severity, list) or not all(isinstance(name, str) for name in severity):
-        raise ValueError("the order of its labels is no list")
-    most_labels = 1000  # a written table has some dozens; a damaged one must not fill the memory
-    if len(severity) > most_labels:
-        raise ValueError(f"it has {len(severity):,} labels")
-    return known["units"]
 
 
 def _is_table(value: object, kind: type) -> bool:

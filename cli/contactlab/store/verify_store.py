@@ -9,7 +9,7 @@ import re
 import shutil
 from collections import Counter
 from collections.abc import Generator, Iterable, Iterator, Mapping
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from itertools import islice, tee
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,7 @@ from contactlab.store.atomic_files import (
 from contactlab.store.controls_file import controls_name, read_controls
 from contactlab.store.finished_store import Store
 from contactlab.store.row_checks import RowChecks, is_null
-from contactlab.store.run_columns import RunColumns, rows_of, select_rows
+from contactlab.store.run_columns import rows_of, select_rows
 from contactlab.store.runs_table import RowsDigest, digests_of, write_compact_table
 from contactlab.store.store_files import (
     IDENTITY,
@@ -82,7 +82,10 @@ def _find_problems(
 ) -> Iterator[str]:
     changed = list(_check_files(store))
     yield from changed
-    yield from _check_identity(store)
+    # A missing or changed file is among the changed ones.
+    with suppress(OSError, StoreError):
+        if parse_identity(store.file(IDENTITY).read_bytes(), store.address) != store.manifest.sweep:
+            yield f"{IDENTITY} and {MANIFEST} name different sweeps"
     model = None
     if not any(problem.startswith(SCENES) for problem in changed):
         path = store.scene_folder / store.manifest.sweep.scene_model
@@ -91,10 +94,14 @@ def _find_problems(
     try:
         yield from _check_columns(store)
         if thorough:
-            yield from _wrong_columns(store.columns)
             yield from _check_sweep(store)
             yield from _check_records(store, model, chosen)
-            yield from _check_controls(store)
+            if "controls" in store.columns.schema.names:
+                for sha256 in sorted(store.columns.values("controls") - {None}):
+                    try:
+                        read_controls(store.backend, sha256)
+                    except StoreError as error:
+                        yield str(error)
         else:
             yield from damaged_traces(store)
     except (StoreError, LookupError, ValueError, OSError) as error:
@@ -201,16 +208,6 @@ def _check_files(store: Store) -> Iterator[str]:
         yield f"{name}: left over from an interrupted write"
 
 
-def _check_identity(store: Store) -> Iterator[str]:
-    try:
-        same = parse_identity(store.file(IDENTITY).read_bytes(), store.address)
-    except (OSError, StoreError):
-        # The check of hashes reports a missing or changed file.
-        return
-    if same != store.manifest.sweep:
-        yield f"{IDENTITY} and {MANIFEST} name different sweeps"
-
-
 def _check_columns(store: Store) -> Iterator[str]:
     version = store.columns.shared["schema_version"]
     if version != RECORD_VERSION:
@@ -223,8 +220,13 @@ def _check_columns(store: Store) -> Iterator[str]:
     if manifest.runs != manifest.sweep.runs_asked:
         planned = manifest.sweep.runs_asked
         yield f"{MANIFEST}: {manifest.runs} runs, but the sweep has {planned}"
-    if not _is_ordered(store.columns):
-        yield f"{TABLE}: its runs are not in the order of their index"
+    last = -1
+    for part in store.columns.batches(["index"]):
+        places = numpy_array(part["index"])
+        if part["index"].null_count or not (np.diff(places, prepend=last) > 0).all():
+            yield f"{TABLE}: its runs are not in the order of their index"
+            break
+        last = places[-1]
     ids = store.columns.ids()
     ids.sort()
     repeated_ids = ids[1:][ids[1:] == ids[:-1]]
@@ -232,33 +234,19 @@ def _check_columns(store: Store) -> Iterator[str]:
         yield f"{TABLE}: run {run:016x} occurs {count + 1} times"
 
 
-def _is_ordered(columns: RunColumns) -> bool:
-    last = -1
-    for part in columns.batches(["index"]):
-        places = numpy_array(part["index"])
-        if part["index"].null_count or not (np.diff(places, prepend=last) > 0).all():
-            return False
-        last = places[-1]
-    return True
-
-
-def _wrong_columns(columns: RunColumns) -> Iterator[str]:
-    """Yield columns with units or descriptions that differ from the expected ones."""
-    stated = columns.listed
-    said = {field.name: texts_of(field.metadata) for field in columns.schema}
+def _check_sweep(store: Store) -> Iterator[str]:
+    sweep, columns = store.manifest.sweep, store.columns
     # A baseline has no list of columns, which is informative only.
-    for name in said.keys() | stated.keys() if stated else ():
-        if stated.get(name) != said.get(name):
+    listed = columns.listed
+    said = {field.name: texts_of(field.metadata) for field in columns.schema}
+    for name in said.keys() | listed.keys() if listed else ():
+        if listed.get(name) != said.get(name):
             yield f"{TABLE}: column {name} differs from its description in the list of columns"
     ratios = {column.name for column in as_ratios(columns.schema.names)}
     for fixed in FIXED_COLUMNS:
         found = columns.described.get(fixed.name)
         if found and found.unit not in {fixed.unit, "1" if fixed.name in ratios else fixed.unit}:
             yield f"{TABLE}: column {fixed.name} is in '{found.unit}', not in '{fixed.unit}'"
-
-
-def _check_sweep(store: Store) -> Iterator[str]:
-    sweep, columns = store.manifest.sweep, store.columns
     for name, stated in (("scene_hash", sweep.scene_hash), ("scene", sweep.scene)):
         if others := columns.values(name) - {stated, None}:
             yield f"{TABLE}: it also has runs of scene {', '.join(sorted(others))}"
@@ -274,23 +262,10 @@ def _check_sweep(store: Store) -> Iterator[str]:
             yield f"{MANIFEST} and {TABLE} differ in {name}"
     if f"{SCENES}/{sweep.scene_hash}/{sweep.scene_model}" not in store.manifest.files:
         yield f"{MANIFEST}: it does not name the scene's model, {sweep.scene_model}"
-    if sweep.whole is None and columns.plan_hash(_seed_count(sweep)) != sweep.plan_hash:
-        yield f"{TABLE}: its runs, in their order, do not match the plan's hash"
-
-
-def _seed_count(sweep: SweepIdentity) -> int:
     seeds = sweep.resolved.get("seeds", 1)
-    return seeds if isinstance(seeds, int) else len(seeds)
-
-
-def _check_controls(store: Store) -> Iterator[str]:
-    if "controls" not in store.columns.schema.names:
-        return
-    for sha256 in sorted(store.columns.values("controls") - {None}):
-        try:
-            read_controls(store.backend, sha256)
-        except StoreError as error:
-            yield str(error)
+    count = seeds if isinstance(seeds, int) else len(seeds)
+    if sweep.whole is None and columns.plan_hash(count) != sweep.plan_hash:
+        yield f"{TABLE}: its runs, in their order, do not match the plan's hash"
 
 
 def _check_records(
@@ -302,7 +277,12 @@ def _check_records(
     problems, digest = list[str](), RowsDigest()
     left_out = store.manifest.traces_left_out
     named = set[str]() if left_out else store.columns.values("trace_file")
-    records, ahead = tee(_traced_records(store, problems, chosen, digest))
+    # All rows are in the digest; those with a trace are checked with it.
+    rows = select_rows(map(digest.add_rows, store.columns.batches()), chosen)
+    suspected = _suspected_rows(store, rows, traced=not left_out)
+    sound = _sound_records(store, suspected, problems)
+    traced = (record for record in sound if record.trace is not None and not left_out)
+    records, ahead = tee(traced)
     paths = store.backend.local_files(record.trace.file for record in ahead if record.trace)
     traces = store.manifest.traces if chosen is None else min(chosen.sum(), store.manifest.traces)
     pairs = zip(records, paths, strict=True)
@@ -321,18 +301,6 @@ def _check_records(
         yield f"{TABLE}: its records do not match the manifest's digest"
     elif store.manifest.physics not in {None, digests.physics}:
         yield f"{MANIFEST}: its digest of the physics does not match {TABLE}"
-
-
-def _traced_records(
-    store: Store, problems: list[str], chosen: NDArray[np.bool_] | None, digest: RowsDigest
-) -> Iterator[EvidenceRecord]:
-    """Yield the records with a trace, collect damaged ones, and add all rows to a digest."""
-    batches = map(digest.add_rows, store.columns.batches())
-    traced = not store.manifest.traces_left_out
-    rows = _suspected_rows(store, select_rows(batches, chosen), traced=traced)
-    for record in _sound_records(store, rows, problems):
-        if record.trace is not None and traced:
-            yield record
 
 
 def _sound_records(

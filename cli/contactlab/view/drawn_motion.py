@@ -350,7 +350,16 @@ def peak_forces(pairs: Sequence[StoredPair], rows: Rows) -> ContactForces:
 
 
 def _forces_of_pair(pair: StoredPair, index: int, rows: Rows) -> ContactForces:
-    entries, frames = _strongest_entries(pair, rows)
+    # In each frame, the entry of the step with the largest net force.
+    final = np.flatnonzero(pair.steps == rows[-1] - 1)
+    entries = np.append(np.arange(len(pair.steps)), final)
+    frames = np.searchsorted(rows, pair.steps, side="right") - 1
+    frames = np.append(frames, np.full(len(final), len(rows) - 1))
+    strength = np.nan_to_num(np.hypot(pair.normal, pair.tangential))[entries]
+    order = np.lexsort((strength, frames))
+    chosen = order[np.flatnonzero(np.diff(frames[order], append=len(rows)))]
+    entries, frames = entries[chosen], frames[chosen]
+
     counts = pair.contacts[entries]
     ends = np.cumsum(pair.contacts)[entries]
     within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -364,19 +373,6 @@ def _forces_of_pair(pair: StoredPair, index: int, rows: Rows) -> ContactForces:
         position=points[sound, POSITION],
         force=force[sound],
     )
-
-
-def _strongest_entries(pair: StoredPair, rows: Rows) -> tuple[Rows, Rows]:
-    """Return the entry of the step with the largest net force in each frame, and the frames."""
-    final = np.flatnonzero(pair.steps == rows[-1] - 1)
-    entries = np.append(np.arange(len(pair.steps)), final)
-    frames = np.searchsorted(rows, pair.steps, side="right") - 1
-    frames = np.append(frames, np.full(len(final), len(rows) - 1))
-    strength = np.nan_to_num(np.hypot(pair.normal, pair.tangential))[entries]
-    order = np.lexsort((strength, frames))
-    last = np.flatnonzero(np.diff(frames[order], append=len(rows)))
-    chosen = order[last]
-    return entries[chosen], frames[chosen]
 
 
 def world_force(points: Floats) -> Floats:

@@ -105,8 +105,7 @@ def draw_pictures(
     named = None if camera is None else _model_camera(model, camera)
     areas = [mujoco.MjrRect(0, 0, width, height)]
     if named is None and motion.followed is not None:
-        # Size of the picture over that of the inset; longest bar as a share of the width.
-        inset_factor = 4
+        inset_factor = 4  # size of the picture over that of the inset
         areas.append(mujoco.MjrRect(0, 0, width // inset_factor, height // inset_factor))
     option = mujoco.MjvOption()
     option.flags[mujoco.mjtVisFlag.mjVIS_TRANSPARENT] = True
@@ -136,7 +135,16 @@ def draw_pictures(
                     mujoco.mjr_render(area, scene, context)
                     mujoco.mjr_readPixels(picture, None, area, context)
                     pictures.append(picture[::-1])
-                yield _with_inset(*pictures)
+                # The second picture is an inset of the first one, in a frame at its top right.
+                shown = pictures[0].copy()
+                for inset in pictures[1:]:
+                    right = width - _BORDER_PIXELS
+                    rows = slice(_BORDER_PIXELS, _BORDER_PIXELS + inset.shape[0])
+                    framed = shown[rows, right - inset.shape[1] : right]
+                    framed[:] = inset
+                    for edge in (framed[:2], framed[-2:], framed[:, :2], framed[:, -2:]):
+                        edge[:] = _PAPER_COLOUR
+                yield shown
         finally:
             # Objects of a context are deleted by number, in the current context.
             screen.make_current()
@@ -168,11 +176,7 @@ def set_looks(model: mujoco.MjModel, size: tuple[int, int]) -> None:
 def _draw_trail(scene: mujoco.MjvScene, motion: BodyMotion, frame: int) -> None:
     """Add the path of the followed body up to a frame; older parts are fainter."""
     body = int(np.argmax(motion.moving)) if motion.followed is None else motion.followed
-    # Largest number of pieces; red, green, blue.
-    max_trail_pieces, trail_colour = (
-        60,
-        (0.10, 0.27, 0.98),
-    )
+    max_trail_pieces, trail_colour = 60, (0.10, 0.27, 0.98)  # red, green and blue
     rows = np.unique(np.linspace(0, frame, min(frame + 1, max_trail_pieces)).astype(int))
     way, radius = motion.positions[rows, body], _ARROW_RADIUS * motion.view(frame).radius
     for place, (begin, end) in enumerate(itertools.pairwise(way), 1):
@@ -180,19 +184,6 @@ def _draw_trail(scene: mujoco.MjvScene, motion: BodyMotion, frame: int) -> None:
             colour = (*trail_colour, place / len(way))
             geom = _new_geom(scene, mujoco.mjtGeom.mjGEOM_CAPSULE, colour)
             mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE.value, radius, begin, end)
-
-
-def _with_inset(picture: Picture, inset: Picture | None = None) -> Picture:
-    """Return a picture with another one, in a frame, at its top right."""
-    shown = picture.copy()
-    if inset is not None:
-        height, width, _ = inset.shape
-        right = shown.shape[1] - _BORDER_PIXELS
-        shown[_BORDER_PIXELS : _BORDER_PIXELS + height, right - width : right] = inset
-        frame = shown[_BORDER_PIXELS : _BORDER_PIXELS + height, right - width : right]
-        for edge in (frame[:2], frame[-2:], frame[:, :2], frame[:, -2:]):
-            edge[:] = _PAPER_COLOUR
-    return shown
 
 
 def _place_objects(model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -252,8 +243,7 @@ def _stage_camera(model: mujoco.MjModel, stage: Stage, aspect: float) -> mujoco.
     camera = mujoco.MjvCamera()
     camera.lookat[:] = stage.centre
     camera.distance = _camera_distance(model, stage, aspect)
-    azimuth, elevation = 120.0, -18.0
-    camera.azimuth, camera.elevation = azimuth, elevation
+    camera.azimuth, camera.elevation = 120.0, -18.0
     return camera
 
 
@@ -276,7 +266,7 @@ def force_bar(
     half = math.radians(float(model.vis.global_.fovy)) / 2
     across = 2 * math.tan(half) * _camera_distance(model, stage, width / height)
     pixels = height / across * scale
-    max_bar_share = 0.2
+    max_bar_share = 0.2  # of the width
     most = max_bar_share * width / pixels
     decade = 10.0 ** math.floor(math.log10(most))
     force = max(

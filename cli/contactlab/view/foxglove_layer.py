@@ -35,7 +35,6 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.palette import MODE_COLOURS
 from contactlab.store.mcap.trace_writer import RECORD_SCHEMA_NAME, AddedChannel, copy_trace
 from contactlab.view.drawn_motion import BodyMotion, RunEvent
-from contactlab.view.drawn_shapes import BodyShape
 from contactlab.view.foxglove_files import (
     EVENTS,
     FORCES,
@@ -115,8 +114,23 @@ def scene_update(motion: BodyMotion) -> SceneUpdate:
     time, entities = _timestamp_message(motion.time[0]), dict[str, SceneEntity]()
     for shape in sorted(motion.shapes, key=lambda drawn: drawn.body):
         name = motion.bodies[shape.body]
-        entity = SceneEntity(timestamp=time, frame_id=name, id=name, frame_locked=True)
-        _add_shape(entities.setdefault(name, entity), shape)
+        entity = entities.setdefault(
+            name, SceneEntity(timestamp=time, frame_id=name, id=name, frame_locked=True)
+        )
+        pose, colour = _pose_message(shape.position, shape.rotation), _colour_message(shape.colour)
+        size = _vector_message(shape.size)
+        if shape.form == "box":
+            entity.cubes.append(CubePrimitive(pose=pose, size=size, color=colour))
+        elif shape.form == "ellipsoid":
+            entity.spheres.append(SpherePrimitive(pose=pose, size=size, color=colour))
+        elif shape.form == "cylinder":
+            ends = {"bottom_scale": 1, "top_scale": 1}
+            entity.cylinders.append(CylinderPrimitive(pose=pose, size=size, color=colour, **ends))
+        else:
+            points = [Point3(x=x, y=y, z=z) for x, y, z in shape.vertices.tolist()]
+            mesh = TriangleListPrimitive(pose=pose, points=points, color=colour)
+            mesh.indices.extend(shape.triangles.ravel().tolist())
+            entity.triangles.append(mesh)
     return SceneUpdate(entities=entities.values())
 
 
@@ -126,7 +140,7 @@ def contact_forces(motion: BodyMotion, frame: int) -> SceneUpdate:
     points, modes = forces.position[chosen], forces.mode[chosen].tolist()
     arrows = zip(points, motion.arrows[chosen], modes, strict=True)
     scale = {"metres_per_newton": motion.scale, "longest_metres": motion.longest}
-    arrow_diameter = 0.02
+    diameter = 0.02 * motion.radius
     return SceneUpdate(
         entities=[
             SceneEntity(
@@ -136,7 +150,7 @@ def contact_forces(motion: BodyMotion, frame: int) -> SceneUpdate:
                 metadata=[
                     KeyValuePair(key=key, value=f"{value:g}") for key, value in scale.items()
                 ],
-                arrows=[_arrow_message(*arrow, arrow_diameter * motion.radius) for arrow in arrows],
+                arrows=[_arrow_message(*arrow, diameter) for arrow in arrows],
             )
         ]
     )
@@ -160,30 +174,10 @@ def event_log(event: RunEvent) -> Log:
     )
 
 
-def _add_shape(entity: SceneEntity, shape: BodyShape) -> None:
-    pose, colour = _pose_message(shape.position, shape.rotation), _colour_message(shape.colour)
-    size = _vector_message(shape.size)
-    if shape.form == "box":
-        entity.cubes.append(CubePrimitive(pose=pose, size=size, color=colour))
-    elif shape.form == "ellipsoid":
-        entity.spheres.append(SpherePrimitive(pose=pose, size=size, color=colour))
-    elif shape.form == "cylinder":
-        ends = {"bottom_scale": 1, "top_scale": 1}
-        entity.cylinders.append(CylinderPrimitive(pose=pose, size=size, color=colour, **ends))
-    else:
-        points = [Point3(x=x, y=y, z=z) for x, y, z in shape.vertices.tolist()]
-        mesh = TriangleListPrimitive(pose=pose, points=points, color=colour)
-        mesh.indices.extend(shape.triangles.ravel().tolist())
-        entity.triangles.append(mesh)
-
-
 def _arrow_message(point: Floats, arrow: Floats, mode: int, diameter: float) -> ArrowPrimitive:
     length = float(np.linalg.norm(arrow))
-    max_diameter_share = 0.15
-    thickness = min(diameter, max_diameter_share * length)
-    # An arrow's head as a fraction of its length; its diameter as a fraction of the sphere's
-    # radius, and at most of its own length.
-    head_share = 0.25
+    thickness = min(diameter, 0.15 * length)  # a short arrow stays slender
+    head_share = 0.25  # of the length
     return ArrowPrimitive(
         pose=_pose_message(point, rotation_from_x(arrow)),
         shaft_length=(1 - head_share) * length,

@@ -51,7 +51,11 @@ def write_rrd(
     recording.send_columns(
         _entity_path(_SPACE_ENTITY, _FORCE_ENTITY), [_time_column(motion.time)], columns
     )
-    _send_events(recording, events)
+    if events:
+        levels = ["ERROR" if event.is_severe else "WARN" for event in events]
+        texts = [f"{event.label}: {event.reason}" for event in events]
+        index = _time_column(np.array([event.time for event in events]))
+        recording.send_columns(_EVENT_ENTITY, [index], rr.TextLog.columns(text=texts, level=levels))
     for name, values in zip(motion.joints.names, motion.joints.position.T, strict=True):
         entity = _entity_path(_JOINT_ENTITY, name)
         recording.send_columns(
@@ -83,15 +87,6 @@ def _viewer_blueprint(motion: BodyMotion) -> rrb.Blueprint:
     )
     left = rrb.Vertical(space, below, row_shares=[3, 1])
     return rrb.Blueprint(rrb.Horizontal(left, rrb.Vertical(*plots), column_shares=[3, 2]))
-
-
-def _send_events(recording: rr.RecordingStream, events: Sequence[RunEvent]) -> None:
-    if not events:
-        return
-    levels = ["ERROR" if event.is_severe else "WARN" for event in events]
-    texts = [f"{event.label}: {event.reason}" for event in events]
-    index = _time_column(np.array([event.time for event in events]))
-    recording.send_columns(_EVENT_ENTITY, [index], rr.TextLog.columns(text=texts, level=levels))
 
 
 def _send_bodies(recording: rr.RecordingStream, motion: BodyMotion) -> None:

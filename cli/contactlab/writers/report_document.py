@@ -57,7 +57,26 @@ def describe_findings(report: Report, *, folded: bool = False) -> Document:
     """
     mark = outcome_mark("passed" if report.passed else "failed")
     lines = finding_lines(report)
-    findings = [*(_folded_findings(report, lines) if folded else _first_findings(lines))]
+    if folded:
+        # Stable: within the urgent ones and the others the worst come first.
+        shown = sorted(lines, key=lambda line: not line.urgent)
+        most_first = 12  # about a screen; the others are folded
+        urgent = min(most_first, sum(line.urgent for line in shown))
+        first = len(shown) if report.lists_passed else urgent
+        findings = [Part(tuple(_table_of_lines(shown[:first])), "findings")]
+        if rest := shown[first:]:
+            table = tuple(_table_of_lines(rest))
+            findings.append(Part(table, "findings", f"{len(rest)} more", folded=True))
+    else:
+        shown = list[Line]()
+        most_of_outcome = 25  # about a screen
+        for outcome in ORDER:
+            same = [line for line in lines if line.outcome == outcome]
+            shown += same[:most_of_outcome]
+            if len(same) > most_of_outcome:
+                more = f"and {len(same) - most_of_outcome:,} more ({outcome_mark(outcome).word})"
+                shown.append(Line(outcome, more))
+        findings = [Part(tuple(_table_of_lines(shown)), "findings")]
     if not report.lists_passed and (passed := passed_in_words(report.findings)):
         findings.insert(1, Part((Sentence(passed, outcome_mark("passed")),), follows=True))
     return document_of(
@@ -70,34 +89,9 @@ def describe_findings(report: Report, *, folded: bool = False) -> Document:
     )
 
 
-def _first_findings(lines: Sequence[Line]) -> Iterator[Part]:
-    """Yield the first findings of each outcome, and how many more there are."""
-    shown: list[Line] = []
-    most_of_outcome = 25  # findings that text lists
-    for outcome in ORDER:
-        same = [line for line in lines if line.outcome == outcome]
-        shown += same[:most_of_outcome]
-        if len(same) > most_of_outcome:
-            rest = f"and {len(same) - most_of_outcome:,} more ({outcome_mark(outcome).word})"
-            shown.append(Line(outcome, rest))
-    yield Part(tuple(_table_of_lines(shown)), "findings")
-
-
-def _folded_findings(report: Report, lines: Sequence[Line]) -> Iterator[Part]:
-    """Yield the first urgent findings, and all others, which are folded."""
-    # Stable: within the urgent ones and the others the worst come first.
-    shown = sorted(lines, key=lambda line: not line.urgent)
-    urgent = sum(line.urgent for line in shown)
-    most_first = 12  # findings that Markdown shows at once, and in all
-    first = len(shown) if report.lists_passed else min(most_first, urgent)
-    yield Part(tuple(_table_of_lines(shown[:first])), "findings")
-    if rest := shown[first:]:
-        yield Part(tuple(_table_of_lines(rest)), "findings", f"{len(rest)} more", folded=True)
-
-
 def _table_of_lines(lines: Sequence[Line]) -> Iterator[Block]:
     if lines:
-        most_rows = 1_000
+        most_rows = 1_000  # a summary of a job holds 1 MiB
         rows = tuple(Row((outcome_mark(line.outcome), *line.cells)) for line in lines[:most_rows])
         rest = len(lines) - most_rows
         more = f"and {rest:,} more" if rest > 0 else ""

@@ -4,7 +4,7 @@ Source: the OASIS standard "Static Analysis Results Interchange Format (SARIF) V
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 from urllib.parse import quote
@@ -39,15 +39,19 @@ def _index_of_rule(finding: Finding, rules: Mapping[str, str]) -> Node:
 
 
 def _result_of_finding(finding: Finding, rule: int) -> Node:
+    texts = [finding.message, *(finding.fix if isinstance(finding, PlacedFinding) else ())]
     result: Node = {
         "ruleId": finding.name,
         "ruleIndex": rule,
         "level": SEVERITIES[finding.level],
-        "message": {"text": visible("\n".join(_texts_of_finding(finding)))},
+        "message": {"text": visible("\n".join(texts))},
     }
     if isinstance(finding, PlacedFinding):
+        file = Path(finding.file)
         place = {
-            "artifactLocation": {"uri": _address_of_file(finding.file)},
+            "artifactLocation": {
+                "uri": file.as_uri() if file.is_absolute() else quote(file.as_posix())
+            },
             "region": {"startLine": finding.line},
         }
         result["locations"] = [{"physicalLocation": place}]
@@ -55,13 +59,3 @@ def _result_of_finding(finding: Finding, rule: int) -> Node:
         told = {"kind": "inSource", "justification": visible(finding.waived)}
         result["suppressions"] = [told]
     return result
-
-
-def _texts_of_finding(finding: Finding) -> Iterator[str]:
-    yield finding.message
-    if isinstance(finding, PlacedFinding):
-        yield from finding.fix
-
-
-def _address_of_file(file: str) -> str:
-    return Path(file).as_uri() if Path(file).is_absolute() else quote(Path(file).as_posix())

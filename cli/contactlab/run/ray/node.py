@@ -6,7 +6,7 @@ nothing else of contactlab is imported before the requirements are checked.
 
 import os
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -32,8 +32,31 @@ class NodeRequirements:
 
 def refusal_reason(requirements: NodeRequirements) -> str | None:
     """Return the reason why jobs cannot be run here; None if they can."""
-    reason = _version_fault(requirements) or _store_fault(requirements.sentinel)
+    reason = next(_list_faults(requirements), None)
     return f"node {platform.node()} ({ray.util.get_node_ip_address()}) {reason}" if reason else None
+
+
+def _list_faults(requirements: NodeRequirements) -> Iterator[str]:
+    for name, ours in requirements.versions.items():
+        try:
+            theirs = f"{name} {version(name)}"
+        except PackageNotFoundError:
+            theirs = f"no {name}"
+        if theirs != f"{name} {ours}":
+            yield (
+                f"has {theirs}, but the sweep was started with {name} {ours}; "
+                "install the same versions on every node"
+            )
+    if (sentinel := requirements.sentinel) is None:
+        return
+    store = sentinel.parent.parent
+    if not sentinel.exists():
+        yield (
+            f"does not see the store {store}; write it with -o to a folder that all nodes share, "
+            "or to an object store: -o s3://BUCKET/PREFIX"
+        )
+    elif not os.access(sentinel.parent, os.W_OK):
+        yield f"cannot write to the store {store}; let its user, {os.getuid()}, write there"
 
 
 def run_job(token: str, shared: Sequence[Any], job: bytes) -> Any:  # noqa: ANN401 - see below
@@ -49,31 +72,3 @@ def run_job(token: str, shared: Sequence[Any], job: bytes) -> Any:  # noqa: ANN4
     from contactlab.run.ray.worker import run_on_worker  # noqa: PLC0415 - see the top
 
     return run_on_worker(token, lambda: ray.get(bundle), job)
-
-
-def _version_fault(requirements: NodeRequirements) -> str | None:
-    for name, ours in requirements.versions.items():
-        try:
-            theirs = f"{name} {version(name)}"
-        except PackageNotFoundError:
-            theirs = f"no {name}"
-        if theirs != f"{name} {ours}":
-            return (
-                f"has {theirs}, but the sweep was started with {name} {ours}; "
-                "install the same versions on every node"
-            )
-    return None
-
-
-def _store_fault(sentinel: Path | None) -> str | None:
-    if sentinel is None:
-        return None
-    store = sentinel.parent.parent
-    if not sentinel.exists():
-        return (
-            f"does not see the store {store}; write it with -o to a folder that all nodes share, "
-            "or to an object store: -o s3://BUCKET/PREFIX"
-        )
-    if not os.access(sentinel.parent, os.W_OK):
-        return f"cannot write to the store {store}; let its user, {os.getuid()}, write there"
-    return None

@@ -127,17 +127,13 @@ def _is_level_pair(model: mujoco.MjModel, data: mujoco.MjData, first: int, secon
     body = int(model.geom_bodyid[sphere])
     normal = np.asarray(data.geom_xmat[plane]).reshape(3, 3)[:, 2]
     fixed = int(model.body_weldid[model.geom_bodyid[plane]]) == 0
-    return bool(fixed and not normal[:2].any() and _is_free_sphere(model, body, sphere))
-
-
-def _is_free_sphere(model: mujoco.MjModel, body: int, geom: int) -> bool:
-    """Return whether a body is free, alone, and has its center of mass at a geom's center."""
+    # The sphere's body is free, alone, and has its center of mass at the sphere's center.
     free = model.body_jntnum[body] == 1 and (
         model.jnt_type[model.body_jntadr[body]] == _JOINT_TYPES.mjJNT_FREE
     )
     alone = model.body_parentid[body] == 0 and not (np.asarray(model.body_parentid) == body).any()
-    centred = np.array_equal(model.geom_pos[geom], model.body_ipos[body])
-    return bool(free and alone and centred)
+    centred = np.array_equal(model.geom_pos[sphere], model.body_ipos[body])
+    return bool(fixed and not normal[:2].any() and free and alone and centred)
 
 
 def _can_rotate(model: mujoco.MjModel, body: int) -> bool:

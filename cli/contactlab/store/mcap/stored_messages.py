@@ -204,7 +204,12 @@ def _read_summary(data: bytes) -> _Summary:
                 channel = _parse_record(Channel, content)
                 channels[channel.id] = channel
             case Opcode.CHUNK_INDEX:
-                chunks.append(_chunk_entry(content))
+                first, _, start, _ = CHUNK_INDEX.unpack_from(content)
+                (length,) = SIZE.unpack_from(content, CHUNK_INDEX.size)
+                map_start = CHUNK_INDEX.size + SIZE.size
+                places = CHANNEL_NUMBER.iter_unpack(content[map_start : map_start + length])
+                compressed, unpacked = SIZES.unpack(content[-SIZES.size :])
+                chunks.append(_ChunkEntry(first, start, compressed, unpacked, dict(places)))
             case Opcode.METADATA_INDEX | Opcode.ATTACHMENT_INDEX:
                 target, inner = _record_at(data, SIZES.unpack_from(content)[0])
                 if kind == Opcode.METADATA_INDEX and target == Opcode.METADATA:
@@ -222,15 +227,6 @@ def _record_at(data: bytes, place: int) -> tuple[int, bytes]:
     if len(content) != length:
         raise ValueError("a record is longer than its file")
     return kind, content
-
-
-def _chunk_entry(content: bytes) -> _ChunkEntry:
-    first, _, start, _ = CHUNK_INDEX.unpack_from(content)
-    (length,) = SIZE.unpack_from(content, CHUNK_INDEX.size)
-    map_start = CHUNK_INDEX.size + SIZE.size
-    places = CHANNEL_NUMBER.iter_unpack(content[map_start : map_start + length])
-    compressed, unpacked = SIZES.unpack(content[-SIZES.size :])
-    return _ChunkEntry(first, start, compressed, unpacked, dict(places))
 
 
 def stored_file(data: bytes) -> StoredFile:
@@ -304,19 +300,15 @@ def find_defect(data: bytes) -> str | None:
 def find_different_encoding(data: bytes, file: StoredFile) -> str | None:
     """Return the defect of a file that differs from the encoding of its parsed messages."""
     place = 0
-    for part in _encode_parts_again(file):
-        if not data.startswith(part, place):
-            return "its chunks, indexes or summary do not match its messages"
-        place += len(part)
-    return None if place == len(data) else "the file is longer than its messages"
-
-
-def _encode_parts_again(file: StoredFile) -> Sequence[bytes]:
     # Chunks stay compressed as before.
     stream = message_stream(file)
     rows = np.searchsorted(stream.times, np.array([*file.packed], np.uint64)).tolist()
     packed = dict(zip(rows, file.packed.values(), strict=True))
-    return encode_parts(file_start_of(file), stream, packed)
+    for part in encode_parts(file_start_of(file), stream, packed):
+        if not data.startswith(part, place):
+            return "its chunks, indexes or summary do not match its messages"
+        place += len(part)
+    return None if place == len(data) else "the file is longer than its messages"
 
 
 def file_start_of(file: StoredFile) -> FileStart:
