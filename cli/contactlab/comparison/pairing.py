@@ -24,7 +24,6 @@ Value = float | str | None
 Keys = NDArray[np.int64] | NDArray[np.uint64]
 Ranks = NDArray[np.int16]
 _SEVERAL = "several values"
-_DIGITS = 9  # equal digits of matching axis values: the last digits of computed values differ
 
 
 class Pairing(NamedTuple):
@@ -104,7 +103,8 @@ def round_values(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return values rounded to 9 digits."""
     with np.errstate(all="ignore"):
         exponent = np.floor(np.log10(np.abs(values)))
-        scale = 10.0 ** (_DIGITS - 1 - np.where(np.isfinite(exponent), exponent, 0))
+        digits = 9  # of equal axis values: the last digits of computed ones differ
+        scale = 10.0 ** (digits - 1 - np.where(np.isfinite(exponent), exponent, 0))
         return np.where(np.isfinite(scale), np.rint(values * scale) / scale, values)
 
 

@@ -18,16 +18,33 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int32]
 Kind = TypeVar("Kind", bound=np.generic)
 
-FOUND = 0
-FORCE = slice(1, 4)
-TORQUE = slice(4, 7)
-DISTANCE = 7
-POSITION = slice(8, 11)
-NORMAL = slice(11, 14)
-TANGENT = slice(14, 17)
-LINEAR_VELOCITY = slice(17, 20)
-ANGULAR_VELOCITY = slice(20, 23)
-SLOT_WIDTH = 23
+# The numbers of a contact slot: fields of MuJoCo's contact sensor in its order, with their sizes.
+_SLOT_FIELDS = {
+    "found": 1,
+    "force": 3,
+    "torque": 3,
+    "distance": 1,
+    "position": 3,
+    "normal": 3,
+    "tangent": 3,
+    "linear_velocity": 3,
+    "angular_velocity": 3,
+}
+SLOT_WIDTH = sum(_SLOT_FIELDS.values())
+
+
+def _slot_columns(field: str) -> slice:
+    names = list(_SLOT_FIELDS)
+    start = sum(_SLOT_FIELDS[name] for name in names[: names.index(field)])
+    return slice(start, start + _SLOT_FIELDS[field])
+
+
+FOUND: int = _slot_columns("found").start
+DISTANCE: int = _slot_columns("distance").start
+FORCE, TORQUE = _slot_columns("force"), _slot_columns("torque")
+POSITION, NORMAL, TANGENT = map(_slot_columns, ("position", "normal", "tangent"))
+LINEAR_VELOCITY = _slot_columns("linear_velocity")
+ANGULAR_VELOCITY = _slot_columns("angular_velocity")
 POINT_FIELDS = {
     "position": POSITION,
     "normal": NORMAL,

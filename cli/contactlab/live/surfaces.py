@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 _TEXTURE_ROLES = (mujoco.mjtTextureRole.mjTEXROLE_RGB, mujoco.mjtTextureRole.mjTEXROLE_RGBA)
 _FLAT_TEXTURE = int(mujoco.mjtTexture.mjTEXTURE_2D)
-_OPAQUE_BYTE = 255
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +24,7 @@ class Texture:
 
 def textures_of(model: mujoco.MjModel) -> Iterator[Texture]:
     """Yield the textures of a model's materials; a side of a picture has at most 256 pixels."""
+    opaque_byte = 255
     for material, textures in enumerate(model.mat_texid):
         texture = max(int(textures[role]) for role in _TEXTURE_ROLES)
         if texture < 0:
@@ -38,7 +38,7 @@ def textures_of(model: mujoco.MjModel) -> Iterator[Texture]:
         pixels = np.broadcast_to(
             pixels.reshape(height, width, channels)[:, :, :3], (height, width, 3)
         ).astype(np.uint8)
-        red, green, blue = (pixels.mean(axis=(0, 1)) / _OPAQUE_BYTE).tolist()
+        red, green, blue = (pixels.mean(axis=(0, 1)) / opaque_byte).tolist()
         across, along = model.mat_texrepeat[material].tolist()
         picture = None
         if int(model.tex_type[texture]) == _FLAT_TEXTURE:
@@ -48,7 +48,7 @@ def textures_of(model: mujoco.MjModel) -> Iterator[Texture]:
             cut = pixels[: rows * block, : columns * block]
             size = cut.shape[0] // rows, cut.shape[1] // columns
             blocks = cut.reshape(rows, size[0], columns, size[1], 3)
-            picture = np.full((rows, columns, 4), _OPAQUE_BYTE, np.uint8)
+            picture = np.full((rows, columns, 4), opaque_byte, np.uint8)
             picture[:, :, :3] = blocks.mean(axis=(1, 3)).round()
         yield Texture(
             material,

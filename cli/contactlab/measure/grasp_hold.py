@@ -50,9 +50,6 @@ _HOLD_SLIP = Threshold(
     "hold_slip", None, "m", "By default the tolerance times the smaller geom's greatest extent."
 )
 _HOLD_OFFSET = Threshold("hold_offset", None, "m", "Set it if the subject begins in its grip.")
-_HOLD_CONTACT = Threshold(
-    "hold_contact", 0.5, "1", "A minimum: a held body touches most of the time."
-)
 
 
 @metric("1/s", "lower", tolerance=5.0, equivalence=True)
@@ -164,7 +161,12 @@ def broken(runs: MeasuredRuns) -> OnsetIterator:
 @label(
     "poor",
     rank=3,
-    thresholds=(_HOLD_SLIP, _HOLD_OFFSET, _HOLD_CONTACT, TOLERANCE),
+    thresholds=(
+        _HOLD_SLIP,
+        _HOLD_OFFSET,
+        Threshold("hold_contact", 0.5, "1", "A minimum: a held body touches most of the time."),
+        TOLERANCE,
+    ),
     letter="S",
     colour="#2c077d",
     advice="more friction or grip; if it creeps, an elliptic cone with impratio 10",

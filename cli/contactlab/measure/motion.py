@@ -32,12 +32,6 @@ from contactlab.measure.context import (
 )
 from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Threshold, label, metric
 
-_ENERGY_GAIN = Threshold(
-    "energy_gain",
-    0.01,
-    "1",
-    "A passive scene gains no energy; a rise by a tenth of the tolerance is not rounding.",
-)
 _DRIFT = Threshold("drift", None, "m", "Set it if bodies should stay.")
 _REST_SPEED = Threshold("rest_speed", None, "m/s", "Set it if bodies should come to rest.")
 
@@ -195,7 +189,15 @@ def turn(context: Context) -> Floats:
 @label(
     "bad",
     rank=1,
-    thresholds=(_ENERGY_GAIN, TOLERANCE),
+    thresholds=(
+        Threshold(
+            "energy_gain",
+            0.01,
+            "1",
+            "A passive scene gains no energy; a rise by a tenth of the tolerance is not rounding.",
+        ),
+        TOLERANCE,
+    ),
     letter="E",
     colour="#d71ec9",
     advice="a timestep of at most 0.8 times timeconst times dampratio of solref",

@@ -89,9 +89,6 @@ def _oracle_result(context: Context) -> OracleResult:
     return ORACLES[name].of(context)
 
 
-_TOP_AXIS = np.array([0.0, 0.0, 1.0])
-
-
 @oracle("m", ("integrator",), relative=False)
 def free_fall(context: Context) -> tuple[Floats, Floats]:
     """Distance of a falling body from its position under gravity alone: 0.
@@ -144,7 +141,7 @@ def precession(context: Context) -> tuple[Floats, Floats]:
     first = context.setup.quaternions[0]
     attitude = context.trace.qpos[:, :, first : first + 4]
     turning = context.trace.qvel[:, 0, first : first + 3]
-    axis = rotate_vectors(attitude, _TOP_AXIS)
+    axis = rotate_vectors(attitude, np.array([0.0, 0.0, 1.0]))
     start = axis[:, 0]
     moving = np.cross(rotate_vectors(attitude[:, 0], turning), start)
     rate = (start[:, 0] * moving[:, 1] - start[:, 1] * moving[:, 0]) / (start[:, :2] ** 2).sum(1)

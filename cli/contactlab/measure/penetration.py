@@ -43,12 +43,6 @@ _STEADY = Threshold(
     "down to a third of it if one carries one to two times `weights_borne`, and up to two thirds "
     "if their solimp is as wide as that half.",
 )
-_STANDOFF = Threshold(
-    "standoff",
-    0.5,
-    "1",
-    "Contacts may carry load as far outside of a geom as they may rest inside of it.",
-)
 
 
 @metric("m", "lower", 1e-9, requires="depth", equivalence=True, heading="depth [m]")
@@ -209,7 +203,14 @@ def tunneling(runs: MeasuredRuns) -> OnsetIterator:
 @label(
     "bad",
     rank=2,
-    thresholds=(_STANDOFF,),
+    thresholds=(
+        Threshold(
+            "standoff",
+            0.5,
+            "1",
+            "Contacts may carry load as far outside of a geom as they may rest inside of it.",
+        ),
+    ),
     letter="F",
     colour="#0a79cf",
     advice="margin 0, or gap as large as margin",

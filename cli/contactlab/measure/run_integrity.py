@@ -46,12 +46,6 @@ STABLE = LABELS.add(
 )
 
 
-_CLOCK_THRESHOLD = Threshold(
-    "clock_error", 1e-9, "1", "Share of a timestep; rounding is 1000 times less."
-)
-_QUATERNION_THRESHOLD = Threshold(
-    "quaternion_error", 1e-3, "1", "Off unit norm; the engine keeps 1e-16."
-)
 _MEMORY_WARNINGS = {"contactfull", "cnstrfull"}  # warnings of memory for contacts and constraints
 
 
@@ -92,7 +86,10 @@ def buffer_overflow(runs: MeasuredRuns) -> OnsetIterator:
 @label(
     "void",
     rank=1,
-    thresholds=(_CLOCK_THRESHOLD, _QUATERNION_THRESHOLD),
+    thresholds=(
+        Threshold("clock_error", 1e-9, "1", "Share of a timestep; rounding is 1000 times less."),
+        Threshold("quaternion_error", 1e-3, "1", "Off unit norm; the engine keeps 1e-16."),
+    ),
     letter="D",
     colour="#f7015c",
     advice="a shorter timestep; then look for light bodies on stiff joints or strong motors",

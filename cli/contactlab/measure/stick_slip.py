@@ -30,8 +30,6 @@ HELD_USAGE = 0.9  # a sticking pair holds below this share of the friction bound
 Modes = NDArray[np.int8]
 Rows = NDArray[np.intp]
 
-_SEPARATED = 3  # stands for NO_CONTACT among the events, where 0 means that nothing happens
-
 
 @dataclass(frozen=True)
 class Spans:
@@ -72,7 +70,8 @@ def contact_modes(
     carries = bearing.reshape(events.shape)
     gaps = find_spans(~carries)
     long = (gaps.start == 0) | (gaps.stop - gaps.start > longest[gaps.run])
-    events[gaps.run[long], gaps.start[long]] = _SEPARATED
+    separated = 3  # stands for NO_CONTACT among the events, where 0 means that nothing happens
+    events[gaps.run[long], gaps.start[long]] = separated
     again = long & (gaps.stop < steps)
     _begin_contact(events, gaps.run[again], gaps.stop[again])
     if steps:
@@ -82,7 +81,7 @@ def contact_modes(
     step = np.arange(1, steps + 1, dtype=np.int32) * 4
     dated = np.where(events == 0, 0, step + events)
     held = (np.maximum.accumulate(dated, axis=1) & 3).astype(np.int8)
-    held[held == _SEPARATED] = NO_CONTACT
+    held[held == separated] = NO_CONTACT
     return held.reshape(bearing.shape)
 
 

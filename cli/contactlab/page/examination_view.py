@@ -25,7 +25,6 @@ from contactlab.schema.error_budget import BudgetPhase, BudgetReport, BudgetRow
 from contactlab.schema.examination import Examination
 from contactlab.store.finished_store import Store
 
-_MARGIN = 1.5  # room for names next to the fastest and the slowest, as a ratio of times
 _REMOVES, _REMAINS, _NOW = "removes the cause", "does not", "as written"
 
 

@@ -4,6 +4,7 @@ import base64
 import tempfile
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,15 +16,31 @@ from contactlab.plugins import extensions
 from contactlab.reporting.report import ReportData
 from contactlab.store.finished_store import Store
 
-_SIZE = (320, 240)
-_FOCAL_SIZE = (480, 360)  # of each of its halves
-# Length of a film, for runs of any length [s].
-_SECONDS = 1.2
-_MOST_BYTES_OF_A_FILM = 1_500_000
-_SIZE_OF_MOMENT = (480, 360)
-# Length of the run around a moment [s], the share of it before, and the length of its film [s].
-# A second of film takes as long to draw as the rest of a page.
-_SHOWN, _BEFORE, _SECONDS_OF_MOMENT = 0.3, 0.6, 0.8
+
+@dataclass(frozen=True)
+class _FilmRules:
+    """Sizes [pixels] and lengths of films and pictures; a second of film costs as much as a page.
+
+    Attributes:
+        size: of a film of a whole run.
+        seconds: length of such a film, for runs of any length [s].
+        most_bytes: a larger film is left out, so that a page opens at once.
+        moment_size: of a film or a drawing of a moment, and of each half of the focal picture.
+        shown: simulated time around a moment [s].
+        before: share of this time before the moment.
+        moment_seconds: length of the film of a moment [s].
+    """
+
+    size: tuple[int, int] = (320, 240)
+    seconds: float = 1.2
+    most_bytes: int = 1_500_000
+    moment_size: tuple[int, int] = (480, 360)
+    shown: float = 0.3
+    before: float = 0.6
+    moment_seconds: float = 0.8
+
+
+_RULES = _FilmRules()
 
 
 class HeaderFilm(NamedTuple):
@@ -71,7 +88,7 @@ def focal_picture(data: ReportData, worst: str | None) -> FocalPicture | None:
                 store,
                 worst,
                 path,
-                size=_FOCAL_SIZE,
+                size=_RULES.moment_size,
                 camera=None,
                 speed=None,
                 at=(time,),
@@ -122,7 +139,7 @@ def _draw_moment(store: Store, moment: "Moment") -> str:
             store,
             moment.run,
             path,
-            size=_SIZE_OF_MOMENT,
+            size=_RULES.moment_size,
             camera=None,
             speed=None,
             at=(moment.begin,),
@@ -155,7 +172,10 @@ def film_of_moment(store: Store, moment: Moment) -> Films:
 
     If a film needs a package that is not installed, or OpenGL, the moment is drawn.
     """
-    between = max(moment.begin - _BEFORE * _SHOWN, 0.0), moment.end + (1 - _BEFORE) * _SHOWN
+    between = (
+        max(moment.begin - _RULES.before * _RULES.shown, 0.0),
+        moment.end + (1 - _RULES.before) * _RULES.shown,
+    )
     try:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "moment.gif"
@@ -163,9 +183,9 @@ def film_of_moment(store: Store, moment: Moment) -> Films:
                 store,
                 moment.run,
                 path,
-                size=_SIZE_OF_MOMENT,
+                size=_RULES.moment_size,
                 camera=None,
-                speed=(between[1] - between[0]) / _SECONDS_OF_MOMENT,
+                speed=(between[1] - between[0]) / _RULES.moment_seconds,
                 at=(),
                 beside=moment.beside,
                 between=between,
@@ -191,7 +211,7 @@ def _load_viewer(kind: str) -> Any:  # noqa: ANN401 - a function
 
 def film_in(file: Path, words: str) -> HeaderFilm | None:
     """Return a film of a file that was drawn before, .gif; None if it is too large for a page."""
-    if file.stat().st_size > _MOST_BYTES_OF_A_FILM:
+    if file.stat().st_size > _RULES.most_bytes:
         return None
     return HeaderFilm("", words, _encode_picture(file, "gif"))
 
@@ -204,8 +224,8 @@ def film_of(store: Store, run: str) -> Iterator[HeaderFilm]:
     seconds = float(store.trace(store.record(run)).time[-1])
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.gif"
-        speed = min(max(seconds / _SECONDS, 0.001), 1000.0)
-        _load_viewer("gif")(store, run, path, size=_SIZE, camera=None, speed=speed, at=())
+        speed = min(max(seconds / _RULES.seconds, 0.001), 1000.0)
+        _load_viewer("gif")(store, run, path, size=_RULES.size, camera=None, speed=speed, at=())
         size, source = path.stat().st_size, _encode_picture(path, "gif")
-    if size <= _MOST_BYTES_OF_A_FILM:
+    if size <= _RULES.most_bytes:
         yield HeaderFilm(run, store.record(run).label, source)

@@ -67,7 +67,6 @@ _LOOK = _MapLook()
 
 _PANELS = ("baseline", "candidate", "difference")
 _LISTED: tuple[Outcome, ...] = ("failed", "warned", "noted")
-_CELL_WIDTH, _CELL_HEIGHT = (13, 112), (13, 56)
 _DIVERGING = ["#1845fb", "#f4f4f4", "#ff5e02"]
 
 
@@ -255,9 +254,11 @@ def _layer_map(
     columns, lines = (axes.x.ticks, axes.y.ticks if axes.y else ("",)) if axes else ((), ())
     x = alt.X("x:Q").scale(domain=[0, len(columns)], nice=False, zero=False)
     y = alt.Y("y:Q").scale(domain=[0, len(lines)], nice=False, zero=False)
-    cell = _clip_value(room[0] / max(1, len(columns)), _CELL_WIDTH)
+    # Least and largest sizes of a cell [pixels]: a letter fits in the first, words in the second.
+    cell_width, cell_height = (13, 112), (13, 56)
+    cell = _clip_value(room[0] / max(1, len(columns)), cell_width)
     width = cell * max(1, len(columns))
-    height = _clip_value(room[1] / max(1, len(lines)), _CELL_HEIGHT) * max(1, len(lines))
+    height = _clip_value(room[1] / max(1, len(lines)), cell_height) * max(1, len(lines))
     # Tick labels below the map turn where a cell is too narrow.
     angle = -35 if max(map(len, columns), default=0) * 7 > cell else 0
     x = x.axis(title=axes.x.title if axes else "", **_cell_ticks(columns), labelAngle=angle)

@@ -15,7 +15,6 @@ from contactlab.schema.coverage import Travel
 from contactlab.store.mcap.trace_reader import StoredTrace
 
 _POINTS = 400
-_BITS = 12
 _JOINT_SIZES = {"free": 7, "ball": 4, "slide": 1, "hinge": 1, "hinge or slide": 1}
 _UNITS = {"slide": "m", "hinge": "rad", "hinge or slide": "m, rad"}
 _NO_JOINTS: Mapping[str, Travel] = {}
@@ -42,16 +41,17 @@ def run_series(
     """
     columns: dict[str, NDArray[Any]] = {}
     signals: list[tuple[str, str, str]] = []
+    bits = 12  # of a mantissa: 1e-4 of a plot, a tenth of a pixel
     for index, (name, unit, panel, values, kept) in enumerate(_list_signals(trace, told, joints)):
-        columns[f"t{index}"] = rounded_floats(trace.time[kept], _BITS)
-        columns[f"v{index}"] = rounded_floats(values[kept], _BITS)
+        columns[f"t{index}"] = rounded_floats(trace.time[kept], bits)
+        columns[f"v{index}"] = rounded_floats(values[kept], bits)
         signals.append((name, unit, panel))
     # A run that ended before its first step has no contacts over time.
     pairs = trace.pairs if len(trace.contacts) else ()
     for index, pair in enumerate(pairs):
         modes = pair.spread_over_steps(len(trace.contacts), pair.mode, NO_CONTACT)
         starts = np.concatenate(([0], np.flatnonzero(np.diff(modes)) + 1))[:_POINTS]
-        columns[f"s{index}"] = rounded_floats(trace.time[starts], _BITS)
+        columns[f"s{index}"] = rounded_floats(trace.time[starts], bits)
         columns[f"m{index}"] = packed_integers(modes[starts])
     bands = [(told(pair.name), float(trace.time[-1])) for pair in pairs]
     return {"signals": signals, "bands": bands}, columns

@@ -57,10 +57,6 @@ class _SelectionRules:
 
 _RULES = _SelectionRules()
 
-_ALL_BITS, _FEW_BITS = 23, 11
-# Bytes that a run takes, and each of its numbers, once compressed.
-_BYTES_PER_RUN, _BYTES_PER_VALUE = 12.0, 2.2
-
 
 @dataclass(frozen=True)
 class ScriptData:
@@ -91,8 +87,10 @@ class _Selection:
 
 def script_data(data: ReportData, request: PageRequest, chart: Spec | None) -> ScriptData:
     """Return the data of a page's script."""
+    # Bytes that a run takes, and each of its numbers, once compressed.
+    bytes_per_run, bytes_per_value = 12.0, 2.2
     # The listed runs, those with series, and whether cells stand for the others.
-    width = _BYTES_PER_RUN + _BYTES_PER_VALUE * len(data.quantities.columns)
+    width = bytes_per_run + bytes_per_value * len(data.quantities.columns)
     stored = data.store.columns
     is_aggregated = 4 / 3 * width * stored.runs > request.most_bytes
     traces = min(request.traces, _RULES.series_if_aggregated) if is_aggregated else request.traces
@@ -214,7 +212,9 @@ def _run_columns(
     masks = labels.masks[rows].astype(np.uint64)
     # 2 for a run as expected, 1 for one that is not, 0 without an expectation.
     expected = np.where(given, np.nan_to_num(met) + 1, 0).astype(np.int64)
-    bits = _ALL_BITS if len(rows) <= _RULES.most_precise_runs else _FEW_BITS
+    # Of a mantissa: all of single precision, or three digits.
+    all_bits, few_bits = 23, 11
+    bits = all_bits if len(rows) <= _RULES.most_precise_runs else few_bits
     columns: dict[str, NDArray[Any]] = {
         "id": run_id_halves(data.store.columns.ids()[rows]),
         "label": packed_integers(labels.codes[rows]),

@@ -20,8 +20,6 @@ from contactlab.reporting.start_noise import PERTURBATION, start_noise
 from contactlab.schema.evidence import Setting
 from contactlab.schema.tradeoff_report import TradeoffReport
 
-_MOST_CLOSEST = 12
-
 
 def tradeoff_sentence(report: TradeoffReport) -> str:
     """Return how many configurations will do, and what the recommended one saves."""
@@ -122,7 +120,8 @@ def closest_settings(data: ReportData) -> tuple[list[str], list[list[str]], list
     quantities = [quantity for quantity in data.quantities if quantity.name.startswith("reality")]
     knobs = _list_varying_knobs(data)
     rows: list[list[str]] = []
-    for setting in compared_settings(data)[:_MOST_CLOSEST]:
+    most_closest = 12  # lines of the page
+    for setting in compared_settings(data)[:most_closest]:
         farthest = int(setting.rows[np.argmax(reality.values[setting.rows])])
         means = [_mean_of_finite(quantity.values[setting.rows]) for quantity in quantities]
         ticks = [axis.ticks[axis.codes[farthest]] for axis in knobs]

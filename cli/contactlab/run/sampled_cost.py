@@ -17,8 +17,6 @@ from contactlab.scene.run_spec import RunSpec
 from contactlab.store.store_files import TRACES
 from contactlab.store.store_writer import StoreWriter, open_writer
 
-_WARM_UP_STEPS = 100  # compile the model, and load everything that a first run needs
-
 
 @dataclass(frozen=True)
 class SampledCost:
@@ -44,7 +42,8 @@ def sample_cost(request: SweepRequest, index: RunIndex, runs: Sequence[RunSpec])
     runs = [replace(run, run_id=f"{place:016x}", index=place) for place, run in enumerate(runs)]
     with TemporaryDirectory() as folder:
         worker = _open_worker(request, index, Path(folder) / "own")
-        _record_jobs(worker, request, _shorten_runs([runs[0]], _WARM_UP_STEPS))
+        warm_up_steps = 100  # compile the model, and load everything that a first run needs
+        _record_jobs(worker, request, _shorten_runs([runs[0]], warm_up_steps))
         trial_steps = 500  # of one run, to find how many steps can be sampled
         trial = _shorten_runs([runs[0]], trial_steps)
         ((seconds, steps),) = _record_jobs(worker, request, trial)
@@ -56,7 +55,7 @@ def sample_cost(request: SweepRequest, index: RunIndex, runs: Sequence[RunSpec])
         count = min(len(runs), max(fewest_runs, round(share * len(runs))))
         places = np.linspace(0, len(runs) - 1, count).round().astype(int)
         chosen = _shorten_runs(
-            [runs[place] for place in places], max(_WARM_UP_STEPS, int(most_steps / count))
+            [runs[place] for place in places], max(warm_up_steps, int(most_steps / count))
         )
         seconds, steps = np.sum(_record_jobs(worker, request, chosen), axis=0).tolist()
         forms, share = dict[str, float](), 0.0

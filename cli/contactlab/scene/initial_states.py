@@ -343,7 +343,7 @@ def _perturbed_coordinates(
     places = [
         start + place for kind, start in joints for place in range(_PERTURBED_COUNTS.get(kind, 1))
     ]
-    perturbation = 1e-4  # [m, rad]: below what anyone measures, above rounding
+    perturbation = 1e-4  # [m, rad]: smaller than any measured start, larger than rounding
     return dict.fromkeys(places, perturbation)
 
 

@@ -29,7 +29,6 @@ RunRequirement = tuple[str, Sequence[bool]]
 
 _NO_WINDOW = (np.nan, np.nan)
 """The window of a run without the requirement."""
-_CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
 _BODY, _SITE = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE
 _Frame = tuple[mujoco.mjtObj, int]
 
@@ -274,5 +273,5 @@ def _poses_in_frame(
         else:
             origin, own = data.xpos[index], data.xquat[index]
         place[row] = rotate_vectors_back(own, data.xpos[body] - origin)
-        turn[row] = multiply_rotations(own * _CONJUGATE, data.xquat[body])
+        turn[row] = multiply_rotations(own * np.array([1.0, -1.0, -1.0, -1.0]), data.xquat[body])
     return place, turn

@@ -171,9 +171,6 @@ class ComparePolicy(Waivers):
     )
 
 
-COMPARISON_VERSION = 3
-
-
 class ComparedStore(Model):
     """One side of a comparison."""
 
@@ -223,7 +220,7 @@ class PairCounts(Model):
 class ComparisonReport(Model):
     """The comparison of two stores."""
 
-    schema_version: Literal[3] = COMPARISON_VERSION
+    schema_version: Literal[3] = 3
     verdict: Change
     exit_code: int
     headline: str

@@ -8,7 +8,6 @@ from contactlab.schema.task import Task
 from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.verification import VerifiedChange
 
-EFFECTS_VERSION = 3
 REPORT, FOLDER = "effects.json", "smaller"
 """Files of the study's folder. The model is in `smaller`, with the files that it refers to."""
 
@@ -71,7 +70,7 @@ class SmallerModel(Model):
 class EffectsReport(ReportModel):
     """Features and parts of a model (`effects.json`). Units are SI."""
 
-    effects_version: Literal[3] = EFFECTS_VERSION
+    effects_version: Literal[3] = 3
     model: str = about("The model, scene or sweep as given.")
     scene_hash: str
     mujoco: str

@@ -8,8 +8,6 @@ from contactlab.schema.strict_model import FiniteOrNull, InfiniteAsNull, Model, 
 from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.verdict import VerdictWord
 
-BUDGET_VERSION = 2
-
 RowKind = Literal["numerics", "model", "effect", "unknown"]
 
 
@@ -121,7 +119,7 @@ class BudgetFix(Model):
 class BudgetReport(ReportModel):
     """An error budget and its verdict."""
 
-    budget_version: Literal[2] = BUDGET_VERSION
+    budget_version: Literal[2] = 2
     tolerance: float = about("Largest error that counts as right.")
     verdict: VerdictWord
     reasons: tuple[BudgetReason, ...]

@@ -16,8 +16,6 @@ from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.verdict import PASSING_VERDICTS, VerdictWord
 from contactlab.schema.verification import VerifiedChange
 
-EXAMINATION_VERSION = 2
-
 MOST_FIXES = 3
 """Fixes of a model that are reported with their lines."""
 
@@ -189,7 +187,7 @@ class Examination(ReportModel):
     It has an error budget, the labels of runs, checks, facts and fixes.
     """
 
-    examination_version: Literal[2] = EXAMINATION_VERSION
+    examination_version: Literal[2] = 2
     model: str = about("The scene or model, by its name on the command line.")
     mujoco: str = about("Version of MuJoCo.")
     task: Task

@@ -30,7 +30,6 @@ def as_vector(value: object) -> tuple[float, ...]:
 
 
 Parser = Callable[[object], object]
-_INT_MAX = 2**31 - 1
 
 
 def number_parser(
@@ -64,7 +63,7 @@ def or_off(off: float, parse: Parser) -> Parser:
     return lambda value: off if value is False else parse(value)
 
 
-def integer_parser(least: int, most: int = _INT_MAX) -> Callable[[object], int]:
+def integer_parser(least: int, most: int = 2**31 - 1) -> Callable[[object], int]:
     """Return a parser of whole numbers within bounds, by default those of a 32-bit int."""
     inner = number_parser(least=least, most=most)
 

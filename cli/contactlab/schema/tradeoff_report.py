@@ -9,8 +9,6 @@ from contactlab.schema.strict_model import Model, about
 from contactlab.schema.task import Task
 from contactlab.schema.task_verdict import TaskVerdict
 
-TRADEOFF_VERSION = 2
-
 REALITY = "reality"
 """The distance from a recording. Its mean over runs counts, since single runs may be chaotic."""
 
@@ -171,7 +169,7 @@ class Blocker(Model):
 class TradeoffReport(ReportModel):
     """Time and error over the knobs of a sweep, in its worst scenario and seed."""
 
-    schema_version: Literal[2] = TRADEOFF_VERSION
+    schema_version: Literal[2] = 2
     store: str
     sweep: str
     scene: str

@@ -9,7 +9,6 @@ from contactlab.schema.task import Task
 from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.verification import VerifiedChange
 
-TUNE_VERSION = 5
 REPORT, MODEL, FOLDER = "tune.json", "tuned.xml", "tuned"
 PATCH = f"{FOLDER}/tuned.patch"
 """Files of the study's folder. The model is in `tuned`, with the files that it refers to."""
@@ -190,7 +189,7 @@ class SimplifiedHulls(Model):
 class TuneReport(ReportModel):
     """From a model to recommended settings (`tune.json`). Units are SI."""
 
-    tune_version: Literal[5] = TUNE_VERSION
+    tune_version: Literal[5] = 5
     model: str = about("As given.")
     scene_hash: str
     mujoco: str

@@ -2,8 +2,6 @@
 
 from contactlab.schema.strict_model import FiniteOrNull, Model, about
 
-VERIFICATION_VERSION = 1
-
 
 class VerifiedMeasure(Model):
     """One measure in one run, of the original model and of the changed one."""
@@ -30,7 +28,7 @@ class SkippedRun(Model):
 class VerifiedChange(Model):
     """Whether a changed model is worse than the original in any measure."""
 
-    verification_version: int = VERIFICATION_VERSION
+    verification_version: int = 1
     seeds: tuple[int, ...] = about("Seeds of the task that both models ran.", default=())
     fresh_seeds: tuple[int, ...] = about("Seeds that no setting was chosen by.", default=())
     measures: tuple[VerifiedMeasure, ...] = ()

@@ -7,14 +7,14 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-MOST_TABLE = 1 << 30
-"""Largest unpacked size of a table of controls [bytes]: thirty controls for a million steps take a
-quarter of it."""
 _ARROW_MAGIC = b"ARROW1\0\0"
 
 
-def check_extent(size: int, most: int = MOST_TABLE) -> None:
-    """Raise a ValueError for a size in bytes that no table has."""
+def check_extent(size: int, most: int = 1 << 30) -> None:
+    """Raise a ValueError for a size in bytes that no table has.
+
+    By default, the limit is 1 GiB: thirty controls for a million steps take a quarter of it.
+    """
     if size > most:
         raise ValueError(f"its header declares {size:,} bytes, more than {most:,}")
 

@@ -44,8 +44,6 @@ TASK_STORE = "run"
 """Name of the store of the task's runs, one for each of its seeds."""
 MOST_SEEDS = 9
 """Seeds up to which a task is extended while they disagree about the tolerance."""
-_STEPS_OF_CHECKS = 5  # of the engine for one of a run with all checks
-_FEWEST_STEPS = 5  # of a phase: its last fifth shows the bodies at rest
 
 
 @dataclass(frozen=True)
@@ -241,10 +239,11 @@ class CheckedModel:
         """Raise a SweepFileError if the step is too long for a phase of the task."""
         step = self.resolved.timestep
         shortest = min(phase.end - phase.begin for phase in self.task.phases)
-        if round(shortest / step, 9) < _FEWEST_STEPS:
+        fewest_steps = 5  # of a phase: its last fifth shows the bodies at rest
+        if round(shortest / step, 9) < fewest_steps:
             raise SweepFileError(
                 f"{self.reference}: a step of {step:g} s is too long for a phase of "
-                f"{shortest:g} s; set a timestep of at most {shortest / _FEWEST_STEPS:g} s"
+                f"{shortest:g} s; set a timestep of at most {shortest / fewest_steps:g} s"
             )
 
     def run(
@@ -276,7 +275,8 @@ class CheckedModel:
         self._written.add(name)
         runs = self.scene.resolve_seeds(values, sweep["seeds"], self.duration)
         steps = sum(round(run.duration / run.timestep) for run in runs)
-        add_simulated_steps(self.prepared.model, _STEPS_OF_CHECKS * steps)
+        # A step of a run with all checks takes about as long as five of the engine.
+        add_simulated_steps(self.prepared.model, 5 * steps)
         return [CheckedRun(self.scene, run, store) for run in runs]
 
     def elsewhere(self, workers: int) -> "CheckedModel":

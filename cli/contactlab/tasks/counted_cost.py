@@ -21,12 +21,6 @@ from contactlab.scene.model_edits import read_flag, set_timestep
 
 SAMPLE_SECONDS = 0.04
 """s between the states where steps are counted, and length of these steps, if they are few."""
-MAX_SAMPLES, _MIN_SAMPLES = 12, 3
-"""States of each phase: contacts come and go, and fewer would miss some of them."""
-_MIN_STEPS, _MAX_STEPS = 3, 8
-"""Steps from each state. The first one, which begins without a warm start, is not counted; the work
-of later ones hardly differs."""
-_STEPS_TO_SLEEP = 40  # bodies fall asleep after ten steps of rest
 _AUTORESET_OFF = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
 
 
@@ -44,14 +38,15 @@ class CountedCost:
         motions: Sequence[Motion],
         base: mujoco.MjModel,
         workers: int,
-        samples: int = MAX_SAMPLES,
+        samples: int = 12,
     ) -> None:
         """Run the motions once, and count the model as written, compiled from its files.
 
-        `samples` is the number of states of each phase, within bounds.
+        `samples` is the number of states of each phase, from 3 to 12: contacts come and go, and
+        fewer would miss some of them.
         """
         self._motions = [without_delays(motion) for motion in motions]
-        samples = min(MAX_SAMPLES, max(_MIN_SAMPLES, samples))
+        samples = min(12, max(3, samples))
         self._starts = [
             _sample_states(replay(motion, SAMPLE_SECONDS, workers), samples) for motion in motions
         ]
@@ -61,8 +56,7 @@ class CountedCost:
         self._base_seconds = self.count_seconds(base, self._own_step)
         self.pass_seconds = length * self._base_seconds
         self.step_seconds = self._own_step * self._base_seconds
-        counted = min(_MAX_STEPS, max(_MIN_STEPS, round(SAMPLE_SECONDS / self._own_step)))
-        self.sample_seconds = counted * self.step_seconds
+        self.sample_seconds = _steps_of_sample(self._own_step) * self.step_seconds
 
     def count_cost(self, model: mujoco.MjModel, multiple: int) -> float:
         """Return the counted work per simulated second, over that of the model as written.
@@ -77,9 +71,9 @@ class CountedCost:
         set_timestep(made, timestep)
         made.opt.disableflags &= ~_AUTORESET_OFF  # as in files; recording never resets
         data, work = mujoco.MjData(made), StepWork(made)
-        steps = min(_MAX_STEPS, max(_MIN_STEPS, round(SAMPLE_SECONDS / timestep)))
+        steps = _steps_of_sample(timestep)
         if read_flag(made, "sleep"):
-            steps = _STEPS_TO_SLEEP
+            steps = 40  # bodies fall asleep after ten steps of rest
         for motion, samples in zip(self._motions, self._starts, strict=True):
             for seed, begin, start in samples:
                 mujoco.mj_resetData(made, data)  # wakes sleeping bodies
@@ -92,6 +86,13 @@ class CountedCost:
                     return math.inf
         per_step = float(work.total @ UNIT_SECONDS) / max(work.steps, 1)
         return per_step / timestep
+
+
+def _steps_of_sample(timestep: float) -> int:
+    # The first step, which begins without a warm start, is not counted; the work of later ones
+    # hardly differs.
+    least, most = 3, 8
+    return min(most, max(least, round(SAMPLE_SECONDS / timestep)))
 
 
 def _sample_states(run: Run, samples: int) -> list[tuple[int, int, Floats]]:

@@ -34,9 +34,6 @@ from contactlab.numerical_tolerance import COARSE_ROUNDING, SUM_ROUNDING
 from contactlab.scene.model_edits import set_timestep, write_option
 from contactlab.shares import SURE
 
-_REFERENCE_POINTS = (
-    4  # points of the reference within a step of the candidate, on either side of an end
-)
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 SLACK_SHARE = 0.05
 """Largest shift in time that is no error, as a share of a window: 2 ms of 40 ms. The time of an
@@ -253,7 +250,8 @@ class PhaseReference:
         slack = self._slack_of(multiple)
         last = math.floor(slack + COARSE_ROUNDING)
         share = slack - last
-        stride = max(1, last // _REFERENCE_POINTS)
+        reference_points = 4  # within a step of the candidate, on either side of an end
+        stride = max(1, last // reference_points)
         half = [*range(stride, last, stride), last] if last else []
         if share > COARSE_ROUNDING:
             half.append(last + 1)

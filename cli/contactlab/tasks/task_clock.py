@@ -11,6 +11,7 @@ import copy
 import math
 import time
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import mujoco
@@ -34,14 +35,22 @@ from contactlab.timing.interleaved import (
     time_samples,
 )
 
-_MIN_SEGMENTS, _MAX_SEGMENTS = 2, 12  # states of each phase that begin segments
-_MAX_SEGMENT_SECONDS, _MIN_SEGMENT_SECONDS = 0.2, 0.04  # s of simulated time: 1 to 5 windows
 _SEGMENT_PROTOCOL = TimingProtocol(rounds=6)
 """Fewest rounds that hold a median with 95 %: turns of slow models are long, and disturbed less."""
-_INPUT_ROUNDS, _INPUTS_IN_A_ROUND = 3, 40
-"""Rounds that say how long it takes to set an input; the fastest one is not disturbed."""
-_COUNTED_STEPS = 4  # from each state; the first, which begins without a warm start, is left out
 _AUTORESET_OFF = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+
+
+@dataclass(frozen=True)
+class _SegmentLimits:
+    """How many segments of a phase are timed, and their simulated time [s]."""
+
+    least_count: int = 2  # one may be free of contacts
+    most_count: int = 12
+    least_seconds: float = 0.04  # a window of an error budget
+    most_seconds: float = 0.2  # five windows
+
+
+_LIMITS = _SegmentLimits()
 
 
 class Segment(NamedTuple):
@@ -76,11 +85,12 @@ class TimedModel:
             return 0.0
         row = segment.inputs[0, 0]
         spent = list[float]()
-        for _ in range(_INPUT_ROUNDS):
+        input_rounds, inputs_in_a_round = 3, 40  # the fastest round is not disturbed
+        for _ in range(input_rounds):
             begin = time.thread_time()
-            for _ in range(_INPUTS_IN_A_ROUND):
+            for _ in range(inputs_in_a_round):
                 mujoco.mj_setState(self._model, self._data, row, segment.spec)
-            spent.append((time.thread_time() - begin) / _INPUTS_IN_A_ROUND)
+            spent.append((time.thread_time() - begin) / inputs_in_a_round)
         return min(spent)
 
     def measure_cost(self) -> float:
@@ -128,15 +138,16 @@ class Clock:
         self._reference, self._written = reference, copy.copy(base)
         # Segments that begin at rest or in flight have no contacts, so they are spread over the
         # phase.
-        self._segment_count, self._segment_seconds = _MAX_SEGMENTS // 2, _MIN_SEGMENT_SECONDS
+        self._segment_count, self._segment_seconds = _LIMITS.most_count // 2, _LIMITS.least_seconds
         self.base_seconds = self._timed_model(self._written, reference.substeps).measure_cost()
         """Time of the model as written over simulated time."""
         wanted = TURN_SECONDS / self.base_seconds / len(reference.phases)
         self._segment_count = max(
-            _MIN_SEGMENTS, min(_MAX_SEGMENTS, math.ceil(wanted / _MAX_SEGMENT_SECONDS))
+            _LIMITS.least_count,
+            min(_LIMITS.most_count, math.ceil(wanted / _LIMITS.most_seconds)),
         )
         self._segment_seconds = min(
-            _MAX_SEGMENT_SECONDS, max(_MIN_SEGMENT_SECONDS, wanted / self._segment_count)
+            _LIMITS.most_seconds, max(_LIMITS.least_seconds, wanted / self._segment_count)
         )
 
     @property
@@ -165,16 +176,17 @@ class Clock:
     def _count_seconds(self, model: mujoco.MjModel, multiple: int) -> float:
         made = self._with_step(model, multiple)
         data, work = mujoco.MjData(made), StepWork(made)
+        counted_steps = 4  # from each state; the first, without a warm start, is left out
         for phase in self._reference.phases:
-            count = min(_MAX_SEGMENTS, len(phase.starts))
+            count = min(_LIMITS.most_count, len(phase.starts))
             places = np.linspace(0, len(phase.starts) - 1, count).astype(int)
-            begun = phase.starts_and_inputs(multiple, phase.starts[places], _COUNTED_STEPS)
+            begun = phase.starts_and_inputs(multiple, phase.starts[places], counted_steps)
             for start, inputs in zip(*begun, strict=True):
                 mujoco.mj_resetData(made, data)  # wakes sleeping bodies
                 mujoco.mj_setState(made, data, start, INTEGRATION)
                 rows = inputs if inputs.shape[1] else None
                 try:
-                    work.count_steps(data, _COUNTED_STEPS, rows, phase.motion.spec)
+                    work.count_steps(data, counted_steps, rows, phase.motion.spec)
                 except mujoco.FatalError:
                     return math.inf
         seconds = float(work.total @ UNIT_SECONDS) / max(work.steps, 1)

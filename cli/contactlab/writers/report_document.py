@@ -24,13 +24,12 @@ from contactlab.rendering.text import render_text
 from contactlab.writers.report import Line, Report, Section, finding_lines
 from contactlab.writers.signs import ORDER, outcome_mark
 
-WIDEST = 10_000  # lines of a file: they do not wrap
 MOST_BYTES = 900_000  # a job summary of more than 1 MiB is lost
 _HEADS = (Column(""), Column("check"), Column("result"), Column("worst"), Column("where"))
 
 
-def as_text(report: Report, width: int = WIDEST) -> str:
-    """Return a report as plain text of a width."""
+def as_text(report: Report, width: int = 10_000) -> str:
+    """Return a report as plain text of a width; by default, its lines do not wrap."""
     return f"{render_text(describe_findings(report), width)}\n"
 
 

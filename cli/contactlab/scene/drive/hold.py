@@ -24,9 +24,6 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 
-# Maximum number of settling rounds, and the accepted distance to the posture [rad or m].
-_MAX_ROUNDS, _ACCEPTED_DISTANCE = 10, 0.01
-
 _SCALAR_JOINTS = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 _FREE_JOINT = int(mujoco.mjtJoint.mjJNT_FREE)
 
@@ -92,7 +89,8 @@ def find_load(model: mujoco.MjModel, qpos: Floats, ctrl: Floats, act: Floats) ->
     # The load also balances the reaction of the ground. Each round settles with the spring forces
     # at the end of the previous one, as long as that brings the joints closer to their positions.
     found, least = load, np.inf
-    for _ in range(_MAX_ROUNDS):
+    max_rounds, accepted_distance = 10, 0.01  # the distance to the posture [rad or m]
+    for _ in range(max_rounds):
         held = copy.copy(model)
         # With a fixed timestep [s] the load is the same for every timestep of the model.
         held.opt.timestep = 2e-3
@@ -101,7 +99,7 @@ def find_load(model: mujoco.MjModel, qpos: Floats, ctrl: Floats, act: Floats) ->
         if not np.abs(away).max(initial=0.0) < least:
             break
         found, least = load, float(np.abs(away).max(initial=0.0))
-        if least < _ACCEPTED_DISTANCE:
+        if least < accepted_distance:
             break
         load = replace(load, balance=load.balance - load.stiffness * away)
     return found

@@ -14,10 +14,6 @@ from contactlab.scene.part_bodies import AT_JOINT
 from contactlab.scene.timed_inputs import Signals
 from contactlab.schema.drive import NoiseDrive
 
-# The seed's random streams for noise and for excitations; the first stream perturbs the start.
-_NOISE_STREAM, _EXCITATION_STREAM = 3, 4
-
-
 _FIXED_GAIN = int(mujoco.mjtGain.mjGAIN_FIXED)
 _AFFINE_BIAS = int(mujoco.mjtBias.mjBIAS_AFFINE)
 _INTEGRATOR_DYNAMICS = int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
@@ -126,7 +122,7 @@ def excitation_signals(
     (with everything that it carries) across gravity, for 50 ms, in the first part of the span.
     """
     begin, end = span
-    random = np.random.default_rng([seed, _EXCITATION_STREAM])
+    random = np.random.default_rng([seed, 4])  # other streams of a seed perturb, or make noise
     hertz = random.uniform(0.5, 1.5, model.nu)  # of slow motions, which most joints can follow
     phases = random.uniform(0, 2 * np.pi, model.nu)
     low, high = control_ranges(model).reshape(-1, 2).T
@@ -186,7 +182,8 @@ def noise_signals(
     while sines < end * noise.rate:
         sines *= 2
     shape = len(half), sines
-    streams = [np.random.default_rng([seed, _NOISE_STREAM]) for seed in seeds]
+    # Other streams of a seed perturb the start, or excite.
+    streams = [np.random.default_rng([seed, 3]) for seed in seeds]
     phases = [random.uniform(0, 2 * np.pi, shape) for random in streams]
     # Knots per period of the highest frequency; linear interpolation loses 1.4 % of it.
     knots_per_period = 12

@@ -119,7 +119,7 @@ class TraceEncoder:
 
 def _log_times(time: Floats) -> tuple[Times, NDArray[np.bool_]]:
     """Return (n, N + 1) simulated time in whole nanoseconds, and whether each run's is valid."""
-    times = np.rint(1e9 * time)
+    times = np.rint(time * 1e9)
     grows = np.all(times[:, 1:] > times[:, :-1], axis=1)
     # Since times increase, checking both ends covers the range of all.
     # Readers in languages without unsigned integers take log time as a signed 64-bit number.
