@@ -6,20 +6,13 @@ from contextlib import contextmanager
 import pytest
 
 from contactlab.page import header_films
-
-_SMALL = {
-    "_SIZE": (80, 60),
-    "_FOCAL_SIZE": (120, 90),
-    "_SIZE_OF_MOMENT": (120, 90),
-    "_SECONDS": 0.15,
-    "_SECONDS_OF_MOMENT": 0.2,
-}
+from contactlab.page.header_films import FilmRules
 
 
 @contextmanager
 def small_films() -> Generator[None]:
     """Draw the films of pages small, which are most of what a page costs."""
+    small = FilmRules(size=(80, 60), moment_size=(120, 90), seconds=0.15, moment_seconds=0.2)
     with pytest.MonkeyPatch.context() as patched:
-        for name, value in _SMALL.items():
-            patched.setattr(header_films, name, value)
+        patched.setattr(header_films, "FILM_RULES", small)
         yield

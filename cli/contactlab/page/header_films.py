@@ -18,7 +18,7 @@ from contactlab.store.finished_store import Store
 
 
 @dataclass(frozen=True)
-class _FilmRules:
+class FilmRules:
     """Sizes [pixels] and lengths of films and pictures; a second of film costs as much as a page.
 
     Attributes:
@@ -40,7 +40,7 @@ class _FilmRules:
     moment_seconds: float = 0.8
 
 
-_RULES = _FilmRules()
+FILM_RULES = FilmRules()
 
 
 class HeaderFilm(NamedTuple):
@@ -88,7 +88,7 @@ def focal_picture(data: ReportData, worst: str | None) -> FocalPicture | None:
                 store,
                 worst,
                 path,
-                size=_RULES.moment_size,
+                size=FILM_RULES.moment_size,
                 camera=None,
                 speed=None,
                 at=(time,),
@@ -139,7 +139,7 @@ def _draw_moment(store: Store, moment: "Moment") -> str:
             store,
             moment.run,
             path,
-            size=_RULES.moment_size,
+            size=FILM_RULES.moment_size,
             camera=None,
             speed=None,
             at=(moment.begin,),
@@ -173,8 +173,8 @@ def film_of_moment(store: Store, moment: Moment) -> Films:
     If a film needs a package that is not installed, or OpenGL, the moment is drawn.
     """
     between = (
-        max(moment.begin - _RULES.before * _RULES.shown, 0.0),
-        moment.end + (1 - _RULES.before) * _RULES.shown,
+        max(moment.begin - FILM_RULES.before * FILM_RULES.shown, 0.0),
+        moment.end + (1 - FILM_RULES.before) * FILM_RULES.shown,
     )
     try:
         with tempfile.TemporaryDirectory() as folder:
@@ -183,9 +183,9 @@ def film_of_moment(store: Store, moment: Moment) -> Films:
                 store,
                 moment.run,
                 path,
-                size=_RULES.moment_size,
+                size=FILM_RULES.moment_size,
                 camera=None,
-                speed=(between[1] - between[0]) / _RULES.moment_seconds,
+                speed=(between[1] - between[0]) / FILM_RULES.moment_seconds,
                 at=(),
                 beside=moment.beside,
                 between=between,
@@ -211,7 +211,7 @@ def _load_viewer(kind: str) -> Any:  # noqa: ANN401 - a function
 
 def film_in(file: Path, words: str) -> HeaderFilm | None:
     """Return a film of a file that was drawn before, .gif; None if it is too large for a page."""
-    if file.stat().st_size > _RULES.most_bytes:
+    if file.stat().st_size > FILM_RULES.most_bytes:
         return None
     return HeaderFilm("", words, _encode_picture(file, "gif"))
 
@@ -224,8 +224,8 @@ def film_of(store: Store, run: str) -> Iterator[HeaderFilm]:
     seconds = float(store.trace(store.record(run)).time[-1])
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.gif"
-        speed = min(max(seconds / _RULES.seconds, 0.001), 1000.0)
-        _load_viewer("gif")(store, run, path, size=_RULES.size, camera=None, speed=speed, at=())
+        speed = min(max(seconds / FILM_RULES.seconds, 0.001), 1000.0)
+        _load_viewer("gif")(store, run, path, size=FILM_RULES.size, camera=None, speed=speed, at=())
         size, source = path.stat().st_size, _encode_picture(path, "gif")
-    if size <= _RULES.most_bytes:
+    if size <= FILM_RULES.most_bytes:
         yield HeaderFilm(run, store.record(run).label, source)

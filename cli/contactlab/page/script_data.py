@@ -212,7 +212,7 @@ def _run_columns(
     masks = labels.masks[rows].astype(np.uint64)
     # 2 for a run as expected, 1 for one that is not, 0 without an expectation.
     expected = np.where(given, np.nan_to_num(met) + 1, 0).astype(np.int64)
-    # Of a mantissa: all of single precision, or three digits.
+    # Bits of a mantissa: all of single precision, or enough for three digits.
     all_bits, few_bits = 23, 11
     bits = all_bits if len(rows) <= _RULES.most_precise_runs else few_bits
     columns: dict[str, NDArray[Any]] = {
